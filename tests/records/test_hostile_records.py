@@ -300,7 +300,6 @@ FRONT: dict[str, tuple[Callable[..., Any], str]] = {
     "metrics": (lambda scenario, _: skyarm.Batch(scenario, metrics=3), "metrics = 3: must be a list of names"),
     "windows": (lambda scenario, _: skyarm.Batch(scenario, windows=3), "windows = 3: must be Windows or None"),
     "stiffest": (lambda scenario, _: skyarm.Batch(scenario, stiffest=3), "stiffest = 3: must be Scenario or None"),
-    "width": (lambda scenario, _: skyarm.Batch(scenario, width=0), "width = 0: must be one of 1, 2"),
     "log_every": (lambda scenario, _: skyarm.Batch(scenario, log_every=-1), "log_every = -1: must be a whole number"),
     "effort": (lambda scenario, _: skyarm.Batch(scenario, effort=None), "effort = None: must be a whole number"),
     "score(3)": (lambda _, log: skyarm.score(3), "log = 3: must be a Log"),

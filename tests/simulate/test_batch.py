@@ -71,11 +71,12 @@ def test_every_lane_is_the_single_flight_of_its_numbers(scenario, exact):
         assert last.tolist() != longer.rotor_speeds[-1].tolist()
 
 
-def test_results_do_not_depend_on_threads_chunks_or_width(scenario, exact):
+def test_results_do_not_depend_on_threads_chunks_or_width(scenario, exact, monkeypatch):
     values = numbers(exact, 21)
     whole = flat(exact.fly(values, seed=5))
     assert flat(exact.fly(values, seed=5, threads=2)).tobytes() == whole.tobytes()
-    narrow = Batch(scenario, PATHS, windows=WINDOWS, bit_exact=True, width=2)
+    monkeypatch.setattr("skyarm.simulate.batch.host_width", lambda **_: 2)
+    narrow = Batch(scenario, PATHS, windows=WINDOWS, bit_exact=True)
     assert flat(narrow.fly(values, seed=5)).tobytes() == whole.tobytes()
     for a, b in ((0, 5), (5, 6), (6, 21)):
         part = {path: column[a:b] for path, column in values.items()}

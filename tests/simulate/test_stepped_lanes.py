@@ -83,8 +83,6 @@ def blowing(**changes):
         ("scenario = 3: must be a Scenario", lambda _: skyarm.Batch(3)),
         ("log_every = -1: must be a whole number, at least 0", lambda s: skyarm.Batch(s, log_every=-1)),
         ("log_every = 1.5: must be", lambda s: skyarm.Batch(s, log_every=1.5)),
-        ("width = 3: must be one of 1, 2, 4,", lambda s: skyarm.Batch(s, width=3)),
-        ("width = 0: must be", lambda s: skyarm.Batch(s, width=0)),
     ],
 )
 def test_what_a_batch_cannot_be_made_with_is_one_line(words, call):

@@ -72,11 +72,6 @@ class Piece:
     flown: Samples
 
 
-def assemble(scenario: Scenario, inputs: EpisodeInputs, flown: Samples, ending: Ended | None) -> Log:
-    """The log of a flight."""
-    return join_pieces(scenario, [Piece(scenario, inputs, 0, flown)], ending)
-
-
 def join_pieces(
     scenario: Scenario, pieces: Sequence[Piece], ending: Ended | None, *, info: dict[str, Any] | None = None
 ) -> Log:

@@ -17,10 +17,9 @@ from skyarm.log.batch_log import BatchLog, batch_log
 from skyarm.log.metrics.metric_catalogue import metric_names, required_totals
 from skyarm.log.metrics.metric_catalogue import values as metric_values
 from skyarm.log.metrics.windows import Windows
-from skyarm.records.files import shown
 from skyarm.scenario.in_flight import require_changes, stretches
 from skyarm.scenario.scenario_checks import require_flight
-from skyarm.scenario.scenario_record import Scenario, ScenarioError, noise_key
+from skyarm.scenario.scenario_record import Scenario, noise_key
 from skyarm.simulate.batch_leg import Leg, LegOptions
 from skyarm.simulate.lane_numbers import (
     LaneRules,
@@ -36,9 +35,6 @@ from skyarm.simulate.loop_state import LoopState
 from skyarm.simulate.user_code import require_shapes
 
 Array = npt.NDArray[Any]
-
-WIDTHS = (1, 2, 4, 8, 16, 32, 64)
-"""Lanes of a vector that machine code is written for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,16 +86,12 @@ class Batch:
         single: bool = False,
         bit_exact: bool = False,
         stiffest: Scenario | None = None,
-        width: int | None = None,
         log_every: int = 0,
         effort: int = 2,
     ) -> None:
         require_flight(scenario)
         require_rigid_body(scenario)
         self.scenario, self.paths = scenario, require_paths(scenario, paths)
-        if width not in (None, *WIDTHS):
-            allowed = ", ".join(map(str, WIDTHS))
-            raise ScenarioError(f"width = {shown(width)}: must be one of {allowed}, or None for the processor's own")
         require_kind("windows", windows, Windows)
         require_kind("stiffest", stiffest, Scenario)
         require_count("effort", effort, 0)
@@ -121,7 +113,7 @@ class Batch:
             stiffest=stiffest,
             wanted=self._wanted,
             masks=self._masks,
-            lanes=Lanes(width or host_width(single=single), single=single, contract=not bit_exact),
+            lanes=Lanes(host_width(single=single), single=single, contract=not bit_exact),
             every=log_every,
             changing=len(course) > 1,
             effort=effort,

@@ -46,7 +46,7 @@ from skyarm.simulate.plant_steps import (
     Substeps,
     rigid_body_plant,
 )
-from skyarm.simulate.reference_clock import PathClock, clock_of_change
+from skyarm.simulate.reference_clock import clock_of_change
 from skyarm.simulate.stages import Stages
 from skyarm.simulate.user_code import require_shapes
 
@@ -354,7 +354,7 @@ class Engine:
 
     def reference(self) -> Reference:
         """The held reference of the next period."""
-        if isinstance(self.first.clock, PathClock):
+        if self.inputs.waits.guards:
             return self.inputs.held_now(self.now)
         row = self.inputs.rows(self.tick, self.tick + 1)[0, 1:]
         held: Reference = rebuild(self.inputs.reference_example, iter(row.tolist()))

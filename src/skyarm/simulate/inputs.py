@@ -17,7 +17,7 @@ from skyarm.reference import Publisher, Reference
 from skyarm.reference.governor.path_time import by_flight_time
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.loop_state import LoopState, Row
-from skyarm.simulate.reference_clock import PathClock, Waits
+from skyarm.simulate.reference_clock import Waits
 
 Array = npt.NDArray[Any]
 
@@ -117,7 +117,7 @@ class EpisodeInputs:
 
     def held_position(self, tick: int, now: LoopState) -> list[float]:
         """Position of the held reference in a control period, m, that begins with a loop state."""
-        if not isinstance(now.clock, PathClock):
+        if not self.waits.guards:
             goal: list[float] = self.goals[min(tick, self.scenario.steps - 1)].tolist()
             return goal
         return [float(c) for c in self.held_now(now).position]
@@ -132,7 +132,7 @@ class EpisodeInputs:
     def row_at(self, tick: int, now: LoopState) -> Row:
         """Inputs of the control period that begins with a loop state; the reference is taken at its own clock."""
         fed: Row = rebuild(self.row_example, iter(self.rows(tick, tick + 1)[0].tolist()))
-        if isinstance(now.clock, PathClock):
+        if self.waits.guards:
             path_time = float(self.waits.path_time(now.clock))
             return dataclasses.replace(fed, reference=self.held_now(now), path_time=path_time)
         return fed

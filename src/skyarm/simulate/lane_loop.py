@@ -23,7 +23,7 @@ from skyarm.simulate.draws import draw_plan, draws_needed, start_draws
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.loop_state import LoopState, Row, structure_of
 from skyarm.simulate.plant_steps import Substeps, rigid_body_plant
-from skyarm.simulate.reference_clock import PathClock, Waits
+from skyarm.simulate.reference_clock import Waits
 
 Array = npt.NDArray[Any]
 
@@ -108,7 +108,7 @@ def lane_statuses(
         else:
             held = varied.reference.at(publisher.held_time(np.minimum(ticks, scenario.steps - 1)))
     goals = np.stack(columns_of(held.dense().position, len(ticks)), axis=1)
-    failed = np.asarray(clock.failed) > 0.5 if isinstance(clock, PathClock) else None
+    failed = np.asarray(clock.failed) > 0.5 if scenario.reference.guards else None
     return statuses(scenario, values, state, goals, ended, failed)
 
 

@@ -163,6 +163,10 @@ class Waits:
             reference = dataclasses.replace(reference, load=(self._trajectory.load.derivatives(path_time)[0],))
         return dataclasses.replace(row, reference=reference, path_time=path_time)
 
+    def is_sound(self, clock: Any) -> Any:
+        """True while no phase has failed that must not."""
+        return clock.failed < 0.5 if self.guards else True
+
     def log_values(self, clock: Any, ticks: Any) -> tuple[Any, ...]:
         """Columns of the clock in a log; () without a clock."""
         return () if clock == () else self.times(clock, ticks)

@@ -38,7 +38,7 @@ from skyarm.simulate.command_line import (
 )
 from skyarm.simulate.draws import Draws, draw_plan
 from skyarm.simulate.loop_state import LoopState, Row, SensorState, stop
-from skyarm.simulate.reference_clock import PathClock, Waits, due
+from skyarm.simulate.reference_clock import Waits, due
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Frame, Vehicle
 from skyarm.world import Component, WindSample, effectiveness_at
@@ -87,9 +87,8 @@ class Stages:
     def alive(self, now: LoopState, reference: Reference) -> Any:
         """Endings: 1 while none has come, else 0."""
         fine = logical_and(now.alive > 0.5, healthy(self.scenario, now.state, reference.position))
-        if isinstance(now.clock, PathClock):
-            fine = logical_and(fine, now.clock.failed < 0.5)
-        return where(fine, 1.0, 0.0)
+        sound = self.waits.is_sound(now.clock)
+        return where(fine if sound is True else logical_and(fine, sound), 1.0, 0.0)
 
     def check(self, now: LoopState, row: Row) -> LoopState:
         """The loop, not alive where an ending has come."""

@@ -12,7 +12,7 @@ from planted_lags import lagging_drives, with_slower_motors
 from shared_programs import fly
 from skyarm.log.flight_log import rows_of
 from skyarm.log.sensor_data import fields_of
-from skyarm.simulate.assemble_log import assemble
+from skyarm.simulate.assemble_log import Piece, join_pieces
 from skyarm.studies.identify.loop_lags import loop_lags
 from skyarm.studies.tune.excitation import of_vehicle, tuning_flight
 
@@ -23,7 +23,7 @@ def as_measured(scenario):
     """The log of a flight as a vehicle keeps it: what its sensors said in place of the true state."""
     engine = fly(scenario).engine
     found = engine.samples(0, engine.tick)
-    log = assemble(scenario, engine.inputs, found, None)
+    log = join_pieces(scenario, [Piece(scenario, engine.inputs, 0, found)], None)
     # the log has what the law received; a reading stands at the instant at which it was taken
     late = round(scenario.delays.measurement * scenario.rates.control)
     measured = {name: array[late:] for name, _, array in fields_of(found.measurement, len(log.time))}

@@ -66,12 +66,15 @@ def test_rows_do_not_depend_on_chunks_or_threads(tmp_path: Path, precision: str)
 
 @pytest.mark.parametrize("bit_exact", [True, False])
 @pytest.mark.parametrize("single_", [True, False])
-def test_a_lane_is_the_same_at_every_vector_width(bit_exact: bool, single_: bool) -> None:
+def test_a_lane_is_the_same_at_every_vector_width(
+    bit_exact: bool, single_: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     study = small_study(episodes=11)
     drawn = values(study, np.arange(11))
     found = []
     for width in (1, 4):
-        batch = Batch(study.scenarios["paper_ct"], study.paths, bit_exact=bit_exact, single=single_, width=width)
+        monkeypatch.setattr("skyarm.simulate.batch.host_width", lambda width=width, **_: width)
+        batch = Batch(study.scenarios["paper_ct"], study.paths, bit_exact=bit_exact, single=single_)
         found.append(batch.fly(drawn, seed=3))
     one, four = found
     assert all(np.array_equal(one.metrics[name], four.metrics[name], equal_nan=True) for name in one.metrics)

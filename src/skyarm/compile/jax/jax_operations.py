@@ -191,7 +191,7 @@ def uniforms(seed: Any, episode: Any, step: Any, draws: Sequence[tuple[int, int]
         episode: uint32.
         step: uint32.
         draws: (channel, how many numbers) pairs.
-        dtype: float64, or float32, to which the same numbers are rounded.
+        dtype: float64, or float32, to which the same numbers are rounded within a unit of the last place.
     """
     unit = _unit64 if dtype == np.float64 else _unit32
     # as JAX's own numbers: NumPy's scalars warn where they wrap around
@@ -237,16 +237,6 @@ def _unit64(low: Any, high: Any) -> Any:
 
 
 def _unit32(low: Any, high: Any) -> Any:
-    """The same number rounded once to single precision: its 53 bits stand left-aligned in two words.
-
-    The upper word is normalised; a last bit that stands for all lower ones keeps ties from being rounded wrongly.
-    """
-    lower = ((low >> np.uint32(12)) << np.uint32(12)) | np.uint32(1 << 11)
-    tiny = high == np.uint32(0)
-    upper, lower = lax.select(tiny, lower, high), lax.select(tiny, lax.full_like(lower, 0), lower)
-    shift = lax.clz(upper)
-    spilled = lax.shift_right_logical(lower, np.uint32(32) - shift)  # XLA: a shift by 32 gives 0
-    sticky = lax.convert_element_type((lower << shift) != np.uint32(0), np.uint32)
-    number = lax.convert_element_type((upper << shift) | spilled | sticky, np.float32)
-    power = lax.select(tiny, lax.full_like(shift, 127 - 64), lax.full_like(shift, 127 - 32)) - shift
-    return number * lax.bitcast_convert_type(power << np.uint32(23), np.float32)
+    """The same number in single precision, within a unit of its last place, without 64-bit integers."""
+    upper, lower = (lax.convert_element_type(word, np.float32) for word in (high, low))
+    return (upper + lower * np.float32(2.0**-32)) * np.float32(2.0**-32) + np.float32(2.0**-53)
