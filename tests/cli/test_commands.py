@@ -49,7 +49,7 @@ def test_help_names_every_command(arguments: list[str]) -> None:
     text = succeeded(typed(*arguments))
     for command in ("reproduce", "run", "show"):
         assert re.search(rf"^  {command} ", text, re.MULTILINE)
-    assert "..." not in text.split("Commands:")[1], "summaries fit on their lines"
+    assert "..." not in text.split("Vehicles:")[1], "summaries fit on their lines"
 
 
 @pytest.mark.parametrize("command", ["reproduce", "run", "show"])

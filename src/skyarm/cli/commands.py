@@ -17,6 +17,7 @@ from importlib import import_module
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from skyarm.cli.lines import INTERRUPTED, WRONG_INPUT, say, say_warning
 from skyarm.cli.output import console, with_output_options
@@ -48,6 +49,14 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
 }
 """Command -> its function, and its line of the help."""
 
+GROUPS: Mapping[str, Sequence[str]] = {
+    "Vehicles": ("show", "check", "new", "attach"),
+    "Flights": ("run", "replay", "diff", "plot", "film", "studio", "export", "identify"),
+    "Laws and studies": ("margins", "tune", "sweep", "stats", "compare", "reproduce"),
+    "Installation": ("doctor",),
+}
+"""Sections of the help; commands of plugins have their own."""
+
 PLUGIN = "--plugin"
 
 USAGE_ERROR: Any = typer.BadParameter.__mro__[2]
@@ -75,10 +84,24 @@ def top(
         console.print(context.get_help(), soft_wrap=True)
 
 
+class Grouped(TyperGroup):
+    """The commands in sections."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write each section with its commands."""
+        grouped = {name for names in GROUPS.values() for name in names}
+        others = [name for name in self.commands if name not in grouped]
+        for title, names in {**GROUPS, "Plugins": others}.items():
+            if names:
+                with formatter.section(title):
+                    formatter.write_dl([(name, self.commands[name].get_short_help_str(60)) for name in names])
+
+
 def program(words: Sequence[str]) -> typer.Typer:
     """The program for a line of words: the command that they name, the others as names and titles, those of plugins."""
     made = typer.Typer(
         name="skyarm",
+        cls=Grouped,
         pretty_exceptions_enable=False,
         rich_markup_mode=None,
         context_settings={"help_option_names": ["-h", "--help"]},

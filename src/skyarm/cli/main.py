@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import _thread
 import gc
 import os
 import signal
@@ -23,9 +22,6 @@ REPLACEABLE = "llvmlite"
 """Missing, old or broken: machine code says so where it is needed, and a single flight goes on without it."""
 
 WORDS = {"SIGINT": "interrupted", "SIGTERM": "ended (SIGTERM)", "SIGHUP": "ended with its terminal (SIGHUP)"}
-
-MOMENT = 0.02
-"""s until a signal that was lost is sent again."""
 
 
 def main() -> None:
@@ -77,15 +73,6 @@ def _examine(short: str) -> int:
     return found or say(short, WRONG_INPUT)
 
 
-def _send(number: signal.Signals) -> None:
-    """Send a signal to the main thread; where threads take signals, one that sleeps or waits there wakes up."""
-    main = threading.main_thread().ident
-    if hasattr(signal, "pthread_kill") and main is not None:
-        signal.pthread_kill(main, number)
-    else:
-        _thread.interrupt_main(number)
-
-
 class Ended(BaseException):
     """A signal to end this process. Not an Exception: no handler on the way catches it."""
 
@@ -102,16 +89,12 @@ def endings() -> Iterator[list[signal.Signals]]:
         came.append(signal.Signals(number))
         raise Ended
 
-    def again(lost: Any) -> None:
-        """Send the signal once more, a moment later: Python drops what is raised inside a destructor."""
-        if lost.exc_type is not None and issubclass(lost.exc_type, Ended):
-            timer = threading.Timer(MOMENT, _send, (came[-1],))
-            timer.daemon = True
-            timer.start()
-        elif not came:  # after a signal, what libraries find half torn down is no news
+    def unraisable(lost: Any) -> None:
+        """After a signal, what libraries find half torn down is no news."""
+        if not came:
             dropped(lost)
 
-    dropped, sys.unraisablehook = sys.unraisablehook, again
+    dropped, sys.unraisablehook = sys.unraisablehook, unraisable
     usual: dict[signal.Signals, Any] = {}
     if threading.current_thread() is threading.main_thread():
         known = [getattr(signal, name) for name in WORDS if hasattr(signal, name)]

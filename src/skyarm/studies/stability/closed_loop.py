@@ -137,9 +137,9 @@ def gains(
     return found
 
 
-def closed_loop(loop: OpenLoop, *, extra_delay: float = 0.0, **changes: Any) -> Array:
+def closed_loop(loop: OpenLoop, *, extra_delay: float = 0.0, **modified: Any) -> Array:
     """Matrix of one period, with a delay as :func:`close_loop` and gains as :func:`gains` say."""
-    return close_loop(loop, extra_delay).matrix(gains(loop, **changes))
+    return close_loop(loop, extra_delay).matrix(gains(loop, **modified))
 
 
 def _split(loop: OpenLoop, delay: float) -> tuple[int, int]:
@@ -169,9 +169,9 @@ def _reachable(links: npt.NDArray[np.bool_], first: npt.NDArray[np.bool_]) -> np
         found = more
 
 
-def radius(loop: OpenLoop, **changes: Any) -> float:
+def radius(loop: OpenLoop, **modified: Any) -> float:
     """Spectral radius of the closed loop, changed as in :func:`closed_loop`; inf where it is not finite."""
-    return spectral_radius(closed_loop(loop, **changes))
+    return spectral_radius(closed_loop(loop, **modified))
 
 
 def spectral_radius(A: Array) -> float:

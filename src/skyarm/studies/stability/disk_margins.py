@@ -1,6 +1,6 @@
 """Disk margins of a sampled loop, cut at its channels: frequency responses, and the margins that are read from them.
 
-A channel is multiplied by f = (1 + d / 2) / (1 - d / 2) with any complex d, also one that changes with frequency, of
+A channel is multiplied by f = (1 + d / 2) / (1 - d / 2) with any complex d, also one that varies with frequency, of
 magnitude below a: the disk margin a is the largest for which the loop stays stable. With S the sensitivity it is 1 over
 the largest |S - 1/2| of all frequencies; with several channels, each under a d of its own, the structured singular
 value stands in place of the magnitude, here its upper bound, so that the margin of several is never overstated. 2 is

@@ -134,11 +134,11 @@ class HoverMargins:
 
 def failed_tests(loop: OpenLoop, delay: float, gain: float) -> float:
     """Cost of the tests that a loop does not pass."""
-    changes = [{"extra_delay": delay}]
-    changes += [{name: k} for name in ("rotor_gain", "joint_gain") for k in (gain, 1.0 / gain)]
+    tests = [{"extra_delay": delay}]
+    tests += [{name: k} for name in ("rotor_gain", "joint_gain") for k in (gain, 1.0 / gain)]
     total = 0.0
-    for change in changes:
-        beyond = radius(loop, **change) - 1.0
+    for test in tests:
+        beyond = radius(loop, **test) - 1.0
         if not beyond <= 0.0:
             # rounded: the last bits of an eigenvalue are the linear algebra's
             total += FAILED + round(min(STEEP * beyond, MOST), 6)
