@@ -10,7 +10,7 @@ import pytest
 
 from flown import ARM2, cases, controller, vec
 from skyarm.control.model import Model
-from skyarm.control.safety.governor import govern_base, govern_joints
+from skyarm.control.safety.bounds import govern_base, govern_joints
 from skyarm.control.safety.limits import limits_for
 
 STIFFNESS, DAMPING, GRAVITY = 6.0, 3.5, 9.3

@@ -16,15 +16,16 @@ from skyarm.algebra import ZERO3, Force, Mat3, Vec3
 from skyarm.control.controller import ControllerError, with_applied_command
 from skyarm.control.model import Model
 from skyarm.control.safety import with_safety_layer
-from skyarm.control.safety.command_limits import (
+from skyarm.control.safety.bounds import (
     _within_barrier,
     apply_joint_barrier,
     floating_inertia_times,
+    govern_base,
+    govern_joints,
     limit_slew,
     reachable,
     with_priorities,
 )
-from skyarm.control.safety.governor import govern_base, govern_joints
 from skyarm.control.safety.limits import limits_for
 from skyarm.control.safety.recovery import Confidence, steep_error, stow_position, update_confidence
 from skyarm.dynamics.actuators import Command, allocation_matrix, make_mixer

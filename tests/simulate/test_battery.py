@@ -14,7 +14,6 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import PchipInterpolator
 
 from skyarm.dynamics.actuators import speeds_after
-from skyarm.dynamics.actuators.hover import time_aloft
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import Scenario
@@ -22,6 +21,7 @@ from skyarm.simulate import run
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.loop import run_in_python
 from skyarm.simulate.session import Session
+from skyarm.studies.assess.endurance import hover_time
 from skyarm.vehicle.battery import Battery, CellCurve
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.thrust_table import ThrustTable
@@ -170,21 +170,21 @@ def test_time_aloft_is_the_integral_and_ends_where_the_voltage_does():
     vehicle = hovering().plant.vehicle
     flat = CellCurve(charge=(0.0, 1.0), voltage=(3.7, 3.7 + 1e-9))
     simple = dataclasses.replace(BATTERY, open_circuit=flat, resistance=0.0)
-    found = time_aloft(dataclasses.replace(vehicle, battery=simple))
+    found = hover_time(dataclasses.replace(vehicle, battery=simple))
     assert found.seconds == pytest.approx(3600.0 * 2.0 * 14.8 / found.power, rel=1e-6)
     assert found.charge == pytest.approx(0.0, abs=1e-9)
     share = math.sqrt(vehicle.mass * 9.81 / 6.0 / 8e-6) / 1100.0
-    early = time_aloft(
+    early = hover_time(
         dataclasses.replace(vehicle, battery=dataclasses.replace(BATTERY, reference_voltage=14.6 / share))
     )
     assert early.charge > 0.1
     assert early.voltage == pytest.approx(14.6, abs=0.05)
-    assert early.seconds < time_aloft(vehicle).seconds
+    assert early.seconds < hover_time(vehicle).seconds
     heavy = dataclasses.replace(BATTERY, reference_voltage=60.0)
     with pytest.raises(VehicleError, match=r"battery\.charge = 1: must be enough for a level hover"):
-        time_aloft(dataclasses.replace(vehicle, battery=heavy))
+        hover_time(dataclasses.replace(vehicle, battery=heavy))
     with pytest.raises(VehicleError, match=r"battery = \(missing\)"):
-        time_aloft(load_vehicle(DATA / "servo_arm.toml"))
+        hover_time(load_vehicle(DATA / "servo_arm.toml"))
 
 
 @pytest.mark.parametrize(

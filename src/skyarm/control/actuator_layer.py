@@ -82,7 +82,7 @@ def _as_plain(rotor: Rotor, speed: Any) -> Any:
 def with_actuators(controller: Controller, model: Model, control_period: float, *, servos: bool = True) -> Controller:
     """Return a law whose commands are those of real actuators: setpoints of servos, speeds of rotors with tables.
 
-    A servo's loop acts while its setpoint is held, so that the torque changes as the joint moves. The setpoint is
+    A servo's loop acts while its setpoint is held, so that the torque varies as the joint moves. The setpoint is
     therefore that whose torque is the law's on average over the control period: the believed servo's law is inverted at
     the mean position and rate of the period, which the believed vehicle's acceleration under that torque predicts. The
     servo's own integral and latency are followed by its belief. Joints without a servo keep their torques.

@@ -54,7 +54,7 @@ class Entry:
         return found
 
     def options(self) -> tuple[str, ...]:
-        """Names of the options; a maker that takes ``**changes`` lists theirs as ``ENTRIES`` of its module."""
+        """Names of the options; a maker that takes ``**options`` lists theirs as ``ENTRIES`` of its module."""
         maker = self.function()
         parameters = inspect.signature(maker).parameters.values()
         named = tuple(p.name for p in parameters if p.kind is p.KEYWORD_ONLY)

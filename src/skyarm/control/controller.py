@@ -95,7 +95,7 @@ def with_applied_command(memory: Any, sent: Command) -> Any:
     """Return the memory with the command that was applied, if the law keeps its commands.
 
     A law that observes or integrates must know the applied command, not the desired one. It keeps them in a field
-    ``sent`` of its memory: one :class:`Command`, or a tuple of them with the newest last. Whoever changes a command on
+    ``sent`` of its memory: one :class:`Command`, or a tuple of them with the newest last. Whoever alters a command on
     its way (saturation, slew, fallback) writes the changed one there; a law without the field is left as it is.
 
     A law that integrates has a field ``applied`` too, in which it writes :func:`all_applied`: here the actuators whose

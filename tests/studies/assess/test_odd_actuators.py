@@ -15,12 +15,11 @@ from rich.text import Text
 import skyarm
 from skyarm.algebra import Vec3
 from skyarm.cli.show_command import _sheet, vehicle_facts
-from skyarm.dynamics.actuators.hover import time_aloft
 from skyarm.dynamics.actuators.servo import PositionServo
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.unlikely_numbers import unlikely_in_vehicle
 from skyarm.studies.assess.along_reference import along_reference
-from skyarm.studies.assess.endurance import aloft_for
+from skyarm.studies.assess.endurance import aloft_for, hover_time
 from skyarm.studies.assess.endurance import time_aloft as assessed_time
 from skyarm.studies.assess.layout import disc_radius, rotor_layout
 from skyarm.vehicle.battery import Battery, CellCurve
@@ -130,7 +129,7 @@ def test_a_battery_that_holds_no_hover_is_told_what_it_lacks():
 
 
 def test_the_battery_over_a_flight_is_held_against_its_duration():
-    seconds = time_aloft(arm()).seconds
+    seconds = hover_time(arm()).seconds
     (short,), (long,) = (aloft_for(arm(), 9.81, share * seconds) for share in (0.99, 1.01))
     assert (short.level, long.level, long.field) == ("ok", "fault", "battery.capacity")
 

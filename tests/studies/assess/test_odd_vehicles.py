@@ -12,11 +12,11 @@ import skyarm
 from skyarm.algebra import Vec3
 from skyarm.cli.check_command import _sheet as sheet
 from skyarm.dynamics.actuators import make_mixer
-from skyarm.dynamics.actuators.hover import time_aloft as hover_time
 from skyarm.dynamics.actuators.servo import VelocityServo
 from skyarm.dynamics.array_front import mass_matrix
 from skyarm.studies.assess.arm_poses import Allocation, arm_poses, hover_efforts, joint_range
 from skyarm.studies.assess.assessment import Assessment, _finding, assess_vehicle
+from skyarm.studies.assess.endurance import hover_time
 from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding
 from skyarm.studies.assess.joints import frequency, joint_torques, servo_stiffness
 from skyarm.studies.assess.layout import field_of_mass

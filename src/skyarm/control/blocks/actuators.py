@@ -66,7 +66,7 @@ def command_for(rotor: Rotor, speed: Scalar, wanted: Any, dt: Scalar, share: Sca
 def compensate_motor_lag(
     rotors: Sequence[Rotor], mixer: Mixer, force_rate: Vec3, squares: Sequence[Scalar], dt: Scalar, share: Scalar
 ) -> tuple[Scalar, ...]:
-    """Squared speeds, (rad/s)^2, changed by what the motors lag behind a force that changes as planned.
+    """Squared speeds, (rad/s)^2, changed by what the motors lag behind a force that varies as planned.
 
     A target that :func:`command_for` is given once a period is followed dt / (1 - (1 - share) e) late, e = exp(-dt /
     tau); without that the mean speed of a period is the wanted one at its middle.

@@ -67,7 +67,7 @@ class Felt:
 
     Attributes:
         velocity: of the base origin, world axes, m/s. bias: of the accelerometer, base axes, m/s^2; empty without one.
-        change: acceleration by which the unknown force changes, world axes, m/s^2.
+        change: acceleration by which the unknown force varies, world axes, m/s^2.
         learns: 1 where that change is taken, 0 where the force is held.
     """
 
@@ -276,7 +276,7 @@ class Told:
 
     Attributes:
         angular, joints: accelerations under the commands and the disturbance believed before, rad/s^2 or m/s^2.
-        angular_correction, joint_corrections: accelerations by which that disturbance changes with the measurement.
+        angular_correction, joint_corrections: accelerations by which that disturbance varies with the measurement.
     """
 
     angular: Vec3

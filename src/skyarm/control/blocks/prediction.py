@@ -2,7 +2,7 @@
 
 Hub drag and drag of the hull act on the base and depend on the velocity against the air, v - wind: hub drag is
 proportional to it and to the rotors' speeds, drag of the hull to its square (:func:`skyarm.world.body_drag`).
-Along a reference the second changes with d/dt (|u| u) for u = v - wind, which a series in time gives to second order.
+Along a reference the second varies with d/dt (|u| u) for u = v - wind, which a series in time gives to second order.
 """
 
 from __future__ import annotations

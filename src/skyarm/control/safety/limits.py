@@ -89,8 +89,8 @@ class Limits:
         climb: m/s^2, largest vertical acceleration they may ask for, up or down; below gravity.
         speed: m/s, largest speed that is asked for.
         step, step_speed: m and m/s, errors that pass whatever a stiff law makes of them.
-        stiffness, damping: 1/s^2 and 1/s, acceleration the law asks per position and velocity error; what the governor
-            takes the law for.
+        stiffness, damping: 1/s^2 and 1/s, acceleration the law asks per position and velocity error; of the
+            law that bounded references assume.
         joint_speed: rad/s or m/s, of the joints themselves.
         joint_step: rad or m, steps of a reference that pass; a longer one is slewed at ``joint_slew``, rad/s or m/s.
         joint_margin: rad or m, kept from the joints' limits; the references keep twice as much.

@@ -83,8 +83,8 @@ def update_confidence(
 
     A law is given up when it failed (a command or a memory that is not finite, an attitude where it is not defined), at
     once when the vehicle is beyond ``lost_*``, and after ``patience`` s beyond ``trusted_*``: a large attitude error
-    for too long, whatever attitude the law wanted, since the governor asks for no such tilt; a joint far from its
-    reference ``joints`` (rad or m, governed) for too long, whose drive may be dead.
+    for too long, whatever attitude the law wanted, since a bounded reference asks for no such tilt; a joint far from
+    its reference ``joints`` (rad or m, bounded) for too long, whose drive may be dead.
     """
     w, v = measurement.rate, measurement.velocity
     turning, speed = w.dot(w), v.dot(v)
@@ -211,5 +211,5 @@ def steep_error(R_WB: Mat3, R_d: Mat3) -> Vec3:
 
 
 def base_stiffness(recovery: Recovery, mass: Scalar) -> tuple[Scalar, Scalar]:
-    """(1/s^2, 1/s) of the law along the vertical, for the governor."""
+    """(1/s^2, 1/s) of the law along the vertical, for bounded references."""
     return divide(recovery.gains.position.z, mass), divide(recovery.gains.velocity.z, mass)

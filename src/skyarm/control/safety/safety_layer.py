@@ -1,4 +1,4 @@
-"""The safety layer around any controller: reference governor, law, supervisor, recovery and command limits."""
+"""The safety layer around any controller: bounded reference, law, supervisor, recovery and bounded command."""
 
 from __future__ import annotations
 
@@ -16,14 +16,15 @@ from skyarm.control.controller import Controller, ControllerError, Law, with_app
 from skyarm.control.law_checks import LawError, check_controller, checked_law, wrong
 from skyarm.control.law_maker import default_gains, default_joint_gains
 from skyarm.control.model import Model
-from skyarm.control.safety.command_limits import (
+from skyarm.control.safety.bounds import (
     apply_joint_barrier,
+    govern_base,
+    govern_joints,
     limit_slew,
     reachable,
     with_priorities,
     within_efforts,
 )
-from skyarm.control.safety.governor import govern_base, govern_joints
 from skyarm.control.safety.limits import USUAL_JOINTS, Limits, limits_for
 from skyarm.control.safety.recovery import (
     Confidence,
@@ -255,14 +256,14 @@ def with_safety_layer(
 ) -> Controller:
     """Return the controller with the safety layer around it.
 
-    In order, each period: the reference is governed (:mod:`skyarm.control.safety.governor`); the law steps on it; if
+    In order, each period: the reference is governed (:mod:`skyarm.control.safety.bounds`); the law steps on it; if
     it is given up (:mod:`skyarm.control.safety.recovery`) the recovery flies in its place, the arm on its way to
     ``stow``; the joints are kept from their limits, efforts and rotor speeds brought within theirs, yaw given up
-    first; changes from the last command are bounded; a number that is not finite becomes the last one sent. The law's
+    first; steps from the last command are bounded; a number that is not finite becomes the last one sent. The law's
     memory gets the applied command (:func:`skyarm.control.controller.with_applied_command`).
 
     A law given up starts anew, from its first memory, after ``limits.calm`` seconds of calm flight; by default it does
-    not come back. A measurement that is not finite changes nothing: the last command stands.
+    not come back. After a measurement that is not finite the last command stands.
 
     A law that cannot be traced gets the layer as well, in Python. Of its memory, which may be anything, nothing is
     looked at; an error of its numbers or its solver (``FAILURES``, a record refused among them) gives it up; while the

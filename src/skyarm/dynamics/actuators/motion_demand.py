@@ -1,7 +1,7 @@
 """Rotor speeds and joint torques with which a vehicle moves exactly along a reference, at many instants at once.
 
 The vehicle is differentially flat but for the reaction of its arm: the force that the base needs fixes where its z axis
-points, the heading the rest, their changes the angular velocity and acceleration, and inverse dynamics the torques.
+points, the heading the rest, their derivatives the angular velocity and acceleration, and inverse dynamics the torques.
 """
 
 from __future__ import annotations
