@@ -58,14 +58,11 @@ def test_the_code_shown_draws(folder: Path, capsys: pytest.CaptureFixture[str]) 
     assert {"flight.pdf", "loads.png", "bent.pdf"} <= {path.name for path in folder.iterdir()}
 
 
-def test_every_kind_and_style_stands_on_the_page() -> None:
+def test_every_kind_stands_on_the_page() -> None:
     from skyarm.records.files.names import SUFFIXES
     from skyarm.view.figures.flight_panels import ALL, KINDS, PATH
-    from skyarm.view.figures.style import STYLES
 
     assert re.findall(r"^\| `(\w+)` \|", PAGE, re.MULTILINE) == [*KINDS, ALL, PATH]
-    for style in STYLES:
-        assert f"`--style {style}`" in PAGE
     assert all(suffix.upper() in PAGE for suffix in SUFFIXES)
 
 

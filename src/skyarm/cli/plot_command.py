@@ -17,7 +17,6 @@ from skyarm.records.registry import names as registered
 from skyarm.view.figures.flight_facts import flight_labels
 from skyarm.view.figures.flight_panels import ALL
 from skyarm.view.figures.flight_plot import plot as draw
-from skyarm.view.figures.style import picture_style
 
 
 def plot(
@@ -39,7 +38,6 @@ def plot(
         str | None, typer.Option(metavar="NUMBER", help="of a sweep: a varied number, or NAME = an expression of some")
     ] = None,
     by: Annotated[str | None, typer.Option(metavar="NUMBER", help="of a sweep: curves for each of its values")] = None,
-    style: Annotated[str, typer.Option(help="paper (a column, readable in grey) or talk (a slide)")] = "paper",
 ) -> None:
     """Draw flights, or curves of a sweep's metrics.
 
@@ -57,8 +55,7 @@ def plot(
             raise ValueError(f"{option} = {shown(value)}: must come with {where}")
     if not folders:
         target = picture_file(file, "--out")
-        picture_style(style)
-        draw(_logs_by_label(flights), target, kind=ALL if kind is None else kind, style=style, window=window)
+        draw(_logs_by_label(flights), target, kind=ALL if kind is None else kind, window=window)
     elif not metric or not over:
         missing = "--over" if metric else "--metric"
         raise ValueError(f"{missing}: is missing; a picture of a sweep needs --metric NAME and --over NUMBER")
@@ -66,7 +63,7 @@ def plot(
         from skyarm.view.figures.study_figures import plot_sweep
 
         target = picture_file(file, "--out")
-        plot_sweep(folders[0], metric, over, target, by=by, style=style)
+        plot_sweep(folders[0], metric, over, target, by=by)
     give(picture=target)
     tell(f"picture: {target}")
 

@@ -50,7 +50,6 @@ def show(
     drawing: Annotated[
         str | None, typer.Option(metavar="FILE", help="draw it there (.png, .svg, .pdf) instead, all labelled")
     ] = None,
-    style: Annotated[str | None, typer.Option(help="of the drawing: paper or talk; paper if left out")] = None,
 ) -> None:
     """List what ships, or show a vehicle.
 
@@ -60,15 +59,13 @@ def show(
     positive directions, rotors with the sense in which they turn, and lengths, as a picture.
     """
     if vehicle is None:
-        require_left_out(context, ["--gravity", "--drawing", "--style"], " without a vehicle")
+        require_left_out(context, ["--gravity", "--drawing"], " without a vehicle")
         return _show_library()
     number(gravity, "--gravity", low=0.0, strict=True)
     require_not_another(vehicle, "vehicle")
-    if style is not None and drawing is None:
-        raise ValueError("--style: must come with --drawing FILE")
     if drawing is not None:
         require_left_out(context, ["--gravity"], " beside --drawing, which shows no numbers of it")
-        return _draw(vehicle, drawing, "paper" if style is None else style)
+        return _draw(vehicle, drawing)
     loaded = load_vehicle(vehicle)
     try:
         with waiting(f"{loaded.name}: reach and static efforts"):
@@ -81,14 +78,14 @@ def show(
         tell(part, "")
 
 
-def _draw(name: str, file: str, style: str) -> None:
+def _draw(name: str, file: str) -> None:
     """Draw a vehicle, all labelled."""
     from skyarm.records.files.names import picture_file
     from skyarm.view.figures.style import save_picture
     from skyarm.view.figures.vehicle_drawing import vehicle_drawing
 
     target = picture_file(file, "--drawing")
-    save_picture(vehicle_drawing(load_vehicle(name), style=style), target, style)
+    save_picture(vehicle_drawing(load_vehicle(name)), target)
     give(drawing=target)
     tell(f"drawing: {target}")
 

@@ -222,7 +222,7 @@ class Log:
         return np.stack(euler_angles(Quaternion(*self.quaternion.T).rotation()), axis=1)
 
     def plot(self, file: str | os.PathLike[str] | None = None, **options: Any) -> Any:
-        """Draw the flight; ``options`` are those of :func:`skyarm.plot`: kind, style, window.
+        """Draw the flight; ``options`` are those of :func:`skyarm.plot`: kind, window.
 
         Returns:
             a Matplotlib figure, which a notebook shows.

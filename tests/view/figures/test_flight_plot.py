@@ -21,7 +21,7 @@ from logs_synthetic import synthetic_log
 from skyarm.view.figures.flight_facts import LONGEST, flight_events, flight_labels
 from skyarm.view.figures.flight_panels import KINDS, panels_of
 from skyarm.view.figures.flight_plot import MOST, plot
-from skyarm.view.figures.style import PAPER, TALK
+from skyarm.view.figures.style import PAPER
 
 GUST = (0.3, 0.7)
 FAULT = 0.8
@@ -244,16 +244,12 @@ def require_words_apart(figure: Figure) -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "style"),
-    [
-        ("rotors", "talk"),
-        *(pytest.param(*each, marks=pytest.mark.thorough) for each in (("all", "paper"), ("attitude", "talk"))),
-    ],
+    "kind", ["rotors", *(pytest.param(each, marks=pytest.mark.thorough) for each in ("all", "attitude"))]
 )
-def test_labels_and_legends_have_room(kind: str, style: str) -> None:
+def test_labels_and_legends_have_room(kind: str) -> None:
     log = flights()["paper_ct"]
     many = {f"a law with a rather long name, number {i}": log for i in range(5)} | flights()
-    require_words_apart(plot(many, kind=kind, style=style))
+    require_words_apart(plot(many, kind=kind))
 
 
 def test_six_joints_and_six_rotors_have_room() -> None:
@@ -261,7 +257,7 @@ def test_six_joints_and_six_rotors_have_room() -> None:
     six = np.outer(log.time, np.arange(1.0, 7.0))
     info = {**log.info, "scenario_record": None}
     arm = dataclasses.replace(log, joints=six, joints_reference=six, efforts=six, rotor_speeds=six, info=info)
-    figure = plot(arm, style="paper")
+    figure = plot(arm)
     require_words_apart(figure)
     assert len(figure.axes) == 3 + 6 + 3 + 4 + 6 + 6
 
@@ -274,7 +270,7 @@ def luminance(color: str) -> float:
 
 
 def test_flights_are_told_apart_in_grey_and_on_their_ground() -> None:
-    for style in (PAPER, TALK):
+    for style in (PAPER,):
         assert len({look.dash for look in style.looks}) == len(style.looks)
         assert len({style.look(i) for i in range(MOST)}) == MOST
         for look in (*style.looks, style.desired, style.limit):
@@ -285,7 +281,7 @@ def test_flights_are_told_apart_in_grey_and_on_their_ground() -> None:
 
 def test_nothing_global_is_touched() -> None:
     before = dict(mpl.rcParams)
-    plot(flights(), style="talk")
+    plot(flights())
     assert dict(mpl.rcParams) == before
 
 
@@ -312,7 +308,6 @@ def test_labels_are_what_tells_flights_apart() -> None:
             "kind = 'speed': must be one of tracking, attitude, tip, contact, efforts, rotors, all, path",
         ),
         ({"kind": "trackin"}, "did you mean 'tracking'?"),
-        ({"style": "poster"}, "style = 'poster': must be one of paper, talk"),
         ({"window": (2.0, 1.0)}, "window = [2, 1]: must start before it stops"),
         ({"window": (40.0, 50.0)}, "window = [40, 50]: must overlap the flights, which last 1 s"),
         ({"window": (float("nan"), 1.0)}, "window[0] = nan: must be a finite number"),
@@ -361,12 +356,6 @@ def test_limits_of_joints_are_those_of_the_vehicle() -> None:
     log = skyarm.run(dataclasses.replace(scenario, plant=dataclasses.replace(scenario.plant, vehicle=vehicle)))
     assert [panel.limits for panel in panels_of("tracking", [log])][3:] == [(-0.4, 1.0)] * 2
     assert [panel.limits for panel in panels_of("efforts", [log])] == [(-0.5, 0.5)] * 2
-
-
-def test_a_talk_is_a_slide_in_larger_letters() -> None:
-    paper, talk = (plot(flights(), kind="tip", style=style) for style in ("paper", "talk"))
-    assert (paper.get_size_inches()[0], talk.get_size_inches()[0]) == (3.5, 13.33)
-    assert talk.axes[0].yaxis.label.get_fontsize() > 1.5 * paper.axes[0].yaxis.label.get_fontsize()
 
 
 def test_changes_in_flight_are_lines_and_many_are_counted() -> None:

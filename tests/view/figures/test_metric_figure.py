@@ -24,7 +24,6 @@ from skyarm.studies.sweep.banded_curves import (
 )
 from skyarm.studies.sweep.stats import Rows
 from skyarm.view.figures.study_figures import metric_figure, plot_sweep
-from skyarm.view.figures.style import PAPER
 from sweeps import MASS, WIND, flown, read
 
 METRIC = "position_error_mean"
@@ -137,7 +136,7 @@ def test_what_was_drawn_by_its_logarithm_has_such_an_axis(folder: Path) -> None:
     found = banded_curves(Rows(folder), METRIC, MASS)
     for logarithmic, scale in ((True, "log"), (False, "linear")):
         over = replace(found.over, logarithmic=logarithmic)
-        assert metric_figure([replace(found, over=over)], PAPER).axes[-1].get_xscale() == scale
+        assert metric_figure([replace(found, over=over)]).axes[-1].get_xscale() == scale
 
 
 def lines(ax: Any) -> dict[str, Any]:
@@ -168,12 +167,12 @@ def test_the_picture_shows_the_curves_and_the_lost_ones(folder: Path, tmp_path: 
 
 
 def test_several_laws_by_a_number_stand_side_by_side_and_one_law_in_one_panel(folder: Path) -> None:
-    figure = plot_sweep(folder, METRIC, MASS, by=LOADS, style="talk")
+    figure = plot_sweep(folder, METRIC, MASS, by=LOADS)
     titles = [ax.get_title() for ax in figure.axes[:3]]
     assert titles == [f"payload mass (plant)\n{value} kg" for value in ("0", "0.05", "0.1")]
     found = banded_curves(Rows(folder), METRIC, MASS, by=LOADS)
     kept = [curve for curve in found.curves if curve.controller == "paper_ct"]
-    one = metric_figure([_with(found, kept)], PAPER)
+    one = metric_figure([_with(found, kept)])
     assert len(one.axes) == 2
     assert list(lines(one.axes[0])) == [f"payload mass (plant) = {value} kg" for value in ("0", "0.05", "0.1")]
 
@@ -202,7 +201,7 @@ def test_where_nothing_was_lost_no_panel_says_so(folder: Path) -> None:
         )
         for c in found.curves
     ]
-    figure = metric_figure([_with(found, whole)], PAPER)
+    figure = metric_figure([_with(found, whole)])
     assert len(figure.axes) == 1
     assert figure.axes[0].get_ylim()[0] < min(c.low.min() for c in whole), "values below zero are seen"
     assert "median, band 5 to 95 %" in [text.get_text() for text in figure.legends[0].get_texts()]

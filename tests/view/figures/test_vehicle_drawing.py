@@ -30,7 +30,7 @@ def words(ax: Any) -> list[str]:
 @pytest.mark.parametrize("name", sampled(list_vehicles(), 6))
 def test_everything_of_a_vehicle_is_named_and_no_word_covers_another(name: str) -> None:
     vehicle = skyarm.load_vehicle(name)
-    figure = vehicle_drawing(vehicle, style="talk")
+    figure = vehicle_drawing(vehicle)
     solid, side, top = figure.axes
     said = ", ".join(words(solid)).split(", ")
     wanted = ["world", "base", *(link.joint.name for link in vehicle.links), *(f.name for f in vehicle.frames)]
@@ -148,5 +148,3 @@ def test_a_wrong_number_of_joints_and_a_wrong_style_are_one_line() -> None:
         ValueError, match=r"joints = \[0.1\]: must be 2 numbers, one a joint of hummingbird_arm2_rotors"
     ):
         vehicle_drawing(vehicle, [0.1])
-    with pytest.raises(ValueError, match="style = 'slide': must be one of paper, talk"):
-        vehicle_drawing(vehicle, style="slide")

@@ -62,17 +62,5 @@ def test_a_slider_of_wind_moves_the_vehicle(seen: dict[str, Any]) -> None:
     assert seen["slider"] >= 4 * seen["calm"]
 
 
-def test_a_telephone_scrolls_nothing_sideways(seen: dict[str, Any]) -> None:
-    assert seen["width"] <= 390
-    assert seen["sideways"] == []
-
-
-def test_a_telephone_has_its_controls_in_a_sheet_below_the_picture(seen: dict[str, Any]) -> None:
-    picture, sheet = seen["picture_box"], seen["sheet_box"]
-    assert (sheet["left"], sheet["right"], sheet["bottom"]) == (0.0, 390.0, 800.0)
-    assert picture["bottom"] <= sheet["top"] + 1.0
-    assert picture["bottom"] - picture["top"] >= 300.0
-
-
 def test_a_page_of_another_origin_gets_no_websocket(seen: dict[str, Any]) -> None:
     assert seen["hostile"] == "refused"

@@ -17,7 +17,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from skyarm.view.studio.fleet import Fleet, load_fleet
 from skyarm.view.studio.page import Page
-from skyarm.view.studio.server import NARROW, Guard, close_server, listening_socket, open_server
+from skyarm.view.studio.server import Guard, close_server, listening_socket, open_server
 
 TOKEN = "0123456789abcdef"
 
@@ -145,12 +145,6 @@ def answers(shown: Open, requests: list[bytes]) -> list[bytes]:
             found.append(b"")
         each.close()
     return found
-
-
-def test_the_page_lays_its_controls_below_the_picture_on_a_narrow_screen(shown: Open) -> None:
-    for headers in ({}, {"Accept-Encoding": "gzip"}):
-        content = shown.get(f"/?token={TOKEN}", **headers)[1]
-        assert content.index(NARROW) < content.index(b"</head>")
 
 
 def test_an_odd_request_is_refused_as_one(shown: Open) -> None:

@@ -1,1 +1,1 @@
-"""Figures from logs: data in, Figure out. Nothing here simulates, saves or changes global state."""
+"""Figures from logs: data in, Figure out. Nothing here simulates, saves or touches global state."""

@@ -17,7 +17,7 @@ from skyarm.records.files.names import require_suffix
 from skyarm.view.figures.flight_facts import Event, end_time, ending_of, flight_events, flights_by_label
 from skyarm.view.figures.flight_panels import ALL, ESTIMATED, MEASURED, PATH, Panel, measured_flights, panels_of
 from skyarm.view.figures.path_views import path_figure
-from skyarm.view.figures.style import Picture, PictureStyle, limits, picture_style, save_picture
+from skyarm.view.figures.style import PAPER, Picture, limits, save_picture
 
 Array = npt.NDArray[np.float64]
 
@@ -33,7 +33,7 @@ HATCHES = ("////", None, "\\\\\\\\", "....")
 DASHES = ("-", "--", "-.", ":")
 """Of intervals and of instants, in the order of the events."""
 
-OF_A_PAGE = {"paper": 9, "talk": 6}
+OF_A_PAGE = 9
 """Panels one above the other where every kind is drawn."""
 
 
@@ -42,7 +42,6 @@ def plot(
     file: str | os.PathLike[str] | None = None,
     *,
     kind: str = ALL,
-    style: str = "paper",
     window: tuple[float, float] | None = None,
 ) -> Picture:
     """Draw flights over time.
@@ -53,17 +52,15 @@ def plot(
         kind: "tracking" (base and joints with their references), "attitude", "tip" (with its error), "contact" (forces
             with the wanted one), "efforts" and "rotors" with their limits, "all" of these; or "path" (of the tip, from
             above and from the right, with the world). Of one flight also what was measured and estimated of these.
-        style: "paper" (a column, or two; readable in grey) or "talk" (a slide).
         window: (start, stop), s; the whole of the longest flight if left out.
 
     Returns:
         a Matplotlib figure, which a notebook shows; ``figure.savefig`` writes other formats.
 
     Raises:
-        ValueError: one line: an unknown kind, style or suffix, a window without a flight, too many flights.
+        ValueError: one line: an unknown kind or suffix, a window without a flight, too many flights.
         OSError: the file cannot be written.
     """
-    chosen = picture_style(style)
     if file is not None:
         require_suffix(Path(file))
     named = flights_by_label(flights)
@@ -71,31 +68,28 @@ def plot(
         raise ValueError(f"flights = {len(named)}: must be 1 to {MOST} in one picture")
     span = _window(window, named)
     if kind == PATH:
-        figure = path_figure(named, chosen, span)
+        figure = path_figure(named, span)
     else:
-        figure = _panels_figure(panels_of(kind, list(named.values())), named, chosen, span, kind == ALL)
+        figure = _panels_figure(panels_of(kind, list(named.values())), named, span, kind == ALL)
     if file is not None:
-        save_picture(figure, Path(file), style)
+        save_picture(figure, Path(file))
     return figure
 
 
 def _panels_figure(
-    panels: Sequence[Panel], named: Mapping[str, Log], style: PictureStyle, span: tuple[float, float], every: bool
+    panels: Sequence[Panel], named: Mapping[str, Log], span: tuple[float, float], every: bool
 ) -> Picture:
     """Panels over one time axis; ``every`` kind of them fills pages."""
-    figure, axes = style.stacked_panels(len(panels), OF_A_PAGE[style.name] if every else None)
+    figure, axes = PAPER.stacked_panels(len(panels), OF_A_PAGE if every else None)
     handles: dict[str, Any] = {}
     events = _events_by_label(named)
     for ax, panel in zip(axes, panels, strict=True):
-        handles |= _draw(ax, panel, named, style, span)
+        handles |= _draw(ax, panel, named, span)
     for ax in axes:
-        shading = _mark_events(ax, events, style, span)
+        shading = _mark_events(ax, events, span)
     axes[0].set_xlim(*span)
-    titles = {str(log.info.get("title") or log.info.get("scenario", "")) for log in named.values()}
-    if style.name == "talk" and len(titles) == 1:
-        figure.suptitle(titles.pop(), **style.words)
     order = (*(label + ending_of(log) for label, log in named.items()), MEASURED, ESTIMATED, "desired", "limit")
-    style.legend(figure, {label: handles[label] for label in order if label in handles} | shading)
+    PAPER.legend(figure, {label: handles[label] for label in order if label in handles} | shading)
     return figure
 
 
@@ -112,50 +106,46 @@ def _window(window: tuple[float, float] | None, named: Mapping[str, Log]) -> tup
     return start, stop
 
 
-def _draw(
-    ax: Axes, panel: Panel, named: Mapping[str, Log], style: PictureStyle, span: tuple[float, float]
-) -> dict[str, Any]:
+def _draw(ax: Axes, panel: Panel, named: Mapping[str, Log], span: tuple[float, float]) -> dict[str, Any]:
     """Curves, references and limits of one panel; words of the legend -> line."""
     handles: dict[str, Any] = {}
     # what fits the value axis: flights that were completed, and those that were lost
     kept: list[Array] = []
     lost: list[Array] = []
-    style.name_axis(ax, panel.label, panel.unit)
+    PAPER.name_axis(ax, panel.label, panel.unit)
     for i, (label, log) in enumerate(named.items()):
         values, desired = panel.of(log), panel.desired(log) if panel.desired else None
         inside = (log.time >= span[0]) & (log.time <= span[1])
-        curves = [(label + ending_of(log), values, style.look(i).line)]
+        curves = [(label + ending_of(log), values, PAPER.look(i).line)]
         if len(named) == 1 and values is not None:
-            curves += _received(panel, log, values, style)
+            curves += _received(panel, log, values)
         for name, curve, look in curves:
             if curve is not None:
-                alone: dict[str, Any] = {"marker": "o", "markersize": 0.6 * style.small} if log.time.size == 1 else {}
+                alone: dict[str, Any] = {"marker": "o", "markersize": 0.6 * PAPER.small} if log.time.size == 1 else {}
                 (handles[name],) = ax.plot(log.time, curve, label=name, **look, **alone)
         if values is not None and log.status != "completed" and log.time.size:
-            at: dict[str, Any] = {"marker": "X", "markersize": 0.8 * style.small, "markeredgecolor": style.face}
-            ax.plot(log.time[-1:], values[-1:], color=style.look(i).color, zorder=4.0, label="_end", **at)
+            at: dict[str, Any] = {"marker": "X", "markersize": 0.8 * PAPER.small, "markeredgecolor": PAPER.face}
+            ax.plot(log.time[-1:], values[-1:], color=PAPER.look(i).color, zorder=4.0, label="_end", **at)
         group = kept if log.status == "completed" else lost
         group += [each[inside] for each in (*(curve for _, curve, _ in curves), desired) if each is not None]
     for time, desired in _different_references(panel, named):
-        (handles["desired"],) = ax.plot(time, desired, label="desired", **style.desired.line)
+        (handles["desired"],) = ax.plot(time, desired, label="desired", **PAPER.desired.line)
     low, high = _ends(panel, kept, lost)
     for limit in panel.limits:
         # relative to the distance from zero
         if low <= limit <= high or (limit and (high if limit > 0.0 else -low) >= NEAR * abs(limit)):
-            handles["limit"] = ax.axhline(limit, label="limit", **style.limit.line)
+            handles["limit"] = ax.axhline(limit, label="limit", **PAPER.limit.line)
             room = 0.07 * (max(high, limit) - min(low, limit))
             low, high = min(low, limit - room), max(high, limit + room)
     ax.set_ylim(low, high)
     return handles
 
 
-def _received(
-    panel: Panel, log: Log, truth: Array, style: PictureStyle
-) -> Iterator[tuple[str, Array | None, dict[str, Any]]]:
+def _received(panel: Panel, log: Log, truth: Array) -> Iterator[tuple[str, Array | None, dict[str, Any]]]:
     """Label, curve and look of a panel's quantity as measured and as estimated."""
-    first = style.look(0)
+    first = PAPER.look(0)
     held: dict[str, Any] = {"color": first.tint, "linewidth": first.width, "zorder": 2.5, "drawstyle": "steps-post"}
-    looks = {MEASURED: held, ESTIMATED: style.look(1).line}
+    looks = {MEASURED: held, ESTIMATED: PAPER.look(1).line}
     for word, received in measured_flights(log):
         values = panel.of(received)
         if values is not None and not np.array_equal(values, truth, equal_nan=True):
@@ -184,9 +174,7 @@ def _ends(panel: Panel, kept: Sequence[Array], lost: Sequence[Array]) -> tuple[f
     return max(both[0], 2.0 * low - high), min(both[1], 2.0 * high - low)
 
 
-def _mark_events(
-    ax: Axes, events: Mapping[Event, str], style: PictureStyle, span: tuple[float, float]
-) -> dict[str, Any]:
+def _mark_events(ax: Axes, events: Mapping[Event, str], span: tuple[float, float]) -> dict[str, Any]:
     """Draw events: an interval as a shade, an instant as a line; returns words of the legend -> artist."""
     handles: dict[str, Any] = {}
     instants: dict[str, str] = {}
@@ -195,10 +183,10 @@ def _mark_events(
             continue
         if event.start == event.stop:
             dash = instants.setdefault(label, DASHES[len(instants) % 4])
-            line: dict[str, Any] = {"color": style.frame, "linewidth": 0.08 * style.text, "linestyle": dash}
+            line: dict[str, Any] = {"color": PAPER.frame, "linewidth": 0.08 * PAPER.text, "linestyle": dash}
             handles[label] = ax.axvline(event.start, zorder=0.3, label=f"_{label}", **line)
         else:
-            fill: dict[str, Any] = {"facecolor": style.shades[i % len(style.shades)], "edgecolor": style.grid}
+            fill: dict[str, Any] = {"facecolor": PAPER.shades[i % len(PAPER.shades)], "edgecolor": PAPER.grid}
             stop = min(event.stop, span[1])
             handles[label] = ax.axvspan(event.start, stop, hatch=HATCHES[i % 4], linewidth=0.0, zorder=0.2, **fill)
     return handles

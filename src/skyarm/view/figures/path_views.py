@@ -13,13 +13,13 @@ from matplotlib.patches import Polygon
 from skyarm.log.flight_log import Log
 from skyarm.view.figures.flight_facts import ending_of, scenario_of
 from skyarm.view.figures.projection import SIDE, TOP, View, hull, surface
-from skyarm.view.figures.style import Picture, PictureStyle
+from skyarm.view.figures.style import PAPER, Picture
 from skyarm.world.scene.shapes import Solid
 from skyarm.world.scene.world_shapes import ground_height, logged_poses, world_shapes
 
 Array = npt.NDArray[np.float64]
 
-HEIGHTS = {"paper": 3.0, "talk": 6.2}
+HEIGHT = 3.0
 """in."""
 
 ROOM, LEAST = 0.3, 0.15
@@ -32,25 +32,24 @@ FILLS = {"surface": "#cfc9bd", "object": "#d9b48f"}
 """Role of a shape -> fill."""
 
 
-def path_figure(named: Mapping[str, Log], style: PictureStyle, span: tuple[float, float]) -> Picture:
+def path_figure(named: Mapping[str, Log], span: tuple[float, float]) -> Picture:
     """Draw the tips' paths over a stretch of time, from above and from the right.
 
     Args:
         named: words of the legend -> log.
-        style: of the picture.
         span: first and last instant, s.
 
     Returns:
         a figure with the world of the first flight that has one: filled as it is at first, what moves also as a line
         where it is at last. A plane is drawn where it is seen from its edge.
     """
-    figure = style.blank(style.wide, HEIGHTS[style.name])
+    figure = PAPER.blank(PAPER.wide, HEIGHT)
     axes = figure.subplots(1, 2)
     handles: dict[str, Any] = {}
     world = world_of(named, span)
     for ax, view in zip(axes, (TOP, SIDE), strict=True):
-        handles |= draw_view(ax, view, named, style, span, world)
-    style.legend(figure, {each: handles[each] for each in sorted(handles, key="desired".__eq__)})
+        handles |= draw_view(ax, view, named, span, world)
+    PAPER.legend(figure, {each: handles[each] for each in sorted(handles, key="desired".__eq__)})
     return figure
 
 
@@ -59,7 +58,7 @@ SEEN = {TOP: ("from above", "x [m]", "y [m]"), SIDE: ("from the right", "x [m]",
 
 
 def draw_view(
-    ax: Axes, view: View, named: Mapping[str, Log], style: PictureStyle, span: tuple[float, float],
+    ax: Axes, view: View, named: Mapping[str, Log], span: tuple[float, float],
     world: tuple[tuple[Solid, ...], float | None],
 ) -> dict[str, Any]:  # fmt: skip
     """Draw the tips' paths and the world in one view; returns what a legend has of it.
@@ -68,35 +67,32 @@ def draw_view(
         ax: empty.
         view: one of TOP, SIDE and BEHIND.
         named: words of the legend -> log.
-        style: of the picture.
         span: first and last instant, s.
         world: as :func:`world_of` has it.
     """
-    style.dress(ax)
-    handles = _paths(ax, view, named, style, span)
+    PAPER.dress(ax)
+    handles = _paths(ax, view, named, span)
     _frame(ax)
     for solid in world[0]:
-        _draw_solid(ax, view, solid, style)
+        _draw_solid(ax, view, solid)
     if world[1] is not None and view is not TOP:
         ax.axhspan(-1e3, world[1], facecolor=FILLS["surface"], edgecolor="none", zorder=0.5)
     title, right, up = SEEN[view]
-    ax.set_xlabel(right, **style.words)
-    ax.set_ylabel(up, **style.words)
-    ax.set_title(title, **style.small_words)
+    ax.set_xlabel(right, **PAPER.words)
+    ax.set_ylabel(up, **PAPER.words)
+    ax.set_title(title, **PAPER.small_words)
     return handles
 
 
-def _paths(
-    ax: Axes, view: View, named: Mapping[str, Log], style: PictureStyle, span: tuple[float, float]
-) -> dict[str, Any]:
+def _paths(ax: Axes, view: View, named: Mapping[str, Log], span: tuple[float, float]) -> dict[str, Any]:
     """Paths of tips and where they should be."""
     handles: dict[str, Any] = {}
     for i, (label, log) in enumerate(named.items()):
         inside = (log.time >= span[0]) & (log.time <= span[1])
         name = label + ending_of(log)
-        (handles[name],) = ax.plot(*view.flat(log.tip[inside]).T, label=name, **style.look(i).line)
+        (handles[name],) = ax.plot(*view.flat(log.tip[inside]).T, label=name, **PAPER.look(i).line)
         desired = view.flat(log.tip_reference[inside]).T
-        (handles["desired"],) = ax.plot(*desired, label="desired", **style.desired.line)
+        (handles["desired"],) = ax.plot(*desired, label="desired", **PAPER.desired.line)
     return handles
 
 
@@ -132,7 +128,7 @@ def world_of(named: Mapping[str, Log], span: tuple[float, float]) -> tuple[tuple
     return (), None
 
 
-def _draw_solid(ax: Axes, view: View, solid: Solid, style: PictureStyle) -> None:
+def _draw_solid(ax: Axes, view: View, solid: Solid) -> None:
     """Outline of a solid as it is at first, filled; where it is at last, as a line."""
     for k in (0, 1) if solid.moves else (0,):
         if solid.shape.kind == "patch" and abs(solid.rotation[k, :, 2] @ view.toward) > FACE_ON:
@@ -141,5 +137,5 @@ def _draw_solid(ax: Axes, view: View, solid: Solid, style: PictureStyle) -> None
         corners = hull(view.flat(points))
         drawn = Polygon(corners, closed=True, label=solid.shape.name, zorder=0.6 + 0.1 * k)
         fill = "none" if k else FILLS[solid.shape.role]
-        drawn.set(facecolor=fill, edgecolor=style.frame, linewidth=0.09 * style.small, linestyle="--" if k else "-")
+        drawn.set(facecolor=fill, edgecolor=PAPER.frame, linewidth=0.09 * PAPER.small, linestyle="--" if k else "-")
         ax.add_patch(drawn)

@@ -27,10 +27,8 @@ from skyarm.view.figures.style import (
     PAPER,
     Look,
     Picture,
-    PictureStyle,
     limits,
     logarithmic,
-    picture_style,
     save_picture,
 )
 
@@ -53,7 +51,6 @@ def plot_sweep(
     file: str | os.PathLike[str] | None = None,
     *,
     by: str | None = None,
-    style: str = "paper",
 ) -> Picture:
     """Draw metrics of a sweep over a varied number, or over an expression of some.
 
@@ -63,12 +60,10 @@ def plot_sweep(
         over: a varied path, ``"sqrt(a * a + b * b)"`` or ``"length = sqrt(a * a + b * b)"``.
         file: written there too, as PNG, SVG or PDF by its suffix.
         by: the same; curves for each of its values, or for its thirds.
-        style: "paper" or "talk".
 
     Raises:
         ValueError: one line. OSError: a file cannot be read or written.
     """
-    chosen = picture_style(style)
     if file is not None:
         require_suffix(Path(file))
     rows = folder if isinstance(folder, Rows) else Rows(folder)
@@ -76,13 +71,13 @@ def plot_sweep(
     if not 1 <= len(names) <= MOST_PANELS:
         raise StudyError(f"metrics = {len(names)}: must be 1 to {MOST_PANELS} in one picture")
     found = [banded_curves(rows, name, over, by=by) for name in names]
-    figure = metric_figure(found, chosen)
+    figure = metric_figure(found)
     if file is not None:
-        save_picture(figure, Path(file), style)
+        save_picture(figure, Path(file))
     return figure
 
 
-def metric_figure(found: Sequence[BandedCurves], style: PictureStyle) -> Picture:
+def metric_figure(found: Sequence[BandedCurves]) -> Picture:
     """Draw curves of metrics over one variable: a row for each metric, a column for each class if laws are several."""
     first = found[0]
     laws = list(dict.fromkeys(curve.controller for curve in first.curves))
@@ -90,57 +85,54 @@ def metric_figure(found: Sequence[BandedCurves], style: PictureStyle) -> Picture
     # several laws are told apart by their looks: classes then stand side by side
     columns = classes if len(laws) > 1 else [None]
     lost = any(curve.lost.any() for curve in first.curves)
-    figure, grid = _grid(style, len(found), len(columns), lost)
+    figure, grid = _grid(len(found), len(columns), lost)
     handles: dict[str, Any] = {}
     for j, column in enumerate(columns):
         for ax, each in zip(grid[:, j], found, strict=False):
             curves = [curve for curve in each.curves if column is None or curve.by == column]
-            handles |= _draw(ax, curves, each, style, one_law=len(laws) == 1)
+            handles |= _draw(ax, curves, each, one_law=len(laws) == 1)
         if lost:
             curves = [curve for curve in first.curves if column is None or curve.by == column]
-            _draw_lost(grid[-1, j], curves, style)
+            _draw_lost(grid[-1, j], curves)
         if column:
             title = _class_words(first.by, column, "\n")
-            grid[0, j].set_title(title, linespacing=1.0, **style.small_words)
-        grid[-1, j].set_xlabel(axis_label(_short(first.over.words), first.over.unit), **style.words)
+            grid[0, j].set_title(title, linespacing=1.0, **PAPER.small_words)
+        grid[-1, j].set_xlabel(axis_label(_short(first.over.words), first.over.unit), **PAPER.words)
         if first.over.logarithmic:
             grid[-1, j].set_xscale("log")
     for i, each in enumerate(found):
         words, unit = metric_words(each.metric)
-        style.name_axis(grid[i, 0], words, unit)
+        PAPER.name_axis(grid[i, 0], words, unit)
         grid[i, 0].set_ylim(*_ends(each))
     if lost:
-        grid[-1, 0].set_ylabel("Lost", **style.small_words)
+        grid[-1, 0].set_ylabel("Lost", **PAPER.small_words)
     figure.align_ylabels(list(grid[:, 0]))
     shares = " to ".join(f"{100.0 * share:g}" for share in BAND)
     of = " of completed" if lost else ""
-    handles[f"median{of}, band {shares} %"] = Patch(facecolor=style.frame, alpha=0.25, edgecolor="none")
-    style.legend(figure, handles)
+    handles[f"median{of}, band {shares} %"] = Patch(facecolor=PAPER.frame, alpha=0.25, edgecolor="none")
+    PAPER.legend(figure, handles)
     return figure
 
 
-def _grid(style: PictureStyle, metrics: int, columns: int, lost: bool) -> tuple[Picture, Any]:
+def _grid(metrics: int, columns: int, lost: bool) -> tuple[Picture, Any]:
     heights = [2.0] * metrics + [0.7] * lost
-    scale = 1.0 if style.name == "paper" else 6.4 / sum(heights)
-    width = style.width if columns == 1 else style.wide
-    figure = style.blank(width, scale * sum(heights) + 6.0 * style.text / 72.0)
+    width = PAPER.width if columns == 1 else PAPER.wide
+    figure = PAPER.blank(width, sum(heights) + 6.0 * PAPER.text / 72.0)
     options = {"height_ratios": heights}
     grid = figure.subplots(len(heights), columns, sharex=True, sharey="row", squeeze=False, gridspec_kw=options)
     for ax in grid.flat:
-        style.dress(ax).xaxis.set_major_locator(MaxNLocator(nbins=7 if columns == 1 else 4))
+        PAPER.dress(ax).xaxis.set_major_locator(MaxNLocator(nbins=7 if columns == 1 else 4))
     return figure, grid
 
 
-def _draw(
-    ax: Axes, curves: Sequence[BandedCurve], each: BandedCurves, style: PictureStyle, *, one_law: bool
-) -> dict[str, Any]:
+def _draw(ax: Axes, curves: Sequence[BandedCurve], each: BandedCurves, *, one_law: bool) -> dict[str, Any]:
     handles: dict[str, Any] = {}
     for i, curve in enumerate(curves):
-        look = style.look(i)
+        look = PAPER.look(i)
         label = curve.controller
         if one_law and curve.by:
             label = _class_words(each.by, curve.by, " = ")
-        handles[label] = _draw_band(ax, curve, look, label, style)
+        handles[label] = _draw_band(ax, curve, look, label)
     return handles
 
 
@@ -160,27 +152,27 @@ def _ends(*found: BandedCurves) -> tuple[float, float]:
     return limits([seen], floor=not (seen < 0.0).any(), span=ROUNDING)
 
 
-def _draw_band(ax: Axes, curve: BandedCurve, look: Look, label: str, style: PictureStyle) -> Any:
+def _draw_band(ax: Axes, curve: BandedCurve, look: Look, label: str) -> Any:
     """Line of a curve with its band."""
     fill: dict[str, Any] = {"color": look.color, "alpha": 0.16, "linewidth": 0.0, "zorder": look.layer - 1.0}
     ax.fill_between(curve.x, curve.low, curve.high, **fill)
     for end in (curve.low, curve.high):
         ax.plot(curve.x, end, color=look.color, linewidth=0.4 * look.width, alpha=0.6, label="_band")
-    (line,) = ax.plot(curve.x, curve.middle, label=label, **look.line, **_marks(curve.x, style))
+    (line,) = ax.plot(curve.x, curve.middle, label=label, **look.line, **_marks(curve.x))
     return line
 
 
-def _marks(x: Array, style: PictureStyle) -> dict[str, Any]:
+def _marks(x: Array) -> dict[str, Any]:
     """Points where a curve has few."""
-    return {"marker": "o", "markersize": 0.4 * style.small, "markeredgewidth": 0.0} if x.size <= 15 else {}
+    return {"marker": "o", "markersize": 0.4 * PAPER.small, "markeredgewidth": 0.0} if x.size <= 15 else {}
 
 
-def _draw_lost(ax: Axes, curves: Sequence[BandedCurve], style: PictureStyle) -> None:
+def _draw_lost(ax: Axes, curves: Sequence[BandedCurve]) -> None:
     """Share of episodes that ended before their time."""
     for i, curve in enumerate(curves):
-        look = style.look(i)
+        look = PAPER.look(i)
         share = curve.lost / np.maximum(curve.episodes, 1)
-        ax.plot(curve.x, share, label=curve.controller, **look.line, **_marks(curve.x, style))
+        ax.plot(curve.x, share, label=curve.controller, **look.line, **_marks(curve.x))
     ax.set_ylim(-0.05, 1.05)
     ax.set_yticks([0.0, 0.5, 1.0])
     ax.yaxis.set_major_formatter(PercentFormatter(1.0))

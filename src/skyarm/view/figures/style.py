@@ -1,6 +1,6 @@
-"""Styles of figures: for a paper's column, for a talk and for a web page.
+"""Styles of figures: for a paper's column and for a web page.
 
-Matplotlib's rc parameters are global, and a context that changes them is seen by every thread; so fonts, widths and
+Matplotlib's rc parameters are global, and a context that sets them is seen by every thread; so fonts, widths and
 colours are passed to each artist instead. Neighbours in ``looks`` differ in colour, in lightness and in dash, so that a
 print in grey tells them apart.
 """
@@ -25,15 +25,13 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
-from skyarm.records.files import must_be_one_of, shown, write_atomically
+from skyarm.records.files import write_atomically
 from skyarm.records.files.names import require_suffix
 
 Array = npt.NDArray[np.float64]
 
-STYLES = ("paper", "talk")
-
-DPI = {"paper": 300.0, "talk": 144.0}
-"""Dots an inch of a PNG: what journals ask of line drawings with text, and 1920 across a slide."""
+DPI = 300.0
+"""Dots an inch of a PNG: what journals ask of line drawings with text."""
 
 NOTEBOOK_DPI = 110.0
 
@@ -74,7 +72,7 @@ class PictureStyle:
     """Appearance of a picture.
 
     Attributes:
-        name: one of STYLES, or "page". font: families in order. text, small: pt.
+        font: families in order. text, small: pt.
         width, wide: of one column of panels, and of several, in. panel: least height of a panel, in.
         rows: panels one above the other before another column begins.
         face, ink, frame, grid: colours of the ground, of words, of frames, of grids.
@@ -82,7 +80,6 @@ class PictureStyle:
         shades: fills of events in their order.
     """
 
-    name: str
     font: tuple[str, ...]
     text: float
     small: float
@@ -157,8 +154,7 @@ class PictureStyle:
         """A figure of so many panels over one time axis, filled column by column, top to bottom."""
         columns = -(-count // (rows or self.rows))
         rows = -(-count // columns)
-        height = max(self.panel, 5.6 / rows) if self.name == "talk" else self.panel
-        figure = self.blank(self.width if columns == 1 else self.wide, height * rows + 5.0 * self.text / 72.0)
+        figure = self.blank(self.width if columns == 1 else self.wide, self.panel * rows + 5.0 * self.text / 72.0)
         grid = figure.subplots(rows, columns, sharex=True, squeeze=False)
         # what is left over stays blank at the top of the last column, so that every column ends with a time axis
         blanks = rows * columns - count
@@ -206,7 +202,6 @@ class PictureStyle:
 
 
 PAPER = PictureStyle(
-    name="paper",
     font=("STIXGeneral", "DejaVu Serif"),
     text=8.0,
     small=7.0,
@@ -233,38 +228,8 @@ PAPER = PictureStyle(
 )
 """One column of a two-column paper (3.5 in), or both (7.16 in): IEEE's widths."""
 
-TALK = replace(
-    PAPER,
-    name="talk",
-    font=("DejaVu Sans",),
-    text=15.0,
-    small=13.0,
-    width=13.33,
-    wide=13.33,
-    panel=1.75,
-    rows=3,
-    ink="#1b1f24",
-    frame="#555555",
-    grid="#dddddd",
-    looks=tuple(replace(look, width=2.3) for look in PAPER.looks),
-    desired=replace(PAPER.desired, width=1.6),
-    limit=replace(PAPER.limit, width=1.6),
-)
-"""A slide of 13.33 by 7.5 in, readable from the last row."""
-
-PAGE = replace(PAPER, name="page", font=("DejaVu Sans",), text=9.5, small=9.5, width=11.0, wide=11.0)
+PAGE = replace(PAPER, font=("DejaVu Sans",), text=9.5, small=9.5, width=11.0, wide=11.0)
 """A figure as wide as a web page, in its font: 9.5 pt are about 14 px there."""
-
-
-def picture_style(name: str) -> PictureStyle:
-    """A style by its name.
-
-    Raises:
-        ValueError: one line: no such style.
-    """
-    if name not in STYLES:
-        raise ValueError(f"style = {shown(name)}: {must_be_one_of(STYLES, name)}")
-    return TALK if name == "talk" else PAPER
 
 
 def shade_window(ax: Axes, span: tuple[float, float]) -> Patch:
@@ -323,9 +288,9 @@ def image_bytes(figure: Figure, kind: str = "png", dpi: float = 160.0) -> bytes:
     return buffer.getvalue()
 
 
-def save_picture(figure: Picture, path: Path, style: str) -> Path:
+def save_picture(figure: Picture, path: Path) -> Path:
     """Write a picture in the format of its suffix; the file appears whole or not at all."""
-    return write_atomically(path, image_bytes(figure, require_suffix(path), dpi=DPI[style]))
+    return write_atomically(path, image_bytes(figure, require_suffix(path), dpi=DPI))
 
 
 def typeface(*, bold: bool = False) -> Path:

@@ -17,7 +17,7 @@ from matplotlib.transforms import Bbox
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.figures.projection import SIDE, TOP, View, across, arc, axonometric, hull, surface
-from skyarm.view.figures.style import Picture, PictureStyle, picture_style
+from skyarm.view.figures.style import PAPER, Picture
 from skyarm.world.scene.shapes import Shape
 from skyarm.world.scene.vehicle_shapes import body_poses, rotor_radius, vehicle_shapes
 
@@ -39,7 +39,7 @@ AXIS_COLORS = ("#c0262d", "#1a7f37", "#1f5fbf")
 AZIMUTH, ELEVATION = -math.radians(58.0), math.radians(24.0)
 """Of the axonometric view: from the right and a little from the front, so that x, y and z all show."""
 
-HEIGHTS = {"paper": 3.9, "talk": 7.5}
+HEIGHT = 3.9
 """in."""
 
 MARGINS = np.array([0.14, 0.08])
@@ -66,24 +66,22 @@ GAP, LEADER = 0.12, 1.6
 """Font sizes: least gap between two labels; distance from which a thin line leads from a label to its point."""
 
 
-def vehicle_drawing(vehicle: Vehicle, joints: Sequence[float] | None = None, *, style: str = "paper") -> Picture:
+def vehicle_drawing(vehicle: Vehicle, joints: Sequence[float] | None = None) -> Picture:
     """Draw a vehicle from its records: an axonometric view, one from the side, one from above.
 
     Args:
         vehicle: with concrete numbers.
         joints: rad or m; if left out, those whose motion the side view shows are bent by 0.5 rad.
-        style: "paper" or "talk".
 
     Returns:
         a figure in which bodies are guesses by :mod:`skyarm.world.scene`, and frames, joints, rotors and lengths are
         the vehicle's own. World z up, body x forward, y left, z up.
 
     Raises:
-        ValueError: one line: an unknown style, or another number of joints.
+        ValueError: one line: another number of joints.
     """
-    chosen = picture_style(style)
     posed = pose(vehicle, joints)
-    figure = chosen.blank(chosen.wide, HEIGHTS[style])
+    figure = PAPER.blank(PAPER.wide, HEIGHT)
     figure.set_layout_engine("none")  # every view has its place
     shapes = vehicle_shapes(vehicle)
     for view, place, title, draw in (
@@ -93,7 +91,7 @@ def vehicle_drawing(vehicle: Vehicle, joints: Sequence[float] | None = None, *, 
     ):
         ax = figure.add_axes(place)
         ax.set_axis_off()
-        ax.set_title(title, **chosen.small_words)
+        ax.set_title(title, **PAPER.small_words)
         outlines = _outlines(shapes, posed, view)
         corners = np.concatenate([each for _, each in outlines])
         # the axes of the world stand below the vehicle, to its left on paper
@@ -102,16 +100,16 @@ def vehicle_drawing(vehicle: Vehicle, joints: Sequence[float] | None = None, *, 
         frames = [posed.frames[0], *([world] if draw is _draw_solid else [])]
         ends = [view.flat(frame.at + TRIAD * posed.reach * frame.R.T) for frame in frames]
         _fit(ax, np.concatenate([corners, *ends]))
-        marks = Marks(ax, view, chosen, posed.reach)
+        marks = Marks(ax, view, posed.reach)
         for i, (shape, outline) in enumerate(outlines):
-            drawn = Polygon(outline, closed=True, facecolor=FILLS[shape.role], edgecolor=chosen.frame)
+            drawn = Polygon(outline, closed=True, facecolor=FILLS[shape.role], edgecolor=PAPER.frame)
             alpha = 0.4 if shape.role == "rotor" else 1.0
-            drawn.set(linewidth=0.06 * chosen.small, alpha=alpha, zorder=1.0 + 1e-3 * i, label=shape.name)
+            drawn.set(linewidth=0.06 * PAPER.small, alpha=alpha, zorder=1.0 + 1e-3 * i, label=shape.name)
             ax.add_patch(drawn)
         draw(marks, vehicle, posed, world)
         marks.write()
     parts = ["frames", *(["joints"] if vehicle.links else []), *(["rotors"] if vehicle.rotors else [])]
-    figure.suptitle(f"{vehicle.name}: {', '.join(parts)}", **chosen.words)
+    figure.suptitle(f"{vehicle.name}: {', '.join(parts)}", **PAPER.words)
     return figure
 
 
@@ -164,7 +162,7 @@ def _draw_top(marks: Marks, vehicle: Vehicle, posed: Posed, world: Frame) -> Non
     for rotor in vehicle.rotors[:1]:
         hub = marks.view.flat(_vector(rotor.position))
         if (size := float(np.linalg.norm(hub))) > 0.05 * marks.reach:
-            marks.label(_millimetres(size), 0.5 * hub, marks.style.frame)
+            marks.label(_millimetres(size), 0.5 * hub, PAPER.frame)
 
 
 @dataclass(frozen=True, slots=True)
@@ -272,20 +270,20 @@ class Marks:
     """Marks over the shapes of one view: axes, arrows, angles, lengths and their labels.
 
     Args:
-        ax: with its limits set. view: of it. style: of the picture. reach: of the vehicle, m.
+        ax: with its limits set. view: of it. reach: of the vehicle, m.
     """
 
-    def __init__(self, ax: Axes, view: View, style: PictureStyle, reach: float) -> None:
-        self.ax, self.view, self.style, self.reach = ax, view, style, reach
+    def __init__(self, ax: Axes, view: View, reach: float) -> None:
+        self.ax, self.view, self.reach = ax, view, reach
         self._labels: list[tuple[str, Array, str]] = []
         self._names: list[tuple[Array, list[str]]] = []
         self._points: list[Array] = [np.zeros((0, 2))]
         self._taken: list[Bbox] = []
-        self._dots = style.small * ax.figure.dpi / 72.0
+        self._dots = PAPER.small * ax.figure.dpi / 72.0
 
     def label(self, text: str, at: Array, color: str = "") -> None:
         """Request a label near a point (2,) on paper."""
-        self._labels.append((text, at, color or self.style.ink))
+        self._labels.append((text, at, color or PAPER.ink))
 
     def triad(self, frame: Frame, *, letters: bool) -> None:
         """Axes of a frame, with the letters of those that are not seen end on."""
@@ -305,7 +303,7 @@ class Marks:
         way = np.array([joint.at - size * joint.axis, joint.at + 2.0 * size * joint.axis])
         if joint.turns:
             way = arc(joint.at, joint.axis, size * across(joint.axis), 1.5 * math.pi)
-        self.arrow(self.view.flat(way), self.style.ink, 0.1)
+        self.arrow(self.view.flat(way), PAPER.ink, 0.1)
         self._line(np.array([joint.at - 1.4 * size * joint.axis, joint.at + 1.4 * size * joint.axis]), (6, 2, 1, 2))
         self._name(joint.at, joint.name)
 
@@ -316,7 +314,7 @@ class Marks:
             return
         words, at = _millimetres(whole), flat.mean(axis=0)
         if not any(text == words and math.dist(p, at) < MERGED * self.reach for text, p, _ in self._labels):
-            self.label(words, at, self.style.frame)
+            self.label(words, at, PAPER.frame)
 
     def rotor(self, vehicle: Vehicle, i: int, words: str, *, outside: bool = False) -> None:
         """A bow with a head in the sense in which a rotor turns, and its words at the hub or beyond the disc."""
@@ -324,17 +322,17 @@ class Marks:
         hub, axis = _vector(rotor.position), _vector(rotor.axis)
         axis = axis / np.linalg.norm(axis)
         bow = arc(hub, axis, 0.72 * radius * across(axis), rotor.direction * 1.35 * math.pi)
-        self.arrow(self.view.flat(bow), self.style.ink, 0.11)
+        self.arrow(self.view.flat(bow), PAPER.ink, 0.11)
         at = self.view.flat(hub)
         away = float(np.linalg.norm(at))
         self.label(words, at * (1.0 + 0.95 * radius / away) if outside and away > 0.0 else at)
 
     def arrow(self, flat: Array, color: str, width: float) -> None:
         """A line through points (N, 2) with a head at its end."""
-        look: dict[str, Any] = {"color": color, "linewidth": width * self.style.small, "zorder": 5.0}
+        look: dict[str, Any] = {"color": color, "linewidth": width * PAPER.small, "zorder": 5.0}
         self.ax.plot(*flat.T, solid_capstyle="butt", label="_mark", **look)
         # the head alone: its shaft would end before the point
-        options: dict[str, Any] = {"arrowstyle": "-|>", "mutation_scale": 0.9 * self.style.small, "shrinkA": 0.0}
+        options: dict[str, Any] = {"arrowstyle": "-|>", "mutation_scale": 0.9 * PAPER.small, "shrinkA": 0.0}
         head = FancyArrowPatch(tuple(flat[-2]), tuple(flat[-1]), color=color, shrinkB=0.0, **options)
         head.set(linewidth=0.0, zorder=5.1)
         self.ax.add_patch(head)
@@ -343,7 +341,7 @@ class Marks:
     def write(self) -> None:
         """Place every label, one after the other; names at one point are merged into one label."""
         points = self.ax.transData.transform(np.concatenate(self._points))
-        names = [(", ".join(names), at, self.style.ink) for at, names in self._names]
+        names = [(", ".join(names), at, PAPER.ink) for at, names in self._names]
         # the letters of axes first: they have the least room
         order = [*names, *self._labels]
         for text, at, color in sorted(order, key=lambda each: each[0] not in ("x", "y", "z")):
@@ -358,14 +356,14 @@ class Marks:
             self._names.append((flat, [name]))
 
     def _line(self, points: Array, dash: tuple[float, ...]) -> None:
-        look: dict[str, Any] = {"color": self.style.frame, "linewidth": 0.08 * self.style.small, "zorder": 4.5}
+        look: dict[str, Any] = {"color": PAPER.frame, "linewidth": 0.08 * PAPER.small, "zorder": 4.5}
         self.ax.plot(*self.view.flat(points).T, linestyle=(0, dash), label="_mark", **look)
 
     def _place(self, text: str, at: Array, color: str, points: Array) -> None:
         """Write a label where it covers no other one and as few points (N, 2), dots, as can be."""
-        words: dict[str, Any] = {**self.style.small_words, "color": color, "ha": "center", "va": "center"}
+        words: dict[str, Any] = {**PAPER.small_words, "color": color, "ha": "center", "va": "center"}
         label = self.ax.text(float(at[0]), float(at[1]), text, zorder=9.0, linespacing=1.0, **words)
-        label.set_path_effects([withStroke(linewidth=0.3 * self.style.small, foreground=self.style.face, alpha=0.8)])
+        label.set_path_effects([withStroke(linewidth=0.3 * PAPER.small, foreground=PAPER.face, alpha=0.8)])
         here, drawn = self.ax.transData.transform(at), label.get_window_extent()
         size = np.array([drawn.width, drawn.height])
         best = math.inf
@@ -380,9 +378,7 @@ class Marks:
         if math.dist(middle, here) > LEADER * self._dots + 0.5 * box.width:
             edge = np.clip(here, box.min, box.max)
             ends = self.ax.transData.inverted().transform([edge, here])
-            self.ax.plot(
-                *ends.T, color=self.style.frame, linewidth=0.07 * self.style.small, zorder=8.0, label="_leader"
-            )
+            self.ax.plot(*ends.T, color=PAPER.frame, linewidth=0.07 * PAPER.small, zorder=8.0, label="_leader")
 
     def _cost(self, box: Bbox, points: Array) -> float:
         wide, inside = box.padded(GAP * self._dots), self.ax.bbox

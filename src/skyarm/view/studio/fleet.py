@@ -535,8 +535,8 @@ def flown_document(
     document = copy.deepcopy(dict(prepared.document if added else prepared.own))
     lasting = prepared.own["duration"] if prepared.planned else duration
     document = under_law({**document, "duration": lasting}, law)
-    windows = {name: each for name, each in document.pop("windows", {}).items() if _end_of_window(each) <= lasting}
-    document |= {"windows": windows} if windows else {}
+    if lasting != prepared.own["duration"]:
+        document.pop("windows", None)  # of another duration
     for table in ("plant", "model"):
         _move_vehicle(document.get(table, {}), prepared.folder, folder)
     return document
@@ -548,11 +548,6 @@ def under_law(document: Mapping[str, Any], law: str | None) -> dict[str, Any]:
         return dict(document)
     changes = [each for each in document.get("changes", ()) if each["path"].split(".", maxsplit=1)[0] != "controller"]
     return {**document, "changes": changes, "controller": law_table(law, document["controller"])}
-
-
-def _end_of_window(window: Any) -> float:
-    """Last instant of a window or of a list of them, s; of ``last`` its length."""
-    return max(map(_end_of_window, window), default=0.0) if isinstance(window, list) else float(window)
 
 
 def _move_vehicle(table: dict[str, Any], old: Path, new: Path) -> None:

@@ -132,7 +132,7 @@ class Page:
             self._worker.shutdown(wait=False, cancel_futures=True)
 
     def _obey(self) -> None:
-        """Carry out the orders of tabs; an impossible one is reported and changes nothing."""
+        """Carry out the orders of tabs; an impossible one is reported and has no effect."""
         while True:
             try:
                 order = self._orders.get_nowait()

@@ -26,16 +26,6 @@ from skyarm.records.files.packages import needs_extra
 QUIET = "websockets.server"
 
 
-NARROW = b"""<style>
-:has(> div [data-dock-root]):has(> .mantine-Paper-root) { flex-direction: column; }
-:has(> div [data-dock-root]):has(> .mantine-Paper-root) > :has([data-dock-root]) { min-height: 0; }
-:has([data-dock-root]) + .mantine-Paper-root { position: static !important; flex: none; width: 100% !important;
-  max-height: 55% !important; }
-:has([data-dock-root]) + .mantine-Paper-root [style*="width: 20em"] { width: 100% !important; }
-</style>"""
-"""Look of the page where viser lays its panel over the picture of a narrow screen: a sheet below it, as wide."""
-
-
 class StudioError(ValueError):
     """The studio cannot be opened: one line."""
 
@@ -124,15 +114,8 @@ def _serving(module: Any, listening: socket.socket, guard: Guard, inputs: dict[s
             if refusal is not None:
                 return connection.respond(http.HTTPStatus.FORBIDDEN, f"403: {refusal}\n")
             request.headers.get("Sec-WebSocket-Key", "").encode("ascii")
-            # the page is written into: it must come as text
-            with contextlib.suppress(KeyError):
-                del request.headers["Accept-Encoding"]
             response = page(connection, request)
             if response is not None:
-                if b"</head>" in response.body:
-                    response.body = response.body.replace(b"</head>", NARROW + b"</head>", 1)
-                    del response.headers["Content-Length"]
-                    response.headers["Content-Length"] = str(len(response.body))
                 response.headers["Set-Cookie"] = guard.remember()
                 response.headers["Referrer-Policy"] = "no-referrer"
                 response.headers["X-Frame-Options"] = "DENY"
