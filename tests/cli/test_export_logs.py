@@ -70,23 +70,6 @@ skyarm.register.log_format("mine")(skyarm.LogFormat(write))
 """
 
 
-@pytest.mark.parametrize(
-    ("ends", "words"),
-    [
-        ('raise ValueError("no more")', ("own.py:6: ValueError: no more",)),
-        ("path.unlink()", ("must be written by its format, which wrote no such file",)),
-    ],
-)
-def test_a_format_of_ones_own_that_fails_leaves_no_file_and_the_flight_of_before(folder, ends, words):
-    (folder / "own.py").write_text(FORMAT.replace("WHOLE", ends))
-    (folder / "flight.mine").write_text("of before")
-    before = {path.name: path.read_bytes() for path in folder.iterdir()}
-    given = ("--plugin", "own.py", "--log", "flight.mine")
-    refused(skyarm("run", "case1", "--duration", "0.25", *given), *words)
-    assert {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()} == before
-    assert [path.name for path in folder.iterdir() if path.is_dir() and path.name != "__pycache__"] == []
-
-
 def test_a_format_of_ones_own_may_write_more_than_one_file(folder):
     (folder / "own.py").write_text(FORMAT.replace("WHOLE", "return path"))
     assert skyarm("run", "case1", "--duration", "0.25", "--plugin", "own.py", "--log", "deep/flight.mine").code == 0

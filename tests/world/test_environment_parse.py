@@ -7,7 +7,7 @@ import pytest
 
 from skyarm.algebra import E_X
 from skyarm.compile import leaves
-from skyarm.world import NO_WIND, ForceWind, Gust, MovingAir, Payload, payload_from, wind_from
+from skyarm.world import NO_WIND, ForceWind, Gust, MovingAir, wind_from
 from skyarm.world import environment_tables as module
 from skyarm.world.dryden import DrydenMemory
 from wind_samples import wind
@@ -44,11 +44,6 @@ def test_turbulence_lies_along_the_mean_wind():
     calm = wind_from({"mode": "moving_air", "turbulence": {"altitude": 10, "wind_20ft": 5}}, "x")
     assert calm.turbulence.direction_W == E_X
     assert calm.turbulence.airspeed == 1.0
-
-
-def test_a_payload_is_a_mass_and_a_frame():
-    assert payload_from({"mass": 0.05}, "x") == Payload(mass=0.05)
-    assert payload_from({"mass": 0.05, "frame": "tool"}, "x") == Payload(mass=0.05, frame="tool")
 
 
 def test_the_gust_is_read_field_by_field():
@@ -100,9 +95,3 @@ def test_a_wrong_wind_gets_one_line_with_field_value_and_what_is_allowed(table, 
         wind_from(table, "f.toml: wind")
     assert str(caught.value).startswith(message)
     assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize("table", [{"mass": -1}, {"mass": math.nan}, {"mass": 1, "frame": 3}, {"mass": 1, "x": 0}, {}])
-def test_a_wrong_payload_is_refused(table):
-    with pytest.raises(ValueError, match=r"^f\.toml: payload\."):
-        payload_from(table, "f.toml: payload")

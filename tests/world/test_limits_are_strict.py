@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from skyarm.world import Fault, payload_from, wind_from
+from skyarm.world import Fault, wind_from
 
 AIR = {"mode": "moving_air", "velocity": [3.0, 0.0, 0.0]}
 CALM = {"altitude": 10.0, "wind_20ft": 5.0}
@@ -37,12 +37,6 @@ def test_turbulence_may_be_nil_but_not_its_airspeed():
         with pytest.raises(ValueError, match=r"^x.turbulence.minimum_airspeed = .*: must be above 0"):
             air(turbulence={"minimum_airspeed": least})
     assert air(turbulence={"minimum_airspeed": 1e-3}).turbulence.airspeed == 3.0
-
-
-def test_a_payload_may_weigh_nothing_but_not_less():
-    assert payload_from({"mass": 0.0}, "x").mass == 0.0
-    with pytest.raises(ValueError, match=r"^x.mass = -0.001: must be at least 0"):
-        payload_from({"mass": -0.001}, "x")
 
 
 @pytest.mark.parametrize(("rotor", "joint"), [("", ""), ("front", "joint1")])

@@ -34,9 +34,6 @@ SHORT = (
 )
 """Metrics that a terminal shows side by side: errors against the continuous reference, as ``skyarm run`` has them."""
 
-COURSES = {"grows": "grows", "shrinks": "shrinks", "stays": "keeps its size"}
-"""Course of a difference, in words."""
-
 
 def replay(
     flight: Annotated[str, typer.Argument(help="the log of a flight (.npz)")],
@@ -166,12 +163,12 @@ def _difference_lines(found: LogDifferences, labels: tuple[str, str], tolerance:
     more = f" (and {many - 1} more at this instant)" if many > 1 else ""
     lines.append(
         f"first difference{f' above {tolerance:g}' if tolerance else ''}: at {one.time:g} s, {one.name} = "
-        f"{one.first!r} and {one.second!r}{unit}, {abs(one.first - one.second):.3g} apart; "
-        f"it {COURSES[one.course]}{more}"
+        f"{one.first!r} and {one.second!r}{unit}, {abs(one.first - one.second):.3g} apart"
+        f"{more}"
     )
-    rows = [("quantity", "unit", "from, s", "largest", "at, s", "")]
+    rows = [("quantity", "unit", "from, s", "largest", "at, s")]
     rows += [
-        (each.name, each.unit, f"{each.time:g}", f"{each.largest:.3g}", f"{each.at:g}", COURSES[each.course])
+        (each.name, each.unit, f"{each.time:g}", f"{each.largest:.3g}", f"{each.at:g}")
         for each in found.columns[:MOST_COLUMNS]
     ]
     lines += [line.rstrip() for line in aligned_lines(rows)]

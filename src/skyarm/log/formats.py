@@ -5,8 +5,6 @@ from __future__ import annotations
 import io
 import json
 import os
-import shutil
-import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
@@ -140,31 +138,12 @@ def require_format(path: PathLike, field: str = "log") -> LogFormat:
 
 
 def save_log(log: Log, path: PathLike) -> Path:
-    """Write a log in the format of the path's suffix; a failed write leaves no file.
+    """Write a log in the format of the path's suffix.
 
     Raises:
         RegistryError: no such format. OSError: it cannot be written.
     """
-    chosen, target = require_format(path), Path(path)
-    if own_code(chosen.write) is None or (target.exists() and not target.is_file()):
-        return chosen.write(log, target)
-    return _written_aside(chosen.write, log, target)
-
-
-def _written_aside(write: Callable[[Log, Path], Path], log: Log, path: Path) -> Path:
-    """Let user code write into a temporary folder; its output is moved to the target once it is complete."""
-    target = Path(os.path.realpath(path))
-    target.parent.mkdir(parents=True, exist_ok=True)
-    folder = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".part", dir=target.parent))
-    try:
-        write(log, folder / target.name)
-        if not (folder / target.name).is_file():
-            raise ValueError(f"log = {shown(str(path))}: must be written by its format, which wrote no such file")
-        for file in sorted(folder.iterdir()):
-            file.replace(target.parent / file.name)
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
-    return path
+    return require_format(path).write(log, Path(path))
 
 
 def load_log(path: PathLike) -> Log:

@@ -13,9 +13,6 @@ from skyarm.log.log_columns import columns
 
 Array = npt.NDArray[np.float64]
 
-GROWS = 2.0
-"""A difference grows where its RMS in the later half of what follows its beginning is this many times the earlier."""
-
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Difference:
@@ -24,7 +21,6 @@ class Difference:
     Attributes:
         name, unit: of the column. time: of the first instant at which they differ, s. first, second: numbers there.
         largest: size of the largest difference. at: its time, s.
-        course: "grows", "shrinks" or "stays", from the first instant on.
     """
 
     name: str
@@ -34,7 +30,6 @@ class Difference:
     second: float
     largest: float
     at: float
-    course: str
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -102,15 +97,4 @@ def _difference(
         second=float(second[k]),
         largest=float(size[most]),
         at=float(times[most]),
-        course=_course(size[k:]),
     )
-
-
-def _course(size: Array) -> str:
-    """Growth of a difference from its beginning: the RMS of its later half against that of its earlier."""
-    half = len(size) // 2
-    if not half:
-        return "stays"
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        early, late = (float(np.sqrt(np.mean(part**2))) for part in (size[:half], size[half:]))
-    return "grows" if late > GROWS * early else "shrinks" if early > GROWS * late else "stays"

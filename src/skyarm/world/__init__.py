@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 from skyarm.world.component import Air, Component, Force, Wrench
 from skyarm.world.dryden import Dryden, DrydenMemory, low_altitude
 from skyarm.world.effectiveness import Effectiveness
-from skyarm.world.environment_tables import payload_from, wind_from
+from skyarm.world.environment_tables import wind_from
 from skyarm.world.faults import Fault, effectiveness_at, faults_from
 from skyarm.world.gust import Gust
 from skyarm.world.payload import Payload
@@ -68,6 +68,5 @@ __all__ = [
     "effectiveness_at",
     "faults_from",
     "low_altitude",
-    "payload_from",
     "wind_from",
 ]

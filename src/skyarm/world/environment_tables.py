@@ -1,4 +1,4 @@
-"""Wind and payload from plain tables, as a scenario file holds them.
+"""Wind from plain tables, as a scenario file holds them.
 
 A wind has a mode::
 
@@ -18,9 +18,8 @@ A wind has a mode::
     [environment.wind]
     mode = "none"
 
-The turbulence's u axis lies along the horizontal mean wind (world x in calm air). A payload is ``{ mass, frame }``, the
-frame being the vehicle's tip by default. A wrong table raises ValueError with one line: field, value, what is
-allowed.
+The turbulence's u axis lies along the horizontal mean wind (world x in calm air). A wrong table raises ValueError with
+one line: field, value, what is allowed.
 """
 
 from __future__ import annotations
@@ -33,7 +32,6 @@ from skyarm.records.files import Fields
 from skyarm.records.files.old_names import present_name
 from skyarm.world.dryden import HIGHEST, LOWEST, Dryden, low_altitude
 from skyarm.world.gust import SHAPES, Gust
-from skyarm.world.payload import Payload
 from skyarm.world.wind import NO_WIND, ForceWind, MovingAir, Wind
 
 _ZERO = (0.0, 0.0, 0.0)
@@ -61,16 +59,6 @@ def wind_from(table: dict[str, Any], where: str) -> Wind:
     wind = {"none": _none, "force_wind": _force_wind, "moving_air": _moving_air}[mode](fields)
     fields.done()
     return wind
-
-
-def payload_from(table: dict[str, Any], where: str) -> Payload:
-    """Payload that a table describes; arguments and errors as :func:`wind_from`."""
-    fields = Fields(table, where)
-    mass, frame = fields.number("mass", low=0.0), fields.take("frame", "")
-    if not isinstance(frame, str):
-        raise ValueError(f"{where}.frame = {frame!r}: must be the name of a frame")
-    fields.done()
-    return Payload(mass=mass, frame=frame)
 
 
 def _none(_fields: Fields) -> Wind:

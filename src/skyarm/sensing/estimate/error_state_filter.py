@@ -23,6 +23,7 @@ from skyarm.algebra.scalars import data, logical_and, logical_not, where
 from skyarm.dynamics.actuators import Command, tilting
 from skyarm.dynamics.actuators.rotor import speeds_after
 from skyarm.records.coerce import RecordError
+from skyarm.records.leaves import blend
 from skyarm.sensing.estimate.error_state import (
     Covariance,
     Navigated,
@@ -45,7 +46,6 @@ from skyarm.sensing.estimate.filter_constants import (
     BLANK_READINGS,
     FilterMemory,
     FilterNumbers,
-    choose,
     in_turn,
     only,
 )
@@ -88,8 +88,8 @@ class ErrorStateFilter(FilterNumbers):
         started = memory.started > 0.5
         imu, encoders = only(ImuReading, readings), only(EncoderReading, readings)
         arrived = [only(kind, readings) for kind in AIDS[self.aiding]]
-        before = tuple(choose(started, old, imu) for old in memory.inertial)
-        belief = choose(started, memory.belief, self.first_belief(memory.belief, imu, arrived))
+        before = tuple(blend(started, old, imu) for old in memory.inertial)
+        belief = blend(started, memory.belief, self.first_belief(memory.belief, imu, arrived))
         joints = memory.joints
         if joints.joints:
             joints = filter_joints(joints, encoders, started, self.joint_bandwidth, imu.time, dt)
@@ -99,7 +99,7 @@ class ErrorStateFilter(FilterNumbers):
             started=memory.started * 0.0 + 1.0,
             inertial=(*before[1:], imu),
             aiding=tuple(
-                (*(choose(started, old, new) for old in queue[1:]), new)
+                (*(blend(started, old, new) for old in queue[1:]), new)
                 for queue, new in zip(memory.aiding, arrived, strict=True)
             ),
         )
@@ -123,7 +123,7 @@ class ErrorStateFilter(FilterNumbers):
         # servos of tilting rotors count as at their commanded angles
         leaning = tilting.turn_rotors(self.vehicle, command.tilts) if command.tilts else self.vehicle
         force = modelled_force(leaning, velocity, rate, joints.joints, joints.rates, (old, speeds), command.efforts)
-        kept = tuple(choose(started, each, force) for each in memory.modelled[1:])
+        kept = tuple(blend(started, each, force) for each in memory.modelled[1:])
         return replace(memory, rotor_speeds=speeds, modelled=(*kept, force))
 
     def _predict(self, memory: FilterMemory, before: ImuReading) -> FilterMemory:
@@ -190,4 +190,4 @@ def _apply_innovations(
         after, error, part = update_by_scalar(after, error, row.H, row.value, row.variance)
         surprise = surprise + part
     passed = logical_and(due, surprise < allowed)
-    return choose(passed, with_error(belief, error), belief), choose_covariance(passed, after, P), surprise
+    return blend(passed, with_error(belief, error), belief), choose_covariance(passed, after, P), surprise

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.algebra.scalars import Scalar, logical_and, logical_or, mul, sqrt, where
-from skyarm.compile import leaves, rebuild
+from skyarm.algebra.scalars import Scalar, logical_and, logical_or, mul, sqrt
 from skyarm.dynamics.actuators.drive import TorqueDrive
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.leaves import blend
 from skyarm.records.units import Unit
 from skyarm.sensing.estimate.error_state import ATTITUDE, Covariance, Navigated, diagonal, level_attitude
 from skyarm.sensing.estimate.estimator import Estimator
@@ -96,17 +96,12 @@ class FilterMemory:
         return self.inertial[0].time
 
 
-def choose(condition: Any, new: Any, old: Any) -> Any:
-    """``new`` where the condition holds, else ``old``, number by number of two records of one shape."""
-    return rebuild(old, (where(condition, a, b) for a, b in zip(leaves(new), leaves(old), strict=True)))
-
-
 def in_turn(queue: Sequence[Any], after: Any, until: Any) -> tuple[Any, Any]:
     """The reading of a queue that was taken after one instant and not after another; a condition, and the reading."""
     reading, found = queue[0], due_between(queue[0].time, after, until)
     for each in queue[1:]:
         due = due_between(each.time, after, until)
-        found, reading = logical_or(found, due), choose(due, each, reading)
+        found, reading = logical_or(found, due), blend(due, each, reading)
     return found, reading
 
 
