@@ -40,7 +40,7 @@ def check(
     """Check whether a vehicle can fly, and why not.
 
     Thrust margin, torques and forces over all arm poses, with and without a payload; joint torques against limits;
-    centre of mass, workspace, largest payload, largest steady wind; motor lag; units that look wrong. Of a scenario
+    workspace, largest payload, largest steady wind; motor lag; units that look wrong. Of a scenario
     also its reference against limits, and when rotors or joints would saturate.
 
     Exit code: 0 if it can fly, 1 if a fault was found, 2 if the input was wrong.

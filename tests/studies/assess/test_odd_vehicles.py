@@ -19,8 +19,7 @@ from skyarm.studies.assess.assessment import Assessment, _finding, assess_vehicl
 from skyarm.studies.assess.endurance import hover_time
 from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding
 from skyarm.studies.assess.joints import frequency, joint_torques, servo_stiffness
-from skyarm.studies.assess.layout import field_of_mass
-from skyarm.studies.assess.thrust import locked_inertia, torque_authority
+from skyarm.studies.assess.thrust import field_of_mass, locked_inertia, torque_authority
 from skyarm.vehicle.linkage import Joint
 
 PELICAN = skyarm.load_vehicle("pelican_arm2")

@@ -17,7 +17,6 @@ from skyarm.studies.assess.arm_poses import Allocation, ArmPoses, Array
 from skyarm.studies.assess.finding import FAULT, LEVELS, OK, WARNING, Finding
 from skyarm.studies.assess.flight_loads import FlightPart, disturbance_of, flight_parts, lanes, reference_at
 from skyarm.studies.assess.joints import OFTEN, effort_limits, servo_speeds, servos
-from skyarm.studies.assess.layout import center_of_mass_shift
 from skyarm.studies.assess.thrust import thrust_margin
 
 INSTANTS, FEWEST = 2000, 9
@@ -90,7 +89,7 @@ def _hovers_with_loads(parts: Sequence[FlightPart]) -> list[Finding]:
         reference = reference_at(part.scenario, np.linspace(part.start, part.stop, POSES_HELD, endpoint=False))
         joints, gravity = lanes(reference.joints, POSES_HELD).T, float(part.scenario.plant.gravity)
         poses = ArmPoses.only(part.vehicle, joints, gravity, part.words)
-        for each in (*thrust_margin(poses), *center_of_mass_shift(poses)):
+        for each in thrust_margin(poses):
             answers.setdefault(each.question.removesuffix(part.words), []).append(each)
     return [max(each, key=lambda finding: LEVELS.index(finding.level)) for each in answers.values()]
 

@@ -79,7 +79,7 @@ class Allocation:
         return np.asarray(np.min(far, axis=0), dtype=float)
 
 
-def center_of_mass(efforts: Array, mass: float, gravity: float) -> tuple[Array, Array]:
+def horizontal_center_of_mass(efforts: Array, mass: float, gravity: float) -> tuple[Array, Array]:
     """Horizontal place (x, y) of the centre of mass against the base origin, m: the moment of weight over weight."""
     weight = mass * gravity
     return -efforts[1] / weight, efforts[0] / weight

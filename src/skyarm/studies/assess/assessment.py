@@ -17,7 +17,7 @@ from skyarm.studies.assess.arm_poses import POSES, ArmPoses, arm_poses
 from skyarm.studies.assess.endurance import aloft_for, time_aloft
 from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding, at_most, worst_level
 from skyarm.studies.assess.joints import arm_workspace, joint_torques, servo_stiffness
-from skyarm.studies.assess.layout import center_of_mass_shift, mass_and_inertia, rotor_layout
+from skyarm.studies.assess.layout import mass_and_inertia, rotor_layout
 from skyarm.studies.assess.push_limits import push_limits
 from skyarm.studies.assess.thrust import largest_payload, largest_wind, sideways_reach, thrust_margin, torque_authority
 from skyarm.studies.stability.hover_delay import hover_delay_if_known
@@ -205,7 +205,7 @@ def _of_vehicle(poses: ArmPoses, payload: float) -> list[Finding]:
     for loaded in loads:
         if turned:
             found += thrust_margin(loaded)
-        found += [*center_of_mass_shift(loaded), *joint_torques(loaded)]
+        found += joint_torques(loaded)
     if turned:
         found += [*torque_authority(loads[-1]), *sideways_reach(loads[-1])]
         found += [*largest_payload(poses, payload), *largest_wind(vehicle, gravity, payload)]

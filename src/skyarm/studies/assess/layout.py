@@ -1,4 +1,4 @@
-"""Mass and rotors: senses, places and coefficients of the rotors, centre of mass, inertia."""
+"""Mass and rotors: weight, inertia, and senses and coefficients of the rotors."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import math
 import numpy as np
 
 from skyarm.dynamics.actuators import AllocationError, make_mixer
-from skyarm.studies.assess.arm_poses import Allocation, ArmPoses, Array, center_of_mass, hover_efforts
-from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding, at_least
+from skyarm.studies.assess.arm_poses import Allocation, Array, hover_efforts
+from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding
 from skyarm.vehicle.linkage import Body
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
@@ -22,28 +22,6 @@ THINNEST = 0.05
 
 LIGHTEST = 0.2
 """Share of the base in the whole mass."""
-
-
-def center_of_mass_shift(poses: ArmPoses) -> list[Finding]:
-    """Smallest distance of the centre of mass from the edge of the rotors' polygon, over all arm poses."""
-    hubs = rotor_polygon(poses.vehicle)
-    if len(hubs) < 3:
-        return []
-    mass = float(poses.vehicle.mass)
-
-    def inside(joints: Array) -> Array:
-        x, y = center_of_mass(poses.efforts(joints), mass, poses.gravity)
-        return np.stack([_inside(hubs, x, y), -np.hypot(x - hubs[:, 0].mean(), y - hubs[:, 1].mean())])
-
-    (least, shift), at = poses.worst(inside)
-    width = float(_inside(hubs, *hubs.mean(axis=0)[:, None])[0])
-    off, inner = 1e3 * -float(shift), 1e3 * float(least)
-    text = f"at most {off:.3g} mm from the rotors' middle, {inner:.3g} mm within their polygon"
-    text = text if least >= 0.0 else f"outside the rotors' polygon in the worst arm pose: {text}"
-    field = field_of_mass(poses.vehicle, at[0])
-    words = (text, field, f"move mass towards the rotors' middle ({field}; m, not mm?)")
-    limit = 0.25 * width
-    return [at_least(f"centre of mass{poses.held}", least, *words, fault=0.0, warning=limit, unit="m", joints=at[0])]
 
 
 def mass_and_inertia(vehicle: Vehicle, gravity: float) -> list[Finding]:
@@ -104,48 +82,6 @@ def _beside(vehicle: Vehicle) -> Array:
     beside = np.where((apart > 0.05 * most) & (apart > 0.0), apart, np.inf)
     level = np.where(np.abs(hubs[:, None, 2] - hubs[None, :, 2]) <= STAGGERED * apart, beside, np.inf)
     return level if np.isfinite(level).any() else beside
-
-
-def rotor_polygon(vehicle: Vehicle) -> Array:
-    """Corners (k, 2) of the convex hull of the hubs seen from above, counter-clockwise (Andrew's monotone chain)."""
-    points = sorted({(float(r.position.x), float(r.position.y)) for r in vehicle.rotors})
-    if len(points) < 3:
-        return np.array(points).reshape(-1, 2)
-    halves = []
-    for ordered in (points, points[::-1]):
-        chain: list[tuple[float, float]] = []
-        for p in ordered:
-            while len(chain) > 1 and _turn(chain[-2], chain[-1], p) <= 0.0:
-                chain.pop()
-            chain.append(p)
-        halves += chain[:-1]
-    return np.array(halves)
-
-
-def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-
-
-def _inside(hubs: Array, x: Array, y: Array) -> Array:
-    """Least distance to an edge of a convex polygon, negative outside, of points (lanes,)."""
-    a, b = hubs, np.roll(hubs, -1, axis=0)
-    along = (b - a) / np.linalg.norm(b - a, axis=1, keepdims=True)
-    beside = along[:, 0, None] * (y - a[:, 1, None]) - along[:, 1, None] * (x - a[:, 0, None])
-    return np.asarray(beside.min(axis=0), dtype=float)
-
-
-def field_of_mass(vehicle: Vehicle, joints: Array) -> str:
-    """Section that causes a centre of mass off the rotors' middle in a pose (n,): the base or the links.
-
-    It is the base's where its share of the whole moment is more than half.
-    """
-    if not vehicle.n:
-        return "base.com"
-    middle = np.mean([[float(rotor.position.x), float(rotor.position.y)] for rotor in vehicle.rotors], axis=0)
-    mass = float(vehicle.mass)
-    whole = np.ravel(center_of_mass(hover_efforts(vehicle, 1.0, np.reshape(joints, (1, -1))), mass, 1.0)) - middle
-    own = np.array([float(vehicle.base.com.x), float(vehicle.base.com.y)]) - middle
-    return "base.com" if float(vehicle.base.mass) / mass * own @ whole > 0.5 * whole @ whole else "links.com"
 
 
 AIR = 1.225

@@ -12,10 +12,17 @@ from skyarm.dynamics.actuators import AllocationError, make_mixer, rotor_forces
 from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.dynamics.actuators.tilting import as_pairs
 from skyarm.dynamics.array_front import center_of_mass, mass_matrix
-from skyarm.studies.assess.arm_poses import WRENCH, Allocation, ArmPoses, Array, hanging_joints
+from skyarm.studies.assess.arm_poses import (
+    WRENCH,
+    Allocation,
+    ArmPoses,
+    Array,
+    hanging_joints,
+    horizontal_center_of_mass,
+    hover_efforts,
+)
 from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding, at_least
 from skyarm.studies.assess.joints import effort_limits
-from skyarm.studies.assess.layout import field_of_mass
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world import body_drag
 
@@ -58,6 +65,23 @@ def _margin(poses: ArmPoses, busiest: float, joints: Array) -> Finding:
     if not margin >= 1.0:
         text = f"cannot hover: {text} ({float(poses.vehicle.mass) * poses.gravity:.3g} N of weight)"
     return at_least(question, margin, text, field, remedy, fault=1.0, warning=ENOUGH, joints=joints)
+
+
+def field_of_mass(vehicle: Vehicle, joints: Array) -> str:
+    """Section that causes a centre of mass off the rotors' middle in a pose (n,): the base or the links.
+
+    It is the base's where its share of the whole moment is more than half.
+    """
+    if not vehicle.n:
+        return "base.com"
+    middle = np.mean([[float(rotor.position.x), float(rotor.position.y)] for rotor in vehicle.rotors], axis=0)
+    mass = float(vehicle.mass)
+    whole = (
+        np.ravel(horizontal_center_of_mass(hover_efforts(vehicle, 1.0, np.reshape(joints, (1, -1))), mass, 1.0))
+        - middle
+    )
+    own = np.array([float(vehicle.base.com.x), float(vehicle.base.com.y)]) - middle
+    return "base.com" if float(vehicle.base.mass) / mass * own @ whole > 0.5 * whole @ whole else "links.com"
 
 
 AXES = ("roll", "pitch", "yaw")
