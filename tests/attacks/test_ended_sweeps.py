@@ -99,8 +99,6 @@ def test_files_that_vanish_at_random_times_are_flown_again_or_said(tmp_path: Pat
         thread.start()
         try:
             run_sweep(small_study(**STUDY), folder)
-        except OSError as error:
-            assert "vanished while the sweep ran" in str(error)
         finally:
             stop.set()
             thread.join()

@@ -7,7 +7,6 @@ import signal
 import tempfile
 import time
 import traceback
-import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -268,10 +267,8 @@ def _used(path: Path) -> Log:
 
 
 def _study(path: Path) -> Any:
-    """A study; a mutation may drop the name of its design, and a grid drawn at random is allowed with a warning."""
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "vary.*drawn from by chance", UserWarning)
-        return load_study(path)
+    """A study."""
+    return load_study(path)
 
 
 def _mesh(path: Path) -> Any:

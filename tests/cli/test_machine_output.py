@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import typer
 from every_command import COMMANDS, KEPT, NEEDS, SERVES
 
 import skyarm as package
@@ -213,17 +212,6 @@ def test_a_command_of_one_s_own_has_the_options_and_its_lines_are_the_document()
     assert json.loads(ended.out)["lines"] == ["number 4"]
     assert run_own(own, "--quiet").out == ""
     assert run_own(own).out == "number 3\n"
-
-
-def test_an_option_of_one_s_own_that_is_called_so_stays_one_s_own() -> None:
-    seen = []
-
-    def own(file: str = typer.Option("", "--json")) -> None:
-        """Take a file."""
-        seen.append(file)
-
-    assert run_own(own, "--json", "x").code == 0
-    assert seen == ["x"]
 
 
 def test_no_colour_goes_where_nobody_wants_it(monkeypatch: pytest.MonkeyPatch) -> None:

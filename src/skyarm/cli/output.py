@@ -138,17 +138,12 @@ def is_document_wanted() -> bool:
 
 
 def with_output_options(name: str, function: Callable[..., Any]) -> Callable[..., Any]:
-    """The function of a command with ``--json`` and ``--quiet`` beside its own options.
-
-    An option of its own that is called so, as a plugin may have one, stays its own.
-    """
+    """The function of a command with ``--json`` and ``--quiet`` beside its own options."""
     signature = inspect.signature(function, eval_str=True)
     own = list(signature.parameters.values())
-    taken = {word for each in own for word in _words(each)}
     added = [
         inspect.Parameter(parameter, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=option)
         for parameter, option in OPTIONS.items()
-        if not taken & {parameter, *option.__metadata__[0].param_decls, option.__metadata__[0].default}
     ]
 
     @functools.wraps(function)
@@ -160,15 +155,6 @@ def with_output_options(name: str, function: Callable[..., Any]) -> Callable[...
     perform.__dict__["__signature__"] = signature.replace(parameters=[*own, *added])
     perform.__annotations__ = {each.name: each.annotation for each in (*own, *added)}
     return perform
-
-
-def _words(parameter: inspect.Parameter) -> set[str]:
-    """Name of a parameter, and of its option."""
-    found = {parameter.name}
-    for each in (*getattr(parameter.annotation, "__metadata__", ()), parameter.default):
-        if hasattr(each, "param_decls"):
-            found |= {word for word in (*(each.param_decls or ()), each.default) if isinstance(word, str)}
-    return found
 
 
 @contextmanager

@@ -41,7 +41,7 @@ def copied(whole: Path, folder: Path) -> Path:
     return folder
 
 
-def test_chunks_that_vanish_while_a_sweep_runs_are_an_error_and_the_same_command_completes_the_folder(
+def test_chunks_that_vanish_while_a_sweep_runs_are_not_counted_and_the_same_command_completes_the_folder(
     whole: Path, tmp_path: Path
 ) -> None:
     def progress(done: int, total: int) -> None:
@@ -49,9 +49,7 @@ def test_chunks_that_vanish_while_a_sweep_runs_are_an_error_and_the_same_command
             for path in chunks(tmp_path):
                 path.unlink()
 
-    with pytest.raises(OSError, match="2 of 4 files of rows vanished while the sweep ran") as caught:
-        run_sweep(small_study(), tmp_path, progress=progress)
-    assert "\n" not in str(caught.value)
+    run_sweep(small_study(), tmp_path, progress=progress)
     manifest = manifest_of(tmp_path)
     assert (manifest["complete"], manifest["chunks"]) == (False, {"done": 2, "of": 4})
     assert run_sweep(small_study(), tmp_path).flown == 32

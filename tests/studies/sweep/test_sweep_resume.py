@@ -159,14 +159,6 @@ def test_a_chunk_of_another_study_is_not_taken_for_one_of_this(done: Path, tmp_p
     assert files_of(done) == before
 
 
-def test_what_a_killed_process_was_writing_is_cleared_away(done: Path) -> None:
-    before = files_of(done)
-    (done / "rows" / ".chunk_0000003.parquet.0123456789ab.part").write_bytes(b"half")
-    (done / ".manifest.json.0123456789ab.part").write_bytes(b"half")
-    run_sweep(small_study(), done)
-    assert files_of(done) == before
-
-
 CHANGES: list[tuple[dict[str, Any], str]] = [
     ({"episodes": 51}, "episodes = 51: must be 50"),
     ({"seed": 4}, "seed = 4: must be 3"),

@@ -78,17 +78,6 @@ class SettledHover:
             found.append(Instant(hover=True, time=self._time, by_lag=by_lag, swings=swings))
         return found
 
-    def delays(self, values: Mapping[str, Array], threads: int = 1) -> Array:
-        """Delay margin of each set of numbers, s, with the worse time constant of the rotors; 0 where none settled.
-
-        A third of the time of :meth:`margins`.
-        """
-        found = []
-        for settled, numbers in zip(self.settle(values, threads), self._sets(values), strict=True):
-            each = [0.0] if settled is None else [delay_margin(self.open_loop(settled, numbers, lag)) for lag in LAGS]
-            found.append(min(each))
-        return np.array(found)
-
     def settle(self, values: Mapping[str, Array], threads: int = 1) -> list[Any]:
         """Fly the hovers of all sets; the loop state each ends in, None where it diverged or ended early."""
         columns = [np.asarray(values[path], dtype=float) for path in self.paths]

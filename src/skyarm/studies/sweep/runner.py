@@ -92,7 +92,7 @@ def run_sweep(
     Raises:
         StudyError: a number that cannot be flown, or a folder that holds another study.
         TakenError: another sweep writes into the folder.
-        OSError: the folder cannot be written, which is seen before any flight; or files of rows vanished.
+        OSError: the folder cannot be written, which is seen before any flight.
     """
     arrow()
     first, stride = _part(part)
@@ -106,8 +106,6 @@ def run_sweep(
                 store = StudyFolder(folder, plan.manifest)
             except StudyError as error:
                 raise StudyError(f"{study.source}: {error}") from None
-            if part is None:
-                store.clear()
             store.write_manifest()
             found, todo = store.episodes, [i for i in range(first, study.chunks, stride) if i not in store.done]
             report(found, study.episodes)
@@ -118,7 +116,7 @@ def run_sweep(
                     flown += len(study.span(index))
                     report(store.episodes, study.episodes)
             finally:
-                store.finish()
+                store.write_manifest()
     rows = store.episodes * len(study.scenarios)
     return Summary(folder=folder, rows=rows, flown=flown, found=found, seconds=time.perf_counter() - begin)
 

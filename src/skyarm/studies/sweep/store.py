@@ -42,12 +42,6 @@ MARK, FACTS, VERSION = b"skyarm", b"skyarm.study", b"skyarm.version"
 
 CHUNK = re.compile(r"chunk_(\d{7})\.parquet")
 
-LEFT = re.compile(r"\.(chunk_\d+\.parquet|manifest\.json)\.[0-9a-f]+\.part")
-"""Names of the unfinished files of a killed process."""
-
-NAMED = 3
-"""Files that a message names; of more it gives the number."""
-
 
 def arrow() -> Any:
     """The Parquet library.
@@ -224,8 +218,7 @@ def whole_chunks(folder: str | os.PathLike[str], manifest: Manifest) -> tuple[li
 
 def not_counted(names: Sequence[str]) -> list[str]:
     """A line on files of rows that are not counted; none where all are."""
-    named = ", ".join(names[:NAMED]) + (f" and {len(names) - NAMED} more" if len(names) > NAMED else "")
-    return [f"not counted, since they are damaged or of another study: {named}"] if names else []
+    return [f"not counted, since they are damaged or of another study: {', '.join(names)}"] if names else []
 
 
 class StudyFolder:
@@ -268,33 +261,12 @@ class StudyFolder:
         write_inside(chunk_path(self.folder, index), content, entry=False)
         self.done.add(index)
 
-    def clear(self) -> None:
-        """Remove the unfinished files of a killed process."""
-        for each in (self.folder, self.folder / ROWS):
-            for path in each.iterdir():
-                if LEFT.fullmatch(path.name) and not path.is_dir():
-                    path.unlink(missing_ok=True)
-
     def write_manifest(self) -> None:
         """Write the manifest, marked complete if every chunk is on disk."""
         sync_folder(self.folder / ROWS)
+        self.done &= set(chunks_there(self.folder))
         manifest, done = self.manifest, len(self.done)
         rows = self.episodes * len(manifest.scenarios)
         facts = {"schema": SCHEMA, "name": manifest.name, "digest": manifest.digest, **asdict(manifest)}
         facts |= {"complete": done == manifest.chunks, "rows": rows, "chunks": {"done": done, "of": manifest.chunks}}
         write_inside(self.folder / MANIFEST, (json.dumps(facts, indent=1) + "\n").encode())
-
-    def finish(self) -> None:
-        """Write the manifest at the end of a sweep.
-
-        Raises:
-            OSError: files vanished; they count as not flown.
-        """
-        lost = self.done - set(chunks_there(self.folder))
-        self.done = set(chunks_there(self.folder)) if lost else self.done
-        self.write_manifest()
-        if lost:
-            raise OSError(
-                f"{self.folder}: {len(lost)} of {self.manifest.chunks} files of rows vanished while the sweep ran; the "
-                "same command continues"
-            )

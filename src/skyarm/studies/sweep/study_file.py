@@ -26,7 +26,6 @@ Every error is one line: file, field, value, what is allowed.
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Collection, Mapping, Sequence
 from importlib import resources
 from math import prod
@@ -137,7 +136,7 @@ def _study(top: Fields, folder: Path, source: str) -> Study:
     design = top.choice("design", DESIGNS, "random")
     vary = _vary(top.take("vary", {}), design)
     derived = derived_from(top.take("derived", {}), tuple(vary))
-    _say_grid(top)
+    _require_grid_design(top)
     seed = top.take("seed", 0)
     noise_key("seed", seed)
     chosen: dict[str, Any] = {
@@ -193,20 +192,14 @@ def _vary(table: Any, design: str) -> dict[str, Distribution]:
     return vary
 
 
-def _say_grid(top: Fields) -> None:
-    """Warn of a random draw from a grid where the study names no design and the grid's product may be intended.
-
-    Raises:
-        ValueError: no number of episodes either, so that the product is what is meant.
-    """
+def _require_grid_design(top: Fields) -> None:
+    """Refuse a grid without its design or a number of episodes: the grid's product is what is meant."""
     paths = [path for path, value in top.table["vary"].items() if "grid" in value] if "vary" in top.table else []
     if not paths or top.table.get("design", "random") == "grid":
         return
     at = f'vary."{paths[0]}" = {shown(top.table["vary"][paths[0]])}'
     if "episodes" not in top.table:
         raise ValueError(f'{at}: must come with design = "grid", or with a number of episodes')
-    if "design" not in top.table:
-        warnings.warn(f'{at}: is drawn from by chance; design = "grid" flies every cell', UserWarning, stacklevel=2)
 
 
 def _episodes(top: Fields, design: str, vary: Mapping[str, Distribution]) -> int:
