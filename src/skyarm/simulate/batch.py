@@ -123,8 +123,6 @@ class Batch:
         for stretch, stop in zip(course, stops, strict=True):
             self._legs.append(Leg(scenario, stretch.overrides, range(stretch.start, stop), options, self._legs))
         self.base = np.array(self._legs[0].base)
-        begins = next(leg for leg in self._legs if leg.periods)
-        self.kernel, self.rows = begins.kernel, begins.rows
 
     def fly(
         self, values: Mapping[str, Array], *, seed: int = 0, episodes: Array | None = None, threads: int = 1
@@ -174,7 +172,7 @@ class Batch:
             parameters = leg.parameters(columns, count)
             carry = leg.begin(parameters, keys["seed"], keys["episodes"], last)
             carry, kept = leg.fly(carry, parameters, keys, threads)
-            last, log = (leg, carry), [*log, *((leg.log_record, rows) for rows in kept)]
+            last, log = (leg, carry), [*log, *kept]
         return carry, log
 
     def _statuses(self, columns: list[Array], now: LoopState, ticks: Array, ended: Array) -> Array:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, cast
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -31,7 +31,7 @@ from skyarm.simulate.lane_numbers import require_short_steps
 from skyarm.simulate.loop_state import LoopState, Row, Sample, carry_over
 from skyarm.simulate.period import make_period
 from skyarm.simulate.plant_steps import RigidBodySteps, Substeps
-from skyarm.simulate.reference_clock import Waits, clock_of_change, is_other_reference
+from skyarm.simulate.reference_clock import clock_of_change, is_other_reference
 from skyarm.simulate.stages import Stages
 from skyarm.simulate.tip_and_goal import goal_of, tool_of
 
@@ -119,51 +119,26 @@ def _zeros(record: Any) -> Any:
     return rebuild(record, iter([0.0] * len(leaves(record))))
 
 
-def make_counting_period(
-    scenario: Scenario, substeps: Callable[[float], int], wanted: Sequence[Total]
-) -> Callable[..., tuple[tuple[LoopState, tuple[Any, ...]], Sample]]:
-    """The function of one control period that also counts totals of a living episode.
-
-    It takes (loop state, totals), the row, the held and the continuous goal, the windows the instant lies in (name ->
-    condition), and the uniform numbers.
-    """
-    stages = Stages(scenario)
-    period = make_period(stages, RigidBodySteps(stages, substeps))
-    vehicle = scenario.plant.vehicle
-
-    def step(
-        both: tuple[LoopState, tuple[Any, ...]],
-        row: Row,
-        goals: tuple[Goal, ...],
-        inside: Mapping[str, Any],
-        uniforms: tuple[Any, ...],
-    ) -> tuple[tuple[LoopState, tuple[Any, ...]], Sample]:
-        loop, totals = both
-        row = stages.waits.lead(loop.clock, loop.ticks, row)
-        if not goals:
-            free = stages.waits.reference(*stages.waits.instants(stages.waits.log_values(loop.clock, loop.ticks))[1])
-            goals = goal_of(vehicle, row.reference.dense()), goal_of(vehicle, free.dense())
-        following, sample = period(loop, row, uniforms)
-        state, command = sample.state, sample.command
-        first = loop.ticks < 0.5
-        pairs = zip(command.rotor_speeds, loop.queue[-1].rotor_speeds, strict=True)
-        now = Instant(
-            state=state,
-            tool=tool_of(vehicle, state),
-            command=command,
-            before=tuple(where(first, new, old) for new, old in pairs),
-            held=goals[0],
-            continuous=goals[1],
-            lag=0.0 if isinstance(row.path_time, tuple) else row.time - row.path_time,
-            phase=stages.waits.phase(row.path_time),
-            time=row.time,
-            **_interaction(scenario, row, sample),
-        )
-        alive = sample.alive > 0.5
-        counts = {name: alive if within is True else logical_and(alive, within) for name, within in inside.items()}
-        return (following, advance_totals(totals, wanted, now, counts)), sample
-
-    return step
+def _instant(stages: Stages, loop: LoopState, row: Row, sample: Sample, goals: tuple[Goal, ...]) -> Instant:
+    """A control instant for the metrics; the reference's clock gives the goals where its phases wait."""
+    vehicle, waits, command = stages.scenario.plant.vehicle, stages.waits, sample.command
+    if not goals:
+        free = waits.reference(*waits.instants(waits.log_values(loop.clock, loop.ticks))[1])
+        goals = goal_of(vehicle, row.reference.dense()), goal_of(vehicle, free.dense())
+    first = loop.ticks < 0.5
+    pairs = zip(command.rotor_speeds, loop.queue[-1].rotor_speeds, strict=True)
+    return Instant(
+        state=sample.state,
+        tool=tool_of(vehicle, sample.state),
+        command=command,
+        before=tuple(where(first, new, old) for new, old in pairs),
+        held=goals[0],
+        continuous=goals[1],
+        lag=0.0 if isinstance(row.path_time, tuple) else row.time - row.path_time,
+        phase=waits.phase(row.path_time),
+        time=row.time,
+        **_interaction(stages.scenario, row, sample),
+    )
 
 
 def _interaction(scenario: Scenario, row: Row, sample: Sample) -> dict[str, Any]:
@@ -186,30 +161,24 @@ class LegOptions:
     """Settings that all legs of a batch share.
 
     Attributes:
-        paths: varied numbers. stiffest: in place of the scenario, for the integration steps; or None.
+        paths: varied numbers. lanes: vector shape. stiffest: in place of the scenario, for the integration steps.
         wanted: totals that are counted. masks: window -> (steps,) which instants lie in it.
-        lanes: vector shape. every: keep each so many periods' state, command and reference; 0 keeps none.
+        every: keep each so many periods' state, command and reference; 0 keeps none.
         changing: whether there are several legs. effort: of the compiler.
     """
 
     paths: tuple[str, ...]
-    stiffest: Scenario | None
-    wanted: Sequence[Total]
-    masks: Mapping[str, Array]
     lanes: Lanes
-    every: int
-    changing: bool
-    effort: int
+    stiffest: Scenario | None = None
+    wanted: Sequence[Total] = ()
+    masks: Mapping[str, Array] = field(default_factory=dict)
+    every: int = 0
+    changing: bool = False
+    effort: int = 0
 
 
-@dataclass(frozen=True, kw_only=True)
-class LegCode:
-    """Machine code of a leg.
-
-    Attributes:
-        kernel: the code. logged: record that it logs.
-        key: of legs that may share it. substeps: integration steps that it was traced with.
-    """
+class LegCode(NamedTuple):
+    """Machine code of a leg, the record that it logs, key of legs that may share it, and its integration steps."""
 
     kernel: Kernel
     logged: Any
@@ -275,30 +244,24 @@ class Leg:
         def step(both: Any, values: tuple[Any, ...], fed: Any, uniforms: Any) -> tuple[Any, Any]:
             varied = self._lane_scenario(values)
             row, goals, inside = self._feed.read(varied, fed)
-            row = Waits(varied).lead(both[0].clock, both[0].ticks, row)
-            period = make_counting_period(varied, substeps, options.wanted)
-            following, sample = period(both, row, goals, inside, uniforms)
+            stages, (loop, totals) = Stages(varied), both
+            row = stages.waits.lead(loop.clock, loop.ticks, row)
+            period = make_period(stages, RigidBodySteps(stages, substeps))
+            following, sample = period(loop, row, uniforms)
+            alive, instant = sample.alive > 0.5, _instant(stages, loop, row, sample, goals)
+            counted = {name: alive if each is True else logical_and(alive, each) for name, each in inside.items()}
+            totals = advance_totals(totals, options.wanted, instant, counted)
             wanted = row.reference.dense() if options.changing else row.reference
             received = tuple((f"{READINGS}.{name}", reading) for name, reading in sample.readings)
             received += ((ESTIMATE, sample.measurement),) if varied.has_estimator else ()
             kept = Logged(
                 alive=sample.alive, state=sample.state, command=sample.command, reference=wanted, received=received
             )
-            return following, kept if options.every else ()
+            return (following, totals), kept if options.every else ()
 
-        loop = self._loop.program(step, self.first, self._loop.base, self._feed.example)
-        kernel = Kernel(loop, options.lanes, logging=options.every > 0, effort=options.effort)
-        return LegCode(kernel=kernel, logged=loop.result[1], key=key, substeps=substeps)
-
-    @property
-    def kernel(self) -> Kernel:
-        """Machine code of a leg that has periods."""
-        return cast("LegCode", self.code).kernel
-
-    @property
-    def log_record(self) -> Any:
-        """Record that such a leg logs."""
-        return cast("LegCode", self.code).logged
+        program = self._loop.program(step, self.first, self._loop.base, self._feed.example)
+        kernel = Kernel(program, options.lanes, logging=options.every > 0, effort=options.effort)
+        return LegCode(kernel, program.result[1], key, substeps)
 
     def numbers_by_path(self, columns: Sequence[Array]) -> dict[str, Array]:
         """Path -> (lanes,) numbers in force in this leg: the lanes' own, and those set by changes."""
@@ -328,13 +291,15 @@ class Leg:
         rows = [*leaves(now), *leaves(totals_now)]
         return np.stack([np.broadcast_to(row, (len(episodes),)) for row in rows])
 
-    def fly(self, carry: Array, parameters: Array, keys: Mapping[str, Any], threads: int) -> tuple[Array, list[Array]]:
-        """Carry after the leg, and what it logs: (samples, leaves, lanes) each."""
-        if not self.periods:
+    def fly(
+        self, carry: Array, parameters: Array, keys: Mapping[str, Any], threads: int
+    ) -> tuple[Array, list[tuple[Any, Array]]]:
+        """Carry after the leg, and what it logs: record and (samples, leaves, lanes) of each piece."""
+        if self.code is None:
             return carry, []
-        kernel, every = self.kernel, max(1, self._options.every)
+        kernel, every = self.code.kernel, max(1, self._options.every)
         limit = np.finfo(kernel.dtype).max
-        log: list[Array] = []
+        log: list[tuple[Any, Array]] = []
         # samples are kept at multiples of ``every`` from the beginning of the flight
         aligned = min(-(-self.periods.start // every) * every, self.periods.stop)
         for start, stop in ((self.periods.start, aligned), (aligned, self.periods.stop)):
@@ -342,7 +307,7 @@ class Leg:
                 rows = self.rows[start - self.periods.start : stop - self.periods.start]
                 held = np.clip(carry, -limit, limit)
                 carry, kept = kernel.run(held, parameters, rows, start=start, threads=threads, every=every, **keys)
-                log += [kept] if start % every == 0 else []
+                log += [(self.code.logged, kept)] if start % every == 0 else []
         return carry, log
 
     def statuses(self, columns: Sequence[Array], now: LoopState, ticks: Array, ended: Array) -> Array:

@@ -45,16 +45,7 @@ class SettledHover:
         flight = flight.with_words(kind="rigid_body")
         self.paths = tuple(paths)
         self._differentiator = Differentiator(flight, self.paths)
-        options = LegOptions(
-            paths=self.paths,
-            stiffest=None,
-            wanted=(),
-            masks={},
-            lanes=Lanes(host_width(), contract=False),
-            every=0,
-            changing=False,
-            effort=0,
-        )
+        options = LegOptions(paths=self.paths, lanes=Lanes(host_width(), contract=False))
         self._leg = Leg(flight, stretches(flight)[0].overrides, range(flight.steps), options)
         inputs = episode_inputs(flight)
         self._row = inputs.rows(flight.steps - 1, flight.steps)[0].tolist()
