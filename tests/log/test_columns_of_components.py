@@ -10,6 +10,7 @@ import numpy as np
 import skyarm
 from skyarm.algebra import Vec3
 from skyarm.log.log_columns import columns
+from skyarm.view.figures.flight_panels import panels_of
 from skyarm.world import Wrench
 
 
@@ -40,3 +41,11 @@ def test_a_component_logs_what_it_declares(tmp_path):
     log.save_npz(tmp_path / "log.npz")
     read = skyarm.Log.load_npz(tmp_path / "log.npz")
     assert np.array_equal(read["components.cable_tension"], log["components.cable_tension"])
+
+
+def test_they_have_panels():
+    scenario = skyarm.load_scenario("case1", duration=0.1).with_words(forces=(Cable(),))
+    log = skyarm.run(scenario)
+    near, far = panels_of("parts", [log])
+    assert (near.label, near.unit) == ("cable_tension_near_end", "N")
+    assert np.array_equal(far.of(log), np.full(log.time.size, 0.2))

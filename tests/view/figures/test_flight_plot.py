@@ -74,7 +74,7 @@ def expected(kind: str, log: skyarm.Log) -> list[tuple[str, Any, Any]]:
     return found[kind]
 
 
-@pytest.mark.parametrize("kind", [*(kind for kind in KINDS if kind != "contact"), "all"])
+@pytest.mark.parametrize("kind", [*(kind for kind in KINDS if kind not in ("contact", "parts")), "all"])
 def test_every_line_is_the_log_s(kind: str) -> None:
     figure = plot(flights(), kind=kind)
     for name, log in flights().items():
@@ -305,7 +305,7 @@ def test_labels_are_what_tells_flights_apart() -> None:
         ({"kind": "contact"}, "kind = 'contact': must be another one, for the flights have no contact"),
         (
             {"kind": "speed"},
-            "kind = 'speed': must be one of tracking, attitude, tip, contact, efforts, rotors, all, path",
+            "kind = 'speed': must be one of tracking, attitude, tip, contact, efforts, rotors, parts, all, path",
         ),
         ({"kind": "trackin"}, "did you mean 'tracking'?"),
         ({"window": (2.0, 1.0)}, "window = [2, 1]: must start before it stops"),

@@ -12,8 +12,9 @@ import numpy.typing as npt
 
 from skyarm.log.flight_log import Log
 from skyarm.log.flown_scenario import written_part
-from skyarm.log.log_columns import names_of, unit_of_kind
+from skyarm.log.log_columns import columns, names_of, unit_of_kind
 from skyarm.log.periods import contact_pairs
+from skyarm.log.sensor_data import COMPONENTS
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.units import Unit
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -212,6 +213,17 @@ def _rotors(logs: Sequence[Log]) -> list[Panel]:
     ]
 
 
+def _parts(logs: Sequence[Log]) -> list[Panel]:
+    """Every number that components of the flights declare."""
+    every = {each.name: each for log in logs for each in columns(log) if each.array.startswith(f"{COMPONENTS}.")}
+    return [Panel(label=name, unit=each.unit, of=_declared(name)) for name, each in every.items()]
+
+
+def _declared(name: str) -> Read:
+    """Log -> a column of its components by name."""
+    return lambda log: next((each.of(log) for each in columns(log) if each.name == name), None)
+
+
 KINDS: Mapping[str, Callable[[Sequence[Log]], list[Panel]]] = {
     "tracking": _tracking,
     "attitude": _attitude,
@@ -219,7 +231,11 @@ KINDS: Mapping[str, Callable[[Sequence[Log]], list[Panel]]] = {
     "contact": _contact,
     "efforts": _efforts,
     "rotors": _rotors,
+    "parts": _parts,
 }
+
+RARE = ("parts",)
+"""Kinds that are drawn where they are named."""
 
 ALL, PATH = "all", "path"
 
@@ -249,9 +265,9 @@ def panels_of(kind: str, logs: Sequence[Log]) -> list[Panel]:
     if kind not in (*KINDS, ALL):
         raise ValueError(f"kind = {shown(kind)}: {must_be_one_of((*KINDS, ALL, PATH), kind)}")
     has_tip = any(not np.array_equal(log.tip, log.position) for log in logs)
-    kinds = [name for name in KINDS if name != "tip" or has_tip] if kind == ALL else [kind]
+    kinds = [name for name in KINDS if name not in RARE and (name != "tip" or has_tip)] if kind == ALL else [kind]
     found = [panel for each in kinds for panel in KINDS[each](logs)]
     if not found:
-        missing = {"efforts": "joints", "contact": "contact"}.get(kind, "rotors")
+        missing = {"efforts": "joints", "contact": "contact", "parts": "parts that log"}.get(kind, "rotors")
         raise ValueError(f"kind = {shown(kind)}: must be another one, for the flights have no {missing}")
     return found

@@ -152,7 +152,7 @@ def _serialize(
 
 
 class _Recorded:
-    """One flight in the scene: vehicle, ghost, its tip's path, name and error, wind, its world and forces of touches."""
+    """One flight in the scene: vehicle, ghost, its tip's path, name and error, wind, its world and touches."""
 
     def __init__(
         self, scene: Any, root: str, flight: FilmedFlight, shift: Array, times: Array, settings: FilmSettings
