@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import as_completed
 from dataclasses import dataclass, field
 from typing import Any
 
 from skyarm.paper.flights import Flight, Metrics, flights, fly, metrics
 from skyarm.paper.inferred_settings import INFERRED, PREDICTED, measure_inferred, settings_in, shipped_evidence
+from skyarm.paper.published import Record
 from skyarm.paper.variations import variation, variations
 from skyarm.simulate import Log
 from skyarm.simulate.workers import workers as spread
@@ -87,7 +88,7 @@ def perform(job: Job) -> Log | Metrics:
     return varied.measure(job.flight.case, fly(job.flight, varied.change))
 
 
-def inferred_jobs(plants: Sequence[str], evidence: Mapping[str, Any]) -> list[Job]:
+def inferred_jobs(plants: Sequence[str], evidence: Record) -> list[Job]:
     """Every flight of the paper with the inferred settings; with the predicted ones on the first plant."""
     return [
         Job(flight, kind=kind, settings=tuple(settings_in(evidence, kind).items()))
@@ -100,7 +101,7 @@ def run_campaign(
     plants: Sequence[str],
     *,
     sensitivity: bool = True,
-    evidence: Mapping[str, Any] | None = None,
+    evidence: Record | None = None,
     inferred: bool = True,
     workers: int = 1,
     progress: Progress | None = None,

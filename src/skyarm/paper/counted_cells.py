@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from skyarm.paper.inferred_settings import unstated_study
-from skyarm.paper.published import PAPER, finite_or_none, rounding
+from skyarm.paper.published import PAPER, Record, finite_or_none, rounding
 from skyarm.paper.unstated_study import Cell, group_places, losses, tally
 from skyarm.scenario.scenario_record import PLANTS
 
@@ -20,7 +20,7 @@ RULE = (
     "|paper|. Settling times are left out: the paper gives no rule for them."
 )
 
-Column = Callable[[Mapping[str, Any]], Any]
+Column = Callable[[Record], Any]
 
 
 @lru_cache(maxsize=1)
@@ -45,7 +45,7 @@ def inferred_value(plant: str) -> Column:
     return lambda cell: cell.get("inferred", {}).get(plant)
 
 
-def column_values(experiments: Mapping[str, Any], column: Column, cells: Sequence[Cell]) -> Any:
+def column_values(experiments: Record, column: Column, cells: Sequence[Cell]) -> Any:
     """(cells,) numbers of a column; NaN where there is none."""
     found = []
     for cell in cells:
@@ -55,9 +55,7 @@ def column_values(experiments: Mapping[str, Any], column: Column, cells: Sequenc
     return np.array(found)
 
 
-def counts(
-    experiments: Mapping[str, Any], column: Column, fits: Callable[[Cell], bool] | None = None
-) -> dict[str, Any]:
+def counts(experiments: Record, column: Column, fits: Callable[[Cell], bool] | None = None) -> dict[str, Any]:
     """Loss and counts of a column over the cells that fit; all of them if left out. {} where none was flown."""
     cells = [cell for cell in published_cells() if fits is None or fits(cell)]
     values, shape = column_values(experiments, column, cells), unstated_study()["loss"]
@@ -79,7 +77,7 @@ def in_case(case: str) -> Callable[[Cell], bool]:
     return lambda cell: cell.flight.rpartition(" ")[0] == case
 
 
-def sentence(results: Mapping[str, Any]) -> str:
+def sentence(results: Record) -> str:
     """The counts of all columns, in words."""
     experiments = results.get("experiments", {})
     by_plant = {plant: counts(experiments, stated_value(plant)) for plant in PLANTS}
@@ -94,7 +92,7 @@ def sentence(results: Mapping[str, Any]) -> str:
     return f"Of the paper's {len(published_cells())} numeric cells, {'; '.join(parts)}."
 
 
-def _several(by_plant: Mapping[str, Mapping[str, Any]]) -> str:
+def _several(by_plant: Mapping[str, Record]) -> str:
     """Counts on the first plant in words, on the second as numbers."""
     flown = [(plant, [each[f"within_{share}%"] for share in (25, 10, 5)]) for plant, each in by_plant.items() if each]
     if not flown:

@@ -11,7 +11,7 @@ from typing import Any
 from skyarm.log.metrics.metric_catalogue import REFERRED
 from skyarm.log.metrics.score import score, settling_time
 from skyarm.log.metrics.windows import Windows
-from skyarm.paper.published import CASES, CONTINUOUS, CONTROLLERS, PAPER
+from skyarm.paper.published import CASES, CONTINUOUS, CONTROLLERS, PAPER, Record
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import PLANTS
 from skyarm.simulate import Log, Scenario, Window, run
@@ -132,7 +132,7 @@ def results(measured: Measured, settings: dict[str, Any], inferred: Measured | N
     return {"schema": 1, "experiments": experiments, "settings": settings}
 
 
-def first_plant(results: Mapping[str, Any]) -> str:
+def first_plant(results: Record) -> str:
     """The plant that flew first: the one of differences, reasons and figures."""
     named = results.get("settings", {}).get("plants")
     if named:

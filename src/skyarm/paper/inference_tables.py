@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from skyarm.paper.counted_cells import RULE, counts, in_group, inferred_value, stated_value
 from skyarm.paper.inferred_settings import PREDICTION, unstated_study
+from skyarm.paper.published import Record
 from skyarm.paper.unstated_study import named
 from skyarm.view.pages import Table
 
@@ -23,7 +24,7 @@ def number(value: float) -> str:
     return f"{value:.6g}"
 
 
-def settings_table(evidence: Mapping[str, Any]) -> Table:
+def settings_table(evidence: Record) -> Table:
     """Inferred settings: each free number with the range in which the loss grows by less than 1, and each choice."""
     study, stages = unstated_study(), evidence["stages"]
     settings = stages["fit"]["settings"]
@@ -39,7 +40,7 @@ def settings_table(evidence: Mapping[str, Any]) -> Table:
     return _table("Inferred settings", ("setting", ">value", "unit", "loss within 1 of the least, on a grid"), rows)
 
 
-def ladder_table(evidence: Mapping[str, Any]) -> Table:
+def ladder_table(evidence: Record) -> Table:
     """One setting after the other."""
     rows = [
         (each["name"], str(each["numbers"]), str(each["choices"]), *_loss_cells(each), *_laws(each))
@@ -49,7 +50,7 @@ def ladder_table(evidence: Mapping[str, Any]) -> Table:
     return _table("Ladder: each step adds to the one before", head, rows)
 
 
-def choices_table(evidence: Mapping[str, Any]) -> Table:
+def choices_table(evidence: Record) -> Table:
     """Each choice taken otherwise, the numbers fitted again."""
     rows = []
     for name, stage in evidence["stages"].items():
@@ -61,7 +62,7 @@ def choices_table(evidence: Mapping[str, Any]) -> Table:
     return _table("Choices, the numbers fitted again", ("choice", "option", "", *_JUDGED), rows)
 
 
-def profile_tables(evidence: Mapping[str, Any]) -> list[Table]:
+def profile_tables(evidence: Record) -> list[Table]:
     """Loss over each free number."""
     study, found = unstated_study(), []
     for name in study["fit"]["free"]:
@@ -73,7 +74,7 @@ def profile_tables(evidence: Mapping[str, Any]) -> list[Table]:
     return found
 
 
-def rivals_table(evidence: Mapping[str, Any]) -> Table:
+def rivals_table(evidence: Record) -> Table:
     """Every alternative alone on the steady cells of Cases 2 and 3, and on top of the fit."""
     study, rows = unstated_study(), []
     for rival in study["rivals"]:
@@ -93,7 +94,7 @@ def rivals_table(evidence: Mapping[str, Any]) -> Table:
     return _table("Rivals, each alone, and on top of the fit", (*head, ">value on top", *_JUDGED), rows)
 
 
-def prediction_table(results: Mapping[str, Any], predicted: Mapping[str, Any], plant: str) -> Table:
+def prediction_table(results: Record, predicted: Record, plant: str) -> Table:
     """Out of sample, flown live: as stated, as predicted from Cases 2 and 3, as fitted to everything.
 
     ``predicted`` are the experiments of results whose inferred column has the predicted settings.
@@ -116,7 +117,7 @@ def prediction_table(results: Mapping[str, Any], predicted: Mapping[str, Any], p
     return _table(f"Out of sample, {plant}", ("cells", *head), rows)
 
 
-def evidence_tables(evidence: Mapping[str, Any]) -> list[Table]:
+def evidence_tables(evidence: Record) -> list[Table]:
     """Everything that a search prints."""
     before = [settings_table(evidence), ladder_table(evidence), choices_table(evidence)]
     return [*before, *profile_tables(evidence), rivals_table(evidence)]
@@ -134,20 +135,20 @@ def _table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> Ta
 _JUDGED = (">loss", ">within 5 %", ">within 10 %", ">within 25 %")
 
 
-def _loss_cells(found: Mapping[str, Any]) -> list[str]:
+def _loss_cells(found: Record) -> list[str]:
     return [f"{found['loss']:.1f}", *(str(found[f"within_{share}%"]) for share in (5, 10, 25))]
 
 
-def _laws(found: Mapping[str, Any]) -> list[str]:
+def _laws(found: Record) -> list[str]:
     groups = [found["groups"][law] for law in ("PD", "CT")]
     return [text for each in groups for text in (f"{each['loss']:.1f}", _share(each, "25%"))]
 
 
-def _share(found: Mapping[str, Any], within: str) -> str:
+def _share(found: Record, within: str) -> str:
     return f"{found[f'within_{within}']} of {found['cells']}"
 
 
-def inferred_facts(evidence: Mapping[str, Any]) -> dict[str, Any]:
+def inferred_facts(evidence: Record) -> dict[str, Any]:
     """Dependencies of the inferred column, for ``settings`` of the results."""
     fit, settings = unstated_study()["fit"], evidence["stages"]["fit"]["settings"]
     facts = {"numbers": len(fit["free"]), "choices": len(fit["choices"]), "settings": settings}

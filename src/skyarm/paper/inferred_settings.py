@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Mapping
 from functools import lru_cache
 from importlib import resources
 from typing import Any
 
 from skyarm.paper.flights import HOLDS, Flight, Metrics, metrics
+from skyarm.paper.published import Record
 from skyarm.paper.unstated_study import Tables, numbers, scenario_tables, stated_tables, study_digest
 from skyarm.records.files import read_toml
 from skyarm.scenario.numbers import with_numbers
@@ -42,20 +42,20 @@ def shipped_evidence() -> dict[str, Any]:
     return found
 
 
-def is_of_this_study(evidence: Mapping[str, Any]) -> bool:
+def is_of_this_study(evidence: Record) -> bool:
     """True if evidence was found with the study as it is now."""
     study = unstated_study()
     flights = {each["name"]: stated_tables(study, each["name"]) for each in study["flights"]}
     return bool(evidence.get("study_digest") == study_digest(study, flights))
 
 
-def settings_in(evidence: Mapping[str, Any], kind: str) -> dict[str, Any]:
+def settings_in(evidence: Record, kind: str) -> dict[str, Any]:
     """Settings of a kind: inferred, or predicted."""
     stage = "fit" if kind == INFERRED else f"prediction {PREDICTION}"
     return dict(evidence["stages"][stage]["settings"])
 
 
-def inferred_scenario(flight: Flight, settings: Mapping[str, Any]) -> Scenario:
+def inferred_scenario(flight: Flight, settings: Record) -> Scenario:
     """The scenario of a flight under settings of the study."""
     study, name = unstated_study(), f"{flight.case} {flight.controller}"
     tables = scenario_tables(study, stated_tables(study, name), name, settings)
@@ -65,7 +65,7 @@ def inferred_scenario(flight: Flight, settings: Mapping[str, Any]) -> Scenario:
     return changed.with_words(delays=dataclasses.replace(changed.delays, longest_command=None))
 
 
-def measure_inferred(flight: Flight, settings: Mapping[str, Any]) -> Metrics:
+def measure_inferred(flight: Flight, settings: Record) -> Metrics:
     """Fly and measure a flight of the paper under inferred settings."""
     planned = inferred_scenario(flight, settings)
     # the arm of Case 1 is held as long after the law has joined as it is after 6 s where all is as stated

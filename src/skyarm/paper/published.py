@@ -10,8 +10,11 @@ from importlib import resources
 from typing import Any
 
 Cells = Mapping[str, float]
+Record = Mapping[str, Any]
+"""Plain data of a results file."""
+
 Number = float | int | None
-Experiments = Mapping[str, Mapping[str, Mapping[str, Mapping[str, Any]]]]
+Experiments = Mapping[str, Mapping[str, Mapping[str, Record]]]
 """Case -> law -> metric -> {"paper": number, plant: number, "inferred": {plant: number}}."""
 
 CASES = ("case1", "case2", "case3", "case2_gust", "case3_wind")
@@ -104,7 +107,7 @@ def percent(ours: Number, paper: Number) -> str:
     return "" if found is None else f"{rounded:+d} %" if rounded else "0 %"
 
 
-def reversed_orders(experiments: Mapping[str, Any], plant: str) -> list[tuple[str, str]]:
+def reversed_orders(experiments: Record, plant: str) -> list[tuple[str, str]]:
     """(case, metric) pairs in which the controller that is better in the paper is the worse one here.
 
     Only metrics that are better when smaller in magnitude and that the paper gives for both controllers; numbers within

@@ -6,11 +6,10 @@ Reasons are alternatives: each variation was flown alone, and no two of them are
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 from skyarm.paper.campaign import Sensitivity
 from skyarm.paper.flights import first_plant
-from skyarm.paper.published import digits, relative, rounding
+from skyarm.paper.published import Record, digits, relative, rounding
 from skyarm.paper.variations import ALIGNMENTS, Variation, variations
 
 AGREEMENT = 0.05
@@ -32,7 +31,7 @@ def agrees(paper: float, ours: float, rounding: float) -> bool:
     return abs(ours - paper) <= max(AGREEMENT * abs(paper), rounding)
 
 
-def reasons(results: Mapping[str, Any], sensitivity: Sensitivity) -> Reasons:
+def reasons(results: Record, sensitivity: Sensitivity) -> Reasons:
     """One line for every cell that has a published number and does not agree with it."""
     plant = first_plant(results)
     flown = [each for each in variations() if not each.is_assumption]
@@ -63,7 +62,7 @@ def _values_of(among: Sequence[Variation], metric: str, measured: Measured) -> T
     return [(each, value) for each, value in pairs if value is not None]
 
 
-def _nameable(flown: Sequence[Variation], cells: Mapping[str, Any], plant: str, measured: Measured) -> list[Variation]:
+def _nameable(flown: Sequence[Variation], cells: Record, plant: str, measured: Measured) -> list[Variation]:
     """Variations that may be named for a flight: credible ones, and of the bag's alignments the best one only."""
     compared = {each: _comparison(cells, plant, measured[each.group, each.value]) for each in flown}
     aligned = [each for each in flown if each.group in ALIGNMENTS and compared[each]]
@@ -71,7 +70,7 @@ def _nameable(flown: Sequence[Variation], cells: Mapping[str, Any], plant: str, 
     return [each for each in flown if (each.group not in ALIGNMENTS or each is best) and _credible(compared[each])]
 
 
-def _comparison(cells: Mapping[str, Any], plant: str, varied: Mapping[str, float | None]) -> Compared:
+def _comparison(cells: Record, plant: str, varied: Mapping[str, float | None]) -> Compared:
     """Cells that all three numbers have; the paper's rule for settling is unknown, so settling times stay out."""
     found = []
     for metric, cell in cells.items():
@@ -107,9 +106,7 @@ def _credible(compared: Compared) -> bool:
     return nearer > 0 and nearer >= further
 
 
-def _line(
-    case: str, controller: str, metric: str, cell: Mapping[str, Any], plant: str, tried: Tried, named: Tried
-) -> str:
+def _line(case: str, controller: str, metric: str, cell: Record, plant: str, tried: Tried, named: Tried) -> str:
     paper, ours = cell["paper"], cell[plant]
     if paper is None:
         return ""

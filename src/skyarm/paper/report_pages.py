@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from skyarm.log.flight_log import Log
 from skyarm.paper import report_text as prose
@@ -20,6 +20,7 @@ from skyarm.paper.inference_tables import (
     settings_table,
 )
 from skyarm.paper.inferred_settings import is_of_this_study
+from skyarm.paper.published import Record
 from skyarm.paper.report_tables import (
     definitions_table,
     experiment_table,
@@ -61,8 +62,8 @@ class _Page:
 
 
 def report_pages(
-    results: Mapping[str, Any],
-    sensitivity: Mapping[str, Any],
+    results: Record,
+    sensitivity: Record,
     logs: Logs,
     reasons: Mapping[str, Mapping[str, Mapping[str, str]]],
     figures: Mapping[int, Figure] | None = None,
@@ -124,7 +125,7 @@ def case_files(cases: Iterable[str]) -> dict[str, str]:
 
 def _case_page(
     case: str,
-    laws: Mapping[str, Any],
+    laws: Record,
     reasons: Mapping[str, Mapping[str, str]],
     logs: Logs,
     figures: Mapping[int, bytes],
@@ -192,13 +193,13 @@ def _episodes(logs: Logs) -> str:
     return found + (paragraph("They lacked:") + bullets(lacking) if lacking else "")
 
 
-def _settings(settings: Mapping[str, Any]) -> str:
+def _settings(settings: Record) -> str:
     return details(
         "Everything the numbers depend on", table(("Name", "Value"), _flat(settings, ""), "Settings", "text")
     )
 
 
-def _flat(settings: Mapping[str, Any], prefix: str) -> Iterable[tuple[str, str]]:
+def _flat(settings: Record, prefix: str) -> Iterable[tuple[str, str]]:
     """Nested settings as dotted names."""
     for name, value in settings.items():
         if isinstance(value, Mapping) and value:
@@ -207,9 +208,7 @@ def _flat(settings: Mapping[str, Any], prefix: str) -> Iterable[tuple[str, str]]
             yield f"{prefix}{name}", "none" if value is None or value in ([], {}) else str(value)
 
 
-def inferred_section(
-    results: Mapping[str, Any], predicted: Mapping[str, Any], evidence: Mapping[str, Any], plant: str
-) -> str:
+def inferred_section(results: Record, predicted: Record, evidence: Record, plant: str) -> str:
     """Settings and what they say of flights that were not seen; ladder, choices, profiles, rivals, open ends folded."""
     opened = [settings_table(evidence), prediction_table(results, predicted, plant)]
     folded = {

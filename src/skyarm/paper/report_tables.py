@@ -13,6 +13,7 @@ from skyarm.paper.published import (
     TITLES,
     Experiments,
     Number,
+    Record,
     digits,
     finite_or_none,
     metric,
@@ -28,7 +29,7 @@ from skyarm.paper.variations import GROUPS, variations
 from skyarm.scenario.scenario_record import PLANTS
 from skyarm.view.pages import Mark, details, grouped_table, markdown, table
 
-Cells = Mapping[str, Mapping[str, Any]]
+Cells = Mapping[str, Record]
 Cell = str | Mark
 Variants = Mapping[str, Experiments]
 
@@ -137,7 +138,7 @@ def experiment_table(case: str, controllers: Mapping[str, Cells], reasons: Mappi
     return grouped_table(head, groups, f"{title_of(case)}: errors against the held 50 Hz reference", "wide")
 
 
-def _metric_row(case: str, controller: str, name: str, cell: Mapping[str, Any], why: str) -> list[Cell]:
+def _metric_row(case: str, controller: str, name: str, cell: Record, why: str) -> list[Cell]:
     meant, paper, found = metric(name), cell.get("paper"), cell.get("inferred", {})
     compare = bound_cell if meant.bound else difference_cell
     return [
@@ -200,7 +201,7 @@ def definitions_table() -> str:
     return table(("Metric", "Name", "Unit", "Definition"), rows, "Definitions; windows are half-open", "text")
 
 
-def markdown_tables(results: Mapping[str, Any], reasons: Reasons) -> str:
+def markdown_tables(results: Record, reasons: Reasons) -> str:
     """All experiments, one table each."""
     plant = first_plant(results)
     columns = [f"{which}: {each}" for which in ("as stated", "inferred") for each in PLANTS]
@@ -227,7 +228,7 @@ def markdown_tables(results: Mapping[str, Any], reasons: Reasons) -> str:
     return "\n\n".join(blocks) + "\n"
 
 
-def _row(case: str, controller: str, name: str, cell: Mapping[str, Any], plant: str, why: str) -> list[str]:
+def _row(case: str, controller: str, name: str, cell: Record, plant: str, why: str) -> list[str]:
     paper, found = published_number(case, controller, name) or "-", cell.get("inferred", {})
     ours = [digits(column.get(each)) for column in (cell, found) for each in PLANTS]
     apart = [percent(column.get(plant), cell["paper"]) for column in (cell, found)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from skyarm.paper.campaign import Campaign, run_campaign
 from skyarm.paper.flights import STEADY, WINDOWS, flights, results, settings
 from skyarm.paper.inference_tables import evidence_tables, inferred_facts, markdown_of, prediction_table
 from skyarm.paper.inferred_settings import INFERRED, PREDICTED, shipped_evidence
-from skyarm.paper.published import CASES
+from skyarm.paper.published import CASES, Record
 from skyarm.paper.reasons import Reasons, reasons
 from skyarm.paper.report_pages import MAIN, case_files, inferred_section, report_pages
 from skyarm.paper.report_tables import markdown_tables
@@ -39,7 +39,7 @@ def reproduce(
     *,
     plants: Sequence[str] = PLANTS,
     workers: int = 1,
-    evidence: Mapping[str, Any] | None = None,
+    evidence: Record | None = None,
     progress: Progress | None = None,
     note: Note | None = None,
 ) -> dict[str, Any]:

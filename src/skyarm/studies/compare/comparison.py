@@ -9,7 +9,7 @@ from typing import Any
 from skyarm.studies.compare.cells import Cell, Flights
 from skyarm.studies.compare.comparison_report import TRACKING, comparison_report, value
 from skyarm.studies.compare.entrants import ENTRANTS, Entrant
-from skyarm.studies.compare.run_suite import DPI, Refused, Suite
+from skyarm.studies.compare.run_suite import DPI, Record, Refused, Suite
 from skyarm.studies.compare.suite import CASES, Condition, conditions
 from skyarm.studies.compare.summary import pairs, table
 from skyarm.view.figures.comparison_figures import Share, laws_figure
@@ -64,16 +64,16 @@ class Comparison(Suite):
         named = {flights.name: cell for flights, cell in zip(todo, cells, strict=True)}
         return {"summaries": table(named), "paired": pairs(named)}
 
-    def pictures(self, found: Mapping[str, Any]) -> dict[str, bytes]:
+    def pictures(self, found: Record) -> dict[str, bytes]:
         """Errors and successes of all laws."""
         return {"laws.png": comparison_picture(found, list(self.entrants))}
 
-    def report(self, found: Mapping[str, Any], pictures: Mapping[str, bytes] | None = None) -> Report:
+    def report(self, found: Record, pictures: Mapping[str, bytes] | None = None) -> Report:
         """Tables of every condition."""
         return comparison_report(found, self.entrants, self.conditions, (pictures or {}).get("laws.png"))
 
 
-def comparison_picture(found: Mapping[str, Any], names: Sequence[str]) -> bytes:
+def comparison_picture(found: Record, names: Sequence[str]) -> bytes:
     """PNG of the tip's errors and of the successes of every law."""
     summaries = found["summaries"]
     errors = {
@@ -92,7 +92,7 @@ def comparison_picture(found: Mapping[str, Any], names: Sequence[str]) -> bytes:
     return image_bytes(figure, dpi=DPI)
 
 
-def _share(summary: Mapping[str, Any] | None) -> Share | None:
+def _share(summary: Record | None) -> Share | None:
     if summary is None or summary["success_rate"] is None:
         return None
     return Share(summary["success_rate"], *summary["success_interval"])

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from skyarm.records.files import versions
 from skyarm.studies.compare.entrants import ENTRANTS, Entrant
+from skyarm.studies.compare.run_suite import Record
 from skyarm.studies.compare.suite import CASES, Condition
 from skyarm.view.pages import DASH, Report, Section, Table, image, number
 
@@ -82,7 +82,7 @@ GROUPS = {
 """Group of an entrant -> its title."""
 
 
-def value(summaries: Mapping[str, Any], column: Column, entrant: str) -> float | None:
+def value(summaries: Record, column: Column, entrant: str) -> float | None:
     """Mean of a column's metric for an entrant, in the unit of its head; None where no flight came to its end."""
     found = summaries.get(column.case, {}).get(entrant)
     spread = found["metrics"].get(column.metric) if found else None
@@ -99,7 +99,7 @@ def title_of(laws: Sequence[str]) -> str:
 
 
 def comparison_report(
-    found: Mapping[str, Any],
+    found: Record,
     entrants: Mapping[str, Entrant],
     conditions: Mapping[str, Condition],
     picture: bytes | None = None,
@@ -126,9 +126,7 @@ def comparison_report(
     )
 
 
-def main_sections(
-    found: Mapping[str, Any], entrants: Mapping[str, Entrant], conditions: Mapping[str, Condition]
-) -> list[Section]:
+def main_sections(found: Record, entrants: Mapping[str, Entrant], conditions: Mapping[str, Condition]) -> list[Section]:
     """Tables of every condition that flew."""
     sections = []
     for name, condition in conditions.items():
@@ -146,7 +144,7 @@ def main_sections(
     return sections
 
 
-def _tables(summaries: Mapping[str, Any], entrants: Mapping[str, Entrant], condition: Condition) -> list[Table]:
+def _tables(summaries: Record, entrants: Mapping[str, Entrant], condition: Condition) -> list[Table]:
     if condition.spread:
         parts = ((f">{case} success", f">{case} tip, mm: mean / 95 %") for case in condition.cases)
         head = ["law", *(part for pair in parts for part in pair)]
@@ -170,9 +168,7 @@ def _table_by_kind(head: list[str], rows: list[list[str]], entrants: Mapping[str
     return Table(head=head, rows=rows, caption=caption, groups=[(title, some) for title, some in found if some])
 
 
-def truth_rows(
-    summaries: Mapping[str, Any], entrants: Mapping[str, Entrant], columns: Sequence[Column]
-) -> list[list[str]]:
+def truth_rows(summaries: Record, entrants: Mapping[str, Entrant], columns: Sequence[Column]) -> list[list[str]]:
     """One row per entrant that flew any of the columns."""
     return [
         [name, *(number(value(summaries, column, name)) for column in columns)]
@@ -181,7 +177,7 @@ def truth_rows(
     ]
 
 
-def plants_rows(summaries: Mapping[str, Any], entrants: Mapping[str, Entrant], cases: Sequence[str]) -> list[list[str]]:
+def plants_rows(summaries: Record, entrants: Mapping[str, Entrant], cases: Sequence[str]) -> list[list[str]]:
     """One row per entrant: success with its interval, and tip error over 10 to 20 s (mean, 95th percentile)."""
     rows = []
     for name in entrants:

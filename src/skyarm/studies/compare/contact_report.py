@@ -14,6 +14,7 @@ from skyarm.log.metrics.interaction import BAND
 from skyarm.records.files import versions
 from skyarm.studies.compare.cells import Cell
 from skyarm.studies.compare.contact_tasks import Task
+from skyarm.studies.compare.run_suite import Record
 from skyarm.studies.sweep.intervals import wilson
 from skyarm.view.pages import DASH, Report, Section, Table, number
 
@@ -134,7 +135,7 @@ MEDIANS = (
 )
 
 
-def contact_report(found: Mapping[str, Any]) -> Report:
+def contact_report(found: Record) -> Report:
     """The report of the suite's results."""
     drawn = [f"{name} {task['discarded']} of {task['drawn']}" for name, task in found["tasks"].items()]
     discarded = f"Worlds discarded, in which physics does not let the task be done: {', '.join(drawn)}."
@@ -157,13 +158,13 @@ def contact_report(found: Mapping[str, Any]) -> Report:
     )
 
 
-def laws_of(found: Mapping[str, Any], condition: str) -> list[str]:
+def laws_of(found: Record, condition: str) -> list[str]:
     """Laws that flew any task under a condition, in order."""
     flown = {law for task in found["tasks"].values() for law in task["conditions"][condition]}
     return [law for law in found["laws"] if law in flown]
 
 
-def success_rows(found: Mapping[str, Any], condition: str) -> list[list[str]]:
+def success_rows(found: Record, condition: str) -> list[list[str]]:
     """One row per task: successes of each law."""
     return [
         [task["title"], *(_successes(task["conditions"][condition].get(law)) for law in laws_of(found, condition))]
@@ -171,7 +172,7 @@ def success_rows(found: Mapping[str, Any], condition: str) -> list[list[str]]:
     ]
 
 
-def number_rows(found: Mapping[str, Any], condition: str) -> list[list[str]]:
+def number_rows(found: Record, condition: str) -> list[list[str]]:
     """One row per task and law: medians, and what was lacked."""
     return [
         [
@@ -183,9 +184,9 @@ def number_rows(found: Mapping[str, Any], condition: str) -> list[list[str]]:
     ]  # fmt: skip
 
 
-def _successes(cell: Mapping[str, Any] | None) -> str:
+def _successes(cell: Record | None) -> str:
     return DASH if cell is None else f"{cell['successes']} of {cell['flights']}"
 
 
-def _causes(cell: Mapping[str, Any]) -> str:
+def _causes(cell: Record) -> str:
     return ", ".join(f"{word} {count}" for word, count in cell["causes"].items())

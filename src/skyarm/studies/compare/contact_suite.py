@@ -18,7 +18,7 @@ from skyarm.studies.compare.contact_report import CONDITIONS, METRICS, cell_reco
 from skyarm.studies.compare.contact_tasks import FLAGSHIP, LAWS, TASKS, Task, flies_its_own, scenario_of
 from skyarm.studies.compare.contact_worlds import Worlds, draw_worlds
 from skyarm.studies.compare.entrants import Entrant
-from skyarm.studies.compare.run_suite import Refused, Suite
+from skyarm.studies.compare.run_suite import Record, Refused, Suite
 from skyarm.studies.compare.suite import Case, Condition
 from skyarm.view.pages import Report
 
@@ -161,6 +161,6 @@ class ContactSuite(Suite):
             )
         return {"laws": list(self.laws), "not_flown": dict(refused), "tasks": tasks}
 
-    def report(self, found: Mapping[str, Any], pictures: Mapping[str, bytes] | None = None) -> Report:
+    def report(self, found: Record, pictures: Mapping[str, bytes] | None = None) -> Report:
         """Successes and numbers."""
         return contact_report(found)

@@ -27,7 +27,7 @@ from skyarm.studies.compare.envelope_report import (
     points_of,
 )
 from skyarm.studies.compare.envelope_setting import DURATION, PAPER, Setting, setting_of
-from skyarm.studies.compare.run_suite import Refused, Suite
+from skyarm.studies.compare.run_suite import Record, Refused, Suite
 from skyarm.studies.compare.suite import Case, Condition
 from skyarm.view.pages import Report
 
@@ -200,10 +200,10 @@ class Envelope(Suite):
         laws = [law for law in self.laws if law not in refused]
         return {"laws": laws, "not_flown": dict(refused), "axes": axes}
 
-    def pictures(self, found: Mapping[str, Any]) -> dict[str, bytes]:
+    def pictures(self, found: Record) -> dict[str, bytes]:
         """Every axis."""
         return {"envelope.png": envelope_picture(found)}
 
-    def report(self, found: Mapping[str, Any], pictures: Mapping[str, bytes] | None = None) -> Report:
+    def report(self, found: Record, pictures: Mapping[str, bytes] | None = None) -> Report:
         """Summary, and a table for each axis."""
         return envelope_report(found, (pictures or {}).get("envelope.png"))

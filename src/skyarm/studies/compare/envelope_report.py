@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from skyarm.records.files import versions
 from skyarm.studies.compare.cells import Cell
 from skyarm.studies.compare.envelope_axes import OUTSIDE, OVERSHOOT, TIP, TIP_MAX, Axis
 from skyarm.studies.compare.envelope_setting import Setting
+from skyarm.studies.compare.run_suite import Record
 from skyarm.view.figures.comparison_figures import envelope_figure
 from skyarm.view.figures.style import image_bytes
 from skyarm.view.pages import DASH, Report, Section, Table, image, number
@@ -59,7 +60,7 @@ def _finite(value: Any) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def point_of_plants(flights: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def point_of_plants(flights: Sequence[Record]) -> dict[str, Any]:
     """One point from those of a value's plants.
 
     It is judged by the largest mean error of the plants that fly to their end, and lost where one plant is. Its mean
@@ -75,7 +76,7 @@ def point_of_plants(flights: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     return {**found, "status": gone[0] if gone else "completed", "lost": bool(gone), "plants": {**counts, "each": each}}
 
 
-def _over(flights: Sequence[Mapping[str, Any]], key: str, how: Any) -> float | None:
+def _over(flights: Sequence[Record], key: str, how: Any) -> float | None:
     numbers = [each[key] for each in flights if each[key] is not None]
     found = float(how(numbers)) if numbers else math.nan
     return found if math.isfinite(found) else None
@@ -94,7 +95,7 @@ def axis_record(axis: Axis, setting: Setting) -> dict[str, Any]:
     }
 
 
-def within(points: Sequence[Mapping[str, Any]], level: float) -> int:
+def within(points: Sequence[Record], level: float) -> int:
     """Number of the first values that the law flies with an error within a level, m."""
     count = 0
     for point in points:
@@ -104,7 +105,7 @@ def within(points: Sequence[Mapping[str, Any]], level: float) -> int:
     return count
 
 
-def lost_at(points: Sequence[Mapping[str, Any]]) -> list[int]:
+def lost_at(points: Sequence[Record]) -> list[int]:
     """Numbers of the values at which the law is lost."""
     return [k for k, point in enumerate(points) if point["lost"]]
 
@@ -127,12 +128,12 @@ HOW = (
 )
 
 
-def envelope_picture(found: Mapping[str, Any]) -> bytes:
+def envelope_picture(found: Record) -> bytes:
     """PNG of every axis."""
     return image_bytes(envelope_figure(found["axes"], found["laws"]), dpi=DPI)
 
 
-def envelope_report(found: Mapping[str, Any], picture: bytes | None = None) -> Report:
+def envelope_report(found: Record, picture: bytes | None = None) -> Report:
     """Summary, and a table for each axis."""
     axes, laws = found["axes"], found["laws"]
     seconds = " and ".join(f"{each:g} s" for each in sorted({axis["window_s"][1] for axis in axes.values()}))
@@ -155,7 +156,7 @@ def envelope_report(found: Mapping[str, Any], picture: bytes | None = None) -> R
     )
 
 
-def summary_section(found: Mapping[str, Any], picture: bytes | None = None) -> Section:
+def summary_section(found: Record, picture: bytes | None = None) -> Section:
     """The range of every law along every axis."""
     axes, laws = found["axes"], found["laws"]
     words = [f"{law} does not fly: {why}" for law, why in found["not_flown"].items()]
@@ -167,7 +168,7 @@ def summary_section(found: Mapping[str, Any], picture: bytes | None = None) -> S
     )
 
 
-def cell_text(point: Mapping[str, Any], judged: str) -> str:
+def cell_text(point: Record, judged: str) -> str:
     """Mean and largest error in mm; of a step overshoot in mm and time away in s; or that the vehicle was lost.
 
     Of perturbed plants how many keep the tip and how many are lost, the median of their means and the largest error.
@@ -186,22 +187,22 @@ def cell_text(point: Mapping[str, Any], judged: str) -> str:
     return f"{number(point['judged'], 1e3)}; {number(point['outside'])} s"
 
 
-def axis_head(axis: Mapping[str, Any]) -> list[str]:
+def axis_head(axis: Record) -> list[str]:
     """Names of the columns of an axis."""
     return ["law", *(f">{value:g} {axis['unit']}" for value in axis["values"])]
 
 
-def axis_rows(axis: Mapping[str, Any]) -> list[list[str]]:
+def axis_rows(axis: Record) -> list[list[str]]:
     """A row for each law."""
     return [[law, *(cell_text(point, axis["judged"]) for point in points)] for law, points in axis["laws"].items()]
 
 
-def axis_title(name: str, axis: Mapping[str, Any]) -> str:
+def axis_title(name: str, axis: Record) -> str:
     """Name, what is flown, and with which sensors."""
     return f"{name.replace('_', ' ')}: {axis['title']}{', with noise' if axis['noisy'] else ''} ({axis['judged']}, mm)"
 
 
-def reach_text(axis: Mapping[str, Any], points: Sequence[Mapping[str, Any]]) -> str:
+def reach_text(axis: Record, points: Sequence[Record]) -> str:
     """Values up to which a law stays within each level, and where it is lost if anywhere."""
     values, gone = axis["values"], lost_at(points)
     counts = [within(points, level) for level in LEVELS]
@@ -209,7 +210,7 @@ def reach_text(axis: Mapping[str, Any], points: Sequence[Mapping[str, Any]]) -> 
     return f"{good}, lost at {', '.join(f'{values[k]:g}' for k in gone)}" if gone else good
 
 
-def summary_rows(axes: Mapping[str, Any], laws: Sequence[str]) -> list[list[str]]:
+def summary_rows(axes: Record, laws: Sequence[str]) -> list[list[str]]:
     """A row for each axis: its meaning and range, and the range and limit of each law."""
     rows = []
     for name, axis in axes.items():

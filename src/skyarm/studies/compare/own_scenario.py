@@ -17,7 +17,7 @@ from skyarm.simulate.draws import draws_needed
 from skyarm.studies.compare.cells import Cell, Flights
 from skyarm.studies.compare.comparison_report import BASE, JOINT, TOOL, title_of
 from skyarm.studies.compare.entrants import Entrant
-from skyarm.studies.compare.run_suite import Refused, Suite
+from skyarm.studies.compare.run_suite import Record, Refused, Suite
 from skyarm.studies.compare.suite import Case, Condition
 from skyarm.studies.compare.summary import pairs, table
 from skyarm.view.pages import DASH, Report, Section, Table, number
@@ -104,7 +104,7 @@ class OwnScenario(Suite):
         named = {flights.name: cell for flights, cell in zip(todo, cells, strict=True)}
         return {"summaries": table(named), "paired": pairs(named)}
 
-    def report(self, found: Mapping[str, Any], pictures: Mapping[str, bytes] | None = None) -> Report:
+    def report(self, found: Record, pictures: Mapping[str, bytes] | None = None) -> Report:
         """One table: a row per law, means over the flights that came to their end."""
         (case, laws), *_ = found["summaries"][AS_GIVEN].items()
         columns = [*COLUMNS, *((name, name, 1.0) for name in names("metric"))]

@@ -30,6 +30,9 @@ PAGE = "report.html"
 SMALL, LEAST = 128, 4
 """Episodes of a batch up to which a process is faster than threads; pieces of work for which processes are started."""
 
+Record = Mapping[str, Any]
+"""Plain data of a results file."""
+
 Refused = Mapping[str, str]
 """Law, or law and trial -> why it does not fly."""
 
@@ -57,12 +60,12 @@ class Suite(ABC):
     def judge(self, todo: Sequence[Flights], cells: Sequence[Cell], refused: Refused) -> dict[str, Any]:
         """The results as plain data."""
 
-    def pictures(self, found: Mapping[str, Any]) -> dict[str, bytes]:
+    def pictures(self, found: Record) -> dict[str, bytes]:
         """File in the folder -> PNG of the page."""
         return {}
 
     @abstractmethod
-    def report(self, found: Mapping[str, Any], pictures: Mapping[str, bytes] | None = None) -> Report:
+    def report(self, found: Record, pictures: Mapping[str, bytes] | None = None) -> Report:
         """The results for people."""
 
 
@@ -170,7 +173,7 @@ def _fly_piece(flights: Flights, episode: int | None) -> Cell | Flown:
     return fly(flights) if episode is None else fly_episode(flights, episode)
 
 
-def write_suite(suite: Suite, found: Mapping[str, Any], pictures: dict[str, bytes], folder: Path) -> None:
+def write_suite(suite: Suite, found: Record, pictures: dict[str, bytes], folder: Path) -> None:
     """Write results and report of a suite."""
     report, results = suite.report(found, pictures), json.dumps(found, indent=1, allow_nan=False) + "\n"
     texts = {f"{suite.file}.json": results, "tables.md": report.markdown(), PAGE: report.html()}
