@@ -46,7 +46,6 @@ OTHERS = {
 ELSEWHERE |= {name: tests for name, tests in OTHERS.items() if name in PAGES}
 TABLES = {
     ("pressing.md", "toml"): "tests/control/test_gripping.py",
-    ("giving_way.md", "toml"): "tests/control/test_swept_admittance.py",
     ("delays.md", "toml"): "tests/scenario/test_change_records.py",
     ("phases.md", "toml"): "tests/simulate/test_sensed_guards.py",
     ("sensors.md", "toml"): "tests/sensing/test_force_sensors.py",
