@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import skyarm
 from skyarm.dynamics.array_front import frame_pose_world
-from skyarm.reference.feasibility import _tilt, feasibility
+from skyarm.reference.feasibility import feasibility
 from skyarm.reference.reference_tables import reference_from
 from skyarm.reference.task_records import Setting
 from skyarm.reference.waypoints import LIMITS, FlightLimits, allocate, peaks, sample_derivatives, through
@@ -134,26 +134,6 @@ def test_no_joint_is_planned_faster_than_it_may_be():
     plan = reference_from(table, 6, "reference", SIX)
     speeds = np.abs([plan.at(t).joint_rates for t in TIMES])
     assert 0.099 < speeds.max() <= 0.1 + 1e-12
-
-
-def test_what_a_tilt_carries_off_is_that_of_scipys_rotations(shared):
-    found, worst = feasibility(shared, SIX), []
-    for t in np.arange(200) * 0.02:
-        at = shared.at(float(t))
-        up = np.add([*at.acceleration], [0.0, 0.0, 9.81])
-        turn = np.cross([0.0, 0.0, 1.0], up)
-        angle = np.arctan2(np.linalg.norm(turn), up[2])
-        arm = np.array(at.tip) - [*at.position]
-        tilt = Rotation.from_rotvec(angle * turn / max(np.linalg.norm(turn), 1e-12))
-        worst.append(np.linalg.norm(tilt.apply(arm) - arm))
-    assert found.carried_off == pytest.approx(max(worst), rel=1e-9)
-
-
-def test_the_tilt_is_the_least_rotation_of_the_vertical():
-    up, arm = np.array([0.3, -0.2, 1.0]) / np.linalg.norm([0.3, -0.2, 1.0]), np.array([0.1, 0.2, -0.4])
-    axis = np.cross([0.0, 0.0, 1.0], up)
-    turn = Rotation.from_rotvec(np.arccos(up[2]) * axis / np.linalg.norm(axis))
-    np.testing.assert_allclose(_tilt(up[:, None], arm[:, None])[:, 0], turn.apply(arm), atol=1e-12)
 
 
 def test_the_body_rate_is_that_at_which_the_thrust_turns():

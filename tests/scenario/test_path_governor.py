@@ -18,7 +18,7 @@ from skyarm.reference import Constant, Sine, Sum, Trajectory
 from skyarm.reference.governor.path_time import governed_reference
 from skyarm.reference.signals import Product, Ramp, Signal, Windowed, sequence
 from skyarm.scenario.in_flight import with_part
-from skyarm.scenario.path_governor import GovernorOptions, GovernorWarning, Limits, _require_no_instants
+from skyarm.scenario.path_governor import GovernorOptions, Limits, _require_no_instants
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.studies.assess.along_reference import follow
 from skyarm.studies.assess.flight_loads import flight_parts
@@ -207,24 +207,12 @@ def test_the_path_stands_still_at_a_corner_and_only_there():
 def test_a_feasible_reference_is_left_as_it_is():
     slow = flight(x=Ramp(start=0.5, duration=3.0, height=0.3, shape="quintic"), joints=(eased(0.2, 0.5), Constant(0.1)))
     assert skyarm.govern(slow) == slow
-    assert skyarm.govern(slow, fastest=1.3) == slow
     assert scenario_from(DOCUMENT | {"reference": {**DOCUMENT["reference"], "governor": True}}) == HOVER
 
 
 def test_what_moves_at_once_sets_off_from_rest():
     path = skyarm.govern(flight(x=Sine(amplitude=0.3, frequency_hz=0.3))).path_time
     assert [float(each) for each in path.derivatives(0.0)] == [0.0] * 5
-
-
-def test_it_catches_up_only_if_it_may_and_never_overtakes():
-    late = flight(6.5, x=Ramp(start=0.5, duration=0.8, height=0.7, shape="quintic"))
-    slow, quick = (skyarm.govern(late, fastest=fastest).path_time for fastest in (1.0, 1.5))
-    t = np.linspace(0.0, 6.5, 1000)
-    assert quick.derivatives(t)[1].max() > 1.05
-    assert quick.derivatives(t)[1].max() < 1.5 + 1e-6
-    assert slow.derivatives(t)[1].max() < 1.0 + 1e-6
-    assert float(quick.derivatives(6.5)[0]) > float(slow.derivatives(6.5)[0]) + 0.2
-    assert (quick.derivatives(t)[0] - t).max() < 1e-8
 
 
 def test_less_tilt_is_kept_and_more_reserve_is_slower():
@@ -242,22 +230,14 @@ def test_joints_keep_their_speed():
     assert max(np.abs(rate).max() for rate in told.joint_rates) < 2.01
 
 
-def test_a_step_is_told_of_since_no_rate_makes_it_smaller():
-    step = flight(x=Ramp(start=2.0, duration=1e-12, height=0.5))
-    with pytest.warns(GovernorWarning, match=r"reference\.governor: the reference jumps by 0\.5 m at 2 s"):
-        skyarm.govern(step)
-
-
 @pytest.mark.parametrize(
     ("governor", "words"),
     [
         ({"reserve": 1.5}, "reference.governor.reserve = 1.5: must be at most 0.9"),
         ({"tilt": 0}, "reference.governor.tilt = 0: must be above 0"),
-        ({"fastest": 0.5}, "reference.governor.fastest = 0.5: must be at least 1"),
-        ({"fastest": 3}, "reference.governor.fastest = 3.0: must be at most 2"),
         ({"joint_speed": -1}, "reference.governor.joint_speed = -1: must be above 0"),
         ({"turning": "fast"}, "reference.governor.turning = 'fast': must be a finite number"),
-        ({"speed": 1.0}, "allowed: reserve, tilt, turning, joint_speed, fastest"),
+        ({"speed": 1.0}, "allowed: reserve, tilt, turning, joint_speed"),
         ("yes", "reference.governor = 'yes': must be true, false or a table of limits"),
     ],
 )

@@ -25,7 +25,7 @@ DOCUMENT = {
     "reference": {
         "base": {"kind": "signals", "x": CIRCLE, "z": {"kind": "sum", "signals": [2.0, CIRCLE | {"phase": 1.5}]}},
         "joints": [CIRCLE, 0.2],
-        "governor": {"fastest": 1.2},
+        "governor": {"reserve": 0.2},
     },
 }
 SLOWED = scenario_from(DOCUMENT)

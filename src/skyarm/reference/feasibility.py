@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.dynamics.array_front import frame_jacobian
 from skyarm.dynamics.workspace import reach
 from skyarm.reference.task_records import Setting
 from skyarm.reference.tip_motion import Arm
 from skyarm.reference.tip_plan import MARGIN
-from skyarm.reference.trajectory import Reference, Trajectory
+from skyarm.reference.trajectory import Trajectory
 from skyarm.reference.waypoints import FlightLimits, peaks
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -40,7 +39,6 @@ class Feasibility:
     """Errors and demands of a plan.
 
     Attributes:
-        carried_off: m, by which the tilt of the planned accelerations would carry the tip of a stiff arm off at most.
         at_limits: (joint, s) of joints that carry the tip and are planned at a limit, and how long.
         peaks: of the base's motion, thrust and tilt those of a point mass.
         highest_thrust: over the weight.
@@ -48,7 +46,6 @@ class Feasibility:
             is smallest. weakest_at: s, when. arm_length: m.
     """
 
-    carried_off: float
     at_limits: tuple[tuple[str, float], ...]
     peaks: FlightLimits
     highest_thrust: float
@@ -95,15 +92,10 @@ def feasibility(trajectory: Trajectory, setting: Setting) -> Feasibility | None:
     def table(values: Any) -> Array:
         return np.stack([np.broadcast_to(np.asarray(c, dtype=float), times.shape) for c in values])
 
-    arm = table(c.c[0] if isinstance(c, Taylor) else c for c in tip.arm.tip_position(_constants(reference)))
     derivatives = [table(getattr(reference, name)) for name in ("velocity", "acceleration", "jerk", "snap")]
-    force = derivatives[1] + np.array([[0.0], [0.0], [setting.gravity]])
-    size = np.maximum(np.linalg.norm(force, axis=0), 1e-9)
-    level = _level(table((reference.yaw,))[0], arm)
     q = table(reference.joints)
     weakest, weakest_at = _weakest(vehicle, tip.arm.carriers, times, q)
     return Feasibility(
-        carried_off=float(np.linalg.norm(_tilt(force / size, level) - level, axis=0).max()),
         at_limits=tuple(_at_limits(tip.arm, q, setting.duration / count)),
         peaks=peaks(derivatives, setting.gravity),
         highest_thrust=setting.thrust_to_weight,
@@ -111,23 +103,6 @@ def feasibility(trajectory: Trajectory, setting: Setting) -> Feasibility | None:
         weakest_at=weakest_at,
         arm_length=float(reach(vehicle)),
     )
-
-
-def _constants(reference: Reference) -> list[Taylor]:
-    return [Taylor.constant(q, 4) for q in reference.joints]
-
-
-def _level(yaw: Array, arm: Array) -> Array:
-    """R_z(yaw) arm."""
-    c, s = np.cos(yaw), np.sin(yaw)
-    return np.stack([c * arm[0] - s * arm[1], s * arm[0] + c * arm[1], arm[2]])
-
-
-def _tilt(up: Array, arm: Array) -> Array:
-    """The arm turned by the least rotation that takes the vertical to ``up``: v + k x v + k x (k x v) / (1 + up_z)."""
-    k = np.stack([-up[1], up[0], np.zeros_like(up[0])])
-    once = np.cross(k, arm, axis=0)
-    return np.asarray(arm + once + np.cross(k, once, axis=0) / np.maximum(1.0 + up[2], 1e-9))
 
 
 def _at_limits(arm: Arm, q: Array, seconds: float) -> Iterator[tuple[str, float]]:

@@ -44,9 +44,6 @@ CORNER = 0.02, 0.05
 MISSED = 1.05
 """Share of a limit from which a governor says that it could not keep it."""
 
-STEP = 1e-3
-"""m of the base or rad of a joint by which a reference that jumps is told of."""
-
 LONGEST = 1000.0
 """s of a flight that is planned: more takes minutes."""
 
@@ -62,7 +59,7 @@ def govern(scenario: Scenario, **options: float) -> Scenario:
 
     Args:
         scenario: whose reference, and whose law's belief.
-        options: reserve, tilt, turning, joint_speed, fastest, as ``[reference.governor]`` of a scenario file has them.
+        options: reserve, tilt, turning, joint_speed, as ``[reference.governor]`` of a scenario file has them.
 
     Raises:
         ScenarioError: an option that there is not, or cannot be; a reference with phases that wait (until).
@@ -96,7 +93,7 @@ def governed_scenario(scenario: Scenario, options: GovernorOptions) -> Scenario:
         raise ValueError(f"reference.governor: {allowed}")
     _require_no_instants(bare)
     found = plan_of(bare, options)
-    for line in (*_steps(bare), *_infeasible_demands(found, bare, options)):
+    for line in _infeasible_demands(found, bare, options):
         warnings.warn(f"reference.governor: {line}", GovernorWarning, stacklevel=3)
     return bare if found.path_time is None else bare.with_words(path_time=found.path_time)
 
@@ -118,27 +115,9 @@ def _infeasible_demands(found: Plan, scenario: Scenario, options: GovernorOption
         yield f"asks for {found.beyond:.3g} times its limit of {name} at {found.at:.3g} s of the path, however slow"
 
 
-def _steps(scenario: Scenario) -> Iterator[str]:
-    """Steps of the reference: a slower one jumps all the same."""
-    for t in _switches(scenario):
-        before, after = (scenario.reference.at(s) for s in (t - JUMP, t))
-        moved, turned = _difference(before, after, "position", "joints")
-        if moved > STEP or turned > STEP:
-            how_far = f"{moved:.3g} m" if moved > STEP else f"{turned:.3g} rad or m of a joint"
-            yield f"the reference jumps by {how_far} at {t:.3g} s, at any rate; a ramp or waypoints?"
-
-
 def _switches(scenario: Scenario) -> list[float]:
     """Times within the flight at which the reference may jump, s."""
     return [t for t in scenario.reference.switch_times() if 0.0 < t < scenario.duration]
-
-
-def _difference(before: Reference, after: Reference, base: str, joints: str) -> tuple[float, float]:
-    """By how much a vector of the base and the fastest joint differ."""
-    pairs = zip(getattr(before, joints), getattr(after, joints), strict=True)
-    moved = getattr(after, base) - getattr(before, base)
-    turned = max((abs(float(a) - float(b)) for a, b in pairs), default=0.0)
-    return math.hypot(*(float(c) for c in moved)), turned
 
 
 def with_governor(scenario: Scenario, options: GovernorOptions, setting: Setting) -> Scenario:
@@ -158,9 +137,7 @@ def plan_of(scenario: Scenario, options: GovernorOptions) -> Plan:
     trajectory, limits = scenario.reference, Limits(scenario.controller.par.model, options)
     if trajectory.guards:
         raise ValueError("reference.governor: must be left out of a reference whose phases wait (until)")
-    ceilings = Ceilings(
-        duration=float(scenario.duration), fastest=options.fastest, stops=_corners(trajectory, scenario)
-    )
+    ceilings = Ceilings(duration=float(scenario.duration), stops=_corners(trajectory, scenario))
 
     def motion(s: Derivatives, time: Array) -> Motion:
         return motion_of(by_flight_time(trajectory.at(s[0]), s), time)
@@ -180,8 +157,9 @@ def _corners(trajectory: Trajectory, scenario: Scenario) -> list[float]:
 
 
 def _is_corner(before: Reference, after: Reference) -> bool:
-    base, joint = _difference(before, after, "velocity", "joint_rates")
-    return base > CORNER[0] or joint > CORNER[1]
+    base = math.hypot(*(float(c) for c in after.velocity - before.velocity))
+    joints = [abs(float(a) - float(b)) for a, b in zip(before.joint_rates, after.joint_rates, strict=True)]
+    return base > CORNER[0] or max(joints, default=0.0) > CORNER[1]
 
 
 SETTLES = 0.08
@@ -200,14 +178,12 @@ class GovernorOptions:
         reserve: share of rotors and joints that is left to the control: it plans with the rest.
         tilt: rad, of the base. turning: rad/s^2, angular acceleration of the base.
         joint_speed: rad/s or m/s, of every joint; servos have limits of their own besides.
-        fastest: ds/dt with which it may catch up once it has fallen behind; 1 never does.
     """
 
     reserve: Annotated[float, Unit("", "of rotors and joints that is left to the control", low=0.0, high=0.9)] = 0.2
     tilt: Annotated[float, Unit("rad", "of the base", low=0.0, strict=True)] = 0.6
     turning: Annotated[float, Unit("rad/s^2", "angular acceleration of the base", low=0.0, strict=True)] = 10.0
     joint_speed: Annotated[Scalar, Unit("rad/s or m/s", low=0.0, strict=True, infinite=True)] = math.inf
-    fastest: Annotated[float, Unit("", "ds/dt with which it may catch up", low=1.0, high=2.0)] = 1.0
 
     def __post_init__(self) -> None:
         accept_fields(self, "reference.governor")

@@ -47,9 +47,6 @@ RATES = tuple(0.93**k for k in range(54))
 
 ROUNDS = 60
 
-CATCH_UP = 1.0
-"""s within which ds/dt above 1 comes back to it as the lag goes."""
-
 DIGITS = 9
 """Of the control points in s: what a machine's last bits say of the judgement is not written down."""
 
@@ -59,18 +56,17 @@ class Ceilings:
     """Upper bounds of ds/dt over the path, a number every GRID seconds of it.
 
     Attributes:
-        rate: ds/dt. acceleration: 1/s. stops: s, corners at which the path stands still. fastest: ds/dt to catch up.
+        rate: ds/dt. acceleration: 1/s. stops: s, corners at which the path stands still.
     """
 
     duration: float
-    fastest: float
     stops: Sequence[float] = ()
     rate: Array = field(init=False)
     acceleration: Array = field(init=False)
 
     def __post_init__(self) -> None:
         count = math.ceil(self.duration / GRID) + 2
-        self.rate, self.acceleration = np.full(count, self.fastest), np.full(count, ACCELERATION)
+        self.rate, self.acceleration = np.ones(count), np.full(count, ACCELERATION)
 
     def lower(self, values: Array, at: Array, to: Array, least: float, rate: float = 1.0) -> None:
         """Lower some values, at places of the path (s) and CALM seconds of a flight at a rate around them.
@@ -123,7 +119,6 @@ def follow(ceilings: Ceilings, duration: float) -> PathTime:
             if stops:
                 w = min(w, 2.0 * ceilings.acceleration[index] * (stops[0] - s))
             rate = max(math.sqrt(max(w, 0.0)), ceilings.acceleration[index] * small)
-            rate = min(rate, max(1.0, 1.0 + (t - s) / CATCH_UP)) if rate > 1.0 else rate
             s = min(s + rate * small, t)
             if stops and s >= stops[0] - rate * small:
                 s, rest = stops.pop(0), 6 * parts
@@ -193,7 +188,7 @@ def even_rates(judge: Judge, ceilings: Ceilings) -> None:
     path = np.arange(-BEYOND, ceilings.duration + BEYOND + 0.5 * GRID, GRID)
     inside = (path > -0.5 * GRID) & (path < ceilings.duration + 0.5 * GRID)
     open_, still = np.ones(len(path), dtype=bool), np.zeros_like(path)
-    for rate in (ceilings.fastest * share for share in RATES):
+    for rate in RATES:
         if rate <= SLOWEST or not open_.any():
             break
         over = judge.over((path, still + rate, still, still, still), path / rate).max(axis=0)
