@@ -14,9 +14,9 @@ from skyarm.algebra.scalars import Scalar, add, data, maximum, mul, sqrt
 from skyarm.control.blocks.common import rotor_thrust
 from skyarm.control.controller import Controller, ControllerError, Law
 from skyarm.control.law_checks import check_controller, checked_law, wrong
-from skyarm.control.model import Model
+from skyarm.control.model import LayerParameters, Model
 from skyarm.control.vectored_layer import VectoredMemory, angles_seen
-from skyarm.dynamics.actuators import Command, Mixer, joint_force
+from skyarm.dynamics.actuators import Command, joint_force
 from skyarm.dynamics.actuators.drive import TORQUE_DRIVE
 from skyarm.dynamics.actuators.rotor import push, speed_of_push
 from skyarm.dynamics.actuators.tilting import turn_rotors
@@ -28,17 +28,13 @@ from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class ActuatorParameters:
-    """Constants of a law on real actuators: the model with its servos and thrust tables, and the law's own constants.
+class ActuatorParameters(LayerParameters):
+    """Constants of a law on real actuators: its model has servos and thrust tables."""
 
-    Attributes:
-        model: belief. mixer: its rotors.
-        inner: constants of the law; its model and mixer are those above, given to it at each call.
-    """
-
-    model: Model
-    mixer: Mixer
-    inner: Any
+    @property
+    def inner_model(self) -> Model:
+        """The model of the law inside: rotors without tables."""
+        return plain_model(self.model)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -113,11 +109,7 @@ def with_actuators(controller: Controller, model: Model, control_period: float, 
     return dataclasses.replace(
         controller,
         law=law,
-        par=ActuatorParameters(
-            model=model,
-            mixer=controller.par.mixer,
-            inner=dataclasses.replace(controller.par, model=None, mixer=None),
-        ),
+        par=ActuatorParameters.around(controller.par, model=model),
         memory=ActuatorMemory(
             inner=controller.memory,
             started=0.0,
@@ -140,11 +132,6 @@ def with_believed_queues(controller: Controller, control_period: float) -> Contr
     return dataclasses.replace(controller, memory=dataclasses.replace(memory, drives=drives))
 
 
-def inner_parameters(par: ActuatorParameters) -> Any:
-    """Constants of the inner law, with its model."""
-    return dataclasses.replace(par.inner, model=plain_model(par.model), mixer=par.mixer)
-
-
 def believed_drives(model: Model) -> tuple[Any, ...]:
     """The modelled drive of each joint."""
     carried = {each.name: each.drive for each in model.vehicle.drives}
@@ -162,7 +149,7 @@ def actuator_law(
     servos: bool,
 ) -> tuple[ActuatorMemory, Command]:
     """One step of the law ``inner``; its command as the actuators take it."""
-    own, rotors = inner_parameters(par), par.model.vehicle.rotors
+    own, rotors = par.own, par.model.vehicle.rotors
     turning = tuple(_as_plain(rotor, w) for rotor, w in zip(rotors, measurement.rotor_speeds, strict=True))
     told = dataclasses.replace(measurement, rotor_speeds=turning)
     following, command = inner(memory.inner, told, reference, dt, par=own)

@@ -12,7 +12,7 @@ import inspect
 import re
 import sys
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib import resources
@@ -92,7 +92,7 @@ def make_controller(name: str, model: Model, **options: Any) -> Controller:
         ControllerError: unknown law, an option the law does not have, or one with a wrong value.
         AllocationError: the model's rotors do not span torque and thrust.
     """
-    if name not in list(LAWS):
+    if not is_one_of(name, LAWS):
         raise ControllerError(f"controller.law = {shown(name)}: {must_be_one_of(LAWS, name, SEE)}")
     if not isinstance(model, Model):
         raise ControllerError(f"model = {shown(model)}: must be a Model of vehicle and gravity")
@@ -182,7 +182,7 @@ def preset(name: str, model: Model, known: Mapping[str, Any] | None = None) -> C
     Raises:
         ControllerError: unknown name, or gains for another number of joints.
     """
-    if name not in list(PRESETS):
+    if not is_one_of(name, PRESETS):
         raise ControllerError(f"controller.preset = {shown(name)}: {must_be_one_of(PRESETS, name, SEE)}")
     law, options = PRESETS[name].law, PRESETS[name].options
     try:
@@ -226,7 +226,7 @@ def make_tuned(name: str, model: Model, **options: Any) -> Controller:
         ControllerError: a law that has not been tuned.
     """
     factors = tuned_factors()
-    if name not in list(factors):
+    if not is_one_of(name, factors):
         raise ControllerError(f"controller.law = {shown(name)}: has no tuned gains; there are {sorted(factors)}")
     return rescale(make_controller(name, model, **options), factors[name])
 
@@ -254,7 +254,12 @@ def make_named(name: str, model: Model, known: Mapping[str, Any] | None = None) 
 
 def is_named(name: Any) -> bool:
     """True if there is a controller of this name."""
-    return name in every_name()
+    return is_one_of(name, every_name())
+
+
+def is_one_of(name: Any, names: Container[str]) -> bool:
+    """True if a value is one of these names; anything may be asked for."""
+    return isinstance(name, str) and name in names
 
 
 def every_name() -> tuple[str, ...]:

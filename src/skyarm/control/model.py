@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any, ClassVar, Self
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar
@@ -107,3 +108,35 @@ class Parameters:
     terms: Terms = Terms()
     friction_compensation: Annotated[tuple[float, ...], Unit(low=0.0)] = ()
     rate_weights: Annotated[tuple[float, ...], Unit(low=0.0)] = ()
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LayerParameters:
+    """Constants of a law inside a layer: safety, rotors that tilt, servos and thrust tables.
+
+    Attributes:
+        model, mixer: of all that is inside, given to it at each call.
+        inner: constants of the law, without these two.
+    """
+
+    model: Model
+    mixer: Mixer
+    inner: Any
+
+    turns_rotors: ClassVar[bool] = False
+    """The layer commands the angles of tilting rotors."""
+
+    @classmethod
+    def around(cls, par: Any, **constants: Any) -> Self:
+        """Constants of the layer around those of a law."""
+        return cls(**{"mixer": par.mixer, "inner": dataclasses.replace(par, model=None, mixer=None)} | constants)
+
+    @property
+    def inner_model(self) -> Model:
+        """The model of the law inside."""
+        return self.model
+
+    @property
+    def own(self) -> Any:
+        """Constants of the law inside, with its model."""
+        return dataclasses.replace(self.inner, model=self.inner_model, mixer=self.mixer)

@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from skyarm.algebra import inner_product, ldl_solve
 from skyarm.algebra.scalars import (
@@ -28,8 +28,8 @@ from skyarm.algebra.scalars import (
 )
 from skyarm.control.controller import Controller, ControllerError, Law
 from skyarm.control.law_checks import check_controller, checked_law
-from skyarm.control.model import Model
-from skyarm.dynamics.actuators import Command, Mixer, allocation_matrix
+from skyarm.control.model import LayerParameters, Model
+from skyarm.dynamics.actuators import Command, allocation_matrix
 from skyarm.dynamics.actuators.tilting import (
     Force,
     angles_after,
@@ -63,19 +63,21 @@ angles at which thrusts give none of it ask for none."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class VectoredParameters:
-    """Constants of a law on rotors that tilt: the model with its servos, and the law's own constants.
+class VectoredParameters(LayerParameters):
+    """Constants of a law on rotors that tilt; the mixer is that of the pairs of fixed rotors.
 
     Attributes:
-        model: belief. mixer: of the pairs of fixed rotors that the law knows.
         lead: of each servo's setpoint.
-        inner: constants of the law; its model is that of the pairs, its mixer the one above.
     """
 
-    model: Model
-    mixer: Mixer
     lead: Annotated[tuple[Scalar, ...], Unit("", "times the way to its angle that a servo is told to go")]
-    inner: Any
+
+    turns_rotors: ClassVar[bool] = True
+
+    @property
+    def inner_model(self) -> Model:
+        """The model of the law inside: two fixed rotors for each that tilts."""
+        return pairs_model(self.model)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -97,19 +99,14 @@ class VectoredMemory:
 def law_inside(controller: Controller) -> Controller:
     """The law for pairs of fixed rotors that a controller of :func:`with_tilting` has inside."""
     held: Any = controller.law
-    par, memory = own_parameters(controller.par), controller.memory.inner
-    return dataclasses.replace(controller, law=held.keywords["inner"], par=par, memory=memory)
-
-
-def own_parameters(par: VectoredParameters) -> Any:
-    """Constants of the inner law, with its model."""
-    return dataclasses.replace(par.inner, model=pairs_model(par.model), mixer=par.mixer)
+    law, memory = held.keywords["inner"], controller.memory.inner
+    return dataclasses.replace(controller, law=law, par=controller.par.own, memory=memory)
 
 
 def turns_rotors(controller: Controller) -> bool:
     """Return True if a law's commands have angles of tilting rotors, under whatever other layers."""
     par = controller.par
-    while par is not None and not isinstance(par, VectoredParameters):
+    while par is not None and not getattr(par, "turns_rotors", False):
         par = getattr(par, "inner", None)
     return par is not None
 
@@ -131,7 +128,7 @@ def with_tilting(controller: Controller, model: Model) -> Controller:
         ControllerError: the believed vehicle has no rotor that tilts, or the law has the layer already.
     """
     check_controller(controller)
-    if isinstance(controller.par, VectoredParameters):
+    if getattr(controller.par, "turns_rotors", False):
         raise ControllerError(f"law {controller.name!r} has its tilting rotors already")
     vehicle = model.vehicle
     if not vehicle.tilts:
@@ -141,11 +138,10 @@ def with_tilting(controller: Controller, model: Model) -> Controller:
     return dataclasses.replace(
         controller,
         law=law,
-        par=VectoredParameters(
+        par=VectoredParameters.around(
+            controller.par,
             model=model,
-            mixer=controller.par.mixer,
             lead=tuple(_lead(rotor, rotor.tilt) for rotor in vehicle.rotors if rotor.tilt is not None),
-            inner=dataclasses.replace(controller.par, model=None, mixer=None),
         ),
         memory=VectoredMemory(inner=controller.memory, goals=rest, angles=rest, matched=rest),
     )
@@ -181,7 +177,7 @@ def vectored_law(
 ) -> tuple[VectoredMemory, Command]:
     """One step of the law ``inner``, whose model has pairs of fixed rotors; its command as speeds and angles."""
     vehicle = par.model.vehicle
-    own = own_parameters(par)
+    own = par.own
     angles = angles_seen(measurement, memory.angles)
     turning = speeds_of_pairs(vehicle, measurement.rotor_speeds, angles)
     told = dataclasses.replace(measurement, rotor_speeds=turning, tilts=())

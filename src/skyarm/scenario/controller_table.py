@@ -21,7 +21,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from skyarm.control.actuator_layer import ActuatorParameters, has_tables, inner_parameters, plain_model, with_actuators
+from skyarm.control.actuator_layer import ActuatorParameters, has_tables, plain_model, with_actuators
 from skyarm.control.catalogue import (
     LAWS,
     PRESETS,
@@ -36,7 +36,6 @@ from skyarm.control.catalogue import (
 )
 from skyarm.control.controller import Controller
 from skyarm.control.model import GeometricGains, JointGains, Model, Terms
-from skyarm.control.vectored_layer import VectoredParameters, own_parameters
 from skyarm.records.files import (
     Fields,
     all_wrong_words,
@@ -81,7 +80,7 @@ def controller_by_name(scenario: Scenario, name: str) -> Controller:
     made = make_named_or_tuned(name, plain_model(before.model), loop_facts(scenario.rates, scenario.delays))
     if not isinstance(before, ActuatorParameters):
         return _with_safety_of(before, made, scenario)
-    inner, servos = inner_parameters(before), bool(scenario.controller.memory.drives)
+    inner, servos = before.own, bool(scenario.controller.memory.drives)
     return on_actuators(_with_safety_of(inner, made, scenario), before.model, 1.0 / scenario.rates.control, servos)
 
 
@@ -92,8 +91,8 @@ def on_actuators(made: Controller, model: Model, control_period: float, servos: 
 
 def _with_safety_of(before: Any, made: Controller, scenario: Scenario) -> Controller:
     """The controller with the safety layer whose constants are these; as it is if they are a law's."""
-    if isinstance(before, VectoredParameters):
-        before = own_parameters(before)
+    if getattr(before, "turns_rotors", False):
+        before = before.own
     from skyarm.control.safety.safety_layer import SafetyParameters
 
     if not isinstance(before, SafetyParameters):

@@ -15,7 +15,7 @@ from skyarm.control.blocks.geometric import yaw_of
 from skyarm.control.controller import Controller, ControllerError, Law, with_applied_command
 from skyarm.control.law_checks import LawError, check_controller, checked_law, wrong
 from skyarm.control.law_maker import default_gains, default_joint_gains
-from skyarm.control.model import Model
+from skyarm.control.model import LayerParameters, Model
 from skyarm.control.safety.bounds import (
     apply_joint_barrier,
     govern_base,
@@ -37,8 +37,8 @@ from skyarm.control.safety.recovery import (
     stow_position,
     update_confidence,
 )
-from skyarm.control.vectored_layer import VectoredParameters, law_inside, with_tilting
-from skyarm.dynamics.actuators import Command, Mixer
+from skyarm.control.vectored_layer import law_inside, with_tilting
+from skyarm.dynamics.actuators import Command
 from skyarm.records.coerce import RecordError
 from skyarm.records.files import shown
 from skyarm.records.leaves import blend, parts
@@ -48,20 +48,15 @@ from skyarm.sensing.measurement import Measurement
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class SafetyParameters:
-    """Constants of a law with the safety layer: one model for all, and the law's own constants without it.
+class SafetyParameters(LayerParameters):
+    """Constants of a law with the safety layer; the mixer has priorities where the rotors allow them.
 
     Attributes:
-        model: belief. mixer: its rotors, with priorities where they allow them.
-        limits: of references and commands. recovery: what flies when the law is given up.
-        inner: constants of the law; its model and mixer are those above, given to it at each call.
+        limits: of references and commands. recovery: law that flies when the other is given up.
     """
 
-    model: Model
-    mixer: Mixer
     limits: Limits
     recovery: Recovery
-    inner: Any
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -283,7 +278,7 @@ def with_safety_layer(
     if isinstance(controller.par, SafetyParameters):
         raise ControllerError(f"controller = {controller.name!r}: has a safety layer already")
     check_controller(controller)
-    if isinstance(controller.par, VectoredParameters):
+    if getattr(controller.par, "turns_rotors", False):
         inside = with_safety_layer(law_inside(controller), limits, stow=stow)
         return with_tilting(inside, controller.par.model)
     if not hasattr(controller.par, "mixer"):
@@ -296,12 +291,12 @@ def with_safety_layer(
         stow=tuple(stow_position(link.joint) for link in links) if stow is None else pose_of(stow, links),
         stow_speed=tuple(USUAL_JOINTS[link.joint.kind].stow_speed for link in links),
     )
-    par = SafetyParameters(
+    par = SafetyParameters.around(
+        controller.par,
         model=model,
         mixer=with_priorities(model, controller.par.mixer),
         limits=_limits(controller, limits),
         recovery=recovery,
-        inner=dataclasses.replace(controller.par, model=None, mixer=None),
     )
     return Controller(
         name=f"guarded_{controller.name}",
@@ -345,7 +340,7 @@ def _traced_law(
     ``inner`` is the law, ``first`` its first memory and ``margin`` its distance to where it is not defined.
     """
     governed = govern(par, memory, measurement, reference, dt)
-    following, desired = inner(memory.inner, measurement, governed.reference, dt, par=_own(par))
+    following, desired = inner(memory.inner, measurement, governed.reference, dt, par=par.own)
     failed = logical_or(not_finite(desired), not_finite(following))
     if margin is not None:
         failed = logical_or(failed, margin(measurement.quaternion) < 0.0)
@@ -376,7 +371,7 @@ def _called_law(
     # from its first memory a law may have much to prepare, in vain while the recovery flies
     if memory.confidence.given_up < 0.5:
         try:
-            following, desired = inner(memory.inner, measurement, governed.reference, dt, par=_own(par))
+            following, desired = inner(memory.inner, measurement, governed.reference, dt, par=par.own)
             failed = not finite(desired) or (margin is not None and margin(measurement.quaternion) < 0.0)
         except LawError as error:
             # a mistake in its code, but for a record that its numbers do not make
@@ -388,8 +383,3 @@ def _called_law(
     new = arbitrate(par, memory, measurement, governed, desired, failed, dt)
     kept = first if new.confidence.given_up > 0.5 else following
     return dataclasses.replace(new, inner=with_applied_command(kept, new.sent)), new.sent
-
-
-def _own(par: SafetyParameters) -> Any:
-    """Constants of the law, with the shared model."""
-    return dataclasses.replace(par.inner, model=par.model, mixer=par.mixer)
