@@ -65,7 +65,7 @@ def test_a_guard_moves_the_instants_of_payloads_and_what_the_law_is_told():
     assert box.believed
     for time, held in ((box.pick - 1e-3, 0.0), (box.pick, 0.02), (1.9, 0.02), (2.0, 0.0)):
         told = Waits(dataclasses.replace(planned, payloads=(dataclasses.replace(box, drop=2.0),)))
-        par = told.with_task_payloads(planned.controller.par, time)
+        par = told.with_task_loads(planned.controller.par, time)
         assert par.model.vehicle.mass - planned.controller.par.model.vehicle.mass == pytest.approx(held, abs=1e-12)
     for other in (dataclasses.replace(box, believed=False), dataclasses.replace(box, mass=0.03)):
         unlike = skyarm.run(dataclasses.replace(planned, payloads=(other,)))

@@ -1,4 +1,4 @@
-"""The vehicle in a control period, with its payloads, and the forces on it without gravity."""
+"""The vehicle in a control period, with its loads, and the forces on it without gravity."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ LOCKED = 1e12
 rounding leaves of a joint's angle, and both plants solve for the other accelerations as if the joint were not there."""
 
 
-def payloads_of(around: Around) -> list[tuple[Any, Any]]:
-    """Rigid payloads with a time, and what has become of each."""
+def rigid_loads(around: Around) -> list[tuple[Any, Any]]:
+    """Rigid loads with a time, and what has become of each."""
     if not isinstance(around, Surroundings):
         return []
     pairs = zip(around.components, around.memories, strict=True)
@@ -37,13 +37,13 @@ def stuck_of(around: Around) -> Sequence[Any]:
 
 def changes_inertia(around: Around) -> bool:
     """Return True if a period may change the inertia of the moving bodies; by structure."""
-    return bool(payloads_of(around)) or bool(stuck_of(around))
+    return bool(rigid_loads(around)) or bool(stuck_of(around))
 
 
 def loaded_vehicle(vehicle: Vehicle, around: Around) -> Vehicle:
     """The vehicle with what it holds now; itself, at no cost, where nothing can be held or stuck."""
-    for payload, memory in payloads_of(around):
-        vehicle = vehicle.with_body(*payload.body(vehicle, memory.held))
+    for load, memory in rigid_loads(around):
+        vehicle = vehicle.with_body(*load.body(vehicle, memory.held))
     stuck = stuck_of(around)
     if not stuck:
         return vehicle

@@ -28,7 +28,7 @@ from skyarm.plant.largest_step import (
     drives_step,
     largest_step,
 )
-from skyarm.plant.loads import changes_inertia, payloads_of, rotor_speeds_after, tilts_after
+from skyarm.plant.loads import changes_inertia, rigid_loads, rotor_speeds_after, tilts_after
 from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.mujoco_loads import Coupling, Loads
 from skyarm.plant.mujoco_model import build_spec, joint_addresses
@@ -114,7 +114,7 @@ class MujocoPlant:
             physics_step /= max(1, math.ceil(rate * physics_step / LARGEST_FRICTION_STEP[integrator]))
         self._euler = integrator == "euler"
         physics_step /= divisions(physics_step, largest_step(around, euler=self._euler))
-        loads = [payload for payload, _ in payloads_of(around)]
+        loads = [load for load, _ in rigid_loads(around)]
         spec = build_spec(
             world.vehicle, float(world.gravity), timestep=physics_step, integrator=integrator, loads=loads
         )

@@ -1,11 +1,11 @@
-"""Followers, payloads with a time and stuck joints on MuJoCo's plant, and its equations of motion state by state.
+"""Followers, loads with a time and stuck joints on MuJoCo's plant, and its equations of motion state by state.
 
 Joints that follow others are held by forces that are found exactly, not by soft constraints. MuJoCo moves every joint
 by itself. With M and h its mass matrix and bias, G q the joints by the leaders' and f the forces applied, the leaders'
 acceleration is a = (G^T M G)^-1 G^T (f - h), and the force M G a + h makes MuJoCo's own solution G a. No mass matrix
 but MuJoCo's enters.
 
-Each payload is a body of MuJoCo's own, welded to the link that may hold it, at its centre of mass and along its
+Each load is a body of MuJoCo's own, welded to the link that may hold it, at its centre of mass and along its
 principal axes; only its mass and its moments change. A stuck joint has a large armature. Velocities after a grasp, or
 when a joint gets stuck, come from MuJoCo's mass matrices before and after.
 """
@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.plant.interface import Flat, number
-from skyarm.plant.loads import LOCKED, payloads_of, stuck_of
+from skyarm.plant.loads import LOCKED, rigid_loads, stuck_of
 from skyarm.plant.mujoco_model import load_name
 from skyarm.plant.surroundings import Around
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -70,20 +70,20 @@ class Coupling:
 
 
 OF_A_LOAD = 5
-"""Numbers of a payload in a period: mass, three moments, and 1 where it is grasped in it."""
+"""Numbers of a load in a period: mass, three moments, and 1 where it is grasped in it."""
 
 
 class Loads:
     """Loads of a MuJoCo model in a control period.
 
     Args:
-        vehicle: without loads. model, data: MuJoCo's, made with bodies for the payloads of ``around``.
+        vehicle: without loads. model, data: MuJoCo's, made with bodies for the loads of ``around``.
         around: surroundings as an example. dofs: of links and followers in ``model``.
     """
 
     def __init__(self, vehicle: Vehicle, model: Any, data: Any, around: Around, dofs: Sequence[int]) -> None:
         self._model, self._data, self._dofs = model, data, np.array(dofs[: vehicle.n], dtype=int)
-        self._count = len(payloads_of(around))
+        self._count = len(rigid_loads(around))
         self._bodies = [model.body(load_name(i)).id for i in range(self._count)]
         self._armature = model.dof_armature.copy()
         self._numbers = Quick(_numbers, around)
@@ -92,7 +92,7 @@ class Loads:
         self._G = own_to_mujoco(vehicle, model, dofs)
 
     def _of(self, around: Flat) -> tuple[Any, Any]:
-        """(masses, moments and grasps of the payloads, stuck joints) of a period."""
+        """(masses, moments and grasps of the loads, stuck joints) of a period."""
         self._numbers.inputs[:] = around
         self._numbers.step()
         found = np.array(self._numbers.outputs)
@@ -140,10 +140,10 @@ class Loads:
 
 
 def _numbers(around: Around) -> tuple[Any, ...]:
-    """Mass, moments and grasp of each payload, then what is stuck."""
+    """Mass, moments and grasp of each load, then what is stuck."""
     found: list[Any] = []
-    for payload, memory in payloads_of(around):
-        found += [payload.mass * memory.held, *(each * memory.held for each in payload.inertia), memory.caught]
+    for load, memory in rigid_loads(around):
+        found += [load.mass * memory.held, *(each * memory.held for each in load.inertia), memory.caught]
     return tuple(number(value) for value in (*found, *stuck_of(around)))
 
 

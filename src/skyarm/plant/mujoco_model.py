@@ -43,7 +43,6 @@ COLORS = {
     "link": _BLUE,
     "joint": _DARK,
     "tip": (0.85, 0.35, 0.15, 1.0),
-    "payload": _GREY,
 }
 """RGBA by what a shape stands for."""
 
@@ -62,7 +61,7 @@ def build_spec(
         gravity: m/s^2, positive downwards.
         timestep: s.
         integrator: "rk4", "euler" or "rk4_staged".
-        loads: payloads with a time, each a body without mass, welded to the link that may hold it.
+        loads: rigid ones with a time, each a body without mass, welded to the link that may hold it.
     """
     spec = mujoco.MjSpec()
     spec.modelname = vehicle.name
@@ -98,8 +97,8 @@ def build_spec(
 
 
 def load_name(index: int) -> str:
-    """Name of the body of a payload."""
-    return f"payload {index}"
+    """Name of the body of a load."""
+    return f"load {index}"
 
 
 def joint_addresses(vehicle: Vehicle, model: Any) -> tuple[list[int], list[int]]:

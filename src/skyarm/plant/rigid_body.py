@@ -24,7 +24,7 @@ from skyarm.plant.loads import (
     applied_force,
     changes_inertia,
     loaded_vehicle,
-    payloads_of,
+    rigid_loads,
     rotor_speeds_after,
     stuck_of,
     tilts_after,
@@ -269,8 +269,8 @@ def after_impact(vehicle: Vehicle, state: State, around: Around) -> State:
     if not changes_inertia(around):
         return state
     motion, total, pushed = PointMotion(vehicle, state), Force(ZERO3, ZERO3), [0] * vehicle.n
-    for payload, memory in payloads_of(around):
-        link, load = payload.body(vehicle, memory.caught)
+    for held, memory in rigid_loads(around):
+        link, load = held.body(vehicle, memory.caught)
         spin = load.inertia.apply(motion.angular_velocity(link))
         impulse = motion.velocity(load.com, link) * load.mass
         force, efforts = motion.generalized_force(-impulse, -motion.to_world(spin, link), load.com, link)

@@ -19,7 +19,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.tilting import with_rest
 from skyarm.dynamics.point_motion import PointMotion
-from skyarm.plant.loads import payloads_of
+from skyarm.plant.loads import rigid_loads
 from skyarm.plant.surroundings import Memories, Surroundings, wind_at
 from skyarm.records.leaves import blend, field_names, leaves
 from skyarm.reference import Reference
@@ -199,7 +199,7 @@ class Stages:
         self, memory: Any, measurement: Measurement, reference: Reference, path_time: Any
     ) -> tuple[Any, Command]:
         """The law's memory and command."""
-        par = self.waits.with_task_payloads(self.scenario.controller.par, path_time)
+        par = self.waits.with_task_loads(self.scenario.controller.par, path_time)
         following, command = self._law(memory, measurement, reference, self.period, par=par)
         return following, with_rest(self.scenario.plant.vehicle, command)
 
@@ -294,7 +294,7 @@ def _resting(resting: Any, still: Any, going: Any) -> Any:
 def push_at(frame: Frame, around: Surroundings, vehicle: Vehicle, state: State, gravity: Scalar) -> Push:
     """Force and torque at a frame of all that pushes on its link and on the links that it carries.
 
-    Of payloads it is the weight: what it takes to accelerate them is not there. All components are data, also where
+    Of loads it is the weight: what it takes to accelerate them is not there. All components are data, also where
     nothing can push, because sensors keep them in their memories.
 
     Args:
@@ -311,8 +311,8 @@ def push_at(frame: Frame, around: Surroundings, vehicle: Vehicle, state: State, 
         if wrench.body in carried:
             force = force + wrench.force_W
             torque = torque + wrench.torque_W + (motion.position(wrench.point, wrench.body) - at).cross(wrench.force_W)
-    for payload, memory in payloads_of(around):
-        link, load = payload.body(vehicle, memory.held)
+    for held, memory in rigid_loads(around):
+        link, load = held.body(vehicle, memory.held)
         if link in carried:
             weight = Vec3(0, 0, mul(-gravity, load.mass))
             force = force + weight
