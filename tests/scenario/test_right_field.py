@@ -134,15 +134,16 @@ def test_numbers_of_a_joint_that_follows_are_refused(tmp_path):
         of_urdf(tmp_path, '[[joints]]\nname = "right"\ndamping = 1.0\n')
 
 
-def test_the_half_of_a_stop_that_is_left_out_is_chosen(tmp_path):
+def test_a_stop_whose_stiffness_is_left_out_is_chosen(tmp_path):
     chosen, stiff, damped, none = (
         of_urdf(tmp_path, f'[[joints]]\nname = "left"\n{more}\n').links[0].joint
         for more in ("damping = 0.0", "stop_stiffness = 300.0", "stop_damping = 0.7", "stop_stiffness = 0.0")
     )
-    assert float(stiff.stop_stiffness) == 300.0
+    assert (float(stiff.stop_stiffness), float(stiff.stop_damping)) == (300.0, 0.0)
     # 2 zeta / (sqrt(k / m) depth), zeta one half, at the depth to which the effort of 2 N m presses; m = 1e-3 beside 1
-    frequency = (300.0 / 1e-3 * (1.0 + 1e-3)) ** 0.5
-    assert float(stiff.stop_damping) == pytest.approx(1.0 / (frequency * (2.0 / 300.0)), rel=1e-3)
+    stiffness = float(chosen.stop_stiffness)
+    frequency = (stiffness / 1e-3 * (1.0 + 1e-3)) ** 0.5
+    assert float(chosen.stop_damping) == pytest.approx(1.0 / (frequency * (2.0 / stiffness)), rel=1e-3)
     assert (float(damped.stop_stiffness), float(damped.stop_damping)) == (float(chosen.stop_stiffness), 0.7)
     assert float(none.stop_stiffness) == float(none.stop_damping) == 0.0
 

@@ -6,7 +6,7 @@ import pytest
 import skyarm
 from skyarm.log.formats import save_log
 from skyarm.scenario.numbers import number_at, with_numbers
-from skyarm.scenario.scenario_of_log import scenario_of_log
+from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate.batch import Batch
 
 TASK = {
@@ -76,7 +76,7 @@ def test_a_batch_that_varies_the_path_flies_what_single_flights_fly():
 
 def test_a_log_flies_again(flown, tmp_path):
     save_log(flown["rigid_body"], tmp_path / "task.npz")
-    again = scenario_of_log(tmp_path / "task.npz", {})
+    again = load_scenario(tmp_path / "task.npz")
     assert again.reference == task().reference
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from importlib import import_module
 from pathlib import Path
@@ -200,21 +200,15 @@ class Log:
         """
         return self.scenario_with({})
 
-    def scenario_with(
-        self, replaced: Mapping[str, Any], controller: Callable[[Any, Mapping[str, Any]], dict[str, Any]] | None = None
-    ) -> Any:
-        """The scenario that was flown with some of it replaced; code of what is replaced need not be there.
-
-        Args:
-            replaced: field -> value.
-            controller: (the law's model, the other fields) -> fields with another controller in place of the log's.
+    def scenario_with(self, replaced: Mapping[str, Any]) -> Any:
+        """The scenario that was flown with some of its fields replaced.
 
         Raises:
-            ValueError: as :attr:`scenario`, or of ``controller``.
+            ValueError: as :attr:`scenario`, or a value that the field cannot have.
         """
         from skyarm.log.flown_scenario import flown_scenario
 
-        return flown_scenario(self.info, replaced, controller)
+        return flown_scenario(self.info, replaced)
 
     @property
     def euler(self) -> Array:

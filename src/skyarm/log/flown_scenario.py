@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from types import SimpleNamespace
 from typing import Any
 
 from skyarm.records.files import shown
 from skyarm.records.identity import log_digest, own_files
 from skyarm.records.registry import RegistryError
 from skyarm.records.registry.plugins import identities
-from skyarm.records.restore import restore, restore_fields
+from skyarm.records.restore import restore
 
 SCENARIO = "skyarm.scenario.scenario_record:Scenario"
 """Class of what a log keeps as ``scenario_record``."""
 
 GROUPS = ("solver", "agent", "environment")
-"""Fields of a scenario that are records themselves; what is replaced in it may be a field of one."""
+"""Fields of a scenario that are records themselves."""
 
 
 def written_scenario(info: Mapping[str, Any]) -> dict[str, Any]:
@@ -34,11 +33,7 @@ def written_part(info: Mapping[str, Any], *names: str) -> Any:
     return found
 
 
-def flown_scenario(
-    info: Mapping[str, Any],
-    replaced: Mapping[str, Any],
-    controller: Callable[[Any, Mapping[str, Any]], dict[str, Any]] | None = None,
-) -> Any:
+def flown_scenario(info: Mapping[str, Any], replaced: Mapping[str, Any]) -> Any:
     """The scenario of a log's ``info`` with some of it replaced: :meth:`skyarm.Log.scenario_with`."""
     written, plugins, code = (info.get(name) or {} for name in ("scenario_record", "plugins", "code"))
     of = (info.get("versions") or {}).get("skyarm", "unknown")
@@ -46,26 +41,13 @@ def flown_scenario(
         raise ValueError(f"scenario_record: must hold the scenario as this version writes it; skyarm {of} wrote it")
     if not _fits(info, written, code):
         raise ValueError(f"scenario_record: must be of the log's digest; it was changed after skyarm {of} wrote it")
-    known, without = {**code, **plugins}, {*replaced, *(() if controller is None else ("controller",))}
     with _in_words_of_the_log(plugins):
-        kind, fields = restore_fields(_flat(written), known, without)
-        model = None if controller is None else _written_model(written["agent"], known)
-    changed = dict(replaced)
-    if controller is not None:
-        changed |= controller(model, fields)
-    with _in_words_of_the_log(plugins):
-        found = kind(**{**fields, **changed})
-    now = own_files(SimpleNamespace(**fields))
+        found = restore(written, {**code, **plugins})
+    now = own_files(found)
     for name in sorted(code):
         if now.get(name, code[name]) != code[name]:
             raise ValueError(f"code {name!r} = {shown(now[name])}: must be {shown(code[name])} as it was flown")
-    return found
-
-
-def _flat(written: Mapping[str, Any]) -> dict[str, Any]:
-    """The fields of the groups in the place of the groups, as a scenario may be made of them."""
-    inner = {name: value for group in GROUPS for name, value in written[group].items() if name != "type"}
-    return {name: value for name, value in written.items() if name not in GROUPS} | inner
+    return found.with_words(**replaced)
 
 
 def _fits(info: Mapping[str, Any], written: Mapping[str, Any], code: Any) -> bool:
@@ -74,15 +56,6 @@ def _fits(info: Mapping[str, Any], written: Mapping[str, Any], code: Any) -> boo
         return isinstance(code, dict) and log_digest(written, code) == info.get("digest")
     except RecursionError:  # lists in lists, without end
         return False
-
-
-def _written_model(written: Mapping[str, Any], known: Mapping[str, str]) -> Any:
-    """The model of a written scenario's controller; read without the law's own code if stored next to it."""
-    held = written["controller"]
-    par = held.get("par") if isinstance(held, dict) else None
-    if isinstance(par, dict) and "model" in par:
-        return restore(par["model"], known)
-    return getattr(getattr(restore(held, known), "par", None), "model", None)
 
 
 @contextmanager

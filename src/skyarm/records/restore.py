@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from enum import Enum
 from typing import Any
 
 from skyarm.records.files import shown
 from skyarm.records.leaves import field_names
 from skyarm.records.plain import NOT_FINITE, dotted_name, plain, written_if_any
-from skyarm.records.registry.plugins import code_of, require_plugins
+from skyarm.records.registry.plugins import code_of
 
 FUNCTIONS = ("skyarm.control.",)
 """Beginnings of this package's modules whose functions a record may hold: laws and what bounds them."""
@@ -41,42 +41,6 @@ def restore(data: Any, plugins: Mapping[str, str] | None = None) -> Any:
         return _restore(data, plugins or {}, "")
     except RecursionError:
         raise RestoreError(f"record = {shown(data)}: must not be nested so deep") from None
-
-
-def restore_fields(
-    data: Any, plugins: Mapping[str, str], without: Collection[str] = ()
-) -> tuple[type[Any], dict[str, Any]]:
-    """Class of a record that was written, and its fields without some: their code need not be there.
-
-    The fields are those of the data, for a class that takes others than its own, too.
-
-    Raises:
-        ValueError: as :func:`restore`; of several plugins that are not loaded all are named.
-    """
-    kept = {name: value for name, value in data.items() if name not in without}
-    require_plugins(_names_of_code(kept), plugins)
-    try:
-        kept.pop("type")
-        return _class(data, plugins, ""), _each(kept, plugins, "")
-    except RecursionError:
-        raise RestoreError(f"record = {shown(data)}: must not be nested so deep") from None
-
-
-def _names_of_code(data: Any) -> list[str]:
-    """Names of classes and functions in plain data, however deep it is nested."""
-    found, waiting = [], [data]
-    while waiting:
-        value = waiting.pop()
-        if isinstance(value, dict):
-            found += [each for word in _NAMING if isinstance(each := value.get(word), str)]
-            waiting += value.values()
-        elif isinstance(value, list):
-            waiting += value
-    return found
-
-
-_NAMING = ("type", "class", "name")
-"""Words of a table of plain data that may name code."""
 
 
 def _restore(data: Any, plugins: Mapping[str, str], where: str) -> Any:
@@ -106,30 +70,16 @@ def _each(table: dict[str, Any], plugins: Mapping[str, str], where: str) -> dict
 
 def _record(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> Any:
     """A frozen dataclass with these fields, and no other."""
-    kind, table = _kind_and_table(data, plugins, where)
-    return kind(**_each(table, plugins, where))
-
-
-def _class(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> type[Any]:
-    """The frozen dataclass that data names."""
     kind: Any = code_of(data["type"], plugins)
     names = field_names(kind) if isinstance(kind, type) and dotted_name(kind) == data["type"] else None
     if names is None or not kind.__dataclass_params__.frozen:
         raise RestoreError(f"{where or 'record'}: {data['type']} is no frozen dataclass, it cannot be read back")
-    made: type[Any] = kind
-    return made
-
-
-def _kind_and_table(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> tuple[type[Any], dict[str, Any]]:
-    """Class of a frozen dataclass, and plain data of its constructor's fields."""
-    kind: Any = _class(data, plugins, where)
-    names = field_names(kind) or ()
     table = {key: value for key, value in data.items() if key != "type"}
     odd = sorted((set(table) ^ set(names)) - set(written_if_any(kind)))
     if odd:
         raise RestoreError(f"{where or 'record'}: {data['type']} was written by another version ({', '.join(odd)})")
     fields = [field.name for field in dataclasses.fields(kind) if field.init and field.name in table]
-    return kind, {name: table[name] for name in fields}
+    return kind(**_each({name: table[name] for name in fields}, plugins, where))
 
 
 def _function(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> Any:

@@ -38,7 +38,6 @@ from skyarm.control.controller import Controller
 from skyarm.control.model import GeometricGains, JointGains, Model, Terms
 from skyarm.records.files import (
     Fields,
-    all_wrong_words,
     did_you_mean,
     must_be_one_of,
     number,
@@ -309,8 +308,7 @@ def controller_of_file(name: Any, folder: Path, model: Model, known: Mapping[str
     try:
         document = read_toml(path.read_bytes())
         require_kind(document, "gains")
-        with all_wrong_words():
-            return _controller(Fields(document, ""), model, known)
+        return _controller(Fields(document, ""), model, known)
     except OSError as error:
         raise ValueError(f"{field} = {shown(os.fspath(path))}: must be readable ({error.strerror})") from None
     except ValueError as error:

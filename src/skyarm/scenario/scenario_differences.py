@@ -48,9 +48,7 @@ def _leaves(data: Any, words: Words) -> Iterator[tuple[Words, Any]]:
 
 def _has_choice(words: Words) -> bool:
     """True if the value at this place may be of several classes."""
-    return words in (("environment", "wind"), ("agent", "estimator")) or (
-        words[:-1] in (("environment", "air"), ("environment", "forces"), ("endings",))
-    )
+    return words in (("environment", "wind"), ("agent", "estimator")) or words[:-1] in SEVERAL
 
 
 def _path(words: Words) -> str:

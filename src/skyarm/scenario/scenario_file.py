@@ -49,22 +49,23 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.control.model import Model
+from skyarm.dynamics.actuators import AllocationError
 from skyarm.log.metrics.windows import windows_from
 from skyarm.plant.interface import Truth
 from skyarm.records.files import (
     Fields,
-    all_wrong_words,
     file_name,
     number,
     one_line,
     shown,
+    unreadable,
 )
 from skyarm.records.files.names import names_in, read_named
 from skyarm.records.read_table import record_from
 from skyarm.records.registry import names
 from skyarm.reference.task_records import Setting
 from skyarm.scenario import scenario_tables as tables
-from skyarm.scenario.controller_table import loop_facts
+from skyarm.scenario.controller_table import loop_facts, under_law
 from skyarm.scenario.scenario_record import (
     Change,
     Delays,
@@ -109,9 +110,7 @@ def load_scenario(
     replaced = {"plant": plant, "controller": controller, "seed": seed, "duration": duration}
     given = {field: value for field, value in replaced.items() if value is not None}
     if Path(text).suffix.removeprefix(".") in names("log_format"):
-        from skyarm.scenario.scenario_of_log import scenario_of_log
-
-        return scenario_of_log(text, given)
+        return _of_log(text, given)
     try:
         document, folder = read_named(text, "scenario", LIBRARY, " or a log, or a name")
     except ValueError as error:
@@ -120,6 +119,20 @@ def load_scenario(
         return scenario_from(document, folder, given)
     except ValueError as error:
         raise ScenarioError(f"{text}: {error}") from None
+
+
+def _of_log(path: str, given: Mapping[str, Any]) -> Scenario:
+    """The scenario of a log with values replaced."""
+    from skyarm.log.formats import load_log
+
+    replaced = {"kind" if name == "plant" else name: value for name, value in given.items() if name != "controller"}
+    try:
+        if reason := unreadable(Path(path)):
+            raise ValueError(reason)
+        scenario: Scenario = load_log(path).scenario_with(replaced)
+        return under_law(scenario, given["controller"]) if "controller" in given else scenario
+    except (ValueError, OSError, AllocationError) as error:
+        raise ScenarioError(f"{path}: {error}") from None
 
 
 def scenario_from(
@@ -138,8 +151,7 @@ def scenario_from(
     if not isinstance(document, Mapping):
         raise ScenarioError(f"document = {shown(document)}: must be a table")
     try:
-        with all_wrong_words():
-            return _scenario(Fields(dict(document), ""), Path(folder), replaced or {})
+        return _scenario(Fields(dict(document), ""), Path(folder), replaced or {})
     except ValueError as error:
         raise ScenarioError(one_line(str(error))) from None
 

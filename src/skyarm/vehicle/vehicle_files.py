@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.records.files import (
-    all_wrong_words,
     did_you_mean,
     file_name,
     must_be_one_of,
@@ -103,8 +102,7 @@ def _from_toml(content: bytes, file: Path | None, above: tuple[Path, ...] = ()) 
     try:
         document = read_toml(content)
         require_kind(document, "vehicle")
-        with all_wrong_words():
-            return vehicle_from(document, refer)
+        return vehicle_from(document, refer)
     except VehicleError:
         raise
     except ValueError as error:

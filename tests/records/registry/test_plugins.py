@@ -7,14 +7,12 @@ import pickle
 import shutil
 import sys
 import types
-from importlib import metadata
 from pathlib import Path
 
 import pytest
 
 import skyarm
 from added_components import registry_kept
-from skyarm.records.files import Fields
 from skyarm.records.registry import KINDS, RegistryError, find, names, plugins, register, registrations
 from skyarm.records.registry.plugins import (
     Plugin,
@@ -24,9 +22,7 @@ from skyarm.records.registry.plugins import (
     load_plugin,
     loaded_plugins,
     register_law_of_file,
-    register_loaded_law,
 )
-from skyarm.scenario.scenario_tables import require_plugins
 
 OWN = Path(__file__).parents[2] / "own_plugin.py"
 
@@ -249,47 +245,6 @@ class Breeze(skyarm.Air):
 def make(model):
     return None
 """
-
-
-@pytest.fixture
-def breeze(tmp_path, monkeypatch):
-    """A package with an entry point, installed: its file of winds."""
-    folder = tmp_path / "site" / "breeze_pack"
-    folder.mkdir(parents=True)
-    written(folder, "", "__init__.py")
-    path = written(folder, WINDS, "winds.py")
-    monkeypatch.syspath_prepend(folder.parent)
-    entry = metadata.EntryPoint("breeze", "breeze_pack.winds", "skyarm.plugins")
-    distribution = types.SimpleNamespace(name="skyarm-breeze", version="1.0")
-    installed(monkeypatch, entry._for(distribution))
-    yield path
-    for name in ("breeze_pack", "breeze_pack.winds"):
-        sys.modules.pop(name, None)
-
-
-def test_a_plugin_that_is_installed_and_given_as_a_file_is_one(breeze, tmp_path):
-    known, module = loaded_plugins(), sys.modules["breeze_pack.winds"]
-    assert load_plugin(breeze) is module
-    copy = Path(shutil.copy(breeze, tmp_path / "winds.py"))  # as in a checkout beside the installed one
-    assert load_plugin(copy) is module
-    assert find("air", "breeze") is module.Breeze
-    assert loaded_plugins() == known
-    assert identities()["skyarm-breeze"] == "version 1.0"
-    copy.write_text(WINDS.replace("evenly", "unevenly"))
-    with pytest.raises(RegistryError, match=r"air 'breeze': is registered by skyarm-breeze 1\.0 and by .*winds\.py"):
-        load_plugin(copy)
-
-
-def test_what_a_file_needs_may_be_the_file_of_an_installed_plugin(breeze):
-    require_plugins(Fields({"plugins": {"need": ["winds.py", "skyarm-breeze"]}}, ""))
-    words = r"'gales\.py': is not loaded; --plugin gales\.py or skyarm\.load_plugin\('gales\.py'\)"
-    with pytest.raises(ValueError, match=words):
-        require_plugins(Fields({"plugins": {"need": ["gales.py"]}}, ""))
-
-
-def test_the_law_of_an_installed_file_has_the_name_of_the_command_line(breeze):
-    assert register_loaded_law(f"{breeze}:make")
-    assert find("law", f"{breeze}:make") is sys.modules["breeze_pack.winds"].make
 
 
 def test_a_pickle_whose_plugin_is_missing_says_how_it_is_loaded(tmp_path):

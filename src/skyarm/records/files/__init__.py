@@ -1,6 +1,6 @@
 """Read tables field by field, and write files atomically. Independent of flying."""
 
-from skyarm.records.files.fields import Fields, all_wrong_words, number
+from skyarm.records.files.fields import Fields, number
 from skyarm.records.files.messages import did_you_mean, must_be_one_of, nearest, one_line, printable, shown
 from skyarm.records.files.names import file_name, unreadable
 from skyarm.records.files.packages import how_to_install, needs_extra, versions
@@ -19,7 +19,6 @@ from skyarm.records.files.writing import (
 
 __all__ = [
     "Fields",
-    "all_wrong_words",
     "did_you_mean",
     "file_name",
     "file_names",

@@ -4,42 +4,11 @@ from __future__ import annotations
 
 import math
 import numbers
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
-from contextvars import ContextVar
 from typing import Any
 
 from skyarm.records.files.messages import comma_list, did_you_mean, must_be_one_of, shown
 
 _REQUIRED: Any = object()
-
-_Wrong = dict[tuple[str, str], str]
-"""(table, word of it) -> line about it."""
-
-_wrong_words: ContextVar[_Wrong | None] = ContextVar("wrong_words", default=None)
-"""Of the file that is being read."""
-
-
-@contextmanager
-def all_wrong_words() -> Iterator[None]:
-    """Collect the unknown fields of all tables read inside into one error line.
-
-    They are reported before any other error, which one of them may have caused.
-
-    Raises:
-        ValueError: as :meth:`Fields.done` raises it for one.
-    """
-    found: _Wrong = {}
-    token = _wrong_words.set(found)
-    try:
-        yield
-    except ValueError:
-        if not found:
-            raise
-    finally:
-        _wrong_words.reset(token)
-    if found:
-        raise ValueError("; ".join(found.values()))
 
 
 class Fields:
@@ -54,7 +23,6 @@ class Fields:
             raise ValueError(f"{where} = {shown(table)}: must be a table")
         self.table, self.where, self._named = table, where, named
         self._asked: list[str] = []
-        self._stands_for: dict[str, str] = {}  # a word of the file -> the required field that it may have meant
 
     def at(self, name: str) -> str:
         """Name of a field as messages show it."""
@@ -63,32 +31,14 @@ class Fields:
     def take(self, name: str, default: Any = _REQUIRED) -> Any:
         """Raw value of a field."""
         self._asked.append(name)
-        if name in self._stands_for:  # a word of its own after all
-            raise self._missing(self._stands_for[name])
         if name in self.table:
             return self.table[name]
         if default is not _REQUIRED:
             return default
-        unread = [word for word in self.table if word not in self._asked]
-        meant = next((word for word in unread if did_you_mean(word, [name])), None)
-        wrong = _wrong_words.get()
-        if meant is None or wrong is None:
-            raise self._missing(name)
-        self._stands_for[meant] = name
-        self._asked.append(meant)
-        wrong[self.where, meant] = self._unknown_field(meant, [name])
-        return self.table[meant]
-
-    def _missing(self, name: str) -> ValueError:
-        there = comma_list(sorted(self.table)) if self.table else "no fields"
-        if (wrong := _wrong_words.get()) is not None:
-            for word in self._stands_for:
-                wrong.pop((self.where, word), None)
-        return ValueError(f"{self.at(name)}: is missing; there are {there}")
-
-    def _unknown_field(self, name: str, known: Iterable[str]) -> str:
-        allowed, meant = comma_list(dict.fromkeys(known)), did_you_mean(name, known)
-        return f"{self.at(name)} = {shown(self.table[name])}: unknown field; {meant}allowed: {allowed}"
+        near = next((w for w in self.table if w not in self._asked and did_you_mean(w, [name])), "")
+        there = f"is it {near!r}? " if near else ""
+        there += f"there are {comma_list(sorted(self.table))}" if self.table else "there are no fields"
+        raise ValueError(f"{self.at(name)}: is missing; {there}")
 
     def number(
         self,
@@ -147,16 +97,11 @@ class Fields:
         return list_of_tables(self.take(name, []), self.at(name), self._named)
 
     def done(self) -> None:
-        """Refuse fields that were not read, at once or with the other wrong words of the file."""
-        wrong = _wrong_words.get()
-        known = [name for name in self._asked if name not in self._stands_for]
-        for name in self.table:
-            if name in known:
-                continue
-            line = self._unknown_field(name, known)
-            if wrong is None:
-                raise ValueError(line)
-            wrong[self.where, name] = line
+        """Refuse a field that was not read."""
+        for name, value in self.table.items():
+            if name not in self._asked:
+                allowed, meant = comma_list(dict.fromkeys(self._asked)), did_you_mean(name, self._asked)
+                raise ValueError(f"{self.at(name)} = {shown(value)}: unknown field; {meant}allowed: {allowed}")
 
 
 def list_of_tables(value: Any, where: str, named: bool = False) -> list[Fields]:

@@ -48,13 +48,11 @@ class Plugin:
     Attributes:
         name: path of the file, or the distribution's name. identity: "sha256:..." or "version ...".
         beside: path and identity of each module of the file's own folder, and below it, that it imported.
-        package: of an installed plugin, the top of its modules' names.
     """
 
     name: str
     identity: str
     beside: tuple[tuple[str, str], ...] = ()
-    package: str = ""
 
     def identities(self) -> list[tuple[str, str]]:
         """Name without the folder and identity: of the plugin, and of the modules beside it."""
@@ -105,29 +103,13 @@ def identities() -> dict[str, str]:
     return number_duplicates(sorted({pair for plugin in loaded_plugins() for pair in plugin.identities()}))
 
 
-def installed_modules() -> dict[str, ModuleType]:
-    """Modules of the installed plugins' packages that are imported, by the path of their file."""
-    packages = {plugin.package for plugin in loaded_plugins() if plugin.package}
-    found = [module for name, module in [*sys.modules.items()] if name.partition(".")[0] in packages]
-    return {file: module for module in found if (file := file_of(module))}
-
-
 def known_names() -> set[str]:
-    """Names of plugins that a file may require: those in results, and files of installed plugins."""
-    return {*identities(), *(Path(file).name for file in installed_modules())}
-
-
-def _installed_module(key: str, identity: str) -> ModuleType | None:
-    """The module of an installed plugin whose file this is, or a copy of it: a plugin loaded both ways is one."""
-    registrations("air")  # installed packages are there
-    modules = installed_modules()
-    if key in modules:
-        return modules[key]
-    return next((module for file, module in modules.items() if identity_of_file(file) == identity), None)
+    """Names of plugins that a file may require: those in results."""
+    return {*identities()}
 
 
 def load_plugin(path: str | Path, expected: str | None = None) -> ModuleType:
-    """Run a plugin's file and keep what it registers; a file of an installed plugin is that plugin.
+    """Run a plugin's file and keep what it registers.
 
     Args:
         path: of the .py file.
@@ -152,8 +134,6 @@ def load_plugin(path: str | Path, expected: str | None = None) -> ModuleType:
             if identity_of_file(beside) != first:
                 raise _change_error(str(path), beside)
         return _MODULES[key]
-    if (installed := _installed_module(key, identity)) is not None:
-        return installed
     name, before = f"{FILE_MODULE}{file.stem}_{identity[7:15]}", set(sys.modules)
     try:
         module = _run(name, file, content)
@@ -286,7 +266,7 @@ def register_loaded_law(text: str) -> bool:
         RegistryError: the file has no such function.
     """
     match = FROM_FILE.fullmatch(text)
-    if match is None or str(Path(match["file"]).resolve()) not in (*_LOADED, *installed_modules()):
+    if match is None or str(Path(match["file"]).resolve()) not in _LOADED:
         return False
     return register_law_of_file(text)
 
@@ -304,8 +284,7 @@ def load_installed() -> None:
         except (Exception, SystemExit) as error:
             warnings.warn(f"plugin {name} {version} is left out: {_words(error)}", RuntimeWarning, stacklevel=2)
             continue
-        package = entry.value.partition(":")[0].partition(".")[0]
-        _LOADED[f"{name} {entry.name}"] = Plugin(name, f"version {version}", package=package)
+        _LOADED[f"{name} {entry.name}"] = Plugin(name, f"version {version}")
 
 
 def load_again(plugins: Iterable[Plugin]) -> None:
@@ -353,7 +332,7 @@ def _module(module: str, name: str, plugins: Mapping[str, str]) -> ModuleType:
             raise RegistryError(f"{shown(name)}: is not there any more; it was written by another version") from None
     if module in file_modules():
         return file_modules()[module]
-    require_plugins([name], plugins)
+    _require_plugin(module, plugins)
     if module in sys.modules and module.split(".", maxsplit=1)[0] in _registered_packages():
         return sys.modules[module]
     absent = [file for file in plugins if file not in identities()]
@@ -364,28 +343,17 @@ def _module(module: str, name: str, plugins: Mapping[str, str]) -> ModuleType:
     )
 
 
-def require_plugins(names: Iterable[str], plugins: Mapping[str, str]) -> None:
-    """Require that the file of every plugin in these names is loaded.
-
-    Args:
-        names: as :func:`code_of` takes them; those of other modules are passed over.
-        plugins: identities of the plugins that were loaded when the names were written.
-
-    Raises:
-        RegistryError: one line: all that are not loaded, or have changed.
-    """
-    modules = {name.partition(":")[0] for name in names} - set(file_modules())
-    missing = []
+def _require_plugin(module: str, plugins: Mapping[str, str]) -> None:
+    """Refuse a module of a plugin's file that is not loaded, or has changed."""
     for file, identity in plugins.items():
-        if f"{FILE_MODULE}{Path(file).stem}_{identity.removeprefix('sha256:')[:8]}" not in modules:
+        if f"{FILE_MODULE}{Path(file).stem}_{identity.removeprefix('sha256:')[:8]}" != module:
             continue
         here = identities().get(file)
         why, which = "is not loaded", "it"
         if here is not None:
             why, which = f"has changed, it is {here[:15]}... now", "the file of then"
-        missing.append(f"plugin {file} ({identity[:15]}...) {why}: load {which} by {LOADED_BY.format(file)}")
-    if missing:
-        raise RegistryError("; ".join(missing))
+        words = f"plugin {file} ({identity[:15]}...) {why}: load {which} by {LOADED_BY.format(file)}"
+        raise RegistryError(words)
 
 
 def _registered_packages() -> set[str]:

@@ -37,7 +37,6 @@ from skyarm.log.metrics.metric_catalogue import metric_names
 from skyarm.log.metrics.windows import windows_from
 from skyarm.records.files import (
     Fields,
-    all_wrong_words,
     did_you_mean,
     file_name,
     number,
@@ -118,8 +117,7 @@ def study_from(document: Mapping[str, Any], folder: str | os.PathLike[str] = "",
         StudyError: one line with field, value and what is allowed.
     """
     try:
-        with all_wrong_words():
-            return _study(Fields(dict(document), ""), Path(folder), source)
+        return _study(Fields(dict(document), ""), Path(folder), source)
     except ValueError as error:
         raise StudyError(one_line(str(error))) from None
 
