@@ -56,6 +56,10 @@ FOLLOWING = 2.0
 """1/s, of the mean squares of a joint's planned rate and of what its own is off."""
 
 
+def _towards(old: Any, new: Any, share: Any) -> Any:
+    return add(old, mul(share, sub(new, old)))
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Regressor:
     """Regressor of one joint from the planned motion: torque of 1 kg at the tip (N m/kg), position (rad or m), rate."""
@@ -63,6 +67,12 @@ class Regressor:
     load: Annotated[Scalar, Unit("N m/kg or N/kg", "effort of 1 kg at the tip in the planned motion, late")]
     place: Annotated[Scalar, Unit("rad or m", "planned position, late")]
     rate: Annotated[Scalar, Unit("rad/s or m/s", "planned rate, late")]
+
+    def towards(self, new: Regressor, share: Any) -> Regressor:
+        """A low-pass filter's next value."""
+        pairs = ((self.load, new.load), (self.place, new.place), (self.rate, new.rate))
+        load, place, rate = (_towards(a, b, share) for a, b in pairs)
+        return Regressor(load=load, place=place, rate=rate)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -83,6 +93,37 @@ class JointLearned:
     twice: Regressor
     moving: Annotated[Scalar, Unit("(rad/s)^2 or (m/s)^2", "mean square of the planned rate")]
     off: Annotated[Scalar, Unit("(rad/s)^2 or (m/s)^2", "mean square of what the rate is off")]
+
+    def filtered(self, regressor: Regressor, rate: Any, share: Any, dt: Any) -> JointLearned:
+        """The filtered regressor one period later, and how well the joint's rate follows its plan."""
+        once, slow = self.once.towards(regressor, share), low_pass_share(FOLLOWING, dt)
+        off = sub(rate, regressor.rate)
+        return dataclasses.replace(
+            self,
+            once=once,
+            twice=self.twice.towards(once, share),
+            moving=_towards(self.moving, mul(regressor.rate, regressor.rate), slow),
+            off=_towards(self.off, mul(off, off), slow),
+        )
+
+    def trust(self, slow: Any) -> Any:
+        """1 for a joint that keeps its planned rate, 0 for one that is off by 0.7 of it, in the mean square."""
+        return maximum(0.0, sub(1.0, divide(mul(2.0, self.off), add(self.moving, slow))))
+
+    def learned(
+        self, friction: Any, left: Any, weight: Any, least: tuple[Any, Any], limits: tuple[Any, Any], dt: Any
+    ) -> JointLearned:
+        """Damping, level and slope one period later, along their normalised gradients."""
+        (small, slow), (low, high), place, rate = least, limits, self.twice.place, self.twice.rate
+        error = mul(weight, sub(sub(left, self.level), mul(self.slope, place)))
+        step = divide(mul(error, rate), add(mul(rate, rate), slow))
+        turn = divide(mul(error, place), add(mul(place, place), small))
+        return dataclasses.replace(
+            self,
+            damping=clip(sub(self.damping, mul(friction * dt, step)), low, high),
+            level=add(self.level, mul(WEIGHT * dt, error)),
+            slope=add(self.slope, mul(WEIGHT * dt, turn)),
+        )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -181,20 +222,29 @@ def adapt(
             safety layer changes its command.
         dt: s.
     """
-    places = [q.derivative(0) for q in planned.joints]
     wanted = [q.derivative(1) for q in planned.joints]
-    unit = unit_load(par.model.vehicle, planned) if gains.load is not None else no_disturbance(len(places))
-    share = _share(par, dt)
-    seen = []
-    for joint, load, place, rate, qd in zip(learned.joints, unit.efforts, places, wanted, rates, strict=True):
-        seen.append(_update_joint(joint, Regressor(load=load, place=place, rate=rate), qd, share, dt))
-    weights = [mul(f, _follows(joint, slow)) for f, joint, (_, slow) in zip(free[1:], seen, gains.slow, strict=True)]
+    unit = unit_load(par.model.vehicle, planned) if gains.load is not None else no_disturbance(len(wanted))
+    # two stages with the delay of the joints' observer and of the measurements' age
+    late = add(divide(1.0, par.observer.joints), 0.5 * par.delay_periods * dt)
+    share = 1.0 - exp(-divide(dt, late))
+    joints, weights = [], []
+    for joint, q, load, rate, (_, slow), f in zip(
+        learned.joints, planned.joints, unit.efforts, rates, gains.slow, free[1:], strict=True
+    ):
+        regressor = Regressor(load=load, place=q.derivative(0), rate=q.derivative(1))
+        joints.append(joint.filtered(regressor, rate, share, dt))
+        weights.append(mul(f, joints[-1].trust(slow)))
     mass = learned.tip_mass
     if gains.load is not None:
-        mass = _mass(gains.load, gains.mass_limit, mass, [joint.twice.load for joint in seen], left, weights, dt)
-    joints = [
-        _joint(gains, i, joint, d, t, dt) for i, (joint, d, t) in enumerate(zip(seen, left, weights, strict=True))
-    ]
+        match: Any = 0.0
+        size: Any = SMALL
+        for joint, d, weight in zip(joints, left, weights, strict=True):
+            y = joint.twice.load
+            match, size = add(match, mul(weight, mul(y, d))), add(size, mul(y, y))
+        mass = clip(add(mass, mul(gains.load * dt, divide(match, size))), -gains.mass_limit, gains.mass_limit)
+    if gains.friction is not None:
+        rows = zip(joints, left, weights, gains.slow, gains.damping_limits, strict=True)
+        joints = [joint.learned(gains.friction, *row, dt) for joint, *row in rows]
     taken = [mul(joint.damping, rate) for joint, rate in zip(joints, wanted, strict=True)]
     feedforward = Disturbance(
         force=vector_data(unit.force * mass),
@@ -215,67 +265,4 @@ def unit_load(vehicle: Vehicle, planned: Planned) -> Disturbance:
         force=planned.R.apply(pull),
         torque=r.cross(pull),
         efforts=tuple(column.linear.dot(pull) for column in columns),
-    )
-
-
-def _share(par: CentroidalParameters, dt: Any) -> Any:
-    """Low-pass share of each of two stages with the delay of the joints' observer and of the measurements' age."""
-    late = add(divide(1.0, par.observer.joints), 0.5 * par.delay_periods * dt)
-    return 1.0 - exp(-divide(dt, late))
-
-
-def _update_joint(joint: JointLearned, regressor: Regressor, rate: Any, share: Any, dt: Any) -> JointLearned:
-    """Return the memory of a joint one period later: its filtered regressor, and how well it follows its plan."""
-    once, slow = _filter(joint.once, regressor, share), low_pass_share(FOLLOWING, dt)
-    off = sub(rate, regressor.rate)
-    return dataclasses.replace(
-        joint,
-        once=once,
-        twice=_filter(joint.twice, once, share),
-        moving=_towards(joint.moving, mul(regressor.rate, regressor.rate), slow),
-        off=_towards(joint.off, mul(off, off), slow),
-    )
-
-
-def _filter(old: Regressor, new: Regressor, share: Any) -> Regressor:
-    return Regressor(
-        load=_towards(old.load, new.load, share),
-        place=_towards(old.place, new.place, share),
-        rate=_towards(old.rate, new.rate, share),
-    )
-
-
-def _towards(old: Any, new: Any, share: Any) -> Any:
-    return add(old, mul(share, sub(new, old)))
-
-
-def _follows(joint: JointLearned, slow: Any) -> Any:
-    """1 for a joint that keeps its planned rate, 0 for one that is off by 0.7 of it, in the mean square, and more."""
-    return maximum(0.0, sub(1.0, divide(mul(2.0, joint.off), add(joint.moving, slow))))
-
-
-def _mass(
-    rate: Any, limit: Any, mass: Any, unit: Sequence[Any], left: Sequence[Any], weights: Sequence[Any], dt: Any
-) -> Any:
-    match: Any = 0.0
-    size: Any = SMALL
-    for y, d, t in zip(unit, left, weights, strict=True):
-        match, size = add(match, mul(t, mul(y, d))), add(size, mul(y, y))
-    return clip(add(mass, mul(rate * dt, divide(match, size))), -limit, limit)
-
-
-def _joint(gains: AdaptationGains, i: int, joint: JointLearned, left: Any, weight: Any, dt: Any) -> JointLearned:
-    """Damping, and what is none, of joint ``i``."""
-    if gains.friction is None:
-        return joint
-    (small, slow), (low, high) = gains.slow[i], gains.damping_limits[i]
-    place, rate = joint.twice.place, joint.twice.rate
-    error = mul(weight, sub(sub(left, joint.level), mul(joint.slope, place)))
-    step = divide(mul(error, rate), add(mul(rate, rate), slow))
-    turn = divide(mul(error, place), add(mul(place, place), small))
-    return dataclasses.replace(
-        joint,
-        damping=clip(sub(joint.damping, mul(gains.friction * dt, step)), low, high),
-        level=add(joint.level, mul(WEIGHT * dt, error)),
-        slope=add(joint.slope, mul(WEIGHT * dt, turn)),
     )
