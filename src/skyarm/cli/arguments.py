@@ -62,15 +62,13 @@ Flying = Annotated[int, typer.Option("--workers", help="threads that fly; 0 take
 
 Scenario = Annotated[
     str,
-    typer.Argument(
-        help="a scenario file (.toml) or the name of a shipped one", autocompletion=name_completion("scenario")
-    ),
+    typer.Argument(help="a scenario file (.toml) or a shipped name", autocompletion=name_completion("scenario")),
 ]
 
 Vehicle = Annotated[
     str,
     typer.Argument(
-        help="a vehicle file (.toml, .urdf, .xml) or the name of a shipped one",
+        help="a file (.toml, .urdf, .xml) or a shipped name",
         autocompletion=name_completion("vehicle"),
     ),
 ]
@@ -78,7 +76,7 @@ Vehicle = Annotated[
 Controller = Annotated[
     str | None,
     typer.Option(
-        help="a preset, a law, LAW_tuned or FILE.py:make, in place of the scenario's own",
+        help="in place of its own: a preset, a law or FILE.py:make",
         autocompletion=name_completion("controller"),
     ),
 ]

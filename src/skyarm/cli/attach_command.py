@@ -23,24 +23,27 @@ TIPS = ("tip", "tcp", "tool0", "ee_link", "ee", "end_effector", "flange")
 
 def attach(
     airframe: Vehicle,
-    arm: Annotated[str, typer.Argument(help="the arm's file (.urdf, .xml, .toml), or robot:NAME; it stays as it is")],
+    arm: Annotated[str, typer.Argument(help="the arm's file, or robot:NAME")],
     file: OutFile,
-    to: Annotated[str, typer.Option(help="base, or a link or frame of the airframe")] = "base",
-    position: Annotated[Three, typer.Option(metavar="X Y Z", help="of the arm's root link there, m")] = (0.0, 0.0, 0.0),
-    rpy: Annotated[Three, typer.Option(metavar="ROLL PITCH YAW", help="of the arm's root link there, rad")] = (
+    to: Annotated[str, typer.Option(help="base, a link or a frame of the airframe")] = "base",
+    position: Annotated[
+        Three, typer.Option(metavar="X Y Z", show_default=False, help="of the arm's root link there, m")
+    ] = (0.0, 0.0, 0.0),
+    rpy: Annotated[
+        Three, typer.Option(metavar="ROLL PITCH YAW", show_default=False, help="of the arm's root link there, rad")
+    ] = (
         0.0,
         0.0,
         0.0,
     ),
     prefix: Annotated[str, typer.Option(help="put before the arm's names")] = "",
     tip: Annotated[str | None, typer.Option(help="the arm's frame or link that tasks mean; its last one")] = None,
-    mimic: Annotated[str, typer.Option(help="joints that follow others: lock or couple")] = "lock",
-    armature: Annotated[float, typer.Option(help="kg m^2, of the drives of the arm's revolute joints")] = 0.0,
+    mimic: Annotated[str, typer.Option(help="followers: lock or couple")] = "lock",
+    armature: Annotated[float, typer.Option(help="kg m^2, of revolute joints' drives")] = 0.0,
 ) -> None:
     """Put an arm on an airframe: write a vehicle file.
 
-    The file refers to both by their paths, is read before it is written, and replaces no other. It flies as it is,
-    takes rotors, joints' limits and frames as any vehicle file does, and further arms.
+    The file refers to both by their paths and replaces no other.
     """
     written = output_file(file, "--out")
     if written.suffix != ".toml":

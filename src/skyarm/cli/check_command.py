@@ -28,22 +28,19 @@ def check(
         str,
         typer.Argument(
             metavar="VEHICLE|SCENARIO",
-            help="a file (.toml, .urdf, .xml) or a shipped name",
+            help="a file or a shipped name",
             autocompletion=name_completion("vehicle", "scenario"),
         ),
     ],
     payload: Annotated[float, typer.Option(help="kg held at the tip")] = 0.0,
-    poses: Annotated[int, typer.Option("--arm-poses", help="sampled arm poses; the worst is then searched for")] = 1024,
+    poses: Annotated[int, typer.Option("--arm-poses", help="sampled arm poses")] = 1024,
     seed: Annotated[int, typer.Option(help="of the poses")] = 0,
     gravity: Annotated[float | None, typer.Option(help="m/s^2, for a vehicle; 9.81 if left out")] = None,
 ) -> None:
     """Check whether a vehicle can fly, and why not.
 
-    Thrust margin, torques and forces over all arm poses, with and without a payload; joint torques against limits;
-    workspace, largest payload, largest steady wind; motor lag; units that look wrong. Of a scenario
-    also its reference against limits, and when rotors or joints would saturate.
-
-    Exit code: 0 if it can fly, 1 if a fault was found, 2 if the input was wrong.
+    Thrust, torques, joint limits, workspace, largest payload and wind, units that look wrong; of a scenario also its
+    reference against limits. Exit code 1 if a fault was found.
     """
     options: dict[str, Any] = {"payload": payload, "poses": poses, "seed": seed}
     with waiting(f"{what}: checking"):

@@ -55,17 +55,15 @@ def compare(
     suite: Annotated[
         str,
         typer.Argument(
-            help="paper-suite, envelope-suite, contact-suite, or a scenario (.toml or shipped)",
+            help="paper-suite, envelope-suite, contact-suite, or a scenario",
             autocompletion=name_completion("scenario"),
         ),
     ] = "paper-suite",
-    out: Annotated[
-        str | None, typer.Option("--out", help="folder of the results; out/compare, out/envelope, out/contact")
-    ] = None,
+    out: Annotated[str | None, typer.Option("--out", help="folder of the results")] = None,
     laws: Annotated[
         str | None,
         typer.Option(
-            help="names or FILE.py:make, with commas; all of the suite if left out",
+            help="names or FILE.py:make, with commas; all if left out",
             autocompletion=name_completion("controller"),
         ),
     ] = None,
@@ -80,7 +78,7 @@ def compare(
     tasks: Annotated[str | None, typer.Option(help="of the contact suite, with commas; all if left out")] = None,
     worlds: Annotated[int | None, typer.Option(help="wrong worlds of each task in contact; 200 if left out")] = None,
     quick: Annotated[
-        bool, typer.Option("--quick", help="of the envelope: two values an axis, short flights; in contact: 16 worlds")
+        bool, typer.Option("--quick", help="of the envelope: two values an axis; in contact: 16 worlds")
     ] = False,
     plants: Annotated[int, typer.Option(help="how many perturbed plants")] = 1000,
     seeds: Annotated[int, typer.Option(help="noisy flights of the truth")] = 8,
@@ -90,11 +88,8 @@ def compare(
 ) -> None:
     """Compare all laws; tables, figure, page.
 
-    A scenario in place of the suite is flown as its file describes it, by its own law first (the row "own") and those
-    of --laws: one table. Where --laws is left out, paper_pd, paper_ct and centroidal_tip fly beside it.
-    The envelope-suite flies trials that get harder along axes (speed, delay, lag, wind, payload, noise): how far each
-    law is good, and where it is lost. The contact-suite flies tasks that touch the world, each in many wrong worlds.
-    The same command continues what was interrupted.
+    On the paper's cases, on trials that get harder along axes, on tasks in contact, or on a scenario, by its own law and
+    those of --laws. The same command continues what was interrupted.
     """
     for option, value in (("--plants", plants), ("--seeds", seeds)):
         require_within(option, value, 1, MOST)

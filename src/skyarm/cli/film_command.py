@@ -25,16 +25,14 @@ OF_FILMS = ("--size", "--title", "--plot", "--fine")
 
 def film(
     context: typer.Context,
-    flights: Annotated[
-        list[str], typer.Argument(metavar="FLIGHT...", help="logs, or scenarios (names or .toml) that are flown first")
-    ],
+    flights: Annotated[list[str], typer.Argument(metavar="FLIGHT...", help="logs, or scenarios that are flown first")],
     file: Annotated[str, typer.Argument(metavar="FILE", help=".mp4, .webp; .viser or .html: a recording")],
     controller: Annotated[
-        list[str] | None, typer.Option(metavar="LAW", help="fly each scenario with it; names or FILE.py:make; repeat")
+        list[str] | None, typer.Option(metavar="LAW", help="laws of each scenario, or FILE.py:make; repeat")
     ] = None,
     label: Annotated[list[str] | None, typer.Option(metavar="TEXT", help="name of each flight in turn; repeat")] = None,
     title: Annotated[str | None, typer.Option(help="above the pictures, in place of the scenario's")] = None,
-    layout: Annotated[str, typer.Option(help="side (a picture for each flight) or over (all in one)")] = "side",
+    layout: Annotated[str, typer.Option(help="side or over: flights beside or on each other")] = "side",
     camera: Annotated[str, typer.Option(help="follow, fixed or tip")] = "follow",
     size: Annotated[str | None, typer.Option(metavar="WxH", help="pixels [1280x720; of .webp 800x450]")] = None,
     fps: Annotated[int | None, typer.Option(help="frames a second [30; of .webp 15]")] = None,
@@ -47,8 +45,7 @@ def film(
 ) -> None:
     """Film flights; MP4, WebP, or a 3-D recording.
 
-    Each flight is a log of 'skyarm run', or a scenario that is flown now, with every --controller. A recording is a
-    scene in three dimensions that plays in a browser: NAME.viser alone, or NAME.html with its player.
+    A recording is a scene that plays in a browser: NAME.viser, or NAME.html with its player.
     """
     path = Path(file)
     if path.suffix.removeprefix(".") in SUFFIXES:

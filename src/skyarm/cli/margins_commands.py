@@ -54,18 +54,15 @@ def margins(
     instants: Annotated[int, typer.Option(help="looked at along the scenario, beside hover")] = 4,
     safety: Safety = False,
     file: Annotated[str | None, typer.Option("--out", help="write eigenvalues and margins there, as JSON")] = None,
-    loops: Annotated[
-        bool, typer.Option("--loops", help="list every loop that was cut, not the weakest of each kind")
-    ] = False,
+    loops: Annotated[bool, typer.Option("--loops", help="list every loop, not the weakest of each kind")] = False,
     page: Annotated[
         str | None, typer.Option("--html", metavar="PAGE", help="write a page with Nyquist diagrams there, too (.html)")
     ] = None,
 ) -> None:
     """Linearise the closed loop: eigenvalues, margins.
 
-    Of the sampled loop as it flies, delays and lags in it, in hover and along the scenario: delay and gain of the
-    actuators; disk margins of every loop, cut at a rotor, a torque, a joint's drive or a number of the measurement,
-    alone and together. Exit code 3 if the flight ended before its time.
+    In hover and along the scenario: delay and gain of the actuators, disk margins of every loop, alone and together.
+    Exit code 3 if the flight ended before its time.
     """
     from skyarm.studies.stability.along import evidence
     from skyarm.studies.stability.frozen_scenario import without_adaptation

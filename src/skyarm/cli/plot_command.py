@@ -20,9 +20,7 @@ from skyarm.view.figures.flight_plot import plot as draw
 
 
 def plot(
-    flights: Annotated[
-        list[str], typer.Argument(metavar="FLIGHT...", help="logs, as NAME=FILE for a name; or a sweep's folder")
-    ],
+    flights: Annotated[list[str], typer.Argument(metavar="FLIGHT...", help="logs, NAME=FILE for a name; or a sweep")],
     file: Annotated[str, typer.Option("--out", "-o", help="the picture to write: .png, .svg or .pdf")],
     kind: Annotated[
         str | None,
@@ -35,15 +33,14 @@ def plot(
     ] = None,
     metric: Annotated[list[str] | None, typer.Option(help="of a sweep; repeat")] = None,
     over: Annotated[
-        str | None, typer.Option(metavar="NUMBER", help="of a sweep: a varied number, or NAME = an expression of some")
+        str | None, typer.Option(metavar="NUMBER", help="of a sweep: a varied number, or an expression")
     ] = None,
     by: Annotated[str | None, typer.Option(metavar="NUMBER", help="of a sweep: curves for each of its values")] = None,
 ) -> None:
     """Draw flights, or curves of a sweep's metrics.
 
-    Flights are drawn over each other, with references, limits of joints and rotors, gusts and faults. Of a sweep's
-    folder the --metric is drawn over a varied number: its median and a band over all else that varies, and the share
-    of episodes that were lost. An expression has + - * / ( ) and sqrt, as in --over "length = sqrt(a * a + b * b)".
+    Of a sweep the median and a band of 5 to 95 % over all else that varies. An expression has + - * / ( ) and sqrt, as
+    in --over "length = sqrt(a * a + b * b)".
     """
     folders = [name for name in flights if name and Path(name).is_dir()]
     if folders and len(flights) > 1:

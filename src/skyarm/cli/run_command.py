@@ -32,16 +32,16 @@ def run(
     scenario: Annotated[
         str,
         typer.Argument(
-            help="a scenario file (.toml), a log, or the name of a shipped one",
+            help="a scenario (.toml), a log, or a shipped name",
             autocompletion=name_completion("scenario"),
         ),
     ],
-    out: Annotated[str, typer.Option("--out", help="folder for the results, made if missing")] = "out/run",
+    out: Annotated[str, typer.Option("--out", help="folder for the results")] = "out/run",
     plant: Annotated[str | None, typer.Option(help="rigid_body or mujoco for the file's")] = None,
     controller: Annotated[
         str | None,
         typer.Option(
-            help="a preset, a law, LAW_tuned or FILE.py:make, in place of the file's",
+            help="in place of the file's: a preset, a law or FILE.py:make",
             autocompletion=name_completion("controller"),
         ),
     ] = None,
@@ -58,12 +58,8 @@ def run(
 ) -> None:
     """Fly a scenario; write its log (npz, CSV, MCAP).
 
-    The log is OUT/NAME.npz and .csv, or with --log the files named (.npz, .csv, .mcap); that of an earlier flight is
-    kept as NAME_1.npz, NAME_2.npz ... unless --force is given. The errors are summed up over the scenario's own steady
-    window, or where it says none over the flight after its first third.
-
-    Exit code: 0 if the flight was completed, 3 if it ended before its time (the log says why), 2 if the input was
-    wrong, 130 after Ctrl-C.
+    The log is OUT/NAME.npz and .csv, or the files of --log; that of an earlier flight is kept as NAME_1.npz. Exit code 3
+    if the flight ended before its time.
     """
     if logs:
         require_left_out(context, ["--out"], " beside --log, whose files say where")

@@ -30,21 +30,18 @@ def studio(
     scenario: Scenario = "case2",
     controller: Annotated[
         list[str] | None,
-        typer.Option(metavar="LAW", help="a preset, a law or LAW_tuned, in place of the file's; up to three: repeat"),
+        typer.Option(metavar="LAW", help="in place of the file's; up to three: repeat"),
     ] = None,
     port: Annotated[int, typer.Option(help="of the page; 0 takes a free one")] = 8080,
     no_browser: Annotated[bool, typer.Option("--no-browser", help="print the address, open nothing")] = False,
-    host: Annotated[str, typer.Option(help="address to listen at; other than this machine's only with --token")] = (
-        "127.0.0.1"
-    ),
+    host: Annotated[str, typer.Option(help="to listen at; others only with --token")] = ("127.0.0.1"),
     token: Annotated[str | None, typer.Option(help="that every tab must bear; a new one if left out")] = None,
     out: Annotated[str, typer.Option("--out", help="folder of saved scenarios")] = "out/studio",
     plain: Annotated[bool, typer.Option("--plain", help="no shadows: for browsers that draw in software")] = False,
 ) -> None:
     """Fly live on a page: sliders, gusts, laws side by side.
 
-    The page lies on this machine; the address that is printed bears a token, and a tab without it is refused. What a
-    hand changes in flight is saved as a scenario that 'skyarm run' flies again to the last bit.
+    The address that is printed bears a token. A flight is saved as a scenario that 'skyarm run' flies again.
     """
     if token is None and not is_loopback(host):
         raise StudioError(f"--host = {host!r}: must be this machine's (127.0.0.1, localhost) without a --token")
