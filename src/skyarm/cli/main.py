@@ -39,8 +39,9 @@ def main() -> None:
 
             # before the libraries load: an old one may fail as it does, or do nothing and exit with 0
             short = below_floor(installed_versions(name for name in (*FLOORS, UNSPLIT) if name != REPLACEABLE))
-            code = _examine(short) if short and _asks_for("doctor") else say(short, WRONG_INPUT) if short else None
-            if code is None:
+            if short:
+                code = say(short, WRONG_INPUT)
+            else:
                 from skyarm.cli.commands import perform
 
                 code = perform()
@@ -53,24 +54,6 @@ def main() -> None:
 
         code = say(f"{WORDS[came[0].name]}; finished files are whole", 128 + came[0])
     sys.exit(code)
-
-
-def _asks_for(command: str) -> bool:
-    """True if the first word of the command line that is no option is this one."""
-    return next((word for word in sys.argv[1:] if not word.startswith("-")), "") == command
-
-
-def _examine(short: str) -> int:
-    """``skyarm doctor`` with a library that is too old: its findings, or the line about that library."""
-    from skyarm.cli.lines import WRONG_INPUT, say
-
-    try:
-        from skyarm.cli.commands import perform
-
-        found = perform()
-    except Exception:  # an old library fails as it does
-        found = 0
-    return found or say(short, WRONG_INPUT)
 
 
 class Ended(BaseException):

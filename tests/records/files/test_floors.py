@@ -77,25 +77,6 @@ def test_a_command_with_an_old_library_is_one_line_not_silence(tmp_path: Path) -
     assert done.stderr.count("\n") == 1
 
 
-def test_the_doctor_looks_at_the_rest_beside_an_old_library(tmp_path: Path) -> None:
-    program = f"import sys; sys.path.insert(0, {distribution(tmp_path, 'numpy-1.0')!r})\n"
-    program += "from skyarm.cli import doctor; doctor.TRIALS = {'machine code': (\"print('LLVM')\", '', True)}\n"
-    program += "from skyarm.cli.main import main; main()"
-    done = subprocess.run([sys.executable, "-c", program, "doctor"], capture_output=True, text=True, check=False)
-    assert done.returncode == 1
-    assert "machine code" in done.stdout
-    assert "numpy: python -m pip install --upgrade 'numpy>=1.26'" in done.stdout
-    assert "Traceback" not in done.stderr
-
-
-def test_a_library_with_which_the_doctor_cannot_run_is_one_line(tmp_path: Path) -> None:
-    distribution(tmp_path, "typer-0.12.5")
-    (tmp_path / "typer.py").write_text("", "utf-8")
-    done = command("doctor", path=tmp_path)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.startswith("skyarm: typer 0.12.5 is installed: must be at least 0.20; ")
-
-
 def test_an_old_llvmlite_stops_nothing_that_does_without_it(tmp_path: Path) -> None:
     distribution(tmp_path, "llvmlite-0.44.0")
     done = command("--version", path=tmp_path)
