@@ -123,7 +123,7 @@ class RigidBodyPlant:
             raise ValueError(f"integrator = {integrator!r}: must be one of {list(INTEGRATORS)}")
         self.vehicle = world.vehicle
         self._world, self.around, self._integrator, self._physics_step = world, around, integrator, physics_step
-        sizes = world.vehicle.n, len(world.vehicle.rotors), len(world.vehicle.tilts)
+        sizes = world.vehicle.sizes
         self._examples = (example_state(*sizes), example_command(*sizes), around)
         self._programs: dict[float, Callable[[Any], tuple[float, ...]]] = {}
         euler = integrator == "euler"

@@ -65,7 +65,7 @@ def _both(a: Any, b: Any) -> Any:
 def find_ending(scenario: Scenario, time: float, x: Sequence[float], goal: Sequence[float]) -> Ended | None:
     """The ending reached by a state in flat floats, or None; ``goal`` is the held reference's position."""
     vehicle = scenario.plant.vehicle
-    state = rebuild(example_state(vehicle.n, len(vehicle.rotors), len(vehicle.tilts)), iter(x))
+    state = rebuild(example_state(*vehicle.sizes), iter(x))
     for ending in endings_of(scenario):
         if not ending.fine(scenario, state, Vec3(*goal), 0):
             return Ended(ending.status, ending.cause(scenario, state, Vec3(*goal)), time)

@@ -92,7 +92,7 @@ def joined_parts(rotors: Command, joints: Command) -> Command:
     return Command(rotor_speeds=rotors.rotor_speeds, efforts=joints.efforts, tilts=rotors.tilts)
 
 
-def numbers_of_command(command: Command, rotors: int, joints: int, tilts: int = 0) -> tuple[float, ...]:
+def numbers_of_command(command: Command, joints: int, rotors: int, tilts: int) -> tuple[float, ...]:
     """Rotor speeds, joint setpoints, angles of rotors that tilt, which may be left out: they are at rest then.
 
     Raises:

@@ -60,9 +60,9 @@ def _first_reading(scenario: Scenario, index: int) -> SensorState:
     vehicle, (_, sensor) = scenario.plant.vehicle, scenario.all_sensors[index]
     waiting, memory = readings_waiting(scenario, index), sensor.start(vehicle)
     if index == 0:
-        blank: Any = blank_measurement(vehicle.n, len(vehicle.rotors), len(vehicle.tilts))
+        blank: Any = blank_measurement(*vehicle.sizes)
         return SensorState(memory=memory, held=(), waiting=(blank,) * waiting)
-    state, draws = example_state(vehicle.n, len(vehicle.rotors), len(vehicle.tilts)), (0.5,) * sensor.uniforms(vehicle)
+    state, draws = example_state(*vehicle.sizes), (0.5,) * sensor.uniforms(vehicle)
     period = 1.0 / (sensor.frequency or scenario.rates.control)
     _, example = sensor.take(memory, 0.0, state, state.velocity, NO_PUSH, draws, period)
     reading = rebuild(example, iter([0.0] * len(leaves(example))))

@@ -154,9 +154,7 @@ class Session:
         self._engine = self._make_engine(self._course)
         self._number = next(_NUMBERS)
         # the engine's own step is the session's, which a call between them would slow down by a tenth
-        self._n = scenario.plant.vehicle.n
-        self._rotors = len(scenario.plant.vehicle.rotors)
-        self._tilts = len(scenario.plant.vehicle.tilts)
+        self._sizes = scenario.plant.vehicle.sizes
         if self._waits:
             self._let_change()
 
@@ -227,10 +225,8 @@ class Session:
         Raises:
             ScenarioError: a command with another number of rotors or joints.
         """
-        if command is None:
-            going = self._engine.step()
-        else:
-            going = self._engine.step(numbers_of_command(command, self._rotors, self._n, self._tilts))
+        numbers = None if command is None else numbers_of_command(command, *self._sizes)
+        going = self._engine.step(numbers)
         if self._waits and going:
             self._let_change()
         return going

@@ -181,6 +181,11 @@ class Vehicle:
         return len(self.links)
 
     @property
+    def sizes(self) -> tuple[int, int, int]:
+        """Numbers of joints, rotors and rotors that tilt."""
+        return self.n, len(self.rotors), len(self.tilts)
+
+    @property
     def tilts(self) -> tuple[Tilt, ...]:
         """Servos that turn rotors, in the order of their rotors."""
         return tuple(each.tilt for each in self.rotors if each.tilt is not None)

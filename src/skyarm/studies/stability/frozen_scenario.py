@@ -78,7 +78,7 @@ def _split(scenario: Scenario, field: str) -> tuple[tuple[Any, ...], list[str]]:
 def _follows_state(part: Component, memory: Any, scenario: Scenario) -> bool:
     """True if a component's next memory depends on the vehicle's state, by the program of its ``advance``."""
     period, vehicle = 1.0 / scenario.rates.control, scenario.plant.vehicle
-    state = example_state(vehicle.n, len(vehicle.rotors), len(vehicle.tilts))
+    state = example_state(*vehicle.sizes)
 
     def advance(memory: Any, time: Any, state: State, draws: Any) -> Any:
         return part.advance(memory, time[0], period, state, draws)
