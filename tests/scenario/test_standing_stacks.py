@@ -1,16 +1,12 @@
-"""Objects that stand on each other begin at rest: no force is left over on any, and each is as deep as it must."""
+"""Objects that stand on each other are set down one after the other, from below."""
 
 from __future__ import annotations
-
-import dataclasses
 
 import pytest
 
 from skyarm.algebra import Vec3
-from skyarm.dynamics.point_motion import PointMotion
 from skyarm.world.contact import Contact, FreeObject, Material, Surface
-from skyarm.world.contact.static_equilibrium import stacks_of, with_standing_objects
-from standing_vehicles import at_rest, limp
+from skyarm.world.contact.static_equilibrium import with_standing_objects
 
 G = 9.8
 GROUND = Surface(name="ground", material=Material(stiffness=4000.0))
@@ -27,34 +23,6 @@ ALONE = box("alone", 0.1, 0.2, 3.0, 0.03)
 
 def settled(*objects):
     return with_standing_objects(Contact(surfaces=(GROUND,), objects=objects), G)
-
-
-def accelerations(contact):
-    """Of the objects at the start, m/s^2 and rad/s^2."""
-    motion = PointMotion(limp(), at_rest(limp(), (9.0, 9.0, 90.0)), gravity=G)
-    slope = contact.slope(contact.start(0.005, ()), 0.0, motion, ())
-    return [[float(c) for c in (*each.velocity, *each.rate)] for each in slope.carried]
-
-
-@pytest.fixture(scope="module")
-def contact():
-    return settled(LOWER, UPPER)
-
-
-def test_a_stack_is_at_rest(contact):
-    """Forces upwards and moments vanish; what is tilted by 0.1 mrad is held sideways by friction."""
-    for found in accelerations(contact):
-        assert found[2:] == pytest.approx([0.0] * 4, abs=1e-5)
-        assert found[:2] == pytest.approx([0.0] * 2, abs=5e-3)
-    depth = 0.025 - float(contact.objects[0].position.z)
-    assert depth == pytest.approx(0.45 * G / (4.0 * 4000.0), rel=1e-4), "both weigh on the four lower corners"
-    assert stacks_of(contact) == [[0, 1]]
-
-
-@pytest.mark.thorough
-def test_what_stands_alone_is_as_before_to_the_bit(contact):
-    assert settled(ALONE, LOWER, UPPER).objects[0] == settled(ALONE).objects[0]
-    assert stacks_of(dataclasses.replace(contact, objects=(ALONE, contact.objects[0]))) == []
 
 
 @pytest.mark.thorough
@@ -76,4 +44,3 @@ def test_a_stack_is_set_down_from_below_in_whatever_order_and_from_however_far_a
         assert one.objects[i].name == other.objects[j].name == name
         assert tuple(one.objects[i].position) == pytest.approx(tuple(other.objects[j].position), abs=1e-9)
     assert float(one.objects[1].position.z) == pytest.approx(0.075, abs=1e-3), "on the lower one, not below it"
-    assert stacks_of(one) == [[0, 1]]

@@ -142,7 +142,7 @@ class RigidBodyPlant:
         return Vec3(*(number(c) for c in base.linear))
 
     def substeps(self, seconds: float) -> int:
-        """Integration steps that an interval is cut into; :class:`Steps` where fewer will do far from what is coupled."""
+        """Integration steps of an interval; :class:`Steps` where fewer will do far from what is coupled."""
         near, far = (self._count(seconds, largest) for largest in (self._largest, self._largest_far))
         if near == far:
             return near

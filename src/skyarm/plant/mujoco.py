@@ -92,8 +92,8 @@ class MujocoPlant:
     MuJoCo's own integrators hold forces for each physics step, which makes both methods of first order in it. With
     "rk4_staged" forces are evaluated at each stage, and the method is of fourth order. A spring whose force is held for
     a step of "rk4" gains energy, so "rk4" is "rk4_staged" where joints have stops, a drive states a largest step or
-    there are coupled components. Not for two threads at once: each call works in the same MuJoCo data, though nothing in it
-    outlives the call.
+    there are coupled components. Not for two threads at once: each call works in the same MuJoCo data, though nothing
+    in it outlives the call.
 
     Args:
         world: true vehicle and gravity. A planar model is refused: no real body has its inertia.

@@ -8,7 +8,6 @@ that is inside of something. Objects that then stand on each other settle togeth
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from typing import Any
@@ -41,25 +40,17 @@ DEEPER = 0.1
 NEAR = 1e-7
 """Difference by which the stiffness is found, m and rad."""
 
-FARTHEST = 0.02
-"""m and rad that a stack gives way at most: beyond, it falls, and stays as its objects were set down one by one."""
-
 
 def _least_squares(stiffness: Array, force: Array) -> Array:
     # a ball may roll: of what nothing holds, nothing changes
     return np.asarray(np.linalg.lstsq(stiffness, force, rcond=1e-6)[0])
 
 
-def _root(
-    residual: Residual, x: Array, rounds: int, small: float, reach: float = math.inf, solve: Any = _least_squares
-) -> Array | None:
+def _root(residual: Residual, x: Array, rounds: int, small: float, solve: Any = _least_squares) -> Array | None:
     """Place at which a residual vanishes, by Newton's method; None where there is none within reach of the first."""
-    first = x
     with np.errstate(all="ignore"):  # of numbers beyond measure
         for _ in range(rounds):
             found = residual(x)
-            if np.abs(x - first).max() > reach:
-                return None
             if np.abs(found).max() < small:
                 return x
             columns = [(residual(x + step) - found) / NEAR for step in NEAR * np.eye(len(x))]
@@ -144,30 +135,12 @@ def with_standing_objects(contact: Contact, gravity: float) -> Contact:
     while waiting:
         i = waiting.pop(0)
         contact = _set_down(contact, i, gravity, waiting)
-    for stack in stacks_of(contact):
-        supports = _Supports(contact, stack, gravity)
-        x = _root(supports.residual, np.zeros(3 * len(stack)), 30, 1e-9, FARTHEST)
-        if x is not None:
-            contact = supports.contact_at(x)
     return contact
-
-
-def stacks_of(contact: Contact) -> list[list[int]]:
-    """Groups of two and more standing objects that touch each other, by their numbers."""
-    standing = [i for i, each in enumerate(contact.objects) if each.standing]
-    group = {i: {i} for i in standing}
-    if len(standing) > 1:
-        for each in _meetings_of(contact)(contact.start(1.0, ()).carried):
-            if each.of in group and each.by in group and float(each.touch.depth) > 0.0:
-                union = group[each.of] | group[each.by]
-                for i in union:
-                    group[i] = union
-    return list({min(each): sorted(each) for each in group.values() if len(each) > 1}.values())
 
 
 def _set_down(contact: Contact, index: int, gravity: float, away: Sequence[int]) -> Contact:
     """The contact with one object at rest; those that are set down later are away."""
-    body, supports, x = contact.objects[index], _Supports(contact, [index], gravity, away), np.zeros(3)
+    body, supports, x = contact.objects[index], _Supports(contact, index, gravity, away), np.zeros(3)
     where = f"world.objects[{index}].standing = true"
     if np.abs(supports.residual(x)).max() < 1e-9:
         return contact
@@ -206,60 +179,58 @@ def _half_of(body: FreeObject) -> float:
 
 
 class _Supports:
-    """Forces that supports leave uncarried, by a height (m) and two small angles (rad) of each of some objects.
+    """Forces that supports leave uncarried, by a height (m) and two small angles (rad) of an object.
 
     Args:
         contact: surfaces and objects.
-        indices: of the objects that move.
+        index: of the object.
         gravity: m/s^2.
         away: objects that are not there yet.
     """
 
-    def __init__(self, contact: Contact, indices: list[int], gravity: float, away: Collection[int] = ()) -> None:
-        self._contact, self._indices, self._away = contact, indices, frozenset(away)
+    def __init__(self, contact: Contact, index: int, gravity: float, away: Collection[int]) -> None:
+        self._contact, self._index, self._away = contact, index, frozenset(away)
         self._all, self._first = _meetings_of(contact), list(contact.start(1.0, ()).carried)
-        self._weights = [float(contact.objects[i].mass) * gravity for i in indices]
+        self._weight = float(contact.objects[index].mass) * gravity
 
     def _displace(self, x: Array) -> list[Any]:
-        """Motions of every carrier; objects are turned about level axes through their centres of mass."""
-        found = list(self._first)
-        for i, (up, about_x, about_y) in zip(self._indices, x.reshape(-1, 3).tolist(), strict=True):
-            place = found[i].position + Vec3(0.0, 0.0, up)
-            found[i] = replace(found[i], position=place, attitude=_turn(about_x, about_y) * found[i].attitude)
+        """Motions of every carrier; the object is turned about level axes through its centre of mass."""
+        up, about_x, about_y = x.tolist()
+        found, held = list(self._first), self._first[self._index]
+        place = held.position + Vec3(0.0, 0.0, up)
+        found[self._index] = replace(held, position=place, attitude=_turn(about_x, about_y) * held.attitude)
         return found
 
-    def _pushes(self, moved: Sequence[Any], i: int) -> list[tuple[Meeting, Vec3]]:
-        """Meetings of one object, and the force on it in each, N."""
+    def _pushes(self, moved: Sequence[Any]) -> list[tuple[Meeting, Vec3]]:
+        """Meetings of the object, and the force on it in each, N."""
+        i = self._index
         pairs = ((each, {each.of, each.by}) for each in self._all(moved))
         mine = [each for each, pair in pairs if i in pair and not pair & self._away]
         return [(each, each.touch.axis * (each.touch.normal if each.by == i else -each.touch.normal)) for each in mine]
 
     def gap(self, x: Array) -> float:
-        """m from the first object to the nearest thing."""
-        meetings = self._pushes(self._displace(x), self._indices[0])
-        return -max((float(each.touch.depth) for each, _ in meetings), default=-LOWEST)
+        """m from the object to the nearest thing."""
+        return -max((float(each.touch.depth) for each, _ in self._pushes(self._displace(x))), default=-LOWEST)
 
     def force(self, x: Array) -> float:
-        """Vertical force on the first object, N."""
-        return float(sum(push.z for _, push in self._pushes(self._displace(x), self._indices[0])))
+        """Vertical force on the object, N."""
+        return float(sum(push.z for _, push in self._pushes(self._displace(x))))
 
     def residual(self, x: Array) -> Array:
-        """For each object the vertical force less its weight, and both level moments by its size; shares of all."""
-        moved, rows = self._displace(x), list[float]()
-        for i, weight in zip(self._indices, self._weights, strict=True):
-            force, moment = 0.0, ZERO3
-            for each, push in self._pushes(moved, i):
-                force = force + float(push.z)
-                moment = moment + (each.place - moved[i].position).cross(push)
-            length = float(max(self._contact.objects[i].size))
-            rows += [force - weight, float(moment.x) / length, float(moment.y) / length]
-        return np.array(rows) / sum(self._weights)
+        """The vertical force less the weight, and both level moments by the object's size; shares of the weight."""
+        moved = self._displace(x)
+        force, moment = 0.0, ZERO3
+        for each, push in self._pushes(moved):
+            force = force + float(push.z)
+            moment = moment + (each.place - moved[self._index].position).cross(push)
+        length = float(max(self._contact.objects[self._index].size))
+        values = force - self._weight, float(moment.x) / length, float(moment.y) / length
+        return np.array(values) / self._weight
 
     def contact_at(self, x: Array) -> Contact:
-        """The contact with the objects where they have moved to."""
-        objects, moved = list(self._contact.objects), self._displace(x)
-        for i in self._indices:
-            objects[i] = _place_object(objects[i], moved[i])
+        """The contact with the object where it has moved to."""
+        objects = list(self._contact.objects)
+        objects[self._index] = _place_object(objects[self._index], self._displace(x)[self._index])
         return replace(self._contact, objects=tuple(objects))
 
 
