@@ -37,7 +37,6 @@ def studio(
     host: Annotated[str, typer.Option(help="to listen at; others only with --token")] = ("127.0.0.1"),
     token: Annotated[str | None, typer.Option(help="that every tab must bear; a new one if left out")] = None,
     out: Annotated[str, typer.Option("--out", help="folder of saved scenarios")] = "out/studio",
-    plain: Annotated[bool, typer.Option("--plain", help="no shadows: for browsers that draw in software")] = False,
 ) -> None:
     """Fly live on a page: sliders, gusts, laws side by side.
 
@@ -62,7 +61,7 @@ def studio(
         listening.close()
         raise
     try:
-        page = Page(server, fleet, controller or [None], Path(out), plain=plain)
+        page = Page(server, fleet, controller or [None], Path(out))
         tell(f"studio: {guard.address()}")
         if not no_browser:
             threading.Thread(target=webbrowser.open, args=(guard.address(),), daemon=True).start()

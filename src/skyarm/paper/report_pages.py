@@ -162,7 +162,7 @@ def _paper_figures(figures: Mapping[int, bytes], plant: str) -> str:
     for number, png in sorted(figures.items()):
         caption = f"Figure {number}. {PAPER_CATALOGUE[number].caption}"
         parts.append(image(caption, caption, png, name=f"figure-{number}", kind="figure"))
-    note = paragraph(f"Layout of the paper, {plant} plant. {prose.LOOK} {prose.BANDS}", "note")
+    note = paragraph(f"Layout of the paper, {plant} plant. {prose.LOOK} {prose.HOLDS}", "note")
     return f'{note}<div class="paper">{"".join(parts)}</div>'
 
 

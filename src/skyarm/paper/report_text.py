@@ -48,7 +48,7 @@ ASSUMPTIONS = (
 
 LEGEND = "Symbols: a full disc is within 5 % of the paper, a half disc within 20 %, an open circle beyond."
 
-BANDS = "A line is the mean over each hold of the reference, a light band its range."
+HOLDS = "A line is the mean over each hold of the reference."
 
 LOOK = "CT solid and dark, PD dashed and lighter, grey: window of the metrics."
 

@@ -29,7 +29,7 @@ class Open:
         listening = listening_socket("127.0.0.1", 0)
         self.port = listening.getsockname()[1]
         self.server = open_server(listening, Guard("127.0.0.1", self.port, TOKEN), "test")
-        self.page = Page(self.server, load_fleet("case2"), ["paper_ct", "paper_pd"], folder, plain=True)
+        self.page = Page(self.server, load_fleet("case2"), ["paper_ct", "paper_pd"], folder)
         self.thread = threading.Thread(target=self.page.run)
         self.thread.start()
 

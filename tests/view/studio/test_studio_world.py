@@ -86,7 +86,7 @@ def test_arrows_of_contact_are_shown_while_something_pushes() -> None:
 def picture_of(scenario: Any) -> tuple[Picture, Scene, SimpleNamespace]:
     """A picture of a scenario under two laws, on a server without a browser."""
     scene, camera = Scene(), SimpleNamespace()
-    picture = Picture(SimpleNamespace(scene=scene, initial_camera=camera), plain=True)
+    picture = Picture(SimpleNamespace(scene=scene, initial_camera=camera))
     picture.build(scenario, ["a", "b"])
     return picture, scene, camera
 
@@ -158,7 +158,7 @@ def test_rotors_that_tilt_are_turned_with_their_thrusts() -> None:
     nodes.tilt({name: turn[0] for name, turn in turns.items()})
     speeds = np.full(len(vehicle.rotors), 100.0)
     placed = place(vehicle, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0), [0.0] * vehicle.n)
-    seen: Any = SimpleNamespace(observed=None, air=np.zeros(3), pushed=np.zeros(3))
+    seen: Any = SimpleNamespace(air=np.zeros(3), pushed=np.zeros(3))
     ends = force_arrows(SimpleNamespace(vehicle=vehicle, last=seen), placed, speeds, turns)  # type: ignore[arg-type]
     for i, (rotor, after) in enumerate(zip(vehicle.rotors, turn_rotors(vehicle, tuple(angles)).rotors, strict=True)):
         node, axis = scene.nodes[f"/law1/-1/rotor/{rotor.name}"], [float(c) for c in after.axis]

@@ -8,7 +8,7 @@ Source: Barakou, Tzafestas and Valavanis, Drones 2026, 10, 274, Figures 3-18.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -23,9 +23,6 @@ from skyarm.view.figures.flight_panels import AXES, MILLIMETRES, Panel, column, 
 from skyarm.view.figures.style import PAPER, Look, limits, shade_gust, shade_window
 
 Array = npt.NDArray[np.float64]
-
-VISIBLE_RANGE = 0.01
-"""Share of a curve's extent above which its range within a hold is drawn; less would hide behind the line."""
 
 LARGEST_VALUE = {"m": 5.0, "rad": float(np.pi)}
 """Where an axis stops growing with a diverged episode."""
@@ -150,31 +147,18 @@ PAPER_CATALOGUE: Mapping[int, PaperFigure] = {
 # fmt: on
 
 
-@dataclass(frozen=True, slots=True)
-class Holds:
-    """A curve by holds of the reference: an error against held samples is a sawtooth, too fast for a line.
+def by_hold(log: Log, values: Array | None) -> tuple[Array, Array]:
+    """Middle of each hold of the reference (K,), s, and mean of a curve (N,) over it.
 
-    Attributes:
-        time: (K,) middle of each hold, s. mean, low, high: (K,) of the curve within it.
+    An error against held samples is a sawtooth at the control rate, too fast for a line.
     """
-
-    time: Array
-    mean: Array
-    low: Array
-    high: Array
-
-
-def by_hold(log: Log, values: Array | None) -> Holds:
-    """Reduce a curve (N,) at control instants to mean and range over each hold of the reference."""
     found = np.zeros(0) if values is None else values
     rates = log.info["rates_hz"]
     starts = np.arange(0, found.size, max(1, round(rates["control"] / rates["reference"])))
     if not starts.size:
-        return Holds(found, found, found, found)
+        return found, found
     counts = np.diff(np.append(starts, found.size))
-    time, total = np.add.reduceat(log.time, starts), np.add.reduceat(found, starts)
-    low, high = np.minimum.reduceat(found, starts), np.maximum.reduceat(found, starts)
-    return Holds(time / counts, total / counts, low, high)
+    return np.add.reduceat(log.time, starts) / counts, np.add.reduceat(found, starts) / counts
 
 
 def paper_figures(logs: Mapping[str, Mapping[str, Log]], windows: Mapping[str, Window]) -> dict[int, Figure]:
@@ -195,7 +179,7 @@ def paper_figures(logs: Mapping[str, Mapping[str, Log]], windows: Mapping[str, W
 
 
 def _draw(number: int, spec: PaperFigure, logs: Mapping[str, Log], window: Window | None) -> Figure:
-    """One figure of the paper: a curve for each law, of its mean and range in each hold, and the longest reference."""
+    """One figure of the paper: a curve for each law, of its mean in each hold, and the longest reference."""
     figure, axes = STYLE.stacked_panels(len(spec.panels))
     figure.suptitle(f"Figure {number}. {spec.title}", **STYLE.words)
     handles: dict[str, Any] = {}
@@ -210,16 +194,13 @@ def _draw(number: int, spec: PaperFigure, logs: Mapping[str, Log], window: Windo
             ax.text(0.012, 0.95, f"({panel.letter})", **at, **STYLE.words)
         seen = drawn.setdefault(panel.scale or panel.label, [])
         for i, (controller, log) in enumerate(logs.items()):
-            curve, look, label = by_hold(log, panel.of(log)), _law_look(controller, i), controller + ending_of(log)
-            wide = curve.high - curve.low > VISIBLE_RANGE * (curve.high.max(initial=0.0) - curve.low.min(initial=0.0))
-            band = {"where": wide, "color": look.tint, "linewidth": 0.0, "zorder": look.layer - 1.0}
-            ax.fill_between(curve.time, curve.low, curve.high, **band)
-            (handles[label],) = ax.plot(curve.time, curve.mean, label=label, **look.line)
-            seen += [curve.low, curve.high]
+            curve, label = by_hold(log, panel.of(log)), controller + ending_of(log)
+            (handles[label],) = ax.plot(*curve, label=label, **_law_look(controller, i).line)
+            seen.append(curve[1])
         if panel.desired:
             curve = by_hold(longest, panel.desired(longest))
-            (handles["desired"],) = ax.plot(curve.time, curve.mean, label="desired", **STYLE.desired.line)
-            seen.append(curve.mean)
+            (handles["desired"],) = ax.plot(*curve, label="desired", **STYLE.desired.line)
+            seen.append(curve[1])
         if window:
             span = window.start, window.stop
             handles[f"window [{window.start:g}, {window.stop:g}) s"] = shade_window(ax, span)
@@ -272,8 +253,8 @@ def _curves(ax: Axes, logs: Mapping[str, Log], panel: Panel, span: tuple[float, 
     """Curves of a panel over a stretch of time, mm."""
     drawn = []
     for i, (controller, log) in enumerate(logs.items()):
-        curve = by_hold(log, panel.of(log))
-        ax.plot(curve.time, MILLIMETRES * curve.mean, **_law_look(controller, i).line)
-        drawn.append(MILLIMETRES * curve.mean[(curve.time >= span[0]) & (curve.time < span[1])])
+        time, mean = by_hold(log, panel.of(log))
+        ax.plot(time, MILLIMETRES * mean, **_law_look(controller, i).line)
+        drawn.append(MILLIMETRES * mean[(time >= span[0]) & (time < span[1])])
     ax.set_xlim(*span)
     ax.set_ylim(*limits(drawn, floor=bool(np.min(np.concatenate(drawn)) >= 0.0), span=20.0, cap=2e3))

@@ -19,7 +19,7 @@ from skyarm.view.film.filmed_flight import FilmedFlight, wind_words
 Pixels = npt.NDArray[np.uint8]
 Array = npt.NDArray[np.float64]
 
-INK, PALE, PAPER = (28, 32, 40), (96, 104, 118), (255, 255, 255)
+INK, PAPER = (28, 32, 40), (255, 255, 255)
 LOST = (190, 20, 30)
 WANTED = (0.55, 0.58, 0.63)
 """Colour of the force that is asked for."""

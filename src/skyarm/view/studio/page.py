@@ -32,12 +32,10 @@ class Page:
     Args:
         server: of viser.
         fleet: to begin with, without flights. laws: that they shall have; None is the scenario's own.
-        out: folder of saved scenarios. plain: without shadows.
+        out: folder of saved scenarios.
     """
 
-    def __init__(
-        self, server: Any, fleet: Fleet, laws: Sequence[str | None], out: Path, *, plain: bool = False
-    ) -> None:
+    def __init__(self, server: Any, fleet: Fleet, laws: Sequence[str | None], out: Path) -> None:
         self._server, self._out = server, out
         self._orders: SimpleQueue[Work] = SimpleQueue()
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="machine code")
@@ -47,7 +45,7 @@ class Page:
         self._words = ""
         self._making = 0
         self._turn = 0
-        self._picture = Picture(server, plain=plain)
+        self._picture = Picture(server)
         server.gui.configure_theme(show_logo=False, show_share_button=False)
         own = self.fleet.prepared.scenario.controller.name
         self._controls = Controls(server.gui, self, [law or own for law in laws])

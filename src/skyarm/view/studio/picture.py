@@ -34,7 +34,7 @@ GHOST, LOST = (130, 130, 140), (200, 40, 40)
 TONES = {"hull": 1.0, "boom": 0.75, "rotor": 0.5, "link": 0.85, "joint": 0.6, "tip": 1.15, "point": 1.4, "payload": 0.4}
 """Role of a shape -> how bright its law's colour is."""
 
-THRUST, WIND, PUSHED, OBSERVED, TOUCH = (240, 190, 40), (70, 170, 220), (225, 60, 60), (150, 80, 190), (198, 26, 140)
+THRUST, WIND, PUSHED, TOUCH = (240, 190, 40), (70, 170, 220), (225, 60, 60), (198, 26, 140)
 
 NEWTON = 0.08
 """m of arrow per newton. Air: the same per metre a second."""
@@ -71,16 +71,15 @@ class FlightNodes:
     Args:
         scene: of viser. number: of the flight, from 0.
         scenario: that is flown. title: of the flight. placed: first poses.
-        plain: without shadows.
     """
 
-    def __init__(self, scene: Any, number: int, scenario: Scenario, title: str, placed: Placed, *, plain: bool) -> None:
+    def __init__(self, scene: Any, number: int, scenario: Scenario, title: str, placed: Placed) -> None:
         vehicle, end = scenario.plant.vehicle, number + 1
         self._vehicle, self._around, self._lost = vehicle, placed.tip, False
         self._above = np.array([0.0, 0.0, 0.16 + 0.08 * number])
         self._paint, points = tones_of(COLORS[number]), point_shapes(scenario.worlds, vehicle)
-        self.vehicle = VehicleNodes(scene, f"{STAGE}/law{end}", vehicle, self._paint, points=points, cast=not plain)
-        colors, at = [THRUST] * len(vehicle.rotors) + [WIND, PUSHED, OBSERVED], np.tile(placed.positions[0], (2, 1))
+        self.vehicle = VehicleNodes(scene, f"{STAGE}/law{end}", vehicle, self._paint, points=points)
+        colors, at = [THRUST] * len(vehicle.rotors) + [WIND, PUSHED], np.tile(placed.positions[0], (2, 1))
         self._forces = Arrows(scene, f"{STAGE}/arrows{end}", colors, SHAFT, at)
         still = np.tile(placed.tip, (1, 2, 1)).astype(np.float32)
         self._trail = scene.add_line_segments(f"{STAGE}/trail{end}", still, COLORS[number], thickness=0.004)
@@ -90,7 +89,7 @@ class FlightNodes:
         self._world, self._touches, self._moves = None, None, False
         contacts = scenario.worlds
         if contacts and number == 0:
-            self._world = SolidNodes(scene, f"{STAGE}/world{end}", shadow=not plain)
+            self._world = SolidNodes(scene, f"{STAGE}/world{end}")
             self._place_world(scenario, 0.0, held_poses(contacts, [each.start(0.0, ()) for each in contacts]))
             surfaces = [each for contact in contacts for each in contact.surfaces]
             self._moves = any(each.moves for each in surfaces) or any(contact.carriers for contact in contacts)
@@ -159,15 +158,15 @@ class FlightNodes:
 
 
 def force_arrows(flight: Flight, placed: Placed, speeds: Array, turns: dict[str, Array]) -> Array:
-    """Ends (rotors + 3, 2, 3) of thrusts, air, force from outside and estimated force, m."""
+    """Ends (rotors + 2, 2, 3) of thrusts, air and force from outside, m."""
     vehicle, last, (R, p) = flight.vehicle, flight.last, (placed.rotations[0], placed.positions[0])
     ends = []
     for rotor, speed in zip(vehicle.rotors, speeds, strict=True):
         hub, axis = p + R @ np.array(floats(rotor.position)), np.array(floats(rotor.axis))
         turn = turns.get(disc_name(rotor.name), np.eye(3)[None])[0]
         ends.append((hub, hub + NEWTON * float(rotor.thrust_coefficient) * speed**2 * (R @ turn @ axis)))
-    above, seen = p + np.array([0.0, 0.0, 0.22]), np.zeros(3) if last.observed is None else floats(last.observed)
-    ends += [(above - NEWTON * last.air, above), (p - NEWTON * last.pushed, p), (p, p + NEWTON * np.array(seen))]
+    above = p + np.array([0.0, 0.0, 0.22])
+    ends += [(above - NEWTON * last.air, above), (p - NEWTON * last.pushed, p)]
     return np.array(ends)
 
 
@@ -192,25 +191,21 @@ class Picture:
 
     Args:
         server: of viser.
-        plain: without shadows and environment map, for browsers that draw in software.
     """
 
-    def __init__(self, server: Any, *, plain: bool = False) -> None:
-        self._server, self._scene, self._plain = server, server.scene, plain
+    def __init__(self, server: Any) -> None:
+        self._server, self._scene = server, server.scene
         self.follow = False
         self._flights: list[FlightNodes] = []
         self._ghost: VehicleNodes | None = None
         self._frame = 0
-        self._scene.configure_default_lights(cast_shadow=not plain)
-        if plain:
-            self._scene.configure_environment_map(None)
-            self._scene.add_light_ambient("/light", intensity=1.5)
-        shade = 0.0 if plain else 0.15
+        # shadows and a map of the surroundings take seconds a frame where no GPU draws
+        self._scene.configure_default_lights(cast_shadow=False)
+        self._scene.configure_environment_map(None)
+        self._scene.add_light_ambient("/light", intensity=1.5)
         self._stage = self._scene.add_frame(STAGE, show_axes=False)
         self._origin, self._moved = np.zeros(3), np.zeros(3)
-        self._ground = self._scene.add_grid(
-            f"{STAGE}/ground", width=12.0, height=12.0, cell_size=0.5, shadow_opacity=shade
-        )
+        self._ground = self._scene.add_grid(f"{STAGE}/ground", width=12.0, height=12.0, cell_size=0.5)
 
     def build(self, scenario: Scenario, titles: Sequence[str]) -> None:
         """Draw vehicles at the scenario's first state, one for each title, in place of all that was there."""
@@ -222,9 +217,7 @@ class Picture:
         placed = place(vehicle, tuple(state.position), tuple(state.quaternion), state.joints)
         self._origin = placed.positions[0]
         self._follow(self._origin)
-        self._flights = [
-            FlightNodes(self._scene, i, scenario, title, placed, plain=self._plain) for i, title in enumerate(titles)
-        ]
+        self._flights = [FlightNodes(self._scene, i, scenario, title, placed) for i, title in enumerate(titles)]
         self._ghost = VehicleNodes(self._scene, f"{STAGE}/ghost", vehicle, tones_of(GHOST, 0.25))
         self._draw_ghost(goal_of(vehicle, scenario.reference.at(0.0)))
         self._ground.position = (0.0, 0.0, ground_height(scenario.worlds))

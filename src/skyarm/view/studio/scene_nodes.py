@@ -61,14 +61,13 @@ class MovingNode:
             self.node.wxyz = self._turn = turn
 
 
-def add_shape(scene: Any, name: str, shape: Shape, color: RGBA, *, cast: bool = False, receive: bool = False) -> Any:
+def add_shape(scene: Any, name: str, shape: Shape, color: RGBA) -> Any:
     """One shape as a node of the scene, under the node of its body; the balls of a capsule are nodes below it."""
-    clear = color[3] < 1.0
     look: dict[str, Any] = {
         "color": bytes_of(color),
-        "opacity": color[3] if clear else None,
-        "cast_shadow": cast and not clear,
-        "receive_shadow": receive,
+        "opacity": color[3] if color[3] < 1.0 else None,
+        "cast_shadow": False,
+        "receive_shadow": False,
     }
     at = {"position": np.array(shape.position), "wxyz": quaternions_of(np.array([shape.rotation]))[0]}
     if shape.mesh or shape.kind == "hole":
@@ -102,7 +101,7 @@ class VehicleNodes:
         scene: of viser. name: beginning of the nodes' names.
         vehicle: with concrete numbers.
         paint: colours.
-        points: marks on its bodies. cast: whether it casts shadows.
+        points: marks on its bodies.
     """
 
     def __init__(
@@ -113,7 +112,6 @@ class VehicleNodes:
         paint: Paint,
         *,
         points: Sequence[Shape] = (),
-        cast: bool = False,
     ) -> None:
         self._vehicle = vehicle
         # every body hangs on the base: what stands still against it need not be sent
@@ -123,8 +121,7 @@ class VehicleNodes:
         self._links = [MovingNode(frame) for frame in frames]
         shapes = (*vehicle_shapes(vehicle), *points)
         self._meshes = [
-            (add_shape(scene, f"{name}/{shape.body}/{shape.name}", shape, paint(shape.role), cast=cast), shape)
-            for shape in shapes
+            (add_shape(scene, f"{name}/{shape.body}/{shape.name}", shape, paint(shape.role)), shape) for shape in shapes
         ]
         self._discs = {shape.name: (MovingNode(node), shape) for node, shape in self._meshes if shape.role == "rotor"}
 
@@ -156,11 +153,10 @@ class SolidNodes:
 
     Args:
         scene: of viser. name: beginning of the nodes' names.
-        shadow: whether they cast and receive shadows.
     """
 
-    def __init__(self, scene: Any, name: str, *, shadow: bool = False) -> None:
-        self._scene, self._name, self._shadow = scene, name, shadow
+    def __init__(self, scene: Any, name: str) -> None:
+        self._scene, self._name = scene, name
         self.root = scene.add_frame(name, show_axes=False)
         self._nodes: dict[str, tuple[MovingNode, tuple[float, ...]]] = {}
 
@@ -172,8 +168,7 @@ class SolidNodes:
             shape, name = solid.shape, solid.shape.name
             if name not in self._nodes or self._nodes[name][1] != shape.size:
                 upright = replace(shape, position=(0.0, 0.0, 0.0), rotation=UPRIGHT)
-                look = {"cast": self._shadow, "receive": self._shadow}
-                node = add_shape(self._scene, f"{self._name}/{name}", upright, solid.rgba, **look)
+                node = add_shape(self._scene, f"{self._name}/{name}", upright, solid.rgba)
                 self._nodes[name] = MovingNode(node), shape.size
             self._nodes[name][0].put(solid.position[k], solid.rotation[k])
 

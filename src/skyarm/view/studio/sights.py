@@ -11,10 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import ZERO3, Vec3
-from skyarm.control.blocks.disturbance_observer import Observed
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.surroundings import Surroundings, wind_at
-from skyarm.records.leaves import is_record, parts
 from skyarm.reference import Reference
 from skyarm.simulate.session import Session
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -37,7 +35,6 @@ class Sight:
         efforts: share of each joint's limit that its setpoint takes; N m or N of a joint without a limit.
         rotors: share of each rotor's highest speed.
         air: velocity of the air at the base, world axes, m/s. pushed: force on the base of all that surrounds it, N.
-        observed: force on the base that the law's observer has estimated, N, world axes; None without an observer.
         touching: forces of the world's surfaces on the vehicle's points; empty without a world.
     """
 
@@ -50,7 +47,6 @@ class Sight:
     rotors: tuple[float, ...]
     air: Array
     pushed: Array
-    observed: Vec3 | None
     touching: tuple[Touching, ...] = ()
 
     @property
@@ -110,7 +106,6 @@ def sight(session: Session) -> Sight:
         rotors=tuple(float(w) / float(r.max_speed) for w, r in zip(state.rotor_speeds, vehicle.rotors, strict=True)),
         air=np.array(floats(outside.air_velocity_W)),
         pushed=np.array(floats(outside.force_W)),
-        observed=observed_force(now.memory),
         touching=touching(scenario.components, now.components, PointMotion(vehicle, state)) if scenario.worlds else (),
     )
 
@@ -159,11 +154,3 @@ def _efforts(vehicle: Vehicle, setpoints: Sequence[Any]) -> tuple[float, ...]:
     """Shares of the joints' limits that setpoints take; a joint without a limit shows its N m or N."""
     limits = [float(link.joint.effort_limit) for link in vehicle.links]
     return tuple(float(u) / m if m and math.isfinite(m) else float(u) for u, m in zip(setpoints, limits, strict=True))
-
-
-def observed_force(memory: Any) -> Vec3 | None:
-    """Force on the base that a law's observer has estimated, world axes, N; None for a law without one."""
-    if isinstance(memory, Observed):
-        return memory.force
-    held = parts(memory).values() if is_record(memory) or isinstance(memory, tuple) else ()
-    return next((found for part in held if (found := observed_force(part)) is not None), None)
