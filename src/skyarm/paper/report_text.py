@@ -37,7 +37,7 @@ ASSUMPTIONS = (
     "paper's numbers; the sensitivity above shows 0, 0.001, 0.005, 0.02 and 0.05.",
     "The constant wind of 2 m/s is read as RotorS takes it: a force of 2 N and, apart from it, an air speed of 2 m/s "
     "that acts through rotor drag. The gust is a force of 2 N for 3 s without an air speed. Both readings were chosen "
-    "because they reproduce the paper. An air speed of 2 m/s alone tilts the vehicle by 0.04 rad, not 0.28 rad.",
+    "because they reproduce the paper. An air speed of 2 m/s alone leans the vehicle by 0.04 rad, not 0.28 rad.",
     "The links of the plant are rods, with inertia about both transverse axes; the paper lists I_yy only, which the "
     "law's model keeps.",
     "The ramp of Case 1 is linear; the quintic blend is shown above.",

@@ -58,7 +58,7 @@ class Task:
         face: m, from the tip's path to the believed surface, against the normal.
         materials: names of what is touched, as ``surfaces.wall``; all of one stiffness and friction.
         friction: bounds. sideways: whether the tip slides so that friction turns the vehicle.
-        wind: N, largest. tilts: whether the believed normal is wrong.
+        wind: N, largest. wrong_normal: whether the nominal normal is wrong.
         hinge: name of a mechanism whose hinge is not where it is believed, and the way from the tip to it, m.
         drags: name of a mechanism of which closer, damping and friction are unknown.
         grip: name of a gripper that holds it with the drawn stiffness, and goes along an arc.
@@ -77,7 +77,7 @@ class Task:
     friction: Range = FRICTION
     sideways: bool = False
     wind: float = WIND
-    tilts: bool = False
+    wrong_normal: bool = False
     hinge: tuple[str, float, float, float] | None = None
     drags: str = ""
     grip: str = ""

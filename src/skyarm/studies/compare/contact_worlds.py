@@ -128,7 +128,7 @@ def _numbers(task: Task, scenario: Scenario, drawn: Mapping[str, Array], share: 
     across = np.sqrt(1.0 - height * height)
     for axis, part in zip("xyz", (across * np.cos(azimuth), across * np.sin(azimuth), height), strict=True):
         found[f"environment.wind.force_W.{axis}"] = drawn["wind"] * part
-    if task.tilts:
+    if task.wrong_normal:
         for i, part in enumerate(_tilt(task.normal, NORMAL * share[:, 8], 2.0 * math.pi * share[:, 9])):
             found[f"reference.push.normal.{i}"] = part
     return found | _handle_numbers(task, scenario, drawn, share)
