@@ -19,7 +19,6 @@ from skyarm.view.studio.server import (
     Guard,
     StudioError,
     close_server,
-    is_loopback,
     listening_socket,
     open_server,
     require_viser,
@@ -34,28 +33,22 @@ def studio(
     ] = None,
     port: Annotated[int, typer.Option(help="of the page; 0 takes a free one")] = 8080,
     no_browser: Annotated[bool, typer.Option("--no-browser", help="print the address, open nothing")] = False,
-    host: Annotated[str, typer.Option(help="to listen at; others only with --token")] = ("127.0.0.1"),
-    token: Annotated[str | None, typer.Option(help="that every tab must bear; a new one if left out")] = None,
     out: Annotated[str, typer.Option("--out", help="folder of saved scenarios")] = "out/studio",
 ) -> None:
     """Fly live on a page: sliders, gusts, laws side by side.
 
     The address that is printed bears a token. A flight is saved as a scenario that 'skyarm run' flies again.
     """
-    if token is None and not is_loopback(host):
-        raise StudioError(f"--host = {host!r}: must be this machine's (127.0.0.1, localhost) without a --token")
-    if token is not None and not (len(token) >= 8 and token.isascii() and token.isalnum()):
-        raise StudioError("--token: must be at least 8 letters and digits")
     if not 0 <= port <= 65535:
         raise StudioError(f"--port = {port}: must be from 0 to 65535")
     require_viser()
-    listening = listening_socket(host, port)
+    listening = listening_socket(port)
     try:
         from skyarm.view.studio.fleet import fleet_under
         from skyarm.view.studio.page import Page
 
         fleet = fleet_under(scenario, controller or [])
-        guard = Guard(host, int(listening.getsockname()[1]), token or secrets.token_hex(16))
+        guard = Guard(int(listening.getsockname()[1]), secrets.token_hex(16))
         server = open_server(listening, guard, f"skyarm studio: {scenario}")
     except BaseException:
         listening.close()

@@ -26,9 +26,9 @@ class Open:
     """A page that is open."""
 
     def __init__(self, folder: Path) -> None:
-        listening = listening_socket("127.0.0.1", 0)
+        listening = listening_socket(0)
         self.port = listening.getsockname()[1]
-        self.server = open_server(listening, Guard("127.0.0.1", self.port, TOKEN), "test")
+        self.server = open_server(listening, Guard(self.port, TOKEN), "test")
         self.page = Page(self.server, load_fleet("case2"), ["paper_ct", "paper_pd"], folder)
         self.thread = threading.Thread(target=self.page.run)
         self.thread.start()

@@ -10,7 +10,6 @@ import contextlib
 import hmac
 import http
 import io
-import ipaddress
 import logging
 import math
 import os
@@ -42,24 +41,23 @@ def require_viser() -> None:
         raise StudioError(f"studio: {needs_extra('studio')} ({error})") from None
 
 
-def listening_socket(host: str, port: int) -> socket.socket:
-    """A socket at an address; port 0 takes a free one.
+def listening_socket(port: int) -> socket.socket:
+    """A socket on this machine's loopback; port 0 takes a free one.
 
     Raises:
-        StudioError: the port is taken, or there is no such address.
+        StudioError: the port is taken.
     """
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    found = socket.socket(family, socket.SOCK_STREAM)
+    found = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     if os.name == "posix":  # elsewhere it lets two servers take one port
         found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
-        found.bind((host, port))
+        found.bind((LOOPBACK[0], port))
         # who asks while libraries still load waits instead of being refused
         found.listen()
     except (OSError, OverflowError) as error:
         found.close()
         words = getattr(error, "strerror", None) or str(error)
-        raise StudioError(f"--host = {host!r}, --port = {port}: must be free ({words.lower()})") from None
+        raise StudioError(f"--port = {port}: must be free ({words.lower()})") from None
     return found
 
 
@@ -78,7 +76,7 @@ def open_server(listening: socket.socket, guard: Guard, title: str) -> Any:
     logging.getLogger(QUIET).setLevel(logging.CRITICAL)
     inputs: dict[str, Any] = {}
     with _serving(module, listening, guard, inputs), _silent():
-        server = viser.ViserServer(host=guard.host, port=guard.port, label=title, verbose=False)
+        server = viser.ViserServer(host=LOOPBACK[0], port=guard.port, label=title, verbose=False)
     inputs["gui"] = server.gui
     return server
 
@@ -223,7 +221,7 @@ def _finite(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
 
 
-LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
+LOOPBACK = ("127.0.0.1", "localhost")
 
 MOST_BYTES = 1 << 20
 """Of a frame: a page sends a slider's value or a camera, some hundred bytes."""
@@ -234,10 +232,9 @@ class Guard:
     """Rules of one server.
 
     Attributes:
-        host, port: that it listens at. token: that every request must bear.
+        port: of the loopback that it listens at. token: that every request must bear.
     """
 
-    host: str
     port: int
     token: str
 
@@ -255,7 +252,7 @@ class Guard:
             websocket: whether it asks for one; browsers send its page's ``Origin`` along, whatever the page wants.
         """
         host = headers.get("Host", "")
-        if is_loopback(self.host) and host not in {f"{name}:{self.port}" for name in LOOPBACK}:
+        if host not in {f"{name}:{self.port}" for name in LOOPBACK}:
             return "Host: must be the address that skyarm printed"
         origin = headers.get("Origin")
         if (origin is not None or websocket) and origin not in (f"http://{host}", f"https://{host}"):
@@ -281,15 +278,4 @@ class Guard:
 
     def address(self) -> str:
         """Address for the user's browser."""
-        shown = self.host if ":" not in self.host else f"[{self.host}]"
-        return f"http://{shown}:{self.port}/?token={self.token}"
-
-
-def is_loopback(host: str) -> bool:
-    """True if an address is reachable from this machine only."""
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
+        return f"http://{LOOPBACK[0]}:{self.port}/?token={self.token}"
