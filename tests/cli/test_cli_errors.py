@@ -63,7 +63,7 @@ SCENARIO_ERRORS: list[tuple[str, str, tuple[str, ...]]] = [
     ("half a period", changed(CASE1, "duration = 30.0", "duration = 0.0025"), ("duration = 0.0025", "control periods")),
     ("rates", changed(CASE1, "control = 200", "control = 300"), ("rates.control = 300", "divide rates.physics = 1000")),
     ("reference rate", changed(CASE1, "reference = 50 ", "reference = 60 "), ("rates.reference = 60", "divide")),
-    ("zero rate", changed(CASE1, "control = 200", "control = 0"), ("rates.control = 0", "from 1")),
+    ("zero rate", changed(CASE1, "control = 200", "control = 0"), ("rates.control = 0", "at least 1")),
     ("rate as text", changed(CASE1, "control = 200", 'control = "fast"'), ("rates.control = 'fast'", "whole number")),
     ("seed", "seed = -1\n" + CASE1, ("seed = -1", "0 to 2**32 - 1")),
     ("seed as float", "seed = 1.5\n" + CASE1, ("seed = 1.5", "whole number")),

@@ -35,10 +35,10 @@ def main() -> None:
     with endings() as came:
         try:
             from skyarm.cli.lines import WRONG_INPUT, say
-            from skyarm.records.files.packages import FLOORS, UNSPLIT, below_floor, installed_versions
+            from skyarm.records.files.packages import FLOORS, below_floor, installed_versions
 
             # before the libraries load: an old one may fail as it does, or do nothing and exit with 0
-            short = below_floor(installed_versions(name for name in (*FLOORS, UNSPLIT) if name != REPLACEABLE))
+            short = below_floor(installed_versions(name for name in FLOORS if name != REPLACEABLE))
             if short:
                 code = say(short, WRONG_INPUT)
             else:

@@ -305,17 +305,9 @@ def try_changes(
             following = following.with_change(change)
             if is_part(change.path, change.value):
                 now = following.of(begun)
-    alone = len(changes) == 1
-    try:
-        with _said_of(changes[0][0] if alone else ""):
-            now = following.of(begun)
-            require_continuous(begun, now)
-    except ScenarioError:
-        # of several the one is named that alone would be refused
-        for where, change in () if alone else changes:
-            with _said_of(where):
-                require_continuous(begun, held.with_change(change).of(begun))
-        raise
+    with _said_of(changes[0][0] if len(changes) == 1 else ""):
+        now = following.of(begun)
+        require_continuous(begun, now)
     return following, now
 
 

@@ -66,18 +66,12 @@ def whole(value: Any) -> int | None:
 class Rates:
     """Clock rates in Hz; physics / control and control / reference must be whole numbers."""
 
-    physics: int = 1000
-    control: int = 200
-    reference: int = 50
+    physics: Annotated[int, Unit("Hz", low=1.0, high=HIGHEST_RATE)] = 1000
+    control: Annotated[int, Unit("Hz", low=1.0, high=HIGHEST_RATE)] = 200
+    reference: Annotated[int, Unit("Hz", low=1.0, high=HIGHEST_RATE)] = 50
 
     def __post_init__(self) -> None:
-        for name in ("physics", "control", "reference"):
-            value = getattr(self, name)
-            held = whole(value)
-            if held is None or not 1 <= held <= HIGHEST_RATE:
-                allowed = f"must be a whole number of Hz from 1 to {HIGHEST_RATE}"
-                raise ScenarioError(f"rates.{name} = {shown(value)}: {allowed}")
-            object.__setattr__(self, name, held)
+        accept_fields(self, "rates", ScenarioError)
         for fast, slow in (("physics", "control"), ("control", "reference")):
             if getattr(self, fast) % getattr(self, slow):
                 raise ScenarioError(

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from skyarm.records.files.packages import FLOORS, UNSPLIT, below_floor, installed_versions
+from skyarm.records.files.packages import FLOORS, below_floor, installed_versions
 
 
 def distribution(folder: Path, *names: str) -> str:
@@ -32,17 +32,6 @@ def distribution(folder: Path, *names: str) -> str:
 def test_a_version_below_its_floor_is_named_with_what_is_needed(tmp_path: Path, there: str, line: str) -> None:
     found = installed_versions(FLOORS, [distribution(tmp_path, there, "click-8.5.1")])
     assert line in (below_floor(found) or "")
-
-
-def test_an_unsplit_mujoco_whose_files_are_those_of_the_core_is_named(tmp_path: Path) -> None:
-    there = installed_versions((*FLOORS, UNSPLIT), [distribution(tmp_path, "mujoco-3.3.7", "mujoco_core-4.0.0")])
-    line = below_floor(there) or ""
-    assert line.startswith("mujoco 3.3.7 is installed, whose files are those of mujoco-core")
-    assert "pip uninstall --yes mujoco" in line
-    split = installed_versions(
-        (*FLOORS, UNSPLIT), [distribution(tmp_path / "split", "mujoco-4.0.0", "mujoco_core-4.0.0")]
-    )
-    assert below_floor(split) is None
 
 
 @pytest.mark.parametrize("there", ["typer-0.20", "typer-0.20.0", "typer-1.0a1", "rich-13.0.0", "numpy-2.0.0+local"])

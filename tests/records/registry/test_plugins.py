@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-import pickle
 import shutil
-import sys
 import types
 from pathlib import Path
 
 import pytest
 
-import skyarm
 from added_components import registry_kept
 from skyarm.records.registry import KINDS, RegistryError, find, names, plugins, register, registrations
 from skyarm.records.registry.plugins import (
@@ -224,35 +221,3 @@ def test_another_process_must_have_the_same(tmp_path, monkeypatch):
         load_again([Plugin("absent", "version 1")])
     with pytest.raises(RegistryError, match="has changed since it was loaded first"):
         load_again([Plugin(str(path), "sha256:" + 64 * "1")])
-
-
-WINDS = """
-from dataclasses import dataclass
-import skyarm
-
-
-@skyarm.register.air("breeze")
-@dataclass(frozen=True, kw_only=True)
-class Breeze(skyarm.Air):
-    \"\"\"Air that moves evenly.\"\"\"
-
-    speed: float = 1.0
-
-    def velocity(self, memory, t, position_W):
-        return skyarm.Vec3(self.speed, 0.0, 0.0)
-
-
-def make(model):
-    return None
-"""
-
-
-def test_a_pickle_whose_plugin_is_missing_says_how_it_is_loaded(tmp_path):
-    path = written(tmp_path, WINDS.replace("breeze", "squall"), "my_gusts.py")
-    held = pickle.dumps(skyarm.load_plugin(path).Breeze())
-    assert pickle.loads(held).speed == 1.0
-    name = type(pickle.loads(held)).__module__
-    module = sys.modules.pop(name)  # as in another process
-    with pytest.raises(ModuleNotFoundError, match=r"^plugin my_gusts\.py: is not loaded: --plugin my_gusts\.py or sky"):
-        pickle.loads(held)
-    sys.modules[name] = module

@@ -22,9 +22,6 @@ FLOORS = {
 }
 """Package -> the lowest version that the tests have passed on."""
 
-UNSPLIT = "mujoco"
-"""Before its version 4.0 this package held the files that are mujoco-core's since then: each overwrites the other's."""
-
 METADATA = ".dist-info"
 NUMBERS = re.compile(r"\d+(?:\.\d+)*")
 
@@ -61,13 +58,6 @@ def below_floor(versions: dict[str, str]) -> str | None:
                 f"{package} {version} is installed: must be at least {floor}; "
                 f"python -m pip install --upgrade '{package}>={floor}'"
             )
-    unsplit = versions.get(UNSPLIT)
-    if unsplit is not None and _order(unsplit) < _order(FLOORS["mujoco-core"]):
-        return (
-            f"{UNSPLIT} {unsplit} is installed, whose files are those of mujoco-core: must be absent or at least "
-            f"{FLOORS['mujoco-core']}; python -m pip uninstall --yes {UNSPLIT} && "
-            f"python -m pip install --force-reinstall --no-deps mujoco-core"
-        )
     return None
 
 

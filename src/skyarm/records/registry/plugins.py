@@ -15,7 +15,6 @@ import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib import import_module, metadata
-from importlib.abc import MetaPathFinder
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -60,17 +59,6 @@ class Plugin:
         beside = [(Path(file).relative_to(folder).as_posix(), identity) for file, identity in self.beside]
         return [(Path(self.name).name, self.identity), *beside]
 
-
-class _MissingPlugin(MetaPathFinder):
-    """Unpickling error for a missing plugin: explains how to load its file, in place of "no such module"."""
-
-    def find_spec(self, fullname: str, *_: Any) -> None:
-        if fullname.startswith(FILE_MODULE):
-            file = f"{fullname.removeprefix(FILE_MODULE)[:-9]}.py"
-            raise ModuleNotFoundError(f"plugin {file}: is not loaded: {LOADED_BY.format(file)}", name=fullname)
-
-
-sys.meta_path.append(_MissingPlugin())
 
 _LOADED: dict[str, Plugin] = {}
 _MODULES: dict[str, ModuleType] = {}
