@@ -51,13 +51,13 @@ def test_the_observer_is_told_the_command_that_left_when_its_measurement_was_tak
     sent = tuple(Command(rotor_speeds=(400.0 + 10.0 * k,) * 4, efforts=(0.01 * k, 0.0)) for k in range(delay + 1))
     memory = dataclasses.replace(controller.memory, sent=sent)
     told = []
-    observe = room.observe
+    observe = room.observe_uncompensated
 
     def recorded(model, gains, before, measurement, acted, *rest):
         told.append(acted)
         return observe(model, gains, before, measurement, acted, *rest)
 
-    monkeypatch.setattr(room, "observe", recorded)
+    monkeypatch.setattr(room, "observe_uncompensated", recorded)
     following, command = controller.law(memory, measured(gentle(1)), SAMPLE, DT, par=controller.par)
     assert told == [sent[0]]
     assert following.sent == (*sent[1:], command)

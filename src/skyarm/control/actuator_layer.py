@@ -165,7 +165,7 @@ def actuator_law(
 
 
 def _setpoints(
-    memory: ActuatorMemory, measurement: Measurement, efforts: Any, plain: Model, model: Model, dt: Any
+    memory: ActuatorMemory, measurement: Measurement, efforts: Any, plain: Model, model: Model, dt: Scalar
 ) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
     """Setpoints whose torques are the efforts on average over the period in which they act; the drives' memories."""
     setpoints, kept = [], []

@@ -208,7 +208,7 @@ def angles_seen(measurement: Measurement, believed: tuple[Scalar, ...]) -> tuple
     return tuple(where(absolute(seen) < math.inf, seen, held) for seen, held in rows)
 
 
-def goal_angles(model: Model, forces: Sequence[Force], last: Sequence[Any], dt: Scalar) -> tuple[Scalar, ...]:
+def goal_angles(model: Model, forces: Sequence[Force], last: Sequence[Scalar], dt: Scalar) -> tuple[Scalar, ...]:
     """Angles of the desired forces, rad; a force near zero, whose direction is noise, moves its angle slowly."""
     vehicle = model.vehicle
     total: Scalar = 0.0

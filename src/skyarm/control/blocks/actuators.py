@@ -21,7 +21,7 @@ def rotors_follow(mixer: Mixer, squares: Sequence[Scalar]) -> Any:
     return inside
 
 
-def all_follow(applied: Sequence[Any]) -> Any:
+def all_follow(applied: Sequence[Scalar]) -> Any:
     """True while no command was changed on its way (:func:`skyarm.control.controller.with_applied_command`).
 
     One for all: through the coupled dynamics what one actuator does not do is missing from every acceleration.

@@ -59,7 +59,7 @@ def derivative(v: Vec3, k: int) -> Vec3:
     return Vec3(*(c.derivative(k) if isinstance(c, Taylor) else (c if k == 0 else 0) for c in v))
 
 
-def moving(values: Sequence[Any], *rates: Sequence[Any]) -> list[Taylor]:
+def moving(values: Sequence[Scalar], *rates: Sequence[Any]) -> list[Taylor]:
     """Series of signals from their values and derivatives."""
     return [Taylor.of_derivatives(each) for each in zip(values, *rates, strict=True)]
 

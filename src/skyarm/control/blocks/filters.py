@@ -18,7 +18,7 @@ def low_pass(old: Any, new: Any, bandwidth: Scalar, dt: Scalar) -> Any:
     return old + (new - old) * low_pass_share(bandwidth, dt)
 
 
-def low_pass_share(bandwidth: Any, dt: Any) -> Any:
+def low_pass_share(bandwidth: Any, dt: Scalar) -> Any:
     """The share of a difference that a first-order low-pass makes good in one period; bandwidth in rad/s, dt in s."""
     return 1.0 - exp(-(bandwidth * dt))
 
@@ -70,7 +70,7 @@ def apply_butterworth(taps: Taps, value: Any, par: Butterworth) -> tuple[Taps, S
 
 
 def filtered_all(
-    taps: Sequence[Taps], values: Sequence[Any], par: Butterworth
+    taps: Sequence[Taps], values: Sequence[Scalar], par: Butterworth
 ) -> tuple[tuple[Taps, ...], list[Scalar]]:
     """:func:`filtered` for each of several signals."""
     pairs = [apply_butterworth(each, value, par) for each, value in zip(taps, values, strict=True)]

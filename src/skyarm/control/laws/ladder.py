@@ -100,7 +100,7 @@ TILT, FLOOR = 1.2, 0.15
 
 
 def stepped_computed_torque(
-    memory: StepMemory, measurement: Measurement, reference: Reference, dt: Any, *, par: StepParameters
+    memory: StepMemory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: StepParameters
 ) -> tuple[StepMemory, Command]:
     """One control step."""
     steps, R = par.steps, measurement.quaternion.rotation()

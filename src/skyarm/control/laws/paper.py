@@ -52,7 +52,7 @@ def rotors_sim_position(
 
 
 def decoupled_pd(
-    memory: Any, measurement: Measurement, reference: Reference, dt: Any, *, par: Parameters
+    memory: Any, measurement: Measurement, reference: Reference, dt: Scalar, *, par: Parameters
 ) -> tuple[Any, Command]:
     """The paper's baseline: RotorS's controller on the base, PD with reduced gravity on the joints.
 
@@ -69,7 +69,7 @@ def decoupled_pd(
 
 
 def hybrid_computed_torque(
-    memory: Any, measurement: Measurement, reference: Reference, dt: Any, *, par: Parameters
+    memory: Any, measurement: Measurement, reference: Reference, dt: Scalar, *, par: Parameters
 ) -> tuple[Any, Command]:
     """Geometric accelerations into the fully coupled inverse dynamics, in body coordinates (no Euler singularity).
 

@@ -217,7 +217,7 @@ def pressing_command(par: PressingParameters, measurement: Measurement, referenc
     return Command(rotor_speeds=speeds, efforts=limit_efforts(par, efforts))
 
 
-def release_normal(touch: Touch, wanted: Sequence[Any]) -> tuple[Scalar, ...]:
+def release_normal(touch: Touch, wanted: Sequence[Scalar]) -> tuple[Scalar, ...]:
     """Joint accelerations that leave the tip damping alone along the normal, as far as it presses."""
     own = touch.at.R.apply_T(touch.pressing.n)
     row = [own.dot(column) for column in touch.at.columns]
@@ -242,7 +242,7 @@ LEAST = 0.01
 
 
 def admittance_pd(
-    memory: PressingMemory, measurement: Measurement, reference: Reference, dt: Any, *, par: PressingParameters
+    memory: PressingMemory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: PressingParameters
 ) -> tuple[PressingMemory, Command]:
     """The paper's baseline, its reference shifted by the virtual mass."""
     after, touch = observe_contact(memory, measurement, reference, dt, par)

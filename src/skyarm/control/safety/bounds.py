@@ -104,7 +104,7 @@ def _longer(v: Vec3, shortened: Vec3) -> Any:
 
 def govern_joints(
     reference: Reference,
-    before: Sequence[Any],
+    before: Sequence[Scalar],
     ramping: Sequence[Scalar],
     speeds: Sequence[Scalar],
     steps: Sequence[Scalar],
@@ -156,7 +156,7 @@ def govern_joints(
         moving = where(gap > 0.0, speed, 0.0 - speed)
         rates.append(where(slow, moving, where(outside, 0.0, clip(rate, 0.0 - most, most))))
 
-    def still(values: Sequence[Any]) -> tuple[Scalar, ...]:
+    def still(values: Sequence[Scalar]) -> tuple[Scalar, ...]:
         # a reference may come without its higher derivatives
         return tuple(where(slow, 0.0, value) for slow, value in zip(slowed, values, strict=False))
 
@@ -289,7 +289,7 @@ def floating_inertia_times(model: Model, joints: Sequence[Scalar], change: Seque
     return [add(_row(M[6 + i][:6], base), _row(M[6 + i][6:], change)) for i in range(n)]
 
 
-def _row(entries: Sequence[Scalar], values: Sequence[Any]) -> Any:
+def _row(entries: Sequence[Scalar], values: Sequence[Scalar]) -> Any:
     total: Scalar = 0
     for entry, value in zip(entries, values, strict=True):
         total = add(total, mul(entry, value))

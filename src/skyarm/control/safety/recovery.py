@@ -77,7 +77,7 @@ def not_finite(record: Any) -> Any:
 
 
 def update_confidence(
-    limits: Limits, confidence: Confidence, measurement: Measurement, joints: Any, failed: Any, dt: Any
+    limits: Limits, confidence: Confidence, measurement: Measurement, joints: Any, failed: Any, dt: Scalar
 ) -> Confidence:
     """Return the confidence after one measurement.
 

@@ -154,7 +154,7 @@ def arbitrate(
     governed: Governed,
     desired: Command,
     failed: Any,
-    dt: Any,
+    dt: Scalar,
 ) -> SafetyMemory:
     """Decide whether the law or the recovery flies; return the memory after the step, the law's own as it was.
 
@@ -186,7 +186,7 @@ def arbitrate(
     )
 
 
-def _kept(condition: Any, a: tuple[Any, ...], b: tuple[Any, ...]) -> tuple[Any, ...]:
+def _kept(condition: Any, a: tuple[Scalar, ...], b: tuple[Scalar, ...]) -> tuple[Any, ...]:
     return tuple(where(condition, x, y) for x, y in zip(a, b, strict=True))
 
 

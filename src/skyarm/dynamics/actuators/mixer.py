@@ -298,7 +298,7 @@ def _thrust_range(
     return low, high
 
 
-def _largest_share(fixed: Sequence[Scalar], wanted: Sequence[Any], highest: Sequence[Scalar]) -> Any:
+def _largest_share(fixed: Sequence[Scalar], wanted: Sequence[Scalar], highest: Sequence[Scalar]) -> Any:
     """Largest s in [0, 1] with 0 <= fixed_i + s wanted_i <= highest_i for all i (0 if ``fixed`` itself is outside)."""
     share: Scalar = 1.0
     for value, change, top in zip(fixed, wanted, highest, strict=True):

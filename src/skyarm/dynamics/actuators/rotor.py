@@ -26,7 +26,7 @@ def speed_after(rotor: Rotor, speed: Scalar, command: Any, dt: Scalar) -> Any:
 
 
 def speeds_after(
-    rotors: Sequence[Rotor], speeds: Sequence[Scalar], commands: Sequence[Any], dt: Scalar
+    rotors: Sequence[Rotor], speeds: Sequence[Scalar], commands: Sequence[Scalar], dt: Scalar
 ) -> tuple[Scalar, ...]:
     """Speeds (rad/s) of all rotors after ``dt`` seconds of held commands."""
     rows = zip(rotors, speeds, commands, strict=True)
@@ -116,7 +116,7 @@ def _have_inertia(rotors: Sequence[Rotor]) -> bool:
     return any(not (type(rotor.inertia) is int and rotor.inertia == 0) for rotor in rotors)
 
 
-def spin_torque(rotors: Sequence[Rotor], speeds: Sequence[Scalar], commands: Sequence[Any], rate: Vec3) -> Vec3:
+def spin_torque(rotors: Sequence[Rotor], speeds: Sequence[Scalar], commands: Sequence[Scalar], rate: Vec3) -> Vec3:
     """Torque on the base of rotors that turn faster or slower and whose spin is turned with the base, base axes, N m.
 
     The spin h = J direction W n of each is part of the angular momentum: the base feels -dh/dt = -J direction

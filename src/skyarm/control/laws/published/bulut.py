@@ -42,7 +42,7 @@ SINGULAR = 1e-6
 
 
 def bulut_computed_torque(
-    memory: Any, measurement: Measurement, reference: Reference, dt: Any, *, par: Parameters
+    memory: Any, measurement: Measurement, reference: Reference, dt: Scalar, *, par: Parameters
 ) -> tuple[Any, Command]:
     """Computed torque on position, Euler angles and joints, translation decoupled."""
     del dt

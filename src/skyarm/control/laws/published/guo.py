@@ -45,7 +45,7 @@ def center_reference(vehicle: Vehicle, reference: Reference) -> tuple[Vec3, Vec3
 
 
 def guo_center_of_inertia(
-    memory: Any, measurement: Measurement, reference: Reference, dt: Any, *, par: Parameters
+    memory: Any, measurement: Measurement, reference: Reference, dt: Scalar, *, par: Parameters
 ) -> tuple[Any, Command]:
     """SE(3) tracking of the centre of mass with the locked inertia; joints apart."""
     del dt

@@ -83,7 +83,7 @@ class IndiMemory:
 
 
 def indi(
-    memory: IndiMemory, measurement: Measurement, reference: Reference, dt: Any, *, par: IndiParameters
+    memory: IndiMemory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: IndiParameters
 ) -> tuple[IndiMemory, Command]:
     """Thrust vector, body torque and joint torques by increments from what was measured."""
     vehicle, R, n = par.model.vehicle, measurement.quaternion.rotation(), par.model.vehicle.n
@@ -164,7 +164,7 @@ def _filter_signals(
 def _command_history(memory: IndiMemory, command: Command, held: Command, first: Any) -> tuple[Command, ...]:
     """Commands of the last periods with the newest behind; before the first one rotors and arm were held."""
 
-    def begun(hold: tuple[Scalar, ...], old: tuple[Any, ...]) -> tuple[Scalar, ...]:
+    def begun(hold: tuple[Scalar, ...], old: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
         return tuple(where(first, a, b) for a, b in zip(hold, old, strict=True))
 
     past = (

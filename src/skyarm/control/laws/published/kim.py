@@ -94,7 +94,7 @@ def reached(
 
 
 def kim_sliding_mode(
-    memory: SlidingMemory, measurement: Measurement, reference: Reference, dt: Any, *, par: SlidingParameters
+    memory: SlidingMemory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: SlidingParameters
 ) -> tuple[SlidingMemory, Command]:
     """Sliding accelerations through the coupled inverse dynamics."""
     vehicle, R = par.model.vehicle, measurement.quaternion.rotation()

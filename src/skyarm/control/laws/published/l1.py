@@ -117,7 +117,7 @@ class L1Memory:
 
 
 def l1_adaptive(
-    memory: L1Memory, measurement: Measurement, reference: Reference, dt: Any, *, par: L1Parameters
+    memory: L1Memory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: L1Parameters
 ) -> tuple[L1Memory, Command]:
     """Geometric law through the coupled inverse dynamics, less the filtered estimate of what else acts."""
     vehicle, R = par.model.vehicle, measurement.quaternion.rotation()
@@ -165,7 +165,7 @@ def predict_velocities(par: L1Parameters, memory: L1Memory, dt: Scalar) -> tuple
     return tuple(z + error + dt * (zd + sigma - a * error) for a, z, error, zd, sigma in rows)
 
 
-def _advance_filters(memory: L1Memory, R: Mat3, force: Force, efforts: Any, dt: Any, par: L1Parameters) -> L1Memory:
+def _advance_filters(memory: L1Memory, R: Mat3, force: Force, efforts: Any, dt: Scalar, par: L1Parameters) -> L1Memory:
     """The memory with the low-pass filters moved on, each held within its limit.
 
     The limit comes after the filter: noise cut on one side only would leave a bias.

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from skyarm.algebra.scalars import Scalar
 from skyarm.control.blocks.center_of_mass import arm_reaction, locked_inertia
 from skyarm.control.blocks.common import (
     arm_alone,
@@ -37,7 +38,7 @@ from skyarm.sensing.measurement import Measurement
 
 
 def li_feedforward(
-    memory: Any, measurement: Measurement, reference: Reference, dt: Any, *, par: Parameters
+    memory: Any, measurement: Measurement, reference: Reference, dt: Scalar, *, par: Parameters
 ) -> tuple[Any, Command]:
     """Geometric base control that carries the arm's reaction ahead; joints apart."""
     del dt
