@@ -128,7 +128,7 @@ class FlightTopics:
             }
 
         moved = {"position": "joints", "velocity": "joint_rates"}
-        if not any(self._names.setpoints):  # setpoints of drives are no torques
+        if all(each is None for each in self._names.setpoints):  # setpoints of drives are no torques
             moved["effort"] = "efforts"
         return [
             Topic("/odom", "nav_msgs/Odometry", every, odometry),
