@@ -148,16 +148,6 @@ def test_a_stop_whose_stiffness_is_left_out_is_chosen(tmp_path):
     assert float(none.stop_stiffness) == float(none.stop_damping) == 0.0
 
 
-def test_a_number_of_an_mjcf_file_that_is_none_is_refused(tmp_path):
-    ball = '<body name="nan"><freejoint/><geom type="sphere" size=".1" mass="{}"/></body>'
-    text = f"<mujoco><worldbody>{ball}</worldbody></mujoco>"
-    (tmp_path / "a.xml").write_text(text.format("1"))
-    assert float(load_vehicle(tmp_path / "a.xml").mass) == 1.0
-    (tmp_path / "b.xml").write_text(text.format("nan"))
-    with pytest.raises(VehicleError, match=r"<geom>\.mass = 'nan': must be finite"):
-        load_vehicle(tmp_path / "b.xml")
-
-
 def test_a_start_beyond_a_joints_limits_is_told():
     document = copy.deepcopy(TIP) | {"plant": {"vehicle": "pelican_arm2"}, "initial": {"joints": [3.0, 0.0]}}
     document["reference"] = {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}}

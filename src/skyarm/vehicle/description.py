@@ -132,16 +132,3 @@ def _ring(parents: Mapping[str, str], start: str) -> list[str]:
     while parents[walked[-1]] not in walked:
         walked.append(parents[walked[-1]])
     return [*walked[walked.index(parents[walked[-1]]) :], parents[walked[-1]]]
-
-
-__all__ = [
-    "body",
-    "inertia",
-    "rotation",
-    "rotation_quaternion",
-    "rotation_rpy",
-    "tree_order",
-    "unit_axis",
-    "vector",
-    "zero_is_structure",
-]

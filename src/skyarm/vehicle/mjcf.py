@@ -25,12 +25,6 @@ from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.linkage import BASE, Body, Joint, Link
 from skyarm.vehicle.vehicle_records import Frame
 
-NAMES = (
-    *("name", "class", "childclass", "model", "file", "joint", "joint1", "joint2", "body", "body1", "body2"),
-    *("site", "geom", "mesh", "material", "texture", "target", "tendon", "actuator"),
-)
-"""Attributes whose values are words, of which one may be "nan"."""
-
 
 @dataclass(slots=True)
 class _Tree:
@@ -127,7 +121,6 @@ def _compile(path: Path) -> Any:
         raise VehicleError(f"XML = {str(error)!r}: must be well-formed") from None
     if read.tag != "mujoco":
         refuse("root element", read.tag, "must be <mujoco>; a URDF file's name ends in .urdf")
-    _require_numbers(read)
     tags = [element.tag for element in read.iter()]
     # MuJoCo reads a DOCTYPE otherwise than ElementTree
     if len(tags) > MOST_PLAIN or not {*tags} <= {*PLAIN} or b"<!DOCTYPE" in content:
@@ -161,14 +154,6 @@ def _compiled_apart(path: Path) -> Any:
         raise VehicleError(f"MJCF = {one_line(ended.stdout)!r}: must be a model that MuJoCo loads")
     most = f"{SECONDS:g} s, {BYTES / 2**30:g} GB of memory and {MOST_COMPILED / 1e6:g} MB of numbers"
     raise VehicleError(f"MJCF = {path.name!r}: must be a model that MuJoCo compiles in {most}")
-
-
-def _require_numbers(read: ET.Element) -> None:
-    """Refuse NaN, which MuJoCo reads as a missing number."""
-    for element in read.iter():
-        for name, value in element.attrib.items():
-            if name not in NAMES and "nan" in value.lower().split():
-                refuse(f"<{element.tag}>.{name}", value, "must be finite")
 
 
 def _say_nothing(text: str) -> None:

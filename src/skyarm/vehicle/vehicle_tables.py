@@ -69,7 +69,7 @@ def vehicle_from(document: Mapping[str, Any], refer: Refer) -> Vehicle:
     bodies = with_real_inertias(_override_joints(changes, bodies, own))
     frames = tuple(_frame(fields, bodies) for fields in top.tables("frames"))
     links, followers, fixed = couple(bodies.links, (*bodies.frames, *frames, *bodies.looks), bodies.mimics)
-    stated = mounted_drives(_table(top, "drives"), "drives")
+    stated = mounted_drives(top.inner("drives").table, "drives")
     taken = {each.name for each in stated}
     drives = [*(each for each in drives if each.name not in taken), *stated]
     of_links = {k["joint"].get("name"): k["joint"] for k in top.table.get("links", ()) if "joint" in k}
@@ -109,11 +109,6 @@ def vehicle_from(document: Mapping[str, Any], refer: Refer) -> Vehicle:
     if limits == "end":
         return made
     return with_stops(made, {*settled, *stating("stop_stiffness")})
-
-
-def _table(top: Fields, name: str) -> dict[str, Any]:
-    """A table by names."""
-    return top.inner(name).table
 
 
 def _unique(top: Fields, name: str) -> list[Fields]:
