@@ -8,8 +8,11 @@ import skyarm
 
 SOURCE = Path(skyarm.__file__).parent
 TESTS = Path(__file__).resolve().parents[1]
-BESIDE = {"attacks", "data", "mutation", "openness", "project", "website"}
+BESIDE = {"attacks", "data", "dynamics/euler_lagrange", "mutation", "openness", "project", "studies/bench", "website"}
 """Folders that are no room's own: of many rooms at once, or of the repository."""
+
+ALWAYS = (TESTS, TESTS / "studies" / "bench")
+"""Folders on Python's path whatever is collected (``pythonpath`` in pyproject.toml)."""
 
 
 def test_every_folder_of_tests_is_a_room_of_the_source() -> None:
@@ -20,9 +23,9 @@ def test_every_folder_of_tests_is_a_room_of_the_source() -> None:
 
 
 def test_a_file_that_several_folders_use_lies_beside_them() -> None:
-    """A folder is on Python's path only while tests of it are collected."""
+    """Any other folder is on Python's path only while tests of it are collected."""
     folders = {path.stem: path.parent for path in TESTS.rglob("*.py")}
     for path in TESTS.rglob("*.py"):
         lines = path.read_text("utf-8").splitlines()
         for name in {line.split()[1] for line in lines if line.startswith(("from ", "import "))} & set(folders):
-            assert folders[name] in (TESTS, path.parent), f"{path.name} takes {name}"
+            assert folders[name] in (*ALWAYS, path.parent), f"{path.name} takes {name}"
