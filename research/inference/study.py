@@ -32,7 +32,7 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.paper.unstated_study import Cell, fits, group_places, laid_over, numbers, scenario_tables, study_digest
-from skyarm.records.files import Fields, all_wrong_words, one_line, read_toml, shown, unreadable
+from skyarm.records.files import Fields, one_line, read_toml, shown, unreadable
 from skyarm.records.read_table import record_from
 from skyarm.scenario.scenario_file import LIBRARY, list_scenarios
 
@@ -320,8 +320,7 @@ def read_identification(content: bytes, folder: Path, source: str) -> Identifica
         IdentificationError: one line with file, field, value and what is allowed.
     """
     try:
-        with all_wrong_words():
-            return _study(Fields(read_toml(content), ""), folder)
+        return _study(Fields(read_toml(content), ""), folder)
     except ValueError as error:
         raise IdentificationError(one_line(f"{source}: {error}")) from None
 
