@@ -4,22 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 from skyarm.algebra.scalars import Scalar, add, cos, mul, neg, sin, sub
-from skyarm.algebra.vector import Vec3, as_array
+from skyarm.algebra.vector import ArrayLike, Vec3
 
 
 @dataclass(frozen=True, slots=True)
-class Mat3:
+class Mat3(ArrayLike):
     """A 3 x 3 matrix, stored as three rows."""
 
     r0: Vec3
     r1: Vec3
     r2: Vec3
-
-    __array_ufunc__: ClassVar[None] = None
-    """A NumPy number or array times a matrix is left to the matrix."""
 
     @classmethod
     def identity(cls) -> Mat3:
@@ -62,16 +59,9 @@ class Mat3:
         x, y, z = (tuple(row)[j] for row in self.rows)
         return Vec3(x, y, z)
 
-    def __len__(self) -> int:
-        return 3
-
     def __getitem__(self, index: Any) -> Any:
         """A row by number, or a tuple of them by slice."""
         return (self.r0, self.r1, self.r2)[index]
-
-    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
-        """The numbers as a NumPy array; TypeError for traced ones, which have no values yet."""
-        return as_array(self, tuple(tuple(row) for row in self.rows), dtype, copy)
 
     def __add__(self, other: Mat3) -> Mat3:
         """Sum."""
@@ -210,15 +200,8 @@ class Sym3:
 
     def rotate(self, R: Mat3) -> Sym3:
         """R A R^T; about a coordinate axis in a third of the operations, as the trace does not change."""
-        k = R.turning_axis()
-        if k is not None:
-            i, j = _OTHERS[k]
-            A, turn = [list(row) for row in self.full().rows], [tuple(row) for row in R.rows]
-            c, s = turn[i][i], turn[j][i]
-            A[i][i], A[j][j], A[i][j], A[j][i] = _turn(A[i][i], A[j][j], A[i][j], A[j][i], c, s)
-            A[k][i], A[k][j] = _turned_pair(A[k][i], A[k][j], c, s)
-            A[i][k], A[j][k] = A[k][i], A[k][j]
-            return Sym3.of_matrix(Mat3(*(Vec3(*row) for row in A)))
+        if R.turning_axis() is not None:
+            return Sym3.of_matrix(self.full().rotate(R))
         a = self.full() @ R.T
         r0, r1, r2 = R.rows
         c0, c1, c2 = (a.column(j) for j in range(3))

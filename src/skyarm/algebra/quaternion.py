@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 from skyarm.algebra.matrix import Mat3
 from skyarm.algebra.scalars import Scalar, atan2, cos, divide, neg, sin, sqrt, where
-from skyarm.algebra.vector import Vec3, as_array
+from skyarm.algebra.vector import ArrayLike, Vec3
 
 SINC = (1.0, -1 / 6, 1 / 120, -1 / 5040, 1 / 362880, -1 / 39916800)
 """Taylor series of sin(y) / y in y^2."""
@@ -18,16 +18,13 @@ COSINE = (1.0, -1 / 2, 1 / 24, -1 / 720, 1 / 40320, -1 / 3628800, 1 / 479001600)
 
 
 @dataclass(frozen=True, slots=True)
-class Quaternion:
+class Quaternion(ArrayLike):
     """A Hamilton quaternion w + xi + yj + zk; q and -q are the same attitude."""
 
     w: Scalar
     x: Scalar
     y: Scalar
     z: Scalar
-
-    __array_ufunc__: ClassVar[None] = None
-    """A NumPy number or array times a quaternion is left to the quaternion."""
 
     @classmethod
     def of(cls, values: Sequence[Any]) -> Quaternion:
@@ -70,16 +67,9 @@ class Quaternion:
         """w, x, y, z."""
         return iter((self.w, self.x, self.y, self.z))
 
-    def __len__(self) -> int:
-        return 4
-
     def __getitem__(self, index: Any) -> Any:
         """A component by number, or a tuple of them by slice."""
         return (self.w, self.x, self.y, self.z)[index]
-
-    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
-        """The numbers as a NumPy array; TypeError for traced ones, which have no values yet."""
-        return as_array(self, tuple(self), dtype, copy)
 
     def __mul__(self, other: Quaternion) -> Quaternion:
         """Hamilton product: first ``other``, then ``self``."""

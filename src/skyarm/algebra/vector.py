@@ -11,33 +11,45 @@ import numpy as np
 from skyarm.algebra.scalars import Scalar, add, mul, neg, sqrt, structural, sub
 
 
-def as_array(of: Any, numbers: Sequence[Any], dtype: Any, copy: bool | None) -> Any:
-    """An array of numbers, whose scalars may be arrays of one shape: their axes follow.
+class ArrayLike:
+    """Numbers that NumPy reads as an array, and whose products with a NumPy number or array are their own."""
 
-    Raises:
-        TypeError: a number that has no value, as a traced one.
-        ValueError: ``copy=False``, which cannot be had.
-    """
-    if copy is False:
-        raise ValueError(f"{type(of).__name__}: its numbers lie apart, an array of them is a copy")
-    for number in numbers:
-        for each in number if isinstance(number, tuple) else (number,):
-            if not isinstance(each, (int, float, np.ndarray, np.generic)) and not hasattr(each, "__array__"):
-                what = f"{type(of).__name__} of {type(each).__name__}"
+    __slots__ = ()
+    __array_ufunc__: ClassVar[None] = None
+
+    def __getitem__(self, index: Any) -> Any:
+        """A component by number, or a tuple of them by slice."""
+        raise NotImplementedError
+
+    def __len__(self) -> int:
+        return len(self[:])
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
+        """An array of the numbers, whose scalars may be arrays of one shape: their axes follow.
+
+        Raises:
+            TypeError: a number that has no value, as a traced one.
+            ValueError: ``copy=False``, which cannot be had.
+        """
+        name = type(self).__name__
+        if copy is False:
+            raise ValueError(f"{name}: its numbers lie apart, an array of them is a copy")
+        rows = [each[:] if isinstance(each, ArrayLike) else (each,) for each in self[:]]
+        for number in (number for row in rows for number in row):
+            if not isinstance(number, (int, float)) and not hasattr(number, "__array__"):
+                what = f"{name} of {type(number).__name__}"
                 raise TypeError(f"{what}: has no values yet, so that no array can be made of it")
-    return np.array(numbers, dtype=float if dtype is None else dtype)
+        numbers = rows if len(rows[0]) > 1 else [row[0] for row in rows]
+        return np.array(numbers, dtype=float if dtype is None else dtype)
 
 
 @dataclass(frozen=True, slots=True)
-class Vec3:
+class Vec3(ArrayLike):
     """A vector of three scalars; integer components are structure and fold away."""
 
     x: Scalar
     y: Scalar
     z: Scalar
-
-    __array_ufunc__: ClassVar[None] = None
-    """A NumPy number or array times a vector is left to the vector."""
 
     @classmethod
     def of(cls, values: Sequence[Any]) -> Vec3:
@@ -55,16 +67,9 @@ class Vec3:
         """x, y, z."""
         return iter((self.x, self.y, self.z))
 
-    def __len__(self) -> int:
-        return 3
-
     def __getitem__(self, index: Any) -> Any:
         """A component by number, or a tuple of them by slice."""
         return (self.x, self.y, self.z)[index]
-
-    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
-        """The numbers as a NumPy array; TypeError for traced ones, which have no values yet."""
-        return as_array(self, tuple(self), dtype, copy)
 
     def __add__(self, other: Vec3) -> Vec3:
         """Sum."""
