@@ -88,8 +88,8 @@ def compare(
 ) -> None:
     """Compare all laws; tables, figure, page.
 
-    On the paper's cases, on trials that get harder along axes, on tasks in contact, or on a scenario, by its own law and
-    those of --laws. The same command continues what was interrupted.
+    On the paper's cases, on trials that get harder along axes, on tasks in contact, or on a scenario, by its own law
+    and those of --laws. The same command continues what was interrupted.
     """
     for option, value in (("--plants", plants), ("--seeds", seeds)):
         require_within(option, value, 1, MOST)

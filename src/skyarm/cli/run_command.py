@@ -58,8 +58,8 @@ def run(
 ) -> None:
     """Fly a scenario; write its log (npz, CSV, MCAP).
 
-    The log is OUT/NAME.npz and .csv, or the files of --log; that of an earlier flight is kept as NAME_1.npz. Exit code 3
-    if the flight ended before its time.
+    The log is OUT/NAME.npz and .csv, or the files of --log; that of an earlier flight is kept as NAME_1.npz. Exit code
+    3 if the flight ended before its time.
     """
     if logs:
         require_left_out(context, ["--out"], " beside --log, whose files say where")
