@@ -1,4 +1,4 @@
-"""``skyarm attach``: the files it writes, and what it refuses."""
+"""``skyarm attach`` and ``skyarm export-mjcf``: the files they write, and what they refuse."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import mujoco
 import pytest
 
 from commanded import refused, skyarm
@@ -123,6 +124,33 @@ def test_a_file_is_not_written_over_what_it_refers_to(here):
     before = (here / "v.toml").read_bytes()
     refused(skyarm("attach", "v.toml", "arm.urdf", "-o", "v.toml"), "must not lead back to a file that refers to it")
     assert (here / "v.toml").read_bytes() == before
+
+
+def test_a_scenario_is_exported_with_its_gravity_and_first_state(here):
+    assert skyarm("export", "--to", "mjcf", "case3", "-o", "x.xml").code == 0
+    model = mujoco.MjModel.from_xml_path("x.xml")
+    assert model.key(0).qpos[2] > 0.0
+    assert (
+        skyarm("export", "--to", "mjcf", "case3", "-o", "x.xml", "--gravity", "1.62", "--timestep", "0.002").code == 0
+    )
+    model = mujoco.MjModel.from_xml_path("x.xml")
+    assert (model.opt.gravity[2], model.opt.timestep) == (-1.62, 0.002)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("eagle", "-o", "x.xml"), "vehicle = 'eagle': "),
+        (("case3", "-o", "x.urdf"), "--out = 'x.urdf': must end in .xml or .mjcf"),
+        (("case3", "-o", "x.xml", "--gravity", "-1"), "--gravity = -1"),
+        (("case3", "-o", "x.xml", "--timestep", "1"), "--timestep = 1.0: must be at most 0.1 s"),
+        (("hummingbird_arm2", "-o", "x.xml"), "planar = True: must be false in a plant"),
+        (("arm.toml", "-o", "x.xml"), "vehicle = 'arm.toml': no such file"),
+    ],
+)
+def test_what_cannot_be_exported_is_one_line(here, words, message):
+    refused(skyarm("export", "--to", "mjcf", *words), message)
+    assert not (here / "x.xml").exists()
 
 
 def test_show_prints_the_notes_of_a_file(here):

@@ -146,7 +146,7 @@ def test_a_device_is_written_into_and_a_link_is_followed(folder: Path) -> None:
     assert (folder / "link.json").is_symlink()
     assert json.loads((folder / "target.json").read_text())["schema"] == 1
     (folder / "loop").symlink_to("loop")
-    export = ("export", "case1", "--to", "c", "--out")
+    export = ("export", "hummingbird", "--to", "mjcf", "--out")
     with pytest.raises(OSError, match=r"loop': must be writable .*symbolic links"):
         write_json(folder / "loop", {})
     refused(skyarm(*export, ""), "--out = '': must be the path of a file")

@@ -39,7 +39,7 @@ def test_a_log_goes_through_every_format_that_is_read_back(folder):
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        (("flight.npz",), "--to: is missing; must be one of npz, csv, mcap, c"),
+        (("flight.npz",), "--to: is missing; must be one of npz, csv, mcap, c, mjcf"),
         (("flight.npz", "--to", "xls"), "--to = 'xls': must be one of"),
         (("flight.npz", "--to", "mcpa"), "--to = 'mcpa': did you mean 'mcap'?"),
         (("flight.npz", "--to", "mcap", "-o", "a.npz"), "--out = 'a.npz': must end in .mcap, as --to = 'mcap'"),

@@ -37,7 +37,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "plot": ("plot_command:plot", "Draw flights, or curves of a sweep's metrics."),
     "film": ("film_command:film", "Film flights; MP4, WebP, GIF, or a 3-D recording."),
     "studio": ("studio_command:studio", "Fly live on a page: sliders, gusts, laws side by side."),
-    "export": ("export_command:export", "Write a log in another format, or a law as C."),
+    "export": ("export_command:export", "Write a log, a law as C, or a vehicle as MJCF."),
     "identify": ("identify_command:identify", "Find delays and lags of a vehicle in a log."),
     "sweep": ("sweep_commands:sweep", "Fly a study's episodes; rows as Parquet."),
     "stats": ("sweep_commands:stats", "Success, quantiles, maps of a sweep."),

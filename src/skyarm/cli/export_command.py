@@ -1,4 +1,4 @@
-"""``skyarm export``: a log in another format, a control law as C."""
+"""``skyarm export``: a log in another format, a control law as C, a vehicle as a model for MuJoCo."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from skyarm import __version__
-from skyarm.cli.arguments import kind_of_file, require_left_out, shipped_names
+from skyarm.cli.arguments import is_scenario, kind_of_file, require_left_out, shipped_names
 from skyarm.cli.lines import say_if_many
 from skyarm.cli.output import give, tell, waiting
 from skyarm.control.catalogue import is_named, must_be_named
@@ -29,41 +29,51 @@ from skyarm.records.registry import names
 from skyarm.records.registry.plugins import identities, law_of_file_name
 from skyarm.scenario.controller_table import make_named_or_tuned
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.scenario.scenario_record import HIGHEST_RATE, without_law
+from skyarm.scenario.scenario_record import HIGHEST_RATE, first_state, without_law
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 RATE, SLOWEST = 200.0, 1e-3
 """Hz: of a control law, as the scenarios' own default; a slower one than this is a slip of the keyboard."""
 
+LONGEST_STEP = 0.1
+"""s: a longer step of MuJoCo is a slip of the keyboard."""
 
 OF_LAWS = ("--vehicle", "--rate", "--name", "--float32")
 
 
 def export(
     context: typer.Context,
-    what: Annotated[str, typer.Argument(help="a log (.npz, .mcap); for c a law or a scenario")],
-    to: Annotated[str | None, typer.Option(metavar="FORMAT", help="mcap, npz or csv of a log; c")] = None,
+    what: Annotated[
+        str, typer.Argument(help="a log (.npz, .mcap); for c a law or a scenario; for mjcf a vehicle or one")
+    ],
+    to: Annotated[str | None, typer.Option(metavar="FORMAT", help="mcap, npz or csv of a log; c; mjcf")] = None,
     file: Annotated[
         str | None, typer.Option("--out", "-o", help="file to write; for a log beside it if left out")
     ] = None,
     vehicle: Annotated[str | None, typer.Option(help="of c: the vehicle of a preset's or law's model")] = None,
-    gravity: Annotated[float | None, typer.Option(help="of c: m/s^2; 9.81, or the scenario's")] = None,
+    gravity: Annotated[float | None, typer.Option(help="of c, mjcf: m/s^2; 9.81, or the scenario's")] = None,
     rate: Annotated[float | None, typer.Option(help="of c: Hz of the control; 200, or the scenario's")] = None,
     name: Annotated[str | None, typer.Option(help="of c: begins the names in the file")] = None,
     single: Annotated[bool, typer.Option("--float32", help="of c: float in place of double")] = False,
+    timestep: Annotated[float, typer.Option(help="of mjcf: s, of MuJoCo")] = 0.001,
 ) -> None:
-    """Write a log in another format, or a law as C.
+    """Write a log, a law as C, or a vehicle as MJCF.
 
     With --to c a preset, a law, LAW_tuned, FILE.py:make, a file of gains or a scenario (its controller) becomes one C99
-    file.
+    file; with --to mjcf a vehicle or a scenario becomes a model for MuJoCo with its joints, rotors and drives as
+    actuators and a keyframe to start from.
     """
-    if to != "c":
-        require_left_out(context, [*OF_LAWS, "--gravity"], " of a log; it belongs to --to c")
+    if to not in ("c", "mjcf"):
+        require_left_out(context, [*OF_LAWS, "--gravity", "--timestep"], " of a log; it belongs to --to c or mjcf")
         with waiting(f"{what}: writing"):
             return _log(what, to, file)
+    others = ("--timestep",) if to == "c" else OF_LAWS
+    require_left_out(context, others, f" beside --to {to}")
     if file is None:
         raise ValueError(f"--out: is missing; --to {to} writes a file")
     written = output_file(file, "--out")
+    if to == "mjcf":
+        return _mjcf(what, written, gravity, timestep)
     with waiting(f"{what}: writing C"):
         _law(what, written, vehicle, gravity, rate, name, single=single)
 
@@ -71,9 +81,9 @@ def export(
 def _log(flight: str, to: str | None, file: str | None) -> None:
     formats = names("log_format")
     if to is None and file is None:
-        raise ValueError(f"--to: is missing; {must_be_one_of((*formats, 'c'), None)}")
+        raise ValueError(f"--to: is missing; {must_be_one_of((*formats, 'c', 'mjcf'), None)}")
     if to is not None and to not in formats:
-        raise ValueError(f"--to = {shown(to)}: {must_be_one_of((*formats, 'c'), to)}")
+        raise ValueError(f"--to = {shown(to)}: {must_be_one_of((*formats, 'c', 'mjcf'), to)}")
     require_format(flight, "flight")
     reason = unreadable(Path(flight))
     if reason:
@@ -90,6 +100,29 @@ def _log(flight: str, to: str | None, file: str | None) -> None:
     save_log(load_log(flight), target)
     tell(f"log: {target}")
     give(file=target)
+
+
+def _mjcf(what: str, file: Path, gravity: float | None, timestep: float) -> None:
+    from skyarm.plant.mujoco_export import mjcf_text
+
+    if file.suffix not in (".xml", ".mjcf"):
+        raise ValueError(f"--out = {shown(str(file))}: must end in .xml or .mjcf")
+    step = number(timestep, "--timestep", low=0.0, strict=True)
+    if step > LONGEST_STEP:
+        raise ValueError(f"--timestep = {timestep!r}: must be at most {LONGEST_STEP:g} s")
+    if is_scenario(what):
+        scenario = load_scenario(what)
+        vehicle, applied, start = scenario.plant.vehicle, float(scenario.plant.gravity), first_state(scenario)
+    else:
+        vehicle, applied, start = load_vehicle(what), 9.81, None
+    if gravity is not None:
+        applied = number(gravity, "--gravity", low=0.0)
+    exported = mjcf_text(vehicle, applied, start, timestep=step)
+    write_atomically(file, exported.text.encode())
+    counts = {"bodies": exported.bodies, "joints": exported.joints}
+    give(counts, file=file, vehicle=vehicle.name, actuators=list(exported.actuators))
+    counted = f"{exported.bodies} bodies, {exported.joints} joints, {len(exported.actuators)} actuators"
+    tell(f"{file}: {vehicle.name}, {counted}")
 
 
 def _law(

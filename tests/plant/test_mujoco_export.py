@@ -1,0 +1,129 @@
+"""Exported models: they load by themselves, step as the plant does to the six digits of their numbers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+
+from flying_vehicles import HOVER, hovering, hummingbird_arm, random_flyer, tumbling
+from skyarm.algebra import Vec3
+from skyarm.compile import leaves
+from skyarm.plant.interface import Truth, flat
+from skyarm.plant.mujoco import MujocoPlant
+from skyarm.plant.mujoco_export import START, mjcf_text
+from skyarm.plant.mujoco_model import joint_addresses
+from skyarm.vehicle import VehicleError
+from skyarm.vehicle.linkage import Follower
+from skyarm.vehicle.vehicle_files import load_vehicle
+from skyarm.vehicle.vehicle_records import BodyDrag
+from skyarm.world import WindSample
+
+STILL = WindSample(Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0))
+VEHICLES = {"hummingbird_arm": hummingbird_arm(armature=1e-4), "random": random_flyer(2, 5)}
+
+
+def in_still_air(vehicle):
+    """Without what the model leaves out: drag, Coulomb friction, stops."""
+    links = tuple(
+        replace(k, joint=replace(k.joint, coulomb=0, lower=-math.inf, upper=math.inf, effort_limit=math.inf))
+        for k in vehicle.links
+    )
+    rotors = tuple(replace(each, drag_coefficient=0, rolling_moment_coefficient=0) for each in vehicle.rotors)
+    return replace(vehicle, links=links, rotors=rotors, drag=BodyDrag())
+
+
+def loaded(vehicle, gravity=9.8, start=None):
+    model = mujoco.MjModel.from_xml_string(mjcf_text(vehicle, gravity, start).text)
+    return model, mujoco.MjData(model)
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_the_model_steps_as_the_plant_does(name):
+    """0.3 s of tumbling under thrusts and efforts; MuJoCo writes six digits."""
+    vehicle = in_still_air(VEHICLES[name])
+    start = replace(tumbling(vehicle), rotor_speeds=(HOVER + 10.0, HOVER, HOVER - 20.0, HOVER + 5.0))
+    efforts = tuple(0.1 - 0.15 * (i % 2) for i in range(vehicle.n))
+    x = flat(start)
+    plant = MujocoPlant(Truth(vehicle=vehicle, gravity=9.8), STILL, "rk4_staged")
+    end = plant.advance(x, (*start.rotor_speeds, *efforts), leaves(STILL), 0.3)
+    model, data = loaded(vehicle, start=start)
+    mujoco.mj_resetDataKeyframe(model, data, model.key(START).id)
+    thrusts = [r.thrust_coefficient * w**2 for r, w in zip(vehicle.rotors, start.rotor_speeds, strict=True)]
+    np.testing.assert_allclose(data.ctrl[:4], thrusts, rtol=1e-5)
+    data.ctrl[4:] = efforts
+    for _ in range(300):
+        mujoco.mj_step(model, data)
+    q, v = joint_addresses(vehicle, model)
+    found = (*data.qpos[:7], *data.qvel[:6], *data.qpos[q], *data.qvel[v])
+    np.testing.assert_allclose(found, end[: len(found)], rtol=0.0, atol=1e-3)
+    assert np.abs(np.subtract(found, x[: len(found)])).max() > 0.3
+
+
+def test_every_number_reads_back_to_six_digits():
+    vehicle = VEHICLES["random"]
+    model, _ = loaded(vehicle)
+    plant = MujocoPlant(Truth(vehicle=vehicle, gravity=9.8), STILL).model
+    for name in ("body_mass", "body_inertia", "body_ipos", "body_iquat", "body_pos", "body_quat", "jnt_axis"):
+        np.testing.assert_allclose(getattr(model, name), getattr(plant, name), rtol=1e-5, atol=1e-6)
+    assert tuple(model.opt.gravity) == (0.0, 0.0, -9.8)
+
+
+def test_the_file_is_a_vehicle_that_reads_back_as_the_same(tmp_path):
+    vehicle = VEHICLES["random"]
+    (tmp_path / "x.xml").write_text(mjcf_text(vehicle, 9.8).text, encoding="utf-8")
+    again = load_vehicle(tmp_path / "x.xml")
+    for ours, theirs in zip(vehicle.bodies, again.bodies, strict=True):
+        np.testing.assert_allclose(theirs.inertia.entries, ours.inertia.entries, rtol=1e-4, atol=1e-7)
+        np.testing.assert_allclose(tuple(theirs.com), tuple(ours.com), rtol=1e-4, atol=1e-6)
+    for ours, theirs in zip(vehicle.links, again.links, strict=True):
+        assert (theirs.name, theirs.parent, theirs.joint.kind) == (ours.name, ours.parent, ours.joint.kind)
+        for name in ("lower", "upper", "effort_limit", "damping", "coulomb", "armature"):
+            assert getattr(theirs.joint, name) == pytest.approx(getattr(ours.joint, name), rel=1e-4), name
+    assert {each.name for each in vehicle.frames} <= {each.name for each in again.frames}
+
+
+def test_limits_and_followers_hold_in_the_model():
+    vehicle = hummingbird_arm(lower=-0.5, upper=0.5)
+    tied = Follower(
+        link=replace(vehicle.links[1], joint=replace(vehicle.links[1].joint, damping=0)), leader=0, ratio=-2.0
+    )
+    vehicle = replace(vehicle, links=vehicle.links[:1], followers=(tied,))
+    model, data = loaded(vehicle, start=replace(hovering(vehicle), joints=(0.2,), joint_rates=(0.0,)))
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    shoulder, elbow = (model.joint(name).qposadr[0] for name in ("shoulder", "elbow"))
+    assert data.qpos[elbow] == -0.4
+    data.ctrl[4] = 0.15
+    for _ in range(500):
+        mujoco.mj_step(model, data)
+    assert 0.4 < data.qpos[shoulder] < 0.55
+    assert data.qpos[elbow] == pytest.approx(-2.0 * data.qpos[shoulder], abs=0.02)
+    assert [model.actuator(k).name for k in range(model.nu)] == ["front", "left", "back", "right", "shoulder"]
+
+
+def test_passive_joints_have_no_motor_and_a_bare_arm_loads():
+    vehicle = hummingbird_arm(effort_limit=0.0)
+    assert loaded(vehicle)[0].nu == 4
+    assert loaded(replace(vehicle, rotors=()))[0].nu == 0
+    # rotors in one place cannot be mixed: they stand still in the keyframe
+    together = tuple(replace(each, position=vehicle.rotors[0].position) for each in vehicle.rotors)
+    assert tuple(loaded(replace(vehicle, rotors=together))[0].key(0).ctrl) == (0.0,) * 4
+
+
+def test_names_that_collide_still_load():
+    vehicle = hummingbird_arm()
+    frames = (*vehicle.frames, *(replace(vehicle.frames[0], name=name) for name in ("front", "base")))
+    renamed = replace(vehicle, frames=frames, rotors=(replace(vehicle.rotors[0], name="elbow"), *vehicle.rotors[1:]))
+    assert loaded(renamed)[0].nu == 6
+
+
+def test_a_planar_model_is_refused():
+    vehicle = load_vehicle("hummingbird_arm2")
+    if not vehicle.planar:
+        body = replace(vehicle.links[0].body, planar=True)
+        vehicle = replace(vehicle, links=(replace(vehicle.links[0], body=body), *vehicle.links[1:]))
+    with pytest.raises(VehicleError, match="planar = True"):
+        mjcf_text(vehicle, 9.8)
