@@ -188,4 +188,4 @@ def test_whole_numbers_of_numpy_are_whole_numbers() -> None:
         assert (type(found.seed), type(found.duration)) == (int, float)
     assert skyarm.Rates(physics=np.int64(500), control=np.int32(100)) == skyarm.Rates(physics=500, control=100)
     assert type(skyarm.Rates(physics=np.int64(500), control=100).physics) is int
-    refused("rates.physics", 500.0, "whole number", lambda: skyarm.Rates(physics=500.0))  # type: ignore[arg-type]
+    refused("rates.physics", 500.5, "whole number", lambda: skyarm.Rates(physics=500.5))  # type: ignore[arg-type]
