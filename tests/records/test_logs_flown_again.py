@@ -165,7 +165,7 @@ def test_a_law_of_a_file_is_flown_again_on_the_command_line(tmp_path: Path) -> N
     assert ended.returncode == 2
     assert "plugin own_law.py" in ended.stderr
     assert "Traceback" not in ended.stderr
-    assert run("lqr.npz", "--controller", "paper_pd", "--force").returncode == 0
+    assert run("lqr.npz", "--controller", "paper_pd", "--plugin", str(law), "--force").returncode == 0
     assert run("lqr.npz", "--plugin", str(law), "--force").returncode == 0
     assert same_logs(*(skyarm.load_log(tmp_path / name) for name in ("lqr.npz", "again/case1.npz")))
 
