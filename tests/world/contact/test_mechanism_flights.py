@@ -54,7 +54,7 @@ def test_a_button_goes_in_as_far_as_what_pushes_it_and_the_log_says_so(pushed):
     # its front is at 0.2125 m: the tip stands as deep in it as the log says
     assert pushed.tip[touched, 0] - 0.2125 == pytest.approx(way[touched] + depth[touched], abs=1e-6)
     assert np.gradient(way, pushed.time)[5:-5] == pytest.approx(rate[5:-5], abs=0.05)
-    names = {each.name: each.unit for each in columns(pushed) if each.array.startswith(("mechanism", "contact_f"))}
+    names = {each.name: each.unit for each in columns(pushed) if each.name.startswith(("mechanism", "contact_f"))}
     assert names == {
         "contact_force_wall_tip": "N", "contact_force_button_tip": "N", "contact_force_rim_tip": "N",
         "contact_friction_wall_tip": "N", "contact_friction_button_tip": "N", "contact_friction_rim_tip": "N",

@@ -41,7 +41,7 @@ assert "case3" in flown and len(flown) > 4, flown
 @pytest.mark.thorough
 def test_without_the_folder_of_contact_everything_else_works(tmp_path: Path) -> None:
     shutil.copytree(Path(skyarm.__file__).parent, tmp_path / "skyarm", ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.rmtree(tmp_path / "skyarm" / "contact")
+    shutil.rmtree(tmp_path / "skyarm" / "world" / "contact")
     environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
     program = PROGRAM
     done = subprocess.run(
