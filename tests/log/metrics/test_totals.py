@@ -195,7 +195,7 @@ def test_what_is_not_asked_for_is_not_in_the_program():
     scenario = flight(sensors={})
     sizes = {}
     for wanted in (("iae_position",), ("standard",), ("all", "all_continuous")):
-        loop = Batch(scenario, metrics=wanted, windows=WINDOWS).kernel.loop
+        loop = Batch(scenario, metrics=wanted, windows=WINDOWS)._legs[0].code.kernel.loop
         sizes[wanted] = (len(loop.program.nodes), loop.carry, loop.row)
     least, standard, most = sizes.values()
     assert standard[0] - least[0] > 200
