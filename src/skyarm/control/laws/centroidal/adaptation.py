@@ -1,22 +1,15 @@
-"""Slow estimates of an unknown load at the tip and of the joints' friction, and the feed-forward that they give.
+"""Adaptive feed-forward of an unknown load at the tip and of the joints' friction.
 
-The observer finds any disturbance, but late. Of two the course is known beforehand: a mass m at the tip pushes with
--m Y on base and joints, Y that of 1 kg in the *planned* motion, and damping b takes b qd_d of a joint's torque. With d
-what the observer still finds at the joints, m and b move along their normalised gradients within their bounds:
+A mass m at the tip pushes with -m Y on base and joints, Y that of 1 kg in the *planned* motion; damping b takes b qd_d
+of a joint's torque. With d the observer's effort at the joints, m and b move along normalised gradients, within bounds:
 
     mdot = gamma_m (-Y.d) / (s_m + Y.Y),      bdot = -gamma_b (d - c - k q_d) qd_d / (s_b + qd_d^2)
 
-c and k, learned the same way, are what of d is constant or goes with the joint's position, as an error of its weight or
-inertia does: no friction, however slow the motion. What cannot be told from friction is a load that m does not stand
-for, on joints that swing at one frequency out of phase. Regressors are filtered as the observer filters d, by its two
-poles and the known delay; else fast motion would be learned in a wrong phase. A joint that does not follow its plan
-is left out.
-
-Regressors are those of the references (desired compensation): noise does not enter them, and what is learned is a
-feed-forward, so that the loop keeps its gains. It meets measurements in the attitude of the plan, which the mean force
-asks for. The force on the base is not used to learn the mass: it cannot be told from wind and thrust error there.
-Sources: Sadegh, Horowitz 1990 (desired compensation); Ioannou, Sun 1996, 4.3, 4.4 (filtered regressors, normalised
-gradient, projection).
+c and k, estimated the same way, are the constant part of d and that which goes with the joint's position, as errors of
+weight and inertia do. Regressors are filtered by the observer's two poles and the known delay, so that they are in
+phase with d; a joint that does not follow its plan is left out. The force on the base is not used: wind and thrust
+errors look like mass there. Sources: Sadegh, Horowitz 1990 (desired compensation); Ioannou, Sun 1996, 4.3, 4.4
+(filtered regressors, normalised gradient, projection).
 """
 
 from __future__ import annotations
@@ -62,7 +55,7 @@ def _towards(old: Any, new: Any, share: Any) -> Any:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Regressor:
-    """Regressor of one joint from the planned motion: torque of 1 kg at the tip (N m/kg), position (rad or m), rate."""
+    """Regressor of one joint in the planned motion."""
 
     load: Annotated[Scalar, Unit("N m/kg or N/kg", "effort of 1 kg at the tip in the planned motion, late")]
     place: Annotated[Scalar, Unit("rad or m", "planned position, late")]
@@ -79,11 +72,7 @@ class Regressor:
 class JointLearned:
     """Estimates of one joint, and the filtered signals behind them.
 
-    Attributes:
-        damping: beyond the model's, N m s/rad or N s/m.
-        level, slope: of the observer's effort what is constant, N m or N, and what goes with the position, per rad or
-            m. once, twice: planned signals after one and two stages of the observer's lag.
-        moving, off: mean squares of the planned rate and of what the joint's own is off.
+    ``once`` and ``twice`` are the planned signals after one and two stages of the observer's lag.
     """
 
     damping: Annotated[Scalar, Unit("N m s/rad or N s/m", "adapted")]
@@ -128,12 +117,7 @@ class JointLearned:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Learned:
-    """Slow estimates (tip mass, joint friction) and the feed-forward they give, applied in the next period.
-
-    Attributes:
-        tip_mass: kg, beyond the model's. joints: of each.
-        feedforward: force, torque and efforts of the estimates, taken as a known disturbance.
-    """
+    """Slow estimates and their feed-forward, which the next period takes as a known disturbance."""
 
     tip_mass: Annotated[Scalar, Unit("kg", "adapted")]
     joints: tuple[JointLearned, ...]
@@ -142,13 +126,7 @@ class Learned:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class AdaptationGains(Part):
-    """Constants of the adaptation.
-
-    Attributes:
-        load, friction: rates of the tip's mass and of the joints' damping; None holds either.
-        mass_limit: of the tip's mass. damping_limits: lowest and highest of each joint.
-        slow: squares of position and rate below which a joint says little, rad^2 and (rad/s)^2 or m^2 and (m/s)^2.
-    """
+    """Constants of the adaptation; a rate of None leaves an estimate out."""
 
     load: Annotated[Scalar, Unit("1/s", "rate of the adapted tip mass")] | None
     mass_limit: Annotated[Scalar, Unit("kg", "largest adapted tip mass")]
@@ -209,7 +187,7 @@ def adapt(
     free: Sequence[Any],
     dt: Any,
 ) -> Learned:
-    """Return the slow estimates one period later.
+    """Slow estimates one period later.
 
     Args:
         gains: constants.
@@ -217,9 +195,8 @@ def adapt(
         learned: memory.
         planned: motion without errors.
         rates: of the joints now.
-        left: joint torques or forces that the observer still finds.
-        free: 1 or 0 for the base and each joint; 0 holds the estimates while an actuator is at its limit, or while the
-            safety layer changes its command.
+        left: joint efforts of the observer.
+        free: 1 or 0 for the base and each joint; 0 holds the estimates, at limits and under a safety layer's commands.
         dt: s.
     """
     wanted = [q.derivative(1) for q in planned.joints]

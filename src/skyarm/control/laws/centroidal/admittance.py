@@ -1,15 +1,12 @@
-"""Admittance: the tip answers an external force as a mass, a damper and a spring.
+"""Admittance control of the tip: a virtual mass, damper and spring between an external force and the reference.
 
-Nothing of the law changes but the reference that it tracks: the whole of it is shifted by a virtual body
-(:mod:`skyarm.control.laws.centroidal.virtual_body`), with its velocity and acceleration, which the external force
-drives, observed or measured. The law goes on to compensate the force itself, so that tip, arm and base stay on the
-shifted reference and the apparent dynamics are M, D and K alone, as far as the loops reach.
+The whole reference is shifted by a virtual body (:mod:`skyarm.control.laws.centroidal.virtual_body`), with velocity and
+acceleration; the law compensates the force as ever, so that the tip's apparent dynamics are M, D and K alone.
 
-External force: wrong masses, wrong thrust and steady wind stand in an observed force for ever, and a virtual body would
-move on for ever. So the bias b of the observed disturbance is learned before a touch (at ``settling`` in the first
-``settle`` seconds, then at ``bias_rate`` as long as nothing is detected); a force above ``threshold`` is detected, and
-counts in full, until it has stayed below for ``patience`` seconds. The wind on the base beside the tip's force is
-learned meanwhile, too.
+External force: the observed or measured one beyond a bias b, without which wrong masses, wrong thrust and steady wind
+would move the body for ever. b is estimated before a contact (at ``settling`` in the first ``settle`` seconds, then at
+``bias_rate``). A force above ``threshold`` counts until it has stayed below for ``patience`` seconds; meanwhile only
+the wind on the base is estimated.
 
 ::
 
@@ -51,7 +48,7 @@ FASTEST = 50.0
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Detection:
-    """Constants of detection; the threshold is an option of laws, the others are in no unit of the vehicle's size."""
+    """Constants of detection; the threshold is an option, the others are in no unit of the vehicle's size."""
 
     threshold: Annotated[Scalar, Unit("N", "at the tip, above which a force counts", low=0.0)] = 0.3
     patience: Annotated[Scalar, Unit("s", "below the threshold until it counts no more")] = 0.3
@@ -63,11 +60,7 @@ class Detection:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class AdmittanceMemory:
-    """Memory of the admittance.
-
-    Attributes:
-        force: estimated or measured, without bias. sensed, offset: of a sensor, axes of the tip; empty without one.
-    """
+    """Memory of the admittance; ``sensed`` and ``offset`` are empty without a sensor."""
 
     age: Annotated[Scalar, Unit("s", "since the start of the flight")] = 0.0
     bias: Disturbance
@@ -124,17 +117,7 @@ def shift_reference(
     reading: Sequence[Any],
     dt: Any,
 ) -> tuple[AdmittanceMemory, list[Taylor]]:
-    """One period: the memory, and the reference's signals with x, y and z shifted.
-
-    Args:
-        gains: constants.
-        memory: one period earlier.
-        vehicle: model.
-        observed: of the observer, at the measurement's time.
-        signals: of the reference, series in time.
-        reading: force of a sensor, N, axes of the tip; empty without one.
-        dt: control period, s.
-    """
+    """One period: the memory, and the reference's signals with x, y and z shifted."""
     at = levers(vehicle, observed.quaternion.rotation(), observed.joints)
     d = disturbance(observed)
     estimate = tip_force(vehicle, gains.errors, at, d - memory.bias)
@@ -151,15 +134,7 @@ def shift_reference(
 
 
 def detect(gains: Detection, memory: AdmittanceMemory, observed: Disturbance, force: Vec3, dt: Any) -> AdmittanceMemory:
-    """One period of detection: whether the force counts, and the biases.
-
-    Args:
-        gains: constants.
-        memory: with the force of this period.
-        observed: disturbance.
-        force: N, the tip's in it without the bias, world axes.
-        dt: s.
-    """
+    """Detection and bias one period later; ``force`` (N, world axes) is the tip's in ``observed``, beyond the bias."""
     settled = memory.age >= gains.settle
     loud = logical_and(settled, memory.force.dot(memory.force) > gains.threshold * gains.threshold)
     quiet = where(loud, 0.0, memory.quiet + dt)
@@ -193,10 +168,10 @@ def admittance_gains(
         vehicle: model.
         sensor: whether a force sensor measures the force.
         lead: s, lag of the observer.
-        others: options that cannot fly beside it, and whether they are used.
+        others: options that cannot be used at the same time, and whether they are.
 
     Raises:
-        ControllerError: a table that is none, or a law without a tip to lead.
+        ControllerError: a wrong table, or a law without a tip to lead.
     """
     if table is None:
         return None
@@ -233,12 +208,9 @@ def _compliance(fields: Fields, lead: float, axes: tuple[Vec3, ...]) -> Complian
 
 
 def require_moderate(at: str, name: str, body: Compliance) -> None:
-    """Refuse plain numbers of a virtual body that no loop can follow, of a table or of a sweep.
+    """Refuse numbers of a virtual body that no loop can follow, of a table or of a sweep.
 
-    Args:
-        at: name of the record.
-        name: of its masses in messages.
-        body: checked. An axis whose mass is a structural 0 is held.
+    ``name`` is that of the masses in messages; an axis whose mass is a structural 0 is held.
 
     Raises:
         ControllerError: one line with field, value and what is allowed.

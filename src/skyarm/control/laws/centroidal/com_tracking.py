@@ -2,15 +2,11 @@
 
 p_c,d = p_d + R_q h(th_d): the base's reference plus the arm's, with R_q the quasi-static attitude. Taking R_q from the
 force of the centre of mass itself would invert the zero dynamics h theta'' + g theta = x'', which are undamped for a
-hanging arm and unstable for an arm on top; so the base is exact as far as R_q is the attitude.
+hanging arm and unstable for an arm on top.
 
-How much of the arm's motion the base makes good.
-
-A base that stays on its reference while the arm swings must move the common centre of mass, h(th_d) in base axes, and
-tilt for it: the arm's motion asks for the angular acceleration |h''''| / g. Fast swings ask for more than rotors give;
-then the centre of mass follows only a share of them, the base gives way by the rest, and the tip, which the arm holds,
-does not. The share is limit / size where the size of |h''''| / g, followed quickly upwards and slowly downwards, is
-above the limit, else 1; what is left out is the motion about a slow mean of h. Vertical motion needs no tilt and stays.
+The arm's motion requires the angular acceleration |h''''| / g of the base. Where its size, followed quickly upwards and
+slowly downwards, exceeds ``arm_turn``, the base compensates the share arm_turn / size of the horizontal motion of h
+about its slow mean; the tip, which the arm holds, stays.
 """
 
 from __future__ import annotations
@@ -34,8 +30,8 @@ class Thrust:
     """Force on the centre of mass.
 
     Attributes:
-        force: wanted, series of second order, world axes, N.
-        along: N, of it along the present thrust axis. across: what the rotors give beside it, body axes, N.
+        force: desired, series of second order, world axes, N.
+        along: N, of it along the present thrust axis. across: N, achievable across it, body axes.
         acceleration: a_c, m/s^2, that they give.
     """
 
@@ -50,7 +46,7 @@ def quasi_static(
 ) -> Vec3:
     """Force required by the base's reference alone, with two derivatives, N: m (p_d'' + g) - d.
 
-    ``rates`` are what is known of the disturbance's derivatives, N/s and N/s^2.
+    ``rates`` are known derivatives of the disturbance, N/s and N/s^2.
     """
     first, second = rates
     wanted = [
@@ -65,8 +61,7 @@ def quasi_static(
 def goal(base: list[Vec3], h: list[Vec3], still: Attitude, moving: bool) -> list[Vec3]:
     """Reference of the centre of mass, value to fourth derivative, from those of the base and h(th_d) in base axes.
 
-    ``moving`` differentiates R_q too in velocity and acceleration, which its own motion needs: that of the reference
-    and of slow disturbances, not of errors.
+    ``moving`` differentiates R_q too, in velocity and acceleration.
     """
     if not moving:
         return [p + still.R.apply(each) for p, each in zip(base, h, strict=True)]
@@ -105,9 +100,9 @@ def thrust(
         R: R_WB.
         w: body rate, rad/s.
         disturbance: N, world axes.
-        force_rate: what is known of its derivative, N/s.
-        force_bend: of its second derivative, N/s^2.
-        reach: of the force across the thrust axis, if the rotors shall give one.
+        force_rate: known first derivative of it, N/s.
+        force_bend: second, N/s^2.
+        reach: of the force across the thrust axis; None without one.
     """
     kv, gravity, limit = par.base.velocity, E_Z * par.model.gravity, par.base.pull
     e, ed = position - wanted[0], velocity - wanted[1]
@@ -135,11 +130,10 @@ def thrust(
 
 
 def _attraction(par: CentroidalParameters, errors: list[Vec3]) -> Vec3:
-    """Highest given derivative of kp e, or of its replacement where the law brakes in time.
+    """Highest given derivative of kp e, or of its replacement that brakes in time (``approach`` = a).
 
-    The velocity that kp e + kv e' settles at is kp / kv e, which no bounded thrust can stop from far away. With
-    e_0 = 2 a (kv / kp)^2 it is kp e / (1 + |e / e_0|^4)^(1/8): near by kp e, far away the velocity sqrt(2 a |e|), which
-    falls at the rate a (``approach``).
+    kp e + kv e' settles at the velocity kp / kv e, which no bounded thrust can stop from far away. With
+    e_0 = 2 a (kv / kp)^2, kp e / (1 + |e / e_0|^4)^(1/8) settles at sqrt(2 a |e|) there, which falls at the rate a.
     """
     kp, kv = par.base.position, par.base.velocity
     approach = par.center.approach
@@ -172,11 +166,7 @@ SMALL = 1e-9
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ArmMotion:
-    """Memory of the arm's motion.
-
-    Attributes:
-        size: of the angular acceleration that the arm's motion asks for, rad/s^2. mean: of h, base axes, m.
-    """
+    """Memory of the arm's motion."""
 
     size: Annotated[Scalar, Unit("rad/s^2", "angular acceleration that the arm's motion asks for")]
     mean: Annotated[Vec3, Unit("m", "slow mean of the common centre of mass, base axes")]

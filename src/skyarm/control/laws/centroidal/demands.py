@@ -48,8 +48,8 @@ class Planned:
     """Motion without errors.
 
     Attributes:
-        R: R_WB, quasi-static attitude. rate, alpha: its angular velocity and acceleration, rad/s and rad/s^2.
-        proper: acceleration of the base origin less gravity, m/s^2. All in base axes.
+        R: R_WB, quasi-static attitude. rate, alpha: its angular velocity and acceleration, base axes.
+        proper: acceleration of the base origin less gravity, m/s^2, base axes.
         joints: signals, series in time.
     """
 
@@ -62,12 +62,7 @@ class Planned:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Following:
-    """Memory of the demands for the next period; empty where the law does without.
-
-    Attributes:
-        shift: differentiators of the base's shift. arm: size and mean of the arm's motion.
-        pace: of the arm's swing. path: of the base's path.
-    """
+    """Memory of the demands: shift of the base, motion of the arm, paces of swing and path; empty if left out."""
 
     shift: ShiftMotion | tuple[()] = ()
     arm: ArmMotion | tuple[()] = ()
@@ -91,11 +86,11 @@ class Demand:
     """Demands on rotors and joints.
 
     Attributes:
-        thrust: N, along body z. across: N, beside it, body axes.
+        thrust: N, along body z. across: N, body axes.
         alpha: angular acceleration, body axes, rad/s^2. joints: accelerations.
         planned: motion without errors.
-        force_rate: N/s, body axes, of the planned force; None where nothing is commanded ahead.
-        gap: m, of the tip from its reference along the normal of a surface that it presses on.
+        force_rate: N/s, body axes, of the planned force; None without thrust ahead of the motors.
+        gap: m, of the tip from its reference along the normal of a surface.
     """
 
     thrust: Any
@@ -116,8 +111,8 @@ class Course:
         base: of the base origin, value to fourth derivative, world axes.
         still: quasi-static attitude. level: posture of ``turned``, the joints' signals.
         following: of the shift's motion, one period later.
-        changes: of the disturbance, as far as they are known, N/s and N/s^2, world axes.
-        reach: of sideways force, if it is used. goal: of the tip mode, else None.
+        changes: known derivatives of the disturbance, N/s and N/s^2, world axes.
+        reach: of sideways force; None without it. goal: of the tip mode, else None.
     """
 
     base: list[Vec3]
@@ -204,9 +199,9 @@ def demands(step: Step) -> Demand:
 
 
 def _course(step: Step) -> Course:
-    """The references, and in tip mode what they become under the quasi-static attitude.
+    """References, and in tip mode those under the quasi-static attitude.
 
-    Attitude and drag along the path are those of the base as it shifts: its velocity, its acceleration and so on.
+    Attitude and drag along the path are those of the base as it shifts.
     """
     par, signals, before, dt = step.par, step.signals, step.memory.following, step.dt
     model, force_rate, steady, slow = par.model, step.rate, step.steady, step.slow
@@ -264,14 +259,7 @@ def _velocity(R: Mat3, w: Vec3, point: Vec3) -> Vec3:
 
 
 def wanted_attitude(par: CentroidalParameters, force: Vec3, yaw: Taylor, reach: Reach | None) -> Attitude:
-    """Attitude of a force (series of second order, world axes, N).
-
-    Args:
-        par: constants.
-        force: wanted.
-        yaw: heading.
-        reach: of the force that goes sideways at the attitude that is held; None for none.
-    """
+    """Attitude of a force (series of second order, world axes, N); ``reach`` of its sideways part, None without one."""
     center = par.center
     if reach is not None and center.sideways is not None:
         held = center.sideways.attitude
@@ -297,19 +285,19 @@ def reference_drag(
     across: bool,
     air: BelievedAir | None = None,
 ) -> list[Vec3]:
-    """Force of the rotors without their thrust along body z, at the reference's motion (N, world), and derivatives.
+    """Force of the rotors but for thrust along body z at the reference's motion (N, world), two derivatives.
 
-    At the present motion it would feed noise and errors into the posture. Hub drag is linear in the velocity; what
-    tilted rotors push across body z is no drag and does not change with the motion, and the derivatives leave it out.
+    The present motion would feed noise and errors into the posture. Hub drag is linear in the velocity; the push of
+    tilted rotors across body z is constant, and the derivatives leave it out.
 
     Args:
-        model: belief.
+        model: nominal.
         state: now, of which attitude and rotor speeds count.
         base: position of the base on its reference and its derivatives, world axes.
-        sideways: thrust across body z is the law's own, and no disturbance.
+        sideways: the law itself commands thrust across body z.
         moving: False takes the derivatives as zero.
-        across: rotors push across body z, and it is not the law's own.
-        air: wind and drag of the hull that are believed.
+        across: rotors push across body z without such a command.
+        air: nominal wind and drag of the hull.
     """
     R = state.quaternion.rotation()
 

@@ -1,11 +1,10 @@
 """Trend of an observed force: its rate, weighted by the accuracy of its past predictions.
 
-A steady turn of the wind can be foretold, turbulence and noise cannot. The rate comes from a second-order tracker,
+A steady turn of the wind can be predicted, turbulence and noise cannot. The rate comes from a second-order tracker,
     level' = rate + 2 w (d - level),    rate' = w^2 (d - level),
 d the observer's force. Force and rate then pass the same chain of three first-order filters of together ``horizon``
-seconds: what the force has changed by since, d - late(d), is what late(rate) foretold to be horizon late(rate). The
-slope of the one against the other in the least squares of the last seconds says how far to trust the rate: not at all
-up to a half, in full at 1. Steps leave no evidence, and a rate as steep as a step's is not believed.
+seconds: horizon late(rate) predicts d - late(d). The slope of the least squares between both, over the last seconds, is
+the trust in the rate: none up to a half, full at 1. Rates as steep as a step's are not trusted.
 Sources: Gao 2003 (poles of the tracker); the slope is the Wiener coefficient of a prediction by one regressor.
 """
 
@@ -41,13 +40,7 @@ SLOWEST, STEEPEST = 0.1, 5.0
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TrendGains(Part):
-    """Constants.
-
-    Attributes:
-        bandwidth: rad/s, of the tracker. horizon: s, over which the force is foretold to find the trust.
-        forget: 1/s, rate at which what was found is forgotten. noise: (N/s)^2, mean square of rates too small to tell.
-        steep: N/s; a rate well beyond it is a step, which goes on no further.
-    """
+    """Constants of the tracker and of the trust in its rate."""
 
     bandwidth: Annotated[Scalar, Unit("rad/s", "tracker of the observed force")]
     horizon: Annotated[Scalar, Unit("s", "over which the force is foretold to find the trust")]
@@ -73,12 +66,7 @@ class TrendGains(Part):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ForceTrend:
-    """Memory of the force trend.
-
-    Attributes:
-        level, rate: of the tracker, N and N/s, world axes. forces, rates: stages of the two chains.
-        agreement, size: mean of late(rate) . change / horizon and of late(rate)^2, (N/s)^2.
-    """
+    """Memory of the force trend; ``forces`` and ``rates`` are the stages of the two chains."""
 
     level: Annotated[Vec3, Unit("N", "of the tracker, world axes")]
     rate: Annotated[Vec3, Unit("N/s", "of the tracker, world axes")]

@@ -1,25 +1,19 @@
 """Shift of the base under a changing force, at the pace of least tip error.
 
-A base that leans for a force from the side carries the tip of a hanging arm the wrong way, and the arm of one plane
-cannot give way there. With c sideways of the common centre of mass, theta its tilt, lambda the height of the centre of
-mass above the tip and d the force per mass
+With c sideways of the common centre of mass, theta its tilt, lambda the height of the centre of mass above the tip of a
+hanging arm and d the force per mass
 
     c'' = g theta + d,   tip = c - lambda theta,   thus   c'' = p^2 (c - tip) + d,   p^2 = g / lambda.
 
-No law can hold the tip while d changes: sigma = c' + p c grows as sigma' = p sigma + d - p^2 tip unless the tip gives
-way. For a force that stays, the least integral of tip^2 is tip = (2 / p) (sigma + d / p), which moves the base as
+No law can hold the tip while d changes: sigma = c' + p c grows as sigma' = p sigma + d - p^2 tip unless the tip moves.
+For a force that stays, the least integral of tip^2 is tip = (2 / p) (sigma + d / p), which moves the base as
 
     c'' = -p^2 (c + d / p^2) - 2 p c',
 
-both poles at the pace p of a pendulum upside down: the shift that the force asks for, -d / p^2, through a filter of
-second order. So the shift follows the observed force filtered like that, and the filter gives velocity and acceleration
-of the shift besides. Small changes, as noise makes them, are filtered more slowly: the pace goes from ``slowest`` to p
-as the force leaves the filtered one by more than ``size``.
-
-Jerk and snap of such a shift jump with the force; commanded ahead they would ask the rotors for more torque than they
-have. :func:`shift_acceleration` says what of the shift's acceleration is the filter's, so that its differentiators can
-leave it out.
-Sources: Kwakernaak, Sivan 1972 (least error of a plant with a zero in the right half plane); the mirrored pole at p.
+both poles at the pace p of an inverted pendulum: the required shift -d / p^2 through a filter of second order, which
+gives its velocity and acceleration too. Noise is filtered more slowly: the pace goes from ``slowest`` to p as the force
+leaves the filtered one by more than ``size``.
+Source: Kwakernaak, Sivan 1972 (least error of a plant with a zero in the right half plane); the mirrored pole at p.
 """
 
 from __future__ import annotations
@@ -54,14 +48,14 @@ NOISE = 0.3
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class GustMemory:
-    """Memory in addition to the filtered force: its rate."""
+    """Memory in addition to the filtered force."""
 
     rate: Annotated[Vec3, Unit("N/s", "of the filtered force, world axes")]
 
 
 @dataclass(frozen=True, slots=True)
 class SlowForce:
-    """The observer's force through the filter, N, its first two derivatives, N/s and N/s^2, and the filter's memory."""
+    """Filtered force, N, its first two derivatives, N/s and N/s^2, and the filter's memory."""
 
     force: Vec3
     rate: Vec3 = ZERO3
@@ -78,14 +72,9 @@ def gust_gains(share: float, vehicle: Vehicle, gravity: Any) -> GustGains:
 def slow_force(
     par: CentroidalParameters, before: Vec3, memory: GustMemory | tuple[()], force: Vec3, dt: Any
 ) -> SlowForce:
-    """The force that the shift follows, one period later.
+    """The force that the shift follows (N, world axes), one period later: first order, second order with ``gust``.
 
-    Args:
-        par: constants; without the part for gusts the filter is of first order, and its derivatives are not known.
-        before: the filtered force, N, world axes.
-        memory: its rate; empty without that part.
-        force: of the observer, N, world axes.
-        dt: s. The filter's step is exact for a force that stays, so that it is stable at any period.
+    The filter's step is exact for a constant force, so that it is stable at any period.
     """
     slowest, gust = par.tip.shift_rate, None if par.tip.shift is None else par.tip.shift.gust
     if gust is None or not isinstance(memory, GustMemory):
@@ -101,14 +90,7 @@ def slow_force(
 
 
 def steady_force(par: CentroidalParameters, step: Step, slow: SlowForce, adapted: Vec3) -> tuple[Vec3, SlowForce]:
-    """The force that the attitude balances (N, world axes), and the filtered one with its derivatives, predicted.
-
-    Args:
-        par: constants.
-        step: with rate and trend of the force.
-        slow: of the filter.
-        adapted: force of the adapted load.
-    """
+    """Force that the attitude balances (N, world axes), and the filtered one with its derivatives, predicted."""
     steady, rate, shift = (slow.force if par.mode == "tip" else step.force) + adapted, step.rate, par.tip.shift
     if step.trend is None:
         return steady, slow
@@ -127,15 +109,17 @@ def steady_force(par: CentroidalParameters, step: Step, slow: SlowForce, adapted
 def shift_acceleration(
     par: CentroidalParameters, still: Attitude, force: Vec3, turned: Sequence[Taylor], level: Posture, bend: Vec3
 ) -> Vec3:
-    """Acceleration of the base's shift that comes from the filtered force's second derivative, m/s^2, world axes.
+    """Acceleration of the base's shift from the filtered force's second derivative, m/s^2, world axes.
+
+    It jumps with the force; its derivatives would require more torque than rotors have, and are left out.
 
     Args:
         par: constants.
-        still: attitude that the force asks for.
+        still: quasi-static attitude.
         force: of the rotors, series, N, world axes.
         turned: joints of the arm whose links are turned as those of a level base.
         level: its posture.
-        bend: second derivative of the disturbance, N/s^2, world axes, so that of ``force`` is its opposite.
+        bend: second derivative of the disturbance, N/s^2, world axes, the opposite of that of ``force``.
     """
     vehicle, R, f = par.model.vehicle, still.R, derivative(force, 0)
     alpha = R.apply_T(bend.cross(f) * divide(1.0, f.dot(f)))

@@ -1,43 +1,27 @@
 """Pressing on a surface: force along its estimated normal n, motion across; for any arm.
 
-The observer stays as it is: it takes the surface for a disturbance, and a law that fed this back would push against
-its own push. So along n the *wanted* force stands in place of the observed one: the joints give it, the base carries
-it, and the tip has no position there, only damping. Across n everything is as without a surface.
+The observer takes the surface for a disturbance; a law that compensated it would push against its own push. Along n the
+*desired* force therefore replaces the observed one: the joints give it, the base carries it, and the tip has damping
+alone. Across n everything is as without a surface.
 
-Per period: the tip's force f out of the observed disturbance (:mod:`skyarm.control.laws.centroidal.tip_force`);
-whether it touches (above ``touch`` it does, until f.n stayed below ``lost`` for ``loss_time`` seconds or, once g was
-1, the tip went in faster than ``escape`` for ``escape_time``: before, it bounces, and the order drives it back as
-fast); a share g that rises in ``rise`` and falls in ``fall`` seconds; the order o = g (f_d + i) with the bounded
-integral i' = k (f_d - f.n), which stands still unless g = 1, and does not grow where a joint or rotor is at its limit;
-and the shift s of the whole reference along n, by which the base comes to the surface, follows it while pressing, and
-returns. The base carries o + (1 - g) f.n: an impact pushes it back with more than the order of that instant.
+Per period: the tip's force f (:mod:`skyarm.control.laws.centroidal.tip_force`); contact, which begins above ``touch``
+and ends when f.n stays below ``lost`` for ``loss_time`` or, after full force, the tip goes in faster than ``escape``
+for ``escape_time``; a share g that rises in ``rise`` and falls in ``fall`` seconds; the order o = g (f_d + i) with the
+bounded integral i' = k (f_d - f.n), still unless g = 1, and not growing at limits of actuators; and the shift s of the
+reference along n, by which the base comes to the surface, follows it and returns. The base also carries (1 - g) f.n
+while the ramp runs: it must answer an impact.
 
-The normal itself is corrected by sliding (:mod:`skyarm.control.laws.centroidal.interaction`).
+Friction holds a resting tip with any force within its cone, which joints and rotors balance. Near their limits the law
+compensates less of the force across n, and friction takes the difference.
 
-A tip that grips touches for as long as it is told to: f_d and o may have either sign, nothing is lost, and the normal
-may be the radius of an arc (:class:`skyarm.control.laws.centroidal.interaction.Wanted`).
+Sliding corrects the normal: the tip moves along the surface, so that its velocity v along the estimated n is an error,
 
-Friction holds a tip that does not slide with any force within its cone, and joints and rotors bear what is left in it.
-Where one of them comes near its limit the law answers less of the observed force across n; friction takes the
-difference over, at rest, until there is room.
+    lean' = -rate (n . v) v / (|v|^2 + slow^2),   n = (nominal + lean) / |nominal + lean|,
 
-What pressing on a surface asks of the rest of the law, and what it puts in place of the observed force.
+while the tip presses with its full force and its reference moves along the surface.
 
-The joints give the order along the normal in place of what is observed there, by the levers of the present. The base
-carries the order and, while its ramp runs, what is felt beyond it: an impact pushes the base back with more than the
-order of that instant, and a base that does not answer this swings.
-
-The normal of a surface, found by sliding on it.
-
-A tip that slides moves along the surface, so what its velocity has along the believed normal n is an error of n, seen
-in the direction of the motion alone:
-
-    lean' = -rate (n . v) v / (|v|^2 + slow^2),   n = (told + lean) / |told + lean|
-
-It learns while the tip presses with its full force and its reference leads it along the surface. Friction is no help:
-which way it pushes nobody knows at rest. A surface that itself moves along n would be taken for a slope.
-
-Records of pressing on a surface: constants, memory, what the reference asks for; how each is made.
+A tip that grips is in contact for as long as the reference says; f_d may have either sign, and the normal may be the
+radius of an arc (:class:`Wanted`).
 """
 
 from __future__ import annotations
@@ -99,15 +83,14 @@ def interact(
     Args:
         gains: constants.
         memory: one period earlier.
-        wanted: contact.
+        wanted: desired contact.
         vehicle: model.
-        observed: what the observer holds.
+        observed: disturbance.
         at: levers at its time.
         into: speed of the tip into the surface, m/s.
-        load: of the joint or rotor nearest to its limit, the share of it that was sent last.
+        load: largest share of its limit of the last command of a joint or rotor.
         dt: s.
-        felt: N, the tip's force as a sensor tells it, world axes; None without one. It decides on touch and loss, and
-            the integral follows it; what stands in the observer's place is the observer's own all the same.
+        felt: N, the tip's force of a sensor, world axes; it decides on contact and drives the integral.
     """
     n, asked = wanted.normal, wanted.requests_contact
     force = tip_force(vehicle, gains.errors, at, observed - memory.bias)
@@ -189,9 +172,9 @@ def integrate_force_error(
     dt: Any,
     signed: bool = False,
 ) -> Any:
-    """The bounded integral of the force's error, N: still while the ramp runs, none where contact is lost.
+    """The bounded integral of the force's error, N: still while the ramp runs, none without contact.
 
-    ``relieved`` (0 to 1) says how near to its limit the nearest joint or rotor is: there the order does not grow.
+    With ``relieved`` (0 to 1, at an actuator's limit) the order does not grow.
     """
     most = gains.integral_share * (absolute(wanted) if signed else wanted) + gains.integral_least
     step = where(share < 1.0, 0.0, gains.integral * dt) * (wanted - along)
@@ -237,10 +220,10 @@ class Pressing:
 
     Attributes:
         n: out of the surface. share: 0 free, 1 pressing. damping: 1/s, of the tip along n where it presses.
-        engaged: 1 while the order stands in place of the observed force. shift: m, m/s and m/s^2 along n.
-        order: N, along n, in place of the observed one. beyond: N, that the base carries along n beside it.
+        engaged: 1 while the order replaces the observed force. shift: m, m/s and m/s^2 along n.
+        order: N, along n. beyond: N, that the base carries along n in addition.
         force: N, the tip's as observed, world axes.
-        kept: 0 to 1, of the observed force across n that is answered. asked: whether any contact is asked for.
+        kept: 0 to 1, of the observed force across n that is compensated. asked: whether contact is requested.
     """
 
     n: Vec3
@@ -260,10 +243,7 @@ class Pressing:
         return [*(each + s * c for each, c in zip(signals[:3], self.n, strict=True)), *signals[3:]]
 
     def with_order(self, d: Disturbance, then: TipLevers, now: TipLevers) -> Disturbance:
-        """The disturbance with the order in place of what the observer holds along n, by the levers of the present.
-
-        The joints give the order, and yield to all else; the base carries what is still felt beyond it, too.
-        """
+        """The disturbance with the order in place of the observed force along n, by the present levers."""
         across = self.force - self.n * self.n.dot(self.force)
         wanted = across * self.kept + self.n * self.order
         borne = wanted + self.n * self.beyond
@@ -276,7 +256,7 @@ class Pressing:
         )
 
     def release_normal(self, goal: Goal, tip: Vec3, tip_velocity: Vec3, velocity_gain: Any) -> Goal:
-        """The tip's goal without a position along n: by the gains on it a_n = -damping v_n is left there."""
+        """The tip's goal without a position along n, where the gains on it leave a_n = -damping v_n."""
         p, v, a = goal.tip
         n, slower = self.n, 1.0 - self.damping / velocity_gain
         return dataclasses.replace(
@@ -305,17 +285,7 @@ def estimated_normal(told: Vec3, lean: Vec3) -> Vec3:
 
 
 def update_lean(lean: Vec3, n: Vec3, velocity: Vec3, rate: Any, asked: Any, slides: Any, dt: Any) -> Vec3:
-    """The lean one period later; none where no contact is requested.
-
-    Args:
-        lean: before.
-        n: believed.
-        velocity: of the tip, m/s, world axes.
-        rate: 1/s.
-        asked: whether contact is asked for.
-        slides: whether the tip presses and is led along the surface.
-        dt: s.
-    """
+    """The lean one period later; ``velocity`` of the tip in m/s, world axes, ``rate`` in 1/s."""
     share = where(slides, rate * dt, 0.0) * divide(n.dot(velocity), velocity.dot(velocity) + SLOW * SLOW)
     moved = lean - velocity * share
     return Vec3(*(where(asked, clip(each, -STEEPEST, STEEPEST), 0.0) for each in moved))
@@ -327,7 +297,7 @@ SENSING = 60.0
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class InteractionGains(Part):
-    """Constants of pressing; touch and lost are the law's option, the others are in no unit of the vehicle's size."""
+    """Constants of pressing; touch and lost are options, the others are in no unit of the vehicle's size."""
 
     touch: Annotated[Scalar, Unit("N", "along the normal, above which the tip touches")]
     lost: Annotated[Scalar, Unit("N", "along the normal, below which it is lost after a while")]
@@ -449,8 +419,8 @@ class Wanted:
     """A desired contact of the reference: N, m/s and the unit normal out of the surface, world axes.
 
     Attributes:
-        grip: 1 while the tip is held by what it grips; a structural 0 where it never is.
-        pivot: m, on the axis about which the tip goes then. axis: its unit vector; None for a normal as told.
+        grip: 1 while the tip grips; a structural 0 where it never does.
+        pivot: m, on the axis of the tip's arc then. axis: its unit vector; None for a fixed normal.
     """
 
     force: Any
@@ -488,12 +458,10 @@ class Wanted:
 def interaction_gains(
     thresholds: tuple[float, float], mode: str, vehicle: Vehicle, sensor: bool = False, *, leading: str = "tip"
 ) -> InteractionGains | None:
-    """Constants of pressing for its two thresholds, N, with or without a force sensor; None where it is left out.
-
-    ``leading`` is the mode in which the law leads the tip.
+    """Constants of pressing for its two thresholds, N, in a law whose mode ``leading`` leads the tip; None without it.
 
     Raises:
-        ControllerError: thresholds that are none, or a law without a tip to lead.
+        ControllerError: wrong thresholds, or a law without a tip to lead.
     """
     touch, lost = thresholds
     if touch == 0.0 and lost == 0.0:

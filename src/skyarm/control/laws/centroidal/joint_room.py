@@ -1,17 +1,13 @@
 """Joints kept within their limits: bounds of the acceleration requested by tip and links.
 
-The tip mode takes joints off their references, and a task that the arm cannot do takes them far: to lift a tip that a
-gust tilted away a short slide runs to its end. A joint may go a share of the way from its reference to a limit; the
-rest is for forces that nobody foresaw, more of it where no stop holds the joint and passing the limit ends a flight.
-With d the way that is left and k the pole of the joints' own loop, half of its damping (the root of its stiffness where
-that is more),
+A joint may go a share of the way from its reference to a limit; the rest is for unforeseen forces, and is larger where
+no stop holds the joint. With d the way that is left and k the pole of the joint's own loop, half of its damping (the
+root of its stiffness where that is more),
 
     d'' + 2 k d' + k^2 d >= 0
 
-bounds the acceleration towards the limit, so that a joint comes to rest there no faster than the loop brings it to a
-reference. The place where it may go moves with the reference, and d with it; the limit itself, at rest, bounds as well.
-A reference that brakes before the limit as slowly as that is followed as it is. What is left out is the tip's loss, not
-the base's: the inverse dynamics gets the bounded acceleration.
+bounds the acceleration towards the limit. The allowed position moves with the reference, and d with it; the limit
+itself, at rest, bounds as well. The inverse dynamics receives the bounded acceleration, so that only the tip is off.
 Source: Ames et al. 2019, "Control barrier functions: theory and applications", exponential barrier of degree two.
 """
 
@@ -55,8 +51,8 @@ def within_limits(
         ends: of its joints.
         gains: of the joints' own loop.
         state: now.
-        references: of the joints, as they were given.
-        accelerations: wanted.
+        references: of the joints.
+        accelerations: desired.
     """
     found = []
     for i, (wanted, (low, high)) in enumerate(zip(accelerations, ends, strict=True)):
@@ -77,7 +73,7 @@ def within_limits(
 
 
 def towards(limit: Any, reference: Taylor, share: Any, pole: Any) -> Any:
-    """q'' + 2 k q' + k^2 q (rad/s^2 or m/s^2) of a joint that is where it may go, and stays there.
+    """q'' + 2 k q' + k^2 q (rad/s^2 or m/s^2) of a joint at rest in its allowed position.
 
     Args:
         limit: of the joint, rad or m.

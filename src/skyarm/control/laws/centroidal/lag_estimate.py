@@ -1,21 +1,14 @@
 """Estimated lag of the loop beyond the nominal one, and the bandwidth that it allows.
 
-The model says which accelerations the sent commands give: a(t), without what the observer believes to disturb. What
-is measured is y(t) = a(t - L) + the rest, L the lag that nobody told: commands that arrive late, motors or joint drives
-slower than believed. For a bank of lags L_j, whole control periods, the mean M_j of |y(t) - a(t - L_j)|^2 is followed
-in a band of frequencies in which the loop is active and wind is not; the lag is the mean of L_j weighted by
-exp(-sharpness (M_j - min M) / min M), the likelihood of residuals with normal noise. A lag must be paid for
-(``prior``), so that without evidence it is zero. Large residuals count little (``robust``; Geman, McClure 1985): a
-gust is one event, an oscillation many.
+a(t) are the accelerations of the sent commands by the model, without the observer's disturbance; measured is
+y(t) = a(t - L) + the rest. For a bank of lags L_j, whole control periods, the mean M_j of |y(t) - a(t - L_j)|^2 is
+followed in a band in which the loop is active and wind is not; the lag is the mean of L_j weighted by
+exp(-sharpness (M_j - min M) / min M), the likelihood of normal residuals. Each step of lag has a price (``prior``), so
+that it is zero without evidence. Large residuals count little (``robust``; Geman, McClure 1985). No lag falls further
+behind the likeliest than ``lead``, so that a late change is found as quickly (bounded evidence, Page 1954).
 
-A lag may begin at any time: no lag falls further behind the likeliest one than ``lead``, so that what was ruled out for
-minutes is found as quickly as what was never looked for (the bounded evidence of a cumulative sum test, Page 1954).
-The acceleration a(t) follows from the commands within the actuators' limits, so that it is known there, too. Periods
-with a rotor at its limit count less (``at_limit``): a jump of the reference takes it there once, a loop that swings
-again and again.
-
-Where it ends: lags beyond the bank's longest count as that one; a lag of the sensors of position and attitude alone is
-not seen. Residuals of sliding and turning joints are added as they are, in m/s^2 and rad/s^2.
+Lags beyond the bank count as its longest; a lag of the sensors of pose alone is not seen. Residuals of sliding and
+turning joints are added as they are, in m/s^2 and rad/s^2.
 """
 
 from __future__ import annotations
@@ -64,13 +57,7 @@ IGNORED = 0.002
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LagGains(Part):
-    """Bandwidth by the estimated actuator lag.
-
-    Attributes:
-        base, joints: s; lags beyond 2 ms at which half of the bandwidth is left, of position, attitude and their
-            observer, and of joints, tip and theirs.
-        stride: control periods between two lags of the bank.
-    """
+    """Lags that halve the bandwidth; ``stride`` is the control periods between two lags of the bank."""
 
     base: Annotated[Scalar, Unit("s", "lag of the rotors' loops that halves their bandwidth", low=0.0, strict=True)]
     joints: Annotated[Scalar, Unit("s", "lag of the joints' loops that halves theirs", low=0.0, strict=True)]
@@ -100,17 +87,7 @@ class Bank:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LagMemory:
-    """State of the lag estimate: of roll, pitch, yaw and the joints.
-
-    Attributes:
-        count: periods seen.
-        rates: measured one period ago.
-        disturbing: accelerations that the observer's disturbance stands for.
-        believed, measured: of three filters in a row, accelerations by the model and by differences.
-        past: believed accelerations in the band, newest first.
-        base, arm: banks.
-        found: lag of the rotors' loops and of the joints', by which the bandwidth of the period was chosen.
-    """
+    """Memory of the lag estimate: of roll, pitch, yaw and the joints; ``past`` is in the band, newest first."""
 
     count: Annotated[Scalar, Unit("", "periods seen")]
     rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "measured one period ago")]
@@ -141,7 +118,7 @@ def first_lag(joints: int, stride: int) -> LagMemory:
 
 
 def lags_found(memory: Any) -> tuple[Any, ...]:
-    """Lags of the rotors' and the joints' loops in the memory of a law, also of one under layers; () without them."""
+    """Lags of the rotors' and the joints' loops in a law's memory, also under layers; () without them."""
     lag = part_of(memory, "lag")
     return lag.found if isinstance(lag, LagMemory) else ()
 
@@ -204,9 +181,9 @@ def learn(
         memory: before.
         told: accelerations of the model and corrections of the observer in the period that ended.
         measurement: at its end.
-        started: 0 at the first measurement, of which nothing is learned.
+        started: 0 at the first measurement, which is not used.
         free: 1 while no actuator was at its limit, of the base and each joint; 0 stops the observer's disturbance.
-        isolated: 1 in free motion, 0 while touching, of which no lag is learned.
+        isolated: 1 in free motion, 0 in contact, where no lag is estimated.
         dt: s.
     """
     running = where(started > 0.5, 1.0, 0.0)

@@ -4,10 +4,8 @@
 old) measurement, and the model predicts the state across the delay. 4. Parts adjust the reference and the disturbance.
 5. The centre of mass requires a force, the force an attitude; joints follow their references, or tip and link
 orientations. 6. Inverse dynamics of an underactuated base: the real thrust goes in, the base's acceleration comes out,
-then body and joint torques; rotor commands invert the lag. 7. Parts learn.
+then body and joint torques; rotor commands invert the lag. 7. Parts adapt.
 
-Assumes a model of rigid bodies, rotors whose thrust is along body z but for the disturbance (with ``sideways`` in any
-direction), and motor time constants.
 Sources: Lee, Leok, McClamroch 2010; Gao 2003; the parts cite their own.
 """
 

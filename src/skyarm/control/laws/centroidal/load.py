@@ -1,20 +1,17 @@
 """Estimate of a load at the tip from the observed disturbance during a grasp, and its use in the law's model.
 
-A mass dm that the model lacks hangs in the observed disturbance as its weight -dm g e_z at the tip; one that lies
-elsewhere than the model has it, as a horizontal torque t about the tip. Both are the weighted least squares (lengths as
-in :mod:`skyarm.control.laws.centroidal.tip_force`) of
+A mass dm beyond the model's is the weight -dm g e_z at the tip, one that lies elsewhere a horizontal torque t about the
+tip. Both are the weighted least squares (lengths as in :mod:`skyarm.control.laws.centroidal.tip_force`) of
 
     joints J_v^T f + J_w^T t,  turning r x f + t,  vertical force f_z,      f = -dm g e_z
 
-in what is observed beside its bias b, which is learned while nothing is held: wind, wrong masses, wrong thrust. Then
+in the observed disturbance beyond its bias b, which is estimated while nothing is held. Then
 
     m' = rate dm,      c' = place_rate (-e_z x t / g) m / (m^2 + light^2),
 
-m from 0 to a limit, and c the place of its centre of mass in axes that turn with the tip: while the hand rests it is
-known in two directions, and in the third as soon as the hand turns. A vehicle that holds m at c, with a small
-radius of gyration, is the model: of inverse dynamics, thrust, prediction and observer alike, so that what is learned is
-not observed again, and the law's gains are accelerations of the loaded arm. When the reference says that nothing is
-held any more the load is forgotten, and the next period flies without it.
+m from 0 to a limit, c the place of its centre of mass in axes of the tip, known in two directions while the hand rests.
+The vehicle that holds m at c is the model of inverse dynamics, thrust, prediction and observer alike. When the
+reference says that nothing is held any more, the load is forgotten.
 """
 
 from __future__ import annotations
@@ -62,8 +59,9 @@ class Hang:
     """Wrench on base and joints of a weight at the tip, and of a horizontal torque about it.
 
     Attributes:
-        lift: N on the base, world z, of 1 kg more. turning: N m on the base, base axes, of 1 kg more and of 1 N m about
-            world x and y. efforts: of the joints, likewise, a row each. tip: R_WT, axes of the tip.
+        lift: N on the base, world z, per kg.
+        turning: N m on the base, base axes, per kg and per N m about world x and y. efforts: of each joint, likewise.
+        tip: R_WT, axes of the tip.
     """
 
     lift: Any
@@ -114,21 +112,20 @@ def learn_load(
     bandwidth: Any,
     dt: Any,
 ) -> tuple[LoadMemory, Disturbance]:
-    """The load one period later, and what the law shall not push against.
+    """The load one period later, and the disturbance that the law shall not compensate.
 
-    A load that is held and lies on something pushes the tip up as soon as the reference is a little low, and a law that
-    answered this would push down ever harder and leave its support late. So an upward force beyond the load's weight
-    is taken out of the disturbance that the law answers.
+    A held load that lies on something pushes the tip up as soon as the reference is low; a law that compensated this
+    would push down ever harder. So an upward force beyond the load's weight is taken out of the disturbance.
 
     Args:
         gains: constants.
         memory: one period earlier.
-        model: belief, whose vehicle's tip holds the load.
+        model: nominal.
         R: R_WB at the measurement's time.
         joints: then, rad or m.
-        observed: what the observer holds.
+        observed: disturbance.
         holds: whether something is held.
-        learns: 1 where the observed disturbance tells of the load, 0 on a surface and at limits of actuators.
+        learns: 1 where the disturbance is one of the load, 0 on a surface and at limits of actuators.
         bandwidth: of the observer, rad/s.
         dt: s.
     """
@@ -165,15 +162,10 @@ def _step(pace: Any, bandwidth: Any, holds: Any, learns: Any, dt: Any) -> Any:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LoadGains(Part):
-    """Constants of the learned load; ``limit`` is the law's option, the others are in no unit of the vehicle's size.
+    """Constants of the estimated load; ``limit`` is the law's option.
 
-    Attributes:
-        twist: N m, of a torque at the tip that counts as much against it as 1 N of the base's force does: a load's
-            weight times how far its centre of mass lies from the tip.
-        pace, place_pace: rates over the bandwidth of the slower of the observers of the base's force and of the joints.
-            The mass and the observer find the same weight at once, and from 2 on they would swing.
-        size: small, because a load that has less inertia than is believed of it makes the joints that turn it too
-            stiff, and one that has ten times as much does not.
+    Mass and observer find the same weight at once: from a ``pace`` of 2 on they would swing. ``size`` is small: a
+    load with less inertia than modelled makes its joints too stiff, and one with ten times as much does not.
     """
 
     limit: Annotated[Scalar, Unit("kg", "largest mass that is learned")]
@@ -221,11 +213,7 @@ class LoadGains(Part):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LoadMemory:
-    """Memory of the learned load.
-
-    Attributes:
-        bias: observed without a load.
-    """
+    """Memory of the load; ``bias`` is the disturbance without it."""
 
     mass: Annotated[Scalar, Unit("kg", "learned")]
     place: Annotated[Vec3, Unit("m", "centre of mass, axes of the tip")]
@@ -233,7 +221,7 @@ class LoadMemory:
 
 
 def load_gains(limit: float, vehicle: Vehicle) -> LoadGains | None:
-    """Constants of the learned load for its largest mass, kg; None where it is left out.
+    """Constants of the estimated load for its largest mass, kg; None where it is left out.
 
     Raises:
         ControllerError: a vehicle without a tip that joints move.

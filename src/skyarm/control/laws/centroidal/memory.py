@@ -32,14 +32,9 @@ class CentroidalMemory:
     """State of the law between two steps.
 
     Attributes:
-        started: 0 before the first measurement.
-        age: s since the held reference sample appeared. channels: its signals: x, y, z, yaw, joints.
-        observed: of the observer.
+        channels: samples of x, y, z, yaw and joints.
         sent: the last commands, oldest first, one more than the delay has periods.
-        applied: 1 for the rotors and each joint whose last command was applied unchanged.
-        free: 1 while no actuator was at its limit.
-        slow_force: the observer's force, slowly filtered, N. gust: its rate; empty without the shift for gusts.
-        trim: added to the squared speeds of the mixer, (rad/s)^2.
+        gust: rate of the slow force; empty without the shift for gusts.
         following: of the demands. parts: of the parts.
     """
 

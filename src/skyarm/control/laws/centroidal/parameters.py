@@ -21,12 +21,7 @@ MODES = ("joint", "tip")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SidewaysGains:
-    """Force across the thrust axis.
-
-    Attributes:
-        share: of the rotors' room beside hover that a force takes at the held attitude; the rest leans the base.
-        attitude: roll and pitch that are held; None for level.
-    """
+    """Force across the thrust axis; an attitude of None is level."""
 
     share: Annotated[Scalar, Unit("", "share of the rotors' room that a force at level attitude takes")]
     attitude: Annotated[tuple[Scalar, Scalar], Unit("rad", "roll and pitch that sideways force holds")] | None
@@ -34,14 +29,7 @@ class SidewaysGains:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class CenterGains:
-    """Bounds and shape of the force on the centre of mass; None leaves a part out.
-
-    Attributes:
-        approach: rate at which the velocity of a distant base falls on its way back.
-        arm_turn: largest angular acceleration with which the base compensates the arm's motion.
-        low_thrust: share of the weight below which a vertical force turns the attitude less.
-        sideways: force across the thrust axis; None for force along body z only.
-    """
+    """Bounds and shape of the force on the centre of mass; None leaves a part out."""
 
     tilt: Annotated[Scalar, Unit("", "largest tangent of the commanded tilt")]
     floor: Annotated[Scalar, Unit("N", "smallest commanded vertical force")]
@@ -56,9 +44,8 @@ class RotorGains:
     """Commands of the rotors.
 
     Attributes:
-        lag_inversion: 0 commands the desired rotor speed, 1 inverts the motor lag within one period.
-        leads_thrust: commands the planned force ahead by what motors lag.
-        pushes_across: rotors push across body z, which the law does not use.
+        leads_thrust: commands the planned force ahead by the motors' lag.
+        pushes_across: rotors push across body z without a command.
     """
 
     lag_inversion: Annotated[Scalar, Unit("", "0 to 1, share of the motor lag that commands invert")]
@@ -69,12 +56,7 @@ class RotorGains:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class GustGains:
-    """Pace of the base's shift under a changing force.
-
-    Attributes:
-        pace: rad/s, of the shift where the force changes by much.
-        size: N; changes well below it are followed at ``TipGains.shift_rate``.
-    """
+    """Pace of the base's shift under a changing force."""
 
     pace: Annotated[Scalar, Unit("rad/s", "pace of the base's shift where the force changes by much", low=0.0)]
     size: Annotated[Scalar, Unit("N", "change of the force below which the base shifts slowly", low=0.0, strict=True)]
@@ -82,12 +64,7 @@ class GustGains:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ShiftGains:
-    """Motion of the base's shift in tip mode; None leaves a part of it out.
-
-    Attributes:
-        bandwidth: of the differentiators that give jerk and snap. swing_rate, path_rate: of the means by which the
-            pace of the arm's swing and of the base's path is found.
-    """
+    """Motion of the base's shift in tip mode; None leaves a part of it out."""
 
     bandwidth: Annotated[Scalar, Unit("rad/s", "differentiators of the base's shift")]
     swing_rate: Annotated[Scalar, Unit("1/s", "rate of the adapted pace of the arm's swing")] | None
@@ -97,17 +74,9 @@ class ShiftGains:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TipGains:
-    """Gains of the tip mode.
+    """Gains of the tip mode; without ``shift`` the base's shift is taken as standing still.
 
-    Attributes:
-        position: 1/s^2. velocity: 1/s. Of the tip's error.
-        reach: m; base errors beyond this length are followed by the tip, not compensated by the arm.
-        damping: m; singular values of the tip's Jacobian below this leave their direction to the link orientations.
-            Over ``reach`` it weighs the references of sliding joints.
-        posture: m; weight of the joints' own references, for motions that neither tip nor orientations fix.
-        shift_rate: rad/s, of the filtered disturbance that the base's shift follows.
-        shift_limit: m, largest length of the shift.
-        shift: its motion; None takes shift, drag and turned links as they stand.
+    ``damping`` over ``reach`` weighs the references of sliding joints.
     """
 
     position: Annotated[Scalar, Unit("1/s^2", "of the tip")]
@@ -122,13 +91,7 @@ class TipGains:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Observation:
-    """Options of the observer in addition to its bandwidths.
-
-    Attributes:
-        accelerometer: bandwidths of its part in velocity and force; None for a law without one.
-        air: wind and drag of the hull; None for still air and no hull.
-        measured_rates: 0 takes velocities from the observer, 1 from the sensors.
-    """
+    """Options of the observer in addition to its bandwidths; None for no accelerometer, and for still air."""
 
     accelerometer: AccelerometerGains | None
     air: BelievedAir | None
@@ -137,13 +100,7 @@ class Observation:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Parts:
-    """Parts with a memory, in the order in which they act; None leaves one out. See :class:`Part`.
-
-    Attributes:
-        lag: bandwidth by the delay that is found in flight. interaction: pressing on surfaces. admittance: compliance
-            of the tip. load: mass and centre of a load in the model. trend: prediction of the observed force.
-        adaptation: tip mass and joint friction, fed forward.
-    """
+    """Parts with a memory, in the order in which they act; None leaves one out. See :class:`Part`."""
 
     lag: Part | None = None
     interaction: Part | None = None
@@ -162,11 +119,10 @@ class CentroidalParameters:
     """Constants of the centroidal law.
 
     Attributes:
-        mixer: of the model. mode: "joint" keeps base and joints on their references, "tip" the tip and the links.
-        base, joint_gains, tip, observer: gains; those of the joints on accelerations.
+        mode: "joint" keeps base and joints on their references, "tip" the tip and the links.
+        joint_gains: on accelerations.
         joint_ends: whether each joint has a lower and an upper limit that it is kept off; empty leaves it out.
         delay_periods: age of the measurement in control periods.
-        continuation: 1 continues held samples to the present, 0 takes them as they were.
     """
 
     model: Model
@@ -204,7 +160,7 @@ def _options(record: Any) -> list[str]:
 
 
 def at_shares(par: CentroidalParameters, rotors: Any, joints: Any) -> CentroidalParameters:
-    """The constants with the rotors' loops (position, attitude, their observer) and the joints' at shares of both.
+    """Constants at shares of the bandwidth of the rotors' loops (position, attitude, their observer) and the joints'.
 
     Stiffnesses go with the square of the bandwidth, dampings and observers with the bandwidth.
     """

@@ -1,7 +1,7 @@
 """Protocol of the parts of the centroidal law, and the control step that they see.
 
-A part is a record of constants with any of the functions below. What it remembers between two steps is its own record,
-which the law keeps beside those of the other parts. A part that is left out is not in the law's program at all.
+A part is a record of constants with any of the functions below; its memory is its own record, which the law keeps. A
+part that is left out is not in the law's program at all.
 """
 
 from __future__ import annotations
@@ -29,21 +29,21 @@ if TYPE_CHECKING:
 
 @dataclass(kw_only=True, slots=True)
 class Step:
-    """One control step as far as it is known; parts change it in the order of :class:`Parts`.
+    """One control step; parts change it in the order of :class:`Parts`.
 
     Attributes:
         par: constants of this step. memory: of the law, one period earlier. dt: s.
         signals: x, y, z, yaw and the joints of the reference, series in time.
         observed: of the observer, at the measurement's time. told: accelerations of the model on the way to it.
-        alone: disturbance that the observer holds, with the adapted feed-forward.
+        alone: observed disturbance with the adapted feed-forward.
         unknown: disturbance that the demand compensates. force: N, world axes, that the posture follows.
         state: now.
-        free, isolated: 1 where base and joints, and the lag, may be adapted, 0 at limits and while touching.
-        external: 1 while a force on the tip is part of what is observed.
+        free, isolated: 1 where base and joints, and the lag, may be adapted, 0 at limits and in contact.
+        external: 1 while a force on the tip is part of the observed disturbance.
         pressing: the push; None without one.
-        rate: N/s, world axes, of the observed force as far as it is trusted.
+        rate: N/s, world axes, trusted part of the observed force's.
         steady: force that the attitude balances, N, world axes. slow: of the filter that the shift follows.
-        trend: level of the tracked force (N, world axes) and the share of it that is trusted; None without one.
+        trend: level of the tracked force (N, world axes) and its trusted share; None without one.
         demand: of the step, once it is known.
     """
 
@@ -70,7 +70,7 @@ class Step:
     demand: Demand | None = None
 
     def isolate(self, share: Any) -> None:
-        """Let nothing be adapted where ``share`` is 0: something from outside is in what is observed."""
+        """Stop adaptation where ``share`` is 0: an external force is part of what is observed."""
         self.free, self.isolated = tuple(mul(each, share) for each in self.free), mul(self.isolated, share)
 
 
@@ -84,11 +84,11 @@ class Part:
         return ()
 
     def adjust_gains(self, memory: Any, par: CentroidalParameters, dt: Any) -> CentroidalParameters:
-        """Constants of the step: gains by what was found in flight, the model with a load."""
+        """Constants of the step."""
         return par
 
     def adjust_reference(self, memory: Any, step: Step) -> Any:
-        """Change the reference and the disturbance of the step; the part's memory one period later."""
+        """Change reference and disturbance of the step; returns the part's memory one period later."""
         return memory
 
     def learn(self, memory: Any, step: Step) -> Any:

@@ -1,46 +1,31 @@
 """Motion of the base's shift: its derivatives, while the arm swings under a tilted base and along a path.
 
-Swing. A force from the side tilts the base by sigma. The arm cannot move sideways, so the base shifts by n to keep the
-tip on its reference. When the arm swings, the height of the tip below the base changes, and with it the shift that is
-needed. A base that followed this shift would have to tilt for its acceleration, and that tilt carries the tip further
-than the shift brings it back: 0.3 m of arm swinging by 0.5 rad at 1 Hz under 14 degrees of tilt needs 11 mm of shift,
-twice a second; the base tilts by 10 degrees for it, and the tip is 45 mm off.
-
-With c the sideways position of the common centre of mass, delta the tilt beside sigma and lambda the height of the
-centre of mass above the tip,
+Swing. Under a sideways force the base tilts by sigma, and shifts to keep the tip. When the arm swings, the required
+shift changes, and the tilt for its acceleration carries the tip further than the shift brings it back. With c the
+sideways position of the common centre of mass, delta the tilt beyond sigma and lambda the height of the centre of mass
+above the tip,
 
     c'' = -g delta,   tip = c + lambda (sigma + delta),   thus   c - (lambda / g) c'' = -lambda sigma
 
-keeps the tip. A swing of pace w (rad/s) changes the right side by N = -sigma (lambda - its mean), so that N'' = -w^2 N
-and the centre of mass moves by N / (1 + r), r = lambda w^2 / g, in place of N. The bounded solution for a motion that
-goes on; the other solutions grow, as those of a pendulum upside down do. An arm above the base has r < 0 and meets
-its own resonance at r = -1: there the least squares (1 + r) / ((1 + r)^2 + r^2 / 4) stands for 1 / (1 + r).
-
-The pace is the root of mean(lambda''^2) / mean(lambda'^2) along the reference, exact where one frequency swings.
+keeps the tip. A swing of pace w (rad/s) changes the right side by N = -sigma (lambda - its mean), N'' = -w^2 N, and the
+bounded solution moves the centre of mass by N / (1 + r), r = lambda w^2 / g. An arm above the base has r < 0 and a
+resonance at r = -1: there the least squares (1 + r) / ((1 + r)^2 + r^2 / 4) stands for 1 / (1 + r).
+The pace is the root of mean(lambda''^2) / mean(lambda'^2) along the reference, exact for one frequency.
 Derived for this law; the inverse of a system whose zero dynamics are unstable: Devasia, Chen, Paden 1996.
 
-Path. Along a path the base tilts for its acceleration a and shifts by s to keep the tip on its reference. That base
-accelerates by a + s'' and tilts for that, not for a: on a circle of 1 m at 3 m/s the shift of an arm of 0.3 m is 0.20 m
-for the one and 0.18 m for the other. With l the height of the base above the tip
+Path. Along a path the base tilts for its acceleration a and shifts by s to keep the tip; it thus accelerates by a + s''
+and tilts for that. With l the height of the base above the tip
 
     s = (l / g) (a + s''),
 
-whose bounded solution for a motion of pace w (rad/s), s'' = -w^2 s, is s = (l / g) a / (1 + l w^2 / g). The common
-centre of mass lies off the base by another such length, so that what the attitude answers is a + u'' with u the shift
-of the centre of mass: l is the height of the centre of mass above the tip.
+whose bounded solution for a motion of pace w is s = (l / g) a / (1 + l w^2 / g). The attitude answers a + u'' with u
+the shift of the centre of mass, for which l is its height above the tip. Nothing is differentiated: u'' follows the
+rate u' of the period before, d(u'')/dt = -w^2 u', and is pulled to the u'' of the attitude; the next derivatives are
+-w^2 u' and -w^2 u''. u' takes one Newton step a period: the u' of the attitude falls by l w^2 / g of what u' grows.
 
-u'' and its derivatives are found without differentiating: u'' follows the rate u' of the period before,
-d(u'')/dt = -w^2 u', and is pulled to the u'' that the attitude asks for; the next derivatives are -w^2 u' and -w^2 u''.
-u' takes Newton steps of the equation above, one in a period: what the attitude with u' asks for falls by l w^2 / g of
-what u' grows.
-
-The pace of each horizontal axis comes from the reference alone: a'^2 - a a'' over a^2 - v a', both constant along a
-sine, also in its rests (Kaiser 1990). An arm above the base has l < 0, and -l w^2 / g may come near to 1, where the
-base meets the resonance of a pendulum upside down; the pace is bounded before.
-
-Only the horizontal motion is answered. A base that tilts by theta also goes down by l (1 - cos theta), which on a
-circle is constant and on a straight path comes and goes at twice the pace: by 37 mm along 1 m to either side with
-2.5 m/s amid it. What that changes of the force, and of the attitude with it, is left to the feedback.
+The pace of each horizontal axis comes from the reference: a'^2 - a a'' over a^2 - v a', both constant along a sine
+(Kaiser 1990). Of an arm above the base l < 0, and the pace is bounded before the resonance at -l w^2 / g = 1. Vertical
+motion, by l (1 - cos theta) at a tilt theta, is left to the feedback.
 """
 
 from __future__ import annotations
@@ -97,12 +82,9 @@ class SwingPace:
 
 @dataclass(frozen=True, slots=True)
 class SwingShift:
-    """The shift with derivatives: ``offset`` to the second as it is known; what the swing adds to third and fourth.
+    """The shift to its second derivative (m to m/s^2, world axes); third and fourth of the swing's part.
 
-    Attributes:
-        offset: m to m/s^2, world axes.
-        steady: its acceleration without the swing's part.
-        jerk, snap: of the swing's part.
+    ``steady`` is its acceleration without the swing's part.
     """
 
     offset: tuple[Vec3, Vec3, Vec3]
@@ -137,7 +119,7 @@ def shift_for_swing(memory: SwingPace, needed: list[Vec3], level: Posture, gravi
 
     Args:
         memory: of the swing's pace.
-        needed: shift that each instant asks for by itself, with two derivatives, world axes.
+        needed: shift required by each instant, with two derivatives, world axes.
         level: posture of the references of a level base, series of fourth order.
         gravity: m/s^2.
     """
@@ -166,17 +148,17 @@ def move_shift(
     dt: Any,
     own: Vec3 = ZERO3,
 ) -> tuple[ShiftMotion | tuple[()], SwingPace | tuple[()], list[Vec3]]:
-    """Memories of the shift's motion one period later, and the shift with as many derivatives as the law has of it.
+    """Memories one period later, and the shift with as many derivatives as the law uses.
 
     Args:
         gains: constants; None leaves the motion out.
         gravity: m/s^2.
         shift: memory of its differentiators; empty where they are left out.
         pace: memory of the swing's pace; empty where that is left out.
-        needed: shift that each instant asks for, with two derivatives.
+        needed: shift required by each instant, with two derivatives.
         level: posture of the references of a level base.
         dt: control period, s.
-        own: of its acceleration what jumps with a force and is not differentiated, m/s^2, world axes.
+        own: part of its acceleration that jumps with a force and is not differentiated, m/s^2, world axes.
     """
     if gains is None or not isinstance(shift, ShiftMotion):
         return shift, pace, needed
@@ -204,11 +186,7 @@ LEAST = 1e-6
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class AxisShift:
-    """Memory of one horizontal axis.
-
-    Attributes:
-        size, change: means of a^2 - v a' and a'^2 - a a'' of the reference. rate, acceleration: u' and u''.
-    """
+    """Memory of one horizontal axis: means of a^2 - v a' and a'^2 - a a'' of the reference; u' and u''."""
 
     size: Annotated[Scalar, Unit("(m/s^2)^2", "mean square of the path's acceleration, doubled")]
     change: Annotated[Scalar, Unit("(m/s^3)^2", "mean square of the path's jerk, doubled")]
@@ -223,15 +201,9 @@ AT_REST = AxisShift(size=0.0, change=0.0, rate=0.0, acceleration=0.0)
 
 
 def with_shift(path: PathShift | tuple[()], base: list[Vec3], level: Posture, gravity: Any) -> list[Vec3]:
-    """The base's reference, value to fourth derivative, plus the motion that the attitude answers.
+    """The base's reference, value to fourth derivative, with the horizontal shift in all but its position.
 
-    The position stays that of the reference, and so does all of z.
-
-    Args:
-        path: memory; empty where the attitude answers the reference alone.
-        base: without the shift, world axes.
-        level: posture of the references of a level base.
-        gravity: m/s^2.
+    ``path`` is empty where the attitude answers the reference alone; ``level`` the references' posture on a level base.
     """
     if not path:
         return base
@@ -259,11 +231,11 @@ def path_step(
     Args:
         path: memory; empty where it is left out.
         base: reference without the shift, value to fourth derivative, world axes.
-        asked: shift of the base that the attitude asks for, with two derivatives.
+        asked: shift of the base under the attitude, with two derivatives.
         yaw: heading.
         level: posture of the references of a level base.
         turned: posture of the arm under the attitude.
-        still: that attitude, of what :func:`with_shift` gave.
+        still: that attitude, of the result of :func:`with_shift`.
         par: constants.
         dt: control period, s.
     """

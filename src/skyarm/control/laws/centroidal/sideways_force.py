@@ -1,13 +1,11 @@
 """Force across the thrust axis: the rotors' share of it in hover, and the rest for a tilt.
 
 A force F at the common centre of mass r_c of a vehicle that does not turn is the wrench (r_c x F, F) about the base
-origin; each rotor's squared speed is linear in it. With b_i what the vertical part takes and c_i what the rest adds,
-room_i the distance from b_i to the limit that c_i goes to, the gauge of the reachable forces is max_i |c_i| / room_i;
-its place is taken by the 8-norm (sum_i (c_i / room_i)^8)^(1/8) >= max, which has all derivatives: nothing that it
-allows is beyond a rotor.
+origin; each rotor's squared speed is linear in it. With b_i of the vertical part, c_i of the rest and room_i the
+distance from b_i to the limit that c_i goes to, the gauge of the reachable forces is max_i |c_i| / room_i; the 8-norm
+(sum_i (c_i / room_i)^8)^(1/8) >= max takes its place, which has all derivatives.
 
-Of a wanted force the part (1 + (gauge / share)^8)^(-1/8) goes sideways at a level attitude, or another that is wanted,
-1 well inside and share / gauge far beyond; the attitude is that of the rest.
+Of a desired force the part (1 + (gauge / share)^8)^(-1/8) goes across the held axis; the attitude is that of the rest.
 Source: Franchi, Carli, Bicego, Ryll 2018, Full-pose tracking control for aerial robotic systems with laterally bounded
 input force, whose hard bound of the lateral force is smooth here.
 """
@@ -70,10 +68,8 @@ def gauge(reach: Reach, force: Vec3) -> Taylor:
 def leaning(reach: Reach, force: Vec3, share: Any, upright: Vec3 | None = None) -> Vec3:
     """The force (series of second order, world axes, N) that the attitude is computed with: without its sideways part.
 
-    Sideways is across the thrust axis that is wanted: ``upright`` (series), or world z without one.
-
-    Its second derivative counts as the rest does: sideways force makes up for an attitude that is late by it, and the
-    snap of a reference is rough where its acceleration bends.
+    Sideways is across ``upright`` (series), or world z. The second derivative counts as the rest does: the snap of a
+    reference is rough where its acceleration bends.
     """
     along: Any = force.z if upright is None else force.dot(upright)
     thrust = (E_Z if upright is None else upright) * along
@@ -113,11 +109,7 @@ def _square(value: Taylor) -> Taylor:
 def achievable_force(reach: Reach | None, force: Sequence[Vec3], R: Mat3, w: Vec3) -> Vec3:
     """Force achievable by the rotors at this attitude, world axes, N, or its first derivative, N/s.
 
-    Args:
-        reach: of the force across body z; None for none.
-        force: wanted, world axes, and if so its derivative.
-        R: R_WB.
-        w: body rate, rad/s.
+    ``force`` is the desired one, with its derivative for that of the result; ``reach`` None for none across body z.
     """
     order = len(force) - 1
     if reach is None:
@@ -147,9 +139,9 @@ def across(force: Vec3) -> Vec3:
 
 
 def planned_rate(still: Attitude, motion: Sequence[Vec3], mass: Any, gravity: Any) -> Vec3:
-    """Rate of the planned force, axes of the planned body, N/s; ``motion`` of the centre of mass: p'', p'''.
+    """Rate of the planned force f = m (p'' + g), planned body axes, N/s: R^T m p''' - w x R^T f.
 
-    With f = m (p'' + g) it is R^T m p''' - w x R^T f.
+    ``motion`` are p'' and p''' of the centre of mass.
     """
     force: Vec3 = still.R.apply_T(motion[0] + E_Z * gravity) * mass
     change: Vec3 = still.R.apply_T(motion[1]) * mass

@@ -1,17 +1,12 @@
 """Force at the tip from the estimate of the disturbance observer.
 
-A force f at the tip (base axes) appears in the observed disturbance as J^T f at the joints, r x f on the base's turning
-and f on its motion, beside what is no touch: wind, wrong masses, friction (the bias b). Of the joints it tells most,
-since little else pushes there, so f is the weighted least squares
+A force f at the tip (base axes) appears in the observed disturbance as J^T f at the joints, r x f in the base's torque
+and f in its force, in addition to the bias b of wind, wrong masses and friction: f is the weighted least squares
 
     |J^T f - (d_q - b_q)|^2 / l_q^2 + |r x f - (d_w - b_w)|^2 / l_w^2 + |f - (d_F - b_F)|^2
 
-with lengths l that say by what torque a force is wrong by as much as one of the base of 1 N: no vehicle's weight is in
-them. An arm of two joints in a plane tells two of the three directions; the base tells the third.
-
-With a torque t at the tip as well they are J_v^T f + J_w^T t, r x f + t and f. Weighted alike, six numbers in n + 6 of
-the disturbance: an arm of six joints tells all of them by its joints alone, any other needs the base's torque, too, of
-which wrong rotors are a part.
+with lengths l that say by which torque a force is wrong by as much as one of the base of 1 N. Joints weigh most, since
+little else pushes there; the base gives the direction that an arm in a plane does not.
 """
 
 from __future__ import annotations
@@ -33,11 +28,7 @@ AXES = (Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1))
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ForceErrors:
-    """Errors of the tip force from parts of the disturbance: the error of each that weighs as 1 N of the base's.
-
-    Attributes:
-        turning: N m, of a joint that turns. sliding: N, of one that slides. base: N m, of the base's torque.
-    """
+    """Errors of the tip force from parts of the disturbance: the error of each that weighs as 1 N of the base's."""
 
     turning: Annotated[Scalar, Unit("N m", "of a joint that turns, as much as 1 N of the base's force")] = 0.0045
     sliding: Annotated[Scalar, Unit("N", "of a joint that slides, as much as 1 N of the base's force")] = 0.02

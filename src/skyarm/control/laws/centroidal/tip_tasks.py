@@ -5,9 +5,8 @@ tip's reference.
 
 Task 1 is the tip's position, task 2 the link orientations; joint accelerations solve the weighted least squares
 |J qdd - b_1|^2 + damping^2 sum |A_i qdd - b_i|^2 + posture^2 |qdd - qdd_d|^2, so that task 2 rules the directions in
-which J is singular; sliding joints, which turn no link, are held by (damping / reach)^2 |qdd_i - qdd_d,i|^2. J is the
-tip's Jacobian against the centre of mass, which the joints do not move: its acceleration follows from the thrust;
-joints beside the tip's chain are left out.
+which J is singular; sliding joints are held by (damping / reach)^2 |qdd_i - qdd_d,i|^2. J is the tip's Jacobian against
+the centre of mass, whose acceleration follows from the thrust; joints off the tip's chain are left out.
 Source: Wampler 1986, Nakamura, Hanafusa 1986 (damped least squares); Umetani, Yoshida 1989 (generalized Jacobian).
 """
 
@@ -100,7 +99,7 @@ def shift(level: Posture, yaw: Taylor, turned_arm: Posture, still: Attitude, lim
         level: posture of the references, base axes.
         yaw: heading.
         turned_arm: posture whose links are turned as those of a level base.
-        still: quasi-static attitude with its rate and acceleration; slow, as its disturbance is.
+        still: quasi-static attitude with its rate and acceleration.
         limit: m; the offset stays within it, hardly changed up to half of it.
     """
     needed = needed_shift(level.tip, yaw, turned_arm.tip, still)
@@ -114,11 +113,7 @@ def shift(level: Posture, yaw: Taylor, turned_arm: Posture, still: Attitude, lim
 def needed_shift(level: Vec3, yaw: Taylor, turned: Vec3, still: Attitude) -> list[Vec3]:
     """Offset of a point of a level vehicle from the same point of a tilted one, with two derivatives.
 
-    Args:
-        level: the point of the references, base axes.
-        yaw: heading.
-        turned: of the arm whose links are turned as those of a level base.
-        still: attitude with its rate and acceleration.
+    ``level`` is the point of the references, ``turned`` that of an arm whose links turn as those of a level base.
     """
     R, w, alpha = still.R, still.rate, still.acceleration
     r, rd, rdd = (derivative(turned, k) for k in range(3))
@@ -231,13 +226,7 @@ def level_motion(
 ) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
     """Rates and accelerations of joints whose links turn as those of a level base while the base turns.
 
-    Args:
-        vehicle: model.
-        gains: weights.
-        wanted: turning of the links.
-        still: attitude of the base with its rate and acceleration, base axes.
-        poses: of the links turned so.
-        told: rates and accelerations of the joints' references, which are kept where the links say nothing.
+    ``poses`` are of the links turned so; ``told`` rates and accelerations of the joints' references, for the rest.
     """
     directions, R, w = axes(vehicle, poses), still.R, still.rate
     turns = [R.apply_T(each) - w for each in wanted.rates]

@@ -28,8 +28,7 @@ TRIM = 0.1
 class Reaction:
     """Joint torques for joint accelerations under a given force on a base whose angular acceleration stays as desired.
 
-    Blocks of the mass matrix, with t the base's translation, w its rotation, j the joints; the base's origin moves
-    freely.
+    Blocks of the mass matrix: t the base's translation, w its rotation, j the joints; the base's origin moves freely.
 
     Attributes:
         joints: M_jj - M_jt M_tj / m, joint torques per joint acceleration, a row a joint.
@@ -70,7 +69,7 @@ def reaction(vehicle: Vehicle, joints: Sequence[Any]) -> Reaction:
 def needed(model: Model, state: State, demand: Demand, unknown: Disturbance) -> tuple[Vec3, tuple[Any, ...]]:
     """Body torque (N m, base axes) and joint torques that give the desired accelerations with the desired thrust.
 
-    What the disturbance already does is left out; known friction is added, its dry part at the references' rates.
+    The disturbance is subtracted; friction of the model is added, its dry part at the references' rates.
     """
     vehicle, qd = model.vehicle, state.joint_rates
     dry_rates = [q.derivative(1) for q in demand.planned.joints]
@@ -94,7 +93,6 @@ class Done:
     """Commands sent, and their saturation.
 
     Attributes:
-        command: to the actuators.
         free: 1 for the base and each joint whose actuators are not at their limit, else 0.
         trim: of the squared rotor speeds, one period later, (rad/s)^2.
     """
@@ -105,14 +103,12 @@ class Done:
 
 
 def actuate(step: Step, demand: Demand) -> Done:
-    """Return the command for a demand.
+    """The command for a demand.
 
-    Motors that slow down later than they speed up lose thrust under noise, so that the mean of what they do (their
-    model knows it) misses the mean of what was wanted: the trim integrates that difference, within bounds, but not
-    while others change the rotors' commands (``applied`` of the memory is 0), which would wind it up.
-
-    Joints whose torques are cut accelerate more slowly and push the base less: that part of the body torque falls away,
-    so that its angular acceleration stays what was desired.
+    Motors that slow down later than they speed up lose thrust under noise: the trim integrates, within bounds, what the
+    modelled mean squared speeds miss, but not while others change the rotors' commands.
+    Joints whose torques are cut push the base less: that part of the body torque falls away, so that the base's angular
+    acceleration stays as desired.
     """
     par, state, dt, trim = step.par, step.state, step.dt, step.memory.trim
     model = par.model

@@ -1,14 +1,13 @@
 """Virtual body of an admittance: mass, damping and stiffness along three axes.
 
-The offset x of the reference that a law tracks, along each axis by itself, is the motion of
+The offset x of the reference along each axis is the motion of
 
     M x'' + D x' + K x = f(t),
 
 and f is measured only as g, late by a known time T: of first order g' = (f - g) / T, or two filters of T / 2. The
-velocity is therefore taken as v = w + T g / M, with M w' = g - D v - K x: both equations together are the ones above
-with g + T g' in place of g, which is f to second order of the lag, and nothing is differentiated. A body that damper or
-spring stop sooner than within T has not gathered the impulse T f: for it the lead is M / D or sqrt(M / K), with which
-the velocity that comes with the first measured force is no more than the body's own.
+velocity is therefore v = w + T g / M, with M w' = g - D v - K x: the motion above with g + T g' in place of g, which is
+f to second order of the lag, and nothing is differentiated. A body that damper or spring stop sooner than within T has
+not gathered the impulse T f: for it the lead is M / D or sqrt(M / K).
 
 Trapezoidal rule, stable for any numbers that are not negative. An axis of inertia 0 stays where it is.
 Source: Hogan 1985, "Impedance control"; Villani, De Schutter, "Force control", Springer Handbook of Robotics 2016, 9.2.
@@ -28,12 +27,7 @@ from skyarm.records.units import Unit
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Compliance:
-    """Mass, damping and stiffness of a virtual body along three axes.
-
-    Attributes:
-        inertia, damping, stiffness: of each axis; a structural 0 of the inertia holds it.
-        lead: lag of the measured force. axes: unit vectors, world axes; empty for those of the world.
-    """
+    """Constants along the axes (unit vectors; empty for those of the world); a structural inertia 0 holds one."""
 
     inertia: Annotated[tuple[Scalar, ...], Unit("kg", "of the virtual body; 0 holds an axis", low=0.0)]
     damping: Annotated[tuple[Scalar, ...], Unit("N s/m", "along each axis", low=0.0)]
@@ -44,28 +38,14 @@ class Compliance:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class VirtualBody:
-    """Memory of the virtual body, along its axes.
-
-    Attributes:
-        offset: x. rate: w, the velocity without what the lead adds.
-    """
+    """Memory of the virtual body, along its axes: x and w."""
 
     offset: Annotated[tuple[Scalar, ...], Unit("m", "from the reference, along each axis")] = (0.0, 0.0, 0.0)
     rate: Annotated[tuple[Scalar, ...], Unit("m/s", "along each axis, without the lead")] = (0.0, 0.0, 0.0)
 
 
 def move(gains: Compliance, memory: VirtualBody, force: Vec3, dt: Any) -> tuple[VirtualBody, tuple[Vec3, ...]]:
-    """One period of the motion.
-
-    Args:
-        gains: constants.
-        memory: one period earlier.
-        force: N, world axes, that pushes it in this period.
-        dt: s.
-
-    Returns:
-        The memory, and the offset with two derivatives (m, m/s, m/s^2, world axes).
-    """
+    """Memory and offset with two derivatives (m, m/s, m/s^2, world axes) one period later, under a force in N."""
     along = [axis.dot(force) for axis in gains.axes] if gains.axes else list(force)
     axes = zip(gains.inertia, gains.damping, gains.stiffness, memory.offset, memory.rate, along, strict=True)
     rates, motions = zip(*(_axis_step(axis, gains.lead, dt) for axis in axes), strict=True)
