@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from skyarm.algebra import Vec3
-from skyarm.reference.governor.path_time import offset_reference
+from skyarm.reference.path_time import offset_reference
 from skyarm.reference.trajectory import Reference
 
 PLAN = Reference(position=Vec3(1.0, 2.0, 3.0), joints=())

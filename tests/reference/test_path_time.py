@@ -7,7 +7,7 @@ import pytest
 from scipy.interpolate import BSpline
 
 from skyarm.reference import Constant, Sine, Trajectory, hover
-from skyarm.reference.governor.path_time import PathTime, governed_reference
+from skyarm.reference.path_time import PathTime, governed_reference
 
 GENERATOR = np.random.default_rng(5)
 STEP = 0.2

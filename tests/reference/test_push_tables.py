@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from skyarm.algebra import Vec3
-from skyarm.reference.governor.path_time import by_flight_time
+from skyarm.reference.path_time import by_flight_time
 from skyarm.reference.reference_tables import reference_from
 from skyarm.reference.task_records import Setting
 from skyarm.reference.tip_motion import counted_error

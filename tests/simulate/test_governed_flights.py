@@ -10,7 +10,7 @@ import skyarm
 from skyarm.cli.run_command import facts
 from skyarm.log.metrics.path_distance import path_distance
 from skyarm.log.metrics.score import score
-from skyarm.reference.governor.path_time import governed_reference
+from skyarm.reference.path_time import governed_reference
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.loop import run_in_python

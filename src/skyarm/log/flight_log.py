@@ -55,8 +55,8 @@ class Log:
             (:mod:`skyarm.control.laws.centroidal.lag_estimate`); without columns for a law that estimates none.
         load_mass_found, load_place_found: (N,) kg, (N, 3) m, of the load that the law learned: mass, and centre in the
             axes of the tip; empty for a law that learns none.
-        path_time: (N,) how far along the reference a governor leads the law, s; ``time - path_time`` is its lag. Empty
-            without a governor; of a task whose phases wait, the reference's own time, which is waited from.
+        path_time: (N,) the reference's time, s, where it is planned apart from the flight's; ``time - path_time`` is
+            its lag. Empty where it is not; of a task whose phases wait, the reference's own time, which is waited from.
         phase: (N,) number of the phase that is flown, one more than the last once all are done. Empty where no phase
             waits.
         tilts, tilt_commands: (N, tilting rotors) rad; without columns where no rotor tilts.

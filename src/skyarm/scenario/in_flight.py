@@ -23,6 +23,7 @@ from skyarm.dynamics.actuators.servo import Servo
 from skyarm.records.files import Fields, did_you_mean, shown
 from skyarm.records.registry.plugins import is_law_of_file
 from skyarm.reference import trajectory_from
+from skyarm.reference.path_time import PLANNED
 from skyarm.scenario import scenario_tables as tables
 from skyarm.scenario.controller_table import controller_by_name, loop_facts
 from skyarm.scenario.numbers import is_payload, means_the_same, number_at, require_apart, with_numbers
@@ -69,22 +70,16 @@ def _fields_of_part(scenario: Scenario, path: str, value: Any) -> dict[str, Any]
         return {path: tables.controller(Fields(value, path), scenario.controller.par.model, None, known)}
     setting = tables.setting_of(scenario.plant, scenario.duration)
     if path in OF_REFERENCE:
-        for what, there in (("tip", scenario.reference.tip), ("governor", scenario.path_time)):
-            if there is not None:
-                allowed = f"must stay as it is where the reference has a {what}; replace reference as a whole"
-                raise ValueError(f"{path} = {shown(value)}: {allowed}")
+        fixed = "must stay as it is where the reference has a tip" if scenario.reference.tip is not None else ""
+        fixed = PLANNED if scenario.path_time is not None else fixed
+        if fixed:
+            raise ValueError(f"{path} = {shown(value)}: {fixed}; replace reference as a whole")
         entry = {path.removeprefix("reference."): value}
         found = trajectory_from(entry, scenario.plant.vehicle.n, "reference", setting)
         fields = {name: getattr(found, name) for name in OF_REFERENCE[path]}
         return {"reference": dataclasses.replace(scenario.reference, **fields)}
-    given, governor = tables.reference(value, scenario.plant, setting)
-    given["path_time"] = None
-    if governor is not None:
-        from skyarm.scenario.path_governor import with_governor
-
-        governed = with_governor(dataclasses.replace(scenario, **given), governor, setting)
-        given["path_time"] = governed.path_time
-    return given
+    given, planned = tables.reference(value, scenario.plant, setting)
+    return {**given, "path_time": planned(scenario.with_words(**given, path_time=None)).path_time}
 
 
 def _law(scenario: Scenario, name: Any) -> Controller:

@@ -2,7 +2,7 @@
 
 The path stays as it is: no corner is cut. Errors are taken against the reference as it is commanded at each instant,
 and the lag t - s(t) stands beside them. The plan is made before the flight, from the law's model; the scenario
-keeps it as a curve of time (:mod:`skyarm.reference.governor.path_time`), so that every engine flies the same numbers.
+keeps it as a curve of time (:mod:`skyarm.reference.path_time`), so that every engine flies the same numbers.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -28,9 +28,9 @@ from skyarm.records.files import Fields, shown
 from skyarm.records.leaves import field_names
 from skyarm.records.read_table import record_from
 from skyarm.records.units import Unit
-from skyarm.reference.governor.path_time import by_flight_time
+from skyarm.reference.path_time import by_flight_time
 from skyarm.reference.signals import Derivatives
-from skyarm.reference.task_records import Setting
+from skyarm.reference.task_records import Setting, TaskEvent
 from skyarm.reference.trajectory import Reference, Trajectory
 from skyarm.scenario.path_plan import Array, Ceilings, Judge, Plan, plan
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
@@ -76,43 +76,52 @@ def govern(scenario: Scenario, **options: float) -> Scenario:
         raise ScenarioError(str(error)) from None
 
 
-def options_from(table: Any) -> GovernorOptions:
-    """Options of [reference.governor]: true, or a table of limits."""
-    if table is True:
-        return GovernorOptions()
-    if not isinstance(table, Mapping):
+def planner_from(table: Any, setting: Setting) -> Callable[[Scenario], Scenario]:
+    """What plans the time of a reference that is read for a setting.
+
+    Args:
+        table: [reference.governor]: true, or limits.
+        setting: with the phases' events once the reference is read.
+
+    Raises:
+        ValueError: one line.
+    """
+    if table is not True and not isinstance(table, Mapping):
         raise ValueError(f"reference.governor = {shown(table)}: must be true, false or a table of limits")
-    return record_from(GovernorOptions, Fields(dict(table), "reference.governor"))
+    options = record_from(GovernorOptions, Fields({} if table is True else dict(table), "reference.governor"))
+    return lambda scenario: governed_scenario(scenario, options, setting.events)
 
 
-def governed_scenario(scenario: Scenario, options: GovernorOptions) -> Scenario:
-    """The scenario with a planned time of its reference; without any where none is needed."""
+def governed_scenario(scenario: Scenario, options: GovernorOptions, events: Sequence[TaskEvent] = ()) -> Scenario:
+    """The scenario with a planned time of its reference; without any where none is needed.
+
+    Raises:
+        ValueError: one line: events at fixed instants, after which a slowed vehicle would arrive; or a long flight.
+    """
     bare = scenario.with_words(path_time=None)
-    if bare.duration > LONGEST:
-        allowed = f"must be left out of a flight of more than {LONGEST:g} s"
-        raise ValueError(f"reference.governor: {allowed}")
-    _require_no_instants(bare)
+    for reason in _reasons_against(bare, events):
+        raise ValueError(f"reference.governor: must be left out {reason}")
     found = plan_of(bare, options)
-    for line in _infeasible_demands(found, bare, options):
+    if found.beyond > MISSED:
+        name = Limits(bare.controller.par.model, options).names()[found.limit]
+        line = f"asks for {found.beyond:.3g} times its limit of {name} at {found.at:.3g} s of the path, however slow"
         warnings.warn(f"reference.governor: {line}", GovernorWarning, stacklevel=3)
     return bare if found.path_time is None else bare.with_words(path_time=found.path_time)
 
 
-def _require_no_instants(scenario: Scenario) -> None:
-    """Refuse events at fixed instants: a slowed vehicle would arrive after them."""
-    grippers = () if scenario.world is None else scenario.world.grippers
-    for each in grippers:
+def _reasons_against(scenario: Scenario, events: Sequence[TaskEvent]) -> Iterator[str]:
+    """Why a scenario has no plan."""
+    if events:
+        yield f"of a reference that picks or places something ({events[0].where})"
+    if scenario.duration > LONGEST:
+        yield f"of a flight of more than {LONGEST:g} s"
+    for each in () if scenario.world is None else scenario.world.grippers:
         if each.closed.signal.switch_times():
-            allowed = f"must be left out where gripper {each.name!r} closes or opens at an instant"
-            raise ValueError(f"reference.governor: {allowed}")
+            yield f"where gripper {each.name!r} closes or opens at an instant"
     if scenario.payloads and any(change.path.startswith("model.payload.") for change in scenario.changes):
-        raise ValueError("reference.governor: must be left out where the law is told of payloads (believed = true)")
-
-
-def _infeasible_demands(found: Plan, scenario: Scenario, options: GovernorOptions) -> Iterator[str]:
-    if found.beyond > MISSED:
-        name = Limits(scenario.controller.par.model, options).names()[found.limit]
-        yield f"asks for {found.beyond:.3g} times its limit of {name} at {found.at:.3g} s of the path, however slow"
+        yield "where the law is told of payloads (believed = true)"
+    if scenario.reference.guards:
+        yield "of a reference whose phases wait (until)"
 
 
 def _switches(scenario: Scenario) -> list[float]:
@@ -120,23 +129,9 @@ def _switches(scenario: Scenario) -> list[float]:
     return [t for t in scenario.reference.switch_times() if 0.0 < t < scenario.duration]
 
 
-def with_governor(scenario: Scenario, options: GovernorOptions, setting: Setting) -> Scenario:
-    """The same for a reference that was read for a setting.
-
-    Raises:
-        ValueError: phases that pick or place something: its instants would come before the vehicle.
-    """
-    if setting.events:
-        allowed = f"must be left out of a reference that picks or places something ({setting.events[0].where})"
-        raise ValueError(f"reference.governor: {allowed}")
-    return governed_scenario(scenario, options)
-
-
 def plan_of(scenario: Scenario, options: GovernorOptions) -> Plan:
     """The plan of a scenario's reference, from its law's model."""
     trajectory, limits = scenario.reference, Limits(scenario.controller.par.model, options)
-    if trajectory.guards:
-        raise ValueError("reference.governor: must be left out of a reference whose phases wait (until)")
     ceilings = Ceilings(duration=float(scenario.duration), stops=_corners(trajectory, scenario))
 
     def motion(s: Derivatives, time: Array) -> Motion:

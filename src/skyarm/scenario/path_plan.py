@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.dynamics.actuators.motion_demand import Motion
-from skyarm.reference.governor.path_time import PathTime
+from skyarm.reference.path_time import PathTime
 from skyarm.reference.signals import Derivatives
 
 Array = npt.NDArray[Any]
@@ -179,7 +179,7 @@ class Judge:
         sound = np.isfinite(found).all(axis=0)
         if not sound.all():
             at = float(s[0][int(np.argmin(sound))])
-            raise ValueError(f"reference.governor: nobody knows what the reference asks for at {at:.3g} s: not finite")
+            raise ValueError(f"reference: asks for what is not finite at {at:.3g} s; must have a motion to plan for")
         return found
 
 

@@ -17,6 +17,7 @@ from skyarm.records.files.old_names import warn_of_old_name
 from skyarm.records.leaves import Place, field_names, part, parts
 from skyarm.records.registry.registrations import name_of
 from skyarm.reference import Constant, Shifted, Signal, Sine, Sum, Trajectory, Windowed
+from skyarm.reference.path_time import PLANNED
 from skyarm.reference.tip_motion import TipMotion
 from skyarm.scenario.endings import Ending
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
@@ -70,8 +71,7 @@ def places_of(scenario: Scenario, path: str) -> tuple[Place, ...]:
         if path == field or path.startswith(f"{field}."):
             raise ScenarioError(f"path = {path!r}: {field} is structure, the same for all episodes; fly two studies")
     if path.startswith("reference.") and scenario.path_time is not None:
-        allowed = "must stay as it is where the reference has a governor, which has planned for it"
-        raise ScenarioError(f"path = {path!r}: {allowed}; make a scenario of each (skyarm.govern)")
+        raise ScenarioError(f"path = {path!r}: {PLANNED}; make a scenario of each (skyarm.govern)")
     if path.startswith("changes.") and not path.endswith(".value"):
         raise ScenarioError(f"path = {path!r}: must be changes.NUMBER.value; when a change comes is structure")
     for root, start in roots(scenario).items():

@@ -141,21 +141,15 @@ def _check_clocks_of_law(scenario: Scenario) -> None:
 
 
 def _check_reference(scenario: Scenario) -> None:
-    """The law starts tracking within the flight, and a governor has planned for all of it."""
+    """The law starts tracking within the flight, and a planned time lasts for all of it."""
     if concrete(scenario.tracking_start):
         start = number(scenario.tracking_start, "reference.tracking_start", low=0.0)
         if start > scenario.duration:
             raise ValueError(
                 f"reference.tracking_start = {start!r}: must not exceed the duration of {scenario.duration:g} s"
             )
-    path = scenario.path_time
-    if scenario.reference.guards and path is not None:
-        raise ValueError("reference.governor: must be left out of a reference whose phases wait (until)")
-    if path is not None and path.duration < scenario.duration - 1e-9:
-        raise ValueError(
-            f"reference.governor: was planned for {path.duration:g} s, the flight lasts {scenario.duration:g} s; "
-            "plan it anew (skyarm.govern)"
-        )
+    if scenario.path_time is not None:
+        scenario.path_time.check(scenario.duration, bool(scenario.reference.guards))
     found, joints = len(scenario.reference.joints), scenario.plant.vehicle.n
     if found != joints:
         raise ValueError(f"reference.joints = {found} signals: must be {joints}, one for each joint")

@@ -63,7 +63,6 @@ from skyarm.records.files import (
 from skyarm.records.files.names import names_in, read_named
 from skyarm.records.read_table import record_from
 from skyarm.records.registry import names
-from skyarm.reference.task_records import Setting
 from skyarm.scenario import scenario_tables as tables
 from skyarm.scenario.controller_table import loop_facts, under_law
 from skyarm.scenario.scenario_record import (
@@ -170,7 +169,7 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
     chosen["duration"] = number(chosen["duration"], "duration", low=0.0, strict=True)
     rates, delays = record_from(Rates, top.inner("rates")), record_from(Delays, top.inner("delays"))
     setting = tables.setting_of(world, max(chosen["duration"], number(duration, "duration")))
-    reference, governor = tables.reference(top.take("reference", {}), world, setting, folder)
+    reference, planned = tables.reference(top.take("reference", {}), world, setting, folder)
     flying, contact = top.take("payloads", []), tables.contact(top.take("world", None), folder)
     changes: tuple[Change, ...] = ()
     if flying != [] or setting.events:
@@ -216,11 +215,11 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
         from skyarm.scenario.in_flight import require_changes
 
         require_changes(scenario)
-    return _at_start(scenario, initial, governor, setting)
+    return planned(_at_start(scenario, initial))
 
 
-def _at_start(scenario: Scenario, initial: Any, governor: Any, setting: Setting) -> Scenario:
-    """The scenario with objects and vehicle where they start, and its reference governed."""
+def _at_start(scenario: Scenario, initial: Any) -> Scenario:
+    """The scenario with objects and vehicle where they start."""
     if scenario.world is not None:
         from skyarm.world.contact.static_equilibrium import with_standing_objects
 
@@ -232,11 +231,7 @@ def _at_start(scenario: Scenario, initial: Any, governor: Any, setting: Setting)
         from skyarm.scenario.scenario_checks import require_start_outside
 
         require_start_outside(scenario)
-    if governor is None:
-        return scenario
-    from skyarm.scenario.path_governor import with_governor
-
-    return with_governor(scenario, governor, setting)
+    return scenario
 
 
 def _changes(top: Fields, replaced: Mapping[str, Any]) -> tuple[Change, ...]:

@@ -28,7 +28,7 @@ from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.registry.registrations import registrations
 from skyarm.records.units import Unit
 from skyarm.reference import Trajectory
-from skyarm.reference.governor.path_time import PathTime
+from skyarm.reference.path_time import PathTime
 from skyarm.scenario.endings import Ending
 from skyarm.sensing.estimate.estimator import FULL_STATE, PASS_THROUGH, Estimator, PassThrough
 from skyarm.sensing.measurement import SensorNoise
@@ -272,7 +272,7 @@ class Agent:
         reference: desired motion.
         tracking_start: s; before it the law receives the initial reference at rest. Errors always refer to the running
             reference. An int of 0 is structure: the law tracks from the first instant.
-        path_time: time scaling of the reference by a governor (:func:`skyarm.govern`); None for none.
+        path_time: planned time of the reference (:func:`skyarm.govern`); None for none.
         noise: of the full state. sensors: in addition to it.
         estimator: from all readings to the measurement that the law receives.
         drives: of joints whose setpoint is not the torque.
@@ -419,7 +419,7 @@ class Scenario:
 
     @property
     def path_time(self) -> PathTime | None:
-        """Path governor of the agent."""
+        """Planned time of the agent's reference."""
         return self.agent.path_time
 
     @property

@@ -42,7 +42,6 @@ from skyarm.world import Component, Payload, faults_from, wind_from
 
 if TYPE_CHECKING:
     from skyarm.reference.feasibility import Feasibility
-    from skyarm.scenario.path_governor import GovernorOptions
     from skyarm.world.contact.contact import Contact
 
 
@@ -292,11 +291,17 @@ def _in_folder(table: Any, folder: Path) -> Any:
     return found
 
 
+def _as_commanded(scenario: Scenario) -> Scenario:
+    """The scenario of a reference without a governor."""
+    return scenario
+
+
 def reference(
     table: Any, world: Truth, setting: Setting, folder: Path = Path()
-) -> tuple[dict[str, Any], GovernorOptions | None]:
-    """Trajectory and start of tracking of [reference], and the options of its governor, None for none."""
-    rest, governor, start = table, None, 0
+) -> tuple[dict[str, Any], Callable[[Scenario], Scenario]]:
+    """Trajectory and start of tracking of [reference], and what plans its time as its governor asks."""
+    planned: Callable[[Scenario], Scenario] = _as_commanded
+    rest, start = table, 0
     if isinstance(table, Mapping):
         rest = {name: value for name, value in table.items() if name not in ("governor", "tracking_start", "joined")}
         if "joined" in table:
@@ -305,11 +310,11 @@ def reference(
             if word in table:
                 start = number(table[word], f"reference.{word}", low=0.0)  # type: ignore[assignment]
         if table.get("governor", False) is not False:
-            from skyarm.scenario.path_governor import options_from
+            from skyarm.scenario.path_governor import planner_from
 
-            governor = options_from(table["governor"])
+            planned = planner_from(table["governor"], setting)
     trajectory = reference_from(_in_folder(rest, folder), world.vehicle.n, "reference", setting)
-    return {"reference": trajectory, "tracking_start": start}, governor
+    return {"reference": trajectory, "tracking_start": start}, planned
 
 
 def initial(fields: Fields, scenario: Scenario) -> State:

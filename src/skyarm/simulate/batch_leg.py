@@ -73,8 +73,8 @@ class Feed:
             held = np.array(inputs.held_leaves, dtype=float).reshape(scenario.steps, -1)
             columns += [held, *(np.stack(columns_of(goal, scenario.steps), axis=1) for goal in goals)]
             columns += columns_of((inputs.told_reference, inputs.path_time), scenario.steps)
-            governor = (inputs.row_example.told, inputs.row_example.path_time)
-            self.example = (*self.example, inputs.reference_example, *(_zeros(goal) for goal in goals), governor)
+            self.example = (*self.example, inputs.reference_example, *(_zeros(goal) for goal in goals))
+            self.example += ((inputs.row_example.told, inputs.row_example.path_time),)
         self.rows = np.column_stack(columns)
 
     def _goal_table(self, reference: Reference) -> Goal:

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from skyarm.compile import Program, leaves, rebuild, trace
 from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.reference import Publisher, Reference
-from skyarm.reference.governor.path_time import by_flight_time
+from skyarm.reference.path_time import by_flight_time
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.loop_state import LoopState, Row
 from skyarm.simulate.reference_clock import Waits
@@ -67,7 +67,7 @@ class EpisodeInputs:
 
     @cached_property
     def told_reference(self) -> Reference | tuple[()]:
-        """The governed reference as published and held, a record of arrays; empty without a governor."""
+        """The time-scaled reference as published and held, a record of arrays; empty without a planned time."""
         path = self.scenario.path_time
         if path is None:
             return ()
@@ -80,7 +80,7 @@ class EpisodeInputs:
 
     @cached_property
     def path_time(self) -> Array | tuple[()]:
-        """(steps,) time of the governed reference, s; empty without a governor."""
+        """(steps,) planned time of the reference, s; empty without one."""
         path = self.scenario.path_time
         return () if path is None else np.asarray(path.derivatives(self.times)[0])
 

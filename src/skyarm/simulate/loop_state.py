@@ -62,8 +62,8 @@ class Row:
     """External inputs of a control instant: its time and the held reference.
 
     Of a scenario whose phases wait it is the time alone; the loop puts the reference there, and ``path_time``.
-    ``told`` is the governed sample that the law receives in its place and ``path_time`` the reference's time, s
-    (:mod:`skyarm.reference.governor.path_time`); without a governor both are empty: structure.
+    ``told`` is the time-scaled sample that the law receives in its place and ``path_time`` the reference's time, s
+    (:mod:`skyarm.reference.path_time`); both are empty where none is planned: structure.
     """
 
     time: Scalar

@@ -28,7 +28,7 @@ from skyarm.algebra.scalars import (
 from skyarm.control.law_estimates import observed_push
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.records.leaves import blend, leaves, mismatch
-from skyarm.reference.governor.path_time import offset_reference
+from skyarm.reference.path_time import offset_reference
 from skyarm.reference.task_records import Guard
 from skyarm.reference.tip_motion import counted_error
 from skyarm.reference.trajectory import PASSED, Reference

@@ -123,8 +123,8 @@ FREE = {
     "rotor_jitter_mean": _measure(
         "mean", "steady", "jitter_size", "mean change of a rotor command per period", "rad/s"
     ),
-    "reference_lag_mean": _measure("mean", "steady", "lag", "mean lag of the governor", "s"),
-    "reference_lag_max": _measure("max", "whole", "lag", "largest lag of the governor", "s"),
+    "reference_lag_mean": _measure("mean", "steady", "lag", "mean lag of the reference", "s"),
+    "reference_lag_max": _measure("max", "whole", "lag", "largest lag of the reference", "s"),
     "phases_done": _measure("max", "whole", "phase", "phases done", "phases"),
     # against the continuous reference always, as a mean height before the motion
     "hover_offset": _measure("mean", "hover", f"height{CONTINUOUS}", "height offset in hover", "m"),

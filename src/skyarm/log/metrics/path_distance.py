@@ -16,8 +16,8 @@ AT_ONCE = 256
 def path_distance(points: Array, path: Array) -> Array:
     """Distance of each point to the line through the samples of a path.
 
-    Of a flight: ``path_distance(log.tip, log.tip_reference)``, which a governor keeps small where the error against the
-    reference of that instant is not.
+    Of a flight: ``path_distance(log.tip, log.tip_reference)``, which stays small on a slowed path where the
+    error against the reference of that instant does not.
 
     Args:
         points: (N, 3), m.

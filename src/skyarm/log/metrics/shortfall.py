@@ -157,8 +157,8 @@ def _actuator_limits(log: Log) -> Iterator[tuple[str, str, Array, float, float]]
 def _far(log: Log, pushing: Array) -> Iterator[Unreached]:
     """Base and tip whose mean error at the end is too large: over the last window, or where the flight ended.
 
-    A governor may lag behind: the distance to the path counts. While the tip presses its reference lies anywhere along
-    the normal.
+    A reference may lag behind its plan: the distance to the path counts. While the tip presses its reference
+    lies anywhere along the normal.
     """
     duration = float(log.info["duration"])
     start = min(duration - Windows().of_flight(duration, windows_of(log)).last, float(log.time[-1]))

@@ -19,7 +19,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.plant.loads import STEADY, applied_force
 from skyarm.plant.surroundings import Surroundings
-from skyarm.reference.governor.path_time import governed_reference
+from skyarm.reference.path_time import governed_reference
 from skyarm.reference.trajectory import Reference, Trajectory
 from skyarm.scenario.in_flight import stretches
 from skyarm.scenario.scenario_record import Scenario

@@ -124,7 +124,7 @@ def _paths(scenario: Scenario, root: str) -> Iterator[str]:
     elif root == "payloads":
         yield from (f"{root}.{i}.mass" for i in range(len(scenario.payloads)))
     elif root == "reference":
-        if scenario.path_time is None:  # a governor has planned for the reference as it is
+        if scenario.path_time is None:  # one is planned for the reference as it is
             yield from _of_motion(scenario.reference)
     elif root == "sensors":
         yield from _below(scenario.noise, root)

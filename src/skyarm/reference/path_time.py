@@ -28,6 +28,9 @@ from skyarm.reference.trajectory import Reference, Trajectory
 
 Array = npt.NDArray[Any]
 
+PLANNED = "must stay as it is where the reference has a governor, which has planned for it"
+"""What is allowed of a number of a reference whose time is planned."""
+
 FEWEST = 6
 """Control points of one polynomial of degree five."""
 
@@ -73,6 +76,24 @@ class PathTime:
             found.append(total / step**order)
         d0, d1, d2, d3, d4 = found
         return d0, d1, d2, d3, d4
+
+    def check(self, duration: float, waits: bool) -> None:
+        """Refuse a flight that this time was not planned for.
+
+        Args:
+            duration: of the flight, s.
+            waits: True if phases of the reference wait.
+
+        Raises:
+            ValueError: one line.
+        """
+        if waits:
+            raise ValueError("reference.governor: must be left out of a reference whose phases wait (until)")
+        if self.duration < duration - 1e-9:
+            raise ValueError(
+                f"reference.governor: was planned for {self.duration:g} s, the flight lasts {duration:g} s; "
+                "plan it anew (skyarm.govern)"
+            )
 
     def instant_of(self, path_time: float) -> float:
         """First time of the flight (s) at which the reference's time has come to ``path_time``; its end if never."""
