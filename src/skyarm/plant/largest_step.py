@@ -12,6 +12,7 @@ from skyarm.plant.surroundings import Surroundings
 from skyarm.records import coerce
 from skyarm.records.coerce import concrete
 from skyarm.records.files import shown
+from skyarm.world.component import MOST_STEPS
 
 INTEGRATORS = ("rk4", "euler", "rk4_staged")
 """On the rigid-body plant the third is the first: loads are evaluated at each stage anyway."""
@@ -29,10 +30,6 @@ choice of a scenario. It takes forces once a step, where a Runge-Kutta step take
 
 STAGES = 4
 """Times that a Runge-Kutta step takes forces."""
-
-
-MOST_STEPS = 1000
-"""Integration steps of a control period at most: a record that asks for more is a slip of units."""
 
 
 def largest_step(around: Any, *, coupled: bool = True, euler: bool = False) -> float | None:

@@ -15,8 +15,9 @@ from skyarm.control.law_checks import check_controller
 from skyarm.control.model import JointGains, Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Mixer, make_mixer
+from skyarm.dynamics.actuators.drive import Drive
 from skyarm.plant.joint_rate import joint_rate
-from skyarm.plant.largest_step import MOST_STEPS, check_largest_step
+from skyarm.plant.largest_step import check_largest_step
 from skyarm.records.coerce import TOLERANCE, concrete
 from skyarm.records.field_rules import require_fields
 from skyarm.records.files import did_you_mean, number, shown
@@ -26,6 +27,7 @@ from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
 from skyarm.sensing.sensor import Sensor
 from skyarm.vehicle.check import require_plant
 from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.world import Component
 
 LONGEST_FLIGHT = 10_000_000
 """Control periods of one episode, 14 h at 200 Hz: its log takes about 10 GB."""
@@ -190,7 +192,9 @@ def _check_drives(scenario: Scenario) -> None:
     """Drives are of joints that are there and have torque; surroundings, drives and contact bear a control period."""
     period, vehicle = 1.0 / scenario.rates.control, scenario.plant.vehicle
     joints, own = [link.joint.name for link in vehicle.links], [each.joint for each in scenario.drives]
-    added = [(f"environment.{at}[{i}]", c) for at in ("air", "forces") for i, c in enumerate(getattr(scenario, at))]
+    added: list[tuple[str, Component | Drive]] = [
+        each for each in scenario.placed_components if each[0].startswith("environment.")
+    ]
     for fitted in scenario.joint_drives:
         where = f"plant.{'' if fitted.joint in own else 'vehicle.'}drives.{fitted.joint}"
         added.append((where, fitted.drive))
@@ -256,28 +260,19 @@ def _counts_of_law(par: Any, joints: int, rotors: int) -> Iterator[tuple[str, Se
 
 
 def _check_surroundings(scenario: Scenario) -> None:
-    """Faults, payloads, forces and contact name actuators, frames and links that the true vehicle has."""
+    """Faults and components name actuators, frames and links that the true vehicle has."""
     vehicle, period = scenario.plant.vehicle, 1.0 / scenario.rates.control
     for i, fault in enumerate(scenario.faults):
         try:
             fault.check(vehicle)
         except ValueError as error:
             raise ValueError(f"environment.faults[{i}].{error}") from None
-    names = [payload.name for payload in scenario.payloads]
-    for i, name in enumerate(names):
-        if name and names.count(name) > 1:
-            raise ValueError(f"payloads[{i}].name = {name!r}: must be of one payload only")
-    for what, several in (("payloads", scenario.payloads), ("environment.forces", scenario.forces)):
-        for i, each in enumerate(several):
-            try:
-                each.require_vehicle(vehicle, period, scenario.plant.gravity)
-            except ValueError as error:
-                raise ValueError(f"{what}[{i}].{error}") from None
-    for contact in scenario.worlds:
-        from skyarm.world.contact.initial_world import require_steps_to_fly
-
-        contact.check(vehicle)
-        require_steps_to_fly(contact, period / MOST_STEPS)
+    for where, component in scenario.placed_components:
+        try:
+            component.require_vehicle(vehicle, period, scenario.plant.gravity)
+        except ValueError as error:
+            words = str(error)
+            raise ValueError(words if words.startswith(where) else f"{where}.{words}") from None
 
 
 def _check_initial(state: State, vehicle: Vehicle) -> None:

@@ -298,6 +298,10 @@ class Agent:
 
     def __post_init__(self) -> None:
         accept_fields(self, "", ScenarioError)
+        names = [payload.name for payload in self.payloads]
+        for i, name in enumerate(names):
+            if name and names.count(name) > 1:
+                raise ScenarioError(f"payloads[{i}].name = {name!r}: must be of one payload only")
         if self.initial is not None:
             try:
                 require_fields(self.initial, "initial")
@@ -471,6 +475,14 @@ class Scenario:
     def components(self) -> tuple[Component, ...]:
         """The wind, the air and the forces that are added to it, timed payloads, contact, the load on the battery."""
         return (self.wind, *self.air, *self.forces, *self.payloads, *self.worlds, *self.power)
+
+    @property
+    def placed_components(self) -> tuple[tuple[str, Component], ...]:
+        """The same, each with its place in a file, as ``environment.air[0]``."""
+        lists = {"environment.air": self.air, "environment.forces": self.forces, "payloads": self.payloads}
+        numbered = (f"{where}[{i}]" for where, several in lists.items() for i in range(len(several)))
+        last = *("world" for _ in self.worlds), *("plant.vehicle.battery" for _ in self.power)
+        return tuple(zip(("environment.wind", *numbered, *last), self.components, strict=True))
 
     @property
     def worlds(self) -> tuple[Contact, ...]:

@@ -116,7 +116,7 @@ def require_shapes(scenario: Scenario) -> None:
 def _parts(scenario: Scenario) -> Iterator[tuple[Part, Callable[[Scenario, Part], None]]]:
     """The user-defined parts, each with its check."""
     groups: list[tuple[str, Callable[..., None], list[tuple[str, Any]]]] = [
-        ("advance", _check_component, list(zip(_component_places(scenario), scenario.components, strict=True))),
+        ("advance", _check_component, list(scenario.placed_components)),
         ("effort", _check_drive, [(f"plant.drives.{each.joint}", each.drive) for each in scenario.joint_drives]),
         ("measure", _check_sensor, [(f"sensors.{named.name}", named.sensor) for named in scenario.sensors]),
         ("step", _check_estimator, [("estimator", scenario.estimator)]),
@@ -126,18 +126,6 @@ def _parts(scenario: Scenario) -> Iterator[tuple[Part, Callable[[Scenario, Part]
         for index, (place, record) in enumerate(records):
             if own_code(type(record)):
                 yield Part(place, record, method), partial(check, index)
-
-
-def _component_places(scenario: Scenario) -> list[str]:
-    """Parameter path of each of the scenario's components."""
-    return [
-        "environment.wind",
-        *(f"environment.air[{i}]" for i in range(len(scenario.air))),
-        *(f"environment.forces[{i}]" for i in range(len(scenario.forces))),
-        *(f"payloads[{i}]" for i in range(len(scenario.payloads))),
-        *["world"] * len(scenario.worlds),
-        *["plant.vehicle.battery"] * len(scenario.power),
-    ]
 
 
 def _require_class(scenario: Scenario, part: Part) -> None:

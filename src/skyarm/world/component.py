@@ -29,6 +29,9 @@ from skyarm.records.units import Unit
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
+MOST_STEPS = 1000
+"""Integration steps of a control period at most: a record that asks for more is a slip of units."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Wrench:

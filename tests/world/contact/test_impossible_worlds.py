@@ -9,7 +9,6 @@ import pytest
 
 from skyarm.algebra import Vec3
 from skyarm.world.contact import Contact, FreeObject, Material, Surface
-from skyarm.world.contact.initial_world import require_steps_to_fly
 from skyarm.world.contact.static_equilibrium import with_standing_objects
 
 PERIOD, GRAVITY = 0.005, 9.81
@@ -27,7 +26,7 @@ GROUND = Surface(name="ground")
 def test_a_part_that_leaves_no_steps_is_named(world, part):
     words = "has no integration steps" if part == "it" else f"{part} asks for integration steps of"
     with pytest.raises(ValueError, match=f"^world: {words}.* must leave them 5e-06 s"):
-        require_steps_to_fly(world, PERIOD / 1000)
+        world.require_steps(PERIOD / 1000)
 
 
 @pytest.mark.parametrize(("mass", "thick"), [(1e300, None), (60.0, 0.02)])

@@ -15,13 +15,14 @@ from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar, data, exp, logical_and, maximum, minimum, neg, sqrt
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
-from skyarm.records.coerce import RecordError
+from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import shown
+from skyarm.records.leaves import leaves
 from skyarm.records.units import Unit
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.world.component import Column, Force, Wrench, moved_by
+from skyarm.world.component import MOST_STEPS, Column, Force, Wrench, moved_by
 from skyarm.world.contact.carrier import NOBODY, CarriedFrame, Carrier, both, untouched_after
 from skyarm.world.contact.contact_point import ContactPoint, Moving, Touch, moving_points, touch_of, wrenches_on
 from skyarm.world.contact.free_object import FreeObject
@@ -212,8 +213,8 @@ class Contact(Force):
         """Surfaces that do not move."""
         return tuple(surface for surface in self.surfaces if not surface.moves)
 
-    def check(self, vehicle: Vehicle) -> None:
-        """Raise ValueError with one line unless the vehicle has the points and grippers and they can touch."""
+    def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Any) -> None:
+        """Refuse a vehicle without the points and grippers, ones that cannot touch, and steps that are too short."""
         carriers = self.carriers
         if not self.surfaces and not carriers:
             raise RecordError("world.surfaces: is missing; a world has at least one surface")
@@ -237,6 +238,20 @@ class Contact(Force):
                 raise RecordError(f"world.grippers[{i}].frame = {shown(gripper.frame)}: {error}") from None
             if not carriers:
                 raise RecordError("world.grippers: must be left out of a world without objects")
+        self.require_steps(period / MOST_STEPS)
+
+    def require_steps(self, least: float) -> None:
+        """Refuse a world whose contact requires integration steps below a least one (s), and name the part."""
+        if not concrete(*leaves(self)):
+            return  # of a batch: its lanes are looked at one by one
+        allowed = f"must leave them {least:g} s or more, a thousandth of the control period"
+        try:
+            steps = [(what, float(step)) for what, step in self.steps]
+        except ArithmeticError:  # of numbers beyond measure
+            raise RecordError(f"world: has no integration steps in contact: {allowed}") from None
+        for what, step in steps:
+            if not step >= least:
+                raise RecordError(f"world: {what} asks for integration steps of {step:.2g} s in contact: {allowed}")
 
     def start(self, period: float, draws: Sequence[Any]) -> ContactMemory:
         """Upright bristles at t = 0, and the initial memory of every carrier and gripper."""

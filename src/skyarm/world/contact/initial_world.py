@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from skyarm.compile import leaves
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
-from skyarm.records.coerce import concrete
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.contact.carrier import NOBODY
 from skyarm.world.contact.contact import Contact
@@ -37,21 +35,3 @@ def require_start_outside(contact: Contact, vehicle: Vehicle, gravity: float, st
                 f"world: {what} starts {float(each.touch.depth):.3g} m inside {inside}, which would push it with "
                 f"{float(each.touch.normal):.3g} N: must start outside{way}"
             )
-
-
-def require_steps_to_fly(contact: Contact, least: float) -> None:
-    """Refuse a world whose contact requires integration steps below a least one (s), a share of the control period.
-
-    Raises:
-        ValueError: one line: the part that requires them, and the shortest step allowed.
-    """
-    if not concrete(*leaves(contact)):
-        return  # of a batch: its lanes are looked at one by one
-    allowed = f"must leave them {least:g} s or more, a thousandth of the control period"
-    try:
-        steps = [(what, float(step)) for what, step in contact.steps]
-    except ArithmeticError:  # of numbers beyond measure
-        raise ValueError(f"world: has no integration steps in contact: {allowed}") from None
-    for what, step in steps:
-        if not step >= least:
-            raise ValueError(f"world: {what} asks for integration steps of {step:.2g} s in contact: {allowed}")
