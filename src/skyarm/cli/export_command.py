@@ -29,7 +29,7 @@ from skyarm.records.registry import names
 from skyarm.records.registry.plugins import identities, law_of_file_name
 from skyarm.scenario.controller_table import make_named_or_tuned
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.scenario.scenario_record import HIGHEST_RATE, first_state, without_law
+from skyarm.scenario.scenario_record import HIGHEST_RATE, first_state
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 RATE, SLOWEST = 200.0, 1e-3
@@ -164,7 +164,7 @@ def _law(
         planned = load_scenario(controller)
         chosen, title = planned.controller, planned.name
         estimator = planned.estimator if isinstance(planned.estimator, ErrorStateFilter) else None
-        if len(without_law(planned.changes)) < len(planned.changes):
+        if any(change.of_law for change in planned.changes):
             note = f"; the law as {controller} begins, without its changes in flight"
         control_rate = asked or float(planned.rates.control)
     believed = chosen.par.model.vehicle

@@ -50,7 +50,7 @@ from skyarm.records.leaves import Place, is_leaf, is_record, parts, replace_at, 
 from skyarm.records.read_table import record_from
 from skyarm.records.registry.plugins import is_law_of_file, register_loaded_law
 from skyarm.records.registry.registrations import LOADED_BY
-from skyarm.scenario.scenario_record import Delays, Rates, Scenario, without_law
+from skyarm.scenario.scenario_record import Delays, Rates, Scenario
 
 MEASURED = ("stiffness", "damping")
 """Limits of the safety layer that are measured on the law it is around."""
@@ -109,13 +109,12 @@ def _with_safety_of(before: Any, made: Controller, scenario: Scenario) -> Contro
 
 
 def under_law(scenario: Scenario, name: str) -> Scenario:
-    """The scenario with another law, without scheduled changes of its former controller.
+    """The scenario with another law by its name (:meth:`skyarm.Scenario.under`).
 
     Raises:
         ControllerError, AllocationError: as :func:`controller_by_name`.
     """
-    changes = without_law(scenario.changes)
-    return scenario.with_words(controller=controller_by_name(scenario, name), changes=changes)
+    return scenario.under(controller_by_name(scenario, name))
 
 
 WORDS: Mapping[str, str] = {"mixer_policy": "mixer", "terms": "without"}

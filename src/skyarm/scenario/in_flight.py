@@ -146,8 +146,7 @@ class Overrides:
 
     def parts_of(self, scenario: Scenario) -> Scenario:
         """The scenario with its parts replaced, its numbers not yet; without changes to come."""
-        if scenario.changes:
-            scenario = dataclasses.replace(scenario, changes=())
+        scenario = scenario.as_begun
         for path, value in self.parts:
             scenario = with_part(scenario, path, value)
         return scenario

@@ -71,7 +71,6 @@ from skyarm.scenario.scenario_record import (
     Rates,
     Scenario,
     ScenarioError,
-    without_law,
 )
 
 LIBRARY = resources.files("skyarm.scenario") / "library"
@@ -237,7 +236,7 @@ def _at_start(scenario: Scenario, initial: Any) -> Scenario:
 def _changes(top: Fields, replaced: Mapping[str, Any]) -> tuple[Change, ...]:
     """[[changes]]; those of the controller are dropped if another controller replaces the file's."""
     found = tuple(record_from(Change, fields) for fields in top.tables("changes"))
-    return without_law(found) if "controller" in replaced else found
+    return tuple(each for each in found if not each.of_law or "controller" not in replaced)
 
 
 def require_within(changes: Iterable[Change], steps: int, rate: int) -> None:

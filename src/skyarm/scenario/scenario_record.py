@@ -178,6 +178,11 @@ class Change:
         return k
 
     @property
+    def of_law(self) -> bool:
+        """True for a change of the controller, which another law does not take over."""
+        return self.path.split(".", maxsplit=1)[0] == "controller"
+
+    @property
     def table(self) -> Any:
         """The value as a file's reader gives it: tuples are lists."""
         return _table(self.value)
@@ -213,11 +218,6 @@ def _table(value: Any) -> Any:
 def in_order(changes: Iterable[Change], rate: int) -> tuple[Change, ...]:
     """Changes in order of their control periods, those of one period in the given order."""
     return tuple(sorted(changes, key=lambda change: change.tick(rate)))
-
-
-def without_law(changes: Iterable[Change]) -> tuple[Change, ...]:
-    """Changes other than those of the controller, which another law does not take over."""
-    return tuple(each for each in changes if each.path.split(".", maxsplit=1)[0] != "controller")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -365,6 +365,16 @@ class Scenario:
         """The scenario with other fields, or words of its groups."""
         made: Any = dataclasses.replace(self, **words)
         return made  # type: ignore[no-any-return]
+
+    @property
+    def as_begun(self) -> Scenario:
+        """The scenario as its flight begins, with nothing scheduled."""
+        return self.with_words(changes=()) if self.changes else self
+
+    def under(self, controller: Controller) -> Scenario:
+        """The scenario with another law, without scheduled changes of the one before it."""
+        kept = tuple(each for each in self.changes if not each.of_law)
+        return self.with_words(controller=controller, changes=kept)
 
     @property
     def kind(self) -> str:

@@ -14,7 +14,7 @@ from skyarm.log.flight_log import Log
 from skyarm.log.formats import load_log
 from skyarm.records.files import shown, unreadable
 from skyarm.scenario.controller_table import under_law
-from skyarm.scenario.scenario_record import Scenario, ScenarioError, without_law
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.session import Session
 
 Progress = Callable[[int, int], None]
@@ -77,8 +77,8 @@ def replay(
     """Fly a flight again.
 
     Without a controller it is flown to the bits of the log, by the version that wrote it and on a processor that rounds
-    alike. With one it shows what another law would have done with the same vehicle in the same wind, noise, pushes and
-    changes; changes of the log's own controller are left out.
+    alike. With one it shows what another law would have done with the same vehicle in the same wind, noise and pushes,
+    without what the scenario schedules of the log's own controller.
 
     Args:
         log: of the flight, or the path of its file.
@@ -122,7 +122,7 @@ def scenario_to_replay(log: Log, controller: str | Controller | None = None) -> 
         if controller is None:
             return scenario
         if isinstance(controller, Controller):
-            return scenario.with_words(controller=controller, changes=without_law(scenario.changes))
+            return scenario.under(controller)
         return under_law(scenario, controller)
     except (ValueError, AllocationError) as error:
         raise ScenarioError(str(error)) from None

@@ -87,7 +87,7 @@ def hovering(scenario: Scenario) -> Scenario:
         yaw=constant(start.yaw),
         joints=tuple(constant(q) for q in start.joints),
     )
-    return scenario.with_words(
+    return scenario.as_begun.with_words(
         reference=still,
         path_time=None,
         duration=SETTLING,
@@ -96,7 +96,6 @@ def hovering(scenario: Scenario) -> Scenario:
         faults=(),
         initial=None,
         ground=False,
-        changes=(),
     )
 
 
@@ -117,9 +116,9 @@ def margins(scenario: Scenario, instants: int = 4, progress: Callable[[int, int]
 def evidence(scenario: Scenario, instants: int = 4, progress: Callable[[int, int], object] | None = None) -> Evidence:
     """Margins in hover and at ``instants`` times along the scenario, equally far apart, the last at its end.
 
-    Noise, disturbances that remember, as turbulence, and changes in flight are left out, on the rigid-body plant.
-    Along a flight each instant is linearised as if time stood still: that every one is stable is no proof that the
-    flight, which varies with time, is.
+    Noise, disturbances that remember, as turbulence, and what is scheduled in flight are left out, on the rigid-body
+    plant. Along a flight each instant is linearised as if time stood still: that every one is stable is no proof that
+    the flight, which varies with time, is.
 
     Raises:
         ScenarioError: fewer than 0 instants.

@@ -25,7 +25,7 @@ SHARES = {"up": 0.0, "down": 1.0, "between": 0.5}
 
 
 def nominal(scenario: Scenario) -> Scenario:
-    """The scenario without noise, :func:`disturbances` and changes in flight, which have no place in a linearisation.
+    """The scenario without noise, schedule and :func:`disturbances`, which have no place in a linearisation.
 
     Nor has the rounding of an encoder in a servo, which is flat but for its steps: it is left out, as its mean is.
     Rotors that tilt stay at rest under a law that does not turn them.
@@ -45,7 +45,7 @@ def nominal(scenario: Scenario) -> Scenario:
         for each in scenario.joint_drives
     )
     (air, _), (forces, _) = (_split(scenario, field) for field in ("air", "forces"))
-    return scenario.with_words(noise=PERFECT_SENSORS, wind=calm, air=air, forces=forces, changes=(), drives=drives)
+    return scenario.as_begun.with_words(noise=PERFECT_SENSORS, wind=calm, air=air, forces=forces, drives=drives)
 
 
 def disturbances(scenario: Scenario) -> tuple[str, ...]:

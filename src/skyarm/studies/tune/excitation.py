@@ -2,8 +2,8 @@
 
 Gains belong to the loop (vehicle, delay, noise, model mismatch), not to a path: every vehicle flies the same motions,
 scaled to its arm, base, heading and arm at once through a wind with a gust, then a step. The scenario keeps its plant,
-model, clocks, delays, sensors, drives, estimator and air; its motion, payloads, faults, surfaces to touch and scheduled
-changes stay away. With perfect sensors nothing would keep gains from growing without end, so that a scenario without
+model, clocks, delays, sensors, drives, estimator and air; its motion, payloads, faults, surfaces to touch and what is
+scheduled stay away. With perfect sensors nothing would keep gains from growing without end, so that a scenario without
 noise gets that of :data:`skyarm.studies.compare.suite.NOISE`.
 """
 
@@ -226,10 +226,9 @@ def tuning_flight(
     noisy = scenario.noise != PERFECT_SENSORS or scenario.sensors or scenario.estimator != PASS_THROUGH
     longest = float(scenario.delays.command) + UNKNOWN_DELAY
     delays = dataclasses.replace(scenario.delays, longest_command=longest)
-    found = scenario.with_words(
+    found = scenario.as_begun.with_words(
         noise=scenario.noise if noisy else NOISE,
         delays=delays,
-        changes=(),
         faults=(),
         payloads=(),
         ground=False,
