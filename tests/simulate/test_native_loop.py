@@ -114,7 +114,7 @@ def test_every_shipped_scenario_flies_alike(name):
 VARIED = {
     "everything": {"duration": 0.5},
     "euler": {"duration": 1.0, "plant__integrator": "euler"},
-    "noise": {"duration": 1.0, "noise": NOISE, "seed": 2**32 - 1, "episode": 3},
+    "noise": {"duration": 1.0, "sensors": NOISE, "seed": 2**32 - 1, "episode": 3},
     "some_noise": {"duration": 0.5, "sensors": {"rate": 0.1}},
     "turbulence": {"duration": 1.5, "environment__wind": TURBULENT},
     "late_command": {"duration": 1.0, "delays": {"command": 0.008}},
