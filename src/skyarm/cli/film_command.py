@@ -11,6 +11,7 @@ import typer
 from skyarm.cli.arguments import require_left_out, words_of
 from skyarm.cli.lines import say_if_many
 from skyarm.cli.output import bar, give, tell
+from skyarm.log.flight_log import Log
 from skyarm.log.formats import load_log
 from skyarm.records.files import output_file, taken_back
 from skyarm.scenario.scenario_file import list_scenarios, load_scenario
@@ -97,7 +98,7 @@ def _require_renderer(*, recorded: bool) -> None:
             pass
 
 
-def _logs(flights: Sequence[str], controllers: Sequence[str] | None, settings: Any) -> list[Any]:
+def _logs(flights: Sequence[str], controllers: Sequence[str] | None, settings: FilmSettings) -> list[Log]:
     """The logs that are named, and those of the scenarios that are flown."""
     laws: Sequence[str | None] = words_of(controllers) or [None]
     found = []
@@ -116,7 +117,7 @@ def _is_flown(name: str) -> bool:
     return Path(name).suffix in ("", ".toml") or name in list_scenarios()
 
 
-def _fly(name: str, law: str | None, stop: float | None) -> Any:
+def _fly(name: str, law: str | None, stop: float | None) -> Log:
     """Fly a scenario, no longer than it is filmed."""
     planned = load_scenario(name, controller=law)
     if stop is not None and stop < planned.duration:

@@ -5,9 +5,12 @@ from __future__ import annotations
 import contextlib
 import sys
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 from skyarm.records.files.messages import printable
+
+if TYPE_CHECKING:
+    from skyarm.scenario.scenario_record import Scenario
 
 WRONG_INPUT, NOT_COMPLETED, DIFFERENT, INTERRUPTED = 2, 3, 1, 130
 """Exit codes: wrong input; a flight that ended before its time; a difference or a fault found; after Ctrl-C as shells
@@ -44,7 +47,7 @@ def say_unlikely(name: str, lines: Sequence[str]) -> None:
         say(f"warning: {name}: {len(lines) - MOST_WARNINGS} more numbers are unlikely")
 
 
-def say_suspicious(scenario: Any) -> None:
+def say_suspicious(scenario: Scenario) -> None:
     """Lines before a scenario flies: many joints, numbers that are probably in other units."""
     from skyarm.scenario.unlikely_numbers import unlikely_numbers
 
@@ -52,7 +55,7 @@ def say_suspicious(scenario: Any) -> None:
     say_unlikely(scenario.name, unlikely_numbers(scenario))
 
 
-def say_steps(scenario: Any) -> None:
+def say_steps(scenario: Scenario) -> None:
     """Say where a surface, an object or a grasp needs much shorter integration steps than the physics rate."""
     for contact in scenario.worlds:
         what, least = min(contact.steps, key=lambda each: float(each[1]))
@@ -64,6 +67,6 @@ def say_steps(scenario: Any) -> None:
             )
 
 
-def say_warning(message: Warning | str, category: type[Warning], *_where: Any, **_more: Any) -> None:
+def say_warning(message: Warning | str, category: type[Warning], *_where: object, **_more: object) -> None:
     """A warning as one line, in place of Python's two that show where in the source it arose."""
     say(f"{'warning' if issubclass(category, RuntimeWarning | UserWarning) else category.__name__}: {message}")

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from typing import Annotated, Any
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -19,6 +19,10 @@ from skyarm.records.registry.plugins import identities
 from skyarm.scenario.controller_table import is_gains_file
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario as Record
+
+if TYPE_CHECKING:
+    from skyarm.studies.stability.along import Evidence, Instant, Locus
+    from skyarm.studies.stability.disk_margins import LoopMargin
 
 GAINS = {"rotor_gain": "rotors", "one_rotor": "one rotor", "joint_gain": "joints", "one_joint": "one joint"}
 """Field of the margins -> head of its column."""
@@ -121,7 +125,7 @@ def _prepare(scenario: str, controller: str | None, *, safety: bool) -> Record:
     return loaded.with_words(controller=with_safety_layer(loaded.controller))
 
 
-def _row(each: Any) -> tuple[str, ...]:
+def _row(each: Instant) -> tuple[str, ...]:
     """Cells of an instant."""
     rates = [s for m in each.by_lag.values() for s in m.s]
     return (
@@ -145,12 +149,12 @@ def _number(value: float) -> str:
     return "none" if math.isinf(value) else f"{value:.3g}"
 
 
-def _plugins() -> dict[str, Any]:
+def _plugins() -> dict[str, object]:
     """Plugins and files of laws that took part, by name and digest; empty without any."""
     return {"plugins": identities()} if identities() else {}
 
 
-def loop_rows(found: Any, *, every: bool) -> list[tuple[str, ...]]:
+def loop_rows(found: Evidence, *, every: bool) -> list[tuple[str, ...]]:
     """Rows of the table of disk margins, its head first.
 
     Args:
@@ -169,16 +173,16 @@ def loop_rows(found: Any, *, every: bool) -> list[tuple[str, ...]]:
     return rows + [(*_cells(several[name]), f"{several[name].disk:.2f}") for name in GROUPS_ALONE if name in several]
 
 
-def _smallest(found: Iterable[Any]) -> dict[str, Any]:
+def _smallest(found: Iterable[LoopMargin]) -> dict[str, LoopMargin]:
     """The margin with the smallest disk of each loop, by name."""
-    least: dict[str, Any] = {}
+    least: dict[str, LoopMargin] = {}
     for each in found:
         if each.name not in least or each.disk < least[each.name].disk:
             least[each.name] = each
     return least
 
 
-def _cells(each: Any) -> tuple[str, ...]:
+def _cells(each: LoopMargin) -> tuple[str, ...]:
     low, high = each.gain
     gain = f"{low:.2f}-" + ("none" if math.isinf(high) else f"{high:.2f}" if high < 10.0 else f"{high:.1f}")
     frequency = "-" if math.isnan(each.frequency) else f"{each.frequency:.1f}"
@@ -199,7 +203,7 @@ CAPTION = (
 )
 
 
-def margins_page(found: Any, loci: Any) -> str:
+def margins_page(found: Evidence, loci: Sequence[Locus]) -> str:
     """HTML of margins: Nyquist diagrams in hover and every loop, one file that needs nothing else.
 
     Args:

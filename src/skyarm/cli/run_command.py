@@ -11,7 +11,9 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
+import numpy.typing as npt
 import typer
+from rich.console import RenderableType
 
 from skyarm.cli.arguments import name_completion, require_left_out, require_not_another
 from skyarm.cli.lines import NOT_COMPLETED, say_steps, say_suspicious
@@ -19,12 +21,14 @@ from skyarm.cli.output import bar, give, heading, shown_number, table_of, tell
 from skyarm.log.formats import require_format, save_log
 from skyarm.log.metrics.path_distance import path_distance
 from skyarm.log.metrics.windows import Windows, windows_of
-from skyarm.log.periods import timed_out
+from skyarm.log.periods import ContactPeriod, timed_out
 from skyarm.records.files import output_file, printable, require_replaceable, require_writable, shown, taken_back
 from skyarm.records.files.names import picture_file
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate import Log
 from skyarm.simulate import run as fly
+
+Array = npt.NDArray[np.float64]
 
 
 def run(
@@ -158,7 +162,7 @@ def facts(log: Log) -> dict[str, Any]:
     steady = Windows().of_flight(float(info["duration"]), windows_of(log)).steady
     inside = steady.of(log)
 
-    def summary(error: Any) -> dict[str, float | None]:
+    def summary(error: Array) -> dict[str, float | None]:
         mean, most = (float(error[inside].mean()), float(error[inside].max())) if inside.any() else (None, None)
         return {"mean": mean, "max": most, "max_whole_flight": float(error.max())}
 
@@ -186,7 +190,7 @@ def facts(log: Log) -> dict[str, Any]:
     return found
 
 
-def error_norms(log: Log) -> dict[str, Any]:
+def error_norms(log: Log) -> dict[str, Array]:
     """Position, joints and tip, as far as a vehicle has them -> (N,) norm of the error, continuous reference."""
     pairs = {"position": (log.position, log.position_reference)}
     if log.joints.shape[1]:
@@ -198,7 +202,7 @@ def error_norms(log: Log) -> dict[str, Any]:
 
 def _contacts(log: Log) -> list[dict[str, Any]]:
     """Each pair that touched: time of the first touch, s, how often contact was lost, largest normal force, N."""
-    pairs: dict[tuple[str, str], list[Any]] = {}
+    pairs: dict[tuple[str, str], list[ContactPeriod]] = {}
     for period in log.contact_periods:
         pairs.setdefault((period.surface, period.point), []).append(period)
     return [
@@ -213,10 +217,10 @@ def _contacts(log: Log) -> list[dict[str, Any]]:
     ]
 
 
-def summary(log: Log, found: dict[str, Any]) -> list[Any]:
+def summary(log: Log, found: dict[str, Any]) -> list[RenderableType]:
     """The facts as lines and a table."""
     title = f"{found['scenario']}: {log.status} at {found['end_time']:g} s"
-    lines: list[Any] = [
+    lines: list[RenderableType] = [
         heading(title + (f": {found['cause']}" if found["cause"] else "")),
         printable(_flight_words(log)),
     ]

@@ -9,7 +9,7 @@ import webbrowser
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -23,6 +23,9 @@ from skyarm.view.studio.server import (
     open_server,
     require_viser,
 )
+
+if TYPE_CHECKING:
+    from skyarm.view.studio.page import Page
 
 
 def studio(
@@ -66,7 +69,7 @@ def studio(
 
 
 @contextmanager
-def _ended_by(page: Any) -> Iterator[None]:
+def _ended_by(page: Page) -> Iterator[None]:
     """While it lasts, Ctrl-C and TERM end the page's loop, between two pictures."""
     usual = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     for number in usual:

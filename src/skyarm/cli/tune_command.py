@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -27,6 +27,10 @@ from skyarm.scenario.controller_table import is_gains_file
 from skyarm.scenario.scenario_file import LIBRARY, load_scenario
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.vehicle.vehicle_files import load_vehicle
+
+if TYPE_CHECKING:
+    from skyarm.studies.tune.front import LoopMargins
+    from skyarm.studies.tune.tuning import Tuning
 
 GAINS, PAGE = "tuned.toml", "tune.html"
 """Names of the file of the pick, and of the page."""
@@ -156,7 +160,7 @@ def _is_vehicle(target: str) -> bool:
     return target in shipped_names("vehicle") or Path(target).suffix in models or kind_of_file(target) == "vehicle"
 
 
-def _tell_front(found: Any, seconds: float) -> None:
+def _tell_front(found: Tuning, seconds: float) -> None:
     """Print the front, then the pick and the starts on plants and a path kept aside."""
     from skyarm.studies.tune.tune_page import error_words
     from skyarm.studies.tune.tuning import ASIDE
@@ -188,7 +192,7 @@ def _tell_front(found: Any, seconds: float) -> None:
         say("no point meets all constraints; the pick is the one that is least short of them")
 
 
-def _margins(margins: Any) -> tuple[str, str, str]:
+def _margins(margins: LoopMargins) -> tuple[str, str, str]:
     """Delay and factors in cells; dashes where there are none."""
     if margins.why_none:
         return "-", "-", "-"
@@ -196,7 +200,7 @@ def _margins(margins: Any) -> tuple[str, str, str]:
     return f"{1e3 * margins.delay:.3g} ms", rotors, joints
 
 
-def plain_tuning(found: Any) -> dict[str, Any]:
+def plain_tuning(found: Tuning) -> dict[str, Any]:
     """Result of a tuning, as plain data."""
     from skyarm.studies.tune.tune_page import about, gains_of, plain_aside, plain_point
 

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from skyarm.studies.compare.cells import Cell
+from skyarm.studies.compare.cells import Array, Cell
 from skyarm.studies.sweep.intervals import bootstrap_mean, quantiles, wilson
 
 SUCCESS_METRIC, SUCCESS_LIMIT = "ee_error_last_max_continuous", 0.020
@@ -34,18 +35,18 @@ def summary(cell: Cell) -> dict[str, Any]:
     }
 
 
-def magnitudes(name: str, values: Any) -> Any:
+def magnitudes(name: str, values: Array) -> Array:
     """Values of a metric, peaks along an axis without their sign."""
     return np.abs(values) if "peak" in name else values
 
 
-def successes(cell: Cell) -> Any:
+def successes(cell: Cell) -> npt.NDArray[np.bool_]:
     """True for episodes that are a success."""
     with np.errstate(invalid="ignore"):
         return cell.completed & (cell.metrics[SUCCESS_METRIC] < SUCCESS_LIMIT)
 
 
-def _spread(values: Any) -> dict[str, Any] | None:
+def _spread(values: Array) -> dict[str, Any] | None:
     finite = np.asarray(values, dtype=float)
     finite = finite[np.isfinite(finite)]
     if not finite.size:

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, PercentFormatter
 
-from skyarm.view.figures.style import PAGE, plain_numbers
+from skyarm.view.figures.style import PAGE, Style, plain_numbers
 
 ROW, MARGIN = 0.27, 1.2
 """in: of one law, of title and axis."""
@@ -117,7 +117,7 @@ def envelope_figure(axes: Mapping[str, Any], laws: Sequence[str]) -> Figure:
         if i % ACROSS == 0:
             panel.set_ylabel("error [mm]", **PAGE.words)
     handles = {law: Line2D([], [], markersize=5, **look) for law, look in looks.items()}
-    cross: dict[str, Any] = {"linestyle": "none", "marker": "x", "markersize": 7, "markeredgewidth": 2}
+    cross: Style = {"linestyle": "none", "marker": "x", "markersize": 7, "markeredgewidth": 2}
     PAGE.legend(figure, {**handles, "lost": Line2D([], [], color=PAGE.frame, **cross)})
     return figure
 
@@ -134,7 +134,7 @@ def _low(axes: Mapping[str, Any]) -> float:
     return min(LOW, max(LOWEST, 10.0 ** math.floor(math.log10(min(errors, default=LOW)))))
 
 
-def _looks(laws: Sequence[str]) -> dict[str, dict[str, Any]]:
+def _looks(laws: Sequence[str]) -> dict[str, Style]:
     """Colour, marker and dashes of each law."""
     known = {law: KNOWN.index(law) for law in laws if law in KNOWN}
     free = iter([place for place in range(len(LINES) + len(laws)) if place not in known.values()])
@@ -146,7 +146,7 @@ def _looks(laws: Sequence[str]) -> dict[str, dict[str, Any]]:
     }
 
 
-def _panel(panel: Axes, name: str, axis: Mapping[str, Any], looks: Mapping[str, dict[str, Any]], low: float) -> None:
+def _panel(panel: Axes, name: str, axis: Mapping[str, Any], looks: Mapping[str, Style], low: float) -> None:
     places = range(len(axis["values"]))
     panel.axhspan(HIGH, TOP, facecolor="#f6dcdc", edgecolor="none", zorder=0.2)
     for k, (law, look) in enumerate(looks.items()):
@@ -167,7 +167,7 @@ def _law(
     panel: Axes,
     places: Sequence[int],
     points: Sequence[Mapping[str, Any]],
-    look: dict[str, Any],
+    look: Style,
     place: float,
     low: float,
 ) -> None:
@@ -176,5 +176,5 @@ def _law(
     panel.plot(places, error, markersize=4, zorder=3 + place, **look)
     height = HIGH * (TOP / HIGH) ** (0.15 + 0.85 * place)
     lost = [at for at, point in zip(places, points, strict=True) if point["lost"]]
-    mark: dict[str, Any] = {"linestyle": "none", "marker": "x", "markersize": 6, "markeredgewidth": 2.0}
+    mark: Style = {"linestyle": "none", "marker": "x", "markersize": 6, "markeredgewidth": 2.0}
     panel.plot(lost, [height] * len(lost), color=look["color"], zorder=4, **mark)

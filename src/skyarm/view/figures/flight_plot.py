@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +15,7 @@ from skyarm.records.files import number
 from skyarm.records.files.names import require_suffix
 from skyarm.view.figures.flight_facts import Event, end_time, ending_of, flight_events, flights_by_label
 from skyarm.view.figures.flight_panels import ALL, ESTIMATED, MEASURED, Panel, measured_flights, panels_of
-from skyarm.view.figures.style import PAPER, Picture, limits, save_picture
+from skyarm.view.figures.style import PAPER, Handles, Picture, Style, limits, save_picture
 
 Array = npt.NDArray[np.float64]
 
@@ -77,7 +76,7 @@ def _panels_figure(
 ) -> Picture:
     """Panels over one time axis; ``every`` kind of them fills pages."""
     figure, axes = PAPER.stacked_panels(len(panels), OF_A_PAGE if every else None)
-    handles: dict[str, Any] = {}
+    handles: Handles = {}
     events = _events_by_label(named)
     for ax, panel in zip(axes, panels, strict=True):
         handles |= _draw(ax, panel, named, span)
@@ -102,9 +101,9 @@ def _window(window: tuple[float, float] | None, named: Mapping[str, Log]) -> tup
     return start, stop
 
 
-def _draw(ax: Axes, panel: Panel, named: Mapping[str, Log], span: tuple[float, float]) -> dict[str, Any]:
+def _draw(ax: Axes, panel: Panel, named: Mapping[str, Log], span: tuple[float, float]) -> Handles:
     """Curves, references and limits of one panel; words of the legend -> line."""
-    handles: dict[str, Any] = {}
+    handles: Handles = {}
     # what fits the value axis: flights that were completed, and those that were lost
     kept: list[Array] = []
     lost: list[Array] = []
@@ -117,10 +116,10 @@ def _draw(ax: Axes, panel: Panel, named: Mapping[str, Log], span: tuple[float, f
             curves += _received(panel, log, values)
         for name, curve, look in curves:
             if curve is not None:
-                alone: dict[str, Any] = {"marker": "o", "markersize": 0.6 * PAPER.small} if log.time.size == 1 else {}
+                alone: Style = {"marker": "o", "markersize": 0.6 * PAPER.small} if log.time.size == 1 else {}
                 (handles[name],) = ax.plot(log.time, curve, label=name, **look, **alone)
         if values is not None and log.status != "completed" and log.time.size:
-            at: dict[str, Any] = {"marker": "X", "markersize": 0.8 * PAPER.small, "markeredgecolor": PAPER.face}
+            at: Style = {"marker": "X", "markersize": 0.8 * PAPER.small, "markeredgecolor": PAPER.face}
             ax.plot(log.time[-1:], values[-1:], color=PAPER.look(i).color, zorder=4.0, label="_end", **at)
         group = kept if log.status == "completed" else lost
         group += [each[inside] for each in (*(curve for _, curve, _ in curves), desired) if each is not None]
@@ -137,10 +136,10 @@ def _draw(ax: Axes, panel: Panel, named: Mapping[str, Log], span: tuple[float, f
     return handles
 
 
-def _received(panel: Panel, log: Log, truth: Array) -> Iterator[tuple[str, Array | None, dict[str, Any]]]:
+def _received(panel: Panel, log: Log, truth: Array) -> Iterator[tuple[str, Array | None, Style]]:
     """Label, curve and look of a panel's quantity as measured and as estimated."""
     first = PAPER.look(0)
-    held: dict[str, Any] = {"color": first.tint, "linewidth": first.width, "zorder": 2.5, "drawstyle": "steps-post"}
+    held: Style = {"color": first.tint, "linewidth": first.width, "zorder": 2.5, "drawstyle": "steps-post"}
     looks = {MEASURED: held, ESTIMATED: PAPER.look(1).line}
     for word, received in measured_flights(log):
         values = panel.of(received)
@@ -170,19 +169,19 @@ def _ends(panel: Panel, kept: Sequence[Array], lost: Sequence[Array]) -> tuple[f
     return max(both[0], 2.0 * low - high), min(both[1], 2.0 * high - low)
 
 
-def _mark_events(ax: Axes, events: Mapping[Event, str], span: tuple[float, float]) -> dict[str, Any]:
+def _mark_events(ax: Axes, events: Mapping[Event, str], span: tuple[float, float]) -> Handles:
     """Draw events: an interval as a shade, an instant as a line; returns words of the legend -> artist."""
-    handles: dict[str, Any] = {}
+    handles: Handles = {}
     instants: dict[str, str] = {}
     for i, (event, label) in enumerate(events.items()):
         if event.start > span[1] or event.stop < span[0]:
             continue
         if event.start == event.stop:
             dash = instants.setdefault(label, DASHES[len(instants) % 4])
-            line: dict[str, Any] = {"color": PAPER.frame, "linewidth": 0.08 * PAPER.text, "linestyle": dash}
+            line: Style = {"color": PAPER.frame, "linewidth": 0.08 * PAPER.text, "linestyle": dash}
             handles[label] = ax.axvline(event.start, zorder=0.3, label=f"_{label}", **line)
         else:
-            fill: dict[str, Any] = {"facecolor": PAPER.shades[i % len(PAPER.shades)], "edgecolor": PAPER.grid}
+            fill: Style = {"facecolor": PAPER.shades[i % len(PAPER.shades)], "edgecolor": PAPER.grid}
             stop = min(event.stop, span[1])
             handles[label] = ax.axvspan(event.start, stop, hatch=HATCHES[i % 4], linewidth=0.0, zorder=0.2, **fill)
     return handles

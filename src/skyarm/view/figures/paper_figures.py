@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +19,7 @@ from skyarm.log.flight_log import Log
 from skyarm.simulate import Window
 from skyarm.view.figures.flight_facts import end_time, ending_of, gust_interval
 from skyarm.view.figures.flight_panels import AXES, MILLIMETRES, Panel, column, distance
-from skyarm.view.figures.style import PAPER, Look, limits, shade_gust, shade_window
+from skyarm.view.figures.style import PAPER, Handles, Look, Style, limits, shade_gust, shade_window
 
 Array = npt.NDArray[np.float64]
 
@@ -182,7 +181,7 @@ def _draw(number: int, spec: PaperFigure, logs: Mapping[str, Log], window: Windo
     """One figure of the paper: a curve for each law, of its mean in each hold, and the longest reference."""
     figure, axes = STYLE.stacked_panels(len(spec.panels))
     figure.suptitle(f"Figure {number}. {spec.title}", **STYLE.words)
-    handles: dict[str, Any] = {}
+    handles: Handles = {}
     drawn: dict[str, list[Array]] = {}
     longest = max(logs.values(), key=lambda log: log.time.size)
     gust = next((found for found in map(gust_interval, logs.values()) if found), None)
@@ -190,7 +189,7 @@ def _draw(number: int, spec: PaperFigure, logs: Mapping[str, Log], window: Windo
         STYLE.name_axis(ax, panel.label, panel.unit)
         if panel.letter:
             box = {"boxstyle": "square,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
-            at: dict[str, Any] = {"transform": ax.transAxes, "va": "top", "bbox": box, "zorder": 5}
+            at: Style = {"transform": ax.transAxes, "va": "top", "bbox": box, "zorder": 5}
             ax.text(0.012, 0.95, f"({panel.letter})", **at, **STYLE.words)
         seen = drawn.setdefault(panel.scale or panel.label, [])
         for i, (controller, log) in enumerate(logs.items()):
@@ -207,7 +206,7 @@ def _draw(number: int, spec: PaperFigure, logs: Mapping[str, Log], window: Windo
         if gust:
             handles["gust"] = shade_gust(ax, gust)
     for ax, panel in zip(axes, spec.panels, strict=True):
-        fitted: dict[str, Any] = {"floor": panel.magnitude, "span": panel.span, "cap": LARGEST_VALUE[panel.unit]}
+        fitted: Style = {"floor": panel.magnitude, "span": panel.span, "cap": LARGEST_VALUE[panel.unit]}
         ax.set_ylim(*limits(drawn[panel.scale or panel.label], **fitted))
     axes[-1].set_xlim(0.0, max(map(end_time, logs.values())) or 1.0)
     STYLE.legend(figure, handles)
@@ -228,7 +227,7 @@ def overview_figure(logs: Mapping[str, Mapping[str, Log]], steady: Window) -> Fi
     """
     figure = PAPER.blank(9.0, 2.9)  # the width of a web page's column
     path, *others = (PAPER.dress(ax) for ax in figure.subplots(1, 3))
-    handles: dict[str, Any] = {}
+    handles: Handles = {}
     for i, (controller, log) in enumerate(logs["case3"].items()):
         at, look = steady.of(log), _law_look(controller, i).line
         (handles[controller],) = path.plot(*log.tool[at, :2].T, label=controller, **look)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, Rectangle
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 
@@ -25,8 +25,10 @@ from skyarm.studies.sweep.stats import Rows
 from skyarm.studies.sweep.study import StudyError
 from skyarm.view.figures.style import (
     PAPER,
+    Handles,
     Look,
     Picture,
+    Style,
     limits,
     logarithmic,
     save_picture,
@@ -86,7 +88,7 @@ def metric_figure(found: Sequence[BandedCurves]) -> Picture:
     columns = classes if len(laws) > 1 else [None]
     lost = any(curve.lost.any() for curve in first.curves)
     figure, grid = _grid(len(found), len(columns), lost)
-    handles: dict[str, Any] = {}
+    handles: Handles = {}
     for j, column in enumerate(columns):
         for ax, each in zip(grid[:, j], found, strict=False):
             curves = [curve for curve in each.curves if column is None or curve.by == column]
@@ -114,7 +116,7 @@ def metric_figure(found: Sequence[BandedCurves]) -> Picture:
     return figure
 
 
-def _grid(metrics: int, columns: int, lost: bool) -> tuple[Picture, Any]:
+def _grid(metrics: int, columns: int, lost: bool) -> tuple[Picture, npt.NDArray[np.object_]]:
     heights = [2.0] * metrics + [0.7] * lost
     width = PAPER.width if columns == 1 else PAPER.wide
     figure = PAPER.blank(width, sum(heights) + 6.0 * PAPER.text / 72.0)
@@ -125,8 +127,8 @@ def _grid(metrics: int, columns: int, lost: bool) -> tuple[Picture, Any]:
     return figure, grid
 
 
-def _draw(ax: Axes, curves: Sequence[BandedCurve], each: BandedCurves, *, one_law: bool) -> dict[str, Any]:
-    handles: dict[str, Any] = {}
+def _draw(ax: Axes, curves: Sequence[BandedCurve], each: BandedCurves, *, one_law: bool) -> Handles:
+    handles: Handles = {}
     for i, curve in enumerate(curves):
         look = PAPER.look(i)
         label = curve.controller
@@ -152,9 +154,9 @@ def _ends(*found: BandedCurves) -> tuple[float, float]:
     return limits([seen], floor=not (seen < 0.0).any(), span=ROUNDING)
 
 
-def _draw_band(ax: Axes, curve: BandedCurve, look: Look, label: str) -> Any:
+def _draw_band(ax: Axes, curve: BandedCurve, look: Look, label: str) -> Line2D:
     """Line of a curve with its band."""
-    fill: dict[str, Any] = {"color": look.color, "alpha": 0.16, "linewidth": 0.0, "zorder": look.layer - 1.0}
+    fill: Style = {"color": look.color, "alpha": 0.16, "linewidth": 0.0, "zorder": look.layer - 1.0}
     ax.fill_between(curve.x, curve.low, curve.high, **fill)
     for end in (curve.low, curve.high):
         ax.plot(curve.x, end, color=look.color, linewidth=0.4 * look.width, alpha=0.6, label="_band")
@@ -162,7 +164,7 @@ def _draw_band(ax: Axes, curve: BandedCurve, look: Look, label: str) -> Any:
     return line
 
 
-def _marks(x: Array) -> dict[str, Any]:
+def _marks(x: Array) -> Style:
     """Points where a curve has few."""
     return {"marker": "o", "markersize": 0.4 * PAPER.small, "markeredgewidth": 0.0} if x.size <= 15 else {}
 
@@ -203,7 +205,7 @@ def robustness_figure(found: RobustnessMap) -> Figure:
         if side.logarithmic:
             logarithmic(axis)
     if min(share.shape) >= 2 and share.min() < BOUNDARY < share.max():
-        look: dict[str, Any] = {"levels": [BOUNDARY], "colors": [LINE], "linewidths": 1.4}
+        look: Style = {"levels": [BOUNDARY], "colors": [LINE], "linewidths": 1.4}
         ax.contour(across.centers, upward.centers, share, **look).set_label("half succeed")
     ax.set_title(found.controller, **PAPER.words)
     ax.set_xlabel(across.label or across.path, **PAPER.small_words)

@@ -17,6 +17,7 @@ from typing import Any
 import matplotlib
 import numpy as np
 import numpy.typing as npt
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -29,6 +30,12 @@ from skyarm.records.files import write_atomically
 from skyarm.records.files.names import require_suffix
 
 Array = npt.NDArray[np.float64]
+
+Style = dict[str, Any]
+"""Keywords of a Matplotlib artist."""
+
+Handles = dict[str, Artist]
+"""Words of a legend -> what is drawn."""
 
 DPI = 300.0
 """Dots an inch of a PNG: what journals ask of line drawings with text."""
@@ -61,10 +68,10 @@ class Look:
     layer: float = 3.3
 
     @property
-    def line(self) -> dict[str, Any]:
+    def line(self) -> Style:
         """Keywords of a Matplotlib line."""
-        style: Any = (0, self.dash) if self.dash else "-"
-        return {"color": self.color, "linestyle": style, "linewidth": self.width, "zorder": self.layer}
+        dashes = (0, self.dash) if self.dash else "-"
+        return {"color": self.color, "linestyle": dashes, "linewidth": self.width, "zorder": self.layer}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,17 +104,17 @@ class PictureStyle:
     shades: tuple[str, ...]
 
     @property
-    def words(self) -> dict[str, Any]:
+    def words(self) -> Style:
         """Keywords of a text of the larger size."""
         return {"fontsize": self.text, "family": list(self.font), "color": self.ink, "parse_math": False}
 
     @property
-    def small_words(self) -> dict[str, Any]:
+    def small_words(self) -> Style:
         """Keywords of a text of the smaller size."""
         return {**self.words, "fontsize": self.small}
 
     @property
-    def prop(self) -> dict[str, Any]:
+    def prop(self) -> Style:
         """Font of a legend."""
         return {"size": self.small, "family": list(self.font)}
 
@@ -128,7 +135,7 @@ class PictureStyle:
         """Frame, grid and ticks of one panel."""
         line = 0.06 * self.text
         ax.set_facecolor(self.face)
-        ticks: dict[str, Any] = {"labelsize": self.small, "labelfontfamily": self.font[0], "labelcolor": self.ink}
+        ticks: Style = {"labelsize": self.small, "labelfontfamily": self.font[0], "labelcolor": self.ink}
         ax.tick_params(**ticks, direction="in", width=line, length=5.0 * line, color=self.frame)
         ax.grid(visible=True, color=self.grid, linewidth=0.8 * line)
         ax.set_axisbelow(True)
@@ -176,7 +183,7 @@ class PictureStyle:
             words = f"{label}\n[{unit}]"
         ax.set_ylabel(words, linespacing=1.0, **self.small_words)
 
-    def legend(self, figure: Figure, handles: Mapping[str, Any]) -> None:
+    def legend(self, figure: Figure, handles: Mapping[str, Artist]) -> None:
         """One legend below the panels, in as many columns as fit into the figure's width."""
         canvas: Any = FigureCanvasAgg(figure)
         renderer = canvas.get_renderer()

@@ -17,7 +17,7 @@ from matplotlib.transforms import Bbox
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.figures.projection import SIDE, TOP, View, across, arc, axonometric, hull, surface
-from skyarm.view.figures.style import PAPER, Picture
+from skyarm.view.figures.style import PAPER, Picture, Style
 from skyarm.world.scene.shapes import Shape
 from skyarm.world.scene.vehicle_shapes import body_poses, rotor_radius, vehicle_shapes
 
@@ -329,10 +329,10 @@ class Marks:
 
     def arrow(self, flat: Array, color: str, width: float) -> None:
         """A line through points (N, 2) with a head at its end."""
-        look: dict[str, Any] = {"color": color, "linewidth": width * PAPER.small, "zorder": 5.0}
+        look: Style = {"color": color, "linewidth": width * PAPER.small, "zorder": 5.0}
         self.ax.plot(*flat.T, solid_capstyle="butt", label="_mark", **look)
         # the head alone: its shaft would end before the point
-        options: dict[str, Any] = {"arrowstyle": "-|>", "mutation_scale": 0.9 * PAPER.small, "shrinkA": 0.0}
+        options: Style = {"arrowstyle": "-|>", "mutation_scale": 0.9 * PAPER.small, "shrinkA": 0.0}
         head = FancyArrowPatch(tuple(flat[-2]), tuple(flat[-1]), color=color, shrinkB=0.0, **options)
         head.set(linewidth=0.0, zorder=5.1)
         self.ax.add_patch(head)
@@ -356,12 +356,12 @@ class Marks:
             self._names.append((flat, [name]))
 
     def _line(self, points: Array, dash: tuple[float, ...]) -> None:
-        look: dict[str, Any] = {"color": PAPER.frame, "linewidth": 0.08 * PAPER.small, "zorder": 4.5}
+        look: Style = {"color": PAPER.frame, "linewidth": 0.08 * PAPER.small, "zorder": 4.5}
         self.ax.plot(*self.view.flat(points).T, linestyle=(0, dash), label="_mark", **look)
 
     def _place(self, text: str, at: Array, color: str, points: Array) -> None:
         """Write a label where it covers no other one and as few points (N, 2), dots, as can be."""
-        words: dict[str, Any] = {**PAPER.small_words, "color": color, "ha": "center", "va": "center"}
+        words: Style = {**PAPER.small_words, "color": color, "ha": "center", "va": "center"}
         label = self.ax.text(float(at[0]), float(at[1]), text, zorder=9.0, linespacing=1.0, **words)
         label.set_path_effects([withStroke(linewidth=0.3 * PAPER.small, foreground=PAPER.face, alpha=0.8)])
         here, drawn = self.ax.transData.transform(at), label.get_window_extent()

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -194,7 +193,7 @@ def _inside(box: Box) -> tuple[slice, slice]:
 
 
 @lru_cache(maxsize=64)
-def _font(height: int, *, bold: bool) -> Any:
+def _font(height: int, *, bold: bool) -> ImageFont.FreeTypeFont:
     return ImageFont.truetype(str(typeface(bold=bold)), height)
 
 
