@@ -388,7 +388,7 @@ def test_members_in_c_are_named_after_the_memory():
     text = export_c(make_centroidal(MODEL), name="law", period=0.005).text
     for member in (
         "double applied[3];",
-        "double parts_adaptation_fed_force[3];",
+        "double parts_adaptation_feedforward_force[3];",
         "double parts_adaptation_joints_0_once_load;",
     ):
         assert member in text

@@ -105,7 +105,7 @@ def estimated(memory):
         found = [(memory.answer[6:], 0.04)]
     if kind == "PredictiveMemory":
         # force, torque and joint efforts end the leaves of the estimate
-        unknown = memory.estimate[-8:]
+        unknown = memory.past.estimate[-8:]
         found = [(unknown[:3], 0.2), (unknown[6:], 0.006)]
     if getattr(memory, "observed", ()):
         found = [((*memory.observed.force,), 0.2), (memory.observed.efforts, 0.006)]

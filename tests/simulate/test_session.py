@@ -334,8 +334,13 @@ def test_parts_may_be_replaced_and_what_has_another_structure_begins_anew() -> N
     for _ in range(30):
         session.step()
     state = session.state
-    late = load_scenario("case3_wind", controller="centroidal_tip", duration=0.5, delays=NOISY.delays)
-    other = late.controller
+    other = scenario_from(
+        {
+            **document("case3_wind"),
+            "controller": {"preset": "centroidal_tip"},
+            "delays": {"measurement": 0.005, "command": 0.002},
+        }
+    ).controller
     session.change({"controller.law": "centroidal_tip", "sensors.position": 0.005})
     assert session.state == state
     assert leaves(session._engine.now.memory) == leaves(other.memory)

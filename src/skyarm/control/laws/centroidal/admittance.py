@@ -60,7 +60,7 @@ class Detection:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class AdmittanceMemory:
-    """Memory of the admittance; ``sensed`` and ``offset`` are empty without a sensor."""
+    """Memory of the admittance; ``sensed`` and ``sensor_bias`` are empty without a sensor."""
 
     age: Annotated[Scalar, Unit("s", "since the start of the flight")] = 0.0
     bias: Disturbance
@@ -69,7 +69,7 @@ class AdmittanceMemory:
     quiet: Annotated[Scalar, Unit("s", "since it was above its threshold")] = 0.0
     force: Annotated[Vec3, Unit("N", "at the tip, estimated, world axes")] = Vec3(0.0, 0.0, 0.0)
     sensed: Annotated[Vec3 | tuple[()], Unit("N", "by a sensor at the tip, filtered, axes of the tip")] = ()
-    offset: Annotated[Vec3 | tuple[()], Unit("N", "bias of that sensor, axes of the tip")] = ()
+    sensor_bias: Annotated[Vec3 | tuple[()], Unit("N", "bias of that sensor, axes of the tip")] = ()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -93,7 +93,7 @@ class AdmittanceGains(Part):
     def start(self, joints: int) -> AdmittanceMemory:
         """At rest on the reference, nothing known."""
         zero = Vec3(0.0, 0.0, 0.0) if self.senses else ()
-        return AdmittanceMemory(bias=no_disturbance(joints), sensed=zero, offset=zero)
+        return AdmittanceMemory(bias=no_disturbance(joints), sensed=zero, sensor_bias=zero)
 
     def adjust_reference(self, memory: AdmittanceMemory, step: Step) -> AdmittanceMemory:
         """Move the reference; nothing is adapted while an external force is in what is observed, and after it."""
@@ -122,10 +122,10 @@ def shift_reference(
     d = disturbance(observed)
     estimate = tip_force(vehicle, gains.errors, at, d - memory.bias)
     sensed, value = memory.sensed, estimate
-    if isinstance(sensed, Vec3) and isinstance(memory.offset, Vec3) and reading:
+    if isinstance(sensed, Vec3) and isinstance(memory.sensor_bias, Vec3) and reading:
         sensed = sensed + (Vec3(*reading) - sensed) * low_pass_share(gains.sensing, dt)
         turned = at.R @ frame_pose(vehicle, vehicle.frame(), observed.joints).R
-        value, sensed = turned.apply(sensed - memory.offset), vector_data(sensed)
+        value, sensed = turned.apply(sensed - memory.sensor_bias), vector_data(sensed)
     memory = dataclasses.replace(memory, force=vector_data(value), sensed=sensed)
     memory = detect(gains.detection, memory, d, estimate, dt)
     body, shift = move(gains.tip, memory.body, memory.force * memory.detected, dt)
@@ -144,7 +144,7 @@ def detect(gains: Detection, memory: AdmittanceMemory, observed: Disturbance, fo
     share = where(calm, low_pass_share(where(settled, gains.bias_rate, gains.settling), dt), 0.0)
     wind = where(calm, share, low_pass_share(gains.wind_rate, dt))
     unexplained = dataclasses.replace(observed, force=observed.force - force * detected)
-    offset = memory.offset
+    offset = memory.sensor_bias
     if isinstance(offset, Vec3) and isinstance(memory.sensed, Vec3):
         offset = vector_data(offset + (memory.sensed - offset) * share)
     return dataclasses.replace(
@@ -153,7 +153,7 @@ def detect(gains: Detection, memory: AdmittanceMemory, observed: Disturbance, fo
         bias=memory.bias.blend_towards(unexplained, share, wind),
         detected=detected,
         quiet=quiet,
-        offset=offset,
+        sensor_bias=offset,
     )
 
 
