@@ -15,7 +15,7 @@ from skyarm.control.catalogue import make_controller
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.adaptation import adapt, first_learned
 from skyarm.control.laws.centroidal.demands import Planned
-from skyarm.control.laws.centroidal.memory import Channel
+from skyarm.control.laws.centroidal.law import Channel
 from skyarm.control.laws.ladder import _present
 from skyarm.control.model import Model
 from skyarm.reference import Reference

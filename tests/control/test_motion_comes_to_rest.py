@@ -10,7 +10,7 @@ import pytest
 import skyarm
 from skyarm.control.blocks.extrapolation import extrapolate
 from skyarm.control.catalogue import preset
-from skyarm.control.laws.centroidal.memory import Channel
+from skyarm.control.laws.centroidal.law import Channel
 from skyarm.reference import Constant, Ramp, Trajectory
 
 DT = 0.005

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from skyarm.control.blocks.extrapolation import extrapolate
-from skyarm.control.laws.centroidal.memory import Channel
+from skyarm.control.laws.centroidal.law import Channel
 
 PERIOD, DT = 0.02, 0.005
 

@@ -22,7 +22,7 @@ from skyarm.cli.main import main
 from skyarm.compile import leaves, rebuild
 from skyarm.control.blocks.disturbance_observer import Observed
 from skyarm.control.catalogue import PRESETS, Controller, make_controller, preset
-from skyarm.control.laws.centroidal.memory import CentroidalMemory
+from skyarm.control.laws.centroidal.law import CentroidalMemory
 from skyarm.control.model import Model, Terms
 from skyarm.control.onboard.export_c import STRUCTS, Constants, export_c
 from skyarm.control.safety import with_safety_layer

@@ -49,7 +49,7 @@ FOLLOWING = 2.0
 """1/s, of the mean squares of a joint's planned rate and of what its own is off."""
 
 
-def _towards(old: Any, new: Any, share: Any) -> Any:
+def _towards(old: Scalar, new: Scalar, share: Scalar) -> Any:
     return add(old, mul(share, sub(new, old)))
 
 
@@ -61,7 +61,7 @@ class Regressor:
     place: Annotated[Scalar, Unit("rad or m", "planned position, late")]
     rate: Annotated[Scalar, Unit("rad/s or m/s", "planned rate, late")]
 
-    def towards(self, new: Regressor, share: Any) -> Regressor:
+    def towards(self, new: Regressor, share: Scalar) -> Regressor:
         """A low-pass filter's next value."""
         pairs = ((self.load, new.load), (self.place, new.place), (self.rate, new.rate))
         load, place, rate = (_towards(a, b, share) for a, b in pairs)
@@ -83,7 +83,7 @@ class JointLearned:
     moving: Annotated[Scalar, Unit("(rad/s)^2 or (m/s)^2", "mean square of the planned rate")]
     off: Annotated[Scalar, Unit("(rad/s)^2 or (m/s)^2", "mean square of what the rate is off")]
 
-    def filtered(self, regressor: Regressor, rate: Any, share: Any, dt: Any) -> JointLearned:
+    def filtered(self, regressor: Regressor, rate: Scalar, share: Scalar, dt: Scalar) -> JointLearned:
         """The filtered regressor one period later, and how well the joint's rate follows its plan."""
         once, slow = self.once.towards(regressor, share), low_pass_share(FOLLOWING, dt)
         off = sub(rate, regressor.rate)
@@ -95,12 +95,18 @@ class JointLearned:
             off=_towards(self.off, mul(off, off), slow),
         )
 
-    def trust(self, slow: Any) -> Any:
+    def trust(self, slow: Scalar) -> Any:
         """1 for a joint that keeps its planned rate, 0 for one that is off by 0.7 of it, in the mean square."""
         return maximum(0.0, sub(1.0, divide(mul(2.0, self.off), add(self.moving, slow))))
 
     def learned(
-        self, friction: Any, left: Any, weight: Any, least: tuple[Any, Any], limits: tuple[Any, Any], dt: Any
+        self,
+        friction: Scalar,
+        left: Scalar,
+        weight: Scalar,
+        least: tuple[Scalar, Scalar],
+        limits: tuple[Scalar, Scalar],
+        dt: Scalar,
     ) -> JointLearned:
         """Damping, level and slope one period later, along their normalised gradients."""
         (small, slow), (low, high), place, rate = least, limits, self.twice.place, self.twice.rate
@@ -182,10 +188,10 @@ def adapt(
     par: CentroidalParameters,
     learned: Learned,
     planned: Planned,
-    rates: Sequence[Any],
-    left: Sequence[Any],
-    free: Sequence[Any],
-    dt: Any,
+    rates: Sequence[Scalar],
+    left: Sequence[Scalar],
+    free: Sequence[Scalar],
+    dt: Scalar,
 ) -> Learned:
     """Slow estimates one period later.
 
@@ -213,8 +219,8 @@ def adapt(
         weights.append(mul(f, joints[-1].trust(slow)))
     mass = learned.tip_mass
     if gains.load is not None:
-        match: Any = 0.0
-        size: Any = SMALL
+        match: Scalar = 0.0
+        size: Scalar = SMALL
         for joint, d, weight in zip(joints, left, weights, strict=True):
             y = joint.twice.load
             match, size = add(match, mul(weight, mul(y, d))), add(size, mul(y, y))

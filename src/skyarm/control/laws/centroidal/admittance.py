@@ -1,7 +1,16 @@
 """Admittance control of the tip: a virtual mass, damper and spring between an external force and the reference.
 
-The whole reference is shifted by a virtual body (:mod:`skyarm.control.laws.centroidal.virtual_body`), with velocity and
-acceleration; the law compensates the force as ever, so that the tip's apparent dynamics are M, D and K alone.
+The whole reference is shifted by a virtual body, with velocity and acceleration; the law compensates the force as ever,
+so that the tip's apparent dynamics are M, D and K alone. Its offset x along each of three axes is the motion of
+
+    M x'' + D x' + K x = f(t),
+
+and f is measured only as g, late by a known time T: of first order g' = (f - g) / T, or two filters of T / 2. The
+velocity is therefore v = w + T g / M, with M w' = g - D v - K x: the motion above with g + T g' in place of g, which is
+f to second order of the lag, and nothing is differentiated. A body that damper or spring stop sooner than within T has
+not gathered the impulse T f: for it the lead is M / D or sqrt(M / K). The trapezoidal rule is stable for any numbers
+that are not negative. Sources: Hogan 1985, "Impedance control"; Villani, De Schutter, "Force control", Springer
+Handbook of Robotics 2016, 9.2.
 
 External force: the observed or measured one beyond a bias b, without which wrong masses, wrong thrust and steady wind
 would move the body for ever. b is estimated before a contact (at ``settling`` in the first ``settle`` seconds, then at
@@ -22,17 +31,16 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, logical_and, logical_or, mul, where
+from skyarm.algebra.scalars import Scalar, divide, logical_and, logical_or, maximum, mul, sqrt, where
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.disturbance_observer import Observed, disturbance
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
-from skyarm.control.blocks.select import vector_data
+from skyarm.control.blocks.select import data, vector_data
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal.interaction import SENSING
 from skyarm.control.laws.centroidal.part import Part, Step
 from skyarm.control.laws.centroidal.tip_force import ForceErrors, levers, tip_force
-from skyarm.control.laws.centroidal.virtual_body import Compliance, VirtualBody, move
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.records.coerce import concrete
 from skyarm.records.files import Fields, shown
@@ -44,6 +52,65 @@ LIGHTEST, HEAVIEST = 0.01, 1000.0
 
 FASTEST = 50.0
 """rad/s, of the virtual body: no loop of an arm follows a faster one."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Compliance:
+    """Constants along the axes (unit vectors; empty for those of the world); a structural inertia 0 holds one."""
+
+    inertia: Annotated[tuple[Scalar, ...], Unit("kg", "of the virtual body; 0 holds an axis", low=0.0)]
+    damping: Annotated[tuple[Scalar, ...], Unit("N s/m", "along each axis", low=0.0)]
+    stiffness: Annotated[tuple[Scalar, ...], Unit("N/m", "towards the reference", low=0.0)]
+    lead: Annotated[Scalar, Unit("s", "lag of the measured force", low=0.0)]
+    axes: Annotated[tuple[Vec3, ...], Unit("", "unit vectors, world axes; none for those of the world")] = ()
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class VirtualBody:
+    """Memory of the virtual body, along its axes: x and w."""
+
+    offset: Annotated[tuple[Scalar, ...], Unit("m", "from the reference, along each axis")] = (0.0, 0.0, 0.0)
+    rate: Annotated[tuple[Scalar, ...], Unit("m/s", "along each axis, without the lead")] = (0.0, 0.0, 0.0)
+
+
+def move(gains: Compliance, memory: VirtualBody, force: Vec3, dt: Scalar) -> tuple[VirtualBody, tuple[Vec3, ...]]:
+    """Memory and offset with two derivatives (m, m/s, m/s^2, world axes) one period later, under a force in N."""
+    along = [axis.dot(force) for axis in gains.axes] if gains.axes else list(force)
+    axes = zip(gains.inertia, gains.damping, gains.stiffness, memory.offset, memory.rate, along, strict=True)
+    rates, motions = zip(*(_axis_step(axis, gains.lead, dt) for axis in axes), strict=True)
+    offset = tuple(along_world(gains.axes, each) for each in zip(*motions, strict=True))
+    held = [
+        data(x) if type(M) is int else row[0] for M, x, row in zip(gains.inertia, memory.offset, motions, strict=True)
+    ]
+    return VirtualBody(offset=tuple(held), rate=rates), offset
+
+
+def _axis_step(axis: Sequence[Scalar], lead: Scalar, dt: Scalar) -> tuple[Scalar, tuple[Scalar, Scalar, Scalar]]:
+    """Rate of one axis one period later; offset, velocity, acceleration then, structural zeros where it is held."""
+    M, D, K, x, w, f = axis
+    if type(M) is int:
+        return data(w), (0, 0, 0)
+    per = divide(1.0, M)
+    d, k, half = D * per, K * per, 0.5 * dt
+    slowed = maximum(maximum(lead * d, 1.0), sqrt(maximum(lead * lead * k, 1.0)))
+    ahead = divide(lead, slowed) * per * f
+    # w+ = w + h/2 (a + a+), x+ = x + h/2 (v + v+), v = w + ahead, a = f/M - d v - k x
+    before = per * f - d * ahead - d * w - k * x
+    # a+ with w+ = w + h/2 (a + a+) and x+ = x + h (v + h/4 (a + a+)) put in
+    share = half * d + half * half * k
+    then = divide(before - dt * k * (w + ahead) - share * before, 1.0 + share)
+    rate = w + half * (before + then)
+    velocity = rate + ahead
+    return rate, (x + half * (w + ahead + velocity), velocity, then)
+
+
+def along_world(axes: Sequence[Vec3], values: Sequence[Scalar]) -> Vec3:
+    """A vector along the axes as one along those of the world."""
+    if not axes:
+        return Vec3(*values)
+    first, second, third = (axis * value for axis, value in zip(axes, values, strict=True))
+    total: Vec3 = first + second + third
+    return total
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -114,15 +181,15 @@ def shift_reference(
     vehicle: Vehicle,
     observed: Observed,
     signals: Sequence[Taylor],
-    reading: Sequence[Any],
-    dt: Any,
+    reading: Sequence[Scalar],
+    dt: Scalar,
 ) -> tuple[AdmittanceMemory, list[Taylor]]:
     """One period: the memory, and the reference's signals with x, y and z shifted."""
     at = levers(vehicle, observed.quaternion.rotation(), observed.joints)
     d = disturbance(observed)
     estimate = tip_force(vehicle, gains.errors, at, d - memory.bias)
     sensed, value = memory.sensed, estimate
-    if isinstance(sensed, Vec3) and isinstance(memory.sensor_bias, Vec3) and reading:
+    if sensed and memory.sensor_bias and reading:
         sensed = sensed + (Vec3(*reading) - sensed) * low_pass_share(gains.sensing, dt)
         turned = at.R @ frame_pose(vehicle, vehicle.frame(), observed.joints).R
         value, sensed = turned.apply(sensed - memory.sensor_bias), vector_data(sensed)
@@ -133,7 +200,9 @@ def shift_reference(
     return dataclasses.replace(memory, body=body), [*moved, *signals[3:]]
 
 
-def detect(gains: Detection, memory: AdmittanceMemory, observed: Disturbance, force: Vec3, dt: Any) -> AdmittanceMemory:
+def detect(
+    gains: Detection, memory: AdmittanceMemory, observed: Disturbance, force: Vec3, dt: Scalar
+) -> AdmittanceMemory:
     """Detection and bias one period later; ``force`` (N, world axes) is the tip's in ``observed``, beyond the bias."""
     settled = memory.age >= gains.settle
     loud = logical_and(settled, memory.force.dot(memory.force) > gains.threshold * gains.threshold)
@@ -145,7 +214,7 @@ def detect(gains: Detection, memory: AdmittanceMemory, observed: Disturbance, fo
     wind = where(calm, share, low_pass_share(gains.wind_rate, dt))
     unexplained = dataclasses.replace(observed, force=observed.force - force * detected)
     offset = memory.sensor_bias
-    if isinstance(offset, Vec3) and isinstance(memory.sensed, Vec3):
+    if offset and memory.sensed:
         offset = vector_data(offset + (memory.sensed - offset) * share)
     return dataclasses.replace(
         memory,
@@ -194,7 +263,7 @@ def admittance_gains(
 
 def _compliance(fields: Fields, lead: float, axes: tuple[Vec3, ...]) -> Compliance:
     """The compliance of a table; structural zeros along axes that are held."""
-    rows: list[tuple[Any, ...]] = []
+    rows: list[tuple[Scalar, ...]] = []
     for each in ("mass", "damping", "stiffness"):
         rows.append(fields.vector(each))
         fields.numbers(each, low=0.0)

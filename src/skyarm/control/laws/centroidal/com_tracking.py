@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, divide, minimum, mul, sqrt, where
@@ -36,13 +36,13 @@ class Thrust:
     """
 
     force: Vec3
-    along: Any
+    along: Scalar
     acceleration: Vec3
     across: Vec3 = ZERO3
 
 
 def quasi_static(
-    par: CentroidalParameters, mass: Any, base: list[Vec3], disturbance: Vec3, rates: Sequence[Vec3] = (ZERO3, ZERO3)
+    par: CentroidalParameters, mass: Scalar, base: list[Vec3], disturbance: Vec3, rates: Sequence[Vec3] = (ZERO3, ZERO3)
 ) -> Vec3:
     """Force required by the base's reference alone, with two derivatives, N: m (p_d'' + g) - d.
 
@@ -77,7 +77,7 @@ def goal(base: list[Vec3], h: list[Vec3], still: Attitude, moving: bool) -> list
 
 def thrust(
     par: CentroidalParameters,
-    mass: Any,
+    mass: Scalar,
     *,
     wanted: list[Vec3],
     position: Vec3,
@@ -147,7 +147,7 @@ def _attraction(par: CentroidalParameters, errors: list[Vec3]) -> Vec3:
     return Vec3(*(p * (each * left).derivative(len(errors) - 1) for p, each in zip(kp, series, strict=True)))
 
 
-def _soft_limit(pull: list[Vec3], limit: Any) -> Vec3:
+def _soft_limit(pull: list[Vec3], limit: Scalar) -> Vec3:
     """Highest given derivative of pull / sqrt(1 + |pull|^2 / limit^2): a smooth bound, the identity near 0."""
     series = [Taylor.of_derivatives(each) for each in zip(*pull, strict=True)]
     square = series[0] * series[0] + series[1] * series[1] + series[2] * series[2]
@@ -172,7 +172,7 @@ class ArmMotion:
     mean: Annotated[Vec3, Unit("m", "slow mean of the common centre of mass, base axes")]
 
 
-def update_arm_motion(memory: ArmMotion, com: Vec3, gravity: Any, dt: Any) -> ArmMotion:
+def update_arm_motion(memory: ArmMotion, com: Vec3, gravity: Scalar, dt: Scalar) -> ArmMotion:
     """The memory one period later; ``com`` is h as a series of fourth order."""
     top = derivative(com, 4)
     size = divide(sqrt(top.x * top.x + top.y * top.y), gravity)
@@ -183,7 +183,7 @@ def update_arm_motion(memory: ArmMotion, com: Vec3, gravity: Any, dt: Any) -> Ar
     )
 
 
-def compensated_motion(memory: ArmMotion, limit: Any, h: list[Vec3]) -> list[Vec3]:
+def compensated_motion(memory: ArmMotion, limit: Scalar, h: list[Vec3]) -> list[Vec3]:
     """h and its derivatives as the centre of mass follows them, base axes; the mean moves by its filter."""
     left = 1.0 - minimum(1.0, divide(limit, memory.size + SMALL))
     mean = [memory.mean]

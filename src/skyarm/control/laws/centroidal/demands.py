@@ -5,10 +5,9 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
-from skyarm.algebra.scalars import add, mul, sub
+from skyarm.algebra.scalars import Scalar, add, mul, sub
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.attitude import (
     Attitude,
@@ -93,14 +92,14 @@ class Demand:
         gap: m, of the tip from its reference along the normal of a surface.
     """
 
-    thrust: Any
+    thrust: Scalar
     alpha: Vec3
-    joints: tuple[Any, ...]
+    joints: tuple[Scalar, ...]
     planned: Planned
     following: Following = Following()
     across: Vec3 = ZERO3
     force_rate: Vec3 | None = None
-    gap: Any = 0
+    gap: Scalar = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +134,7 @@ def demands(step: Step) -> Demand:
     course = _course(step)
     now = posture(vehicle, moving(state.joints, state.joint_rates, (0,) * vehicle.n), 2)
     arm, h = before.arm, [derivative(course.level.com, k) for k in range(5)]
-    if isinstance(arm, ArmMotion):
+    if arm and par.center.arm_turn is not None:
         arm = center_of_mass.update_arm_motion(arm, course.level.com, model.gravity, step.dt)
         h = center_of_mass.compensated_motion(arm, par.center.arm_turn, h)
     wanted = center_of_mass.goal(course.base, h, course.still, par.tip.shift is not None)
@@ -242,7 +241,7 @@ def _course(step: Step) -> Course:
     return Course(base, still, level, turned, following, changes, reach, goal)
 
 
-def joint_accelerations(par: CentroidalParameters, state: State, joints: Sequence[Taylor]) -> tuple[Any, ...]:
+def joint_accelerations(par: CentroidalParameters, state: State, joints: Sequence[Taylor]) -> tuple[Scalar, ...]:
     """qdd_d + kd (qd_d - qd) + kp (q_d - q)."""
     gains = par.joint_gains
     return tuple(

@@ -96,7 +96,7 @@ def first_trend(gains: TrendGains) -> ForceTrend:
     )
 
 
-def update_trend(gains: TrendGains, memory: ForceTrend, force: Vec3, dt: Any) -> ForceTrend:
+def update_trend(gains: TrendGains, memory: ForceTrend, force: Vec3, dt: Scalar) -> ForceTrend:
     """The memory one period later; ``force`` is the observer's, N, world axes."""
     b = exp(-(gains.bandwidth * dt))
     ahead = memory.level + memory.rate * dt
@@ -117,7 +117,7 @@ def update_trend(gains: TrendGains, memory: ForceTrend, force: Vec3, dt: Any) ->
     )
 
 
-def _advance_delay(chain: tuple[Vec3, ...], value: Vec3, share: Any) -> tuple[Vec3, ...]:
+def _advance_delay(chain: tuple[Vec3, ...], value: Vec3, share: Scalar) -> tuple[Vec3, ...]:
     """The stages one period later."""
     found = []
     for each in chain:

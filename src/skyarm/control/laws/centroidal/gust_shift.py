@@ -22,10 +22,10 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import divide, exp, maximum
+from skyarm.algebra.scalars import Scalar, divide, exp, maximum
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.attitude import Attitude, Posture, derivative
 from skyarm.control.blocks.filters import low_pass_share
@@ -63,21 +63,21 @@ class SlowForce:
     memory: GustMemory | tuple[()] = ()
 
 
-def gust_gains(share: float, vehicle: Vehicle, gravity: Any) -> GustGains:
+def gust_gains(share: float, vehicle: Vehicle, gravity: Scalar) -> GustGains:
     """Constants for a share of the pendulum's pace; the arm's length approximates the height above the tip."""
     pace = math.sqrt(float(gravity) / max(arm_length(vehicle), SHORTEST))
     return GustGains(pace=share * min(pace, QUICKEST), size=NOISE * float(vehicle.mass))
 
 
 def slow_force(
-    par: CentroidalParameters, before: Vec3, memory: GustMemory | tuple[()], force: Vec3, dt: Any
+    par: CentroidalParameters, before: Vec3, memory: GustMemory | tuple[()], force: Vec3, dt: Scalar
 ) -> SlowForce:
     """The force that the shift follows (N, world axes), one period later: first order, second order with ``gust``.
 
     The filter's step is exact for a constant force, so that it is stable at any period.
     """
     slowest, gust = par.tip.shift_rate, None if par.tip.shift is None else par.tip.shift.gust
-    if gust is None or not isinstance(memory, GustMemory):
+    if gust is None or not memory:
         return SlowForce(before + (force - before) * low_pass_share(slowest, dt))
     off = before - force
     square = off.dot(off) * divide(1.0, gust.size * gust.size)

@@ -73,9 +73,9 @@ def interact(
     vehicle: Vehicle,
     observed: Disturbance,
     at: TipLevers,
-    into: Any,
+    into: Scalar,
     load: Any,
-    dt: Any,
+    dt: Scalar,
     felt: Vec3 | None = None,
 ) -> tuple[InteractionMemory, Pressing]:
     """One period of pressing.
@@ -139,8 +139,8 @@ def interact(
 
 
 def touches(
-    gains: InteractionGains, memory: InteractionMemory, asked: Any, along: Any, into: Any, dt: Any
-) -> tuple[Any, Any]:
+    gains: InteractionGains, memory: InteractionMemory, asked: Scalar, along: Scalar, into: Scalar, dt: Scalar
+) -> tuple[Scalar, Scalar]:
     """Contact of the tip (1 or 0), with hysteresis; and progress towards its loss, 1 at the loss."""
     was = memory.touching > 0.5
     weak, through = (
@@ -152,24 +152,24 @@ def touches(
     # a sum of periods is not exactly their number times one
     # the force at a tip that still goes in, soon after a loss, is a remainder in the observer or a sensor's filter
     begins = logical_and(along > gains.touch, logical_or(into < gains.escape, memory.free > gains.rebound))
-    found: Any = where(was, where(losing > 1.0 - 1e-9, 0.0, 1.0), where(begins, 1.0, 0.0))
+    found: Scalar = where(was, where(losing > 1.0 - 1e-9, 0.0, 1.0), where(begins, 1.0, 0.0))
     return where(asked, found, 0.0), losing
 
 
-def ramp_share(gains: InteractionGains, share: Any, touching: Any, dt: Any) -> Any:
+def ramp_share(gains: InteractionGains, share: Scalar, touching: Scalar, dt: Scalar) -> Any:
     """The share of the desired force one period later."""
     return clip(share + where(touching > 0.5, dt / gains.rise, -dt / gains.fall), 0.0, 1.0)
 
 
 def integrate_force_error(
     gains: InteractionGains,
-    integral: Any,
-    wanted: Any,
-    along: Any,
-    touching: Any,
-    share: Any,
-    relieved: Any,
-    dt: Any,
+    integral: Scalar,
+    wanted: Scalar,
+    along: Scalar,
+    touching: Scalar,
+    share: Scalar,
+    relieved: Scalar,
+    dt: Scalar,
     signed: bool = False,
 ) -> Any:
     """The bounded integral of the force's error, N: still while the ramp runs, none without contact.
@@ -183,8 +183,8 @@ def integrate_force_error(
 
 
 def normal_shift(
-    gains: InteractionGains, memory: InteractionMemory, asked: Any, touching: Any, speed: Any, dt: Any
-) -> tuple[Any, Any, Any]:
+    gains: InteractionGains, memory: InteractionMemory, asked: Scalar, touching: Scalar, speed: Scalar, dt: Scalar
+) -> tuple[Scalar, Scalar, Scalar]:
     """Shift of the reference along the normal with two derivatives: it comes, follows the surface, or returns."""
     s, rate, w = memory.shift, memory.shift_rate, gains.follow
     speed = where(memory.found > 0.0, minimum(speed, gains.again), speed)
@@ -199,7 +199,7 @@ def normal_shift(
 
 
 def update_bias(
-    gains: InteractionGains, bias: Disturbance, d: Disturbance, force: Vec3, asked: Any, free: Any, dt: Any
+    gains: InteractionGains, bias: Disturbance, d: Disturbance, force: Vec3, asked: Scalar, free: Scalar, dt: Scalar
 ) -> Disturbance:
     """The bias one period later: all of it in free flight, the base's force by what the tip's does not explain."""
     learns = logical_and(logical_not(asked), free > gains.rest)
@@ -227,15 +227,15 @@ class Pressing:
     """
 
     n: Vec3
-    share: Any
-    damping: Any
-    engaged: Any
-    shift: tuple[Any, Any, Any]
-    order: Any
-    beyond: Any
+    share: Scalar
+    damping: Scalar
+    engaged: Scalar
+    shift: tuple[Scalar, Scalar, Scalar]
+    order: Scalar
+    beyond: Scalar
     force: Vec3
-    kept: Any
-    asked: Any = False
+    kept: Scalar
+    asked: Scalar = False
 
     def shift_reference(self, signals: Sequence[Taylor]) -> list[Taylor]:
         """The reference's signals with x, y and z moved along the normal."""
@@ -255,7 +255,7 @@ class Pressing:
             efforts=tuple(mul(each, self.engaged) for each in change.efforts),
         )
 
-    def release_normal(self, goal: Goal, tip: Vec3, tip_velocity: Vec3, velocity_gain: Any) -> Goal:
+    def release_normal(self, goal: Goal, tip: Vec3, tip_velocity: Vec3, velocity_gain: Scalar) -> Goal:
         """The tip's goal without a position along n, where the gains on it leave a_n = -damping v_n."""
         p, v, a = goal.tip
         n, slower = self.n, 1.0 - self.damping / velocity_gain
@@ -284,7 +284,7 @@ def estimated_normal(told: Vec3, lean: Vec3) -> Vec3:
     return unit
 
 
-def update_lean(lean: Vec3, n: Vec3, velocity: Vec3, rate: Any, asked: Any, slides: Any, dt: Any) -> Vec3:
+def update_lean(lean: Vec3, n: Vec3, velocity: Vec3, rate: Scalar, asked: Scalar, slides: Scalar, dt: Scalar) -> Vec3:
     """The lean one period later; ``velocity`` of the tip in m/s, world axes, ``rate`` in 1/s."""
     share = where(slides, rate * dt, 0.0) * divide(n.dot(velocity), velocity.dot(velocity) + SLOW * SLOW)
     moved = lean - velocity * share
@@ -352,10 +352,10 @@ class InteractionGains(Part):
         velocity = state.velocity + now.R.apply(moving)
         course = Vec3(*(signal.derivative(1) for signal in step.signals[:3]))
         across = course - wanted.normal * wanted.normal.dot(course)
-        slides: Any = across.dot(across) > SLIDES * SLIDES
+        slides: Scalar = across.dot(across) > SLIDES * SLIDES
         effort = where(slides, 0.0, _effort(vehicle, step.memory.sent[-1]))
         felt, reading, load = None, step.measurement.tip_force, step.memory.parts.load
-        if isinstance(memory.felt, Vec3) and reading:
+        if memory.felt and reading:
             # the sensor measures the weight of a load too, which the surface does not carry
             weight = mul(load.mass, step.par.model.gravity) if load else 0
             turned = then.R @ frame_pose(vehicle, vehicle.frame(), observed.joints).R
@@ -383,9 +383,9 @@ SLIDES = 0.01
 """m/s along the surface, from which on friction is at its cone and cannot be let go."""
 
 
-def _effort(vehicle: Vehicle, sent: Command) -> Any:
+def _effort(vehicle: Vehicle, sent: Command) -> Scalar:
     """The largest share of its limit that a joint's effort or a rotor's squared speed takes."""
-    most: Any = 0.0
+    most: Scalar = 0.0
     for link, effort in zip(vehicle.links, sent.efforts, strict=True):
         limit = link.joint.effort_limit  # 0 is none
         most = maximum(most, where(limit > 0.0, divide(absolute(effort), limit), 0.0))
@@ -423,10 +423,10 @@ class Wanted:
         pivot: m, on the axis of the tip's arc then. axis: its unit vector; None for a fixed normal.
     """
 
-    force: Any
-    speed: Any
+    force: Scalar
+    speed: Scalar
     normal: Vec3
-    grip: Any = 0
+    grip: Scalar = 0
     pivot: Vec3 | None = None
     axis: Vec3 | None = None
 
@@ -436,15 +436,15 @@ class Wanted:
         return type(self.grip) is not int
 
     @property
-    def requests_contact(self) -> Any:
+    def requests_contact(self) -> Scalar:
         """True if any contact is requested."""
-        wanted: Any = self.force > 0.0
+        wanted: Scalar = self.force > 0.0
         return logical_or(wanted, self.grip > 0.5) if self.grips else wanted
 
     @property
-    def presses(self) -> Any:
+    def presses(self) -> Scalar:
         """True if the tip shall press on a surface, which it may slide along."""
-        wanted: Any = self.force > 0.0
+        wanted: Scalar = self.force > 0.0
         return logical_and(wanted, self.grip < 0.5) if self.grips else wanted
 
     def about_the_pivot(self, tip: Vec3) -> Wanted:
@@ -483,7 +483,7 @@ def first_interaction(joints: int, sensor: bool = False) -> InteractionMemory:
     return InteractionMemory(bias=no_disturbance(joints), felt=Vec3(0.0, 0.0, 0.0) if sensor else ())
 
 
-def wanted_of(push: Sequence[Any]) -> Wanted:
+def wanted_of(push: Sequence[Scalar]) -> Wanted:
     """The field ``push`` of a reference."""
     force, speed, *normal = push[:5]
     grip = where(push[5] > 0.5, 1.0, 0.0) if len(push) > 5 else 0

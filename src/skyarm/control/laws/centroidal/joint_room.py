@@ -17,7 +17,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from skyarm.algebra.scalars import add, maximum, minimum, mul, sqrt, sub
+from skyarm.algebra.scalars import Scalar, add, maximum, minimum, mul, sqrt, sub
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.model import JointGains
 from skyarm.dynamics import State
@@ -42,8 +42,8 @@ def within_limits(
     gains: JointGains,
     state: State,
     references: Sequence[Taylor],
-    accelerations: Sequence[Any],
-) -> tuple[Any, ...]:
+    accelerations: Sequence[Scalar],
+) -> tuple[Scalar, ...]:
     """Joint accelerations (rad/s^2 or m/s^2) that run into no limit.
 
     Args:
@@ -72,7 +72,7 @@ def within_limits(
     return tuple(found)
 
 
-def towards(limit: Any, reference: Taylor, share: Any, pole: Any) -> Any:
+def towards(limit: Scalar, reference: Taylor, share: Scalar, pole: Scalar) -> Any:
     """q'' + 2 k q' + k^2 q (rad/s^2 or m/s^2) of a joint at rest in its allowed position.
 
     Args:

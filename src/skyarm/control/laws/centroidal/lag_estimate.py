@@ -67,7 +67,7 @@ class LagGains(Part):
         """Memory before the first measurement."""
         return first_lag(joints, self.stride)
 
-    def adjust_gains(self, memory: LagMemory, par: CentroidalParameters, dt: Any) -> CentroidalParameters:
+    def adjust_gains(self, memory: LagMemory, par: CentroidalParameters, dt: Scalar) -> CentroidalParameters:
         """Gains at the shares of the bandwidth that the lags leave."""
         return at_shares(par, *shares(self, memory, dt))
 
@@ -117,7 +117,7 @@ def first_lag(joints: int, stride: int) -> LagMemory:
     )
 
 
-def lags_found(memory: Any) -> tuple[Any, ...]:
+def lags_found(memory: Any) -> tuple[Scalar, ...]:
     """Lags of the rotors' and the joints' loops in a law's memory, also under layers; () without them."""
     lag = part_of(memory, "lag")
     return lag.found if isinstance(lag, LagMemory) else ()
@@ -128,34 +128,34 @@ def stride_of(control_period: float) -> int:
     return max(1, round(STEP / control_period))
 
 
-def shares(gains: LagGains, memory: LagMemory, dt: Any) -> tuple[Any, Any]:
+def shares(gains: LagGains, memory: LagMemory, dt: Scalar) -> tuple[Scalar, Scalar]:
     """Shares of the bandwidth that the lags leave: of the rotors' loops and of the joints', 0 to 1."""
     base, joints = _lags(gains, memory, dt)
 
-    def share(half: Any, lag: Any) -> Any:
+    def share(half: Scalar, lag: Any) -> Any:
         return divide(half, half + maximum(lag - IGNORED, 0.0))
 
     return share(gains.base, base), share(gains.joints, joints)
 
 
-def _lags(gains: LagGains, memory: LagMemory, dt: Any) -> tuple[Any, Any]:
+def _lags(gains: LagGains, memory: LagMemory, dt: Scalar) -> tuple[Scalar, Scalar]:
     """Lags of the rotors' loops and of the joints', s."""
     step = dt * gains.stride
     return estimate(memory.base, step), estimate(memory.arm, step)
 
 
-def estimate(bank: Bank, step: Any) -> Any:
+def estimate(bank: Bank, step: Scalar) -> Any:
     """Lag in seconds, the bank's lags being ``step`` apart."""
     paid, least = _price_lags(bank.means)
-    total: Any = 0.0
-    weighted: Any = 0.0
+    total: Scalar = 0.0
+    weighted: Scalar = 0.0
     for j, each in enumerate(paid):
         weight = exp(-(SHARPNESS * divide(each - least, least + PRIOR)))
         total, weighted = total + weight, weighted + weight * float(j)
     return step * divide(weighted, total)
 
 
-def _price_lags(means: Sequence[Any]) -> tuple[list[Any], Any]:
+def _price_lags(means: Sequence[Scalar]) -> tuple[list[Scalar], Scalar]:
     """Means with the prices of their lags, and the least of them."""
     paid = [mean + PRIOR * j for j, mean in enumerate(means)]
     least = paid[0]
@@ -169,10 +169,10 @@ def learn(
     memory: LagMemory,
     told: Told,
     measurement: Measurement,
-    started: Any,
-    free: Sequence[Any],
-    isolated: Any,
-    dt: Any,
+    started: Scalar,
+    free: Sequence[Scalar],
+    isolated: Scalar,
+    dt: Scalar,
 ) -> LagMemory:
     """The memory one period later.
 
@@ -217,7 +217,9 @@ def learn(
     )
 
 
-def _in_row(before: Sequence[Sequence[Any]], new: Sequence[Any], running: Any, dt: Any) -> tuple[tuple[Any, ...], ...]:
+def _in_row(
+    before: Sequence[Sequence[Scalar]], new: Sequence[Scalar], running: Scalar, dt: Scalar
+) -> tuple[tuple[Scalar, ...], ...]:
     """Two low passes at the band's upper edge and one at its lower edge, each fed by the one before."""
     found = []
     for old, edge in zip(before, (HIGH, HIGH, LOW), strict=True):
@@ -227,18 +229,20 @@ def _in_row(before: Sequence[Sequence[Any]], new: Sequence[Any], running: Any, d
     return tuple(found)
 
 
-def _band_pass(filtered: Sequence[Sequence[Any]]) -> tuple[Any, ...]:
+def _band_pass(filtered: Sequence[Sequence[Scalar]]) -> tuple[Scalar, ...]:
     """The part in the band: below its upper edge without what is below its lower one."""
     return tuple(sub(above, below) for above, below in zip(filtered[1], filtered[2], strict=True))
 
 
-def _bank(bank: Bank, seen: Sequence[Any], delayed: Sequence[Sequence[Any]], keep: Any, passed: Any) -> Bank:
+def _bank(
+    bank: Bank, seen: Sequence[Scalar], delayed: Sequence[Sequence[Scalar]], keep: Scalar, passed: Scalar
+) -> Bank:
     """Means and scale with one more residual of each lag."""
     if not seen:
         return bank
     squares = []
     for each in delayed:
-        total: Any = 0.0
+        total: Scalar = 0.0
         for y, a in zip(seen, each, strict=True):
             total = total + (y - a) * (y - a)
         squares.append(total)

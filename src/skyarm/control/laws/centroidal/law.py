@@ -11,29 +11,67 @@ Sources: Lee, Leok, McClamroch 2010; Gao 2003; the parts cite their own.
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
+from typing import Annotated, Any
 
-from skyarm.algebra import ZERO3
-from skyarm.algebra.scalars import add, mul, sub, where
+from skyarm.algebra import ZERO3, Vec3
+from skyarm.algebra.scalars import Scalar, add, mul, sub, where
 from skyarm.control.blocks.actuators import all_follow
-from skyarm.control.blocks.disturbance_observer import disturbance, observe
-from skyarm.control.blocks.extrapolation import extrapolate, samples
+from skyarm.control.blocks.disturbance_observer import Observed, disturbance, observe
+from skyarm.control.blocks.extrapolation import Channel, extrapolate, samples
 from skyarm.control.blocks.prediction import Disturbance, predict, with_side
 from skyarm.control.controller import all_applied
-from skyarm.control.laws.centroidal.demands import demands
-from skyarm.control.laws.centroidal.gust_shift import slow_force, steady_force
-from skyarm.control.laws.centroidal.memory import CentroidalMemory, PartMemories
+from skyarm.control.laws.centroidal.demands import Following, demands
+from skyarm.control.laws.centroidal.gust_shift import GustMemory, slow_force, steady_force
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.part import Step
 from skyarm.control.laws.centroidal.torques import actuate
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
+from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PartMemories:
+    """Memory of each part of :class:`Parts`; empty for one that is left out."""
+
+    lag: Any = ()
+    interaction: Any = ()
+    admittance: Any = ()
+    load: Any = ()
+    trend: Any = ()
+    adaptation: Any = ()
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class CentroidalMemory:
+    """State of the law between two steps.
+
+    Attributes:
+        channels: samples of x, y, z, yaw and joints.
+        sent: the last commands, oldest first, one more than the delay has periods.
+        gust: rate of the slow force; empty without the shift for gusts.
+        following: of the demands. parts: of the parts.
+    """
+
+    started: Annotated[Scalar, Unit("", "0 before the first measurement")]
+    age: Annotated[Scalar, Unit("s", "since the held reference sample appeared")]
+    channels: tuple[Channel, ...]
+    observed: Observed
+    sent: tuple[Command, ...]
+    applied: Annotated[tuple[Scalar, ...], Unit("", "1 for rotors and joints whose last command was applied unchanged")]
+    free: Annotated[tuple[Scalar, ...], Unit("", "1 for base and joints whose actuators are not at their limit")]
+    slow_force: Annotated[Vec3, Unit("N", "the observer's force, slowly filtered")]
+    trim: Annotated[tuple[Scalar, ...], Unit("(rad/s)^2", "added to the squared speeds that the mixer asks for")]
+    gust: GustMemory | tuple[()] = ()
+    following: Following = Following()
+    parts: PartMemories = PartMemories()
+
+
 def centroidal(
-    memory: CentroidalMemory, measurement: Measurement, reference: Reference, dt: Any, *, par: CentroidalParameters
+    memory: CentroidalMemory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: CentroidalParameters
 ) -> tuple[CentroidalMemory, Command]:
     """One step of the centroidal law."""
     signals, channels, age = extrapolate(
@@ -116,7 +154,7 @@ def _present(step: Step) -> State:
     par, observed, measurement = step.par, step.observed, step.measurement
     share = par.observation.measured_rates
 
-    def blend(filtered: Any, measured: Any) -> Any:
+    def blend(filtered: Scalar, measured: Scalar) -> Any:
         return add(filtered, mul(share, sub(measured, filtered)))
 
     state = State(

@@ -64,13 +64,13 @@ class Hang:
         tip: R_WT, axes of the tip.
     """
 
-    lift: Any
+    lift: Scalar
     turning: tuple[Vec3, Vec3, Vec3]
-    efforts: tuple[tuple[Any, Any, Any], ...]
+    efforts: tuple[tuple[Scalar, Scalar, Scalar], ...]
     tip: Mat3
 
 
-def hang(vehicle: Vehicle, R: Mat3, joints: Sequence[Any], gravity: Any) -> Hang:
+def hang(vehicle: Vehicle, R: Mat3, joints: Sequence[Scalar], gravity: Scalar) -> Hang:
     """Rows of the regression at an attitude and joint positions."""
     frame = vehicle.frame()
     pose = frame_pose(vehicle, frame, joints)
@@ -86,7 +86,7 @@ def hang(vehicle: Vehicle, R: Mat3, joints: Sequence[Any], gravity: Any) -> Hang
     )
 
 
-def missing(vehicle: Vehicle, gains: LoadGains, at: Hang, rest: Disturbance) -> tuple[Any, ...]:
+def missing(vehicle: Vehicle, gains: LoadGains, at: Hang, rest: Disturbance) -> tuple[Scalar, ...]:
     """Mass (kg) and horizontal torque about the tip (N m, world x and y) in ``rest``: weighted least squares."""
     squares, errors = LeastSquares(3), gains.errors
     squares.require((at.lift, 0, 0), rest.force.z, 1)
@@ -105,12 +105,12 @@ def learn_load(
     memory: LoadMemory,
     model: Model,
     R: Mat3,
-    joints: Sequence[Any],
+    joints: Sequence[Scalar],
     observed: Disturbance,
-    holds: Any,
-    learns: Any,
-    bandwidth: Any,
-    dt: Any,
+    holds: Scalar,
+    learns: Scalar,
+    bandwidth: Scalar,
+    dt: Scalar,
 ) -> tuple[LoadMemory, Disturbance]:
     """The load one period later, and the disturbance that the law shall not compensate.
 
@@ -155,7 +155,7 @@ def learn_load(
     )
 
 
-def _step(pace: Any, bandwidth: Any, holds: Any, learns: Any, dt: Any) -> Any:
+def _step(pace: Scalar, bandwidth: Scalar, holds: Scalar, learns: Scalar, dt: Scalar) -> Any:
     """The share of an error that is learned in one period."""
     return where(holds, low_pass_share(mul(pace, bandwidth), dt), 0.0) * learns
 
@@ -184,7 +184,7 @@ class LoadGains(Part):
         """Nothing is held and nothing is known."""
         return first_load(joints)
 
-    def adjust_gains(self, memory: LoadMemory, par: CentroidalParameters, dt: Any) -> CentroidalParameters:
+    def adjust_gains(self, memory: LoadMemory, par: CentroidalParameters, dt: Scalar) -> CentroidalParameters:
         """The load belongs to the model of all that follows."""
         return dataclasses.replace(par, model=with_learned(par.model, self, memory))
 
@@ -194,7 +194,7 @@ class LoadGains(Part):
             return memory
         par, before, dt, observed = step.par, step.memory, step.dt, step.observed
         holds = step.reference.load[0] > 0.5
-        learns: Any = where(all_follow(before.applied), 1.0, 0.0)
+        learns: Scalar = where(all_follow(before.applied), 1.0, 0.0)
         for each in before.free:
             learns = mul(learns, each)
         if step.pressing is not None:

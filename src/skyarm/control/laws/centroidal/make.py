@@ -22,9 +22,8 @@ from skyarm.control.laws.centroidal.gust_shift import GustMemory, gust_gains
 from skyarm.control.laws.centroidal.interaction import interaction_gains
 from skyarm.control.laws.centroidal.joint_room import ends_of
 from skyarm.control.laws.centroidal.lag_estimate import LagGains, stride_of
-from skyarm.control.laws.centroidal.law import centroidal
+from skyarm.control.laws.centroidal.law import CentroidalMemory, PartMemories, centroidal
 from skyarm.control.laws.centroidal.load import load_gains
-from skyarm.control.laws.centroidal.memory import CentroidalMemory, PartMemories
 from skyarm.control.laws.centroidal.parameters import (
     MODES,
     CenterGains,

@@ -159,32 +159,30 @@ def _options(record: Any) -> list[str]:
     return found
 
 
-def at_shares(par: CentroidalParameters, rotors: Any, joints: Any) -> CentroidalParameters:
+def at_shares(par: CentroidalParameters, rotors: Scalar, joints: Scalar) -> CentroidalParameters:
     """Constants at shares of the bandwidth of the rotors' loops (position, attitude, their observer) and the joints'.
 
     Stiffnesses go with the square of the bandwidth, dampings and observers with the bandwidth.
     """
-    base, arm, tip, observer = par.base, par.joint_gains, par.tip, par.observer
-    accelerometer = par.observation.accelerometer
     once, twice = rotors * rotors, joints * joints
+    accelerometer = par.observation.accelerometer
     if accelerometer is not None:
-        accelerometer = dataclasses.replace(accelerometer, force=accelerometer.force * rotors)
+        accelerometer = _times(accelerometer, force=rotors)
     return dataclasses.replace(
         par,
-        base=dataclasses.replace(
-            base,
-            position=base.position * once,
-            velocity=base.velocity * rotors,
-            attitude=base.attitude * once,
-            rate=base.rate * rotors,
-        ),
-        joint_gains=JointGains(
-            stiffness=tuple(each * twice for each in arm.stiffness),
-            damping=tuple(each * joints for each in arm.damping),
-        ),
-        tip=dataclasses.replace(tip, position=tip.position * twice, velocity=tip.velocity * joints),
-        observer=dataclasses.replace(
-            observer, force=observer.force * rotors, torque=observer.torque * rotors, joints=observer.joints * joints
-        ),
+        base=_times(par.base, position=once, velocity=rotors, attitude=once, rate=rotors),
+        joint_gains=_times(par.joint_gains, stiffness=twice, damping=joints),
+        tip=_times(par.tip, position=twice, velocity=joints),
+        observer=_times(par.observer, force=rotors, torque=rotors, joints=joints),
         observation=dataclasses.replace(par.observation, accelerometer=accelerometer),
     )
+
+
+def _times(gains: Any, **shares: Scalar) -> Any:
+    """Gains with some of them, one or one for each joint, multiplied."""
+    held = {name: getattr(gains, name) for name in shares}
+    scaled = {
+        name: tuple(each * share for each in held[name]) if type(held[name]) is tuple else held[name] * share
+        for name, share in shares.items()
+    }
+    return dataclasses.replace(gains, **scaled)

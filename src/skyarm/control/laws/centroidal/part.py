@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import mul
+from skyarm.algebra.scalars import Scalar, mul
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.disturbance_observer import Observed, Told
 from skyarm.control.blocks.prediction import Disturbance
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from skyarm.control.laws.centroidal.demands import Demand
     from skyarm.control.laws.centroidal.gust_shift import SlowForce
     from skyarm.control.laws.centroidal.interaction import Pressing
-    from skyarm.control.laws.centroidal.memory import CentroidalMemory
+    from skyarm.control.laws.centroidal.law import CentroidalMemory
     from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 
 
@@ -51,25 +51,25 @@ class Step:
     memory: CentroidalMemory
     measurement: Measurement
     reference: Reference
-    dt: Any
+    dt: Scalar
     signals: Sequence[Taylor]
     observed: Observed
     told: Told
     alone: Disturbance
     unknown: Disturbance
     force: Vec3
-    free: tuple[Any, ...]
+    free: tuple[Scalar, ...]
     state: State = field(init=False)
-    isolated: Any = 1.0
-    external: Any = 0
+    isolated: Scalar = 1.0
+    external: Scalar = 0
     pressing: Pressing | None = None
     rate: Vec3 = ZERO3
-    trend: tuple[Vec3, Any] | None = None
+    trend: tuple[Vec3, Scalar] | None = None
     steady: Vec3 = ZERO3
     slow: SlowForce | None = None
     demand: Demand | None = None
 
-    def isolate(self, share: Any) -> None:
+    def isolate(self, share: Scalar) -> None:
         """Stop adaptation where ``share`` is 0: an external force is part of what is observed."""
         self.free, self.isolated = tuple(mul(each, share) for each in self.free), mul(self.isolated, share)
 
@@ -83,7 +83,7 @@ class Part:
         """Memory before the first measurement, of a model with so many joints."""
         return ()
 
-    def adjust_gains(self, memory: Any, par: CentroidalParameters, dt: Any) -> CentroidalParameters:
+    def adjust_gains(self, memory: Any, par: CentroidalParameters, dt: Scalar) -> CentroidalParameters:
         """Constants of the step."""
         return par
 

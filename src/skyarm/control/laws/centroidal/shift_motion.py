@@ -52,7 +52,9 @@ class ShiftMotion:
     jerk: Annotated[Vec3, Unit("m/s^3", "of the base's shift, filtered")]
 
 
-def differentiate(memory: ShiftMotion, acceleration: Vec3, bandwidth: Any, dt: Any) -> tuple[ShiftMotion, Vec3, Vec3]:
+def differentiate(
+    memory: ShiftMotion, acceleration: Vec3, bandwidth: Scalar, dt: Scalar
+) -> tuple[ShiftMotion, Vec3, Vec3]:
     """The memory one period later, jerk and snap of the shift; ``bandwidth`` of each differentiator in rad/s."""
     jerk = (acceleration - memory.acceleration) * bandwidth
     snap = (jerk - memory.jerk) * bandwidth
@@ -93,7 +95,7 @@ class SwingShift:
     snap: Vec3
 
 
-def levers(level: Posture) -> list[Any]:
+def levers(level: Posture) -> list[Scalar]:
     """Height of the centre of mass above the tip with four derivatives, m, of a level base."""
     return [derivative(level.com, k).z - derivative(level.tip, k).z for k in range(5)]
 
@@ -105,7 +107,7 @@ def tilt_of(needed: Vec3, level: Posture) -> Vec3:
     return Vec3(needed.x * per_height, needed.y * per_height, 0)
 
 
-def swing_pace(memory: SwingPace, lever: list[Any], rate: Any, dt: Any) -> SwingPace:
+def swing_pace(memory: SwingPace, lever: list[Scalar], rate: Scalar, dt: Scalar) -> SwingPace:
     """The memory one period later; ``rate`` in 1/s."""
     share = low_pass_share(rate, dt)
     return SwingPace(
@@ -114,7 +116,7 @@ def swing_pace(memory: SwingPace, lever: list[Any], rate: Any, dt: Any) -> Swing
     )
 
 
-def shift_for_swing(memory: SwingPace, needed: list[Vec3], level: Posture, gravity: Any) -> SwingShift:
+def shift_for_swing(memory: SwingPace, needed: list[Vec3], level: Posture, gravity: Scalar) -> SwingShift:
     """The shift that the tip needs while the arm swings.
 
     Args:
@@ -140,12 +142,12 @@ def shift_for_swing(memory: SwingPace, needed: list[Vec3], level: Posture, gravi
 
 def move_shift(
     gains: ShiftGains | None,
-    gravity: Any,
+    gravity: Scalar,
     shift: ShiftMotion | tuple[()],
     pace: SwingPace | tuple[()],
     needed: list[Vec3],
     level: Posture,
-    dt: Any,
+    dt: Scalar,
     own: Vec3 = ZERO3,
 ) -> tuple[ShiftMotion | tuple[()], SwingPace | tuple[()], list[Vec3]]:
     """Memories one period later, and the shift with as many derivatives as the law uses.
@@ -160,9 +162,9 @@ def move_shift(
         dt: control period, s.
         own: part of its acceleration that jumps with a force and is not differentiated, m/s^2, world axes.
     """
-    if gains is None or not isinstance(shift, ShiftMotion):
+    if gains is None or not shift:
         return shift, pace, needed
-    if gains.swing_rate is None or not isinstance(pace, SwingPace):
+    if gains.swing_rate is None or not pace:
         shift, jerk, snap = differentiate(shift, needed[2] - own, gains.bandwidth, dt)
         return shift, pace, [*needed, jerk, snap]
     pace = swing_pace(pace, levers(level), gains.swing_rate, dt)
@@ -200,7 +202,7 @@ PathShift = tuple[AxisShift, AxisShift]
 AT_REST = AxisShift(size=0.0, change=0.0, rate=0.0, acceleration=0.0)
 
 
-def with_shift(path: PathShift | tuple[()], base: list[Vec3], level: Posture, gravity: Any) -> list[Vec3]:
+def with_shift(path: PathShift | tuple[()], base: list[Vec3], level: Posture, gravity: Scalar) -> list[Vec3]:
     """The base's reference, value to fourth derivative, with the horizontal shift in all but its position.
 
     ``path`` is empty where the attitude answers the reference alone; ``level`` the references' posture on a level base.
@@ -224,7 +226,7 @@ def path_step(
     turned: Posture,
     still: Attitude,
     par: CentroidalParameters,
-    dt: Any,
+    dt: Scalar,
 ) -> PathShift | tuple[()]:
     """The memory one period later.
 
@@ -252,18 +254,18 @@ def path_step(
     return x, y
 
 
-def square_of_pace(axis: AxisShift, per: Any) -> Any:
+def square_of_pace(axis: AxisShift, per: Scalar) -> Any:
     """w^2, (rad/s)^2; ``per`` is l / g in s^2."""
     most = divide(BELOW, maximum(maximum(per, per * (-BELOW / ABOVE)), LEAST))
     return minimum(divide(maximum(axis.change, 0.0), maximum(axis.size, 0.0) + STILL), most)
 
 
-def _per(level: Posture, gravity: Any) -> Any:
+def _per(level: Posture, gravity: Scalar) -> Any:
     return divide(levers(level)[0], gravity)
 
 
 def axis_step(
-    axis: AxisShift, reference: tuple[Any, ...], asked: tuple[Any, Any], per: Any, rate: Any, dt: Any
+    axis: AxisShift, reference: tuple[Scalar, ...], asked: tuple[Scalar, Scalar], per: Scalar, rate: Scalar, dt: Scalar
 ) -> AxisShift:
     """Memory of an axis one period later; ``asked`` are u' and u'' of the present attitude, ``rate`` in 1/s."""
     _, v, a, jerk, snap = reference

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import E_X, E_Y, E_Z, Mat3, Vec3
-from skyarm.algebra.scalars import cos, divide, mul, sin, sqrt
+from skyarm.algebra.scalars import Scalar, cos, divide, mul, sin, sqrt
 from skyarm.algebra.scalars.taylor import Taylor, choose
 from skyarm.control.blocks.attitude import Attitude, derivative
 from skyarm.dynamics.actuators import Mixer
@@ -37,11 +37,11 @@ class Reach:
     """
 
     rows: tuple[Vec3, ...]
-    highest: tuple[Any, ...]
-    least: tuple[Any, ...]
+    highest: tuple[Scalar, ...]
+    least: tuple[Scalar, ...]
 
 
-def reach_of(mixer: Mixer, com: Vec3, weight: Any) -> Reach:
+def reach_of(mixer: Mixer, com: Vec3, weight: Scalar) -> Reach:
     """Reach of a mixer of six rows; ``com`` in base axes, m, ``weight`` in N."""
     rows = []
     for turning, across in zip(mixer.inverse, mixer.across, strict=True):
@@ -65,7 +65,7 @@ def gauge(reach: Reach, force: Vec3) -> Taylor:
     return result
 
 
-def leaning(reach: Reach, force: Vec3, share: Any, upright: Vec3 | None = None) -> Vec3:
+def leaning(reach: Reach, force: Vec3, share: Scalar, upright: Vec3 | None = None) -> Vec3:
     """The force (series of second order, world axes, N) that the attitude is computed with: without its sideways part.
 
     Sideways is across ``upright`` (series), or world z. The second derivative counts as the rest does: the snap of a
@@ -81,7 +81,7 @@ def leaning(reach: Reach, force: Vec3, share: Any, upright: Vec3 | None = None) 
     return Vec3(*(Taylor([*each.c[:2], mul(rest, each.c[2])]) for each in kept))
 
 
-def thrust_axis(attitude: Sequence[Any], yaw: Taylor) -> Vec3:
+def thrust_axis(attitude: Sequence[Scalar], yaw: Taylor) -> Vec3:
     """Body z in world axes (series) at a roll and pitch (rad, Z-Y-X angles) that do not change."""
     roll, pitch = attitude
     forward, left, up = cos(roll) * sin(pitch), -sin(roll), cos(roll) * cos(pitch)
@@ -138,7 +138,7 @@ def across(force: Vec3) -> Vec3:
     return Vec3(force.x, force.y, 0)
 
 
-def planned_rate(still: Attitude, motion: Sequence[Vec3], mass: Any, gravity: Any) -> Vec3:
+def planned_rate(still: Attitude, motion: Sequence[Vec3], mass: Scalar, gravity: Scalar) -> Vec3:
     """Rate of the planned force f = m (p'' + g), planned body axes, N/s: R^T m p''' - w x R^T f.
 
     ``motion`` are p'' and p''' of the centre of mass.

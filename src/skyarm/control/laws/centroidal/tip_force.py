@@ -59,7 +59,7 @@ class TipLevers:
         return Disturbance(force=force, torque=self.tip.cross(own), efforts=efforts)
 
 
-def levers(vehicle: Vehicle, R: Mat3, joints: Sequence[Any]) -> TipLevers:
+def levers(vehicle: Vehicle, R: Mat3, joints: Sequence[Scalar]) -> TipLevers:
     """Levers of the tip at an attitude and joint positions."""
     frame = vehicle.frame()
     columns = tuple(column.linear for column in jacobian_columns(vehicle, frame, joints))
@@ -82,23 +82,23 @@ class LeastSquares:
     """Normal equations A x = b of weighted least squares, of which the lower triangle of A counts."""
 
     def __init__(self, n: int) -> None:
-        self.A: list[list[Any]] = [[0] * n for _ in range(n)]
-        self.b: list[Any] = [0] * n
+        self.A: list[list[Scalar]] = [[0] * n for _ in range(n)]
+        self.b: list[Scalar] = [0] * n
 
-    def require(self, columns: Sequence[Any], wanted: Any, weight: Any) -> None:
+    def require(self, columns: Sequence[Any], wanted: Any, weight: Scalar) -> None:
         """Add weight |columns x - wanted|^2, of numbers or of vectors."""
         for i, c in enumerate(columns):
             self.b[i] = add(self.b[i], mul(weight, _product(c, wanted)))
             for j, d in enumerate(columns[: i + 1]):
                 self.A[i][j] = add(self.A[i][j], mul(weight, _product(c, d)))
 
-    def prefer(self, values: Iterable[Any], weight: Any, first: int = 0) -> None:
+    def prefer(self, values: Iterable[Scalar], weight: Scalar, first: int = 0) -> None:
         """Add weight |x - values|^2, of the unknowns from ``first`` on."""
         for i, value in enumerate(values, first):
             self.A[i][i] = add(self.A[i][i], weight)
             self.b[i] = add(self.b[i], mul(weight, value))
 
-    def solve(self) -> tuple[Any, ...]:
+    def solve(self) -> tuple[Scalar, ...]:
         """The least-squares solution."""
         return tuple(ldl_solve(self.A, self.b))
 

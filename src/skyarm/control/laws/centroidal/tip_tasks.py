@@ -15,10 +15,9 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from skyarm.algebra import ZERO3, Mat3, Vec3
-from skyarm.algebra.scalars import add, cos, divide, mul, sin, sqrt
+from skyarm.algebra.scalars import Scalar, add, cos, divide, mul, sin, sqrt
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.attitude import Attitude, Posture, derivative
 from skyarm.control.laws.centroidal.parameters import TipGains
@@ -78,7 +77,7 @@ def goal(vehicle: Vehicle, base: list[Vec3], yaw: Taylor, joints: Sequence[Taylo
     )
 
 
-def move_goal(goal: Goal, error: Sequence[Vec3], reach: Any) -> Goal:
+def move_goal(goal: Goal, error: Sequence[Vec3], reach: Scalar) -> Goal:
     """Move the goal by base errors (value to second derivative) that are longer than the arm shall compensate.
 
     The tip takes over e |e|^4 / (|e|^4 + reach^4): nothing of small errors, all of large ones.
@@ -92,7 +91,7 @@ def move_goal(goal: Goal, error: Sequence[Vec3], reach: Any) -> Goal:
     return dataclasses.replace(goal, tip=(p, v, a))
 
 
-def shift(level: Posture, yaw: Taylor, turned_arm: Posture, still: Attitude, limit: Any) -> list[Vec3]:
+def shift(level: Posture, yaw: Taylor, turned_arm: Posture, still: Attitude, limit: Scalar) -> list[Vec3]:
     """Offset of the base that puts the tip of a tilted vehicle on its level-base reference, with two derivatives.
 
     Args:
@@ -147,7 +146,7 @@ def com_columns(vehicle: Vehicle, poses: Sequence[Pose]) -> list[Vec3]:
         for each, column in zip(vehicle.followers, own[vehicle.n :], strict=True):
             own[each.leader] = own[each.leader] + column * each.ratio
         return own[: vehicle.n]
-    masses: list[Any] = [link.body.mass for link in vehicle.links]
+    masses: list[Scalar] = [link.body.mass for link in vehicle.links]
     moments = [pose.apply(link.body.com) * link.body.mass for link, pose in zip(vehicle.links, poses, strict=True)]
     for i in reversed(range(vehicle.n)):
         parent = vehicle.links[i].parent
@@ -177,8 +176,8 @@ def orientation_rows(vehicle: Vehicle, axes_B: Sequence[Vec3], i: int) -> list[V
 
 
 def joints_of_turns(
-    vehicle: Vehicle, gains: TipGains, directions: Sequence[Vec3], turns: Sequence[Vec3], preferred: Sequence[Any]
-) -> tuple[Any, ...]:
+    vehicle: Vehicle, gains: TipGains, directions: Sequence[Vec3], turns: Sequence[Vec3], preferred: Sequence[Scalar]
+) -> tuple[Scalar, ...]:
     """Motion of the joints that turns each link by its own vector (base axes), the rest as preferred: least squares."""
     problem = LeastSquares(vehicle.n)
     for i, turn in enumerate(turns):
@@ -188,7 +187,7 @@ def joints_of_turns(
 
 
 def link_turning(
-    vehicle: Vehicle, directions: Sequence[Vec3], joint_rates: Sequence[Any], rate: Vec3, acceleration: Vec3
+    vehicle: Vehicle, directions: Sequence[Vec3], joint_rates: Sequence[Scalar], rate: Vec3, acceleration: Vec3
 ) -> list[tuple[Vec3, Vec3]]:
     """Angular velocity of each link, and its acceleration without those of the joints; base axes."""
     found: list[tuple[Vec3, Vec3]] = []
@@ -201,14 +200,14 @@ def link_turning(
     return found
 
 
-def level_joints(vehicle: Vehicle, gains: TipGains, wanted: Goal, R: Mat3, poses: Sequence[Pose]) -> tuple[Any, ...]:
+def level_joints(vehicle: Vehicle, gains: TipGains, wanted: Goal, R: Mat3, poses: Sequence[Pose]) -> tuple[Scalar, ...]:
     """Change of the joints that turns the links of a base at attitude R as those of a level base: one Newton step."""
     pairs = zip(poses[: vehicle.n], wanted.links, strict=True)
     errors = [R.apply_T(orientation_error(R @ pose.R, link)) for pose, link in pairs]
     return joints_of_turns(vehicle, gains, axes(vehicle, poses), errors, (0.0,) * vehicle.n)
 
 
-def level_turn(vehicle: Vehicle, gains: TipGains, turn: Vec3, poses: Sequence[Pose]) -> tuple[Any, ...]:
+def level_turn(vehicle: Vehicle, gains: TipGains, turn: Vec3, poses: Sequence[Pose]) -> tuple[Scalar, ...]:
     """Change of the joints that keeps the links as they are while the base turns by a small ``turn``, base axes.
 
     To first order, so that it holds of rates, or of accelerations, too.
@@ -222,8 +221,8 @@ def level_motion(
     wanted: Goal,
     still: Attitude,
     poses: Sequence[Pose],
-    told: Sequence[Sequence[Any]],
-) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+    told: Sequence[Sequence[Scalar]],
+) -> tuple[tuple[Scalar, ...], tuple[Scalar, ...]]:
     """Rates and accelerations of joints whose links turn as those of a level base while the base turns.
 
     ``poses`` are of the links turned so; ``told`` rates and accelerations of the joints' references, for the rest.
@@ -271,8 +270,8 @@ class Now:
     R: Mat3
     rate: Vec3
     alpha: Vec3
-    joints: tuple[Any, ...]
-    joint_rates: tuple[Any, ...]
+    joints: tuple[Scalar, ...]
+    joint_rates: tuple[Scalar, ...]
     posture: Posture
     tip: Vec3
     tip_velocity: Vec3
@@ -280,8 +279,8 @@ class Now:
 
 
 def joint_accelerations(
-    vehicle: Vehicle, gains: TipGains, wanted: Goal, now: Now, preferred: Sequence[Any]
-) -> tuple[Any, ...]:
+    vehicle: Vehicle, gains: TipGains, wanted: Goal, now: Now, preferred: Sequence[Scalar]
+) -> tuple[Scalar, ...]:
     """Joint accelerations of the two tasks; ``preferred`` are those of the joints' own references."""
     R, w = now.R, now.rate
     poses = link_poses(vehicle, now.joints)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from skyarm import dynamics
 from skyarm.algebra import E_Z, Mat3, Vec3, inner_product, ldl_solve
-from skyarm.algebra.scalars import absolute, add, clip, divide, logical_and, maximum, mul, sqrt, sub, where
+from skyarm.algebra.scalars import Scalar, absolute, add, clip, divide, logical_and, maximum, mul, sqrt, sub, where
 from skyarm.control.blocks.actuators import command_for, compensate_motor_lag
 from skyarm.control.blocks.center_of_mass import forces_under_thrust
 from skyarm.control.blocks.prediction import Disturbance, motor_speeds
@@ -35,26 +34,26 @@ class Reaction:
         base: M_wj - M_wt M_tj / m, body torque (base axes) per joint acceleration, three rows.
     """
 
-    joints: list[list[Any]]
-    base: list[list[Any]]
+    joints: list[list[Scalar]]
+    base: list[list[Scalar]]
 
-    def torque(self, accelerations: Sequence[Any]) -> Vec3:
+    def torque(self, accelerations: Sequence[Scalar]) -> Vec3:
         """Body torque of joint accelerations, N m, base axes."""
         return Vec3(*(inner_product(row, accelerations) for row in self.base))
 
-    def accelerations(self, efforts: Sequence[Any]) -> list[Any]:
+    def accelerations(self, efforts: Sequence[Scalar]) -> list[Scalar]:
         """Joint accelerations of joint torques or forces."""
         return ldl_solve(self.joints, list(efforts)) if self.joints else []
 
 
-def reaction(vehicle: Vehicle, joints: Sequence[Any]) -> Reaction:
+def reaction(vehicle: Vehicle, joints: Sequence[Scalar]) -> Reaction:
     """The reaction of an arm at a posture (rad or m)."""
     if not joints:
         return Reaction([], [[], [], []])
     M = dynamics.mass_matrix(vehicle, Mat3.identity(), joints)
     share, n = divide(1.0, vehicle.mass), len(joints)
 
-    def reduced_entry(row: int, column: int) -> Any:
+    def reduced_entry(row: int, column: int) -> Scalar:
         total = M[row][column]
         for k in range(3):
             total = sub(total, mul(mul(M[row][k], M[column][k]), share))
@@ -66,7 +65,7 @@ def reaction(vehicle: Vehicle, joints: Sequence[Any]) -> Reaction:
     )
 
 
-def needed(model: Model, state: State, demand: Demand, unknown: Disturbance) -> tuple[Vec3, tuple[Any, ...]]:
+def needed(model: Model, state: State, demand: Demand, unknown: Disturbance) -> tuple[Vec3, tuple[Scalar, ...]]:
     """Body torque (N m, base axes) and joint torques that give the desired accelerations with the desired thrust.
 
     The disturbance is subtracted; friction of the model is added, its dry part at the references' rates.
@@ -98,8 +97,8 @@ class Done:
     """
 
     command: Command
-    free: tuple[Any, ...]
-    trim: tuple[Any, ...]
+    free: tuple[Scalar, ...]
+    trim: tuple[Scalar, ...]
 
 
 def actuate(step: Step, demand: Demand) -> Done:
@@ -120,7 +119,7 @@ def actuate(step: Step, demand: Demand) -> Done:
     late = arm.accelerations(missing)
     torque = torque - arm.torque(late)
     wanted, squares = mix(par.mixer, torque, demand.thrust, demand.across)
-    inside: Any = demand.thrust > 0.0
+    inside: Scalar = demand.thrust > 0.0
     for square, highest in zip(squares, par.mixer.highest, strict=True):
         inside = logical_and(inside, logical_and(square > 0.0, square < highest))
     ahead = trim
