@@ -4,8 +4,8 @@ import dataclasses
 from types import SimpleNamespace
 from typing import Any
 
-from skyarm.control.laws.centroidal.demands import Following
 from skyarm.control.laws.centroidal.part import Step
+from skyarm.control.laws.centroidal.shift_motion import Following
 
 
 def with_parts(record: Any, **changes: Any) -> Any:

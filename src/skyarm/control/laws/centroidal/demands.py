@@ -22,20 +22,11 @@ from skyarm.control.blocks.attitude import (
 from skyarm.control.blocks.prediction import BelievedAir, against_air, hull_drag_along, side_wrench
 from skyarm.control.laws.centroidal import com_tracking as center_of_mass
 from skyarm.control.laws.centroidal import tip_tasks
-from skyarm.control.laws.centroidal.com_tracking import ArmMotion
 from skyarm.control.laws.centroidal.gust_shift import shift_acceleration
 from skyarm.control.laws.centroidal.joint_room import within_limits
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.part import Step
-from skyarm.control.laws.centroidal.shift_motion import (
-    AT_REST,
-    PathShift,
-    ShiftMotion,
-    SwingPace,
-    move_shift,
-    path_step,
-    with_shift,
-)
+from skyarm.control.laws.centroidal.shift_motion import Following, move_shift, path_step, with_shift
 from skyarm.control.laws.centroidal.sideways_force import Reach, leaning, planned_rate, reach_of, thrust_axis
 from skyarm.control.model import Model
 from skyarm.dynamics import State
@@ -57,27 +48,6 @@ class Planned:
     alpha: Vec3
     proper: Vec3
     joints: tuple[Taylor, ...]
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Following:
-    """Memory of the demands: shift of the base, motion of the arm, paces of swing and path; empty if left out."""
-
-    shift: ShiftMotion | tuple[()] = ()
-    arm: ArmMotion | tuple[()] = ()
-    pace: SwingPace | tuple[()] = ()
-    path: PathShift | tuple[()] = ()
-
-
-def first_following(par: CentroidalParameters) -> Following:
-    """Memory before the first step: everything rests."""
-    zero, moves = Vec3(0.0, 0.0, 0.0), par.tip.shift
-    return Following(
-        shift=() if moves is None else ShiftMotion(acceleration=zero, jerk=zero),
-        arm=() if par.center.arm_turn is None else ArmMotion(size=0.0, mean=zero),
-        pace=() if moves is None or moves.swing_rate is None else SwingPace(rate=0.0, acceleration=0.0),
-        path=() if moves is None or moves.path_rate is None else (AT_REST, AT_REST),
-    )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -227,17 +197,16 @@ def _course(step: Step) -> Course:
     reach = reach_of(par.mixer, derivative(level.com, 0), mass * model.gravity) if sideways else None
     still = wanted_attitude(par, force, yaw, reach)
     if par.mode != "tip":
-        following = Following()
-        return Course(base, still, level, joints, following, changes, reach)
+        return Course(base, still, level, joints, before, changes, reach)
     goal = tip_tasks.goal(vehicle, base, yaw, joints, level)
     turned = tip_tasks.turned_joints(vehicle, par.tip, goal, still, joints, level, moves is not None)
     upright_posture, level = level, posture(vehicle, turned, 4)
     offset = tip_tasks.shift(upright_posture, yaw, level, still, par.tip.shift_limit)
     path = path_step(before.path, base, offset, yaw, upright_posture, level, still, par, dt)
     own = ZERO3 if gust is None else shift_acceleration(par, still, force, turned, level, gust.bend)
-    shift, pace, offset = move_shift(moves, model.gravity, before.shift, before.pace, offset, upright_posture, dt, own)
+    kept = dataclasses.replace(before, path=path)
+    following, offset = move_shift(par, kept, offset, upright_posture, dt, own)
     base = [*(p + s for p, s in zip(base, offset, strict=False)), *base[len(offset) :]]
-    following = Following(shift=shift, pace=pace, path=path)
     return Course(base, still, level, turned, following, changes, reach, goal)
 
 

@@ -21,10 +21,11 @@ from skyarm.control.blocks.disturbance_observer import Observed, disturbance, ob
 from skyarm.control.blocks.extrapolation import Channel, extrapolate, samples
 from skyarm.control.blocks.prediction import Disturbance, predict, with_side
 from skyarm.control.controller import all_applied
-from skyarm.control.laws.centroidal.demands import Following, demands
+from skyarm.control.laws.centroidal.demands import demands
 from skyarm.control.laws.centroidal.gust_shift import GustMemory, slow_force, steady_force
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.part import Step
+from skyarm.control.laws.centroidal.shift_motion import Following
 from skyarm.control.laws.centroidal.torques import actuate
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command

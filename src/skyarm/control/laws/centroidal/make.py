@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+import dataclasses
+from collections.abc import Iterable, Mapping
+from typing import Any, TypeVar
 
 from skyarm import dynamics
 from skyarm.algebra import ZERO3, Mat3, Vec3
@@ -16,7 +17,7 @@ from skyarm.control.blocks.select import data
 from skyarm.control.controller import Controller, ControllerError, all_applied
 from skyarm.control.laws.centroidal.adaptation import adaptation_gains
 from skyarm.control.laws.centroidal.admittance import admittance_gains
-from skyarm.control.laws.centroidal.demands import first_following, pushes_across
+from skyarm.control.laws.centroidal.demands import pushes_across
 from skyarm.control.laws.centroidal.force_trend import trend_gains
 from skyarm.control.laws.centroidal.gust_shift import GustMemory, gust_gains
 from skyarm.control.laws.centroidal.interaction import interaction_gains
@@ -45,17 +46,19 @@ from skyarm.control.laws.centroidal.presets import (
     must_act,
     name_of,
     number_within,
-    one_of,
     periods_of,
+    refuse,
 )
+from skyarm.control.laws.centroidal.shift_motion import first_following
 from skyarm.control.model import JointGains, Model
 from skyarm.control.vectored_layer import pairs_model, with_tilting
 from skyarm.dynamics.actuators import AllocationError, Command, Mixer, make_mixer
 from skyarm.dynamics.actuators.hover import hover_trim
-from skyarm.records.files import shown
 from skyarm.vehicle.vehicle_records import Vehicle
 
 __all__ = ["ENTRIES", "make_centroidal"]
+
+Gains = TypeVar("Gains")
 
 
 def make_centroidal(
@@ -76,15 +79,15 @@ def make_centroidal(
     that arm's, and "stiff" needs motors about as fast as its (12.5 ms up, 25 ms down).
 
     Args:
-        model: what it believes.
+        model: nominal.
         mode: "joint" (base and joints on their references) or "tip" (the tip on its reference).
         preset: a key of ``PRESETS``.
         delay: known age of the measurement, s, a whole number of control periods.
         control_period: s.
         reference_period: between published samples, s.
         tip_mass_limit: kg.
-        admittance: ``mass``, ``damping``, ``stiffness`` along three axes, with which the tip gives way to forces;
-            ``normal`` for axes of a surface, ``threshold`` (N) above which a force counts.
+        admittance: ``mass``, ``damping``, ``stiffness`` of the tip along three axes; ``normal`` for axes of a surface,
+            ``threshold`` (N) above which a force counts.
         changes: entries of the preset to replace.
 
     Raises:
@@ -92,8 +95,9 @@ def make_centroidal(
             rotors that do not span torque and force in all directions.
         AllocationError: the rotors do not span torque and thrust.
     """
-    one_of("mode", mode, MODES)
-    one_of("preset", preset, sorted(PRESETS))
+    for name, word, words in (("mode", mode, MODES), ("preset", preset, sorted(PRESETS))):
+        if type(word) is not str or word not in words:
+            refuse(name, word, f"one of {list(words)}")
     gains = {**PRESETS[preset], **{name: check_entry(name, value) for name, value in changes.items()}}
     must_act(changes, gains, mode)
     periods, vehicle, sideways = periods_of(delay, control_period), model.vehicle, gains["sideways"] > 0.0
@@ -105,13 +109,11 @@ def make_centroidal(
         gains["damping"] *= damping_share(vehicle)
     if (mode == "tip" or changes.get("adaptation")) and not vehicle.end_effector:
         raise ControllerError(f"model.vehicle = {vehicle.name!r}: has no end_effector, which mode 'tip' must have")
+    if not vehicle.n:
+        gains |= dict.fromkeys(("arm_turn", "swing_rate", "path_rate"), 0.0)
     kp, kv, kr, kw = gains["base"]
     yaw_kr, yaw_kw = gains["yaw"]
-    (stiffness, damping), sensor = gains["arm"], gains["force_sensor"]
-    (force, velocity), late = gains["accelerometer"], gains["lag"]
-    # the observer finds a force late by its two poles and the known delay
-    lead = periods * control_period + 2.0 / max(gains["observer"][2] * gains["bandwidth"], 1.0)
-    others = {"interaction": any(gains["interaction"]), "load": gains["load"] > 0.0}
+    sensor, ends = gains["force_sensor"], ends_of(vehicle)
     par = CentroidalParameters(
         model=model,
         mixer=_mixer(vehicle, sideways, gains["yaw_slack"], "yaw_slack" in changes),
@@ -123,43 +125,42 @@ def make_centroidal(
             rate=Vec3(kw, kw, yaw_kw),
             pull=gains["pull"],
         ),
-        center=CenterGains(
-            tilt=gains["tilt"],
+        center=_of_options(
+            CenterGains,
+            gains,
             floor=0.15 * vehicle.mass * model.gravity + 1e-3,
-            approach=gains["approach"] or None,
-            arm_turn=(gains["arm_turn"] or None) if vehicle.n else None,
-            low_thrust=gains["low_thrust"] or None,
             sideways=SidewaysGains(
                 share=gains["sideways"], attitude=gains["attitude"] if any(gains["attitude"]) else None
             )
             if sideways
             else None,
         ),
-        joint_gains=JointGains(stiffness=(stiffness,) * vehicle.n, damping=(damping,) * vehicle.n),
-        joint_ends=ends_of(vehicle) if gains["joint_limits"] and any(map(any, ends_of(vehicle))) else (),
-        tip=TipGains(
-            **dict(zip(("position", "velocity"), gains["tip"], strict=True)),
-            **{name: gains[name] for name in ("reach", "damping", "posture", "shift_rate", "shift_limit")},
-            shift=ShiftGains(
+        joint_gains=JointGains(**_row("stiffness damping", ((each,) * vehicle.n for each in gains["arm"]))),
+        joint_ends=ends if gains["joint_limits"] and any(map(any, ends)) else (),
+        tip=_of_options(
+            TipGains,
+            gains,
+            **_row("position velocity", gains["tip"]),
+            shift=_of_options(
+                ShiftGains,
+                gains,
                 bandwidth=gains["shift_bandwidth"],
-                swing_rate=(gains["swing_rate"] or None) if vehicle.n else None,
-                path_rate=(gains["path_rate"] or None) if vehicle.n else None,
                 gust=gust_gains(gains["gust_shift"], vehicle, model.gravity) if gains["gust_shift"] else None,
             )
-            if gains["shift_bandwidth"] > 0.0 and mode == "tip"
+            if gains["shift_bandwidth"] and mode == "tip"
             else None,
         ),
-        observer=ObserverGains(**dict(zip(("force", "torque", "joints", "pose"), gains["observer"], strict=True))),
+        observer=ObserverGains(**_row("force torque joints pose", gains["observer"])),
         observation=Observation(
-            accelerometer=AccelerometerGains(force=force, velocity=velocity)
-            if _both("accelerometer", (force, velocity), "bandwidths")
+            accelerometer=AccelerometerGains(**_row("force velocity", gains["accelerometer"]))
+            if any(gains["accelerometer"])
             else None,
             air=_air(vehicle, gains["hull_drag"], gains["wind"]),
             measured_rates=gains["measured_rates"],
         ),
-        rotors=RotorGains(
-            lag_inversion=gains["lag_inversion"],
-            trim_rate=gains["trim_rate"],
+        rotors=_of_options(
+            RotorGains,
+            gains,
             leads_thrust=gains["thrust_lead"],
             pushes_across=pushes_across(vehicle) and not sideways,
         ),
@@ -167,13 +168,21 @@ def make_centroidal(
         reference_period=number_within("reference_period", reference_period, *PERIODS),
         continuation=gains["continuation"],
         parts=Parts(
-            lag=LagGains(base=late[0], joints=late[1], stride=stride_of(control_period))
-            if _both("lag", late, "lengths")
+            lag=LagGains(**_row("base joints", gains["lag"]), stride=stride_of(control_period))
+            if any(gains["lag"])
             else None,
             interaction=interaction_gains(gains["interaction"], mode, vehicle, sensor and admittance is None),
-            admittance=admittance_gains(admittance, mode, vehicle, sensor, lead, others),
+            admittance=admittance_gains(
+                admittance,
+                mode,
+                vehicle,
+                sensor,
+                # the observer finds a force late by its two poles and the known delay
+                periods * control_period + 2.0 / max(gains["observer"][2] * gains["bandwidth"], 1.0),
+                {"interaction": any(gains["interaction"]), "load": gains["load"] > 0.0},
+            ),
             load=load_gains(gains["load"], vehicle),
-            trend=trend_gains(gains["force_trend"], float(vehicle.mass)) if gains["force_trend"] > 0.0 else None,
+            trend=trend_gains(gains["force_trend"], float(vehicle.mass)) if gains["force_trend"] else None,
             adaptation=adaptation_gains(vehicle, gains, number_within("tip_mass_limit", tip_mass_limit, 0.0, 1e3)),
         ),
     )
@@ -183,10 +192,23 @@ def make_centroidal(
     return Controller(name=name_of(mode, preset), law=centroidal, par=par, memory=memory, keeps_tip=mode == "tip")
 
 
-def _mixer(vehicle: Vehicle, sideways: bool, yaw_slack: float, asked: bool) -> Mixer:
+def _of_options(kind: type[Gains], gains: Mapping[str, Any], **others: Any) -> Gains:
+    """Constants of which some are options of the same name; one that may be None is left out by 0."""
+    for field in dataclasses.fields(kind):  # type: ignore[arg-type]
+        if field.name in gains and field.name not in others:
+            others[field.name] = (gains[field.name] or None) if "None" in str(field.type) else gains[field.name]
+    return kind(**others)
+
+
+def _row(names: str, values: Iterable[Any]) -> dict[str, Any]:
+    """Values of a row of gains by name."""
+    return dict(zip(names.split(), values, strict=True))
+
+
+def _mixer(vehicle: Vehicle, sideways: bool, yaw_slack: float, given: bool) -> Mixer:
     """Allocation; ``yaw_slack`` in rad/s^2 of the vehicle with its joints at zero.
 
-    A preset flies rotors that allow no priorities without them; a slack that was ``asked`` for is refused there.
+    Rotors that allow no priorities fly a preset without a slack; one that is ``given`` is refused there.
     """
     policy, slack = "priority", 0.0
     if yaw_slack:
@@ -197,17 +219,9 @@ def _mixer(vehicle: Vehicle, sideways: bool, yaw_slack: float, asked: bool) -> M
     except AllocationError as error:
         if sideways:
             raise ControllerError(f"controller.sideways: {error}") from None
-        if asked and yaw_slack:
-            raise ControllerError(f"controller.yaw_slack = {shown(yaw_slack)}: must be 0 here: {error}") from None
+        if given and yaw_slack:
+            refuse("yaw_slack", yaw_slack, f"0 here: {error}")
         return make_mixer(vehicle)
-
-
-def _both(name: str, pair: tuple[float, float], unit: str) -> bool:
-    """Return True if an option of two numbers is used: both are above 0."""
-    first, second = pair
-    if (first > 0.0) != (second > 0.0):
-        raise ControllerError(f"controller.{name} = {shown(pair)}: must be two {unit} above 0, or twice 0")
-    return first > 0.0
 
 
 def _air(vehicle: Vehicle, hull: bool, wind: tuple[float, float, float]) -> BelievedAir | None:

@@ -1,15 +1,11 @@
-"""Presets of the centroidal law, and the ranges of their entries.
-
-Options of the centroidal law, refused by name and value where they make no sense.
-"""
+"""Options of the centroidal law: defaults, ranges, presets, checks."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, NoReturn
 
-from skyarm.algebra import Vec3
 from skyarm.control.controller import ControllerError
 from skyarm.records.files import number, shown
 from skyarm.vehicle.linkage import BASE
@@ -56,7 +52,7 @@ OPTIONS: Mapping[str, tuple[Any, float, float]] = {
 COMMON: Mapping[str, Any] = {name: value for name, (value, *_) in OPTIONS.items()}
 
 RANGES: Mapping[str, tuple[float, float]] = {
-    name: (low, high) for name, (value, low, high) in OPTIONS.items() if not isinstance(value, bool) and high < math.inf
+    name: (low, high) for name, (value, low, high) in OPTIONS.items() if type(value) is not bool and high < math.inf
 }
 """Of entries that are numbers; the others are gains, at least 0."""
 
@@ -111,22 +107,25 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
 }
 """Gains on accelerations: base (kp, kv, KR, Kw), yaw (KR, Kw), arm and tip (kp, kd); bandwidths of the observer, rad/s.
 
-"robust" was chosen under noise and one period of delay on perturbed plants, "stiff" on perfect state, where base and
-joints are off by half as much as with "adaptive", but not the tip along a path; both survive 10 ms of delay that they
-do not know. "adaptive" has the gains of "robust" and eleven parts more, each left out by 0 or
-False: motion of the base's shift, the pace of the arm's swing and of the path, an attitude towards upright at low
-thrust, a limit of what the base does for the arm, braking in time, the trend of the force, thrust before yaw, thrust
-ahead of the motors, joints kept off their limits, and a bandwidth by the lag that it finds (s beyond 2 ms that leave
-half of it, of the rotors' and the joints' loops). "gusts" is for measurements with a specific
-force; docs/tip_in_gusts.md has its numbers, also on seeds that it was not chosen on.
-``bandwidth`` scales all gains of a preset.
+"robust" was chosen under noise and one period of delay on perturbed plants, "stiff" on perfect state; both survive
+10 ms of unknown delay. "adaptive" has eleven parts beyond "robust", each left out by 0 or False; "gusts" needs a
+specific force. ``bandwidth`` scales all gains of a preset.
 """
 
-ENTRIES = tuple(PRESETS["robust"])
+ENTRIES = tuple(ROBUST)
 """Entries of a preset: each may be replaced as an option of the law."""
 
 PERIODS = (1e-5, 10.0)
 """Shortest and longest period, s, of control and of published samples."""
+
+OLDEST = 100
+"""Control periods: the largest known delay; each one is a step of the model in the compiled law."""
+
+PRESETS_ARM = 0.3
+"""m, length of the arm on which the presets were chosen."""
+
+SHORTEST = 0.01
+"""m, length that an arm is given at least; one whose tip sits on its first joint has none."""
 
 
 def name_of(mode: str, preset: str) -> str:
@@ -142,23 +141,12 @@ def without_preset(name: str) -> str:
     return name
 
 
-OLDEST = 100
-"""Control periods: the largest known delay; each one is a step of the model in the compiled law."""
-
-
-PRESETS_ARM = 0.3
-"""m, length of the arm on which the presets were chosen."""
-
-SHORTEST = 0.01
-"""m, length that an arm is given at least; one whose tip sits on its first joint has none."""
-
-
 def arm_length(vehicle: Vehicle) -> float:
-    """Length of the arm from its first joint to the tip, m, along its links; what slides is at zero."""
+    """Length of the arm from its first joint to the tip, m, along its links; sliding joints are at zero."""
     frame = vehicle.frame()
-    total, index = _size(frame.position), frame.link
+    total, index = math.hypot(*map(float, frame.position)), frame.link
     while index != BASE and vehicle.moving[index].parent != BASE:
-        total += _size(vehicle.moving[index].joint.position)
+        total += math.hypot(*map(float, vehicle.moving[index].joint.position))
         index = vehicle.moving[index].parent
     return total
 
@@ -166,21 +154,15 @@ def arm_length(vehicle: Vehicle) -> float:
 def damping_share(vehicle: Vehicle) -> float:
     """Share of the presets' damping for a vehicle's arm: the root of its length over theirs.
 
-    A longer arm that hangs straight takes small errors of height for calls to fold: 44 N that push the tip of a vehicle
-    of 12 kg up and down drove its arm of 0.81 m to 0.5 m of error. A damping that grows as the length costs a hover's
-    accuracy under noise two thirds, one that grows as its root a tenth to a third, and both hold the arm.
+    Small errors of height fold a longer arm that hangs straight. A damping that grows as the length costs a hover's
+    accuracy under noise two thirds, one that grows as its root a tenth to a third; both hold the arm.
     """
     return math.sqrt(max(arm_length(vehicle), SHORTEST) / PRESETS_ARM)
 
 
-def _size(offset: Vec3) -> float:
-    return math.hypot(*(float(c) for c in offset))
-
-
-def one_of(name: str, value: Any, words: Sequence[str]) -> None:
-    """Refuse what is none of some words."""
-    if not isinstance(value, str) or value not in words:
-        raise ControllerError(f"controller.{name} = {shown(value)}: must be one of {list(words)}")
+def refuse(name: str, value: Any, words: str) -> NoReturn:
+    """Raise the error of an option's value: one line with what is allowed."""
+    raise ControllerError(f"controller.{name} = {shown(value)}: must be {words}")
 
 
 def number_within(name: str, value: Any, low: float, high: float = math.inf) -> float:
@@ -189,9 +171,7 @@ def number_within(name: str, value: Any, low: float, high: float = math.inf) -> 
         held = number(value, f"controller.{name}", low=low)
     except ValueError as error:
         raise ControllerError(str(error)) from None
-    if held > high:
-        raise ControllerError(f"controller.{name} = {shown(value)}: must be at most {high:g}")
-    return held
+    return held if held <= high else refuse(name, value, f"at most {high:g}")
 
 
 def check_entry(name: str, value: Any) -> Any:
@@ -202,30 +182,28 @@ def check_entry(name: str, value: Any) -> Any:
     """
     if name not in ENTRIES:
         raise ControllerError(f"controller.{name}: must be one of {sorted(ENTRIES)}")
-    example = PRESETS["robust"][name]
-    if isinstance(example, bool):
-        if not isinstance(value, bool):
-            raise ControllerError(f"controller.{name} = {shown(value)}: must be true or false")
-        return value
-    if not isinstance(example, tuple):
-        return number_within(name, value, *RANGES[name])
-    if not isinstance(value, (list, tuple)) or len(value) != len(example):
-        raise ControllerError(f"controller.{name} = {shown(value)}: must be {len(example)} numbers")
-    limits = RANGES.get(name, (0.0, math.inf))
+    example, limits = ROBUST[name], RANGES.get(name, (0.0, math.inf))
+    if type(example) is bool:
+        return value if type(value) is bool else refuse(name, value, "true or false")
+    if type(example) is not tuple:
+        return number_within(name, value, *limits)
+    if type(value) not in (list, tuple) or len(value) != len(example):
+        refuse(name, value, f"{len(example)} numbers")
     return tuple(number_within(f"{name}[{i}]", each, *limits) for i, each in enumerate(value))
 
 
 def must_act(changes: Mapping[str, Any], gains: Mapping[str, Any], mode: str) -> None:
     """Refuse options that need others, without which they do nothing."""
     for name in ("gust_shift", "swing_rate", "path_rate"):
-        allowed = "" if gains["shift_bandwidth"] > 0.0 else "0 without shift_bandwidth"
-        if name == "gust_shift" and mode != "tip":
-            allowed = allowed or f"0 in mode {mode!r}"
-        if changes.get(name) and allowed:
-            raise ControllerError(f"controller.{name} = {shown(changes[name])}: must be {allowed}")
+        if changes.get(name) and not gains["shift_bandwidth"]:
+            refuse(name, changes[name], "0 without shift_bandwidth")
+    if changes.get("gust_shift") and mode != "tip":
+        refuse("gust_shift", changes["gust_shift"], f"0 in mode {mode!r}")
     if any(gains["attitude"]) and not gains["sideways"]:
-        at = f"controller.attitude = {shown(gains['attitude'])}"
-        raise ControllerError(f"{at}: must be level without the option sideways")
+        refuse("attitude", gains["attitude"], "level without the option sideways")
+    for name, unit in (("accelerometer", "bandwidths"), ("lag", "lengths")):
+        if any(gains[name]) and not all(gains[name]):
+            refuse(name, gains[name], f"two {unit} above 0, or twice 0")
 
 
 def periods_of(delay: Any, control_period: Any) -> int:
@@ -238,7 +216,5 @@ def periods_of(delay: Any, control_period: Any) -> int:
     seconds = number_within("delay", delay, 0.0, OLDEST * period * (1.0 + 1e-9))
     periods = round(seconds / period)
     if abs(periods * period - seconds) > 1e-9:
-        raise ControllerError(
-            f"controller.delay = {shown(delay)}: must be a whole number of control periods of {period:g} s"
-        )
+        refuse("delay", delay, f"a whole number of control periods of {period:g} s")
     return periods

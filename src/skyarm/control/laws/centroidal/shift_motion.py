@@ -30,6 +30,7 @@ motion, by l (1 - cos theta) at a tilt theta, is left to the feedback.
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -39,7 +40,8 @@ from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.attitude import Attitude, Posture, derivative
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.select import data, vector_data
-from skyarm.control.laws.centroidal.parameters import CentroidalParameters, ShiftGains
+from skyarm.control.laws.centroidal.com_tracking import ArmMotion
+from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.tip_tasks import needed_shift
 from skyarm.records.units import Unit
 
@@ -141,36 +143,29 @@ def shift_for_swing(memory: SwingPace, needed: list[Vec3], level: Posture, gravi
 
 
 def move_shift(
-    gains: ShiftGains | None,
-    gravity: Scalar,
-    shift: ShiftMotion | tuple[()],
-    pace: SwingPace | tuple[()],
-    needed: list[Vec3],
-    level: Posture,
-    dt: Scalar,
-    own: Vec3 = ZERO3,
-) -> tuple[ShiftMotion | tuple[()], SwingPace | tuple[()], list[Vec3]]:
-    """Memories one period later, and the shift with as many derivatives as the law uses.
+    par: CentroidalParameters, before: Following, needed: list[Vec3], level: Posture, dt: Scalar, own: Vec3 = ZERO3
+) -> tuple[Following, list[Vec3]]:
+    """Memory one period later, and the shift with as many derivatives as the law uses.
 
     Args:
-        gains: constants; None leaves the motion out.
-        gravity: m/s^2.
-        shift: memory of its differentiators; empty where they are left out.
-        pace: memory of the swing's pace; empty where that is left out.
+        par: constants.
+        before: memory, one period earlier.
         needed: shift required by each instant, with two derivatives.
         level: posture of the references of a level base.
         dt: control period, s.
         own: part of its acceleration that jumps with a force and is not differentiated, m/s^2, world axes.
     """
+    gains, shift, pace = par.tip.shift, before.shift, before.pace
     if gains is None or not shift:
-        return shift, pace, needed
+        return before, needed
     if gains.swing_rate is None or not pace:
         shift, jerk, snap = differentiate(shift, needed[2] - own, gains.bandwidth, dt)
-        return shift, pace, [*needed, jerk, snap]
+        return dataclasses.replace(before, shift=shift), [*needed, jerk, snap]
     pace = swing_pace(pace, levers(level), gains.swing_rate, dt)
-    swung = shift_for_swing(pace, needed, level, gravity)
+    swung = shift_for_swing(pace, needed, level, par.model.gravity)
     shift, jerk, snap = differentiate(shift, swung.steady - own, gains.bandwidth, dt)
-    return shift, pace, [*swung.offset, jerk + swung.jerk, snap + swung.snap]
+    after = dataclasses.replace(before, shift=shift, pace=pace)
+    return after, [*swung.offset, jerk + swung.jerk, snap + swung.snap]
 
 
 STILL = 0.1
@@ -200,6 +195,27 @@ PathShift = tuple[AxisShift, AxisShift]
 """Memory of x and y, world axes."""
 
 AT_REST = AxisShift(size=0.0, change=0.0, rate=0.0, acceleration=0.0)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Following:
+    """Memory of the demands: shift of the base, motion of the arm, paces of swing and path; empty if left out."""
+
+    shift: ShiftMotion | tuple[()] = ()
+    arm: ArmMotion | tuple[()] = ()
+    pace: SwingPace | tuple[()] = ()
+    path: PathShift | tuple[()] = ()
+
+
+def first_following(par: CentroidalParameters) -> Following:
+    """Memory before the first step: everything rests."""
+    zero, moves = Vec3(0.0, 0.0, 0.0), par.tip.shift
+    return Following(
+        shift=() if moves is None else ShiftMotion(acceleration=zero, jerk=zero),
+        arm=() if par.center.arm_turn is None else ArmMotion(size=0.0, mean=zero),
+        pace=() if moves is None or moves.swing_rate is None else SwingPace(rate=0.0, acceleration=0.0),
+        path=() if moves is None or moves.path_rate is None else (AT_REST, AT_REST),
+    )
 
 
 def with_shift(path: PathShift | tuple[()], base: list[Vec3], level: Posture, gravity: Scalar) -> list[Vec3]:
