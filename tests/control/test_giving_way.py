@@ -290,7 +290,7 @@ def test_the_force_is_that_of_the_tip_and_moves_the_reference_with_two_derivativ
 def test_a_sensor_is_heard_in_the_axes_of_the_tip_without_its_bias(scenario):
     law = make_centroidal(scenario.controller.par.model, mode="tip", admittance=SOFT, force_sensor=True)
     vehicle, told, bias = law.par.model.vehicle, np.array([-2.0, 0.5, 4.0]), np.array([0.1, -0.2, 0.0])
-    at, memory, _ = gave_way(law, (0.0, 0.0, 0.0), tuple(told), offset=Vec3(*bias))
+    at, memory, _ = gave_way(law, (0.0, 0.0, 0.0), tuple(told), sensor_bias=Vec3(*bias))
     turned = np.array([[*row] for row in (at.R @ frame_pose(vehicle, vehicle.frame(), JOINTS).R).rows])
     share = 1.0 - math.exp(-60.0 * 0.005)
     assert [*memory.force] == pytest.approx(turned @ (share * told - bias))

@@ -58,10 +58,10 @@ def test_the_bias_is_that_of_free_flight_and_wind_beside_a_force():
 
 
 def test_the_bias_of_a_sensor_is_learned_in_its_own_axes_while_nothing_is_heard():
-    memory = dataclasses.replace(CALM, offset=ZERO)
+    memory = dataclasses.replace(CALM, sensor_bias=ZERO)
     share = 1.0 - np.exp(-0.5 * DT)
-    assert [*step(memory, (0.0, 0.0, 0.0), felt=Vec3(0.3, 0.0, 0.1))[0].offset] == pytest.approx(
+    assert [*step(memory, (0.0, 0.0, 0.0), felt=Vec3(0.3, 0.0, 0.1))[0].sensor_bias] == pytest.approx(
         [0.3 * share, 0.0, 0.1 * share]
     )
-    assert [*step(memory, (1.0, 0.0, 0.0), felt=Vec3(1.3, 0.0, 0.1))[0].offset] == [0.0] * 3
-    assert step(CALM, (0.0, 0.0, 0.0))[0].offset == ()
+    assert [*step(memory, (1.0, 0.0, 0.0), felt=Vec3(1.3, 0.0, 0.1))[0].sensor_bias] == [0.0] * 3
+    assert step(CALM, (0.0, 0.0, 0.0))[0].sensor_bias == ()
