@@ -121,5 +121,5 @@ def test_its_result_is_plain_data_on_standard_output(tmp_path: Path) -> None:
     assert done.code == 0, done.err
     found = json.loads(done.out)
     assert found["axes"]["swing_amplitude"]["values"] == [0.25, 1.25]
-    assert found["axes"]["circle"]["laws"]["paper_pd"]
+    assert found["axes"]["swing_amplitude"]["laws"]["paper_pd"]
     assert "1 of 1 perfect swing_amplitude paper_pd" not in done.out
