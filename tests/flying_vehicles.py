@@ -8,15 +8,22 @@ import numpy as np
 
 from skyarm.algebra import Quaternion, Sym3, Vec3
 from skyarm.dynamics import State
+from skyarm.plant.surroundings import Surroundings
 from skyarm.vehicle.linkage import BASE, Body, Joint, Link
 from skyarm.vehicle.vehicle_records import BodyDrag, Frame, Rotor, Vehicle
-from skyarm.world import WindSample
+from skyarm.world import Effectiveness, WindSample
 from vehicles_random import random_vehicle
 
 HOVER = 485.08
 """rad/s: 0.82103 kg at 9.8 m/s^2."""
 
-WIND = WindSample(Vec3(1.3, -0.7, 0.4), Vec3(0.02, -0.03, 0.05), Vec3(2.0, 1.0, -0.5))
+
+def steady_wind(*wind: Vec3, effectiveness: Effectiveness | None = None, **named: Vec3) -> Surroundings:
+    """Surroundings that never change: the force and the air of one sample."""
+    return Surroundings(components=(WindSample(*wind, **named),), memories=((),), time=0, effectiveness=effectiveness)
+
+
+WIND = steady_wind(Vec3(1.3, -0.7, 0.4), Vec3(0.02, -0.03, 0.05), Vec3(2.0, 1.0, -0.5))
 
 
 def rotor(name: str, x: float, y: float, direction: int) -> Rotor:

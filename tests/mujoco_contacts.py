@@ -44,7 +44,7 @@ from skyarm.plant.loads import rotor_speeds_after, tilts_after
 from skyarm.plant.mujoco import QUIET
 from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.mujoco_model import LEAST, body_name, build_spec
-from skyarm.plant.surroundings import Around, Surroundings, after_euler_step, before_euler_step, places_in, slopes_of
+from skyarm.plant.surroundings import Surroundings, after_euler_step, before_euler_step, places_in, slopes_of
 from skyarm.records.leaves import field_names
 from skyarm.vehicle.check import require_plant
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -465,7 +465,9 @@ class MujocoContactPlant:
         physics_step: s; steps are shorter where the surroundings state a largest step.
     """
 
-    def __init__(self, world: Truth, around: Around, integrator: str = INTEGRATOR, physics_step: float = 0.001) -> None:
+    def __init__(
+        self, world: Truth, around: Surroundings, integrator: str = INTEGRATOR, physics_step: float = 0.001
+    ) -> None:
         require_plant(world.vehicle)
         self.vehicle, self._world = world.vehicle, world
         self._place, self._contact = contact_in(around)
@@ -483,7 +485,7 @@ class MujocoContactPlant:
         self._prepare_program(around, layout)
         self._prepare_memory(around)
 
-    def _prepare_program(self, around: Around, layout: Layout) -> None:
+    def _prepare_program(self, around: Surroundings, layout: Layout) -> None:
         """The loads as one program, and views of its numbers."""
         n = self.vehicle.n
         inputs = (0.0,) * layout.end, (0.0,) * layout.rotors, (0.0,) * n, (0.0,) * layout.tilts
@@ -597,14 +599,13 @@ class MujocoContactPlant:
         return fx, fy, fz
 
 
-def contact_in(around: Around) -> tuple[int, PlantContact]:
+def contact_in(around: Surroundings) -> tuple[int, PlantContact]:
     """The contact of the surroundings, and its number among the coupled components.
 
     Raises:
         ValueError: there is none.
     """
-    if isinstance(around, Surroundings):
-        for place, i in enumerate(around.coupled):
-            if isinstance(around.components[i], PlantContact):
-                return place, around.components[i]  # type: ignore[return-value]
+    for place, i in enumerate(around.coupled):
+        if isinstance(around.components[i], PlantContact):
+            return place, around.components[i]  # type: ignore[return-value]
     raise ValueError("plant.kind = 'mujoco_contacts': must be another without a [world]")

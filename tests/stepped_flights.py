@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 import skyarm
+from flying_vehicles import steady_wind
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import cos, log, philox, sin, sqrt
 from skyarm.compile import leaves
@@ -18,7 +19,6 @@ from skyarm.plant.interface import Truth
 from skyarm.plant.rigid_body import step_euler, step_rk4
 from skyarm.reference import Constant, Reference, Sine, Trajectory
 from skyarm.sensing.measurement import Measurement
-from skyarm.world import WindSample
 
 PERIOD = 0.005
 
@@ -85,7 +85,7 @@ def flight_step(state: State, par: Any, reference: Reference, draws: Any, integr
         rotor_speeds=state.rotor_speeds,
     )
     _, command = CONTROLLER.law((), seen, reference, PERIOD, par=par)
-    return integrate(FLOWN, state, command, WindSample(), PERIOD), command
+    return integrate(FLOWN, state, command, steady_wind(), PERIOD), command
 
 
 def euler_step(state: State, par: Any, reference: Reference, draws: Any) -> Any:

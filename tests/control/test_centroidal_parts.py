@@ -258,9 +258,9 @@ def flying():
 
 def test_the_prediction_is_what_mujoco_does_in_that_time():
     pytest.importorskip("mujoco")
+    from flying_vehicles import steady_wind
     from skyarm.plant.interface import Truth
     from skyarm.plant.mujoco import MujocoPlant
-    from skyarm.world import WindSample
 
     vehicle = TRUTH.with_joints(damping=0.0)
     vehicle = dataclasses.replace(
@@ -271,7 +271,7 @@ def test_the_prediction_is_what_mujoco_does_in_that_time():
     command = Command(rotor_speeds=(520.0, 440.0, 480.0, 500.0), efforts=(0.02, -0.01))
     none = Disturbance(force=push, torque=Vec3(0.0, 0.0, 0.0), efforts=(0.0, 0.0))
     found = predict(Model(vehicle=vehicle, gravity=9.8), flying(), command, none, 0.005)
-    wind = WindSample(push, Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0))
+    wind = steady_wind(push, Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0))
     plant = MujocoPlant(Truth(vehicle=vehicle, gravity=9.8), wind, "euler", 1e-5)
     from skyarm.compile import leaves
 

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from flying_vehicles import steady_wind
 from skyarm.dynamics import array_front as arrays
 from skyarm.dynamics.kinematics import jacobian_columns, link_poses
 from skyarm.dynamics.point_motion import PointMotion
@@ -15,7 +16,6 @@ from skyarm.scenario.scenario_record import trimmed_state
 from skyarm.vehicle import VehicleError
 from skyarm.vehicle.attach import Mimic, couple
 from skyarm.vehicle.vehicle_files import load_vehicle
-from skyarm.world import WindSample
 from vehicles_random import PinocchioTwin, random_state, random_vehicle, rotation_matrix, with_armature
 
 HOW = {"joint3": Mimic("joint1", -1.3, 0.2), "joint4": Mimic("joint3", 0.5, 0.0), "joint5": Mimic("joint0", 0.7, -0.1)}
@@ -141,7 +141,7 @@ def gripper(**mimic):
 @pytest.mark.parametrize(("integrator", "tolerance"), [("rk4_staged", 1e-8), ("euler", 1e-9)])
 def test_both_plants_fly_a_gripper_alike(integrator, tolerance):
     vehicle = gripper(ratio=-0.8, offset=0.3)
-    world, still = Truth(vehicle=vehicle), WindSample()
+    world, still = Truth(vehicle=vehicle), steady_wind()
     start = trimmed_state(world, (0.0, 0.0, 10.0), 0.0, (0.4, -0.3))
     command = [*start.rotor_speeds, 0.02, -0.03]
     ends = []

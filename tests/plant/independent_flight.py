@@ -22,7 +22,10 @@ class Flight:
     def __init__(self, vehicle, gravity, wind):
         self.vehicle, self.gravity, self.n = vehicle, gravity, vehicle.n
         self.twin = MujocoTwin(vehicle)
-        self.push_W, self.point_B, self.air_W = (array(v) for v in (wind.force_W, wind.point_B, wind.air_velocity_W))
+        sample = wind.components[0]
+        self.push_W, self.point_B, self.air_W = (
+            array(v) for v in (sample.force_W, sample.point_B, sample.air_velocity_W)
+        )
 
     def split(self, x):
         n = self.n

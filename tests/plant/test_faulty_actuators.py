@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import skyarm
+from flying_vehicles import steady_wind
 from shared_programs import fly
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics import State
@@ -15,7 +16,7 @@ from skyarm.dynamics.actuators import rotor_force
 from skyarm.plant.loads import applied_force
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate import run
-from skyarm.world import Effectiveness, Fault, WindSample
+from skyarm.world import Effectiveness, Fault
 
 ARM2 = skyarm.load_vehicle("hummingbird_arm2")
 
@@ -31,7 +32,7 @@ STATE = State(
 
 
 def loads(effectiveness=None):
-    sample = WindSample(effectiveness=effectiveness)
+    sample = steady_wind(effectiveness=effectiveness)
     force, torques = applied_force(ARM2, STATE, STATE.rotor_speeds, (0.2, -0.1), sample)
     return np.array([*force.force]), np.array([*force.torque]), np.array(torques)
 
@@ -55,7 +56,7 @@ def test_hub_drag_does_not_ask_for_the_fault():
 
 def test_a_drive_loses_its_share_of_the_limited_effort_and_keeps_its_friction():
     vehicle = ARM2.with_joints(damping=0.01, effort_limit=0.15)
-    sample = WindSample(effectiveness=Effectiveness((1, 1, 1, 1), (0.4, 1)))
+    sample = steady_wind(effectiveness=Effectiveness((1, 1, 1, 1), (0.4, 1)))
     _, torques = applied_force(vehicle, STATE, STATE.rotor_speeds, (0.2, -0.1), sample)
     assert torques == pytest.approx([0.4 * 0.15 - 0.01 * 0.5, -0.1 + 0.01 * 1.0], rel=1e-14)
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from flying_vehicles import steady_wind
 from skyarm.compile import rebuild
 from skyarm.dynamics import kinetic_energy
 from skyarm.dynamics.actuators import stop_force
@@ -20,10 +21,9 @@ from skyarm.vehicle import VehicleError
 from skyarm.vehicle.linkage import Joint
 from skyarm.vehicle.stops import STIFFEST, with_stops
 from skyarm.vehicle.vehicle_files import load_vehicle
-from skyarm.world import WindSample
 
 TRUTH = load_vehicle("hummingbird_arm2_rotors")
-STILL = WindSample()
+STILL = steady_wind()
 
 
 def limited(low=-0.5, high=0.6, **fields):

@@ -8,12 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flying_vehicles import hovering, hummingbird_arm
+from flying_vehicles import hovering, hummingbird_arm, steady_wind
 from skyarm.dynamics.actuators.hover import highest_thrust, hover_trim
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import Truth, flat
 from skyarm.plant.mujoco import MujocoPlant
-from skyarm.world import WindSample
 
 G = 9.8
 
@@ -47,7 +46,7 @@ def test_a_trimmed_hover_stays_for_a_tenth_of_a_second(kind, joints):
     start = replace(
         hovering(vehicle), joints=joints, joint_rates=(0.0, 0.0), rotor_speeds=tuple(float(s) for s in trim.speeds)
     )
-    plant = kind(Truth(vehicle=vehicle, gravity=G), WindSample())
+    plant = kind(Truth(vehicle=vehicle, gravity=G), steady_wind())
     x = flat(start)
     for _ in range(20):
         x = plant.advance(x, (*trim.speeds, *trim.efforts), (), 0.005)

@@ -9,7 +9,7 @@ import pytest
 from independent_flight import Flight
 
 from flying_engines import jax_doubles
-from flying_vehicles import HOVER, WIND, hovering, hummingbird_arm, random_flyer, tumbling
+from flying_vehicles import HOVER, WIND, hovering, hummingbird_arm, random_flyer, steady_wind, tumbling
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import leaves
 from skyarm.dynamics.actuators import Command
@@ -17,7 +17,6 @@ from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import Truth, flat
 from skyarm.plant.mujoco import MujocoPlant
 from skyarm.plant.rigid_body import step_euler, step_rk4
-from skyarm.world import WindSample
 from vehicles_random import MujocoTwin, RandomState, random_vehicle
 
 G = 9.8
@@ -107,10 +106,10 @@ def test_the_attitude_of_a_body_that_spins_fast_is_of_fourth_order():
     vehicle = replace(random_vehicle(np.random.default_rng([5, 0]), 0), rotors=())
     world = Truth(vehicle=vehicle, gravity=0.0)
     x = flat(replace(tumbling(vehicle), rate=Vec3(20.0, -9.0, 12.0)))
-    end = Flight(vehicle, 0.0, WindSample()).fly(x, (), (), 0.16)
+    end = Flight(vehicle, 0.0, steady_wind()).fly(x, (), (), 0.16)
     errors = []
     for dt in (0.004, 0.002, 0.001):
-        plant = MujocoPlant(world, WindSample(), "rk4_staged", physics_step=dt)
+        plant = MujocoPlant(world, steady_wind(), "rk4_staged", physics_step=dt)
         errors.append(np.abs(np.array(plant.advance(x, (), (), 0.16)) - end)[3:7].max())
     assert order(errors)[-1] == pytest.approx(4.0, abs=0.2)
 
@@ -167,7 +166,7 @@ def _random_state(x, n):
 def test_free_fall_in_vacuum_keeps_energy_and_momentum(kind, dt, joints):
     """No rotors, air or friction; energy and momentum are MuJoCo's. Runge-Kutta errs by about (rate dt)^4 a second."""
     vehicle = random_vehicle(np.random.default_rng([5, joints]), joints)
-    plant, twin = kind(Truth(vehicle=vehicle, gravity=G), WindSample(), "rk4"), MujocoTwin(vehicle)
+    plant, twin = kind(Truth(vehicle=vehicle, gravity=G), steady_wind(), "rk4"), MujocoTwin(vehicle)
     x = flat(tumbling(vehicle, seed=2))
     before = _random_state(x, joints)
     energy, momentum = twin.energy(before, G), twin.momentum(before)
@@ -189,7 +188,7 @@ def test_joint_damping_takes_energy():
     )
     twin = MujocoTwin(vehicle)
     for kind in (RigidBodyPlant, MujocoPlant):
-        plant, x, energies = kind(Truth(vehicle=vehicle, gravity=G), WindSample()), flat(tumbling(vehicle)), []
+        plant, x, energies = kind(Truth(vehicle=vehicle, gravity=G), steady_wind()), flat(tumbling(vehicle)), []
         for _ in range(50):
             energies.append(twin.energy(_random_state(x, 3), G))
             x = plant.advance(x, (0.0,) * 3, (), 0.005)
@@ -208,7 +207,7 @@ def test_both_steps_have_gradients_where_nothing_moves():
     for law in (step_euler, step_rk4):
 
         def turned(rate, law=law):
-            moved = law(world, replace(still, rate=Vec3(*rate)), command, WindSample(), dt)
+            moved = law(world, replace(still, rate=Vec3(*rate)), command, steady_wind(), dt)
             return jax.numpy.stack([*moved.quaternion])
 
         with jax_doubles():

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 from independent_flight import Flight, array
 
-from flying_vehicles import HOVER, WIND, hovering, hummingbird_arm, random_flyer, tumbling
+from flying_vehicles import HOVER, WIND, hovering, hummingbird_arm, random_flyer, steady_wind, tumbling
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.plant.interface import flat
 from skyarm.plant.loads import applied_force
 from skyarm.vehicle.vehicle_records import BodyDrag
-from skyarm.world import WindSample
 from vehicles_random import rotation_matrix
 
 STILL = Vec3(0.0, 0.0, 0.0)
@@ -44,7 +43,7 @@ def test_wind_pushes_along_itself_and_turns_about_the_origin():
     vehicle = hummingbird_arm()
     half = 0.5**0.5
     state = at_rest(vehicle, quaternion=Quaternion(half, 0.0, 0.0, half))
-    wind = WindSample(force_W=Vec3(2.0, 0.0, 0.0), point_B=Vec3(0.0, 0.0, 0.05))
+    wind = steady_wind(force_W=Vec3(2.0, 0.0, 0.0), point_B=Vec3(0.0, 0.0, 0.05))
     expected = [2.0, 0.0, 0.0, 0.05 * 2.0, 0.0, 0.0, 0.0, 0.0]
     np.testing.assert_allclose(generalized(vehicle, state, (0.0, 0.0), wind), expected, atol=1e-15)
 
@@ -52,7 +51,7 @@ def test_wind_pushes_along_itself_and_turns_about_the_origin():
 def test_body_drag_is_against_the_air_by_hand():
     """1 m/s of headwind along -x on 0.02 m^2: 1/2 1.225 0.02 1 = 0.01225 N backwards."""
     vehicle = replace(hummingbird_arm(), drag=BodyDrag(area=Vec3(0.02, 0.03, 0.04)))
-    wind = WindSample(air_velocity_W=Vec3(-1.0, 0.0, 0.0))
+    wind = steady_wind(air_velocity_W=Vec3(-1.0, 0.0, 0.0))
     np.testing.assert_allclose(
         generalized(vehicle, at_rest(vehicle), (0.0, 0.0), wind)[:3], [-0.01225, 0.0, 0.0], rtol=1e-12, atol=1e-18
     )
@@ -62,8 +61,8 @@ def test_flying_with_the_wind_there_is_no_drag():
     vehicle = replace(hummingbird_arm(), drag=BodyDrag(area=Vec3(0.02, 0.03, 0.04)))
     air = Vec3(2.0, -1.0, 0.5)
     moving = at_rest(vehicle, velocity=air, rotor_speeds=(HOVER,) * 4)
-    carried = generalized(vehicle, moving, (0.0, 0.0), WindSample(air_velocity_W=air))
-    still = generalized(vehicle, at_rest(vehicle, rotor_speeds=(HOVER,) * 4), (0.0, 0.0), WindSample())
+    carried = generalized(vehicle, moving, (0.0, 0.0), steady_wind(air_velocity_W=air))
+    still = generalized(vehicle, at_rest(vehicle, rotor_speeds=(HOVER,) * 4), (0.0, 0.0), steady_wind())
     np.testing.assert_allclose(carried, still, atol=1e-15)
 
 
@@ -71,8 +70,8 @@ def test_turning_moves_each_hub_through_the_air():
     """Yaw at 3 rad/s: hubs move at 0.51 m/s across their arms; hub drags brake the yaw, rolling moments cancel."""
     vehicle = hummingbird_arm()
     spinning = at_rest(vehicle, rate=Vec3(0.0, 0.0, 3.0), rotor_speeds=(HOVER,) * 4)
-    extra = generalized(vehicle, spinning, (0.0, 0.0), WindSample()) - generalized(
-        vehicle, at_rest(vehicle, rotor_speeds=(HOVER,) * 4), (0.0, 0.0), WindSample()
+    extra = generalized(vehicle, spinning, (0.0, 0.0), steady_wind()) - generalized(
+        vehicle, at_rest(vehicle, rotor_speeds=(HOVER,) * 4), (0.0, 0.0), steady_wind()
     )
     brake = 4.0 * 0.17 * 8.06428e-5 * HOVER * 0.51
     np.testing.assert_allclose(extra, [0.0, 0.0, 0.0, 0.0, 0.0, -brake, 0.0, 0.0], atol=1e-15)
@@ -85,7 +84,8 @@ def test_loads_of_the_air_do_not_depend_on_the_heading():
     turn = Quaternion(np.cos(0.4), 0.0, 0.0, np.sin(0.4))
     R = turn.rotation()
     turned = replace(state, quaternion=turn * state.quaternion, velocity=R.apply(state.velocity))
-    wind = WindSample(R.apply(WIND.force_W), WIND.point_B, R.apply(WIND.air_velocity_W))
+    sample = WIND.components[0]
+    wind = steady_wind(R.apply(sample.force_W), sample.point_B, R.apply(sample.air_velocity_W))
     a = generalized(vehicle, state, (0.0,) * 3, WIND)
     b = generalized(vehicle, turned, (0.0,) * 3, wind)
     np.testing.assert_allclose(b[:3], rotation_matrix(array(turn)) @ a[:3], atol=1e-13)
@@ -95,8 +95,8 @@ def test_loads_of_the_air_do_not_depend_on_the_heading():
 def test_the_own_rotor_speeds_of_the_state_are_not_read():
     vehicle = hummingbird_arm()
     state = hovering(vehicle)
-    given = applied_force(vehicle, state, (400.0,) * 4, (0.0, 0.0), WindSample())
-    other = applied_force(vehicle, replace(state, rotor_speeds=(1.0,) * 4), (400.0,) * 4, (0.0, 0.0), WindSample())
+    given = applied_force(vehicle, state, (400.0,) * 4, (0.0, 0.0), steady_wind())
+    other = applied_force(vehicle, replace(state, rotor_speeds=(1.0,) * 4), (400.0,) * 4, (0.0, 0.0), steady_wind())
     assert given == other
 
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flying_vehicles import HOVER, WIND, hovering, hummingbird_arm, random_flyer, tumbling
+from flying_vehicles import HOVER, WIND, hovering, hummingbird_arm, random_flyer, steady_wind, tumbling
 from skyarm.algebra import Mat3, Sym3, Vec3
 from skyarm.compile import leaves
 from skyarm.dynamics import array_front as arrays
@@ -18,7 +18,6 @@ from skyarm.plant.interface import Truth, flat, whole_steps
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.linkage import BASE, Body, Joint, Link
 from skyarm.vehicle.vehicle_records import Frame, Vehicle
-from skyarm.world import WindSample
 from vehicles_random import random_state, random_vehicle
 
 mujoco = pytest.importorskip("mujoco")
@@ -169,13 +168,13 @@ def test_a_planar_model_is_refused(kind):
     flat_body = replace(vehicle.links[1].body, inertia=Sym3(0, 1e-4, 0), planar=True)
     believed = replace(vehicle, links=(vehicle.links[0], replace(vehicle.links[1], body=flat_body)))
     with pytest.raises(VehicleError, match=r"links\[lower\].planar = True"):
-        kind(Truth(vehicle=believed), WindSample())
+        kind(Truth(vehicle=believed), steady_wind())
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_an_unknown_integrator_lists_those_there_are(kind):
     with pytest.raises(ValueError, match=r"integrator = 'rk5': must be one of \['rk4', 'euler', 'rk4_staged'\]"):
-        kind(Truth(vehicle=hummingbird_arm()), WindSample(), "rk5")
+        kind(Truth(vehicle=hummingbird_arm()), steady_wind(), "rk5")
 
 
 def test_seconds_must_be_whole_steps():
@@ -187,8 +186,8 @@ def test_seconds_must_be_whole_steps():
             whole_steps(seconds, 0.001)
     x, rest = flat(hovering(hummingbird_arm())), ((HOVER,) * 4 + (0.0, 0.0), ())
     for plant in (
-        MujocoPlant(Truth(vehicle=hummingbird_arm()), WindSample()),
-        RigidBodyPlant(Truth(vehicle=hummingbird_arm()), WindSample(), "euler"),
+        MujocoPlant(Truth(vehicle=hummingbird_arm()), steady_wind()),
+        RigidBodyPlant(Truth(vehicle=hummingbird_arm()), steady_wind(), "euler"),
     ):
         with pytest.raises(ValueError, match="must be a whole number of physics steps"):
             plant.advance(x, *rest, 0.0055)
@@ -247,7 +246,7 @@ def test_joints_wound_past_a_turn_fly_on(kind):
 def test_the_specific_force_of_a_bare_body_in_vacuum_is_zero():
     vehicle = random_vehicle(np.random.default_rng(3), 0)
     for kind in KINDS:
-        plant = kind(Truth(vehicle=vehicle, gravity=G), WindSample())
+        plant = kind(Truth(vehicle=vehicle, gravity=G), steady_wind())
         reading = plant.specific_force(flat(replace(tumbling(vehicle), rate=Vec3(0.0, 0.0, 0.0))), (), ())
         assert reading == pytest.approx((0.0, 0.0, 0.0), abs=1e-13)
 
@@ -257,14 +256,14 @@ def test_what_mujoco_warns_of_is_not_printed_and_leaves_no_file(tmp_path, monkey
     monkeypatch.chdir(tmp_path)
     vehicle = hummingbird_arm()
     vehicle = replace(vehicle, base=replace(vehicle.base, mass=1e200))
-    plant = MujocoPlant(Truth(vehicle=vehicle, gravity=G), WindSample())
+    plant = MujocoPlant(Truth(vehicle=vehicle, gravity=G), steady_wind())
     state, command = flat(hovering(vehicle)), (0.0,) * 6
     warned = []
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(warned.append)
     try:
-        plant.specific_force(state, command, leaves(WindSample()))
-        plant.advance(state, command, leaves(WindSample()), 0.005)
+        plant.specific_force(state, command, leaves(steady_wind()))
+        plant.advance(state, command, leaves(steady_wind()), 0.005)
         assert warned == []
         # the user's own MuJoCo is heard again
         mujoco.mj_resetData(plant.model, plant._data)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flying_vehicles import HOVER, WIND, hovering, hummingbird_arm, random_flyer, tumbling
+from flying_vehicles import HOVER, WIND, hovering, hummingbird_arm, random_flyer, steady_wind, tumbling
 from skyarm import dynamics
 from skyarm.algebra import Force, Quaternion, Vec3
 from skyarm.compile import leaves, shaped_like, trace
@@ -23,7 +23,6 @@ from skyarm.plant.loads import applied_force, rotor_speeds_after
 from skyarm.plant.mujoco import MujocoPlant
 from skyarm.plant.surroundings import Surroundings
 from skyarm.vehicle.vehicle_files import load_vehicle
-from skyarm.world import WindSample
 from thorough import sampled
 
 # rounding of 2000 steps grows along a whirling arm; measured 4e-11 at worst
@@ -180,7 +179,7 @@ def test_an_accelerometer_in_hover_reads_g_along_z(kind):
         joint_rates=(0.0, 0.0),
         rotor_speeds=((0.82103 * G / (4.0 * 8.54858e-6)) ** 0.5,) * 4,
     )
-    plant = kind(Truth(vehicle=vehicle, gravity=G), WindSample())
+    plant = kind(Truth(vehicle=vehicle, gravity=G), steady_wind())
     reading = plant.specific_force(flat(still), (0.0,) * 6, ())
     assert reading == pytest.approx((0.0, 0.0, G), abs=1e-12)
     # and nothing in free fall: commands do not matter, only the rotors' present speeds

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from independent_flight import Flight
 
+from flying_vehicles import steady_wind
 from skyarm.compile import leaves
 from skyarm.plant.compiled import RigidBodyPlant, example_command
 from skyarm.plant.interface import Truth, flat
@@ -15,7 +16,6 @@ from skyarm.plant.mujoco import MujocoPlant
 from skyarm.scenario.scenario_record import trimmed_state
 from skyarm.vehicle import VehicleError
 from skyarm.vehicle.vehicle_files import load_vehicle
-from skyarm.world import WindSample
 from vehicles_random import MujocoTwin, RandomState
 
 TRUTH = load_vehicle("hummingbird_arm2_rotors")
@@ -107,8 +107,8 @@ def test_the_step_keeps_the_error_of_the_fastest_mode_that_its_bound_promises(pr
     start = dataclasses.replace(
         trimmed_state(world, (0.0, 0.0, 10.0), 0.0, here), joint_rates=tuple(mode.tolist()), rotor_speeds=(0.0,) * 4
     )
-    found = np.array(RigidBodyPlant(world, WindSample()).advance(flat(start), (0.0,) * 6, (), period))
-    wanted = Flight(vehicle, 0.0, WindSample()).fly(flat(start), (0.0,) * 4, (0.0,) * 2, period)
+    found = np.array(RigidBodyPlant(world, steady_wind()).advance(flat(start), (0.0,) * 6, (), period))
+    wanted = Flight(vehicle, 0.0, steady_wind()).fly(flat(start), (0.0,) * 4, (0.0,) * 2, period)
     # the promised 6e-4, rounded up
     assert np.abs(found - wanted)[15:17].max() < 6.5e-4 * np.abs(mode).max()
     assert np.abs(wanted)[15:17].max() == pytest.approx(math.exp(-product) * np.abs(mode).max(), rel=0.01)
@@ -118,8 +118,8 @@ def test_the_step_keeps_the_error_of_the_fastest_mode_that_its_bound_promises(pr
 def test_one_control_period_per_call_is_as_good_as_many_small_steps(damping):
     vehicle = TRUTH.with_joints(damping=damping)
     world = Truth(vehicle=vehicle)
-    coarse = flown(RigidBodyPlant(world, WindSample()), vehicle, 0.005)
-    fine = flown(RigidBodyPlant(world, WindSample()), vehicle, 0.00025)
+    coarse = flown(RigidBodyPlant(world, steady_wind()), vehicle, 0.005)
+    fine = flown(RigidBodyPlant(world, steady_wind()), vehicle, 0.00025)
     # 6e-4 of a mode that has decayed to a few thousandths of its start
     assert np.abs(coarse - fine)[:17].max() < 2e-5
 
@@ -127,8 +127,8 @@ def test_one_control_period_per_call_is_as_good_as_many_small_steps(damping):
 def test_mujoco_holds_stiff_friction_for_short_steps_only():
     vehicle = TRUTH.with_joints(damping=0.05)
     world = Truth(vehicle=vehicle)
-    ours = flown(RigidBodyPlant(world, WindSample()), vehicle, 0.005)
-    theirs = flown(MujocoPlant(world, WindSample()), vehicle, 0.005)
+    ours = flown(RigidBodyPlant(world, steady_wind()), vehicle, 0.005)
+    theirs = flown(MujocoPlant(world, steady_wind()), vehicle, 0.005)
     # first order in rate * step = 0.1, on angles of a tenth of a radian
     assert np.abs(ours - theirs)[13:15].max() < 2e-3
 
@@ -137,8 +137,8 @@ def test_mujocos_bodies_with_loads_at_each_stage_take_shorter_steps_where_fricti
     vehicle = TRUTH.with_joints(damping=0.3)
     assert 0.001 * friction_rate(vehicle) > 2.8, "beyond which a step of fourth order is unstable"
     world = Truth(vehicle=vehicle)
-    ours = flown(RigidBodyPlant(world, WindSample()), vehicle, 0.005)
-    theirs = flown(MujocoPlant(world, WindSample(), "rk4_staged"), vehicle, 0.005)
+    ours = flown(RigidBodyPlant(world, steady_wind()), vehicle, 0.005)
+    theirs = flown(MujocoPlant(world, steady_wind(), "rk4_staged"), vehicle, 0.005)
     # as between steps of the rigid-body plant alone, above
     assert np.abs(ours - theirs)[:17].max() < 2e-5
 
@@ -148,4 +148,4 @@ def test_friction_beyond_any_explicit_integrator_is_refused_by_joint_and_field()
     with pytest.raises(
         VehicleError, match=r"^joints\[joint2\].coulomb = 0.1: joint friction decays .* raise coulomb_rate"
     ):
-        RigidBodyPlant(Truth(vehicle=sticky), WindSample())
+        RigidBodyPlant(Truth(vehicle=sticky), steady_wind())

@@ -12,11 +12,11 @@ from skyarm.algebra import ZERO3, Quaternion, Vec3
 from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.interface import Truth
-from skyarm.plant.rigid_body import accelerate, derivative
-from skyarm.plant.surroundings import Surroundings, surroundings_of, wind_at
+from skyarm.plant.rigid_body import derivative
+from skyarm.plant.surroundings import Surroundings, wind_at
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate import run
-from skyarm.world import MovingAir, WindSample
+from skyarm.world import MovingAir
 from vehicles_random import TWINS, random_state, random_vehicle
 
 
@@ -72,17 +72,6 @@ def test_the_log_keeps_the_force_on_the_base_and_the_air_at_its_origin():
     sample = wind_at(around_of((base, ()), (link, ()), (base, ()), (Shear(rate=2.0), ())), vehicle, state)
     assert list(sample.force_W) == [2.0, 4.0, 6.0]
     assert list(sample.air_velocity_W) == [2.0 * state.position.z, 0.0, 0.0]
-
-
-def test_a_wind_sample_alone_is_surroundings_that_never_change():
-    rng = np.random.default_rng(4)
-    vehicle, state = random_vehicle(rng, 2), record(random_state(rng, 2))
-    sample = WindSample(Vec3(1.0, -1.0, 2.0), Vec3(0.1, 0.2, 0.0), Vec3(3.0, 0.0, 0.0))
-    world = Truth(vehicle=vehicle)
-    alike = SteadyWrench(force=sample.force_W, point=sample.point_B)
-    around = around_of((alike, ()), (MovingAir(velocity_W=sample.air_velocity_W), ()))
-    assert accelerate(world, state, (), (0.0, 0.0), sample) == accelerate(world, state, (), (0.0, 0.0), around)
-    assert surroundings_of(around) is around
 
 
 @pytest.mark.parametrize("seed", range(6))

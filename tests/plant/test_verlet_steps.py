@@ -245,9 +245,7 @@ def test_lanes_are_compared_by_the_shorter_of_both_methods_steps():
     assert lanes_step(told, euler=True) == float(grip.largest_euler_step)
     assert verlet_step(told) == pytest.approx(0.75 * float(grip.largest_euler_step))
     assert verlet_step(plant(BIRD, grip, Coupled())[1]) is None
-    assert verlet_step(SimpleNamespace()) is None
     assert largest_stable_step(Coupled(), euler=False) == 1e-3
-    assert lanes_step(SimpleNamespace(), euler=False) is None
 
 
 def test_a_coupled_force_with_a_step_of_its_own_moves_by_its_rate():

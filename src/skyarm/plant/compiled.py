@@ -28,7 +28,7 @@ from skyarm.plant.largest_step import (
     verlet_step,
 )
 from skyarm.plant.rigid_body import COUPLED_STEP, Moved, accelerate, after_impact, far_step
-from skyarm.plant.surroundings import Around, Surroundings, memories_of, with_memories
+from skyarm.plant.surroundings import Surroundings
 from skyarm.vehicle.check import require_plant
 
 
@@ -90,7 +90,7 @@ def hold(
     near = VERLET if isinstance(count, Steps) and count.verlet else integrator
 
     def step(both: Moved) -> Moved:
-        return COUPLED_STEP[near](world, both[0], command, with_memories(around, both[1]), seconds / count)
+        return COUPLED_STEP[near](world, both[0], command, around.with_coupled(both[1]), seconds / count)
 
     far: Any = False
     if isinstance(count, Steps):
@@ -117,7 +117,9 @@ class RigidBodyPlant:
         physics_step: s.
     """
 
-    def __init__(self, world: Truth, around: Around, integrator: str = "rk4", physics_step: float = 0.001) -> None:
+    def __init__(
+        self, world: Truth, around: Surroundings, integrator: str = "rk4", physics_step: float = 0.001
+    ) -> None:
         require_plant(world.vehicle)
         if integrator not in INTEGRATORS:
             raise ValueError(f"integrator = {integrator!r}: must be one of {list(INTEGRATORS)}")
@@ -136,7 +138,7 @@ class RigidBodyPlant:
     def _accelerometer(self) -> Program:
         return trace(self._reading, *self._examples)
 
-    def _reading(self, state: State, command: Command, around: Around) -> Vec3:
+    def _reading(self, state: State, command: Command, around: Surroundings) -> Vec3:
         base, _ = accelerate(self._world, state, state.rotor_speeds, command.efforts, around, command.rotor_speeds)
         # without rotors, drag and wind nothing pushes: the reading is a structural zero
         return Vec3(*(number(c) for c in base.linear))
@@ -163,7 +165,7 @@ class RigidBodyPlant:
 
             def interval(_: Any, __: Any, given: Any, ___: Any) -> tuple[tuple[()], Moved]:
                 state, command, around = given
-                now, count = (state, memories_of(around)), self.substeps(seconds)
+                now, count = (state, around.coupled_memories()), self.substeps(seconds)
                 return (), hold(self._world, self._integrator, count, now, command, around, seconds)
 
             self._programs[seconds] = trace_loop(interval, (), (), self._examples, loops=True).stepper()
@@ -171,7 +173,7 @@ class RigidBodyPlant:
 
     @cached_property
     def _impact(self) -> Program:
-        def impact(state: State, around: Around) -> State:
+        def impact(state: State, around: Surroundings) -> State:
             return after_impact(self.vehicle, state, around)
 
         return trace(impact, self._examples[0], self.around)

@@ -32,14 +32,12 @@ STAGES = 4
 """Times that a Runge-Kutta step takes forces."""
 
 
-def largest_step(around: Any, *, coupled: bool = True, euler: bool = False) -> float | None:
+def largest_step(around: Surroundings, *, coupled: bool = True, euler: bool = False) -> float | None:
     """The smallest ``largest_step`` (s) of the air, forces and drives of a period; None if none has one.
 
     ``coupled`` says whether components count whose memories go on with the plant: far from acting they bear any step.
     ``euler`` asks for the steps of the semi-implicit Euler method.
     """
-    if not isinstance(around, Surroundings):
-        return None
     parts = [each for each in around.components if coupled or not each.coupled]
     own = [each.largest_euler_step if euler else each.largest_step for each in parts]
     stated = [float(step) for step in (*own, _least(around.drives)) if step is not None]
@@ -55,29 +53,27 @@ def largest_stable_step(record: Any, *, euler: bool) -> Any:
     return min((step for step in steps if step is not None), default=None)
 
 
-def lanes_step(around: Any, *, euler: bool) -> float | None:
+def lanes_step(around: Surroundings, *, euler: bool) -> float | None:
     """The smallest :func:`largest_stable_step` (s) of the air, forces and drives of a batch; None if none has one."""
-    if not isinstance(around, Surroundings):
-        return None
     own = [largest_stable_step(each, euler=euler) for each in around.components]
     return min((float(step) for step in (*own, _least(around.drives)) if step is not None), default=None)
 
 
-def verlet_step(around: Any) -> float | None:
+def verlet_step(around: Surroundings) -> float | None:
     """Longest step (s) of the Stoermer-Verlet method near to what is coupled; None where Runge-Kutta's method is kept.
 
     That is so where anything else asks for short steps: loops of drives and damped air bear fewer of Verlet's.
     """
-    if not isinstance(around, Surroundings) or not around.coupled or largest_step(around, coupled=False) is not None:
+    if not around.coupled or largest_step(around, coupled=False) is not None:
         return None
     steps = [around.components[i].largest_verlet_step for i in around.coupled]
     stated = [float(step) for step in steps if step is not None]
     return min(stated) if len(stated) == len(steps) else None
 
 
-def drives_step(around: Any) -> float | None:
+def drives_step(around: Surroundings) -> float | None:
     """The same of the drives alone."""
-    return _least(around.drives) if isinstance(around, Surroundings) else None
+    return _least(around.drives)
 
 
 def _least(records: Iterable[Drive]) -> float | None:

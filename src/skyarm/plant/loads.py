@@ -13,7 +13,7 @@ from skyarm.dynamics.actuators.rotor import spin_torque
 from skyarm.dynamics.actuators.tilting import angles_after, turn_rotors
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
-from skyarm.plant.surroundings import Around, Surroundings, surroundings_of
+from skyarm.plant.surroundings import Surroundings
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world import Effectiveness, Wrench, body_drag
 
@@ -22,25 +22,23 @@ LOCKED = 1e12
 rounding leaves of a joint's angle, and both plants solve for the other accelerations as if the joint were not there."""
 
 
-def rigid_loads(around: Around) -> list[tuple[Any, Any]]:
+def rigid_loads(around: Surroundings) -> list[tuple[Any, Any]]:
     """Rigid loads with a time, and what has become of each."""
-    if not isinstance(around, Surroundings):
-        return []
     pairs = zip(around.components, around.memories, strict=True)
     return [(each, memory) for each, memory in pairs if each.rigid]
 
 
-def stuck_of(around: Around) -> Sequence[Any]:
+def stuck_of(around: Surroundings) -> Sequence[Any]:
     """1 for each joint that is stuck, 0 for one that may become so, a structural 0 for every other; empty for none."""
     return () if around.effectiveness is None else around.effectiveness.stuck
 
 
-def changes_inertia(around: Around) -> bool:
+def changes_inertia(around: Surroundings) -> bool:
     """Return True if a period may change the inertia of the moving bodies; by structure."""
     return bool(rigid_loads(around)) or bool(stuck_of(around))
 
 
-def loaded_vehicle(vehicle: Vehicle, around: Around) -> Vehicle:
+def loaded_vehicle(vehicle: Vehicle, around: Surroundings) -> Vehicle:
     """The vehicle with what it holds now; itself, at no cost, where nothing can be held or stuck."""
     for load, memory in rigid_loads(around):
         vehicle = vehicle.with_body(*load.body(vehicle, memory.held))
@@ -60,7 +58,7 @@ def applied_force(
     state: State,
     rotor_speeds: Sequence[Any],
     setpoints: Sequence[Any],
-    around: Around,
+    around: Surroundings,
     commands: Sequence[Any] = (),
     step: Any = None,
 ) -> tuple[Force, tuple[Any, ...]]:
@@ -75,7 +73,7 @@ def applied_force(
         commands: rotor speeds that the rotors are on their way to, rad/s; empty for rotors that keep theirs.
         step: s, of a method that takes forces once in the middle of its step; None of others.
     """
-    around, vehicle = surroundings_of(around), turn_rotors(vehicle, state.tilts)
+    vehicle = turn_rotors(vehicle, state.tilts)
     motion = PointMotion(vehicle, state, around.air_velocity, step=step)
     v_air = motion.rotation.apply_T(state.velocity - around.air_velocity(state.position))
     total, pushed = _outside(around.wrenches(motion, rotor_speeds), motion)
@@ -108,13 +106,13 @@ STEADY = Surroundings()
 
 
 def rotor_speeds_after(
-    vehicle: Vehicle, state: State, command: Command, dt: Any, around: Around = STEADY
+    vehicle: Vehicle, state: State, command: Command, dt: Any, around: Surroundings = STEADY
 ) -> tuple[Any, ...]:
     """Rotor speeds after ``dt`` seconds of a held command under the period's supply."""
     return speeds_after(
         vehicle.rotors,
         state.rotor_speeds,
-        surroundings_of(around).rotor_commands(vehicle.rotors, command.rotor_speeds),
+        around.rotor_commands(vehicle.rotors, command.rotor_speeds),
         dt,
     )
 

@@ -33,7 +33,7 @@ from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.mujoco_loads import Coupling, Loads
 from skyarm.plant.mujoco_model import build_spec, joint_addresses
 from skyarm.plant.mujoco_stages import StagedRungeKutta
-from skyarm.plant.surroundings import Around, after_euler_step, before_euler_step, memories_of, places_in, slopes_of
+from skyarm.plant.surroundings import Surroundings, after_euler_step, before_euler_step, places_in, slopes_of
 from skyarm.vehicle.check import require_plant
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -71,14 +71,14 @@ def _ignore(_message: str) -> None:
 QUIET = _Quiet()
 
 
-def _with_loads_at_stages(integrator: str, vehicle: Vehicle, around: Around) -> str:
+def _with_loads_at_stages(integrator: str, vehicle: Vehicle, around: Surroundings) -> str:
     """Integrator for a vehicle with springs: stops of joints, loops of servos, coupled components.
 
     With its force held for a step h an undamped oscillator of frequency w grows by sqrt(1 + (w h)^2 / 2) each step of
     "rk4"; in "euler", which moves positions with the new velocities, it does not grow.
     """
     springs = any(link.joint.has_stops for link in vehicle.links) or drives_step(around) is not None
-    springs = springs or bool(memories_of(around))
+    springs = springs or bool(around.coupled_memories())
     return "rk4_staged" if integrator == "rk4" and springs else integrator
 
 
@@ -103,7 +103,9 @@ class MujocoPlant:
             surroundings state a largest step.
     """
 
-    def __init__(self, world: Truth, around: Around, integrator: str = "rk4", physics_step: float = 0.001) -> None:
+    def __init__(
+        self, world: Truth, around: Surroundings, integrator: str = "rk4", physics_step: float = 0.001
+    ) -> None:
         require_plant(world.vehicle)
         if integrator not in INTEGRATORS:
             raise ValueError(f"integrator = {integrator!r}: must be one of {list(INTEGRATORS)}")
@@ -155,7 +157,7 @@ class MujocoPlant:
                 layout, self.model, self._data, around, physics_step, self._forward, gravity=world.gravity
             )
 
-    def _forces_and_speeds(self, x: Any, commanded: Any, setpoints: Any, angles: Any, around: Around) -> Any:
+    def _forces_and_speeds(self, x: Any, commanded: Any, setpoints: Any, angles: Any, around: Surroundings) -> Any:
         """Generalised forces in MuJoCo's order, then after one physics step rotor speeds, tilts, coupled memories."""
         state, command = self._layout.state(x), Command(rotor_speeds=commanded, efforts=setpoints, tilts=angles)
         if self._euler:

@@ -11,7 +11,7 @@ from skyarm.dynamics.kinematics import every_joint, every_rate
 from skyarm.dynamics.state import State
 from skyarm.plant.loads import applied_force
 from skyarm.plant.mujoco_model import joint_addresses
-from skyarm.plant.surroundings import Around
+from skyarm.plant.surroundings import Surroundings
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
@@ -67,7 +67,7 @@ class Layout:
         return Vec3.of(qacc[0:3]), Vec3.of(qacc[3:6]), tuple(qacc[i] for i in self._dofs)
 
     def generalized_forces(
-        self, state: State, setpoints: Sequence[Any], around: Around, commands: Sequence[Any] = ()
+        self, state: State, setpoints: Sequence[Any], around: Surroundings, commands: Sequence[Any] = ()
     ) -> list[Any]:
         """Generalised forces on a state without gravity, in MuJoCo's order.
 

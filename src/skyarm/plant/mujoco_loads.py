@@ -23,7 +23,7 @@ from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.plant.interface import Flat, number
 from skyarm.plant.loads import LOCKED, rigid_loads, stuck_of
 from skyarm.plant.mujoco_model import load_name
-from skyarm.plant.surroundings import Around
+from skyarm.plant.surroundings import Surroundings
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
@@ -81,7 +81,7 @@ class Loads:
         around: surroundings as an example. dofs: of links and followers in ``model``.
     """
 
-    def __init__(self, vehicle: Vehicle, model: Any, data: Any, around: Around, dofs: Sequence[int]) -> None:
+    def __init__(self, vehicle: Vehicle, model: Any, data: Any, around: Surroundings, dofs: Sequence[int]) -> None:
         self._model, self._data, self._dofs = model, data, np.array(dofs[: vehicle.n], dtype=int)
         self._count = len(rigid_loads(around))
         self._bodies = [model.body(load_name(i)).id for i in range(self._count)]
@@ -139,7 +139,7 @@ class Loads:
         return self._G.T @ whole @ self._G
 
 
-def _numbers(around: Around) -> tuple[Any, ...]:
+def _numbers(around: Surroundings) -> tuple[Any, ...]:
     """Mass, moments and grasp of each load, then what is stuck."""
     found: list[Any] = []
     for load, memory in rigid_loads(around):

@@ -24,7 +24,7 @@ from skyarm.dynamics.state import State
 from skyarm.plant.interface import Truth, number
 from skyarm.plant.loads import rotor_speeds_after, tilts_after
 from skyarm.plant.mujoco_layout import Layout
-from skyarm.plant.surroundings import Around, memories_of, places_in, slopes_of, with_memories
+from skyarm.plant.surroundings import Surroundings, places_in, slopes_of
 
 STAGES = (
     (1.0 / 2.0, 1.0 / 6.0, 0.0, 0.5),
@@ -47,7 +47,7 @@ class StagedRungeKutta:
     """
 
     def __init__(
-        self, layout: Layout, model: Any, data: Any, around: Around, dt: float, forward: Any = mujoco.mj_forward,
+        self, layout: Layout, model: Any, data: Any, around: Surroundings, dt: float, forward: Any = mujoco.mj_forward,
         *, gravity: Any = 0,
     ) -> None:  # fmt: skip
         self._truth = Truth(vehicle=layout.vehicle, gravity=gravity)
@@ -77,16 +77,16 @@ class StagedRungeKutta:
 
     def _stage(
         self, start: Any, kept: Any, now: Any, memory: Any, u: Any, total: Any, rates: Any, qacc: Any, weights: Any,
-        speeds: Any, setpoints: Any, angles: Any, around: Around,
+        speeds: Any, setpoints: Any, angles: Any, around: Surroundings,
     ) -> tuple[Any, ...]:  # fmt: skip
         """Next state and coupled memories, its rotation vector, the sums of slopes, and the loads on the next state."""
         first, x, (own, share, earlier, time) = self._layout.state(start), self._layout.state(now), weights
-        held = memories_of(around)
-        there = with_memories(around, rebuild(held, iter(memory)))
+        held = around.coupled_memories()
+        there = around.with_coupled(rebuild(held, iter(memory)))
         faster = leaves(slopes_of(self._truth, x, x.rotor_speeds, there))
         memory = [add(m, add(mul(earlier, s), mul(own, k))) for m, s, k in zip(kept, rates, faster, strict=True)]
         rates = [add(s, mul(share, k)) for s, k in zip(rates, faster, strict=True)]
-        around = with_memories(around, rebuild(held, iter(memory)))
+        around = around.with_coupled(rebuild(held, iter(memory)))
         slope = self._slope(x, Vec3(*u), qacc)
         change = [add(mul(earlier, s), mul(own, k)) for s, k in zip(total, slope, strict=True)]
         following = _move_state(first, change)

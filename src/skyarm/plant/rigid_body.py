@@ -30,7 +30,6 @@ from skyarm.plant.loads import (
     tilts_after,
 )
 from skyarm.plant.surroundings import (
-    Around,
     Memories,
     Surroundings,
     advance_memories,
@@ -38,11 +37,8 @@ from skyarm.plant.surroundings import (
     before_euler_step,
     bend_coupled,
     drift_coupled,
-    memories_of,
     push_coupled,
     slopes_of,
-    surroundings_of,
-    with_memories,
 )
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -64,7 +60,7 @@ def accelerate(
     state: State,
     rotor_speeds: Sequence[Any],
     efforts: Sequence[Any],
-    around: Around,
+    around: Surroundings,
     commands: Sequence[Any] = (),
 ) -> tuple[Motion, tuple[Any, ...]]:
     """Proper acceleration of the base (base axes) and joint accelerations."""
@@ -78,7 +74,7 @@ def derivative(
     state: State,
     rotor_speeds: Sequence[Any],
     efforts: Sequence[Any],
-    around: Around,
+    around: Surroundings,
     commands: Sequence[Any] = (),
 ) -> Rate:
     """Right-hand side of the equations of motion."""
@@ -98,7 +94,7 @@ Moved = tuple[State, Memories]
 """A state, and the memories of the coupled components, after a step."""
 
 
-def coupled_rk4(world: Truth, state: State, command: Command, around: Around, dt: float) -> Moved:
+def coupled_rk4(world: Truth, state: State, command: Command, around: Surroundings, dt: float) -> Moved:
     """One step of the classical fourth-order Runge-Kutta method with command and surroundings held.
 
     The attitude is integrated as four numbers and normalised after the step, which keeps the order. The memories of
@@ -107,12 +103,12 @@ def coupled_rk4(world: Truth, state: State, command: Command, around: Around, dt
     """
     half, whole = (rotor_speeds_after(world.vehicle, state, command, part, around) for part in (0.5 * dt, dt))
     half_angles, angles = (tilts_after(world.vehicle, state, command, part) for part in (0.5 * dt, dt))
-    first = memories_of(around)
+    first = around.coupled_memories()
 
     def slope(at: State, memories: Memories, speeds: Sequence[Any], turned: tuple[Any, ...]) -> tuple[Rate, Memories]:
         if turned:
             at = replace(at, tilts=turned)
-        now = with_memories(around, memories)
+        now = around.with_coupled(memories)
         rate = derivative(world, at, speeds, command.efforts, now, command.rotor_speeds)
         return rate, slopes_of(world, at, speeds, now)
 
@@ -144,7 +140,7 @@ def _move_state(state: State, rate: Rate, dt: Any) -> State:
     )
 
 
-def coupled_euler(world: Truth, state: State, command: Command, around: Around, dt: float) -> Moved:
+def coupled_euler(world: Truth, state: State, command: Command, around: Surroundings, dt: float) -> Moved:
     """One semi-implicit Euler step: velocities first, then positions with the new velocities.
 
     The attitude moves by the exponential of the new rate, as MuJoCo's manifold update does, so that both plants make
@@ -171,7 +167,7 @@ def coupled_euler(world: Truth, state: State, command: Command, around: Around, 
     return after, after_euler_step(around, slopes, dt)
 
 
-def coupled_verlet(world: Truth, state: State, command: Command, around: Around, dt: Any) -> Moved:
+def coupled_verlet(world: Truth, state: State, command: Command, around: Surroundings, dt: Any) -> Moved:
     """One step of the Stoermer-Verlet method: half of the way, the push of forces there, the other half.
 
     Forces are taken once, in the middle of the step, with the velocities before the push: of second order and without
@@ -180,7 +176,7 @@ def coupled_verlet(world: Truth, state: State, command: Command, around: Around,
     last push found them, and go on to this one first.
     Source: Hairer, Lubich, Wanner 2003, Geometric numerical integration illustrated by the Stoermer-Verlet method, 1.5.
     """
-    half, around, vehicle = 0.5 * dt, surroundings_of(around), world.vehicle
+    half, vehicle = 0.5 * dt, world.vehicle
     speeds, whole = (rotor_speeds_after(vehicle, state, command, part, around) for part in (half, dt))
     leaning, angles = (tilts_after(vehicle, state, command, part) for part in (half, dt))
     middle = replace(_drift(state, half), rotor_speeds=speeds, tilts=leaning)
@@ -218,12 +214,12 @@ def _drift(state: State, dt: Any) -> State:
     )
 
 
-def step_rk4(world: Truth, state: State, command: Command, around: Around, dt: float) -> State:
+def step_rk4(world: Truth, state: State, command: Command, around: Surroundings, dt: float) -> State:
     """The state alone after :func:`coupled_rk4`."""
     return coupled_rk4(world, state, command, around, dt)[0]
 
 
-def step_euler(world: Truth, state: State, command: Command, around: Around, dt: float) -> State:
+def step_euler(world: Truth, state: State, command: Command, around: Surroundings, dt: float) -> State:
     """The state alone after :func:`coupled_euler`."""
     return coupled_euler(world, state, command, around, dt)[0]
 
@@ -251,7 +247,7 @@ STEP = {"rk4": step_rk4, "euler": step_euler, "rk4_staged": step_rk4}
 COUPLED_STEP = {"rk4": coupled_rk4, "euler": coupled_euler, "rk4_staged": coupled_rk4, VERLET: coupled_verlet}
 
 
-def after_impact(vehicle: Vehicle, state: State, around: Around) -> State:
+def after_impact(vehicle: Vehicle, state: State, around: Surroundings) -> State:
     """Velocities right after a load is grasped, or a joint gets stuck; the state itself where neither can happen.
 
     Both are inelastic impacts. With M the mass matrix before and M' the one after, the generalised momentum of vehicle

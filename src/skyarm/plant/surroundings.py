@@ -105,17 +105,6 @@ class Surroundings:
         return self.drives[index].effort(self.drive_memories[index], setpoint, position, rate)
 
 
-Around = Surroundings | WindSample
-"""What plants take: surroundings, or a wind sample in their place."""
-
-
-def surroundings_of(around: Around) -> Surroundings:
-    """A wind sample alone as surroundings that never change."""
-    if isinstance(around, Surroundings):
-        return around
-    return Surroundings(components=(around,), memories=((),), effectiveness=around.effectiveness)
-
-
 def wind_at(around: Surroundings, vehicle: Vehicle, state: State) -> WindSample:
     """Force on the base and velocity of the air at its origin, as recorded in logs."""
     motion = PointMotion(vehicle, state, around.air_velocity)
@@ -136,19 +125,9 @@ Memories = tuple[Any, ...]
 """Of the coupled components, in their order."""
 
 
-def memories_of(around: Around) -> Memories:
-    """Memories of the coupled components; () without any."""
-    return around.coupled_memories() if isinstance(around, Surroundings) else ()
-
-
-def with_memories(around: Around, memories: Memories) -> Around:
-    """The surroundings with these memories."""
-    return around.with_coupled(memories) if isinstance(around, Surroundings) else around
-
-
-def slopes_of(world: Truth, state: State, rotor_speeds: Sequence[Any], around: Around) -> Memories:
+def slopes_of(world: Truth, state: State, rotor_speeds: Sequence[Any], around: Surroundings) -> Memories:
     """Rates of the memories at a state, 1/s."""
-    if not isinstance(around, Surroundings) or not around.coupled:
+    if not around.coupled:
         return ()
     motion = PointMotion(world.vehicle, state, around.air_velocity, gravity=world.gravity)
     return around.slopes(motion, rotor_speeds)
@@ -160,9 +139,11 @@ def advance_memories(memories: Memories, slopes: Memories, dt: Any) -> Memories:
     return found
 
 
-def before_euler_step(world: Truth, state: State, rotor_speeds: Sequence[Any], around: Around, dt: Any) -> Around:
+def before_euler_step(
+    world: Truth, state: State, rotor_speeds: Sequence[Any], around: Surroundings, dt: Any
+) -> Surroundings:
     """The surroundings with which a semi-implicit Euler step (s) takes its forces."""
-    if not isinstance(around, Surroundings) or not around.coupled:
+    if not around.coupled:
         return around
     return bend_coupled(around, slopes_of(world, state, rotor_speeds, around), dt)
 
@@ -173,10 +154,8 @@ def bend_coupled(around: Surroundings, slopes: Memories, dt: Any) -> Surrounding
     return around.with_coupled([around.components[i].before_euler_step(held, rate, dt) for i, held, rate in going])
 
 
-def after_euler_step(around: Around, slopes: Memories, dt: Any) -> Memories:
+def after_euler_step(around: Surroundings, slopes: Memories, dt: Any) -> Memories:
     """Memories of the surroundings after a semi-implicit Euler step (s)."""
-    if not isinstance(around, Surroundings):
-        return ()
     going = zip(around.coupled, around.coupled_memories(), slopes, strict=True)
     return tuple(around.components[i].euler_step(memory, slope, dt) for i, memory, slope in going)
 
@@ -195,10 +174,8 @@ def push_coupled(around: Surroundings, motion: PointMotion, rotor_speeds: Sequen
     )
 
 
-def places_in(around: Around) -> tuple[int, ...]:
+def places_in(around: Surroundings) -> tuple[int, ...]:
     """Places of these memories' numbers among the leaves of the surroundings."""
-    if not isinstance(around, Surroundings) or not around.coupled:
-        return ()
     first = len(leaves(around.components))
     return tuple(first + place for place in places_among(around.memories, around.coupled))
 

@@ -14,7 +14,7 @@ from skyarm.dynamics.actuators import Command
 from skyarm.plant.compiled import RigidBodyPlant, hold
 from skyarm.plant.interface import Plant
 from skyarm.plant.rigid_body import Moved, accelerate, after_impact
-from skyarm.plant.surroundings import Surroundings, memories_of, places_in
+from skyarm.plant.surroundings import Surroundings, places_in
 from skyarm.records.leaves import blend, leaves, rebuild
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
@@ -74,7 +74,7 @@ class RigidBodySteps:
 
     def advance(self, state: State, before: Command, after: Command, around: Surroundings) -> Moved:
         """State and coupled memories after the period: under the command before for the late part, then the other."""
-        now = after_impact(self._scenario.plant.vehicle, state, around), memories_of(around)
+        now = after_impact(self._scenario.plant.vehicle, state, around), around.coupled_memories()
         late = self._late
         parts = [(late, before)] if self._apart is None else switches(before, after, *(rest for _, rest in self._apart))
         left: Any = self._period
@@ -203,7 +203,7 @@ class CalledPlant:
         """State and coupled memories after the period."""
         groups = [leaves(state), leaves(before), leaves(after), leaves(around)]
         numbers = iter(_graph_of(state).external(self._advance, groups, self._end + len(self._coupled)))
-        return rebuild(state, numbers), rebuild(memories_of(around), numbers)
+        return rebuild(state, numbers), rebuild(around.coupled_memories(), numbers)
 
     def _specific_force(self, state: Flat, command: Flat, around: Flat) -> Any:
         self._read = state, around

@@ -17,7 +17,6 @@ from skyarm.records.units import Unit
 from skyarm.world import dryden
 from skyarm.world.component import Air, Component, Event, Force, Wrench
 from skyarm.world.dryden import Dryden
-from skyarm.world.effectiveness import Effectiveness
 from skyarm.world.gust import Gust
 
 
@@ -29,14 +28,12 @@ class WindSample(Component):
         force_W: force on the base, world axes, N.
         point_B: point of the base where it acts, base frame, m.
         air_velocity_W: velocity of the air that rotors and body drag see, world axes, m/s.
-        effectiveness: what faults leave of the actuators (:mod:`skyarm.world.faults`); None for whole ones.
         numbers: of all components for the log, in the order of their ``columns``.
     """
 
     force_W: Vec3 = ZERO3
     point_B: Vec3 = ZERO3
     air_velocity_W: Vec3 = ZERO3
-    effectiveness: Effectiveness | None = None
     numbers: tuple[Scalar, ...] = ()
 
     def velocity(self, memory: Any, t: Any, position_W: Vec3) -> Vec3:

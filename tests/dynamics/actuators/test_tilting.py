@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import skyarm
+from flying_vehicles import steady_wind
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics.actuators import Command, rotor_forces
 from skyarm.dynamics.actuators.tilting import angle_after, turn_rotors, with_rest
@@ -19,7 +20,6 @@ from skyarm.plant.mujoco import MujocoPlant
 from skyarm.plant.rigid_body import derivative
 from skyarm.records.leaves import leaves
 from skyarm.vehicle.tilt import Tilt
-from skyarm.world import WindSample
 
 VOLIRO = skyarm.load_vehicle("voliro_like")
 SERVO = Tilt(axis=(1, 0, 0), lower=-1.0, upper=0.8, time_constant=0.05, max_rate=6.0)
@@ -73,7 +73,7 @@ def state(vehicle):
 def test_a_turned_rotor_moves_the_plant_as_one_that_is_mounted_so():
     fixed = turn_rotors(VOLIRO, ANGLES)
     assert not fixed.tilts
-    calm = WindSample()
+    calm = steady_wind()
     rates = [derivative(Truth(vehicle=v), state(v), SPEEDS, (0.1, 0.0), calm, SPEEDS) for v in (VOLIRO, fixed)]
     np.testing.assert_allclose(leaves(rates[0]), leaves(rates[1]), atol=1e-12)
 
@@ -83,7 +83,7 @@ def test_both_plants_turn_their_rotors_alike(integrator):
     bare = dataclasses.replace(VOLIRO, links=(), frames=(), end_effector="")
     begun = dataclasses.replace(state(bare), joints=(), joint_rates=())
     command = Command(rotor_speeds=(470.0,) * 6, tilts=(-0.4, 0.5, 0.3, -2.0, 0.6, 0.2))
-    world, around = Truth(vehicle=bare), WindSample()
+    world, around = Truth(vehicle=bare), steady_wind()
     found = [
         kind(world, around, integrator, 0.001).advance(flat(begun), leaves(command), leaves(around), 0.02)
         for kind in (RigidBodyPlant, MujocoPlant)

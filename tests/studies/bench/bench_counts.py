@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from flying_vehicles import steady_wind
 from skyarm import dynamics
 from skyarm.algebra import Force, Motion, Vec3
 from skyarm.compile import trace
@@ -12,7 +13,6 @@ from skyarm.plant.compiled import example_command, example_state
 from skyarm.plant.interface import Truth
 from skyarm.plant.rigid_body import STEP, derivative
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.world import WindSample
 
 
 def counts(vehicle: Vehicle) -> dict[str, int]:
@@ -35,7 +35,7 @@ def counts(vehicle: Vehicle) -> dict[str, int]:
     }
     if vehicle.planar:
         return found
-    world, air = Truth(vehicle=vehicle), WindSample()
+    world, air = Truth(vehicle=vehicle), steady_wind()
     state, command = example_state(n, len(vehicle.rotors)), example_command(n, len(vehicle.rotors))
     motion = trace(lambda x, u: derivative(world, x, x.rotor_speeds, u.efforts, air), state, command)
     found["equations of motion"] = operations(motion.lowered.nodes)

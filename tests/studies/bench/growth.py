@@ -7,6 +7,7 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
+from flying_vehicles import steady_wind
 from skyarm.compile.llvm.kernel import build, host_width
 from skyarm.compile.llvm.llvm_loop import assembly
 from skyarm.compile.llvm.llvm_text import Lanes
@@ -16,7 +17,6 @@ from skyarm.plant.compiled import example_command, example_state
 from skyarm.plant.interface import Truth
 from skyarm.plant.rigid_body import STEP
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.world import WindSample
 
 
 def chain(vehicle: Vehicle, joints: int) -> Vehicle:
@@ -34,7 +34,7 @@ def growth(vehicle: Vehicle, joints: Sequence[int]) -> list[dict[str, Any]]:
     found = []
     for n in joints:
         longer = chain(vehicle, n)
-        world, air = Truth(vehicle=longer), WindSample()
+        world, air = Truth(vehicle=longer), steady_wind()
         begin = time.perf_counter()
 
         def step(x: Any, _parameters: Any, u: Any, _draws: Any, world: Truth = world, air: Any = air) -> Any:
