@@ -118,7 +118,7 @@ def test_a_window_that_is_none_is_refused_in_one_line(wrong):
 @pytest.mark.parametrize("value", [3, "x", [1.0, 2.0], (1.0, 2.0)])
 def test_records_of_windows_refuse_what_is_none(value):
     for name in (*NAMES, "holds"):
-        with pytest.raises(ValueError, match=f"windows.{name} = "):
+        with pytest.raises(ValueError, match=rf"windows\.{name}(\[0\])? = "):
             Windows(**{name: value})
     with pytest.raises(ValueError, match=r"window\.start = "):
         Window(math.nan, 1.0)

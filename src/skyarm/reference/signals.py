@@ -18,6 +18,7 @@ from typing import Annotated, Any, TypeVar
 
 from skyarm.algebra.scalars import Scalar, add, cos, floor, logical_and, mul, sin, where
 from skyarm.algebra.scalars.taylor import Taylor
+from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.leaves import parts
 from skyarm.records.units import Unit
@@ -100,7 +101,7 @@ class Ramp(Signal):
 
     def __post_init__(self) -> None:
         accept_fields(self, "ramp")
-        if isinstance(self.duration, (int, float)) and not self.duration > 0.0:
+        if concrete(self.duration) and not self.duration > 0.0:
             raise ValueError(f"ramp.duration = {self.duration!r}: must be above 0 s")
         check_shape("ramp.shape", self.shape)
 
@@ -184,8 +185,7 @@ class Windowed(Signal):
 
     def __post_init__(self) -> None:
         accept_fields(self, "windowed")
-        concrete = isinstance(self.start, (int, float)) and isinstance(self.stop, (int, float))
-        if concrete and not self.start < self.stop:
+        if concrete(self.start, self.stop) and not self.start < self.stop:
             raise ValueError(f"windowed.stop = {self.stop!r}: must be after start = {self.start!r}")
 
     def derivatives(self, t: Any) -> Derivatives:
@@ -288,7 +288,7 @@ class Pulses(Signal):
 
     def __post_init__(self) -> None:
         accept_fields(self, "pulses")
-        if isinstance(self.period, (int, float)) and not self.period > 0.0:
+        if concrete(self.period) and not self.period > 0.0:
             raise ValueError(f"pulses.period = {self.period!r}: must be above 0 s")
         if not 1 <= self.count <= MOST_PULSES:
             raise ValueError(f"pulses.count = {self.count!r}: must be from 1 to {MOST_PULSES}")
@@ -322,7 +322,7 @@ def sequence(start: Any, segments: Iterable[tuple[Any, Any]], *, initial: Any = 
     signals: list[Signal] = [Constant(initial)]
     t, value = start, initial
     for duration, target in segments:
-        if isinstance(duration, (int, float)) and not duration > 0.0:
+        if concrete(duration) and not duration > 0.0:
             raise ValueError(f"sequence: a segment lasts {duration!r} s: must be above 0 s")
         if target is not value and not _equal(target, value):
             signals.append(Ramp(start=t, duration=duration, height=target - value, shape=shape))
@@ -332,7 +332,7 @@ def sequence(start: Any, segments: Iterable[tuple[Any, Any]], *, initial: Any = 
 
 def _equal(a: Any, b: Any) -> bool:
     """Return True if both are concrete and the same number."""
-    return isinstance(a, (int, float)) and isinstance(b, (int, float)) and a == b
+    return concrete(a, b) and a == b
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

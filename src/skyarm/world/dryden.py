@@ -23,7 +23,7 @@ from typing import Annotated, Any
 
 from skyarm.algebra import E_X, E_Z, Vec3
 from skyarm.algebra.scalars import Scalar, divide, exp, log, maximum, sqrt
-from skyarm.records.coerce import accept, unit_vector
+from skyarm.records.coerce import accept, concrete, unit_vector
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
 
@@ -170,5 +170,5 @@ def _second_order(d: Any) -> tuple[Any, Any, Any, Any]:
 
 
 def _within(name: str, value: Any, low: float, high: float, unit: str) -> None:
-    if isinstance(value, (int, float)) and not low <= value <= high:
+    if concrete(value) and not low <= value <= high:
         raise ValueError(f"{name} = {value!r}: must be from {low:g} to {high:g} {unit}")

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar, cos, mul, where
+from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
 
@@ -32,7 +33,7 @@ class Gust:
         accept_fields(self, "gust")
         if self.shape not in SHAPES:
             raise ValueError(f"gust.shape = {self.shape!r}: must be one of {', '.join(SHAPES)}")
-        if isinstance(self.duration, (int, float)):
+        if concrete(self.duration):
             strict = self.shape != "step"
             if not (self.duration > 0.0 if strict else self.duration >= 0.0):
                 raise ValueError(f"gust.duration = {self.duration!r}: must be {'above' if strict else 'at least'} 0 s")

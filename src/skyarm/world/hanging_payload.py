@@ -80,7 +80,7 @@ class HangingPayload(TimedPayload):
         TimedPayload.__post_init__(self)
         for name in ("inertia", "com"):
             given = tuple(getattr(self, name))
-            if any(not isinstance(each, (int, float)) or each != 0 for each in given):
+            if any(not concrete(each) or each != 0 for each in given):
                 raise ValueError(f"{name} = {shown(given)}: must be left out of a hanging payload, a point mass")
 
     @property

@@ -19,6 +19,7 @@ from typing import Annotated, Any
 from skyarm.algebra import ZERO3, Sym3, Vec3
 from skyarm.algebra.scalars import Scalar, logical_and, mul, where
 from skyarm.dynamics.point_motion import PointMotion
+from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
@@ -100,9 +101,9 @@ class TimedPayload(Component):
         if self.drop_place is not None and isinstance(self.drop, float) and math.isinf(self.drop):
             object.__setattr__(self, "drop", 0.0)  # at any time within its reach
         moments = tuple(self.inertia)
-        if all(isinstance(each, (int, float)) for each in moments) and 2.0 * max(moments) > sum(moments) * (1.0 + 1e-9):
+        if concrete(*moments) and 2.0 * max(moments) > sum(moments) * (1.0 + 1e-9):
             raise ValueError(f"inertia = {list(moments)}: no moment may be larger than the sum of the other two")
-        instants = isinstance(self.pick, (int, float)) and isinstance(self.drop, (int, float))
+        instants = concrete(self.pick, self.drop)
         if instants and self.drop_place is None and not self.pick < self.drop:
             raise ValueError(f"drop = {self.drop!r}: must be after pick = {self.pick!r} s")
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import Fields, number, shown
 
 if TYPE_CHECKING:
@@ -97,13 +98,7 @@ class Windows:
     last: float | None = None
 
     def __post_init__(self) -> None:
-        for name in NAMES:
-            if not isinstance(getattr(self, name), (Window, type(None))):
-                raise ValueError(f"windows.{name} = {shown(getattr(self, name))}: must be a Window or None")
-        if self.holds is not None and not (
-            isinstance(self.holds, tuple) and all(isinstance(each, Window) for each in self.holds)
-        ):
-            raise ValueError(f"windows.holds = {shown(self.holds)}: must be a tuple of Window")
+        accept_fields(self, "windows")
         if self.last is not None:
             object.__setattr__(self, "last", number(self.last, "windows.last", low=0.0, strict=True))
 
@@ -119,12 +114,10 @@ class Windows:
         after = Window(settled, duration)
         general: dict[str, Any] = dict.fromkeys(NAMES, after) | {"transient": Window(0.0, settled)}
         general |= {"holds": (after,), "last": min(LAST, duration - settled)}
-        found: dict[str, Any] = {}
-        for name, usual in general.items():
-            asked = getattr(self, name)
-            told = getattr(own, name) if own is not None else None
-            fits = told is not None and _end(told) <= duration
-            found[name] = asked if asked is not None else told if fits else usual
+        stated = {} if own is None else own._ends()
+        within = {name: getattr(own, name) for name, (end, _) in stated.items() if end <= duration}
+        asked = {name: getattr(self, name) for name in self._ends()}
+        found = general | within | asked
         return FlightWindows(duration=duration, **found)
 
     def require_within(self, duration: float) -> None:
@@ -133,10 +126,18 @@ class Windows:
         Raises:
             ValueError: one line.
         """
-        for name in (*NAMES, "holds", "last"):
-            asked = getattr(self, name)
-            if asked is not None and _end(asked) > duration:
-                raise ValueError(f"windows.{name} = {_words(asked)}: must end within the flight of {duration:g} s")
+        for name, (end, words) in self._ends().items():
+            if end > duration:
+                raise ValueError(f"windows.{name} = {words}: must end within the flight of {duration:g} s")
+
+    def _ends(self) -> dict[str, tuple[float, str]]:
+        """Of what is stated, the end (s), or the length of ``last``, and its words."""
+        found = {name: (each.stop, str(each)) for name in NAMES if (each := getattr(self, name)) is not None}
+        if self.holds is not None:
+            found["holds"] = max((each.stop for each in self.holds), default=0.0), ", ".join(map(str, self.holds))
+        if self.last is not None:
+            found["last"] = self.last, f"{self.last:g} s"
+        return found
 
     def masks(self, time: Array, duration: float) -> dict[str, Mask]:
         """Name of a window -> mask of the control instants (s) in it, for a flight of that duration (s)."""
@@ -178,19 +179,6 @@ def _window(value: Any, at: str) -> Window:
     if not start < stop:
         raise ValueError(f"{at} = {shown(value)}: must start before it stops")
     return Window(start, stop)
-
-
-def _end(asked: Any) -> float:
-    """When the last of some windows ends, s from the start; of ``last`` its length."""
-    if isinstance(asked, tuple):
-        return max((each.stop for each in asked), default=0.0)
-    return float(asked.stop if isinstance(asked, Window) else asked)
-
-
-def _words(asked: Any) -> str:
-    if isinstance(asked, tuple):
-        return ", ".join(map(str, asked))
-    return str(asked) if isinstance(asked, Window) else f"{asked:g} s"
 
 
 def _pair(window: Window) -> list[float]:
