@@ -78,54 +78,56 @@ class Values:
 Distribution = Uniform | LogUniform | Normal | Values
 
 
-def _uniform(value: Any, at: str) -> Uniform:
+def _uniform(value: object, at: str) -> Uniform:
     return Uniform(*_interval(value, at))
 
 
-def _log_uniform(value: Any, at: str) -> LogUniform:
+def _log_uniform(value: object, at: str) -> LogUniform:
     low, high = _interval(value, at)
     number(low, f"{at}[0]", low=0.0, strict=True)
     return LogUniform(low, high)
 
 
-def _normal(value: Any, at: str) -> Normal:
-    mean, std = _numbers(value, at, 2, "mean and standard deviation")
+def _normal(value: object, at: str) -> Normal:
+    mean, std = _numbers(value, at, (2, 2), "2 numbers, mean and standard deviation")
     return Normal(mean, number(std, f"{at}[1]", low=0.0, strict=True))
 
 
-def _list(value: Any, at: str) -> Values:
-    if not isinstance(value, list) or not 1 <= len(value) <= MOST_VALUES:
-        raise ValueError(f"{at} = {shown(value)}: must be a list of 1 to {MOST_VALUES} numbers")
-    found = tuple(number(item, f"{at}[{i}]") for i, item in enumerate(value))
+def _list(value: object, at: str) -> Values:
+    found = _numbers(value, at, (1, MOST_VALUES), f"1 to {MOST_VALUES} numbers")
     if len(set(found)) != len(found):
         raise ValueError(f"{at} = {shown(value)}: must not hold a number twice")
     return Values(found)
 
 
 def _grid(value: Any, at: str) -> Values:
-    if not isinstance(value, list) or len(value) != 3:
-        raise ValueError(f"{at} = {shown(value)}: must be [start, stop, count]")
-    start, stop = _interval(value[:2], at)
-    count = value[2]
-    if isinstance(count, bool) or not isinstance(count, int) or not 2 <= count <= MOST_VALUES:
-        raise ValueError(f"{at}[2] = {shown(count)}: must be a whole number from 2 to {MOST_VALUES}")
-    return Values(tuple(np.linspace(start, stop, count).tolist()))
+    start, stop, _ = _numbers(value, at, (3, 3), "3 numbers, [start, stop, count]")
+    _require_ascending((start, stop), at, value)
+    given = value[2]
+    if type(given) is not int or not 2 <= given <= MOST_VALUES:
+        raise ValueError(f"{at}[2] = {shown(given)}: must be a whole number from 2 to {MOST_VALUES}")
+    return Values(tuple(np.linspace(start, stop, given).tolist()))
 
 
-def _interval(value: Any, at: str) -> tuple[float, float]:
-    low, high = _numbers(value, at, 2, "low and high")
-    if not low < high or not math.isfinite(high - low):
-        raise ValueError(f"{at} = {shown(value)}: must be two numbers, the first below the second")
+def _interval(value: object, at: str) -> tuple[float, float]:
+    low, high = _numbers(value, at, (2, 2), "2 numbers, low and high")
+    _require_ascending((low, high), at, value)
     return low, high
 
 
-def _numbers(value: Any, at: str, count: int, meaning: str) -> tuple[float, ...]:
-    if not isinstance(value, list) or len(value) != count:
-        raise ValueError(f"{at} = {shown(value)}: must be a list of {count} numbers, {meaning}")
+def _require_ascending(ends: tuple[float, float], at: str, value: object) -> None:
+    if not ends[0] < ends[1] or not math.isfinite(ends[1] - ends[0]):
+        raise ValueError(f"{at} = {shown(value)}: must be two numbers, the first below the second")
+
+
+def _numbers(value: object, at: str, counts: tuple[int, int], wanted: str) -> tuple[float, ...]:
+    """Numbers of a list that has from so many to so many."""
+    if not isinstance(value, list) or not counts[0] <= len(value) <= counts[1]:
+        raise ValueError(f"{at} = {shown(value)}: must be a list of {wanted}")
     return tuple(number(item, f"{at}[{i}]") for i, item in enumerate(value))
 
 
-KINDS: Mapping[str, Callable[[Any, str], Distribution]] = {
+KINDS: Mapping[str, Callable[[object, str], Distribution]] = {
     "uniform": _uniform,
     "normal": _normal,
     "log_uniform": _log_uniform,

@@ -127,10 +127,8 @@ def _study(top: Fields, folder: Path, source: str) -> Study:
     if schema != 1 or isinstance(schema, bool):
         raise ValueError(f"schema = {shown(schema)}: must be 1")
     require_plugins(top)
-    name, title = top.take("name"), top.take("title", "")
+    name, title = top.take("name"), top.text("title", "")
     check_name(name)
-    if not isinstance(title, str):
-        raise ValueError(f"title = {shown(title)}: must be text")
     design = top.choice("design", DESIGNS, "random")
     vary = _vary(top.take("vary", {}), design)
     derived = derived_from(top.take("derived", {}), tuple(vary))

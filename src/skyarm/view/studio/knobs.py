@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from skyarm.records.files import number
 from skyarm.records.leaves import Place, is_record, part, parts
 from skyarm.records.units import Unit, declared_fields, units
 from skyarm.reference import Trajectory
@@ -66,15 +67,13 @@ class Knob:
     step: float
     value: float
 
-    def clip(self, value: Any) -> float:
-        """A value within the slider; what is no finite number is refused.
+    def clip(self, value: object) -> float:
+        """A value within the slider.
 
         Raises:
-            ValueError: it is none.
+            ValueError: no finite number.
         """
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-            raise ValueError(f"{self.path} = {value!r}: must be a number")
-        return min(max(float(value), self.low), self.high)
+        return min(max(number(value, self.path), self.low), self.high)
 
 
 def knobs_of(scenario: Scenario, without: str = "") -> tuple[Knob, ...]:

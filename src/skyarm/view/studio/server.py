@@ -186,21 +186,16 @@ class Sieve:
         """
         handle = self._inputs["gui"]._gui_input_handle_from_uuid[uuid]
         held, props = handle._impl.value, handle._impl.props
-        if isinstance(held, bool):
-            if not isinstance(value, bool):
+        if isinstance(held, (bool, str)):
+            options = getattr(props, "options", None)
+            if type(value) is not type(held) or (options is not None and value not in options) or len(str(value)) > 200:
                 raise ValueError(value)
             return value
-        if isinstance(held, (int, float)):
-            if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-                raise ValueError(value)
-            low, high = getattr(props, "min", None), getattr(props, "max", None)
-            value = value if low is None else max(value, low)
-            value = value if high is None else min(value, high)
-            return int(value) if isinstance(held, int) else float(value)
-        options = getattr(props, "options", None)
-        if not isinstance(value, str) or (options is not None and value not in options) or len(value) > 200:
+        if not _is_finite(value):
             raise ValueError(value)
-        return value
+        low, high = getattr(props, "min", None), getattr(props, "max", None)
+        value = value if low is None else max(value, low)
+        return type(held)(value if high is None else min(value, high))
 
 
 CAMERA = {"wxyz": 4, "position": 3, "look_at": 3, "up_direction": 3}
@@ -211,14 +206,17 @@ SCALARS = ("fov", "near", "far", "image_height", "image_width")
 def _is_camera(message: dict[str, Any]) -> bool:
     """True for a valid camera: finite numbers, of the right count."""
     vectors = all(
-        isinstance(message[name], (list, tuple)) and len(message[name]) == count and all(map(_finite, message[name]))
+        type(message[name]) is list and len(message[name]) == count and all(map(_is_finite, message[name]))
         for name, count in CAMERA.items()
     )
-    return vectors and all(_finite(message[name]) for name in SCALARS) and set(message) == {"type", *CAMERA, *SCALARS}
+    return (
+        vectors and all(_is_finite(message[name]) for name in SCALARS) and set(message) == {"type", *CAMERA, *SCALARS}
+    )
 
 
-def _finite(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+def _is_finite(value: object) -> bool:
+    """True for a finite number as a frame holds one, which is no subclass of its type."""
+    return type(value) in (int, float) and math.isfinite(value)  # type: ignore[arg-type]
 
 
 LOOPBACK = ("127.0.0.1", "localhost")
