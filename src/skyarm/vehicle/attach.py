@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
-from skyarm.algebra import Mat3, Vec3
+from skyarm.algebra import ZERO3, Mat3, Vec3, axis_rotation
 from skyarm.algebra.scalars import add, mul
 from skyarm.records.coerce import concrete
 from skyarm.records.files import printable
@@ -52,8 +52,8 @@ def place_in(bodies: RigidBodies, name: str, field: str) -> Frame:
     refuse(field, name, f"must be one of {', '.join(known)}")
 
 
-def posed_in(frame: Frame, R: Mat3, p: Vec3, name: str) -> Frame:
-    """A frame at a pose in another one, in the moving body that carries both."""
+def posed_in(frame: Frame, R: Mat3, p: Vec3, name: str = "") -> Frame:
+    """A frame at a pose (m) in another one, in the moving body that carries both."""
     position = description.vector([float(c) for c in frame.position + frame.rotation.apply(p)])
     return Frame(name=name, link=frame.link, position=position, rotation=description.rotation(frame.rotation @ R))
 
@@ -69,7 +69,7 @@ def attach(airframe: RigidBodies, arm: RigidBodies, mount: Mount) -> RigidBodies
     Raises:
         VehicleError: no such link, or a name that stands in both.
     """
-    seat = posed_in(place_in(airframe, mount.to, f"{mount.field}.to"), mount.rotation, mount.position, "")
+    seat = posed_in(place_in(airframe, mount.to, f"{mount.field}.to"), mount.rotation, mount.position)
     named = _with_prefix(arm, mount.prefix)
     root = [] if named.root == "base" else [replace(seat, name=named.root)]
     _require_new_names(airframe, named, [frame.name for frame in root], mount)
@@ -84,15 +84,10 @@ def attach(airframe: RigidBodies, arm: RigidBodies, mount: Mount) -> RigidBodies
     def mount_link(link: Link) -> Link:
         if link.parent != BASE:
             return replace(link, parent=first + link.parent)
-        at = posed_in(seat, link.joint.rotation, link.joint.position, "")
+        at = posed_in(seat, link.joint.rotation, link.joint.position)
         return replace(link, parent=at.link, joint=replace(link.joint, position=at.position, rotation=at.rotation))
 
-    load = Body(
-        mass=named.base.mass,
-        com=seat.position + seat.rotation.apply(named.base.com),
-        inertia=named.base.inertia.rotate(seat.rotation),
-        planar=named.base.planar,
-    )
+    load = named.base.posed(seat.rotation, seat.position)
     base, links = airframe.base, list(airframe.links)
     if seat.link == BASE:
         base = description.body([base, load])
@@ -166,6 +161,15 @@ class Mimic:
     joint: str
     ratio: float = 1.0
     offset: float = 0.0
+
+    def at_rest(self, lower: float = 0.0, upper: float = 0.0) -> float:
+        """Value where the joint that it follows, of these limits, is at zero, or at the limit next to zero."""
+        return self.ratio * min(max(0.0, lower), upper) + self.offset
+
+
+def held_pose(kind: str, axis: Vec3, value: float) -> tuple[Mat3, Vec3]:
+    """R and p (m) by which a joint at a value, rad or m, places its child in the joint's frame."""
+    return (axis_rotation(axis, value), ZERO3) if kind == "revolute" else (Mat3.identity(), axis * value)
 
 
 def couple(

@@ -54,6 +54,10 @@ class Body:
             inertia = inertia + part.inertia + Sym3.parallel_axis(part.mass, part.com - com)
         return cls(mass=mass, com=com, inertia=inertia, planar=any(part.planar for part in parts))
 
+    def posed(self, R: Mat3, p: Vec3) -> Body:
+        """The body in the axes of a frame in which its own has this pose (m)."""
+        return Body(mass=self.mass, com=p + R.apply(self.com), inertia=self.inertia.rotate(R), planar=self.planar)
+
     def merge(self, other: Body) -> Body:
         """Body and another one of the same link as one."""
         return Body.of_parts((self, other))

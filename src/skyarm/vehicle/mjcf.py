@@ -17,10 +17,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3, axis_rotation
+from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3
 from skyarm.records.files import one_line
 from skyarm.vehicle import description
-from skyarm.vehicle.attach import Mimic, Notes, RigidBodies, follow
+from skyarm.vehicle.attach import Mimic, Notes, RigidBodies, follow, held_pose, posed_in
 from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.linkage import BASE, Body, Joint, Link
 from skyarm.vehicle.vehicle_records import Frame
@@ -196,11 +196,11 @@ def _read_child(tree: _Tree, body: int) -> None:
     """A body with its joints; MuJoCo turns and shifts it by one after the other, about anchors in its own axes."""
     model, name = tree.model, name_of(tree.model, "body", body)
     carrier = tree.seats[int(model.body_parentid[body])]
-    at = _frame_at(carrier, _rotation(model.body_quat[body]), _vector(model.body_pos[body]))
+    at = posed_in(carrier, _rotation(model.body_quat[body]), _vector(model.body_pos[body]))
     joints = [joint for joint in _joints(model, body) if not _is_fixed(tree, joint)]
     for joint in _joints(model, body):
         anchor = _vector(model.jnt_pos[joint])
-        at = _frame_at(at, Mat3.identity(), anchor)
+        at = posed_in(at, Mat3.identity(), anchor)
         if joint in joints:
             last = joint == joints[-1]
             made = read_joint(model, joint, at.rotation, at.position, tree.notes)
@@ -210,7 +210,7 @@ def _read_child(tree: _Tree, body: int) -> None:
             at = Frame(name="", link=len(tree.links) - 1, position=Vec3(0, 0, 0))
         else:
             at = _held_pose(tree, joint, at)
-        at = _frame_at(at, Mat3.identity(), -anchor)
+        at = posed_in(at, Mat3.identity(), -anchor)
     tree.seats[body] = at
     if not joints:
         tree.frames.append(replace(at, name=_new_name(tree, name)))
@@ -219,7 +219,7 @@ def _read_child(tree: _Tree, body: int) -> None:
 
 def _is_fixed(tree: _Tree, joint: int) -> bool:
     """True if a joint is fixed: it follows another one and followers are locked, or one that is fixed itself."""
-    name = joint_name(tree.model, joint)
+    name = name_of(tree.model, "jnt", joint)
     if name not in tree.mimics or tree.mimic == "lock":
         return name in tree.mimics
     found = follow(name, tree.mimics)
@@ -228,13 +228,10 @@ def _is_fixed(tree: _Tree, joint: int) -> bool:
 
 def _held_pose(tree: _Tree, joint: int, at: Frame) -> Frame:
     """Pose of the body of a fixed joint."""
-    name = joint_name(tree.model, joint)
+    name = name_of(tree.model, "jnt", joint)
     value = resting(tree.model, name, tree.mimics)
     tree.notes.add(f"tied by an equality: fixed at {value:g}", name)
-    axis = _vector(tree.model.jnt_axis[joint])
-    if kind_of(tree.model, joint) == "revolute":
-        return _frame_at(at, axis_rotation(axis, value), Vec3(0, 0, 0))
-    return _frame_at(at, Mat3.identity(), axis * value)
+    return posed_in(at, *held_pose(kind_of(tree.model, joint), _vector(tree.model.jnt_axis[joint]), value))
 
 
 def _read_body(tree: _Tree, body: int) -> None:
@@ -248,8 +245,8 @@ def _read_body(tree: _Tree, body: int) -> None:
         tree.parts[at.link + 1].append(Body(mass=mass, com=com, inertia=moments.rotate(R)))
     for site in range(int(model.nsite)):
         if int(model.site_bodyid[site]) == body and model.site(site).name:
-            pose = _frame_at(at, _rotation(model.site_quat[site]), _vector(model.site_pos[site]))
-            tree.frames.append(replace(pose, name=_new_name(tree, model.site(site).name)))
+            pose = _rotation(model.site_quat[site]), _vector(model.site_pos[site])
+            tree.frames.append(posed_in(at, *pose, _new_name(tree, model.site(site).name)))
 
 
 def _new_name(tree: _Tree, name: str) -> str:
@@ -258,11 +255,6 @@ def _new_name(tree: _Tree, name: str) -> str:
     while name in taken:
         name += "_"
     return name
-
-
-def _frame_at(at: Frame, R: Mat3, p: Vec3) -> Frame:
-    position = description.vector([float(c) for c in at.position + at.rotation.apply(p)])
-    return Frame(name="", link=at.link, position=position, rotation=description.rotation(at.rotation @ R))
 
 
 def _vector(values: Any) -> Vec3:
@@ -285,20 +277,12 @@ def kind_of(model: Any, joint: int) -> str:
     return KINDS[int(model.jnt_type[joint])]
 
 
-def joint_name(model: Any, joint: int) -> str:
-    """Name of a joint, made up where the file gives none."""
-    return name_of(model, "jnt", joint)
-
-
 def read_joint(model: Any, joint: int, R: Mat3, p: Vec3, notes: Notes) -> Joint:
     """Joint record at a pose in its parent; its zero is the model's reference position (``ref``)."""
-    name = joint_name(model, joint)
-    zero = float(model.qpos0[model.jnt_qposadr[joint]])
-    if zero:
+    name = name_of(model, "jnt", joint)
+    if model.qpos0[model.jnt_qposadr[joint]]:
         notes.add("with a ref: its zero here is where the file's model stands", name)
-    lower, upper = -math.inf, math.inf
-    if model.jnt_limited[joint]:
-        lower, upper = (float(each) - zero for each in model.jnt_range[joint])
+    lower, upper = limits(model, joint)
     effort = _effort(model, joint)
     if effort == 0.0:
         notes.add("without an actuator, so passive; [[joints]] effort_limit gives it a drive", name)
@@ -356,25 +340,29 @@ def mimics_of(model: Any) -> dict[str, Mimic]:
     for each in range(int(model.neq)):
         if model.eq_type[each] != mujoco.mjtEq.mjEQ_JOINT or not model.eq_active0[each]:
             continue
-        name, other = joint_name(model, int(model.eq_obj1id[each])), int(model.eq_obj2id[each])
+        name, other = name_of(model, "jnt", int(model.eq_obj1id[each])), int(model.eq_obj2id[each])
         numbers = [float(value) for value in model.eq_data[each][:5]]
         if any(numbers[2:]):
             refuse(f"equality of joint[{name}].polycoef", numbers, "must be a straight line: two numbers, then zeros")
         if name in found:
             refuse(f"equality of joint[{name}]", "two of them", "must be at most one")
-        found[name] = Mimic(joint_name(model, other) if other >= 0 else "", numbers[1], numbers[0])
+        found[name] = Mimic(name_of(model, "jnt", other) if other >= 0 else "", numbers[1], numbers[0])
     return found
 
 
 def resting(model: Any, name: str, mimics: Mapping[str, Mimic]) -> float:
-    """Value of a joint where the one that it follows in the end is at zero, or at the limit next to zero."""
-    found, value = follow(name, mimics), 0.0
-    joint = model.joint(found.joint).id if found.joint else -1
-    if joint >= 0 and model.jnt_limited[joint]:
-        zero = float(model.qpos0[model.jnt_qposadr[joint]])
-        lower, upper = (float(each) - zero for each in model.jnt_range[joint])
-        value = min(max(0.0, lower), upper)
-    return found.ratio * value + found.offset
+    """Value of a joint where the one that it follows in the end rests."""
+    found = follow(name, mimics)
+    return found.at_rest(*(limits(model, model.joint(found.joint).id) if found.joint else (0.0, 0.0)))
+
+
+def limits(model: Any, joint: int) -> tuple[float, float]:
+    """Lowest and highest value of a joint from its reference position, rad or m; infinite for one without limits."""
+    if not model.jnt_limited[joint]:
+        return -math.inf, math.inf
+    zero = float(model.qpos0[model.jnt_qposadr[joint]])
+    lower, upper = (float(each) - zero for each in model.jnt_range[joint])
+    return lower, upper
 
 
 SPRINGS = ("jnt_stiffness", "jnt_stiffnesspoly")

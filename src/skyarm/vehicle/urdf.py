@@ -17,10 +17,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from skyarm.algebra import ZERO3, Mat3, Vec3, axis_rotation
+from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.records.files.stl_mesh import FARTHEST, METRES, read_corners
 from skyarm.vehicle import description
-from skyarm.vehicle.attach import Mimic, Notes, RigidBodies, follow
+from skyarm.vehicle.attach import Mimic, Notes, RigidBodies, follow, held_pose
 from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.linkage import BASE, Body, Joint, Link
 from skyarm.vehicle.stops import with_smooth_friction, with_stops
@@ -118,10 +118,11 @@ def _bodies(robot: ET.Element, mimic: str, notes: Notes, path: Path) -> RigidBod
         R, p = description.rotation(seat.rotation @ R), description.vector(list(seat.position + seat.rotation.apply(p)))
         value = _held_at(joint, tree, mimic, notes)
         if value is not None:
-            turn, shift = joint_pose(joint, value)
+            kind = kind_of_joint(joint)
+            turn, shift = held_pose(kind, ZERO3 if kind == "fixed" else axis_of(joint), value)
             R, p = description.rotation(R @ turn), description.vector(list(p + R.apply(shift)))
             seats[name] = _Seat(seat.body, R, p)
-            parts[seat.body + 1] += [_in_parent_frame(part, R, p) for part in _inertial(tree.links[name])]
+            parts[seat.body + 1] += [part.posed(R, p) for part in _inertial(tree.links[name])]
             frames.append(Frame(name=name, link=seat.body, position=p, rotation=R))
             continue
         moving.append(Link(name=name, parent=seat.body, joint=read_joint(joint, R, p, notes), body=Body(mass=0)))
@@ -212,11 +213,6 @@ def _inertial(link: ET.Element) -> list[Body]:
     return [Body(mass=mass, com=p, inertia=description.inertia(entries).rotate(R))]
 
 
-def _in_parent_frame(body: Body, R: Mat3, p: Vec3) -> Body:
-    """A body given in a merged link's frame, in the frame of the link that carries it."""
-    return Body(mass=body.mass, com=p + R.apply(body.com), inertia=body.inertia.rotate(R), planar=body.planar)
-
-
 KINDS = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "fixed": "fixed"}
 
 
@@ -255,15 +251,6 @@ def fixed_at(joint: ET.Element) -> float | None:
     stated = limit is not None and None not in (limit.get("lower"), limit.get("upper"))
     lower, upper = limits(joint)
     return lower if stated and lower == upper else None
-
-
-def joint_pose(joint: ET.Element, value: float) -> tuple[Mat3, Vec3]:
-    """R and p by which a joint at a value, rad or m, places its child in the joint's frame."""
-    kind = kind_of_joint(joint)
-    if kind == "fixed":
-        return Mat3.identity(), ZERO3
-    axis = axis_of(joint)
-    return (axis_rotation(axis, value), ZERO3) if kind == "revolute" else (Mat3.identity(), axis * value)
 
 
 def axis_of(joint: ET.Element) -> Vec3:
@@ -310,13 +297,12 @@ def read_mimics(joints: Mapping[str, ET.Element]) -> dict[str, Mimic]:
 
 
 def resting(follows: Mimic, joints: Mapping[str, ET.Element]) -> float:
-    """Value of a joint where the one that it follows in the end is at zero, or at the limit next to zero."""
-    value = 0.0
-    if follows.joint in joints:
-        lower, upper = limits(joints[follows.joint])
-        fixed = fixed_at(joints[follows.joint])
-        value = min(max(0.0, lower), upper) if fixed is None else fixed
-    return follows.ratio * value + follows.offset
+    """Value of a joint where the one that it follows in the end rests."""
+    if follows.joint not in joints:
+        return follows.at_rest()
+    leader = joints[follows.joint]
+    fixed = fixed_at(leader)
+    return follows.at_rest(*(limits(leader) if fixed is None else (fixed, fixed)))
 
 
 PACKAGE, FILE = "package://", "file://"
