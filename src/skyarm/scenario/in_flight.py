@@ -1,8 +1,8 @@
 """Scheduled changes of a scenario: numbers and parts in force from a control period on.
 
 Changes replace, they do not add up: at any instant the scenario is the one that began, with each path's latest value
-in the place of its own. A payload that a change sets is therefore the payload on top of what the vehicle carried at
-the start, whatever was set in between. A part that is replaced as a whole takes the changes below it along: a law that
+in the place of its own. A load that a change sets is therefore the load on top of what the vehicle carried at the
+start, whatever was set in between. A part that is replaced as a whole takes the changes below it along: a law that
 is changed begins with gains of its own. Parts are replaced first, then numbers.
 """
 
@@ -26,8 +26,8 @@ from skyarm.reference import trajectory_from
 from skyarm.reference.path_time import PLANNED
 from skyarm.scenario import scenario_tables as tables
 from skyarm.scenario.controller_table import controller_by_name, loop_facts
-from skyarm.scenario.numbers import is_payload, means_the_same, number_at, require_apart, with_numbers
-from skyarm.scenario.paths import LATER, STRUCTURE, roots
+from skyarm.scenario.numbers import is_added, means_the_same, number_at, require_apart, with_numbers
+from skyarm.scenario.paths import LATER, ROOTS, STRUCTURE, roots
 from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError, in_order
 from skyarm.scenario.scenario_tables import PARTS
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -133,7 +133,7 @@ class Overrides:
             if path not in numbers:
                 with suppress(ScenarioError):
                     numbers[path] = number_at(parts, path)
-        if sum("payload" in path for path in numbers) <= 1:  # loads add up, and sums depend on their order
+        if sum(is_added(path) for path in numbers) <= 1:  # loads add up, and sums depend on their order
             with suppress(ScenarioError):
                 require_apart(parts, tuple(numbers))
                 numbers = dict(sorted(numbers.items()))
@@ -224,10 +224,7 @@ def sources(scenario: Scenario, tick: int) -> dict[str, int]:
     return found
 
 
-NUMBERS = (
-    "plant", "model", "controller", "environment.wind", "environment.air", "environment.forces", "environment.faults",
-    "sensors", "reference", "endings", "estimator", "payloads", "world",
-)  # fmt: skip
+NUMBERS = tuple(root for root in ROOTS if root not in ("initial", "changes"))
 """Beginnings of the paths of numbers that may change in flight."""
 
 FIXED = ("name", "title", "schema", "plugins", "initial", "windows", "changes", *STRUCTURE)
@@ -347,9 +344,9 @@ def _require_number(scenario: Scenario, change: Change) -> None:
 
 
 def _require_one_load(scenario: Scenario, path: str, changed: Sequence[str]) -> None:
-    """Refuse a second path to one payload: payloads add up, and it would be applied twice."""
-    for other in changed if is_payload(path) else ():
-        if other != path and is_payload(other) and means_the_same(scenario, path, other):
+    """Refuse a second path to one load: loads add up, and it would be applied twice."""
+    for other in changed if is_added(path) else ():
+        if other != path and is_added(other) and means_the_same(scenario, path, other):
             raise ScenarioError(f"path = {path!r}: is the same load as {other!r}, must be changed by that name")
 
 

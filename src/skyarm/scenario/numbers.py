@@ -226,8 +226,8 @@ PAYLOADS: Mapping[str, Place] = {
 }
 
 
-def is_payload(path: str) -> bool:
-    """True if a path is that of a payload."""
+def is_added(path: str) -> bool:
+    """True if the number of a path comes on top of what a vehicle carries: several of these add up."""
     return path.startswith(tuple(f"{root}." for root in PAYLOADS))
 
 
