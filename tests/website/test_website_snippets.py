@@ -52,7 +52,7 @@ TABLES = {
     ("tip_and_tasks.md", "toml"): "tests/test_docs_of_tasks.py",
     ("scenario_files.md", "toml"): "tests/test_docs.py",
     ("centroidal_law.md", "toml"): "tests/control/test_level_flights.py",
-    ("arm_from_urdf.md", "toml"): "tests/cli/test_attach_command.py",
+    ("your_vehicle.md", "toml"): "tests/cli/test_attach_command.py",
     ("tuning.md", "toml"): "tests/studies/tune/test_files_of_gains_shown.py",
     ("sweeps.md", "toml"): "tests/test_docs_pictures.py",
 }
@@ -121,7 +121,6 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 SLOW = {
     FRONT,
     "actuators.md",
-    "can_it_fly.md",
     "comparing_laws.md",
     "contact_suite.md",
     "delays.md",
@@ -141,7 +140,7 @@ SLOW = {
     "the_paper.md",
     "troubleshooting.md",
     "tuning.md",
-    "your_law.md",
+    "your_vehicle.md",
 }
 SLOW |= {name for name in WITH_CODE if name.startswith("laws/")} - {"laws/indi.md"}
 """Seconds each: `make docs` runs them."""
