@@ -73,16 +73,17 @@ def prepared(name: str) -> dict[str, str]:
     if name == "export_c.md":
         files["tuned.toml"] = next(block.text for block in blocks(PAGES["tuning.md"]) if "[gains]" in block.text)
     if name == "extending.md":
-        plugin, table, *_ = blocks(PAGES[name])
-        files |= {"wandering.py": plugin.text, "mine.toml": f"{case}\n{table.text}"}
+        found = {block.title or block.language: block.text for block in blocks(PAGES[name])}
+        files |= {"wandering.py": found["wandering.py"], "mine.toml": f"{case}\n{found['toml']}"}
     return files
 
 
 def own_blocks(name: str) -> list[Block]:
     """Blocks of a page that run here."""
     found = blocks(PAGES[name])
-    # a plugin and parts of laws: tests/test_docs_extending.py; JAX, which reads its flags once a process
-    if name in ("extending.md", "environments_in_jax.md"):
+    if name == "extending.md":  # its plugins: tests/test_docs_extending.py
+        return [block for block in found if block.language == "sh" or "climber" in block.title + block.text]
+    if name == "environments_in_jax.md":  # JAX reads its flags once a process
         return [block for block in found if block.language == "sh"]
     if name == "export_c.md":  # its C is compiled by tests/control/onboard/test_export_c.py
         return [block for block in found if block.language != "c"]
@@ -127,6 +128,7 @@ SLOW = {
     "disturbances_and_payloads.md",
     "environments.md",
     "export_c.md",
+    "extending.md",
     "films.md",
     "first_flight.md",
     "path_governor.md",
