@@ -198,7 +198,7 @@ def test_all_kinds_of_mistakes_are_on_the_page() -> None:
 
 
 def test_the_sessions_shown_run(capsys: pytest.CaptureFixture[str]) -> None:
-    *_, session, led = blocks((ROOT / "docs" / "python_api.md").read_text("utf-8"), "python")
+    *_, session, led, _quick = blocks((ROOT / "docs" / "python_api.md").read_text("utf-8"), "python")
     names = {"skyarm": skyarm}
     for code in (session, led):
         exec(compile(code, "python_api.md", "exec"), names)
@@ -209,16 +209,16 @@ def test_the_sessions_shown_run(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_the_law_shown_by_itself_is_compiled_and_a_thousand_times_faster(capsys: pytest.CaptureFixture[str]) -> None:
     """Measured: 26 ms in Python, 1 us in machine code."""
-    *_, shown, _session, _led = blocks((ROOT / "docs" / "python_api.md").read_text("utf-8"), "python")
+    *_, shown = blocks((ROOT / "docs" / "python_api.md").read_text("utf-8"), "python")
     names = {"skyarm": skyarm}
     exec(compile(shown, "python_api.md", "exec"), names)
     assert capsys.readouterr().out == "True\n"
-    law, told, quick = names["law"], names["told"], names["quick"]
+    law, inputs, quick = names["law"], names["inputs"], names["quick"]
 
     def least(call: Any, times: int) -> float:
         return min(timeit.repeat(call, number=times, repeat=3)) / times
 
-    python = least(lambda: law.law(law.memory, *told, 0.005, par=law.par), 1)
+    python = least(lambda: law.law(law.memory, *inputs, 0.005, par=law.par), 1)
     assert least(quick.step, 300) < python / 1000
 
 

@@ -24,7 +24,7 @@ TEXTS = {path: path.read_text("utf-8") for path in sorted(DOCS.rglob("*.md"))}
 FORMULAS = sorted({formula for text in TEXTS.values() for formula in formulas(text)})
 
 
-ROOM = {"studio.md", "pictures.md", "films.md", "logs.md", "command_line.md"}
+ROOM = {"studio.md", "pictures.md", "logs.md", "command_line.md"}
 """Pages for which the menu keeps a place: an entry without its page is left out."""
 
 

@@ -40,7 +40,6 @@ OWN_FILES = {
 ELSEWHERE |= OWN_FILES
 OTHERS = {
     "command_line.md": ("tests/cli/test_machine_output.py",),
-    "films.md": ("tests/view/film/test_films_page.py",),
     "studio.md": ("tests/view/studio/test_studio_page.py",),
 }
 ELSEWHERE |= {name: tests for name, tests in OTHERS.items() if name in PAGES}
@@ -129,7 +128,6 @@ SLOW = {
     "environments.md",
     "export_c.md",
     "extending.md",
-    "films.md",
     "first_flight.md",
     "path_governor.md",
     "phases.md",
