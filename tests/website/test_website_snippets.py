@@ -123,17 +123,18 @@ SLOW = {
     FRONT,
     "actuators.md",
     "comparing_laws.md",
-    "contact_suite.md",
     "delays.md",
     "disturbances_and_payloads.md",
     "environments.md",
     "export_c.md",
     "extending.md",
     "first_flight.md",
+    "laws.md",
     "margins.md",
     "path_governor.md",
     "phases.md",
     "pictures.md",
+    "predictive_and_learned.md",
     "python_api.md",
     "scenario_files.md",
     "sensors.md",
@@ -143,7 +144,6 @@ SLOW = {
     "tuning.md",
     "your_vehicle.md",
 }
-SLOW |= {name for name in WITH_CODE if name.startswith("laws/")} - {"laws/indi.md"}
 """Seconds each: `make docs` runs them."""
 
 

@@ -118,7 +118,7 @@ False: motion of the base's shift, the pace of the arm's swing and of the path, 
 thrust, a limit of what the base does for the arm, braking in time, the trend of the force, thrust before yaw, thrust
 ahead of the motors, joints kept off their limits, and a bandwidth by the lag that it finds (s beyond 2 ms that leave
 half of it, of the rotors' and the joints' loops). "gusts" is for measurements with a specific
-force; docs/tip_in_gusts.md has its numbers, also on seeds that it was not chosen on.
+force; docs/centroidal_law.md#gusts has its numbers, also on seeds that it was not chosen on.
 ``bandwidth`` scales all gains of a preset.
 """
 
