@@ -22,8 +22,7 @@ ROW = re.compile(r"^\| (\S.*) \| (\S.*) \| \[`\w+\.([\w.]+)`\]\(\.\./(\S+?)\) \|
 FOUND = ROW.findall(EQUATIONS)
 NAMES = [f"{file.removeprefix('src/').removesuffix('.py').replace('/', '.')}.{called}" for *_, called, file in FOUND]
 ROWS = [
-    (equation, source, name, file, TESTS[name])
-    for name, (equation, source, _, file) in zip(NAMES, FOUND, strict=True)
+    (equation, source, name, file, TESTS[name]) for name, (equation, source, _, file) in zip(NAMES, FOUND, strict=True)
 ]
 """Equation, source, full name of the function and its file, test."""
 SECTIONS = (
