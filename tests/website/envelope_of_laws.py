@@ -45,16 +45,19 @@ def words_of(row: list[str]) -> str:
 
 
 def beside(found: Mapping[str, Any]) -> str:
-    """The table of the preset adaptive against robust: errors of every axis in mm."""
+    """The table of the preset adaptive against robust: errors at the middle and the last value of every axis, mm."""
     rows = []
     for name, axis in found["axes"].items():
-        values = ", ".join(f"{value:g}" for value in axis["values"])
-        cells = [
-            ", ".join("lost" if point["lost"] else number(1e3 * point["judged"]) for point in axis["laws"][law])
-            for law in (ROBUST, FLAGSHIP)
-        ]
+        shown = sorted({(len(axis["values"]) - 1) // 2, len(axis["values"]) - 1})
+        values = ", ".join(f"{axis['values'][k]:g}" for k in shown)
+        cells = [", ".join(cell(axis["laws"][law][k]) for k in shown) for law in (ROBUST, FLAGSHIP)]
         rows.append([f"{name.replace('_', ' ')}: {values} {axis['unit']}", *cells])
     return markdown(["trial", ">robust", ">adaptive"], rows) + "\n"
+
+
+def cell(point: Mapping[str, Any]) -> str:
+    """Error of a trial in mm, or "lost"."""
+    return "lost" if point["lost"] else number(1e3 * point["judged"])
 
 
 def put(file: Path, marks: re.Pattern[str], name: str, text: str) -> None:
