@@ -71,8 +71,6 @@ def prepared(name: str) -> dict[str, str]:
         files["my_law.py"] = (Path(skyarm.__file__).parent / "cli/starters/law.py.txt").read_text("utf-8")
     if name == "export_c.md":
         files["tuned.toml"] = next(block.text for block in blocks(PAGES["tuning.md"]) if "[gains]" in block.text)
-    if name == "sensors.md":
-        files |= {block.title: block.text for block in blocks(PAGES["extending.md"]) if block.title == "altimeter.py"}
     if name == "extending.md":
         found = {block.title or block.language: block.text for block in blocks(PAGES[name])}
         files |= {"wandering.py": found["wandering.py"], "mine.toml": f"{case}\n{found['toml']}"}
