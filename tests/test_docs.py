@@ -109,9 +109,3 @@ def test_import_stays_light():
 def test_links_between_pages_lead_to_files(name):
     for target in re.findall(r"\]\(([^)#:]+)\)", page(name)):
         assert (DOCS / target).exists(), target
-
-
-def test_the_study_of_identification_runs(capsys):
-    (code,) = blocks("identification.md", "python")
-    exec(compile(code, "identification.md", "exec"), {})
-    assert capsys.readouterr().out.strip() == "[0.]"

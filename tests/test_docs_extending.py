@@ -9,6 +9,7 @@ import sys
 import timeit
 import tomllib
 import types
+from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -33,13 +34,13 @@ def blocks(text: str, language: str) -> list[str]:
 
 
 def test_every_kind_that_can_be_registered_is_on_the_page() -> None:
-    assert [row.strip("`") for row in rows_of("What can be added")] == list(KINDS)
+    table = PAGE.partition("\n## ")[0]
+    assert re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE) == list(KINDS)
 
 
 def test_the_air_shown_flies_by_its_name(tmp_path: Path) -> None:
-    plugin, *_ = blocks(PAGE, "python")
     file = tmp_path / "wandering.py"
-    file.write_text(plugin, "utf-8")
+    file.write_text(files("python")["wandering.py"], "utf-8")
     with registry_kept():
         load_plugin(file)
         _fly_it(tmp_path)
@@ -53,14 +54,6 @@ def _fly_it(tmp_path: Path) -> None:
     log = skyarm.run(skyarm.load_scenario(flight, duration=1.0))
     assert log.status == "completed"
     assert log.air_velocity.std(axis=0).min() > 0.05
-
-
-def test_the_largest_step_shown_is_a_drives() -> None:
-    (property_,) = [block for block in blocks(PAGE, "python") if "largest_step" in block]
-    names = {"skyarm": skyarm}
-    exec(f"class Stiff(skyarm.Drive):\n    stiffness, damping, inertia = 8.0, 0.1, 8e-5\n{property_}", names)
-    # 0.1 / 8e-5 = 1250 /s is faster than the square root of 8 / 8e-5, 316 rad/s
-    assert names["Stiff"]().largest_step == pytest.approx(1.0 / 1250.0)
 
 
 def files(language: str) -> dict[str, str]:
@@ -83,7 +76,7 @@ def test_the_functions_for_any_scalar_are_all_that_a_part_may_use() -> None:
 def test_the_table_of_points_is_the_class_and_its_arguments() -> None:
     motion = PointMotion(skyarm.load_vehicle("hummingbird_arm2"), None)
     known = {name for name in dir(motion) if not name.startswith("_")}
-    shown = [word for row in rows_of("Where the vehicle's points are") for word in re.findall(r"`([^`]+)`", row)]
+    shown = [word for row in rows_of("A force") for word in re.findall(r"`([^`]+)`", row)]
     assert {word.partition("(")[0] for word in shown} == known
     for name, _, arguments in (word.rstrip(")").partition("(") for word in shown):
         if arguments:
@@ -129,7 +122,7 @@ def test_the_ending_shown_ends_a_flight_and_its_words_are_the_logs(corridor_file
 def test_the_package_shown_is_a_plugin(corridor_files: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     table = tomllib.loads(files("toml")["pyproject.toml"])
     ((name, module),) = table["project"]["entry-points"][plugins.GROUP].items()
-    (folder,) = table["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"]
+    folder = f"src/{module.partition('.')[0]}"
     package = corridor_files / folder
     package.mkdir(parents=True)
     tree = re.findall(rf"^{folder}/(\S+)", PAGE, re.MULTILINE)
@@ -143,6 +136,8 @@ def test_the_package_shown_is_a_plugin(corridor_files: Path, monkeypatch: pytest
     with registry_kept():
         plugins.load_installed()
         assert plugins.identities()[made.name] == f"version {made.version}"
+        needs = (corridor_files / "narrow.toml").read_text("utf-8").replace('"corridor.py"', f'"{made.name}"')
+        (corridor_files / "narrow.toml").write_text(needs, "utf-8")
         flight = skyarm.load_scenario(corridor_files / "narrow.toml", duration=0.1)
         assert type(flight.endings[0]).__module__ == module
         assert skyarm.run(flight).status == "completed"
@@ -154,20 +149,40 @@ SECTION = PAGE[PAGE.index("## When your law is wrong") :].partition("\n## ")[0]
 MISTAKES = re.findall(r"^\| .* \| (`.*) \|$", SECTION, re.MULTILINE)
 
 
-def test_the_constants_shown_are_what_a_law_needs() -> None:
-    from skyarm.dynamics.actuators import mix
-
-    def law(memory: Any, _seen: Any, _wanted: Any, _dt: Any, *, par: Any) -> tuple[Any, skyarm.Command]:
-        push = par.model.vehicle.mass * par.model.gravity
-        speeds, _ = mix(par.mixer, skyarm.Vec3(0.0, 0.0, 0.0), push)
-        return memory, skyarm.Command(rotor_speeds=speeds, efforts=(0.0, 0.0))
-
-    (shown,) = [block for block in blocks(PAGE, "python") if "class Constants" in block]
-    names: dict[str, Any] = {"law": law}
-    exec(shown, names)
+def test_the_law_shown_flies(tmp_path: Path) -> None:
+    file = tmp_path / "climber.py"
+    file.write_text(files("python")["climber.py"], "utf-8")
     planned = skyarm.load_scenario("case3", duration=0.1)
-    mine = names["make"](planned.controller.par.model)
+    mine = skyarm.load_plugin(file).make(planned.controller.par.model, stiffness=9.0)
+    assert mine.par.stiffness == 9.0
     assert skyarm.run(dataclasses.replace(planned, controller=mine)).status == "completed"
+
+
+@pytest.fixture
+def shown_parts(tmp_path: Path) -> Iterator[dict[str, Any]]:
+    """Modules of the page's drive, metric and log format, loaded as plugins."""
+    with registry_kept():
+        made = {}
+        for name in ("spring_servo.py", "spin.py"):
+            (tmp_path / name).write_text(files("python")[name], "utf-8")
+            made[name] = skyarm.load_plugin(tmp_path / name)
+        yield made
+
+
+def test_the_metric_and_the_format_shown_count_and_write(shown_parts: dict[str, Any], tmp_path: Path) -> None:
+    assert "spin.py" in shown_parts
+    log = skyarm.run(skyarm.load_scenario("case3", duration=0.2))
+    squares = (log.rotor_speeds**2).sum(axis=1)
+    assert skyarm.score(log, ["spin"])["spin"] == pytest.approx(squares.mean(), rel=0.01)
+    written = skyarm.save_log(log, tmp_path / "flight.tsv")
+    assert written.read_text().splitlines()[0] == "# time\tx\ty\tz"
+
+
+def test_the_drive_shown_is_a_servo_with_its_largest_step(shown_parts: dict[str, Any]) -> None:
+    drive = shown_parts["spring_servo.py"].SpringServo()
+    # 0.1 / 8e-5 = 1250 /s is faster than the square root of 8 / 8e-5, 316 rad/s
+    assert drive.largest_step == pytest.approx(1.0 / 1250.0)
+    assert drive.effort((), 0.1, 0.0, 1.0) == pytest.approx(0.7)
 
 
 @pytest.mark.parametrize("words", [word for row in MISTAKES for word in re.findall("`([^`]+)`", row)])
@@ -182,28 +197,27 @@ def test_all_kinds_of_mistakes_are_on_the_page() -> None:
 
 
 def test_the_sessions_shown_run(capsys: pytest.CaptureFixture[str]) -> None:
-    *_, session, led, batch = blocks((ROOT / "docs" / "python_api.md").read_text("utf-8"), "python")
+    *_, session, led, _quick = blocks((ROOT / "docs" / "python_api.md").read_text("utf-8"), "python")
     names = {"skyarm": skyarm}
-    for code in (session, led, batch):
+    for code in (session, led):
         exec(compile(code, "python_api.md", "exec"), names)
     out = capsys.readouterr().out
     assert "completed" in out
     assert "True completed 2" in out
-    assert "(1024,) False" in out
 
 
 def test_the_law_shown_by_itself_is_compiled_and_a_thousand_times_faster(capsys: pytest.CaptureFixture[str]) -> None:
     """Measured: 26 ms in Python, 1 us in machine code."""
-    *_, shown, _session, _led, _batch = blocks((ROOT / "docs" / "python_api.md").read_text("utf-8"), "python")
+    *_, shown = blocks((ROOT / "docs" / "python_api.md").read_text("utf-8"), "python")
     names = {"skyarm": skyarm}
     exec(compile(shown, "python_api.md", "exec"), names)
     assert capsys.readouterr().out == "True\n"
-    law, told, quick = names["law"], names["told"], names["quick"]
+    law, inputs, quick = names["law"], names["inputs"], names["quick"]
 
     def least(call: Any, times: int) -> float:
         return min(timeit.repeat(call, number=times, repeat=3)) / times
 
-    python = least(lambda: law.law(law.memory, *told, 0.005, par=law.par), 1)
+    python = least(lambda: law.law(law.memory, *inputs, 0.005, par=law.par), 1)
     assert least(quick.step, 300) < python / 1000
 
 

@@ -1,6 +1,7 @@
 """The tables of docs/mechanisms.md name every field of a mechanism, and every word with the lengths that it takes."""
 
 import re
+import tomllib
 from dataclasses import fields
 from pathlib import Path
 
@@ -9,7 +10,8 @@ from skyarm.world.contact.contact_point import Ring
 from skyarm.world.contact.mechanism import KINDS
 from skyarm.world.contact.surface import SIZES
 
-DOCS = Path(__file__).resolve().parents[1] / "docs"
+ROOT = Path(__file__).resolve().parents[1]
+DOCS = ROOT / "docs"
 PAGE = (DOCS / "mechanisms.md").read_text("utf-8")
 ROWS = [[cell.strip() for cell in line.strip("| ").split(" | ")] for line in PAGE.splitlines() if line.startswith("|")]
 
@@ -32,3 +34,9 @@ def test_the_hole_and_the_ring_are_told_with_their_lengths():
     told = PAGE.split("## A peg in a hole")[1]
     assert [told.index(word) for word in SIZES] == sorted(told.index(word) for word in SIZES)
     assert f"`ring = {{ {', '.join(field.name for field in fields(Ring))} }}`" in told
+
+
+def test_the_button_shown_is_that_of_the_example():
+    (shown,) = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
+    flown = tomllib.loads((ROOT / "examples" / "push_a_button.toml").read_text("utf-8"))
+    assert tomllib.loads(shown)["world"]["mechanisms"] == flown["world"]["mechanisms"]

@@ -14,7 +14,7 @@ from commanded import skyarm
 from world_flights import touching
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
-PAGE = (DOCS / "pictures.md").read_text("utf-8")
+PAGE = (DOCS / "pictures.md").read_text("utf-8").partition("\n## Films\n")[0]
 COMMANDS = re.findall(r"^    (skyarm .*)$", PAGE, re.MULTILINE)
 (STUDY,) = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
 

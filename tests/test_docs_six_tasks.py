@@ -31,7 +31,7 @@ def ran(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
 def test_there_are_six_of_ten_lines_at_most() -> None:
     assert list(TASKS) == [
         "Change the wind",
-        "Fly a law of one's own",
+        "Fly your own law",
         "Step it",
         "Look at it",
         "Score it",
@@ -48,7 +48,7 @@ def test_change_the_wind(ran: Any) -> None:
 
 
 def test_a_law_of_ones_own(ran: Any) -> None:
-    names, _ = ran("Fly a law of one's own")
+    names, _ = ran("Fly your own law")
     log = skyarm.run(names["planned"])
     assert log.info["controller"] != "climber"
     speeds = names["law"](

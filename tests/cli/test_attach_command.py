@@ -161,7 +161,9 @@ def test_show_prints_the_notes_of_a_file(here):
     assert "<gazebo> (1): not read" in json.loads(skyarm("show", "v.urdf", "--json").out)["notes"]
 
 
-PAGE = (Path(__file__).resolve().parents[2] / "docs" / "arm_from_urdf.md").read_text("utf-8")
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = (ROOT / "docs" / "your_vehicle.md").read_text("utf-8")
+PICKER = (ROOT / "examples" / "picker.urdf").read_text("utf-8")
 
 
 @pytest.fixture(scope="module")
@@ -172,7 +174,8 @@ def shown():
 
 
 def test_the_page_on_arms_shows_what_is_written(here, shown):
-    saved(here, shown["picker.urdf"], "picker.urdf")
+    (here / "examples").mkdir()
+    saved(here, PICKER, "examples/picker.urdf")
     (words,) = re.findall(r"^skyarm (attach .*)$", PAGE, re.M)
     assert skyarm(*words.split()).code == 0
     assert (here / "carrier.toml").read_text("utf-8").split("\n", 1)[1] == shown["toml"]
@@ -181,8 +184,8 @@ def test_the_page_on_arms_shows_what_is_written(here, shown):
 @pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
 def test_the_arm_of_the_page_flies_on_both_plants_with_its_second_finger(here, shown, plant):
     """In Python floats, 0.1 s: the fingers open by a centimetre against each other."""
-    for name in ("picker.urdf", "swing.toml"):
-        saved(here, shown[name], name)
+    saved(here, PICKER, "picker.urdf")
+    saved(here, shown["swing.toml"], "swing.toml")
     assert skyarm("attach", "tilted_hexarotor", "picker.urdf", "-o", "carrier.toml", "--mimic", "couple").code == 0
     scenario = load_scenario(here / "swing.toml", duration=0.1, plant=plant)
     assert [each.name for each in scenario.plant.vehicle.followers] == ["right_finger"]

@@ -1,4 +1,4 @@
-"""Measure the tip in gusts: the tables of docs/tip_in_gusts.md, by presets and options of the centroidal law.
+"""Measure the tip in gusts: the tables of docs/centroidal_law.md, by presets and options of the centroidal law.
 
     python tests/control/measure_gusts.py [--row TRIAL[:VALUE]] [--law NAME] [--vehicle NAME] [--seed 400] [--seeds 4]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import tomllib
 from pathlib import Path
 
@@ -213,14 +212,3 @@ def test_a_wrong_source_of_bodies_is_refused_in_one_line(tmp_path, lines, messag
     with pytest.raises(VehicleError) as error:
         attached(tmp_path, f'schema = 1\nname = "v"\n{lines}\n')
     assert str(error.value).startswith(f"{tmp_path / 'v.toml'}: {message}")
-
-
-def test_the_example_of_the_page_on_vehicle_files_loads(tmp_path):
-    page = (Path(__file__).resolve().parents[2] / "docs" / "vehicle_files.md").read_text("utf-8")
-    (text,) = [each for each in re.findall(r"```toml\n(.*?)```", page, re.DOTALL) if "[[attach]]" in each]
-    hand = link("gripper"), joint("elbow", "mount", "gripper", limits())
-    saved(tmp_path, robot(link("mount"), *hand), "arm.urdf")
-    vehicle = load_vehicle(saved(tmp_path, text, "v.toml"))
-    assert [each.joint.name for each in vehicle.links] == ["left_elbow", "right_elbow"]
-    assert [each.joint.damping for each in vehicle.links] == [0.02, 0]
-    assert (vehicle.end_effector, len(vehicle.rotors)) == ("left_hand", 6)

@@ -75,7 +75,7 @@ DIAGRAMS: dict[str, Diagram] = {
         Box(4, 0, ("mixer (97)-(103)",)),
     ),
     "decoupled_pd": chain(
-        "The paper's baseline: RotorS's controller for the base, and apart from it joint PD with gravity",
+        "The paper's baseline: RotorS's controller for the base, and joint PD with gravity",
         POSITION,
         ATTITUDE,
         Box(3, 0, ("torque I alpha_d", "thrust -m a_d . R e3")),
@@ -207,7 +207,7 @@ DIAGRAMS: dict[str, Diagram] = {
             "preview": Box(1, 0, ("preview", "held samples ahead")),
             "solve": Box(2, 0, ("plan: linearise,", "Riccati, line search"), measured=False),
             "feedback": Box(3, 0, ("u* + K (x - x*)", "within limits"), measured=True),
-            "observer": Box(2, 1, ("Kalman observer", "state, disturbance"), measured=True),
+            "observer": Box(2, 1, ("extended state", "observer"), measured=True),
             "command": Box(4, 0, ("rotor commands", "through the lag")),
             "vehicle": vehicle(5),
         },
@@ -221,7 +221,7 @@ DIAGRAMS: dict[str, Diagram] = {
         ],
     ),
     "learned_compensator": coupled(
-        "The paper's law; a network says what the model leaves out",
+        "The paper's law; a network estimates what the model leaves out",
         more={"network": Box(3, 1, ("network 39-32-32-8", "filtered, limited"), measured=True)},
         arrows=(("network", "dynamics", ""),),
     ),

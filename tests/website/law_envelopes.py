@@ -1,6 +1,6 @@
-"""The tables under *Envelope* on the pages of the laws: flown as the comparison flies them, with perfect state.
+"""The table of mean errors of docs/laws.md, flown as the comparison flies the laws, with perfect state.
 
-python tests/website/law_envelopes.py     flies every law and writes its table into its page
+python tests/website/law_envelopes.py     flies every law and writes the table into the page
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from skyarm.studies.compare.cells import Flights, fly
 from skyarm.studies.compare.entrants import ENTRANTS, Entrant
 from skyarm.studies.compare.suite import CASES, conditions
 
-LAWS = Path(__file__).resolve().parents[2] / "docs" / "laws"
-BLOCK = re.compile(r"<!-- envelope: (.+?) -->\n(.*?)<!-- /envelope -->", re.S)
+LAWS = Path(__file__).resolve().parents[2] / "docs" / "laws.md"
+BLOCK = re.compile(r"<!-- envelope -->\n(.*?)<!-- /envelope -->", re.S)
 HEAD = (
     "| mm (joints: mrad) | Case 3: base | joints | tip | in the wind: base | joints | tip |\n"
     "| --- | ---: | ---: | ---: | ---: | ---: | ---: |\n"
@@ -42,30 +42,19 @@ def shown(value: float) -> str:
     return f"{value:.2f}" if value < 9.995 else f"{value:.1f}" if value < 99.95 else f"{value:.0f}"
 
 
-def tables() -> dict[str, list[str]]:
-    """Entrants of each page that has a table."""
-    found = {}
-    for page in sorted(LAWS.glob("*.md")):
-        for names, _ in BLOCK.findall(page.read_text("utf-8")):
-            found[page.stem] = names.split(", ")
-    return found
-
-
-def rows(page: str) -> dict[str, list[str]]:
-    """Entrant -> the numbers that a page shows of it."""
-    ((_, table),) = BLOCK.findall((LAWS / f"{page}.md").read_text("utf-8"))
+def rows() -> dict[str, list[str]]:
+    """Entrant -> its numbers in the table of the page."""
+    (table,) = BLOCK.findall(LAWS.read_text("utf-8"))
     cells = ([cell.strip() for cell in line.strip("|").split("|")] for line in table.strip().splitlines()[2:])
     return {first.strip("`"): numbers for first, *numbers in cells}
 
 
 def main() -> None:
-    """Write every table."""
-    for page, names in tables().items():
-        path = LAWS / f"{page}.md"
-        lines = [f"| `{name}` | " + " | ".join(map(shown, flown(name))) + " |\n" for name in names]
-        table = f"<!-- envelope: {', '.join(names)} -->\n{HEAD}{''.join(lines)}<!-- /envelope -->"
-        path.write_text(BLOCK.sub(lambda _, t=table: t, path.read_text("utf-8")), "utf-8")
-        print(page, *lines, flush=True)
+    """Write the table."""
+    lines = [f"| `{name}` | " + " | ".join(map(shown, flown(name))) + " |\n" for name in rows()]
+    table = f"<!-- envelope -->\n{HEAD}{''.join(lines)}<!-- /envelope -->"
+    LAWS.write_text(BLOCK.sub(lambda _: table, LAWS.read_text("utf-8")), "utf-8")
+    print(*lines, sep="")
 
 
 if __name__ == "__main__":

@@ -29,20 +29,6 @@ RECORDINGS = {
 }
 """Name, as pages ask for it -> what is recorded."""
 
-OF_LAWS = {
-    "decoupled_pd": "paper_pd",
-    "rotors_sim_position": "rotors_sim_hummingbird",
-    "nmpc": "nmpc",
-    "ct_ladder": "ct_ladder",
-    **{name: f"{name}_tuned" for name in ("bulut2019", "guo2023", "li2024", "kim2013", "indi")},
-    **{name: f"{name}_tuned" for name in ("l1_adaptive", "learned_compensator")},
-}
-"""Law -> the controller that is recorded on its page, in the wind."""
-
-RECORDINGS |= {law: Planned("case3_wind", (controller,), 5.0, 13.0) for law, controller in OF_LAWS.items()}
-
-RECORDINGS |= {law: Planned("press_and_hold", (f"{law}_tuned",), 0.0, 11.0) for law in ("hybrid_ct", "admittance_pd")}
-
 FRAMES = 20
 """A second."""
 

@@ -24,7 +24,7 @@ TEXTS = {path: path.read_text("utf-8") for path in sorted(DOCS.rglob("*.md"))}
 FORMULAS = sorted({formula for text in TEXTS.values() for formula in formulas(text)})
 
 
-ROOM = {"studio.md", "pictures.md", "films.md", "logs.md", "command_line.md"}
+ROOM = {"studio.md", "pictures.md", "logs.md", "command_line.md"}
 """Pages for which the menu keeps a place: an entry without its page is left out."""
 
 
@@ -39,11 +39,9 @@ def test_the_menu_names_every_page_once_and_no_other() -> None:
     menu = named(CONFIG["nav"])
     assert len(menu) == len(set(menu))
     here = {str(site_name(path)) for path in (*TEXTS, *(DOCS / "notebooks").glob("*.py"))}
-    # a page that another page's list leads to: decisions by number
-    listed = {name for name in here if name.startswith("decisions/")}
     made = {"readme.md", "contributing.md", "changelog.md", "security.md", "examples/index.md", "api/index.md"}
     assert set(menu) - made - ROOM <= here
-    assert here - set(menu) <= listed
+    assert here <= set(menu)
     assert made <= set(menu)
 
 
@@ -87,17 +85,16 @@ def test_links_of_a_page_lead_to_files_and_headings(page: Path) -> None:
 
 def test_a_link_that_leaves_docs_leads_to_a_page_or_a_copy() -> None:
     taken: dict[str, Path] = {}
-    text = "[a](../README.md#commands) [b](../../src/skyarm/__init__.py) [`c`](control_laws.md) `[d](e)` [f](https://x.org)"
-    page = DOCS / "laws" / "README.md"
-    text = text.replace("../README.md", "../../README.md").replace("(control", "(../control")
-    found = relink(text, page, "laws/index.md", taken)
+    text = "[a](../../README.md) [b](../../src/skyarm/__init__.py) [`c`](../laws.md#indi) `[d](e)` [f](https://x.org)"
+    page = DOCS / "notebooks" / "README.md"
+    found = relink(text, page, "notebooks/index.md", taken)
     assert found == (
-        "[a](../readme.md#commands) [b](../files/src/skyarm/__init__.py) [`c`](../control_laws.md) `[d](e)` [f](https://x.org)"
+        "[a](../readme.md) [b](../files/src/skyarm/__init__.py) [`c`](../laws.md#indi) `[d](e)` [f](https://x.org)"
     )
     assert taken == {"files/src/skyarm/__init__.py": ROOT / "src/skyarm/__init__.py"}
     with pytest.raises(ValueError, match="must lead to a file of the repository"):
-        relink("[x](nothing.md)", page, "laws/index.md", {})
-    assert relink("```sh\n[x](nothing.md)\n```", page, "laws/index.md", {}) == "```sh\n[x](nothing.md)\n```"
+        relink("[x](nothing.md)", page, "notebooks/index.md", {})
+    assert relink("```sh\n[x](nothing.md)\n```", page, "notebooks/index.md", {}) == "```sh\n[x](nothing.md)\n```"
 
 
 def test_a_recording_is_played_where_it_was_made_and_left_out_where_not(tmp_path: Path) -> None:
@@ -111,7 +108,7 @@ def test_a_recording_is_played_where_it_was_made_and_left_out_where_not(tmp_path
 
 
 def test_a_drawing_stands_in_its_page_in_the_page_s_colours() -> None:
-    shown = with_drawings("![Words](../images/laws/indi.svg)\n", DOCS / "laws" / "indi.md")
+    shown = with_drawings("![Words](images/laws/indi.svg)\n", DOCS / "laws.md")
     assert shown.startswith('<div class="drawing">\n<svg role="img" aria-label="Words"')
     assert "currentColor" in shown
     assert "<style>" not in shown, "it would style the whole page"
@@ -209,7 +206,7 @@ def test_the_site_that_was_built_is_whole() -> None:
     maths = (SITE / "mathematics.html").read_text("utf-8")
     assert maths.count("<math") > 60
     assert "$`" not in maths
-    assert '<svg role="img"' in (SITE / "laws" / "indi.html").read_text("utf-8")
+    assert '<svg role="img"' in (SITE / "laws.html").read_text("utf-8")
     for name in ("Vehicle", "Session"):
         assert any(f"{name}" in path.read_text("utf-8") for path in (SITE / "api").glob("*.html"))
     assert ":func:" not in "".join(path.read_text("utf-8") for path in (SITE / "api").glob("*.html"))
@@ -241,14 +238,11 @@ def test_a_page_of_the_repository_keeps_its_text() -> None:
     pytest.importorskip("latex2mathml", reason="of the extra docs")
     name, text = staged(ROOT / "README.md", None, {})
     assert name == "readme.md"
-    assert "](decisions/005-reading-the-paper.md)" in text
+    assert "](the_paper.md#what-the-paper-leaves-open)" in text
     assert "](extending.md)" in text
 
 
-def test_every_law_has_a_recording_and_pages_ask_for_no_other() -> None:
-    for page in (DOCS / "laws").glob("*.md"):
-        asked = asked_for([TEXTS[page]])
-        assert len(asked) == (0 if page.stem == "README" else 1), page
+def test_pages_ask_for_every_recording_and_for_no_other() -> None:
     assert set(asked_for(list(TEXTS.values()))) == set(RECORDINGS)
     with pytest.raises(ValueError, match="recording 'nothing': must be one of case3, "):
         asked_for(["<!-- recording: nothing | Words. -->\n"])

@@ -1,4 +1,4 @@
-"""The page on mathematics is true: its functions are where it says, its tests run, and each calls its function."""
+"""The page on mathematics: its functions are where it says, and the test of each equation calls its function."""
 
 from __future__ import annotations
 
@@ -13,16 +13,17 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests_of_equations import TESTS
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "mathematics.md").read_text("utf-8")
-ROW = re.compile(r"^\| (\S.*) \| (\S.*) \| \[`\w+\.([\w.]+)`\]\(\.\./(\S+?)\) \| \[([\w ]+)\]\(\.\./(\S+?)\) \|$", re.M)
-FOUND = ROW.findall(PAGE)
+EQUATIONS = PAGE[PAGE.index("## Letters") :]
+ROW = re.compile(r"^\| (\S.*) \| (\S.*) \| \[`\w+\.([\w.]+)`\]\(\.\./(\S+?)\) \|$", re.M)
+FOUND = ROW.findall(EQUATIONS)
+NAMES = [f"{file.removeprefix('src/').removesuffix('.py').replace('/', '.')}.{called}" for *_, called, file in FOUND]
 ROWS = [
-    (equation, source, f"{file.removeprefix('src/').removesuffix('.py').replace('/', '.')}.{called}", file,
-     f"{path}::test_{words.replace(' ', '_')}")
-    for equation, source, called, file, words, path in FOUND
-]  # fmt: skip
+    (equation, source, name, file, TESTS[name]) for name, (equation, source, _, file) in zip(NAMES, FOUND, strict=True)
+]
 """Equation, source, full name of the function and its file, test."""
 SECTIONS = (
     "Rotations",
@@ -53,10 +54,11 @@ def place(name: str, file: str) -> str:
 
 
 def test_every_line_of_the_tables_is_a_row() -> None:
-    lines = [line for line in PAGE.splitlines() if line.startswith("| ") and "---" not in line]
+    lines = [line for line in EQUATIONS.splitlines() if line.startswith("| ") and "---" not in line]
     assert len(ROWS) == len(lines) - len(SECTIONS)
     assert len(ROWS) >= 50
-    assert re.findall(r"^## (.*)$", PAGE, re.M) == list(SECTIONS)
+    assert sorted(NAMES) == sorted(TESTS)
+    assert re.findall(r"^## (.*)$", EQUATIONS, re.M) == ["Letters", *SECTIONS]
 
 
 @pytest.mark.parametrize("row", ROWS, ids=[row[2] for row in ROWS])

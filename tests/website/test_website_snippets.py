@@ -40,7 +40,6 @@ OWN_FILES = {
 ELSEWHERE |= OWN_FILES
 OTHERS = {
     "command_line.md": ("tests/cli/test_machine_output.py",),
-    "films.md": ("tests/view/film/test_films_page.py",),
     "studio.md": ("tests/view/studio/test_studio_page.py",),
 }
 ELSEWHERE |= {name: tests for name, tests in OTHERS.items() if name in PAGES}
@@ -52,7 +51,7 @@ TABLES = {
     ("tip_and_tasks.md", "toml"): "tests/test_docs_of_tasks.py",
     ("scenario_files.md", "toml"): "tests/test_docs.py",
     ("centroidal_law.md", "toml"): "tests/control/test_level_flights.py",
-    ("arm_from_urdf.md", "toml"): "tests/cli/test_attach_command.py",
+    ("your_vehicle.md", "toml"): "tests/cli/test_attach_command.py",
     ("tuning.md", "toml"): "tests/studies/tune/test_files_of_gains_shown.py",
     ("sweeps.md", "toml"): "tests/test_docs_pictures.py",
 }
@@ -73,17 +72,19 @@ def prepared(name: str) -> dict[str, str]:
     if name == "export_c.md":
         files["tuned.toml"] = next(block.text for block in blocks(PAGES["tuning.md"]) if "[gains]" in block.text)
     if name == "extending.md":
-        plugin, table, *_ = blocks(PAGES[name])
-        files |= {"wandering.py": plugin.text, "mine.toml": f"{case}\n{table.text}"}
+        found = {block.title or block.language: block.text for block in blocks(PAGES[name])}
+        files |= {"wandering.py": found["wandering.py"], "mine.toml": f"{case}\n{found['toml']}"}
     return files
 
 
 def own_blocks(name: str) -> list[Block]:
     """Blocks of a page that run here."""
     found = blocks(PAGES[name])
-    # a plugin and parts of laws: tests/test_docs_extending.py; JAX, which reads its flags once a process
-    if name in ("extending.md", "environments_in_jax.md"):
-        return [block for block in found if block.language == "sh"]
+    if name == "extending.md":  # its plugins: tests/test_docs_extending.py
+        return [block for block in found if block.language == "sh" or "climber" in block.title + block.text]
+    if name == "environments.md":  # JAX, which reads its flags once a process: tests/envs
+        jax = next(i for i, block in enumerate(found) if "import jax" in block.text)
+        return [*found[:jax], *found[jax + 2 :]]
     if name == "export_c.md":  # its C is compiled by tests/control/onboard/test_export_c.py
         return [block for block in found if block.language != "c"]
     if name == "sweeps.md":
@@ -121,29 +122,28 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 SLOW = {
     FRONT,
     "actuators.md",
-    "can_it_fly.md",
     "comparing_laws.md",
-    "contact_suite.md",
     "delays.md",
     "disturbances_and_payloads.md",
     "environments.md",
     "export_c.md",
-    "films.md",
+    "extending.md",
     "first_flight.md",
+    "laws.md",
+    "margins.md",
     "path_governor.md",
     "phases.md",
     "pictures.md",
+    "predictive_and_learned.md",
     "python_api.md",
-    "reading_margins.md",
     "scenario_files.md",
     "sensors.md",
     "sweeps.md",
     "the_paper.md",
     "troubleshooting.md",
     "tuning.md",
-    "your_law.md",
+    "your_vehicle.md",
 }
-SLOW |= {name for name in WITH_CODE if name.startswith("laws/")} - {"laws/indi.md"}
 """Seconds each: `make docs` runs them."""
 
 

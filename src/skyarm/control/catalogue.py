@@ -212,7 +212,7 @@ def rescale(controller: Controller, factors: Mapping[str, Any]) -> Controller:
 def tuned_factors() -> Mapping[str, Mapping[str, float]]:
     """Tuned gains as factors on a law's default gains, which fit any vehicle, by law and path.
 
-    How the factors in the file next to this one were found is described in docs/control_laws.md, Tuned gains.
+    How the factors in the file next to this one were found is described in docs/laws.md, Tuned gains.
     """
     text = resources.files("skyarm.control").joinpath("tuned.toml").read_text(encoding="utf-8")
     laws: Mapping[str, Mapping[str, float]] = tomllib.loads(text)["law"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import re
+import shutil
 from pathlib import Path
 
 from skyarm.studies.assess.arm_poses import arm_poses
@@ -10,14 +10,11 @@ from skyarm.studies.assess.finding import WARNING
 from skyarm.studies.assess.joints import arm_workspace
 from skyarm.vehicle.vehicle_files import load_vehicle
 
-PAGE = Path(__file__).parents[3] / "docs" / "arm_from_urdf.md"
+PICKER = Path(__file__).parents[3] / "examples" / "picker.urdf"
 
 
 def carrier(folder: Path, mimic: str):
-    text = PAGE.read_text("utf-8")
-    found = re.search(r'```xml title="picker.urdf"\n(.*?)```', text, re.S)
-    assert found
-    (folder / "picker.urdf").write_text(found[1], "utf-8")
+    shutil.copy(PICKER, folder)
     file = folder / "carrier.toml"
     file.write_text(
         f'schema = 1\nname = "carrier"\nairframe = "tilted_hexarotor"\nmimic = "{mimic}"\nend_effector = "grasp_tip"\n'

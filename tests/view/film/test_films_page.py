@@ -1,4 +1,4 @@
-"""docs/films.md: its commands and its Python run, its options are those that there are."""
+"""Films on docs/pictures.md: their commands and Python run, the options are those that there are."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from skyarm.view.film.make_film import CAMERA_NAMES, LAYOUTS
 from skyarm.view.film.recording import SUFFIXES
 from skyarm.view.film.video_files import FILM_FORMATS
 
-PAGE = (Path(__file__).resolve().parents[3] / "docs" / "films.md").read_text("utf-8")
+PAGE = (Path(__file__).resolve().parents[3] / "docs" / "pictures.md").read_text("utf-8").partition("\n## Films\n")[2]
 LINES = re.findall(r"^    (skyarm .+)$", PAGE, re.M)
 DRAWN = (".mp4", ".webp")
 SHORT = {"run": ["--duration", "0.3"], "film": ["--stop", "0.2", "--size", "64x64", "--fps", "10"]}
@@ -46,7 +46,7 @@ def test_the_python_shown_runs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) 
     pytest.importorskip("viser", reason="no extra 'studio'")
     monkeypatch.chdir(tmp_path)
     (code,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
-    exec(compile(code, "films.md", "exec"), {})
+    exec(compile(code, "pictures.md", "exec"), {})
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["wind.viser", "wind.webp"]
 
 

@@ -1,4 +1,4 @@
-"""What the page on environments in JAX shows runs, in a process of its own: JAX reads its flags once."""
+"""The part on JAX of the page on environments runs, in a process of its own: JAX reads its flags once."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ import pytest
 pytest.importorskip("gymnasium", reason="needs the extra 'gym'")
 pytest.importorskip("jax", reason="needs the extra 'jax'")
 
-PAGE = (Path(__file__).resolve().parents[1] / "docs" / "environments_in_jax.md").read_text("utf-8")
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+PAGE = (DOCS / "environments.md").read_text("utf-8").split("\n## In JAX\n")[1].split("\n## ")[0]
 
 
 def shown(language):

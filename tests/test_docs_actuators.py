@@ -1,0 +1,53 @@
+"""The tip errors with servos that docs/actuators.md shows are those that are flown."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+import tomllib
+from typing import Any
+
+import pytest
+
+import skyarm
+from skyarm.control.actuator_layer import with_actuators
+from skyarm.dynamics.actuators.servo import PositionServo
+from skyarm.scenario.controller_table import under_law
+from skyarm.vehicle.vehicle_records import MountedDrive
+from test_docs_options import DOCS
+from test_docs_units import rows_of
+
+PAGE = (DOCS / "actuators.md").read_text("utf-8")
+
+
+def of_data_sheet() -> PositionServo:
+    """The servo of the page, on a joint of 1e-4 kg m^2."""
+    (text,) = re.findall(r'```toml title="servo_quad.toml"\n(.*?)```', PAGE, re.DOTALL)
+    numbers = tomllib.loads(text)["drives"]["shoulder"]
+    return PositionServo(**{name: value for name, value in numbers.items() if name != "kind"} | {"inertia": 1e-4})
+
+
+def ideal(ratio: float) -> PositionServo:
+    return PositionServo(stiffness=40.0, damping=2.0 * ratio * math.sqrt(40.0 * 4e-4), inertia=2e-4)
+
+
+def tip_error(servo: PositionServo | None) -> float:
+    """Mean tip error of Case 3, mm."""
+    scenario = under_law(skyarm.load_scenario("case3", duration=20.0), "centroidal_tip")
+    if servo is not None:
+        drives = tuple(MountedDrive(name=name, drive=servo) for name in ("joint1", "joint2"))
+
+        def on_servos(record: Any) -> Any:
+            return dataclasses.replace(record, vehicle=dataclasses.replace(record.vehicle, drives=drives))
+
+        controller = with_actuators(scenario.controller, on_servos(scenario.controller.par.model), 0.005)
+        scenario = dataclasses.replace(scenario, plant=on_servos(scenario.plant), controller=controller)
+    return 1e3 * skyarm.score(skyarm.run(scenario), ["standard_continuous"])["ee_error_mean_continuous"]
+
+
+@pytest.mark.site
+def test_tip_errors_on_servos_are_those_of_the_page() -> None:
+    shown = [row[1] for row in rows_of("actuators.md", "| joints | tip error |")]
+    servos = (None, of_data_sheet(), ideal(2.0), ideal(0.7))
+    assert shown == [f"{tip_error(servo):.2f} mm" for servo in servos]

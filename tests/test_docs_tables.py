@@ -1,0 +1,82 @@
+"""Reference tables of the pages list the declared fields of their records, with their defaults."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from typing import Any
+
+import pytest
+
+from skyarm.dynamics.actuators.servo import PositionServo, Servo, VelocityServo
+from skyarm.records.registry.shipped import SHIPPED
+from skyarm.scenario.endings import STATUSES
+from skyarm.sensing import sensor_kinds
+from skyarm.sensing.channel import Channel, Dropouts
+from skyarm.sensing.estimate.filter_constants import FilterNumbers
+from skyarm.vehicle.battery import Battery
+from skyarm.vehicle.thrust_table import COLUMNS
+from test_docs_options import DOCS
+from test_docs_units import rows_of
+
+
+def fields_of(kind: type) -> dict[str, Any]:
+    """Name -> default, MISSING for a required field."""
+    return {field.name: field.default for field in dataclasses.fields(kind)}
+
+
+def named(cells: str) -> list[str]:
+    return re.findall(r"`(\w+)`", cells)
+
+
+@pytest.mark.parametrize(
+    ("page", "head", "kinds", "left_out"),
+    [
+        ("sensors.md", "| field | | unit |", (Channel,), set[str]()),
+        ("sensors.md", "| field | unit | default |", (FilterNumbers,), {"vehicle"}),
+        ("actuators.md", "| field | of | meaning | default |", (Servo, PositionServo, VelocityServo), set[str]()),
+        ("actuators.md", "| field | unit, meaning | default |", (Battery,), set[str]()),
+    ],
+)
+def test_a_table_lists_every_field(page: str, head: str, kinds: tuple[type, ...], left_out: set[str]) -> None:
+    listed = {name for row in rows_of(page, head) for name in named(row[0])}
+    assert listed == {name for kind in kinds for name in fields_of(kind)} - left_out
+
+
+@pytest.mark.parametrize(
+    ("page", "head", "kind"),
+    [
+        ("sensors.md", "| field | unit | default |", FilterNumbers),
+        ("actuators.md", "| field | unit, meaning | default |", Battery),
+        ("actuators.md", "| field | of | meaning | default |", PositionServo),
+    ],
+)
+def test_defaults_of_a_table_are_those_of_the_fields(page: str, head: str, kind: type) -> None:
+    own, seen = fields_of(kind), 0
+    for names, *_, shown in rows_of(page, head):
+        for name, text in zip(named(names), shown.split(", "), strict=False):
+            if name in own and re.fullmatch(r"[-+.\de]+", text):
+                assert own[name] == float(text), name
+                seen += 1
+    assert seen >= 3
+
+
+def test_the_page_on_sensors_lists_kinds_and_dropouts() -> None:
+    rows = rows_of("sensors.md", "| kind | channels | other fields | frequency |")
+    assert {named(row[0])[0] for row in rows} == set(SHIPPED["sensor"]) - {"full_state"}
+    text = " ".join(each for row in rows for each in row)
+    shared = set(fields_of(sensor_kinds.ChannelSensor))
+    for kind in (sensor_kinds.Imu, sensor_kinds.Pose, sensor_kinds.Encoders, sensor_kinds.TactileSwitch):
+        assert set(fields_of(kind)) - shared <= set(named(text)), kind
+    page = (DOCS / "sensors.md").read_text("utf-8")
+    assert all(f"`{name}`" in page for name in (*shared, *fields_of(Dropouts)))
+
+
+def test_the_columns_of_a_thrust_table_are_on_the_page() -> None:
+    rows = rows_of("actuators.md", "| column | unit | |")
+    assert {name for row in rows for name in named(row[0])} == set(COLUMNS)
+
+
+def test_every_ending_and_status_is_on_the_page() -> None:
+    shown = {name for row in rows_of("scenario_files.md", "| ending | condition |") for name in named(row[0])}
+    assert shown == set(SHIPPED["ending"]) | set(STATUSES) - {"completed"}
