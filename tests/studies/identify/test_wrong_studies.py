@@ -73,7 +73,7 @@ WRONG = [
     ("population = 16", "population = 4.5", "search.population = 4.5: must be a whole number"),
     ("population = 16", "population = 1000000000", "must be a whole number from 4 to 100000"),
     ("width = 0.25", "width = -1", "loss.width = -1.0: must be above 0"),
-    ("schema = 1", "schema = true", "schema = True: must be 1"),
+    ("schema = 1", "schema = true", "schema = True: must be a whole number"),
     # targets
     (FRICTION, FRICTION.replace("damping", "dumping"), "parameters[0].targets[0]: flights.sines: path = "),
     (FRICTION, FRICTION.replace('" }', '", factr = 2.0 }'),

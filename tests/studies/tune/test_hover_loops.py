@@ -20,9 +20,7 @@ KNOBS = find_knobs(CASE.controller, CASE.controller.name)
 @pytest.fixture(scope="module")
 def tests_of_margins():
     flight = tuning_flight(CASE)
-    made = HoverMargins(flight, KNOBS)
-    yield flight, made
-    made.close()
+    return flight, HoverMargins(flight, KNOBS)
 
 
 def test_margins_are_those_of_a_loop_compiled_for_these_gains(tests_of_margins):
