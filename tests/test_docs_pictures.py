@@ -60,9 +60,9 @@ def test_the_code_shown_draws(folder: Path, capsys: pytest.CaptureFixture[str]) 
 
 def test_every_kind_stands_on_the_page() -> None:
     from skyarm.records.files.names import SUFFIXES
-    from skyarm.view.figures.flight_panels import ALL, KINDS
+    from skyarm.view.figures.flight_panels import ALL, KINDS, PATH
 
-    assert re.findall(r"^\| `(\w+)` \|", PAGE, re.MULTILINE) == [*KINDS, ALL]
+    assert re.findall(r"^\| `(\w+)` \|", PAGE, re.MULTILINE) == [*KINDS, ALL, PATH]
     assert all(suffix.upper() in PAGE for suffix in SUFFIXES)
 
 

@@ -25,7 +25,7 @@ def plot(
     kind: Annotated[
         str | None,
         typer.Option(
-            help="of flights: tracking, attitude, tip, contact, efforts, rotors, parts or all; all if left out"
+            help="of flights: tracking, attitude, tip, contact, efforts, rotors, parts, path or all; all if left out"
         ),
     ] = None,
     window: Annotated[

@@ -305,7 +305,7 @@ def test_labels_are_what_tells_flights_apart() -> None:
         ({"kind": "contact"}, "kind = 'contact': must be another one, for the flights have no contact"),
         (
             {"kind": "speed"},
-            "kind = 'speed': must be one of tracking, attitude, tip, contact, efforts, rotors, parts, all",
+            "kind = 'speed': must be one of tracking, attitude, tip, contact, efforts, rotors, parts, all, path",
         ),
         ({"kind": "trackin"}, "did you mean 'tracking'?"),
         ({"window": (2.0, 1.0)}, "window = [2, 1]: must start before it stops"),

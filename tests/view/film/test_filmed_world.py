@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgba
 
 from film_flights import flight, needs_display
 from skyarm.algebra import Vec3
@@ -181,3 +183,28 @@ def test_contact_figures_have_forces_desired_forces() -> None:
     assert ax.get_ylabel() == "wall, tip [N]"
     np.testing.assert_array_equal(lines["a"].get_ydata(), log.contact_force[:, PAIR])
     np.testing.assert_array_equal(lines["desired"].get_ydata(), np.where(log.time >= 0.1, 1.0, 0.0))
+
+
+def test_a_path_is_drawn_from_above_and_from_the_right_beside_its_world() -> None:
+    log = touching()
+    figure = plot({"a": log}, kind="path")
+    above, right = figure.axes
+    for ax, columns in ((above, (0, 1)), (right, (0, 2))):
+        lines = {line.get_label(): line for line in ax.get_lines()}
+        np.testing.assert_array_equal(lines["a"].get_xydata(), log.tip[:, columns])
+        np.testing.assert_array_equal(lines["desired"].get_xydata(), log.tip_reference[:, columns])
+    # a plane is drawn where it is seen from its edge
+    sides = [[patch.get_label() for patch in ax.patches].count("world/side") for ax in (above, right)]
+    assert sides == [1, 0]
+    walls = [patch for patch in above.patches if patch.get_label() == "world/wall"]
+    (wall,) = (each for each in log.scenario.worlds[0].surfaces if each.name == "wall")
+    corners = walls[0].get_xy()
+    places = Vec3(corners[:, 0], corners[:, 1], np.full(len(corners), 0.5))
+    np.testing.assert_allclose(wall.depth(places, 0, 0.0)[0], 0.0, atol=1e-12)
+    # what moves is drawn where it is at last, too, as a line
+    fills = [patch.get_facecolor() for patch in right.patches if patch.get_label() == "world/parcel"]
+    assert len(fills) == 2
+    assert fills[1] == to_rgba("none")
+    assert len(walls) == 1
+    spans: list[Any] = [patch for patch in right.patches if not patch.get_label().startswith("world/")]
+    assert max(patch.get_y() + patch.get_height() for patch in spans) == pytest.approx(-0.3)

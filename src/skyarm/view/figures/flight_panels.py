@@ -237,7 +237,7 @@ KINDS: Mapping[str, Callable[[Sequence[Log]], list[Panel]]] = {
 RARE = ("parts",)
 """Kinds that are drawn where they are named."""
 
-ALL = "all"
+ALL, PATH = "all", "path"
 
 MEASURED, ESTIMATED = "measured", "estimated"
 
@@ -263,7 +263,7 @@ def panels_of(kind: str, logs: Sequence[Log]) -> list[Panel]:
         ValueError: one line: no such kind, or flights that have nothing of it.
     """
     if kind not in (*KINDS, ALL):
-        raise ValueError(f"kind = {shown(kind)}: {must_be_one_of((*KINDS, ALL), kind)}")
+        raise ValueError(f"kind = {shown(kind)}: {must_be_one_of((*KINDS, ALL, PATH), kind)}")
     has_tip = any(not np.array_equal(log.tip, log.position) for log in logs)
     kinds = [name for name in KINDS if name not in RARE and (name != "tip" or has_tip)] if kind == ALL else [kind]
     found = [panel for each in kinds for panel in KINDS[each](logs)]

@@ -14,7 +14,8 @@ from skyarm.log.flight_log import Log
 from skyarm.records.files import number
 from skyarm.records.files.names import require_suffix
 from skyarm.view.figures.flight_facts import Event, end_time, ending_of, flight_events, flights_by_label
-from skyarm.view.figures.flight_panels import ALL, ESTIMATED, MEASURED, Panel, measured_flights, panels_of
+from skyarm.view.figures.flight_panels import ALL, ESTIMATED, MEASURED, PATH, Panel, measured_flights, panels_of
+from skyarm.view.figures.path_views import path_figure
 from skyarm.view.figures.style import PAPER, Handles, Picture, Style, limits, save_picture
 
 Array = npt.NDArray[np.float64]
@@ -48,8 +49,8 @@ def plot(
         flights: one log, several, or several by the words that the legend has for them.
         file: written there too, as PNG, SVG or PDF by its suffix.
         kind: "tracking" (base and joints with their references), "attitude", "tip" (with its error), "contact" (forces
-            with the wanted one), "efforts" and "rotors" with their limits, or "all" of these. Of one flight also what
-            was measured and estimated of these.
+            with the wanted one), "efforts" and "rotors" with their limits, "all" of these; or "path" (of the tip, from
+            above and from the right, with the world). Of one flight also what was measured and estimated of these.
         window: (start, stop), s; the whole of the longest flight if left out.
 
     Returns:
@@ -65,7 +66,10 @@ def plot(
     if not 1 <= len(named) <= MOST:
         raise ValueError(f"flights = {len(named)}: must be 1 to {MOST} in one picture")
     span = _window(window, named)
-    figure = _panels_figure(panels_of(kind, list(named.values())), named, span, kind == ALL)
+    if kind == PATH:
+        figure = path_figure(named, span)
+    else:
+        figure = _panels_figure(panels_of(kind, list(named.values())), named, span, kind == ALL)
     if file is not None:
         save_picture(figure, Path(file))
     return figure

@@ -1,0 +1,141 @@
+"""Paths of flights in the world about them, and the contacts on their way."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.patches import Polygon
+
+from skyarm.log.flight_log import Log
+from skyarm.view.figures.flight_facts import ending_of, scenario_of
+from skyarm.view.figures.projection import SIDE, TOP, View, hull, surface
+from skyarm.view.figures.style import PAPER, Picture
+from skyarm.world.scene.shapes import Solid
+from skyarm.world.scene.world_shapes import ground_height, logged_poses, world_shapes
+
+Array = npt.NDArray[np.float64]
+
+HEIGHT = 3.0
+"""in."""
+
+ROOM, LEAST = 0.3, 0.15
+"""Room about the paths, as a share of how far they go, and m."""
+
+FACE_ON = 0.5
+"""A plane that is seen from its front, by the cosine, is not drawn: it would cover all."""
+
+FILLS = {"surface": "#cfc9bd", "object": "#d9b48f"}
+"""Role of a shape -> fill."""
+
+
+def path_figure(named: Mapping[str, Log], span: tuple[float, float]) -> Picture:
+    """Draw the tips' paths over a stretch of time, from above and from the right.
+
+    Args:
+        named: words of the legend -> log.
+        span: first and last instant, s.
+
+    Returns:
+        a figure with the world of the first flight that has one: filled as it is at first, what moves also as a line
+        where it is at last. A plane is drawn where it is seen from its edge.
+    """
+    figure = PAPER.blank(PAPER.wide, HEIGHT)
+    axes = figure.subplots(1, 2)
+    handles: dict[str, Any] = {}
+    world = world_of(named, span)
+    for ax, view in zip(axes, (TOP, SIDE), strict=True):
+        handles |= draw_view(ax, view, named, span, world)
+    PAPER.legend(figure, {each: handles[each] for each in sorted(handles, key="desired".__eq__)})
+    return figure
+
+
+SEEN = {TOP: ("from above", "x [m]", "y [m]"), SIDE: ("from the right", "x [m]", "z [m]")}
+"""View -> where it is seen from, and words of its axes."""
+
+
+def draw_view(
+    ax: Axes, view: View, named: Mapping[str, Log], span: tuple[float, float],
+    world: tuple[tuple[Solid, ...], float | None],
+) -> dict[str, Any]:  # fmt: skip
+    """Draw the tips' paths and the world in one view; returns what a legend has of it.
+
+    Args:
+        ax: empty.
+        view: one of TOP, SIDE and BEHIND.
+        named: words of the legend -> log.
+        span: first and last instant, s.
+        world: as :func:`world_of` has it.
+    """
+    PAPER.dress(ax)
+    handles = _paths(ax, view, named, span)
+    _frame(ax)
+    for solid in world[0]:
+        _draw_solid(ax, view, solid)
+    if world[1] is not None and view is not TOP:
+        ax.axhspan(-1e3, world[1], facecolor=FILLS["surface"], edgecolor="none", zorder=0.5)
+    title, right, up = SEEN[view]
+    ax.set_xlabel(right, **PAPER.words)
+    ax.set_ylabel(up, **PAPER.words)
+    ax.set_title(title, **PAPER.small_words)
+    return handles
+
+
+def _paths(ax: Axes, view: View, named: Mapping[str, Log], span: tuple[float, float]) -> dict[str, Any]:
+    """Paths of tips and where they should be."""
+    handles: dict[str, Any] = {}
+    for i, (label, log) in enumerate(named.items()):
+        inside = (log.time >= span[0]) & (log.time <= span[1])
+        name = label + ending_of(log)
+        (handles[name],) = ax.plot(*view.flat(log.tip[inside]).T, label=name, **PAPER.look(i).line)
+        desired = view.flat(log.tip_reference[inside]).T
+        (handles["desired"],) = ax.plot(*desired, label="desired", **PAPER.desired.line)
+    return handles
+
+
+def _frame(ax: Axes) -> None:
+    """A square about the paths."""
+    ends = np.array([ax.dataLim.min, ax.dataLim.max])
+    ends[:, ~np.isfinite(ends).all(axis=0)] = [[-1.0], [1.0]]
+    half = 0.5 * float(np.max(ends[1] - ends[0]))
+    half = max(half * (1.0 + 2.0 * ROOM), half + LEAST)
+    middle = 0.5 * (ends[0] + ends[1])
+    ax.set_xlim(middle[0] - half, middle[0] + half)
+    ax.set_ylim(middle[1] - half, middle[1] + half)
+    ax.set_aspect("equal", adjustable="box")
+    ax.set_autoscale_on(False)
+
+
+def world_of(named: Mapping[str, Log], span: tuple[float, float]) -> tuple[tuple[Solid, ...], float | None]:
+    """Surfaces and objects of the first flight that has any, at its first and last instant; height of its ground."""
+    for log in named.values():
+        scenario = scenario_of(log)
+        contacts = () if scenario is None else scenario.worlds
+        inside = np.flatnonzero((log.time >= span[0]) & (log.time <= span[1]))
+        if not contacts or not inside.size:
+            continue
+        ends = inside[[0, -1]]
+        carried = logged_poses(contacts, lambda name: log.component(name)[ends])  # noqa: B023
+        around = np.mean(log.tip[inside], axis=0)
+        level = any(each.shape == "plane" for contact in contacts for each in contact.surfaces)
+        return (
+            world_shapes(contacts, log.time[ends], tuple(around), carried=carried),
+            ground_height(contacts) if level else None,
+        )
+    return (), None
+
+
+def _draw_solid(ax: Axes, view: View, solid: Solid) -> None:
+    """Outline of a solid as it is at first, filled; where it is at last, as a line."""
+    for k in (0, 1) if solid.moves else (0,):
+        if solid.shape.kind == "patch" and abs(solid.rotation[k, :, 2] @ view.toward) > FACE_ON:
+            continue
+        points = surface(solid.shape) @ solid.rotation[k].T + solid.position[k]
+        corners = hull(view.flat(points))
+        drawn = Polygon(corners, closed=True, label=solid.shape.name, zorder=0.6 + 0.1 * k)
+        fill = "none" if k else FILLS[solid.shape.role]
+        drawn.set(facecolor=fill, edgecolor=PAPER.frame, linewidth=0.09 * PAPER.small, linestyle="--" if k else "-")
+        ax.add_patch(drawn)
