@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import skyarm
+from simulate_flights import document
 from skyarm.simulate import session as sessions
 
 PATHS = (
@@ -112,3 +113,15 @@ def test_a_number_that_cannot_be_leaves_the_session_as_it_was(scenario) -> None:
         session.change({"plant.payload.mass": -1.0})
     session.step()
     assert session.plan == scenario
+
+
+@pytest.mark.parametrize("path", ["environment.faults.0.effectiveness", "environment.faults.front.effectiveness"])
+@pytest.mark.parametrize("other", ["environment.faults.0.effectiveness", "environment.faults.front.effectiveness"])
+def test_a_change_and_an_adjustable_number_may_name_one_place_in_two_ways(path: str, other: str) -> None:
+    """The studio names faults by actuator, a file's change by place: the change once was lost."""
+    tables = document("case1", duration=0.1)
+    tables["environment"] = {"faults": [{"rotor": "front", "effectiveness": 1.0, "start": 0.0}]}
+    weaker = skyarm.scenario_from({**tables, "changes": [{"at": 0.05, "path": path, "value": 0.9}]})
+    wanted = skyarm.run(weaker).position
+    assert np.array_equal(skyarm.Session(weaker, [other]).run().position, wanted)
+    assert wanted[-1, 2] < skyarm.run(skyarm.scenario_from(tables)).position[-1, 2]

@@ -130,7 +130,7 @@ class Overrides:
         """
         parts, numbers = self.parts_of(scenario), dict(self.numbers)
         for path in paths:
-            if path not in numbers:
+            if not self.holds(parts, path):
                 with suppress(ScenarioError):
                     numbers[path] = number_at(parts, path)
         if sum(is_added(path) for path in numbers) <= 1:  # loads add up, and sums depend on their order
@@ -138,6 +138,16 @@ class Overrides:
                 require_apart(parts, tuple(numbers))
                 numbers = dict(sorted(numbers.items()))
         return Overrides(self.parts, tuple(numbers.items()))
+
+    def holds(self, scenario: Scenario, path: str) -> bool:
+        """True if one of these numbers is in a path's place, by whatever name: "faults.0" may be "faults.front"."""
+        if not self.numbers or is_added(path) or path in dict(self.numbers):
+            return path in dict(self.numbers)
+        for own, _ in self.numbers:
+            with suppress(ScenarioError):
+                if means_the_same(scenario, own, path):
+                    return True
+        return False
 
     def hides(self, path: str) -> bool:
         """True if a number of the original scenario is no longer in force: overridden, or its part removed."""

@@ -211,7 +211,8 @@ class Leg:
         self._overrides = overrides
         self._shape, self.scenario = overrides.parts_of(begun), overrides.of(begun)
         self.scenario.controller.require_compiled("a batch")
-        self._free = tuple(p for p in options.paths if not overrides.hides(p) and not p.startswith(OF_CHANGES))
+        held = {path for path in options.paths if overrides.hides(path) or overrides.holds(self._shape, path)}
+        self._free = tuple(path for path in options.paths if path not in held and not path.startswith(OF_CHANGES))
         self._set: dict[str, float] = dict(overrides.data(begun).numbers)
         named = {path: f"{OF_CHANGES}{i}.value" for path, i in sources(begun, periods.start).items()}
         self._swept = {path: named[path] for path in self._set if named[path] in options.paths}

@@ -298,11 +298,13 @@ def test_a_gripper_that_cannot_be_is_refused(numbers, refusal):
 
 def test_grippers_want_a_frame_of_the_vehicle_and_something_to_hold():
     with pytest.raises(RecordError, match=r"world.grippers\[0\].frame = 'claw': .*there are"):
-        gripping(frame="claw").check(ARM)
+        gripping(frame="claw").require_vehicle(ARM, 0.005, 9.81)
     with pytest.raises(RecordError, match=r"world.grippers: must be left out of a world without objects"):
-        dataclasses.replace(gripping(), objects=(), surfaces=(Surface(name="ground"),)).on(ARM).check(ARM)
+        dataclasses.replace(gripping(), objects=(), surfaces=(Surface(name="ground"),)).on(ARM).require_vehicle(
+            ARM, 0.005, 9.81
+        )
     with pytest.raises(RecordError, match=r"world.grippers\[0\].frame = ''"):
-        gripping().check(BIRD)
+        gripping().require_vehicle(BIRD, 0.005, 9.81)
     with pytest.raises(RecordError, match="must be of one only"):
         dataclasses.replace(gripping(), grippers=(Gripper(name="box"),))
 
