@@ -53,7 +53,7 @@ def make_recordings(folder: Path, names: Sequence[str]) -> list[Path]:
             for law in planned.laws
         ]
         settings = FilmSettings(start=planned.start, stop=planned.stop, fps=FRAMES)
-        written += save_recording(record(logs, settings), folder / f"{name}.html")
+        written.append(save_recording(record(logs, settings), folder / f"{name}.html"))
     return written
 
 
