@@ -69,9 +69,23 @@ def test_the_log_keeps_the_force_on_the_base_and_the_air_at_its_origin():
     rng = np.random.default_rng(3)
     vehicle, state = random_vehicle(rng, 2), record(random_state(rng, 2))
     base, link = SteadyWrench(force=Vec3(1.0, 2.0, 3.0)), SteadyWrench(force=Vec3(50.0, 0.0, 0.0), body=1)
-    sample = wind_at(around_of((base, ()), (link, ()), (base, ()), (Shear(rate=2.0), ())), vehicle, state)
+    sample = wind_at(around_of((base, ()), (link, ()), (base, ()), (Shear(rate=2.0), ())), Truth(vehicle=vehicle), state)
     assert list(sample.force_W) == [2.0, 4.0, 6.0]
     assert list(sample.air_velocity_W) == [2.0 * state.position.z, 0.0, 0.0]
+
+
+def test_a_part_logs_with_the_gravity_that_it_acts_with():
+    @dataclasses.dataclass(frozen=True)
+    class Weighed(SteadyWrench):
+        columns = ("weight",)
+
+        def logged(self, memory, motion):
+            return (motion.gravity,)
+
+    vehicle, state = random_vehicle(np.random.default_rng(3), 2), record(random_state(np.random.default_rng(3), 2))
+    weighed = Weighed(force=Vec3(0.0, 0.0, 0.0))
+    sample = wind_at(around_of((weighed, ())), Truth(vehicle=vehicle, gravity=3.7), state)
+    assert sample.numbers == (3.7,)
 
 
 @pytest.mark.parametrize("seed", range(6))

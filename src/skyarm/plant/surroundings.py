@@ -14,7 +14,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.plant.interface import Truth
 from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_records import Rotor, Vehicle
+from skyarm.vehicle.vehicle_records import Rotor
 from skyarm.world import Component, Effectiveness, WindSample, Wrench
 from skyarm.world.component import moved_by
 
@@ -105,9 +105,9 @@ class Surroundings:
         return self.drives[index].effort(self.drive_memories[index], setpoint, position, rate)
 
 
-def wind_at(around: Surroundings, vehicle: Vehicle, state: State) -> WindSample:
+def wind_at(around: Surroundings, world: Truth, state: State) -> WindSample:
     """Force on the base and velocity of the air at its origin, as recorded in logs."""
-    motion = PointMotion(vehicle, state, around.air_velocity)
+    motion = PointMotion(world.vehicle, state, around.air_velocity, gravity=world.gravity)
     force = ZERO3
     for component, memory in zip(around.components, around.memories, strict=True):
         if component.coupled:

@@ -237,7 +237,7 @@ class Stages:
 
     def wind_sample(self, around: Surroundings, state: State) -> WindSample:
         """Surroundings as the log keeps them."""
-        return wind_at(around, self.scenario.plant.vehicle, state)
+        return wind_at(around, self.scenario.plant, state)
 
     def found(self, memory: Any) -> tuple[Any, ...]:
         """The law's online estimates, for the log; () of most laws."""

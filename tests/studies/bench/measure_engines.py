@@ -10,7 +10,10 @@ import dataclasses
 import json
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
+
+sys.path.append(str(Path(__file__).parents[2]))  # the tests' own vehicles, when this is run as a program
 
 import bench_engines as engines
 from bench_counts import counts

@@ -91,7 +91,7 @@ def sight(session: Session) -> Sight:
     vehicle, state = scenario.plant.vehicle, now.state
     placed = place(vehicle, tuple(state.position), tuple(state.quaternion), state.joints)
     around = Surroundings(components=scenario.components, memories=now.components, time=time)
-    outside = wind_at(around, vehicle, state)
+    outside = wind_at(around, scenario.plant, state)
     upward, away = float(placed.rotations[0, 2, 2]), placed.tip - goal_of(vehicle, scenario.reference.at(time)).tip
     push = getattr(scenario.reference, "push", None)
     if push is not None:
