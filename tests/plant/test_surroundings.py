@@ -69,7 +69,8 @@ def test_the_log_keeps_the_force_on_the_base_and_the_air_at_its_origin():
     rng = np.random.default_rng(3)
     vehicle, state = random_vehicle(rng, 2), record(random_state(rng, 2))
     base, link = SteadyWrench(force=Vec3(1.0, 2.0, 3.0)), SteadyWrench(force=Vec3(50.0, 0.0, 0.0), body=1)
-    sample = wind_at(around_of((base, ()), (link, ()), (base, ()), (Shear(rate=2.0), ())), Truth(vehicle=vehicle), state)
+    around = around_of((base, ()), (link, ()), (base, ()), (Shear(rate=2.0), ()))
+    sample = wind_at(around, Truth(vehicle=vehicle), state)
     assert list(sample.force_W) == [2.0, 4.0, 6.0]
     assert list(sample.air_velocity_W) == [2.0 * state.position.z, 0.0, 0.0]
 

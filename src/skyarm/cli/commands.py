@@ -35,7 +35,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "replay": ("replay_command:replay", "Fly a log's flight again, also under another law."),
     "diff": ("replay_command:diff", "Compare two logs: where they come apart."),
     "plot": ("plot_command:plot", "Draw flights, or curves of a sweep's metrics."),
-    "film": ("film_command:film", "Film flights; MP4, WebP, GIF, or a 3-D recording."),
+    "film": ("film_command:film", "Film flights; MP4, WebP, or a 3-D recording."),
     "studio": ("studio_command:studio", "Fly live on a page: sliders, gusts, laws side by side."),
     "export": ("export_command:export", "Write a log, a law as C, or a vehicle as MJCF."),
     "identify": ("identify_command:identify", "Find delays and lags of a vehicle in a log."),

@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Mapping
 from typing import Any
 
-LAST = "0.2"
+LAST = "0.3"
 """The last minor version that knows the old names."""
 
 
