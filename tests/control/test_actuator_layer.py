@@ -17,9 +17,8 @@ from skyarm.algebra import Sym3, Vec3
 from skyarm.control.actuator_layer import with_actuators
 from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import innermost, with_innermost
-from skyarm.control.law_estimates import observed_push
+from skyarm.control.law_estimates import lags_found, observed_push
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.lag_estimate import lags_found
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.model import Model
 from skyarm.control.onboard.export_c import _on_torque, _structure

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.control.laws.centroidal.lag_estimate import lags_found
+from skyarm.control.law_estimates import lags_found
 from skyarm.control.safety import with_safety_layer
 from skyarm.simulate.loop import run_in_python
 from skyarm.studies.compare.suite import NOISE

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import Vec3
+from skyarm.algebra.scalars import Scalar
 from skyarm.control.controller import innermost, part_of
-from skyarm.control.laws.centroidal.lag_estimate import lags_found
 from skyarm.records.leaves import is_record
 
 
@@ -23,6 +23,16 @@ def found_by_law(memory: Any) -> Mapping[str, tuple[Any, ...]]:
     if is_record(load) and hasattr(load, "mass") and isinstance(getattr(load, "place", None), Vec3):
         found |= {"load_mass_found": (load.mass,), "load_place_found": tuple(load.place)}
     return {name: numbers for name, numbers in found.items() if numbers}
+
+
+def lags_found(memory: Any) -> tuple[Scalar, ...]:
+    """Lags of the rotors' and the joints' loops (s) in a law's memory, also under layers; () without them.
+
+    A law shows them by a field ``lag`` of its memory: a record whose ``found`` is a tuple.
+    """
+    lag = part_of(memory, "lag")
+    found = getattr(lag, "found", None) if is_record(lag) else None
+    return found if isinstance(found, tuple) else ()
 
 
 def numbers_found(memory: Any) -> tuple[Any, ...]:

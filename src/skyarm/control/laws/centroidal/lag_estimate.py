@@ -21,7 +21,6 @@ from skyarm.algebra.scalars import Scalar, divide, exp, maximum, minimum, mul, s
 from skyarm.control.blocks.disturbance_observer import Told
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.select import data
-from skyarm.control.controller import part_of
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters, at_shares
 from skyarm.control.laws.centroidal.part import Part, Step
 from skyarm.records.units import Unit
@@ -115,12 +114,6 @@ def first_lag(joints: int, stride: int) -> LagMemory:
         arm=bank,
         found=(0.0, 0.0),
     )
-
-
-def lags_found(memory: Any) -> tuple[Scalar, ...]:
-    """Lags of the rotors' and the joints' loops in a law's memory, also under layers; () without them."""
-    lag = part_of(memory, "lag")
-    return lag.found if isinstance(lag, LagMemory) else ()
 
 
 def stride_of(control_period: float) -> int:
