@@ -10,6 +10,8 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
+
 from skyarm.control.catalogue import BEARS_UNDRIVEN
 from skyarm.control.vectored_layer import pairs_model, turns_rotors
 from skyarm.dynamics.actuators import AllocationError, make_mixer
@@ -137,13 +139,14 @@ def _size(value: Any) -> float:
 
 def _reference(scenario: Scenario) -> Iterator[str]:
     links, start = scenario.plant.vehicle.links, scenario.initial
-    looks = [scenario.reference.at(k / LOOKS * scenario.duration) for k in range(LOOKS + 1)]
-    farthest = max(_norm(look.position) for look in looks)
+    times = np.linspace(0.0, scenario.duration, LOOKS + 1)
+    looks = scenario.reference.at(times)
+    farthest = float(np.max(np.sqrt(sum(np.square(c) for c in looks.position))))
     yield from _too_large("reference.base reaches", farthest, SPREAD, "m", " from the origin")
-    yield from _too_large("reference.yaw =", float(looks[0].yaw), TURN[0], "rad", " at the start")
+    yield from _too_large("reference.yaw =", float(np.ravel(looks.yaw)[0]), TURN[0], "rad", " at the start")
     for i, link in enumerate(links):
         slides = not link.joint.turns
-        values = {f"reference.joints[{i}] reaches": max((float(look.joints[i]) for look in looks), key=abs)}
+        values = {f"reference.joints[{i}] reaches": max(np.ravel(looks.joints[i]).tolist(), key=abs)}
         if start is not None:
             values[f"initial.joints[{i}] ="] = float(start.joints[i])
         for words, value in values.items():
