@@ -258,7 +258,7 @@ def is_named(name: Any) -> bool:
 
 
 def is_one_of(name: Any, names: Container[str]) -> bool:
-    """True if a value is one of these names; anything may be asked for."""
+    """True if a value of any type is one of these names."""
     return isinstance(name, str) and name in names
 
 
@@ -292,7 +292,7 @@ FILE_LIKE = re.compile(r"(?P<stem>.+?)(\.py:?|\.\w+:\w*|\.py:.*)")
 
 
 def must_be_named(name: Any, others: str = "") -> str:
-    """What is allowed in place of an unknown name, in words; ``others`` are allowed next to presets and laws."""
+    """Allowed values in place of an unknown name, in words; ``others`` are allowed next to presets and laws."""
     every = every_name()
     if isinstance(name, str) and (found := FILE_LIKE.fullmatch(name)):
         hint = f"a law of a file is FILE.py:make, its function named behind a colon, as {found['stem']}.py:make; "

@@ -124,7 +124,7 @@ def checked_law(controller: Controller) -> Law:
 
 
 def _counts(controller: Controller) -> dict[str, int]:
-    """How many numbers each field of a command has."""
+    """Field of a command -> its number of values."""
     vehicle = controller.par.model.vehicle
     return {"rotor_speeds": len(vehicle.rotors), "efforts": vehicle.n, "tilts": len(vehicle.tilts)}
 

@@ -152,7 +152,7 @@ class Environment(gymnasium.Env[Array, Array]):
 
 
 def _pictures_of(mode: Any, options: Any) -> Any:
-    """What draws pictures; None where nothing is to be drawn.
+    """Renderer of the episode's pictures; None without a render mode.
 
     Raises:
         ScenarioError: one line with field, value and what is allowed.

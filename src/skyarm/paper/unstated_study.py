@@ -1,4 +1,4 @@
-"""What the paper leaves open, as plain tables of a file: measured cells, parameters and choices, and what these set.
+"""Settings that the paper leaves open, as plain tables of a file: measured cells, parameters, choices and their fields.
 
 The grammar is that of ``research/inference/study.py`` of the source, which searches. A study is its file's tables;
 settings are parameter -> number and choice -> option, and what they do not name stays as the scenarios have it.

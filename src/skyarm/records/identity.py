@@ -1,4 +1,4 @@
-"""Digest of a scenario: tells whether rows in a folder belong to the present scenario."""
+"""Digest of a scenario, by which rows in a folder are matched with the present scenario."""
 
 from __future__ import annotations
 

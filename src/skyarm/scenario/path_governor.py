@@ -77,7 +77,7 @@ def govern(scenario: Scenario, **options: float) -> Scenario:
 
 
 def planner_from(table: Any, setting: Setting) -> Callable[[Scenario], Scenario]:
-    """What plans the time of a reference that is read for a setting.
+    """Planner of the time of a reference that is read for a setting.
 
     Args:
         table: [reference.governor]: true, or limits.

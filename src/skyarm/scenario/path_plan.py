@@ -221,7 +221,7 @@ def plan(judge: Judge, ceilings: Ceilings) -> Plan:
 
 
 def _calm(ceilings: Ceilings, s: Derivatives, over: Array) -> None:
-    """Where the motion exceeds a limit, lower ds/dt a little and limit its rate of change."""
+    """Lower ds/dt a little and limit its rate of change where the motion exceeds a limit."""
     more = over > SLACK
     place, rate = s[0][more], np.maximum(s[1][more], SLOWEST)
     index = np.clip(np.round(place / GRID).astype(int), 0, len(ceilings.rate) - 1)

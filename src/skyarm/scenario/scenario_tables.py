@@ -299,7 +299,7 @@ def _as_commanded(scenario: Scenario) -> Scenario:
 def reference(
     table: Any, world: Truth, setting: Setting, folder: Path = Path()
 ) -> tuple[dict[str, Any], Callable[[Scenario], Scenario]]:
-    """Trajectory and start of tracking of [reference], and what plans its time as its governor asks."""
+    """Trajectory and start of tracking of [reference], and the planner of its governor."""
     planned: Callable[[Scenario], Scenario] = _as_commanded
     rest, start = table, 0
     if isinstance(table, Mapping):

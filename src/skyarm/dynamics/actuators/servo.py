@@ -159,7 +159,7 @@ class Servo(Drive):
         raise NotImplementedError
 
     def _rounding(self, position: Scalar) -> Any:
-        """What the encoder's rounding adds to a position."""
+        """Rounding error of the encoder at a position."""
         return 0.0
 
     def _loop(self, goal: Scalar, integral: Scalar, position: Scalar, rate: Scalar) -> tuple[Scalar, Scalar]:

@@ -131,7 +131,7 @@ class Windows:
                 raise ValueError(f"windows.{name} = {words}: must end within the flight of {duration:g} s")
 
     def _ends(self) -> dict[str, tuple[float, str]]:
-        """Of what is stated, the end (s), or the length of ``last``, and its words."""
+        """Stated window -> its end (s), or the length of ``last``, and its text."""
         found = {name: (each.stop, str(each)) for name in NAMES if (each := getattr(self, name)) is not None}
         if self.holds is not None:
             found["holds"] = max((each.stop for each in self.holds), default=0.0), ", ".join(map(str, self.holds))

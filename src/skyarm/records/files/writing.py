@@ -105,7 +105,7 @@ def _sync(handle: int) -> None:
 
 
 def _forget(temporary: Path) -> None:
-    """Remove a temporary file if it exists; the error that led here is the one to report."""
+    """Remove a temporary file if it exists; an error of the removal itself is not reported."""
     with contextlib.suppress(OSError):
         temporary.unlink()
 

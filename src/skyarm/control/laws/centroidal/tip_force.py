@@ -86,7 +86,7 @@ class LeastSquares:
         self.b: list[Scalar] = [0] * n
 
     def require(self, columns: Sequence[Any], wanted: Any, weight: Scalar) -> None:
-        """Add weight |columns x - wanted|^2, of numbers or of vectors."""
+        """Add weight |columns x - b|^2 with b = ``wanted``, of numbers or of vectors."""
         for i, c in enumerate(columns):
             self.b[i] = add(self.b[i], mul(weight, _product(c, wanted)))
             for j, d in enumerate(columns[: i + 1]):

@@ -1,0 +1,123 @@
+"""Words that can be counted: first lines of docstrings, names of functions."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import skyarm
+
+SOURCE = Path(skyarm.__file__).parent
+
+LONGEST = 120
+"""Letters of a first line."""
+OF_PEOPLE = (
+    "told, tells, heard, hears, felt, feels, says, said, asked, asks, believe, believes, believed, bears, borne, "
+    "knows, known to, gives way, give way, given way, nobody, of one's own, someone's own, gone on, foretold, wish, "
+    "wished, led, trusted, wanted, stands for, stands in, stands beside, stands behind, stands there"
+)
+"""Verbs of people where a textbook has a word for a signal, a model or a load: received, measured, desired, nominal."""
+PEOPLE = re.compile(rf"\b({'|'.join(OF_PEOPLE.split(', '))})\b", re.IGNORECASE)
+CLAUSE = re.compile(r"(What|Who|Whose|Where|How|Whether|Whatever|That|Those|Of)\b")
+"""Beginnings of a clause in place of a noun."""
+PARTICIPLE = re.compile(r"_?[a-z]+(?:ed|en|own|ught|eld|aid|ade)")
+NO_PARTICIPLES = {"field", "hidden", "markdown", "offscreen", "reseed", "seed", "shorten", "speed", "widen"}
+"""Nouns and verbs that end as participles do."""
+
+PARTICIPLES = {
+    "checked",
+    "completed",
+    "coupled",
+    "declared",
+    "ended",
+    "filtered",
+    "gripped",
+    "learned",
+    "logged",
+    "named",
+    "needed",
+    "normalized",
+    "posed",
+    "reached",
+    "received",
+    "renormalized",
+    "shaped",
+    "shifted",
+    "shown",
+    "succeeded",
+}
+"""Bare participles that are names of functions today; a new function is a verb or the quantity that it returns."""
+
+
+def wrong_with(line: str) -> str | None:
+    """Fault of a first line of a docstring; None for a good one. Code in double backticks is not counted."""
+    words = re.sub(r"``[^`]*``", "", line)
+    if len(line) > LONGEST:
+        return f"has {len(line)} letters: at most {LONGEST}"
+    if not line.endswith("."):
+        return "must end with a period"
+    if found := PEOPLE.search(words):
+        return f"{found[0]!r} is a verb of people: use the textbook's word"
+    if found := CLAUSE.match(words):
+        return f"begins with {found[0]!r}: must be a noun phrase or a verb"
+    return None
+
+
+def first_lines(tree: ast.Module) -> Iterator[tuple[int, str]]:
+    """Line number and first line of every docstring of a module."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and (text := ast.get_docstring(node)):
+            yield node.body[0].lineno, text.split("\n")[0]
+
+
+def functions(tree: ast.Module) -> set[str]:
+    """Names of the functions and methods of a module, without a leading underscore."""
+    return {node.name.removeprefix("_") for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
+
+
+TREES = {
+    path.relative_to(SOURCE).as_posix(): ast.parse(path.read_text("utf-8")) for path in sorted(SOURCE.rglob("*.py"))
+}
+
+
+def test_first_lines_are_sentences_in_the_words_of_the_field() -> None:
+    found = [
+        f"{name}:{number}: {line!r} {wrong}"
+        for name, tree in TREES.items()
+        for number, line in first_lines(tree)
+        if (wrong := wrong_with(line))
+    ]
+    assert found == []
+
+
+def test_no_new_function_is_named_by_a_bare_participle() -> None:
+    found = {name for tree in TREES.values() for name in functions(tree) - NO_PARTICIPLES if PARTICIPLE.fullmatch(name)}
+    assert found <= PARTICIPLES
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("What a plant is given.", "begins with 'What'"),
+        ("Whether it flies.", "begins with 'Whether'"),
+        ("Reference that the law is told.", "'told'"),
+        ("Force that the tip feels.", "'feels'"),
+        ("Mass matrix", "period"),
+        (f"{'A ' * 60}.", "letters"),
+        ("Speed command after which the speed is ``wanted``.", None),
+        ("Mass matrix of the floating base and its arm.", None),
+        ("Whole-body momentum.", None),
+    ],
+)
+def test_a_wrong_line_is_found_and_a_good_one_passes(line: str, words: str | None) -> None:
+    wrong = wrong_with(line)
+    assert wrong == words if words is None else words in (wrong or "")
+
+
+def test_a_participle_is_found_and_a_noun_passes() -> None:
+    names = functions(ast.parse("def joined(): ...\ndef _led(): ...\ndef speed(): ...\ndef mass_matrix(): ..."))
+    assert {name for name in names - NO_PARTICIPLES if PARTICIPLE.fullmatch(name)} == {"joined", "led"}
