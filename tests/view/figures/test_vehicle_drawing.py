@@ -14,9 +14,9 @@ from scipy.spatial import ConvexHull
 import skyarm
 from skyarm.algebra import Vec3
 from skyarm.vehicle.vehicle_files import list_vehicles
-from skyarm.view.figures.projection import SIDE, TOP, arc, axonometric, hull, surface
-from skyarm.view.figures.vehicle_drawing import AZIMUTH, BENT, ELEVATION, drawing_angles, pose, vehicle_drawing
-from skyarm.world.scene.shapes import shape_between
+from skyarm.view.figures.projection import SIDE, TOP, arc, axonometric, hull
+from skyarm.view.figures.vehicle_drawing import BENT, CORNER, drawing_angles, pose, vehicle_drawing
+from skyarm.world.scene.shapes import mesh_of, shape_between
 from skyarm.world.scene.vehicle_shapes import vehicle_shapes
 from thorough import sampled
 
@@ -32,7 +32,7 @@ def test_everything_of_a_vehicle_is_named_and_no_word_covers_another(name: str) 
     vehicle = skyarm.load_vehicle(name)
     figure = vehicle_drawing(vehicle)
     solid, side, top = figure.axes
-    said = ", ".join(words(solid)).split(", ")
+    said = [each for each in words(solid) if not each.endswith("\N{DEGREE SIGN}")]
     wanted = ["world", "base", *(link.joint.name for link in vehicle.links), *(f.name for f in vehicle.frames)]
     assert sorted(each for each in said if each not in ("x", "y", "z") and not each.isdigit()) == sorted(wanted)
     assert {each for each in said if each.isdigit()} == {str(i + 1) for i in range(len(vehicle.rotors))}
@@ -84,10 +84,9 @@ def test_positive_joints_turn_by_the_right_hand_about_their_axes() -> None:
     for joint, link in zip(drawn.joints, vehicle.links, strict=True):
         np.testing.assert_allclose(joint.axis, [float(c) for c in link.joint.axis], atol=1e-12)
     around = bows(vehicle_drawing(vehicle).axes[0])[: vehicle.n]
-    seen = axonometric(AZIMUTH, ELEVATION)
     bent = pose(vehicle)
     for joint, bow in zip(bent.joints, around, strict=True):
-        assert np.sign(turning(bow)) == np.sign(joint.axis @ seen.toward)
+        assert np.sign(turning(bow)) == np.sign(joint.axis @ CORNER.toward)
 
 
 def test_axes_of_frames_are_right_handed_on_paper() -> None:
@@ -106,27 +105,47 @@ def test_axes_of_frames_are_right_handed_on_paper() -> None:
 
 
 def test_an_outline_is_the_hull() -> None:
+    """Corners of the hull that are seen under more than half a degree are on the outline, counter-clockwise."""
     draw = np.random.default_rng(3)
     for count in (3, 10, 500):
         points = draw.normal(size=(count, 2))
-        corners = hull(points)
-        wanted = points[ConvexHull(points).vertices]
-        assert sorted(map(tuple, corners)) == sorted(map(tuple, wanted))
-        assert turning(np.concatenate([corners, corners[:1]])) > 0.0
-    assert hull(np.array([[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]])).shape[0] <= 2
+        corners, wanted = hull(points), ConvexHull(points)
+        assert set(map(tuple, corners)) <= set(map(tuple, points[wanted.vertices]))
+        assert 0.5 * turning(np.concatenate([corners, corners[:1]])) == pytest.approx(wanted.volume, rel=1e-3)
+    assert hull(np.array([[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]])).shape[0] <= 3
+
+
+@pytest.mark.parametrize("name", [PAPER_VEHICLE, "hexarotor_arm6", "tilted_hexarotor"])
+def test_lengths_and_angles_lie_clear_of_the_bodies(name: str) -> None:
+    figure = vehicle_drawing(skyarm.load_vehicle(name))
+    for ax in figure.axes:
+        bodies = [patch for patch in ax.patches if isinstance(patch, Polygon)]
+        paths = [patch.get_transform().transform_path(patch.get_path()) for patch in bodies]
+        for text in ax.texts:
+            if text.get_text().endswith((" mm", "\N{DEGREE SIGN}")):
+                middle = text.get_window_extent()
+                at = (0.5 * (middle.x0 + middle.x1), 0.5 * (middle.y0 + middle.y1))
+                assert not any(path.contains_point(at) for path in paths), text.get_text()
+
+
+def test_angles_of_bent_joints_and_tilted_rotors_are_written() -> None:
+    figure = vehicle_drawing(skyarm.load_vehicle(PAPER_VEHICLE), [0.5, 0.25])
+    assert {"28.6\N{DEGREE SIGN}", "14.3\N{DEGREE SIGN}"} <= set(words(figure.axes[1]))
+    tilted = vehicle_drawing(skyarm.load_vehicle("tilted_hexarotor"))
+    assert words(tilted.axes[0]).count("30\N{DEGREE SIGN}") == 1
 
 
 def test_surfaces_have_their_sizes() -> None:
     rod = shape_between("rod", "link", "capsule", 0, 0.01, (0.0, 0.0, 0.0), (0.3, 0.0, 0.4))
-    flat = SIDE.flat(surface(rod))
+    flat = SIDE.flat(mesh_of(rod)[0])
     # a capsule ends half a ball beyond its ends
     assert flat.max(axis=0) == pytest.approx([0.31, 0.41], abs=1e-4)
     assert flat.min(axis=0) == pytest.approx([-0.01, -0.01], abs=1e-4)
     disc = shape_between("disc", "rotor", "cylinder", 0, 0.2, (0.0, 0.0, 0.0), (0.0, 0.0, 0.02))
-    assert np.ptp(TOP.flat(surface(disc)), axis=0) == pytest.approx([0.4, 0.4], abs=1e-3)
+    assert np.ptp(TOP.flat(mesh_of(disc)[0]), axis=0) == pytest.approx([0.4, 0.4], abs=1e-3)
     hull_shape = vehicle_shapes(skyarm.load_vehicle("hummingbird"))[0]
     half = hull_shape.size
-    assert np.abs(surface(hull_shape)).max(axis=0) == pytest.approx(half, rel=1e-6)
+    assert np.abs(mesh_of(hull_shape)[0]).max(axis=0) == pytest.approx(half, rel=1e-6)
 
 
 def test_an_arc_turns_by_the_right_hand() -> None:

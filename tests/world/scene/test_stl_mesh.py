@@ -18,7 +18,6 @@ from skyarm.records.restore import restore
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.scenario.scenario_tables import with_meshes
-from skyarm.view.figures.projection import surface as outline_points
 from skyarm.world.contact import FreeObject, Mechanism, Surface
 from skyarm.world.scene.shapes import Shape, Solid, mesh_of
 from skyarm.world.scene.world_shapes import surface_shape, world_shapes
@@ -120,7 +119,7 @@ def test_meshes_of_a_file_are_beside_it_and_in_what_is_drawn(file: Path) -> None
     drawn = {each.shape.name: each.shape for each in world_shapes((contact,), np.zeros(1), carried=pose)}
     assert drawn["world/parcel"].mesh == drawn["world/wall"].mesh == str(file)
     assert drawn["world/post"].mesh == ""
-    for made in (lambda shape: mesh_of(shape)[0], outline_points):
+    for made in (lambda shape: mesh_of(shape)[0], lambda shape: mesh_of(shape, 48)[0]):
         points = made(drawn["world/parcel"])
         assert points.min(axis=0) == pytest.approx(SHIFT - [0.1, 0.2, 0.3], abs=1e-7)
 

@@ -14,7 +14,6 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators.tilting import turn_rotors
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.reference.signals import Constant, Sine
-from skyarm.view.figures.projection import surface as outline_points
 from skyarm.world.contact import Contact, ContactPoint, Material, Surface
 from skyarm.world.contact.free_object import FreeObject
 from skyarm.world.contact.mechanism import Mechanism, MechanismMotion
@@ -63,7 +62,7 @@ def test_a_drawn_surface_is_where_the_contact_has_its_skin(shape: str, moving: b
     assert solid.moves == moving
     vertices, faces = mesh_of(solid.shape)
     flat = shape in ("plane", "box")  # of round shapes the mesh has its corners alone on the skin
-    drawn = [on_faces(vertices, faces) if flat else vertices, outline_points(solid.shape)]
+    drawn = [on_faces(vertices, faces) if flat else vertices, mesh_of(solid.shape, 48)[0]]
     if shape in ("cylinder", "hole"):  # straight along the axis: between two rings of corners it is on the skin, too
         rings = vertices.reshape(-1, AROUND, 3)
         drawn.append(0.5 * (rings[1:] + rings[:-1]).reshape(-1, 3))

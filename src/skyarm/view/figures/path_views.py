@@ -12,7 +12,7 @@ from matplotlib.patches import Polygon
 
 from skyarm.log.flight_log import Log
 from skyarm.view.figures.flight_facts import ending_of, scenario_of
-from skyarm.view.figures.projection import SIDE, TOP, View, hull, surface
+from skyarm.view.figures.projection import SIDE, TOP, View, outline
 from skyarm.view.figures.style import PAPER, Picture
 from skyarm.world.scene.shapes import Solid
 from skyarm.world.scene.world_shapes import ground_height, logged_poses, world_shapes
@@ -133,8 +133,7 @@ def _draw_solid(ax: Axes, view: View, solid: Solid) -> None:
     for k in (0, 1) if solid.moves else (0,):
         if solid.shape.kind == "patch" and abs(solid.rotation[k, :, 2] @ view.toward) > FACE_ON:
             continue
-        points = surface(solid.shape) @ solid.rotation[k].T + solid.position[k]
-        corners = hull(view.flat(points))
+        corners = outline(solid.shape, solid.rotation[k], solid.position[k], view)
         drawn = Polygon(corners, closed=True, label=solid.shape.name, zorder=0.6 + 0.1 * k)
         fill = "none" if k else FILLS[solid.shape.role]
         drawn.set(facecolor=fill, edgecolor=PAPER.frame, linewidth=0.09 * PAPER.small, linestyle="--" if k else "-")

@@ -1,27 +1,27 @@
-"""A labelled drawing of any vehicle: frames, joints with their positive directions, rotors, lengths."""
+"""A labelled drawing of any vehicle: frames, joints with their positive directions, rotors, lengths, angles."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import SupportsFloat
 
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.patches import FancyArrowPatch, Polygon
 from matplotlib.patheffects import withStroke
-from matplotlib.transforms import Bbox
 
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.view.figures.projection import SIDE, TOP, View, across, arc, axonometric, hull, surface
-from skyarm.view.figures.style import PAPER, Picture, Style
+from skyarm.view.figures.projection import SIDE, TOP, View, arc, axonometric, outline, perpendicular
+from skyarm.view.figures.style import PAPER, Picture
 from skyarm.world.scene.shapes import Shape
 from skyarm.world.scene.vehicle_shapes import body_poses, rotor_radius, vehicle_shapes
 
 Array = npt.NDArray[np.float64]
+Poses = dict[int, tuple[Array, Array]]
 
 FILLS = {
     "hull": "#c5cfda",
@@ -36,34 +36,35 @@ FILLS = {
 AXIS_COLORS = ("#c0262d", "#1a7f37", "#1f5fbf")
 """x, y, z, as in every robot viewer; letters say it without colour."""
 
-AZIMUTH, ELEVATION = -math.radians(58.0), math.radians(24.0)
-"""Of the axonometric view: from the right and a little from the front, so that x, y and z all show."""
+CORNER = axonometric(-math.radians(58.0), math.radians(24.0))
+"""From the right and a little from the front, so that x, y and z all show."""
+
+UP = np.array([0.0, 0.0, 1.0])
 
 HEIGHT = 3.9
 """in."""
 
-MARGINS = np.array([0.14, 0.08])
+MARGINS = np.array([0.17, 0.13])
 """Room for labels left and right of a view, and above and below it, as shares of its width and height."""
 
 BENT = 0.5
 """rad: angle of the joints whose motion the side view shows."""
 
 TRIAD = 0.34
-"""Length of the axes of a frame, as a share of the vehicle's reach; those without letters are shorter."""
+"""Length of the axes of a frame, as a share of the vehicle's reach."""
 
-SEEN, FLAT = 0.25, 0.97
-"""Least share of its length on paper at which an axis is drawn, and from which a rod's length is written there."""
+DASHED = (0.0, (6.0, 2.0))
 
-MERGED = 0.02
-"""Share of the reach within which names stand together at one point."""
-
-DISTANCES = (0.9, 1.4, 2.0, 2.8, 3.8, 5.0, 6.5)
-"""Of a label from its point, in font sizes, nearest first; in so many directions."""
+DISTANCES = np.array([0.7, 1.2, 1.8, 2.5, 3.3, 4.2, 5.2, 6.5, 8.0])
+"""Of a label from its point, in font sizes, in so many directions."""
 
 DIRECTIONS = 16
 
-GAP, LEADER = 0.12, 1.6
-"""Font sizes: least gap between two labels; distance from which a thin line leads from a label to its point."""
+HIDDEN, COVERED = 40.0, 50.0
+"""Cost of a label on ink, against its distance; darkness that stands for another label."""
+
+LEADER = 1.5
+"""Font sizes from which a thin line leads from a label to its point."""
 
 
 def vehicle_drawing(vehicle: Vehicle, joints: Sequence[float] | None = None) -> Picture:
@@ -74,8 +75,8 @@ def vehicle_drawing(vehicle: Vehicle, joints: Sequence[float] | None = None) -> 
         joints: rad or m; if left out, those whose motion the side view shows are bent by 0.5 rad.
 
     Returns:
-        a figure in which bodies are guesses by :mod:`skyarm.world.scene`, and frames, joints, rotors and lengths are
-        the vehicle's own. World z up, body x forward, y left, z up.
+        a figure in which bodies are guesses by :mod:`skyarm.world.scene`, and frames, joints, rotors, lengths and
+        angles are the vehicle's own. World z up, body x forward, y left, z up.
 
     Raises:
         ValueError: one line: another number of joints.
@@ -83,86 +84,22 @@ def vehicle_drawing(vehicle: Vehicle, joints: Sequence[float] | None = None) -> 
     posed = pose(vehicle, joints)
     figure = PAPER.blank(PAPER.wide, HEIGHT)
     figure.set_layout_engine("none")  # every view has its place
-    shapes = vehicle_shapes(vehicle)
-    for view, place, title, draw in (
-        (axonometric(AZIMUTH, ELEVATION), (0.005, 0.01, 0.575, 0.91), "", _draw_solid),
-        (SIDE, (0.585, 0.5, 0.41, 0.38), "from the right", _draw_side),
-        (TOP, (0.585, 0.01, 0.41, 0.43), "from above", _draw_top),
+    sheets = []
+    for view, place, title, mark in (
+        (CORNER, (0.005, 0.01, 0.575, 0.91), "", _mark_frames_and_axes),
+        (SIDE, (0.585, 0.5, 0.41, 0.38), "from the right", _mark_lengths_and_angles),
+        (TOP, (0.585, 0.01, 0.41, 0.43), "from above", _mark_rotors),
     ):
-        ax = figure.add_axes(place)
-        ax.set_axis_off()
-        ax.set_title(title, **PAPER.small_words)
-        outlines = _outlines(shapes, posed, view)
-        corners = np.concatenate([each for _, each in outlines])
-        # the axes of the world stand below the vehicle, to its left on paper
-        low = corners.min(axis=0) - posed.reach * np.array([0.15, 0.2])
-        world = Frame("world", low[0] * np.array(view.right) + low[1] * np.array(view.up), np.eye(3))
-        frames = [posed.frames[0], *([world] if draw is _draw_solid else [])]
-        ends = [view.flat(frame.at + TRIAD * posed.reach * frame.R.T) for frame in frames]
-        _fit(ax, np.concatenate([corners, *ends]))
-        marks = Marks(ax, view, posed.reach)
-        for i, (shape, outline) in enumerate(outlines):
-            drawn = Polygon(outline, closed=True, facecolor=FILLS[shape.role], edgecolor=PAPER.frame)
-            alpha = 0.4 if shape.role == "rotor" else 1.0
-            drawn.set(linewidth=0.06 * PAPER.small, alpha=alpha, zorder=1.0 + 1e-3 * i, label=shape.name)
-            ax.add_patch(drawn)
-        draw(marks, vehicle, posed, world)
-        marks.write()
+        sheet = Sheet(figure.add_axes(place), view, posed.reach)
+        sheet.ax.set_title(title, **PAPER.small_words)
+        sheet.solids(vehicle_shapes(vehicle), posed.poses)
+        mark(sheet, vehicle, posed)
+        sheet.fit()
+        sheets.append(sheet)
     parts = ["frames", *(["joints"] if vehicle.links else []), *(["rotors"] if vehicle.rotors else [])]
     figure.suptitle(f"{vehicle.name}: {', '.join(parts)}", **PAPER.words)
+    _write_labels(figure, sheets)
     return figure
-
-
-def _outlines(shapes: Sequence[Shape], posed: Posed, view: View) -> list[tuple[Shape, Array]]:
-    """Each solid with the corners of its outline (K, 2) on paper, the farthest first."""
-    placed = []
-    for shape in shapes:
-        R, p = posed.poses[shape.body]
-        points = surface(shape) @ R.T + p
-        placed.append((float(view.toward @ points.mean(axis=0)), shape, hull(view.flat(points))))
-    return [(shape, corners) for _, shape, corners in sorted(placed, key=lambda each: each[0])]
-
-
-def _fit(ax: Axes, flat: Array) -> None:
-    """Limits of a view: all points (N, 2) in the middle, with room for labels, at one scale on both axes."""
-    low, high = flat.min(axis=0), flat.max(axis=0)
-    size = np.maximum(high - low, 0.3 * float(np.max(high - low)))
-    box = ax.get_window_extent()
-    pixels = np.array([box.width, box.height])
-    half = 0.5 * float(np.max(size / (1.0 - 2.0 * MARGINS) / pixels)) * pixels
-    middle = 0.5 * (low + high)
-    ax.set(xlim=(middle[0] - half[0], middle[0] + half[0]), ylim=(middle[1] - half[1], middle[1] + half[1]))
-
-
-def _draw_solid(marks: Marks, vehicle: Vehicle, posed: Posed, world: Frame) -> None:
-    """Axonometric: the world, the base, every named frame, the joints' positive directions, the rotors' numbers."""
-    marks.triad(world, letters=True)
-    for i, frame in enumerate(posed.frames):
-        marks.triad(frame, letters=i == 0 or frame.name == vehicle.end_effector)
-    for joint in posed.joints:
-        marks.positive_direction(joint, posed.joints)
-    for i in range(len(vehicle.rotors)):
-        marks.rotor(vehicle, i, str(i + 1))
-
-
-def _draw_side(marks: Marks, vehicle: Vehicle, posed: Posed, world: Frame) -> None:
-    """From the right: lengths between joints."""
-    del world, vehicle
-    marks.triad(posed.frames[0], letters=True)
-    for rod in posed.rods:
-        marks.length(rod)
-
-
-def _draw_top(marks: Marks, vehicle: Vehicle, posed: Posed, world: Frame) -> None:
-    """From above: numbers and names of rotors, the sense in which they turn, the length of the booms."""
-    del world
-    marks.triad(posed.frames[0], letters=True)
-    for i, rotor in enumerate(vehicle.rotors):
-        marks.rotor(vehicle, i, f"{i + 1} {rotor.name}\n{'ccw' if rotor.direction > 0 else 'cw'}", outside=True)
-    for rotor in vehicle.rotors[:1]:
-        hub = marks.view.flat(_vector(rotor.position))
-        if (size := float(np.linalg.norm(hub))) > 0.05 * marks.reach:
-            marks.label(_millimetres(size), 0.5 * hub, PAPER.frame)
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,14 +116,17 @@ class PosedJoint:
     """A joint to draw.
 
     Attributes:
-        name: as in the vehicle. turns: else it slides.
+        name: as in the vehicle. turns: else it slides. value: rad or m.
         at: origin (3,), m. axis: unit vector (3,) of positive motion.
+        rods: (3,) m, from here to the next joints and frames.
     """
 
     name: str
     turns: bool
+    value: float
     at: Array
     axis: Array
+    rods: tuple[Array, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,14 +135,12 @@ class Posed:
 
     Attributes:
         poses: body -> (R_WB, p_WB). frames: base first, then the named ones. joints: in their order.
-        rods: (2, 3) m, from each joint to the next joint or frame.
         reach: the longest distance from the base to anything that is named, m.
     """
 
-    poses: dict[int, tuple[Array, Array]]
+    poses: Poses
     frames: tuple[Frame, ...]
     joints: tuple[PosedJoint, ...]
-    rods: tuple[Array, ...]
     reach: float
 
 
@@ -235,154 +173,214 @@ def pose(vehicle: Vehicle, joints: Sequence[float] | None = None) -> Posed:
         R, p = poses[frame.link]
         local = np.array([_vector(row) for row in frame.rotation.rows])
         frames.append(Frame(frame.name, p + R @ _vector(frame.position), R @ local))
-    posed = [
-        PosedJoint(link.joint.name, link.joint.turns, poses[i][1], poses[i][0] @ _vector(link.joint.axis))
-        for i, link in enumerate(vehicle.links)
-    ]
-    rods = [(i, other.joint.position) for other in vehicle.moving if (i := other.parent) != BASE]
-    rods += [(frame.link, frame.position) for frame in vehicle.frames if frame.link != BASE]
-    ends = [(poses[i][1], poses[i][0] @ _vector(at)) for i, at in rods]
-    drawn = tuple(np.array([p, p + along]) for p, along in ends if np.linalg.norm(along) > 1e-6)
-    named = [
-        *(frame.at for frame in frames),
-        *(each.at for each in posed),
-        *(_vector(r.position) for r in vehicle.rotors),
-    ]
-    return Posed(poses, tuple(frames), tuple(posed), drawn, max(float(np.linalg.norm(each)) for each in named) or 0.1)
+    rods: dict[int, list[Array]] = {body: [] for body in poses}
+    for body, at in (
+        *((other.parent, other.joint.position) for other in vehicle.moving),
+        *((frame.link, frame.position) for frame in vehicle.frames),
+    ):
+        if np.linalg.norm(rod := poses[body][0] @ _vector(at)) > 1e-6:
+            rods[body].append(rod)
+    posed = []
+    for i, link in enumerate(vehicle.links):
+        (R, p), joint = poses[i], link.joint
+        posed.append(PosedJoint(joint.name, joint.turns, values[i], p, R @ _vector(joint.axis), tuple(rods[i])))
+    named = [*(each.at for each in (*frames, *posed)), *(_vector(rotor.position) for rotor in vehicle.rotors)]
+    return Posed(poses, tuple(frames), tuple(posed), max(float(np.linalg.norm(each)) for each in named) or 0.1)
 
 
-def _at_origin(vehicle: Vehicle, joints: Sequence[float]) -> dict[int, tuple[Array, Array]]:
+def _at_origin(vehicle: Vehicle, joints: Sequence[float]) -> Poses:
     """Body -> (R_WB, p_WB) of a level base at the origin."""
     level = np.array([[1.0, 0.0, 0.0, 0.0]])
     found = body_poses(vehicle, np.zeros((1, 3)), level, np.array([joints], dtype=float))
     return {body: (R[0], p[0]) for body, (R, p) in found.items()}
 
 
-def _vector(v: Iterable[Any]) -> Array:
+def _vector(v: Iterable[SupportsFloat]) -> Array:
     return np.array([float(c) for c in v])
 
 
-def _millimetres(length: float) -> str:
-    return f"{round(1e3 * length, 1):g} mm"
-
-
-class Marks:
-    """Marks over the shapes of one view: axes, arrows, angles, lengths and their labels.
+class Sheet:
+    """One view of a vehicle, and the labels that it shall have.
 
     Args:
-        ax: with its limits set. view: of it. reach: of the vehicle, m.
+        ax: empty. view: of it. reach: of the vehicle, m.
     """
 
     def __init__(self, ax: Axes, view: View, reach: float) -> None:
         self.ax, self.view, self.reach = ax, view, reach
-        self._labels: list[tuple[str, Array, str]] = []
-        self._names: list[tuple[Array, list[str]]] = []
-        self._points: list[Array] = [np.zeros((0, 2))]
-        self._taken: list[Bbox] = []
-        self._dots = PAPER.small * ax.figure.dpi / 72.0
+        self.labels: list[tuple[str, Array, str]] = []
+        self._drawn: list[Array] = []
+        ax.set_axis_off()
 
-    def label(self, text: str, at: Array, color: str = "") -> None:
-        """Request a label near a point (2,) on paper."""
-        self._labels.append((text, at, color or PAPER.ink))
+    def solids(self, shapes: Sequence[Shape], poses: Poses) -> None:
+        """Draw the bodies, the farthest first."""
+        found = []
+        for shape in shapes:
+            R, p = poses[shape.body]
+            middle = p + R @ np.array(shape.position)
+            found.append((float(self.view.toward @ middle), shape, outline(shape, R, p, self.view)))
+        for i, (_, shape, corners) in enumerate(sorted(found, key=lambda each: each[0])):
+            drawn = Polygon(corners, closed=True, facecolor=FILLS[shape.role], edgecolor=PAPER.frame)
+            alpha = 0.4 if shape.role == "rotor" else 1.0
+            drawn.set(linewidth=0.06 * PAPER.small, alpha=alpha, zorder=1.0 + 1e-3 * i, label=shape.name)
+            self.ax.add_patch(drawn)
+            self._drawn.append(corners)
 
-    def triad(self, frame: Frame, *, letters: bool) -> None:
-        """Axes of a frame, with the letters of those that are not seen end on."""
-        size = (TRIAD if letters else 0.6 * TRIAD) * self.reach
-        for letter, axis, color in zip("xyz", frame.R.T, AXIS_COLORS, strict=True):
-            ends = self.view.flat(np.array([frame.at, frame.at + size * axis]))
-            if np.linalg.norm(ends[1] - ends[0]) >= SEEN * size:
-                self.arrow(ends, color, 0.13)
-                if letters:
-                    self.label(letter, ends[1], color)
-        self._name(frame.at, frame.name)
+    def below(self) -> Array:
+        """A place (3,) below what is drawn, to its left on paper."""
+        low = np.concatenate(self._drawn).min(axis=0) - self.reach * np.array([0.15, 0.2])
+        return np.asarray(low[0] * np.array(self.view.right) + low[1] * np.array(self.view.up))
 
-    def positive_direction(self, joint: PosedJoint, others: Sequence[PosedJoint]) -> None:
-        """An arrow about, or along, the axis of a joint in its positive direction; smaller where others are near."""
-        apart = [float(np.linalg.norm(joint.at - other.at)) for other in others]
-        size = min([0.13 * self.reach, *(0.8 * each for each in apart if each > MERGED * self.reach)])
-        way = np.array([joint.at - size * joint.axis, joint.at + 2.0 * size * joint.axis])
-        if joint.turns:
-            way = arc(joint.at, joint.axis, size * across(joint.axis), 1.5 * math.pi)
-        self.arrow(self.view.flat(way), PAPER.ink, 0.1)
-        self._line(np.array([joint.at - 1.4 * size * joint.axis, joint.at + 1.4 * size * joint.axis]), (6, 2, 1, 2))
-        self._name(joint.at, joint.name)
+    def label(self, text: str, at: Array, color: str = PAPER.ink) -> None:
+        """Request a label near a point (3,)."""
+        self.labels.append((text, self.view.flat(at), color))
 
-    def length(self, rod: Array) -> None:
-        """Dimension of a rod that lies in the paper plane; of two arms in one line of sight only once."""
-        flat, whole = self.view.flat(rod), float(np.linalg.norm(rod[1] - rod[0]))
-        if np.linalg.norm(flat[1] - flat[0]) < FLAT * whole or whole < 0.05 * self.reach:
-            return
-        words, at = _millimetres(whole), flat.mean(axis=0)
-        if not any(text == words and math.dist(p, at) < MERGED * self.reach for text, p, _ in self._labels):
-            self.label(words, at, PAPER.frame)
+    def line(self, points: Array) -> None:
+        """A thin dashed line through points (N, 3)."""
+        flat = self.view.flat(points)
+        self.ax.plot(*flat.T, color=PAPER.frame, linewidth=0.08 * PAPER.small, linestyle=DASHED, label="_line")
 
-    def rotor(self, vehicle: Vehicle, i: int, words: str, *, outside: bool = False) -> None:
-        """A bow with a head in the sense in which a rotor turns, and its words at the hub or beyond the disc."""
-        rotor, radius = vehicle.rotors[i], rotor_radius(vehicle)
-        hub, axis = _vector(rotor.position), _vector(rotor.axis)
-        axis = axis / np.linalg.norm(axis)
-        bow = arc(hub, axis, 0.72 * radius * across(axis), rotor.direction * 1.35 * math.pi)
-        self.arrow(self.view.flat(bow), PAPER.ink, 0.11)
-        at = self.view.flat(hub)
-        away = float(np.linalg.norm(at))
-        self.label(words, at * (1.0 + 0.95 * radius / away) if outside and away > 0.0 else at)
-
-    def arrow(self, flat: Array, color: str, width: float) -> None:
-        """A line through points (N, 2) with a head at its end."""
-        look: Style = {"color": color, "linewidth": width * PAPER.small, "zorder": 5.0}
-        self.ax.plot(*flat.T, solid_capstyle="butt", label="_mark", **look)
+    def arrow(self, points: Array, color: str = PAPER.ink, width: float = 0.1) -> None:
+        """A line through points (N, 3) with a head at its end."""
+        flat = self.view.flat(points)
+        self._drawn.append(flat)
+        self.ax.plot(*flat.T, color=color, linewidth=width * PAPER.small, zorder=5.0, label="_mark")
         # the head alone: its shaft would end before the point
-        options: Style = {"arrowstyle": "-|>", "mutation_scale": 0.9 * PAPER.small, "shrinkA": 0.0}
-        head = FancyArrowPatch(tuple(flat[-2]), tuple(flat[-1]), color=color, shrinkB=0.0, **options)
-        head.set(linewidth=0.0, zorder=5.1)
+        head = FancyArrowPatch(tuple(flat[-2]), tuple(flat[-1]), arrowstyle="-|>", color=color, shrinkA=0, shrinkB=0)
+        head.set(linewidth=0.0, zorder=5.1, mutation_scale=0.9 * PAPER.small)
         self.ax.add_patch(head)
-        self._points.append(flat if len(flat) > 2 else np.linspace(flat[0], flat[1], 24))
 
-    def write(self) -> None:
-        """Place every label, one after the other; names at one point are merged into one label."""
-        points = self.ax.transData.transform(np.concatenate(self._points))
-        names = [(", ".join(names), at, PAPER.ink) for at, names in self._names]
+    def triad(self, frame: Frame, share: float = TRIAD) -> None:
+        """Axes of a frame that are not seen end on, with their letters and its name."""
+        for letter, axis, color in zip("xyz", frame.R.T, AXIS_COLORS, strict=True):
+            if np.linalg.norm(self.view.flat(axis)) >= 0.25:
+                end = frame.at + share * self.reach * axis
+                self.arrow(np.array([frame.at, end]), color, 0.13)
+                self.label(letter, end, color)
+        self.label(frame.name, frame.at)
+
+    def angle(self, centre: Array, start: Array, axis: Array, angle: float) -> None:
+        """An arc with a head from a direction, which is drawn dashed, and its angle in degrees."""
+        bow = arc(centre, axis, start, angle)
+        self.line(np.array([centre, centre + 1.25 * start]))
+        self.arrow(bow, AXIS_COLORS[2], 0.08)
+        self.label(f"{math.degrees(abs(angle)):.3g}\N{DEGREE SIGN}", bow[len(bow) // 2], AXIS_COLORS[2])
+
+    def fit(self) -> None:
+        """All that is drawn in the middle, with room for labels, at one scale on both axes."""
+        points = np.concatenate(self._drawn)
+        low, high = points.min(axis=0), points.max(axis=0)
+        size = np.maximum(high - low, 0.3 * float(np.max(high - low)))
+        box = self.ax.get_window_extent()
+        pixels = np.array([box.width, box.height])
+        half = 0.5 * float(np.max(size / (1.0 - 2.0 * MARGINS) / pixels)) * pixels
+        left, down = 0.5 * (low + high) - half
+        self.ax.set(xlim=(left, left + 2.0 * half[0]), ylim=(down, down + 2.0 * half[1]))
+
+
+def _mark_frames_and_axes(sheet: Sheet, vehicle: Vehicle, posed: Posed) -> None:
+    """Axonometric: the world, the base, named frames, positive directions of joints, rotors and their tilt."""
+    sheet.triad(Frame("world", sheet.below(), np.eye(3)))
+    for joint in posed.joints:
+        apart = [float(np.linalg.norm(joint.at - other.at)) for other in posed.joints]
+        size = min([0.13 * sheet.reach, *(0.8 * each for each in apart if each > 0.02 * sheet.reach)])
+        travel = np.array([joint.at - size * joint.axis, joint.at + 2.0 * size * joint.axis])
+        bow = arc(joint.at, joint.axis, size * perpendicular(joint.axis), 1.5 * math.pi)
+        sheet.arrow(bow if joint.turns else travel)
+        sheet.line(joint.at + 1.4 * size * np.array([-joint.axis, joint.axis]))
+        sheet.label(joint.name, joint.at)
+    for frame in posed.frames:
+        sheet.triad(frame, TRIAD if frame.name in ("base", vehicle.end_effector) else 0.6 * TRIAD)
+    known = set()
+    for i, rotor in enumerate(vehicle.rotors):
+        hub, axis = _rotor_bow(sheet, vehicle, i)
+        sheet.label(str(i + 1), hub)
+        tilt = math.acos(min(1.0, abs(axis[2])))
+        if tilt > 0.01 and round(tilt, 3) not in known:
+            known.add(round(tilt, 3))
+            length = 0.8 * rotor_radius(vehicle)
+            about = np.cross(UP, math.copysign(1.0, axis[2]) * axis)
+            sheet.angle(hub, length * UP, about / np.linalg.norm(about), tilt)
+            sheet.line(np.array([hub, hub + 1.25 * length * math.copysign(1.0, axis[2]) * axis]))
+
+
+def _mark_lengths_and_angles(sheet: Sheet, vehicle: Vehicle, posed: Posed) -> None:
+    """From the right: lengths between joints, and angles of the joints whose axes are seen end on."""
+    del vehicle
+    sheet.triad(posed.frames[0])
+    written: list[tuple[str, Array]] = []
+    for joint in posed.joints:
+        for rod in joint.rods:
+            length, middle = float(np.linalg.norm(rod)), joint.at + 0.5 * rod
+            # two arms in one line of sight have one label
+            words, flat = f"{round(1e3 * length, 1):g} mm", sheet.view.flat(middle)
+            known = any(text == words and math.dist(at, flat) < 0.02 * sheet.reach for text, at in written)
+            seen = float(np.linalg.norm(sheet.view.flat(rod))) >= 0.97 * length > 0.05 * sheet.reach
+            if not seen or known:
+                continue
+            written.append((words, flat))
+            sheet.label(words, middle)
+            if joint.turns and joint.value and abs(joint.axis @ sheet.view.toward) > 0.9 and rod is joint.rods[0]:
+                start = arc(joint.at, joint.axis, 0.5 * rod, -joint.value)[-1] - joint.at
+                sheet.angle(joint.at, start, joint.axis, joint.value)
+
+
+def _mark_rotors(sheet: Sheet, vehicle: Vehicle, posed: Posed) -> None:
+    """From above: numbers and names of rotors, the sense in which they turn, the length of the booms."""
+    sheet.triad(posed.frames[0])
+    for i, rotor in enumerate(vehicle.rotors):
+        hub, _ = _rotor_bow(sheet, vehicle, i)
+        away = float(np.linalg.norm(hub[:2]))
+        edge = hub * (1.0 + 0.95 * rotor_radius(vehicle) / away) if away > 0.0 else hub
+        sheet.label(f"{i + 1} {rotor.name}\n{'ccw' if rotor.direction > 0 else 'cw'}", edge)
+        if i == 0 and away > 0.05 * sheet.reach:
+            sheet.label(f"{round(1e3 * away, 1):g} mm", 0.5 * hub)
+
+
+def _rotor_bow(sheet: Sheet, vehicle: Vehicle, i: int) -> tuple[Array, Array]:
+    """Draw a bow with a head in the sense in which a rotor turns; returns its hub and its axis."""
+    rotor = vehicle.rotors[i]
+    hub, axis = _vector(rotor.position), _vector(rotor.axis)
+    axis = axis / np.linalg.norm(axis)
+    start = 0.72 * rotor_radius(vehicle) * perpendicular(axis)
+    sheet.arrow(arc(hub, axis, start, rotor.direction * 1.35 * math.pi))
+    return hub, axis
+
+
+def _write_labels(figure: Picture, sheets: Sequence[Sheet]) -> None:
+    """Write every label where the least ink is near its point: the picture without labels tells what is drawn."""
+    figure.canvas.draw()
+    ink = 1.0 - np.asarray(figure.canvas.buffer_rgba())[::-1, :, :3].mean(axis=2) / 255.0  # type: ignore[attr-defined]
+    for sheet in sheets:
         # the letters of axes first: they have the least room
-        order = [*names, *self._labels]
-        for text, at, color in sorted(order, key=lambda each: each[0] not in ("x", "y", "z")):
-            self._place(text, at, color, points)
+        for text, at, color in sorted(sheet.labels, key=lambda each: each[0] not in ("x", "y", "z")):
+            _write_label(sheet.ax, text, at, color, ink)
 
-    def _name(self, at: Array, name: str) -> None:
-        flat = self.view.flat(at)
-        near = (names for place, names in self._names if math.dist(place, flat) < MERGED * self.reach)
-        if (names := next(near, None)) is not None:
-            names.append(name)
-        else:
-            self._names.append((flat, [name]))
 
-    def _line(self, points: Array, dash: tuple[float, ...]) -> None:
-        look: Style = {"color": PAPER.frame, "linewidth": 0.08 * PAPER.small, "zorder": 4.5}
-        self.ax.plot(*self.view.flat(points).T, linestyle=(0, dash), label="_mark", **look)
-
-    def _place(self, text: str, at: Array, color: str, points: Array) -> None:
-        """Write a label where it covers no other one and as few points (N, 2), dots, as can be."""
-        words: Style = {**PAPER.small_words, "color": color, "ha": "center", "va": "center"}
-        label = self.ax.text(float(at[0]), float(at[1]), text, zorder=9.0, linespacing=1.0, **words)
-        label.set_path_effects([withStroke(linewidth=0.3 * PAPER.small, foreground=PAPER.face, alpha=0.8)])
-        here, drawn = self.ax.transData.transform(at), label.get_window_extent()
-        size = np.array([drawn.width, drawn.height])
-        best = math.inf
-        for distance in DISTANCES:
-            for angle in 2.0 * math.pi * (np.arange(DIRECTIONS) + 0.5) / DIRECTIONS:
-                centre = here + np.array([math.cos(angle), math.sin(angle)]) * (distance * self._dots + 0.5 * size)
-                tried = Bbox([centre - 0.5 * size, centre + 0.5 * size])
-                if (cost := distance + self._cost(tried, points)) < best:
-                    best, middle, box = cost, centre, tried
-        label.set_position(tuple(self.ax.transData.inverted().transform(middle)))
-        self._taken.append(box.padded(GAP * self._dots))
-        if math.dist(middle, here) > LEADER * self._dots + 0.5 * box.width:
-            edge = np.clip(here, box.min, box.max)
-            ends = self.ax.transData.inverted().transform([edge, here])
-            self.ax.plot(*ends.T, color=PAPER.frame, linewidth=0.07 * PAPER.small, zorder=8.0, label="_leader")
-
-    def _cost(self, box: Bbox, points: Array) -> float:
-        wide, inside = box.padded(GAP * self._dots), self.ax.bbox
-        covered = sum(wide.overlaps(each) for each in self._taken)
-        out = box.x0 < inside.x0 or box.y0 < inside.y0 or box.x1 > inside.x1 or box.y1 > inside.y1
-        hits = int(np.all((points >= box.min) & (points <= box.max), axis=1).sum())
-        return float(1000 * covered + 500 * out + min(hits, 8))
+def _write_label(ax: Axes, text: str, at: Array, color: str, ink: Array) -> None:
+    """Write a label near a point (2,) of a view, and mark its place in ``ink`` (rows from below, columns) as taken."""
+    font = PAPER.small * ax.figure.dpi / 72.0
+    words = {**PAPER.small_words, "color": color, "ha": "center", "va": "center", "linespacing": 1.0}
+    label = ax.text(*at, text, zorder=9.0, **words)
+    label.set_path_effects([withStroke(linewidth=0.3 * PAPER.small, foreground=PAPER.face, alpha=0.8)])
+    point, drawn = ax.transData.transform(at), label.get_window_extent()
+    half = 0.5 * np.array([drawn.width, drawn.height])
+    turns = 2.0 * math.pi * (np.arange(DIRECTIONS) + 0.5) / DIRECTIONS
+    ways = np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    best = math.inf
+    for distance in DISTANCES:
+        for centre in point + ways * (distance * font + half):
+            low, high = np.floor(centre - half - 1.0).astype(int), np.ceil(centre + half + 1.0).astype(int)
+            if (low < ax.bbox.min).any() or (high > ax.bbox.max).any():
+                continue
+            cost = distance + HIDDEN * float(ink[low[1] : high[1], low[0] : high[0]].mean())
+            if cost < best:
+                best, middle, taken = cost, centre, (slice(low[1], high[1]), slice(low[0], high[0]))
+    if best == math.inf:  # no room at all: it stays at its point
+        return
+    ink[taken] = COVERED
+    label.set_position(tuple(ax.transData.inverted().transform(middle)))
+    edge = np.clip(point, middle - half, middle + half)
+    if math.dist(edge, point) > LEADER * font:
+        ends = ax.transData.inverted().transform([edge, point])
+        ax.plot(*ends.T, color=PAPER.frame, linewidth=0.07 * PAPER.small, zorder=8.0, label="_leader")
