@@ -75,7 +75,7 @@ class Mat3(ArrayLike):
         """Opposite."""
         return Mat3(-self.r0, -self.r1, -self.r2)
 
-    def __mul__(self, scalar: Any) -> Mat3:
+    def __mul__(self, scalar: Scalar) -> Mat3:
         """Product with a scalar."""
         return Mat3(self.r0 * scalar, self.r1 * scalar, self.r2 * scalar)
 
@@ -212,7 +212,9 @@ _OTHERS = ((1, 2), (2, 0), (0, 1))
 """The axes that a rotation about axis 0, 1, 2 turns into each other."""
 
 
-def _turn(first: Any, second: Any, above: Any, below: Any, c: Any, s: Any) -> tuple[Any, Any, Any, Any]:
+def _turn(
+    first: Scalar, second: Scalar, above: Scalar, below: Scalar, c: Scalar, s: Scalar
+) -> tuple[Scalar, Scalar, Scalar, Scalar]:
     """Entries xx, yy, xy, yx of a 2x2 matrix turned by the angle with cosine c and sine s.
 
     What is not symmetric and the trace stay; the rest turns by the double angle, which is c and s applied in turn.
@@ -222,12 +224,12 @@ def _turn(first: Any, second: Any, above: Any, below: Any, c: Any, s: Any) -> tu
     return add(second, along), sub(first, along), add(above, across), add(below, across)
 
 
-def _turned_pair(x: Any, y: Any, c: Any, s: Any) -> tuple[Any, Any]:
+def _turned_pair(x: Scalar, y: Scalar, c: Scalar, s: Scalar) -> tuple[Scalar, Scalar]:
     """A vector of the plane turned by the angle with cosine c and sine s."""
     return sub(mul(c, x), mul(s, y)), add(mul(s, x), mul(c, y))
 
 
-def axis_rotation(axis: Vec3, angle: Any) -> Mat3:
+def axis_rotation(axis: Vec3, angle: Scalar) -> Mat3:
     """Rotation by ``angle`` (rad) about the unit ``axis``: a a^T + cos (1 - a a^T) + sin S(a).
 
     Written so that a structural axis folds to the elementary rotation.

@@ -10,13 +10,13 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
-from skyarm.algebra.scalars import clip, divide, maximum, where
+from skyarm.algebra.scalars import Scalar, clip, divide, maximum, where
 
 ITERATIONS = 10
 """Of the inverse by Newton's method within a bracket: the worst of 12 000 values of 300 curves comes back to 6e-14."""
 
 
-def slopes(xs: Sequence[Any], ys: Sequence[Any]) -> list[Any]:
+def slopes(xs: Sequence[Scalar], ys: Sequence[Scalar]) -> list[Any]:
     """Slopes of the curve at its points, of strictly increasing ``xs`` and ``ys``, at least two."""
     widths = [b - a for a, b in pairwise(xs)]
     steep = [divide(b - a, h) for (a, b), h in zip(pairwise(ys), widths, strict=True)]
@@ -29,19 +29,19 @@ def slopes(xs: Sequence[Any], ys: Sequence[Any]) -> list[Any]:
     return [_end(*widths[:2], *steep[:2]), *inner, _end(*widths[:-3:-1], *steep[:-3:-1])]
 
 
-def _end(h0: Any, h1: Any, d0: Any, d1: Any) -> Any:
+def _end(h0: Scalar, h1: Scalar, d0: Scalar, d1: Scalar) -> Scalar:
     """Slope at an end by a parabola through three points, not below zero."""
     return maximum(divide((2.0 * h0 + h1) * d0 - h0 * d1, h0 + h1), 0.0)
 
 
-def curve(x: Any, xs: Sequence[Any], ys: Sequence[Any]) -> Any:
+def curve(x: Scalar, xs: Sequence[Scalar], ys: Sequence[Scalar]) -> Scalar:
     """Value at ``x`` of the rising curve through the points; straight on beyond the last, level before the first."""
     start, width, low, rise, before, after, last = _piece(x, xs, ys, xs)
     t = clip(divide(x - start, width), 0.0, 1.0)
     return low + _cubic(t, rise, before, after) + last * maximum(x - xs[-1], 0.0)
 
 
-def inverse_curve(y: Any, xs: Sequence[Any], ys: Sequence[Any]) -> Any:
+def inverse_curve(y: Scalar, xs: Sequence[Scalar], ys: Sequence[Scalar]) -> Scalar:
     """Argument at which the curve has the value ``y``; the first point below it, extrapolated beyond the last."""
     start, width, low, rise, before, after, last = _piece(y, xs, ys, ys)
     wanted = clip(y - low, 0.0, rise)
@@ -57,19 +57,19 @@ def inverse_curve(y: Any, xs: Sequence[Any], ys: Sequence[Any]) -> Any:
     return start + t * width + where(last > 0.0, divide(beyond, where(last > 0.0, last, 1.0)), 0.0)
 
 
-def _cubic(t: Any, rise: Any, before: Any, after: Any) -> Any:
+def _cubic(t: Scalar, rise: Scalar, before: Scalar, after: Scalar) -> Scalar:
     """Hermite's cubic from 0 to ``rise`` with slopes per unit of t at both ends."""
     return t * (before + t * ((3.0 * rise - 2.0 * before - after) + t * (before + after - 2.0 * rise)))
 
 
-def _piece(at: Any, xs: Sequence[Any], ys: Sequence[Any], knots: Sequence[Any]) -> tuple[Any, ...]:
+def _piece(at: Scalar, xs: Sequence[Scalar], ys: Sequence[Scalar], knots: Sequence[Scalar]) -> tuple[Scalar, ...]:
     """Start, width, value, rise and slopes by t of the piece in which ``at`` is among the knots; the last slope."""
     d = slopes(xs, ys)
     rows = [
         (x0, x1 - x0, y0, y1 - y0, d0 * (x1 - x0), d1 * (x1 - x0))
         for x0, x1, y0, y1, d0, d1 in zip(xs[:-1], xs[1:], ys[:-1], ys[1:], d[:-1], d[1:], strict=True)
     ]
-    found = rows[0]
+    found: tuple[Scalar, ...] = rows[0]
     for knot, row in zip(knots[1:-1], rows[1:], strict=True):
         later = at > knot
         found = tuple(where(later, new, old) for new, old in zip(row, found, strict=True))

@@ -45,7 +45,7 @@ class Quaternion(ArrayLike):
         return cls(w, factor * v.x, factor * v.y, factor * v.z)
 
     @classmethod
-    def of_small_rotation(cls, rate: Vec3, seconds: Any = 1.0) -> Quaternion:
+    def of_small_rotation(cls, rate: Vec3, seconds: Scalar = 1.0) -> Quaternion:
         """:meth:`of_rotation_vector` of ``rate * seconds``, as an integration step makes it, in half the operations.
 
         Series of sine and cosine of a quarter of the angle, doubled once: no square root, no division, no branch. Off

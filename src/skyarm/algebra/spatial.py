@@ -81,7 +81,7 @@ def centripetal(w: Vec3, r: Vec3) -> Vec3:
 
 
 def _sum(*terms: Any) -> Any:
-    total: Any = 0
+    total: Scalar = 0
     for term in terms:
         total = add(total, term)
     return total

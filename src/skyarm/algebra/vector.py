@@ -52,7 +52,7 @@ class Vec3(ArrayLike):
     z: Scalar
 
     @classmethod
-    def of(cls, values: Sequence[Any]) -> Vec3:
+    def of(cls, values: Sequence[Scalar]) -> Vec3:
         """From any sequence of three scalars."""
         x, y, z = values
         return cls(x, y, z)
@@ -111,7 +111,7 @@ class Vec3(ArrayLike):
         zeros = sum(1 for c in self if type(c) is int and c == 0)
         return marks.index(1) if zeros == 2 and 1 in marks else None
 
-    def norm(self) -> Any:
+    def norm(self) -> Scalar:
         """Euclidean length."""
         return sqrt(self.dot(self))
 
@@ -122,9 +122,9 @@ E_Y = Vec3(0, 1, 0)
 E_Z = Vec3(0, 0, 1)
 
 
-def inner_product(a: Sequence[Any], b: Sequence[Any]) -> Any:
+def inner_product(a: Sequence[Scalar], b: Sequence[Scalar]) -> Scalar:
     """Inner product of two sequences of scalars; terms that are structurally zero are left out."""
-    total: Any = 0
+    total: Scalar = 0
     for x, y in zip(a, b, strict=True):
         total = add(total, mul(x, y))
     return total

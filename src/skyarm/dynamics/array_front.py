@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from skyarm import dynamics
 from skyarm.algebra import Force, Mat3, Quaternion, Vec3
-from skyarm.algebra.scalars import add
+from skyarm.algebra.scalars import Scalar, add
 from skyarm.dynamics.kinematics import IDENTITY, Pose, frame_pose, jacobian_columns
 from skyarm.dynamics.state import State, coordinate_acceleration, proper_acceleration
 from skyarm.records.files import shown
@@ -222,7 +222,7 @@ def finite_numbers(name: str, value: Any, allowed: str = "finite numbers") -> Ar
     return array
 
 
-def one_number(name: str, value: Any) -> float:
+def one_number(name: str, value: Scalar) -> float:
     """One finite number, such as gravity.
 
     Raises:

@@ -49,11 +49,11 @@ def motions(vehicle: Vehicle, places: Sequence[Pose], rate: Vec3, joint_rates: S
 
 def inverse_dynamics(
     vehicle: Vehicle,
-    joints: Sequence[Any],
+    joints: Sequence[Scalar],
     rate: Vec3,
-    joint_rates: Sequence[Any],
+    joint_rates: Sequence[Scalar],
     base: Motion,
-    joint_accelerations: Sequence[Any],
+    joint_accelerations: Sequence[Scalar],
 ) -> tuple[Force, tuple[Any, ...]]:
     """Force that a motion needs: M a + C v + G.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Any
 
 from skyarm.algebra import ZERO3, Force, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, add
@@ -31,7 +30,7 @@ class PointMotion:
         air: Callable[[Vec3], Vec3] | None = None,
         *,
         gravity: Scalar = 0,
-        step: Any = None,
+        step: Scalar | None = None,
     ) -> None:
         self.vehicle, self.state, self._air, self.gravity, self.step = vehicle, state, air, gravity, step
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, NamedTuple
 
 from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import clip, maximum
+from skyarm.algebra.scalars import Scalar, clip, maximum
 from skyarm.control.controller import with_applied_command
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command, mix
@@ -83,7 +83,7 @@ class Actions:
         """
         raise NotImplementedError(f"{type(self).__name__} must say its command")
 
-    def efforts(self, action: tuple[Any, ...], now: Turn) -> tuple[Any, ...]:
+    def efforts(self, action: tuple[Scalar, ...], now: Turn) -> tuple[Any, ...]:
         """Setpoints of the joints from the last numbers of an action."""
         return tuple(middle + a * half for a, (middle, half) in self._spans(action, now))
 
@@ -91,7 +91,7 @@ class Actions:
         """Increments of the joint setpoints from the last numbers of an action."""
         return tuple(a * half for a, (_, half) in self._spans(action, now))
 
-    def _spans(self, action: tuple[Any, ...], now: Turn) -> list[tuple[Any, tuple[Any, Any]]]:
+    def _spans(self, action: tuple[Scalar, ...], now: Turn) -> list[tuple[Any, tuple[Any, Any]]]:
         """For each joint the action's number, the setpoint at no action, and what a full action adds."""
         links = now.model.vehicle.links
         spans = [self._span(link.joint, each) for link, each in zip(links, now.told, strict=True)]
@@ -116,7 +116,7 @@ class RotorsAndJoints(Actions):
 
     span: Annotated[float, Unit("", "share of the hover speed", low=0.0, strict=True)] = 0.2
 
-    def command(self, action: tuple[Any, ...], now: Turn) -> tuple[Any, Command]:
+    def command(self, action: tuple[Scalar, ...], now: Turn) -> tuple[Any, Command]:
         """Hover speed plus the action's share of it, within what the rotors can turn."""
         speeds = tuple(w * (1.0 + self.span * a) for w, a in zip(_hover(now.model), action, strict=False))
         return now.memory, within_limits(now, speeds, self.efforts(action, now))
@@ -221,7 +221,7 @@ def middle_and_half(lower: Any, upper: Any) -> tuple[Any, Any]:
     return (low + high) * 0.5, (high - low) * 0.5
 
 
-def within_limits(now: Turn, speeds: tuple[Any, ...], efforts: tuple[Any, ...]) -> Command:
+def within_limits(now: Turn, speeds: tuple[Scalar, ...], efforts: tuple[Any, ...]) -> Command:
     """A command within the rotors' speeds and the joints' efforts; setpoints of drives pass as they are."""
     vehicle = now.model.vehicle
     turned = tuple(clip(w, 0.0, rotor.max_speed) for w, rotor in zip(speeds, vehicle.rotors, strict=True))
@@ -244,6 +244,6 @@ def _free(limit: Any) -> bool:
     return concrete(limit) and limit == math.inf
 
 
-def _hover(model: Model) -> tuple[Any, ...]:
+def _hover(model: Model) -> tuple[Scalar, ...]:
     """Hover speeds of the model with the arm at zero, rad/s."""
     return hover_trim(model.vehicle, (0.0,) * model.vehicle.n, model.gravity).speeds

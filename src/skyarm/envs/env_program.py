@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import absolute, clip, logical_and, where
+from skyarm.algebra.scalars import Scalar, absolute, clip, logical_and, where
 from skyarm.compile import leaves, rebuild
 from skyarm.compile.tracing.program import Loop, trace_loop
 from skyarm.dynamics import State
@@ -101,14 +101,14 @@ class EnvProgram:
         self._kept = tuple(i for i in self._kept if whole.program.inputs[count + i].index in used)
         self.loop = self._trace(draws)
 
-    def _trace(self, draws: tuple[Any, ...]) -> Loop:
+    def _trace(self, draws: tuple[Scalar, ...]) -> Loop:
         first, _ = self.start(self.base, draws)
         self.first: EnvState = structure_of(first)
         values = (self.base, (0.0,) * self.size)
         return trace_loop(self.step, self.first, values, (), self.uniforms, loops=self._loops, own_seeds=True)
 
     def start(
-        self, numbers: Sequence[Any], draws: Sequence[Any], started: Sequence[Sequence[Any]] | None = None
+        self, numbers: Sequence[Any], draws: Sequence[Scalar], started: Sequence[Sequence[Any]] | None = None
     ) -> tuple[EnvState, tuple[Any, ...]]:
         """State and observation that an episode begins with.
 
@@ -180,13 +180,13 @@ class EnvProgram:
     def _lane_scenario(self, numbers: Sequence[Any]) -> Scenario:
         return with_numbers(self.task.scenario, dict(zip(self.paths, numbers, strict=True)))
 
-    def _goal(self, scenario: Scenario, ticks: Any) -> Vec3:
+    def _goal(self, scenario: Scenario, ticks: Scalar) -> Vec3:
         """Position of the held reference after a period; after the last one that of before, as in a single run."""
         last = float(self.task.scenario.steps - 1)
         position: Vec3 = own_row(scenario, where(ticks > last, last, ticks)).reference.position
         return position
 
-    def _decide(self, stages: Stages, now: EnvState, row: Row, action: tuple[Any, ...]) -> Any:
+    def _decide(self, stages: Stages, now: EnvState, row: Row, action: tuple[Scalar, ...]) -> Any:
         """The law's memory and the command of an action."""
         values = iter(leaves(self._measurement))
         known = dict(zip(self._kept, now.seen, strict=True))
@@ -207,11 +207,13 @@ class EnvProgram:
         numbers = leaves(measurement)
         return tuple(numbers[i] for i in self._kept)
 
-    def _observe(self, stages: Stages, measurement: Any, told: Reference, action: tuple[Any, ...]) -> tuple[Any, ...]:
+    def _observe(
+        self, stages: Stages, measurement: Any, told: Reference, action: tuple[Scalar, ...]
+    ) -> tuple[Any, ...]:
         model = stages.scenario.controller.par.model
         return observation_of(self.task, Sight(measurement=measurement, reference=told, action=action, model=model))
 
-    def _ending(self, scenario: Scenario, state: State, goal: Vec3, sent: Any) -> Any:
+    def _ending(self, scenario: Scenario, state: State, goal: Vec3, sent: Scalar) -> Scalar:
         """Number of the first ending that has come, 0 while none has."""
         endings = endings_of(scenario)
         found = where(sent > 0.5, 0.0, float(len(endings) + 1))
@@ -222,11 +224,11 @@ class EnvProgram:
         return found
 
 
-def observation_of(task: Task, sight: Sight) -> tuple[Any, ...]:
+def observation_of(task: Task, sight: Sight) -> tuple[Scalar, ...]:
     """The numbers of an observation, all of them finite."""
     return tuple(_finite(number) for each in task.observation for number in each.numbers(sight))
 
 
-def _finite(value: Any) -> Any:
+def _finite(value: Scalar) -> Scalar:
     """Within the largest number; 0 for NaN, whose comparisons are all false."""
     return where(absolute(value) <= LARGEST, value, where(value > 0.0, LARGEST, where(value < 0.0, -LARGEST, 0.0)))

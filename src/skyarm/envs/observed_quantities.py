@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Vec3
+from skyarm.algebra.scalars import Scalar
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
@@ -201,7 +202,7 @@ USUAL = (
 """The observation where none is given."""
 
 
-def tip_error(vehicle: Vehicle, state: State, reference: Any) -> Vec3:
+def tip_error(vehicle: Vehicle, state: State, reference: Reference) -> Vec3:
     """Desired minus actual position of the tip, world axes, m."""
     return goal_of(vehicle, reference).tool - tool_of(vehicle, state)
 
@@ -220,5 +221,5 @@ def _state(seen: Any) -> State:
     )
 
 
-def _divide(vector: Vec3, scale: float) -> list[Any]:
+def _divide(vector: Vec3, scale: float) -> list[Scalar]:
     return [number / scale for number in vector]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import exp, sqrt
+from skyarm.algebra.scalars import Scalar, exp, sqrt
 from skyarm.envs.observed_quantities import JointTravel, Metres, RadPerSecond, Result, tip_error
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
@@ -187,16 +187,16 @@ def _squares(vector: Vec3) -> Any:
     return vector.dot(vector)
 
 
-def _length(vector: Vec3) -> Any:
+def _length(vector: Vec3) -> Scalar:
     return sqrt(_squares(vector))
 
 
-def _nearness(error: Vec3, scale: float) -> Any:
+def _nearness(error: Vec3, scale: float) -> Scalar:
     return exp(-_squares(error) / (scale * scale))
 
 
-def _mean_square(values: Sequence[Any]) -> Any:
-    total: Any = 0.0
+def _mean_square(values: Sequence[Scalar]) -> Scalar:
+    total: Scalar = 0.0
     for value in values:
         total = total + value * value
     return total / float(max(1, len(values)))

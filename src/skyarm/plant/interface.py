@@ -53,7 +53,7 @@ def flat(state: State) -> tuple[float, ...]:
     return tuple(float(value) for value in leaves(state))
 
 
-def number(value: Any) -> Any:
+def number(value: Scalar) -> Any:
     """A structural integer as data, so that every output of a traced program has its place among its leaves."""
     return float(value) if type(value) is int else value
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable
 from typing import Any
 
+from skyarm.algebra.scalars import Scalar
 from skyarm.compile import leaves
 from skyarm.dynamics.actuators.drive import Drive
 from skyarm.plant.surroundings import Surroundings
@@ -126,7 +127,7 @@ def check_largest_step(records: Iterable[tuple[str, Any]], period: float) -> Non
                 _require_step(f"{where}.{name}", coerce.number(f"{where}.{name}", other), period)
 
 
-def _require_step(where: str, value: Any, period: float) -> None:
+def _require_step(where: str, value: Scalar, period: float) -> None:
     if concrete(value) and not period / MOST_STEPS <= value < math.inf:
         raise ValueError(
             f"{where} = {shown(value)}: must be None or at least {period / MOST_STEPS:g} s, a thousandth of the "

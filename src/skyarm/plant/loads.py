@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from skyarm.algebra import ZERO3, Force
-from skyarm.algebra.scalars import add, mul
+from skyarm.algebra.scalars import Scalar, add, mul
 from skyarm.dynamics.actuators import Command, joint_force, rotor_forces, speeds_after, stop_force
 from skyarm.dynamics.actuators.rotor import spin_torque
 from skyarm.dynamics.actuators.tilting import angles_after, turn_rotors
@@ -56,11 +56,11 @@ def loaded_vehicle(vehicle: Vehicle, around: Surroundings) -> Vehicle:
 def applied_force(
     vehicle: Vehicle,
     state: State,
-    rotor_speeds: Sequence[Any],
-    setpoints: Sequence[Any],
+    rotor_speeds: Sequence[Scalar],
+    setpoints: Sequence[Scalar],
     around: Surroundings,
-    commands: Sequence[Any] = (),
-    step: Any = None,
+    commands: Sequence[Scalar] = (),
+    step: Scalar | None = None,
 ) -> tuple[Force, tuple[Any, ...]]:
     """Force on the base (torque about and force at its origin, base axes) and joint torques.
 
@@ -91,9 +91,10 @@ def applied_force(
     return total, tuple(torques)
 
 
-def _outside(wrenches: Sequence[Wrench], motion: PointMotion) -> tuple[Force, Sequence[Any]]:
+def _outside(wrenches: Sequence[Wrench], motion: PointMotion) -> tuple[Force, Sequence[Scalar]]:
     """Wrenches on bodies as force on the base and joint torques."""
-    total, pushed = Force(ZERO3, ZERO3), [0] * motion.vehicle.n
+    total = Force(ZERO3, ZERO3)
+    pushed: list[Scalar] = [0] * motion.vehicle.n
     for wrench in wrenches:
         force, efforts = motion.generalized_force(wrench.force_W, wrench.torque_W, wrench.point, wrench.body)
         total = total + force
@@ -106,8 +107,8 @@ STEADY = Surroundings()
 
 
 def rotor_speeds_after(
-    vehicle: Vehicle, state: State, command: Command, dt: Any, around: Surroundings = STEADY
-) -> tuple[Any, ...]:
+    vehicle: Vehicle, state: State, command: Command, dt: Scalar, around: Surroundings = STEADY
+) -> tuple[Scalar, ...]:
     """Rotor speeds after ``dt`` seconds of a held command under the period's supply."""
     return speeds_after(
         vehicle.rotors,
@@ -117,6 +118,6 @@ def rotor_speeds_after(
     )
 
 
-def tilts_after(vehicle: Vehicle, state: State, command: Command, dt: Any) -> tuple[Any, ...]:
+def tilts_after(vehicle: Vehicle, state: State, command: Command, dt: Scalar) -> tuple[Any, ...]:
     """Angles of rotors that tilt after ``dt`` seconds of a held command."""
     return angles_after(vehicle, state.tilts, command.tilts, dt) if vehicle.tilts else ()

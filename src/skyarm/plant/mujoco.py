@@ -15,6 +15,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from skyarm.algebra.scalars import Scalar
 from skyarm.compile import leaves
 from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.dynamics.actuators import Command
@@ -157,7 +158,14 @@ class MujocoPlant:
                 layout, self.model, self._data, around, physics_step, self._forward, gravity=world.gravity
             )
 
-    def _forces_and_speeds(self, x: Any, commanded: Any, setpoints: Any, angles: Any, around: Surroundings) -> Any:
+    def _forces_and_speeds(
+        self,
+        x: tuple[Scalar, ...],
+        commanded: tuple[Scalar, ...],
+        setpoints: tuple[Scalar, ...],
+        angles: Any,
+        around: Surroundings,
+    ) -> tuple[Scalar, ...]:
         """Generalised forces in MuJoCo's order, then after one physics step rotor speeds, tilts, coupled memories."""
         state, command = self._layout.state(x), Command(rotor_speeds=commanded, efforts=setpoints, tilts=angles)
         if self._euler:

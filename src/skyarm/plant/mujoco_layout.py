@@ -7,6 +7,7 @@ from operator import itemgetter
 from typing import Any
 
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra.scalars import Scalar
 from skyarm.dynamics.kinematics import every_joint, every_rate
 from skyarm.dynamics.state import State
 from skyarm.plant.loads import applied_force
@@ -48,7 +49,7 @@ class Layout:
         rates = every_rate(self.vehicle, numbers[13 + n : 13 + 2 * n])
         return self._theirs((*numbers[:13], *joints, *rates, *numbers[13 + 2 * n :]))
 
-    def state(self, x: Sequence[Any]) -> State:
+    def state(self, x: Sequence[Scalar]) -> State:
         """State record from numbers in MuJoCo's order."""
         ours, n = self.to_ours(x), self.vehicle.n
         return State(
@@ -62,13 +63,13 @@ class Layout:
             tilts=tuple(ours[13 + 2 * n + self.rotors :]),
         )
 
-    def accelerations(self, qacc: Sequence[Any]) -> tuple[Vec3, Vec3, tuple[Any, ...]]:
+    def accelerations(self, qacc: Sequence[Scalar]) -> tuple[Vec3, Vec3, tuple[Any, ...]]:
         """Accelerations of the base (world axes), of its rotation (base axes) and of the joints, from MuJoCo's."""
         return Vec3.of(qacc[0:3]), Vec3.of(qacc[3:6]), tuple(qacc[i] for i in self._dofs)
 
     def generalized_forces(
-        self, state: State, setpoints: Sequence[Any], around: Surroundings, commands: Sequence[Any] = ()
-    ) -> list[Any]:
+        self, state: State, setpoints: Sequence[Scalar], around: Surroundings, commands: Sequence[Scalar] = ()
+    ) -> list[Scalar]:
         """Generalised forces on a state without gravity, in MuJoCo's order.
 
         The dual of a free joint's velocity is the force at the base origin in world axes and the torque in base axes.

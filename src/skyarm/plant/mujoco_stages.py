@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.algebra.scalars import add, mul
+from skyarm.algebra.scalars import Scalar, add, mul
 from skyarm.compile import leaves, rebuild
 from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.dynamics.actuators import Command
@@ -48,7 +48,7 @@ class StagedRungeKutta:
 
     def __init__(
         self, layout: Layout, model: Any, data: Any, around: Surroundings, dt: float, forward: Any = mujoco.mj_forward,
-        *, gravity: Any = 0,
+        *, gravity: Scalar = 0,
     ) -> None:  # fmt: skip
         self._truth = Truth(vehicle=layout.vehicle, gravity=gravity)
         self._layout, self._model, self._data, self._forward = layout, model, data, forward
@@ -98,7 +98,7 @@ class StagedRungeKutta:
         numbers = self._layout.to_mujoco(leaves(following))
         return tuple(number(value) for value in (*numbers, *memory, *change[3:6], *sums, *rates, *loads))
 
-    def _slope(self, x: State, u: Vec3, qacc: Any) -> list[Any]:
+    def _slope(self, x: State, u: Vec3, qacc: tuple[Scalar, ...]) -> list[Scalar]:
         """Rates of position, rotation vector, joints, and of the three velocities."""
         linear, angular, joints = self._layout.accelerations(qacc)
         across = u.cross(x.rate)
@@ -131,11 +131,11 @@ class StagedRungeKutta:
         return self._now.tolist(), self._memory.tolist()
 
 
-def _move_state(first: State, change: Sequence[Any]) -> State:
+def _move_state(first: State, change: Sequence[Scalar]) -> State:
     """A state moved by changes of position, rotation vector, joints and velocities."""
     n = len(first.joints)
 
-    def line(values: Sequence[Any], more: Sequence[Any]) -> tuple[Any, ...]:
+    def line(values: Sequence[Scalar], more: Sequence[Scalar]) -> tuple[Any, ...]:
         return tuple(add(value, extra) for value, extra in zip(values, more, strict=True))
 
     turned = first.quaternion * Quaternion.of_rotation_vector(Vec3(*change[3:6]))

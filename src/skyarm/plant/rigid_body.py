@@ -58,10 +58,10 @@ class Rate:
 def accelerate(
     world: Truth,
     state: State,
-    rotor_speeds: Sequence[Any],
-    efforts: Sequence[Any],
+    rotor_speeds: Sequence[Scalar],
+    efforts: Sequence[Scalar],
     around: Surroundings,
-    commands: Sequence[Any] = (),
+    commands: Sequence[Scalar] = (),
 ) -> tuple[Motion, tuple[Any, ...]]:
     """Proper acceleration of the base (base axes) and joint accelerations."""
     force, torques = applied_force(world.vehicle, state, rotor_speeds, efforts, around, commands)
@@ -72,10 +72,10 @@ def accelerate(
 def derivative(
     world: Truth,
     state: State,
-    rotor_speeds: Sequence[Any],
-    efforts: Sequence[Any],
+    rotor_speeds: Sequence[Scalar],
+    efforts: Sequence[Scalar],
     around: Surroundings,
-    commands: Sequence[Any] = (),
+    commands: Sequence[Scalar] = (),
 ) -> Rate:
     """Right-hand side of the equations of motion."""
     base, joint_accelerations = accelerate(world, state, rotor_speeds, efforts, around, commands)
@@ -105,7 +105,9 @@ def coupled_rk4(world: Truth, state: State, command: Command, around: Surroundin
     half_angles, angles = (tilts_after(world.vehicle, state, command, part) for part in (0.5 * dt, dt))
     first = around.coupled_memories()
 
-    def slope(at: State, memories: Memories, speeds: Sequence[Any], turned: tuple[Any, ...]) -> tuple[Rate, Memories]:
+    def slope(
+        at: State, memories: Memories, speeds: Sequence[Scalar], turned: tuple[Any, ...]
+    ) -> tuple[Rate, Memories]:
         if turned:
             at = replace(at, tilts=turned)
         now = around.with_coupled(memories)
@@ -122,10 +124,10 @@ def coupled_rk4(world: Truth, state: State, command: Command, around: Surroundin
     return replace(after, quaternion=after.quaternion.normalized(), rotor_speeds=whole, tilts=angles), memories
 
 
-def _move_state(state: State, rate: Rate, dt: Any) -> State:
+def _move_state(state: State, rate: Rate, dt: Scalar) -> State:
     """state + dt * rate."""
 
-    def line(values: Sequence[Any], slopes: Sequence[Any]) -> tuple[Any, ...]:
+    def line(values: Sequence[Scalar], slopes: Sequence[Scalar]) -> tuple[Any, ...]:
         return tuple(add(x, mul(dx, dt)) for x, dx in zip(values, slopes, strict=True))
 
     return State(
@@ -167,7 +169,7 @@ def coupled_euler(world: Truth, state: State, command: Command, around: Surround
     return after, after_euler_step(around, slopes, dt)
 
 
-def coupled_verlet(world: Truth, state: State, command: Command, around: Surroundings, dt: Any) -> Moved:
+def coupled_verlet(world: Truth, state: State, command: Command, around: Surroundings, dt: Scalar) -> Moved:
     """One step of the Stoermer-Verlet method: half of the way, the push of forces there, the other half.
 
     Forces are taken once, in the middle of the step, with the velocities before the push: of second order and without
@@ -187,7 +189,7 @@ def coupled_verlet(world: Truth, state: State, command: Command, around: Surroun
     force, torques = applied_force(vehicle, middle, speeds, efforts, there, turning, step=dt)
     moving, R = loaded_vehicle(vehicle, there), middle.quaternion.rotation()
 
-    def push(at: State, seconds: Any) -> State:
+    def push(at: State, seconds: Scalar) -> State:
         """The state in the middle after so many seconds of the forces, with the inertial ones of the velocities at."""
         base, joints = dynamics.forward_dynamics(moving, at.joints, at.rate, at.joint_rates, force, torques)
         linear, angular = coordinate_acceleration(R, base, world.gravity)
@@ -204,7 +206,7 @@ def coupled_verlet(world: Truth, state: State, command: Command, around: Surroun
     return replace(after, quaternion=after.quaternion.renormalized()), memories
 
 
-def _drift(state: State, dt: Any) -> State:
+def _drift(state: State, dt: Scalar) -> State:
     """The state after a time (s) in which velocities stay."""
     return replace(
         state,
@@ -264,7 +266,8 @@ def after_impact(vehicle: Vehicle, state: State, around: Surroundings) -> State:
     """
     if not changes_inertia(around):
         return state
-    motion, total, pushed = PointMotion(vehicle, state), Force(ZERO3, ZERO3), [0] * vehicle.n
+    motion, total = PointMotion(vehicle, state), Force(ZERO3, ZERO3)
+    pushed: list[Scalar] = [0] * vehicle.n
     for held, memory in rigid_loads(around):
         link, load = held.body(vehicle, memory.caught)
         spin = load.inertia.apply(motion.angular_velocity(link))

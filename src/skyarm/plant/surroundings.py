@@ -44,14 +44,14 @@ class Surroundings:
             total = total + component.velocity(memory, self.time, position_W)
         return total
 
-    def wrenches(self, motion: PointMotion, rotor_speeds: Sequence[Any]) -> list[Wrench]:
+    def wrenches(self, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> list[Wrench]:
         """Wrenches on the bodies, without rotors and drag."""
         found: list[Wrench] = []
         for component, memory in zip(self.components, self.memories, strict=True):
             found += component.wrenches(memory, self.time, motion, rotor_speeds)
         return found
 
-    def rotor_commands(self, rotors: Sequence[Rotor], commands: Sequence[Any]) -> Sequence[Any]:
+    def rotor_commands(self, rotors: Sequence[Rotor], commands: Sequence[Scalar]) -> Sequence[Scalar]:
         """Speeds (rad/s) that the rotors follow where these are commanded."""
         for component, memory in zip(self.components, self.memories, strict=True):
             commands = component.rotor_commands(memory, rotors, commands)
@@ -76,11 +76,11 @@ class Surroundings:
             held[place] = memory
         return replace(self, memories=tuple(held))
 
-    def slopes(self, motion: PointMotion, rotor_speeds: Sequence[Any]) -> tuple[Any, ...]:
+    def slopes(self, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> tuple[Any, ...]:
         """Rates of their memories, 1/s."""
         return tuple(self.components[i].slope(self.memories[i], self.time, motion, rotor_speeds) for i in self.coupled)
 
-    def far(self, motion: PointMotion, seconds: Any) -> Any:
+    def far(self, motion: PointMotion, seconds: Scalar) -> Any:
         """True if none of them requests its steps within so many seconds."""
         found: Any = True
         for i in self.coupled:
@@ -94,11 +94,11 @@ class Surroundings:
         components, memories = (tuple(each[i] for i in kept) for each in (self.components, self.memories))
         return replace(self, components=components, memories=memories)
 
-    def alone(self, seconds: Any, rounds: int, gravity: Any) -> tuple[Any, ...]:
+    def alone(self, seconds: Scalar, rounds: int, gravity: Scalar) -> tuple[Any, ...]:
         """Memories of the coupled components after so many seconds, in so many parts, for which they were far."""
         return tuple(self.components[i].alone(self.memories[i], seconds, rounds, gravity) for i in self.coupled)
 
-    def effort(self, index: int, setpoint: Any, position: Any, rate: Any) -> Any:
+    def effort(self, index: int, setpoint: Scalar, position: Scalar, rate: Scalar) -> Any:
         """Effort of a joint's drive before its limit and friction, N m or N."""
         if not self.drives:
             return TORQUE_DRIVE.effort((), setpoint, position, rate)
@@ -125,7 +125,7 @@ Memories = tuple[Any, ...]
 """Of the coupled components, in their order."""
 
 
-def slopes_of(world: Truth, state: State, rotor_speeds: Sequence[Any], around: Surroundings) -> Memories:
+def slopes_of(world: Truth, state: State, rotor_speeds: Sequence[Scalar], around: Surroundings) -> Memories:
     """Rates of the memories at a state, 1/s."""
     if not around.coupled:
         return ()
@@ -133,14 +133,14 @@ def slopes_of(world: Truth, state: State, rotor_speeds: Sequence[Any], around: S
     return around.slopes(motion, rotor_speeds)
 
 
-def advance_memories(memories: Memories, slopes: Memories, dt: Any) -> Memories:
+def advance_memories(memories: Memories, slopes: Memories, dt: Scalar) -> Memories:
     """Memories + dt * slopes."""
     found: Memories = moved_by(memories, slopes, dt)
     return found
 
 
 def before_euler_step(
-    world: Truth, state: State, rotor_speeds: Sequence[Any], around: Surroundings, dt: Any
+    world: Truth, state: State, rotor_speeds: Sequence[Scalar], around: Surroundings, dt: Scalar
 ) -> Surroundings:
     """The surroundings with which a semi-implicit Euler step (s) takes its forces."""
     if not around.coupled:
@@ -148,25 +148,25 @@ def before_euler_step(
     return bend_coupled(around, slopes_of(world, state, rotor_speeds, around), dt)
 
 
-def bend_coupled(around: Surroundings, slopes: Memories, dt: Any) -> Surroundings:
+def bend_coupled(around: Surroundings, slopes: Memories, dt: Scalar) -> Surroundings:
     """The surroundings advanced by a time (s) along the slopes that velocities bend."""
     going = zip(around.coupled, around.coupled_memories(), slopes, strict=True)
     return around.with_coupled([around.components[i].before_euler_step(held, rate, dt) for i, held, rate in going])
 
 
-def after_euler_step(around: Surroundings, slopes: Memories, dt: Any) -> Memories:
+def after_euler_step(around: Surroundings, slopes: Memories, dt: Scalar) -> Memories:
     """Memories of the surroundings after a semi-implicit Euler step (s)."""
     going = zip(around.coupled, around.coupled_memories(), slopes, strict=True)
     return tuple(around.components[i].euler_step(memory, slope, dt) for i, memory, slope in going)
 
 
-def drift_coupled(around: Surroundings, dt: Any) -> Surroundings:
+def drift_coupled(around: Surroundings, dt: Scalar) -> Surroundings:
     """The surroundings after a time (s) in which coupled components are not pushed."""
     going = zip(around.coupled, around.coupled_memories(), strict=True)
     return around.with_coupled([around.components[i].drift(held, dt) for i, held in going])
 
 
-def push_coupled(around: Surroundings, motion: PointMotion, rotor_speeds: Sequence[Any], dt: Any) -> Surroundings:
+def push_coupled(around: Surroundings, motion: PointMotion, rotor_speeds: Sequence[Scalar], dt: Scalar) -> Surroundings:
     """The surroundings after the forces of a time (s) on coupled components."""
     going = zip(around.coupled, around.coupled_memories(), strict=True)
     return around.with_coupled(

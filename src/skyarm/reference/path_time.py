@@ -70,7 +70,7 @@ class PathTime:
         rows = [np.asarray(sum(w * p for w, p in zip(row, window, strict=True)) / 120.0) for row in CARDINAL]
         found = []
         for order in range(ORDERS):
-            total: Any = 0.0
+            total: Scalar = 0.0
             for power in range(len(rows) - 1, order - 1, -1):
                 total = total * left + rows[power] * float(math.perm(power, order))
             found.append(total / step**order)

@@ -25,6 +25,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from skyarm.algebra.scalars import Scalar
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import Fields, number, shown
 from skyarm.reference.signals import (
@@ -174,6 +175,6 @@ class SignalList:
         )
         return cls(tuple(found))
 
-    def at(self, t: Any) -> tuple[Any, ...]:
+    def at(self, t: Scalar) -> tuple[Any, ...]:
         """Values at time t, s; a structural zero for a signal that is not there."""
         return tuple(signal.derivatives(t)[0] for signal in self.signals)

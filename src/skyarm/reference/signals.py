@@ -77,7 +77,7 @@ class Constant(Signal):
     def __post_init__(self) -> None:
         accept_fields(self, "constant")
 
-    def derivatives(self, t: Any) -> Derivatives:
+    def derivatives(self, t: Scalar) -> Derivatives:
         """Value, 0, 0, 0, 0."""
         return self.value, 0, 0, 0, 0
 
@@ -105,7 +105,7 @@ class Ramp(Signal):
             raise ValueError(f"ramp.duration = {self.duration!r}: must be above 0 s")
         check_shape("ramp.shape", self.shape)
 
-    def derivatives(self, t: Any) -> Derivatives:
+    def derivatives(self, t: Scalar) -> Derivatives:
         """Value and derivatives.
 
         Source: the quintic is the rest-to-rest motion of least jerk, Flash, Hogan 1985.
@@ -121,7 +121,7 @@ class Ramp(Signal):
         d0, d1, d2, d3, d4 = pieces
         return d0, d1, d2, d3, d4
 
-    def _select_piece(self, t: Any, inside: Any, after: Any) -> Any:
+    def _select_piece(self, t: Scalar, inside: Scalar, after: Scalar) -> Scalar:
         return where(t < self.start, 0.0, where(t < self.start + self.duration, inside, after))
 
     def switch_times(self) -> tuple[float, ...]:
@@ -129,12 +129,12 @@ class Ramp(Signal):
         return float(self.start), float(self.start + self.duration)
 
 
-def _linear(u: Any) -> Derivatives:
+def _linear(u: Scalar) -> Derivatives:
     """Straight line u and its derivatives by u."""
     return u, 1.0, 0, 0, 0
 
 
-def _quintic(u: Any) -> Derivatives:
+def _quintic(u: Scalar) -> Derivatives:
     """Blend 10 u^3 - 15 u^4 + 6 u^5 and its derivatives by u."""
     u2 = u * u
     return (
@@ -157,7 +157,7 @@ class Sine(Signal):
     def __post_init__(self) -> None:
         accept_fields(self, "sine")
 
-    def derivatives(self, t: Any) -> Derivatives:
+    def derivatives(self, t: Scalar) -> Derivatives:
         """Value and derivatives: each turns the sine by a quarter and multiplies it by w."""
         w = 2.0 * math.pi * self.frequency_hz
         angle = w * t + self.phase
@@ -188,12 +188,12 @@ class Windowed(Signal):
         if concrete(self.start, self.stop) and not self.start < self.stop:
             raise ValueError(f"windowed.stop = {self.stop!r}: must be after start = {self.start!r}")
 
-    def derivatives(self, t: Any) -> Derivatives:
+    def derivatives(self, t: Scalar) -> Derivatives:
         """Derivatives of the signal inside, zero outside; structural zeros stay structure."""
         d0, d1, d2, d3, d4 = (self._inside(t, value) for value in self.signal.derivatives(t))
         return d0, d1, d2, d3, d4
 
-    def _inside(self, t: Any, value: Any) -> Any:
+    def _inside(self, t: Scalar, value: Scalar) -> Scalar:
         if type(value) is int and value == 0:
             return 0
         return where(t < self.start, 0.0, where(t < self.stop, value, 0.0))
@@ -215,7 +215,7 @@ class Shifted(Signal):
     def __post_init__(self) -> None:
         accept_fields(self, "shifted")
 
-    def derivatives(self, t: Any) -> Derivatives:
+    def derivatives(self, t: Scalar) -> Derivatives:
         """Derivatives of the signal at t - delay."""
         return self.signal.derivatives(t - self.delay)
 
@@ -233,7 +233,7 @@ class Sum(Signal):
     def __post_init__(self) -> None:
         accept_fields(self, "sum")
 
-    def derivatives(self, t: Any) -> Derivatives:
+    def derivatives(self, t: Scalar) -> Derivatives:
         """Sum, term by term."""
         total: Derivatives = (0, 0, 0, 0, 0)
         for signal in self.signals:
@@ -261,7 +261,7 @@ class Product(Signal):
         f, g = self.signal.derivatives(t), self.factor.derivatives(t)
         found: list[Any] = []
         for order in range(len(f)):
-            total: Any = 0
+            total: Scalar = 0
             for i in range(order + 1):
                 total = add(total, mul(math.comb(order, i), mul(f[i], g[order - i])))
             found.append(total)
@@ -310,7 +310,9 @@ MOST_PULSES = 100_000
 """Pulses of one signal."""
 
 
-def sequence(start: Any, segments: Iterable[tuple[Any, Any]], *, initial: Any = 0.0, shape: str = "linear") -> Signal:
+def sequence(
+    start: Scalar, segments: Iterable[tuple[Any, Any]], *, initial: Scalar = 0.0, shape: str = "linear"
+) -> Signal:
     """Ramps and holds one after another; the last value is held.
 
     Args:
@@ -352,7 +354,7 @@ class Turning(Signal):
     def __post_init__(self) -> None:
         accept_fields(self, "turning")
 
-    def derivatives(self, t: Any) -> Derivatives:
+    def derivatives(self, t: Scalar) -> Derivatives:
         """Value and derivatives, exactly."""
         a = Taylor.of_derivatives(self.angle.derivatives(t))
         place = (a * self.growth + self.radius) * (cos(a) * self.u + sin(a) * self.w) - self.radius * self.u

@@ -74,9 +74,9 @@ class Polynomials(Signal):
         return float(self.knots[0]), float(self.knots[-1])
 
 
-def _polynomial(c: Sequence[Any], s: Any, order: int) -> Any:
+def _polynomial(c: Sequence[Scalar], s: Scalar, order: int) -> Scalar:
     """A derivative of a polynomial by Horner's rule; 0.0 of one of lower degree."""
-    total: Any = 0.0
+    total: Scalar = 0.0
     for power in range(len(c) - 1, order - 1, -1):
         total = total * s + c[power] * float(math.perm(power, order))
     return total

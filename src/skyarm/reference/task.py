@@ -20,6 +20,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from skyarm.algebra.scalars import Scalar
 from skyarm.records.files import Fields, shown
 from skyarm.reference.signals import Constant, Signal, Sum, Turning, Windowed
 from skyarm.reference.splines import minimum_snap
@@ -319,7 +320,9 @@ def _apart(a: Place, b: Place) -> float:
     return max(abs(p - q) for p, q in zip(a, b, strict=True))
 
 
-def require_field(fields: Fields, name: str, value: Any, known: Any, words: str) -> None:
+def require_field(
+    fields: Fields, name: str, value: tuple[Scalar, ...], known: tuple[Scalar, ...] | None, words: str
+) -> None:
     """Refuse a value that contradicts another phase."""
     if known is not None and any(not math.isclose(a, b, abs_tol=1e-9) for a, b in zip(value, known, strict=True)):
         raise ValueError(f"{fields.at(name)} = {shown(list(value) if len(value) > 1 else value[0])}: {words}")

@@ -93,13 +93,13 @@ class TipMotion:
     def __post_init__(self) -> None:
         accept_fields(self, "tip")
 
-    def path(self, t: Any) -> FiveVectors:
+    def path(self, t: Scalar) -> FiveVectors:
         """Its signals and their derivatives at a time, s."""
         found: list[Derivatives] = [signal.derivatives(t) for signal in (self.x, self.y, self.z)]
         p, v, a, j, s = (Vec3(*c) for c in zip(*found, strict=True))
         return p, v, a, j, s
 
-    def base(self, t: Any, yaw: Sequence[Any], joints: Sequence[Sequence[Any]]) -> FiveVectors:
+    def base(self, t: Scalar, yaw: Sequence[Scalar], joints: Sequence[Sequence[Any]]) -> FiveVectors:
         """Base position, with derivatives, from which a level base carries the tip along its path in the world.
 
         Args:
@@ -113,7 +113,7 @@ class TipMotion:
         return p, v, a, j, s
 
 
-def rotate_by_yaw(yaw: Sequence[Any], v: Vec3) -> Vec3:
+def rotate_by_yaw(yaw: Sequence[Scalar], v: Vec3) -> Vec3:
     """Return R_z(yaw) v for a heading with four derivatives and a vector of series."""
     heading = Taylor.of_derivatives([*yaw, *(0,) * (ORDER + 1 - len(yaw))])
     c, s = cos(heading), sin(heading)
@@ -168,7 +168,7 @@ class TipPush:
     def __post_init__(self) -> None:
         accept_fields(self, "reference.push")
 
-    def at(self, t: Any) -> tuple[Any, ...]:
+    def at(self, t: Scalar) -> tuple[Any, ...]:
         """The field ``push`` of a reference at time t (s).
 
         Force (N), speed (m/s) and unit normal; where the tip may grip, also that (0 to 1), and where it goes about an
@@ -207,7 +207,7 @@ def counted_error(away: Vec3, push: Sequence[Any], tip: Vec3) -> Vec3:
     return counted
 
 
-def out_of_axis(tip: Vec3, pivot: Vec3, axis: Vec3, grips: Any, normal: Vec3) -> Vec3:
+def out_of_axis(tip: Vec3, pivot: Vec3, axis: Vec3, grips: bool, normal: Vec3) -> Vec3:
     """Unit vector out of an axis to the tip while it grips, else the normal.
 
     Args:
@@ -225,7 +225,7 @@ def out_of_axis(tip: Vec3, pivot: Vec3, axis: Vec3, grips: Any, normal: Vec3) ->
     return Vec3(*(where(turns, data(a), data(b)) for a, b in zip(unit, normal, strict=True)))
 
 
-def _unit(v: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
+def _unit(v: tuple[Scalar, Scalar, Scalar]) -> tuple[Any, Any, Any]:
     x, y, z = v
     length = divide(1.0, sqrt(x * x + y * y + z * z))
     return x * length, y * length, z * length

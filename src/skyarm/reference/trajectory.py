@@ -115,7 +115,7 @@ class Trajectory:
     def __post_init__(self) -> None:
         accept_fields(self, "trajectory")
 
-    def at(self, t: Any) -> Reference:
+    def at(self, t: Scalar) -> Reference:
         """Sample at time t (s); right-hand limits at switch times."""
         p, v, a, j, s = (Vec3(*c) for c in zip(*(k.derivatives(t) for k in (self.x, self.y, self.z)), strict=True))
         heading = self.yaw.derivatives(t)
@@ -189,7 +189,7 @@ def signals(values: Sequence[Signal | Any]) -> tuple[Signal, ...]:
     return tuple(value if isinstance(value, Signal) else Constant(value) for value in values)
 
 
-def hover(position: Sequence[Any], *, yaw: Any = 0.0, joints: Sequence[Signal | Any] = ()) -> Trajectory:
+def hover(position: Sequence[Scalar], *, yaw: Scalar = 0.0, joints: Sequence[Signal | Any] = ()) -> Trajectory:
     """Make a trajectory that stays at a point (m) with a heading (rad) while the joints follow their signals."""
     place = coerce.items("hover.position", position, (3,), "must be three numbers")
     x, y, z, heading = signals((*place, yaw))
@@ -199,12 +199,12 @@ def hover(position: Sequence[Any], *, yaw: Any = 0.0, joints: Sequence[Signal | 
 
 def circle(
     *,
-    radius: Any,
-    frequency_hz: Any,
-    center: Sequence[Any],
+    radius: Scalar,
+    frequency_hz: Scalar,
+    center: Sequence[Scalar],
     start: Any = -math.inf,
-    stop: Any = math.inf,
-    yaw: Any = 0.0,
+    stop: Scalar = math.inf,
+    yaw: Scalar = 0.0,
     joints: Sequence[Signal | Any] = (),
 ) -> Trajectory:
     """Make a horizontal circle, counter-clockwise seen from above, within [start, stop); the centre outside.

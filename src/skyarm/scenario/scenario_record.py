@@ -573,7 +573,7 @@ def noise_key(field: str, value: Any) -> int:
     return held
 
 
-def trimmed_state(world: Truth, position: Vec3, yaw: float, joints: tuple[Any, ...]) -> State:
+def trimmed_state(world: Truth, position: Vec3, yaw: Scalar, joints: tuple[Any, ...]) -> State:
     """The truth at rest and level, rotors at the speeds that hold its weight and its arm's torque.
 
     No rotor turns faster than it can: a truth that is too heavy to hover starts at full speed and sinks.

@@ -143,10 +143,10 @@ def _reference(scenario: Scenario) -> Iterator[str]:
     looks = scenario.reference.at(times)
     farthest = float(np.max(np.sqrt(sum(np.square(c) for c in looks.position))))
     yield from _too_large("reference.base reaches", farthest, SPREAD, "m", " from the origin")
-    yield from _too_large("reference.yaw =", float(np.ravel(looks.yaw)[0]), TURN[0], "rad", " at the start")
+    yield from _too_large("reference.yaw =", float(np.asarray(looks.yaw).flat[0]), TURN[0], "rad", " at the start")
     for i, link in enumerate(links):
         slides = not link.joint.turns
-        values = {f"reference.joints[{i}] reaches": max(np.ravel(looks.joints[i]).tolist(), key=abs)}
+        values = {f"reference.joints[{i}] reaches": max(np.asarray(looks.joints[i]).flat, key=abs)}
         if start is not None:
             values[f"initial.joints[{i}] ="] = float(start.joints[i])
         for words, value in values.items():

@@ -27,7 +27,7 @@ from skyarm.sensing.sensor import Sensor
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
-def absent(value: Any) -> bool:
+def absent(value: Scalar) -> bool:
     """Return True if a number is a structural zero."""
     return type(value) is int and value == 0
 
@@ -104,7 +104,13 @@ class Channel:
         )
 
     def read(
-        self, truth: Sequence[Any], drift: Sequence[Any], draws: Sequence[Any], dt: float, where_is: str, t: Any = 0.0
+        self,
+        truth: Sequence[Scalar],
+        drift: Sequence[Scalar],
+        draws: Sequence[Scalar],
+        dt: float,
+        where_is: str,
+        t: Scalar = 0.0,
     ) -> tuple[Any, ...]:
         """A reading.
 
@@ -130,14 +136,14 @@ class Channel:
             found.append(self.quantize(add(scaled, off)))
         return tuple(found)
 
-    def deviation(self, dt: float) -> Any:
+    def deviation(self, dt: float) -> Scalar:
         """Deviation of the white noise of a reading; a structural zero for none."""
         if absent(self.density):
             return self.sigma
         discrete = self.density * dt**-0.5
         return discrete if absent(self.sigma) else sqrt(self.sigma * self.sigma + discrete * discrete)
 
-    def quantize(self, value: Any) -> Any:
+    def quantize(self, value: Scalar) -> Scalar:
         """A value to the nearest multiple of the resolution."""
         if absent(self.resolution):
             return value
@@ -190,7 +196,7 @@ class Dropouts:
         begins = ends * divide(self.share, 1.0 - self.share)
         return where(draw < where(before > 0.5, 1.0 - ends, begins), 1.0, 0.0)
 
-    def silent(self, lost: Any, t: Any) -> Any:
+    def silent(self, lost: Scalar, t: Scalar) -> Any:
         """Condition: no reading comes, for either reason."""
         found = lost > 0.5
         for begin, end in self.intervals:
@@ -249,7 +255,9 @@ class ChannelSensor(Sensor):
     record: ClassVar[type]
     """Record of a reading: the instant, then a field for each channel."""
 
-    def reading(self, t: Any, values: Sequence[tuple[Any, ...]], state: State, own: Any, first: Any, dt: float) -> Any:
+    def reading(
+        self, t: Scalar, values: Sequence[tuple[Any, ...]], state: State, own: Any, first: Scalar, dt: float
+    ) -> Any:
         """Memory of the kind of sensor, and the record of a reading from the components of each channel."""
         fields = zip(_makers(self.record).items(), values, strict=True)
         return own, self.record(time=t, **{name: make(value) for (name, make), value in fields})
@@ -282,13 +290,13 @@ class ChannelSensor(Sensor):
         return ChannelMemory(read=0.0, drifts=drifts, lost=0.0, last=last, own=own)
 
     def measure(
-        self, memory: ChannelMemory, t: Any, state: State, specific_force: Vec3, draws: Sequence[Any], dt: float
+        self, memory: ChannelMemory, t: Scalar, state: State, specific_force: Vec3, draws: Sequence[Scalar], dt: float
     ) -> tuple[ChannelMemory, Any]:
         """One reading."""
         return self.read(memory, t, self.quantities(state, specific_force), state, draws, dt)
 
     def read(
-        self, memory: ChannelMemory, t: Any, quantities: Quantities, state: Any, draws: Sequence[Any], dt: float
+        self, memory: ChannelMemory, t: Scalar, quantities: Quantities, state: Any, draws: Sequence[Scalar], dt: float
     ) -> tuple[ChannelMemory, Any]:
         """One reading of some quantities."""
         first = memory.read < 0.5

@@ -112,7 +112,7 @@ class SensorNoise(Sensor):
         return count + count % 2 if leaves(self) else 0
 
     def measure(
-        self, memory: Any, t: Any, state: State, specific_force: Vec3, draws: Sequence[Any], dt: float
+        self, memory: Any, t: Scalar, state: State, specific_force: Vec3, draws: Sequence[Scalar], dt: float
     ) -> tuple[Any, Measurement]:
         """The state and specific force with noise."""
         count = noise_count(len(state.joints), len(state.rotor_speeds))
@@ -127,7 +127,7 @@ def noise_count(joints: int, rotors: int) -> int:
     return 15 + 2 * joints + rotors
 
 
-def measure(par: SensorNoise, time: Any, state: State, specific_force: Vec3, noise: Sequence[Any]) -> Measurement:
+def measure(par: SensorNoise, time: Scalar, state: State, specific_force: Vec3, noise: Sequence[Scalar]) -> Measurement:
     """A measurement of a state.
 
     Args:
@@ -145,10 +145,10 @@ def measure(par: SensorNoise, time: Any, state: State, specific_force: Vec3, noi
         raise ValueError(f"noise has {len(noise)} numbers: must be {count}, one a channel")
     draws = iter(noise)
 
-    def vector(sigma: Any) -> Vec3:
+    def vector(sigma: Scalar) -> Vec3:
         return Vec3(*(mul(sigma, next(draws)) for _ in range(3)))
 
-    def many(values: Sequence[Any], sigma: Any) -> tuple[Any, ...]:
+    def many(values: Sequence[Scalar], sigma: Scalar) -> tuple[Scalar, ...]:
         return tuple(add(value, mul(sigma, next(draws))) for value in values)
 
     position, velocity = state.position + vector(par.position), state.velocity + vector(par.velocity)

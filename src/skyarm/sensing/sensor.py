@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Vec3
+from skyarm.algebra.scalars import Scalar
 from skyarm.dynamics.state import State
 from skyarm.records.units import Unit
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -84,7 +85,7 @@ class Sensor:
         raise NotImplementedError(f"{type(self).__name__} must say what it feels")
 
     def take(
-        self, memory: Any, t: Any, state: State, specific_force: Vec3, push: Push, draws: Sequence[Any], dt: float
+        self, memory: Any, t: Scalar, state: State, specific_force: Vec3, push: Push, draws: Sequence[Scalar], dt: float
     ) -> tuple[Any, Any]:
         """One reading, of the state or of what pushes at the sensor's frame."""
         if self.feels is None:

@@ -133,7 +133,9 @@ class Pose(ChannelSensor):
         """Position, and the rotation that is no error."""
         return ("position", self.position, tuple(state.position)), ("attitude", self.attitude, (0.0, 0.0, 0.0))
 
-    def reading(self, t: Any, values: Sequence[tuple[Any, ...]], state: State, own: Any, first: Any, dt: float) -> Any:
+    def reading(
+        self, t: Scalar, values: Sequence[tuple[Any, ...]], state: State, own: Any, first: Scalar, dt: float
+    ) -> Any:
         """Position, and attitude turned by its errors."""
         position, turn = values
         attitude = state.quaternion * Quaternion.of_rotation_vector(Vec3(*turn))
@@ -210,7 +212,15 @@ class Encoders(ChannelSensor):
         """The last positions, for their difference."""
         return (0.0,) * vehicle.n if self.rates == "difference" else ()
 
-    def reading(self, t: Any, values: Sequence[tuple[Any, ...]], state: State, own: Any, first: Any, dt: float) -> Any:
+    def reading(
+        self,
+        t: Scalar,
+        values: Sequence[tuple[Any, ...]],
+        state: State,
+        own: tuple[Scalar, ...],
+        first: Scalar,
+        dt: float,
+    ) -> Any:
         """Positions in whole steps, and rates; the first difference is 0."""
         joints = tuple(self._quantize(q) for q in values[0])
         if self.rates == "measured":
@@ -218,7 +228,7 @@ class Encoders(ChannelSensor):
         rates = tuple(where(first, 0.0, sub(q, old) * (1.0 / dt)) for q, old in zip(joints, own, strict=True))
         return joints, EncoderReading(time=t, joints=joints, joint_rates=rates)
 
-    def _quantize(self, q: Any) -> Any:
+    def _quantize(self, q: Scalar) -> Scalar:
         if absent(self.bits):
             return q
         # by one formula, that a number of bits which varies gives the same steps; off by a rounding error
@@ -269,7 +279,7 @@ class FramedSensor(ChannelSensor):
         force, torque = before.force, before.torque
         return Push(force=force + (push.force - force) * share, torque=torque + (push.torque - torque) * share)
 
-    def feel(self, memory: ChannelMemory, t: Any, push: Push, draws: Sequence[Any], dt: float) -> tuple[Any, Any]:
+    def feel(self, memory: ChannelMemory, t: Scalar, push: Push, draws: Sequence[Scalar], dt: float) -> tuple[Any, Any]:
         """One reading."""
         behind = self.filter_push(memory, memory.own, push, dt)
         return self.read(dataclasses.replace(memory, own=behind), t, self.reading_of(behind), (), draws, dt)
@@ -323,7 +333,7 @@ class TactileSwitch(FramedSensor):
         """State of the low pass, and whether the switch is closed."""
         return Switched(push=NO_PUSH, closed=0.0)
 
-    def feel(self, memory: ChannelMemory, t: Any, push: Push, draws: Sequence[Any], dt: float) -> tuple[Any, Any]:
+    def feel(self, memory: ChannelMemory, t: Scalar, push: Push, draws: Sequence[Any], dt: float) -> tuple[Any, Any]:
         """One reading: the low pass before the switch."""
         before = memory.own
         behind = self.filter_push(memory, before.push, push, dt)

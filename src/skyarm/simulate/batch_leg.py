@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.algebra.scalars import logical_and, where
+from skyarm.algebra.scalars import Scalar, logical_and, where
 from skyarm.compile import leaves, rebuild, trace
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
@@ -115,7 +115,7 @@ class Feed:
         return any(node.op == "input" for node in live(nodes))
 
 
-def _zeros(record: Any) -> Any:
+def _zeros(record: Goal) -> Goal:
     return rebuild(record, iter([0.0] * len(leaves(record))))
 
 
@@ -233,7 +233,7 @@ class Leg:
         if self.code is None and periods:
             self.code = self._compile(key)
 
-    def _lane_scenario(self, values: Sequence[Any]) -> Scenario:
+    def _lane_scenario(self, values: Sequence[Scalar]) -> Scenario:
         """The scenario of a lane: its numbers, then those that changes set."""
         named = dict(zip((*self._options.paths, *self._set), values, strict=True))
         own = {path: value for path, value in zip(self._options.paths, values, strict=False) if path in self._free}
@@ -242,7 +242,7 @@ class Leg:
     def _compile(self, key: tuple[Any, ...]) -> LegCode:
         options, substeps = self._options, self._loop.substeps
 
-        def step(both: Any, values: tuple[Any, ...], fed: Any, uniforms: Any) -> tuple[Any, Any]:
+        def step(both: Any, values: tuple[Scalar, ...], fed: Any, uniforms: tuple[Scalar, ...]) -> tuple[Any, Any]:
             varied = self._lane_scenario(values)
             row, goals, inside = self._feed.read(varied, fed)
             stages, (loop, totals) = Stages(varied), both

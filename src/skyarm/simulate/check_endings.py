@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import logical_and
+from skyarm.algebra.scalars import Scalar, logical_and
 from skyarm.compile import rebuild
 from skyarm.control.law_estimates import observed_push
 from skyarm.dynamics import State
@@ -57,7 +57,7 @@ def healthy(scenario: Scenario, state: State, goal: Vec3) -> Any:
     return fine
 
 
-def _both(a: Any, b: Any) -> Any:
+def _both(a: Scalar, b: Scalar) -> Scalar:
     """Both; what is true by structure folds away."""
     return b if a is True else a if b is True else logical_and(a, b)
 

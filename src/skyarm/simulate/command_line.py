@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-from skyarm.algebra.scalars import add, floor, maximum, minimum
+from skyarm.algebra.scalars import Scalar, add, floor, maximum, minimum
 from skyarm.dynamics.actuators import Command
 from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, concrete
@@ -18,7 +18,7 @@ def command_delay(scenario: Scenario) -> tuple[Any, Any]:
     """Delay of the commands as whole control periods, None if the queue is just that long, and the rest, s."""
     rates, delay = scenario.rates, scenario.delays.command
     if scenario.delays.longest_command is None:
-        return None, round(delay * rates.physics) % (rates.physics // rates.control) / rates.physics
+        return None, round(float(delay * rates.physics)) % (rates.physics // rates.control) / rates.physics
     return _split(delay, rates.control)
 
 
@@ -29,7 +29,7 @@ def rotor_and_joint_delays(scenario: Scenario) -> tuple[tuple[Any, Any], tuple[A
     for more in (delays.rotors, delays.joints):
         delay = add(delays.command, more)
         if concrete(delay) and delays.longest_command is None:
-            whole, rest = divmod(round(delay * rates.physics), ratio)
+            whole, rest = divmod(round(float(delay * rates.physics)), ratio)
             found.append((float(whole), rest / rates.physics))
         else:
             found.append(_split(delay, rates.control))
@@ -54,8 +54,8 @@ def switches(before: Command, after: Command, rotors: Any, joints: Any) -> list[
     """
     rotors_first, joints_first = joined_parts(after, before), joined_parts(before, after)
     if type(rotors) is float and type(joints) is float:
-        first, mixed = min(rotors, joints), rotors_first if rotors < joints else joints_first
-        return [(first, before), (max(rotors, joints) - first, mixed)]
+        earlier, mixed = min(rotors, joints), rotors_first if rotors < joints else joints_first
+        return [(earlier, before), (max(rotors, joints) - earlier, mixed)]
     if type(joints) is float and joints == 0.0:
         return [(rotors, joints_first)]
     if type(rotors) is float and rotors == 0.0:
@@ -76,7 +76,7 @@ def command_in_force(queue: tuple[Command, ...], whole: Any) -> Command:
     return found
 
 
-def mean_efforts(before: Command, after: Command, late: Any, period: float) -> tuple[Any, ...]:
+def mean_efforts(before: Command, after: Command, late: Scalar, period: float) -> tuple[Scalar, ...]:
     """Setpoints of the joints on average over a period, in which they hear of ``after`` when ``late`` seconds are over.
 
     A drive's memory is stepped once per period: of two setpoints it receives the mean, as with its own latency.

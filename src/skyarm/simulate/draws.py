@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from skyarm.algebra.scalars import Scalar
 from skyarm.algebra.scalars.philox import uniforms
 from skyarm.scenario.scenario_record import Scenario
 
@@ -36,15 +37,15 @@ class Draws:
         """(channel, count) of those that draw."""
         return tuple(pair for pair in (*self.sensors, *self.components) if pair[1])
 
-    def of_sensor(self, index: int, row: Sequence[Any]) -> tuple[Any, ...]:
+    def of_sensor(self, index: int, row: Sequence[Scalar]) -> tuple[Scalar, ...]:
         """A sensor's share of a row."""
         return self._share(index, row)
 
-    def of_component(self, index: int, row: Sequence[Any]) -> tuple[Any, ...]:
+    def of_component(self, index: int, row: Sequence[Scalar]) -> tuple[Scalar, ...]:
         """A component's share of a row."""
         return self._share(len(self.sensors) + index, row)
 
-    def _share(self, index: int, row: Sequence[Any]) -> tuple[Any, ...]:
+    def _share(self, index: int, row: Sequence[Scalar]) -> tuple[Any, ...]:
         counts = [count for _, count in (*self.sensors, *self.components)]
         first = sum(counts[:index])
         return tuple(row[first : first + counts[index]])

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.algebra.scalars import Scalar
 from skyarm.algebra.scalars.philox import uniforms
 from skyarm.compile import leaves, rebuild
 from skyarm.compile.llvm.kernel import Kernel
@@ -139,7 +140,7 @@ class EpisodeCode:
         plant = RigidBodySteps(stages, self.substeps) if self._plant is None else self._plant
         return stages, plant, row
 
-    def _step(self, now: LoopState, numbers: Any, fed: Any, uniforms: Any) -> tuple[LoopState, Sample]:
+    def _step(self, now: LoopState, numbers: Any, fed: Any, uniforms: tuple[Scalar, ...]) -> tuple[LoopState, Sample]:
         stages, plant, row = self._begin(numbers, fed)
         return make_period(stages, plant)(now, row, uniforms)
 

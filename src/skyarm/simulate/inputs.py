@@ -175,6 +175,6 @@ def _rows(record: Any, count: int) -> Array:
     return np.stack(columns, axis=1) if columns else np.zeros((count, 0))
 
 
-def _example(record: Any) -> Any:
+def _example(record: Reference) -> Any:
     """The record with every array replaced by one float; its structure stays."""
     return rebuild(record, iter([0.0] * len(leaves(record))))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.algebra.scalars import floor
+from skyarm.algebra.scalars import Scalar, floor
 from skyarm.compile import leaves, trace
 from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.compile.tracing.program import Loop, trace_loop
@@ -52,7 +52,7 @@ class LaneLoop:
         counts = [2 * count for _, count in draw_plan(scenario).components]
         self._start = trace(self._starting, self.base, *((0.5,) * count for count in counts))
 
-    def _starting(self, numbers: Sequence[Any], *draws: tuple[Any, ...]) -> LoopState:
+    def _starting(self, numbers: Sequence[Scalar], *draws: tuple[Any, ...]) -> LoopState:
         return first_loop_state(self.vary(numbers), draws)
 
     def start(self, numbers: Array, seed: int, episodes: Array) -> Array:
@@ -74,7 +74,7 @@ class LaneLoop:
         return trace_loop(step, structure_of(carry), parameters, fed, draws, loops=True)
 
 
-def own_row(scenario: Scenario, ticks: Any) -> Row:
+def own_row(scenario: Scenario, ticks: Scalar) -> Row:
     """Time and held reference of a lane's own control period; the loop has the reference of phases that wait."""
     rate, ratio = float(scenario.rates.control), float(scenario.rates.control // scenario.rates.reference)
     if scenario.reference.guards:

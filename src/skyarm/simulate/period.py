@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
+from skyarm.algebra.scalars import Scalar
 from skyarm.simulate.loop_state import LoopState, Row, Sample
 
 
@@ -39,7 +40,7 @@ class Measured(NamedTuple):
 Period = Callable[[LoopState, Row, Any], tuple[LoopState, Sample]]
 
 
-def measure(stages: Any, plant: PlantSteps, now: LoopState, row: Row, uniforms: Any) -> Measured:
+def measure(stages: Any, plant: PlantSteps, now: LoopState, row: Row, uniforms: tuple[Scalar, ...]) -> Measured:
     """Surroundings, sensors and estimator of a period."""
     components, around = stages.surround(now.components, now.drives, now.state, row.time, uniforms, row.path_time)
     acting = stages.acting(now.queue)
@@ -81,7 +82,7 @@ def make_period(stages: Any, plant: PlantSteps) -> Period:
         plant: over the same scalars.
     """
 
-    def period(before: LoopState, row: Row, uniforms: Any) -> tuple[LoopState, Sample]:
+    def period(before: LoopState, row: Row, uniforms: tuple[Scalar, ...]) -> tuple[LoopState, Sample]:
         row = stages.waits.lead(before.clock, before.ticks, row)
         now = stages.check(before, row)
         measured = measure(stages, plant, now, row, uniforms)

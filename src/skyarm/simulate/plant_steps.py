@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import Vec3
+from skyarm.algebra.scalars import Scalar
 from skyarm.compile import Graph, Node
 from skyarm.control.law_estimates import PushAlone
 from skyarm.dynamics import State
@@ -86,7 +87,7 @@ class RigidBodySteps:
             left = left - seconds
         return self._hold(now, after, around, left)
 
-    def _hold(self, now: Moved, command: Command, around: Surroundings, seconds: Any) -> Moved:
+    def _hold(self, now: Moved, command: Command, around: Surroundings, seconds: Scalar) -> Moved:
         """State and memories after an interval of one command."""
         count = self._substeps(seconds if type(seconds) is float else self._period)
         return hold(self._scenario.plant, self._scenario.integrator, count, now, command, around, seconds)
@@ -123,7 +124,9 @@ class StagesInPython(Stages):
         going: Any = super().alive(now, reference)
         return going.graph.external(_require_alive, [(going,)], 1)[0]
 
-    def send(self, alive: Any, queue: Sequence[Command], command: Command) -> tuple[Any, tuple[Command, ...], Command]:
+    def send(
+        self, alive: Scalar, queue: Sequence[Command], command: Command
+    ) -> tuple[Any, tuple[Command, ...], Command]:
         """Command line; a command that is not finite leaves the period."""
         going, moved, acting = super().send(alive, queue, command)
         return going.graph.external(_require_alive, [(going,), leaves(command)], 1)[0], moved, acting
@@ -178,7 +181,7 @@ class CalledPlant:
             whole number of physics steps.
     """
 
-    def __init__(self, plant: Plant, stages: Stages, around: Any) -> None:
+    def __init__(self, plant: Plant, stages: Stages, around: Surroundings) -> None:
         self._plant, self._period, self._late = plant, stages.period, stages.late
         scenario, vehicle = stages.scenario, stages.scenario.plant.vehicle
         for name in ("command", "rotors", "joints"):

@@ -148,13 +148,13 @@ class Waits:
         first = self.first()
         if not isinstance(first, PathClock):
             return ()
-        guard: Any = 0.0
+        guard: Scalar = 0.0
         for end in self._ends:
             guard = guard + where(ticks > end + WHOLE, 1.0, 0.0)
         held = () if self._ratio == 1 else ticks
         return dataclasses.replace(first, place=ticks, held=held, guard=guard, waited=BEGUN)
 
-    def lead(self, clock: Any, ticks: Any, row: Row) -> Row:
+    def lead(self, clock: Any, ticks: Scalar, row: Row) -> Row:
         """Inputs of a period, with the reference at its own clock."""
         if clock == () or row.reference != ():
             return row
@@ -163,15 +163,15 @@ class Waits:
             reference = dataclasses.replace(reference, load=(self._trajectory.load.derivatives(path_time)[0],))
         return dataclasses.replace(row, reference=reference, path_time=path_time)
 
-    def is_sound(self, clock: Any) -> Any:
+    def is_sound(self, clock: Any) -> Scalar:
         """True while no phase has failed that must not."""
         return clock.failed < 0.5 if self.guards else True
 
-    def log_values(self, clock: Any, ticks: Any) -> tuple[Any, ...]:
+    def log_values(self, clock: Any, ticks: Scalar) -> tuple[Scalar, ...]:
         """Columns of the clock in a log; () without a clock."""
         return () if clock == () else self.times(clock, ticks)
 
-    def advance(self, clock: Any, ticks: Any, measurement: Measurement, row: Row, memory: Any) -> Any:
+    def advance(self, clock: Any, ticks: Scalar, measurement: Measurement, row: Row, memory: Any) -> Any:
         """The clock one control period later, from the law's measurement and memory."""
         if clock == ():
             return ()
@@ -188,7 +188,7 @@ class Waits:
                 found["held_since"] = where(fresh, clock.since, clock.held_since)
         return found
 
-    def times(self, clock: Any, ticks: Any) -> tuple[Any, ...]:
+    def times(self, clock: PathClock, ticks: Scalar) -> tuple[Any, ...]:
         """Logged values of the clock.
 
         Times of the reference and of its held sample, s, its offset, m, and since when; those of the sample.
@@ -198,28 +198,28 @@ class Waits:
         own, its = leaves((clock.offset, clock.since)), leaves((sample["held_offset"], sample["held_since"]))
         return self.path_time(clock), held / self._rate, *own, *its
 
-    def instants(self, times: Sequence[Any]) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+    def instants(self, times: Sequence[Scalar]) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
         """Time and offset of the held reference and of the reference now, each as :meth:`reference` takes them."""
         path_time, held, *rest = times
         own, its = rest[:4], rest[4:]
         return (held, its or own), (path_time, own)
 
-    def held_reference(self, clock: Any, ticks: Any) -> Reference:
+    def held_reference(self, clock: PathClock, ticks: Scalar) -> Reference:
         """The sample of the reference that holds in a period."""
         return self.reference(*self.instants(self.times(clock, ticks))[0])
 
-    def path_time(self, clock: Any) -> Any:
+    def path_time(self, clock: PathClock) -> Any:
         """Time of the reference, s."""
         return clock.place / self._rate
 
-    def phase(self, path_time: Any) -> Any:
+    def phase(self, path_time: Any) -> Scalar:
         """Number of the phase that is flown at a time of the reference, s; 0 where no phase waits."""
-        found: Any = 0.0
+        found: Scalar = 0.0
         for each in self._trajectory.phases:
             found = found + where(path_time > each.end + PASSED, 1.0, 0.0)
         return found
 
-    def reference(self, time: Any, offset: Sequence[Any] = ()) -> Reference:
+    def reference(self, time: Scalar, offset: Sequence[Any] = ()) -> Reference:
         """The reference at its own time, s; ``offset`` as :meth:`instants` has it."""
         found = self._trajectory.at(time)
         if not offset:
@@ -237,7 +237,7 @@ class Waits:
             return par
         return dataclasses.replace(par, model=dataclasses.replace(par.model, vehicle=vehicle))
 
-    def guard_inputs(self, measurement: Any, reference: Reference, force: Vec3 | None) -> Seen:
+    def guard_inputs(self, measurement: Measurement, reference: Reference, force: Vec3 | None) -> Seen:
         """Inputs of the guards."""
         tip = tip_at(self._vehicle, measurement.position, measurement.quaternion, measurement.joints)
         goal, felt = goal_of(self._vehicle, reference).tool, None
@@ -247,7 +247,7 @@ class Waits:
         switches = measurement.switches if self.switches else ()
         return Seen(tip=tip, goal=goal, push=reference.push, force=force, felt=felt, switches=switches)
 
-    def following(self, clock: Any, ticks: Any, seen: Seen) -> Any:
+    def following(self, clock: PathClock, ticks: Scalar, seen: Seen) -> Any:
         """The clock one control period later."""
         n, end = clock.guard, self._select(clock.guard, self._ends, NEVER)
         begin = self._select(n, [guard.begin * self._rate for guard in self.guards])
@@ -279,7 +279,7 @@ class Waits:
             **self._skip(clock, enough, end),
         )
 
-    def _skip(self, clock: Any, skips: Any, end: Any) -> dict[str, Any]:
+    def _skip(self, clock: PathClock, skips: Scalar, end: Scalar) -> dict[str, Any]:
         """Offset of the reference, which keeps its position when the rest of a phase is skipped."""
         if not self._moves:
             return {"offset": (), "since": ()}
@@ -290,7 +290,7 @@ class Waits:
             "since": where(skips, end, clock.since),
         }
 
-    def _holds(self, n: Any, seen: Seen, origin: Any) -> Any:
+    def _holds(self, n: Scalar, seen: Seen, origin: Any) -> Any:
         """True if the flight meets all conditions of the guard."""
         found: Any = n > -1.0
         if any(guard.error is not None for guard in self.guards):
@@ -306,12 +306,12 @@ class Waits:
             found = logical_and(found, moved >= self._threshold(n, "distance", -NEVER))
         return found
 
-    def _force_holds(self, n: Any, seen: Seen) -> Any:
+    def _force_holds(self, n: Scalar, seen: Seen) -> Scalar:
         """True if the force, observed or read by a sensor, meets the guard's condition."""
         out = self._direction(n)
         least, most = self._threshold(n, "force", -NEVER), self._threshold(n, "force_below", NEVER)
 
-        def holds(force: Vec3 | None) -> Any:
+        def holds(force: Vec3 | None) -> Scalar:
             if force is None:  # of a law that observes no force nobody knows that there is none
                 return logical_and(least < 0.0, most > 0.5 * NEVER)
             along = out.dot(force)
@@ -331,16 +331,16 @@ class Waits:
             found.append(told if wanted or not asked else 1.0 - told)
         return self._select(n, found)
 
-    def _direction(self, n: Any) -> Vec3:
+    def _direction(self, n: Scalar) -> Vec3:
         return Vec3(
             *(self._select(n, column) for column in zip(*(each.direction for each in self.guards), strict=True))
         )
 
-    def _threshold(self, n: Any, name: str, nothing: float) -> Any:
+    def _threshold(self, n: Scalar, name: str, nothing: float) -> Scalar:
         given = [getattr(guard, name) for guard in self.guards]
         return self._select(n, [nothing if value is None else value for value in given])
 
-    def _select(self, n: Any, values: Sequence[Any], beyond: Any = None) -> Any:
+    def _select(self, n: Scalar, values: Sequence[Scalar], beyond: Scalar | None = None) -> Scalar:
         """The value for guard number n; after the last guard ``beyond``, by default the last value."""
         found = values[-1] if beyond is None else beyond
         for i in reversed(range(len(values))):
@@ -352,7 +352,7 @@ def _either(condition: Any, a: Vec3, b: Any) -> Vec3:
     return Vec3(*(where(condition, x, y) for x, y in zip(a, b, strict=True)))
 
 
-def due(ticks: Any, every: int) -> Any:
+def due(ticks: Scalar, every: int) -> Any:
     """True in every ``every``-th period; half a period of slack, since a quotient may be rounded."""
     return ticks - floor(ticks / float(every) + 0.5 / every) * float(every) < 0.5
 

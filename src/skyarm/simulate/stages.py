@@ -84,7 +84,7 @@ class Stages:
         # named sensors are measured each so many control periods
         self._every = tuple(round(scenario.rates.control / s.frequency) if s.frequency else 1 for _, s in self.sensors)
 
-    def alive(self, now: LoopState, reference: Reference) -> Any:
+    def alive(self, now: LoopState, reference: Reference) -> Scalar:
         """Endings: 1 while none has come, else 0."""
         fine = logical_and(now.alive > 0.5, healthy(self.scenario, now.state, reference.position))
         sound = self.waits.is_sound(now.clock)
@@ -95,9 +95,14 @@ class Stages:
         return dataclasses.replace(now, alive=self.alive(now, row.reference))
 
     def surround(
-        self, memories: Sequence[Any], drives: Sequence[Any], state: State, time: Any, uniforms: Any,
+        self,
+        memories: Sequence[Any],
+        drives: Sequence[tuple[Scalar, ...]],
+        state: State,
+        time: Scalar,
+        uniforms: tuple[Scalar, ...],
         path_time: Any = (),
-    ) -> Any:  # fmt: skip
+    ) -> Any:
         """Air, forces and faults of the period: advanced memories, and the plant's inputs."""
         going = [
             component.advance(memory, time, self.period, state, self.draws.of_component(i, uniforms))
@@ -121,7 +126,9 @@ class Stages:
         vehicle, gravity = self.scenario.plant.vehicle, self.scenario.plant.gravity
         return tuple(push_at(vehicle.frame(frame or None), around, vehicle, state, gravity) for frame in frames)
 
-    def surroundings(self, memories: tuple[Any, ...], drives: Sequence[Any], time: Any) -> Surroundings:
+    def surroundings(
+        self, memories: tuple[Any, ...], drives: Sequence[tuple[Scalar, ...]], time: Scalar
+    ) -> Surroundings:
         """The plant's inputs from its surroundings in one period."""
         scenario = self.scenario
         return Surroundings(
@@ -149,8 +156,8 @@ class Stages:
         return joined_reference(self.scenario, row.told or row.reference, row.time)
 
     def sense(
-        self, sensors: Sequence[SensorState], estimate: Any, ticks: Any, state: State, force: Vec3, acting: Command,
-        time: Any, uniforms: Any, pushes: Sequence[Push] = (),
+        self, sensors: Sequence[SensorState], estimate: Any, ticks: Scalar, state: State, force: Vec3, acting: Command,
+        time: Scalar, uniforms: tuple[Scalar, ...], pushes: Sequence[Push] = (),
     ) -> Readings:  # fmt: skip
         """Sensors and estimator: new readings, readings that arrive, and the law's measurement.
 
@@ -203,7 +210,9 @@ class Stages:
         following, command = self._law(memory, measurement, reference, self.period, par=par)
         return following, with_rest(self.scenario.plant.vehicle, command)
 
-    def send(self, alive: Any, queue: Sequence[Command], command: Command) -> tuple[Any, tuple[Command, ...], Command]:
+    def send(
+        self, alive: Scalar, queue: Sequence[Command], command: Command
+    ) -> tuple[Any, tuple[Command, ...], Command]:
         """Command line: refuses a command that is not finite; the queue, and what acts once it has moved."""
         going = alive > 0.5
         for value in (*command.rotor_speeds, *command.efforts, *command.tilts):
@@ -211,7 +220,9 @@ class Stages:
         moved = (*queue[1:], command)
         return where(going, 1.0, 0.0), moved, self._active_command(moved)
 
-    def drive(self, drives: Sequence[Any], before: Command, acting: Command, state: State) -> tuple[Any, ...]:
+    def drive(
+        self, drives: Sequence[tuple[Scalar, ...]], before: Command, acting: Command, state: State
+    ) -> tuple[tuple[Scalar, ...], ...]:
         """Memories of the joint drives under the setpoints that act in this period, on average over it."""
         if not drives:
             return ()
@@ -219,7 +230,7 @@ class Stages:
         rows = zip(self.scenario.all_drives, drives, heard, state.joints, state.joint_rates, strict=True)
         return tuple(drive.advance(memory, u, q, qd, self.period) for drive, memory, u, q, qd in rows)
 
-    def with_drives(self, around: Surroundings, drives: tuple[Any, ...]) -> Surroundings:
+    def with_drives(self, around: Surroundings, drives: tuple[tuple[Scalar, ...], ...]) -> Surroundings:
         """The plant's inputs, with the drives' memories under the setpoints of this period."""
         return dataclasses.replace(around, drive_memories=drives) if drives else around
 
@@ -243,7 +254,7 @@ class Stages:
         """The law's online estimates, for the log; () of most laws."""
         return numbers_found(memory)
 
-    def count(self, ticks: Any, alive: Any) -> Any:
+    def count(self, ticks: Scalar, alive: Scalar) -> Any:
         """Control periods flown."""
         return ticks + alive
 
@@ -265,7 +276,7 @@ def joins_late(scenario: Scenario) -> bool:
     return not (type(scenario.tracking_start) is int and scenario.tracking_start == 0)
 
 
-def joined_reference(scenario: Scenario, going: Reference, time: Any) -> Reference:
+def joined_reference(scenario: Scenario, going: Reference, time: Scalar) -> Reference:
     """The law's reference: until tracking starts the pose of t = 0, at rest, then the reference at the present time.
 
     Costs nothing where the law follows from the first instant. Structural numbers stay: they do not move.

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.algebra.scalars import cos, sin
+from skyarm.algebra.scalars import Scalar, cos, sin
 from skyarm.dynamics import State, frame_pose
 from skyarm.log.metrics.accumulate import Goal
 from skyarm.reference import Reference
@@ -17,7 +15,7 @@ def tool_of(vehicle: Vehicle, state: State) -> Vec3:
     return tip_at(vehicle, state.position, state.quaternion, state.joints)
 
 
-def tip_at(vehicle: Vehicle, position: Vec3, quaternion: Quaternion, joints: Any) -> Vec3:
+def tip_at(vehicle: Vehicle, position: Vec3, quaternion: Quaternion, joints: tuple[Scalar, ...]) -> Vec3:
     """The same from the parts of a state, or of a measurement."""
     if not vehicle.end_effector:
         return position

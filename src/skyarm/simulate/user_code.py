@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import data, where
+from skyarm.algebra.scalars import Scalar, data, where
 from skyarm.compile import trace
 from skyarm.compile.tracing.float_trial import PERIODS
 from skyarm.control.controller import Controller
@@ -72,13 +72,13 @@ class Part:
         found = place or place_of(method if own_code(method) else type(self.record))
         return ScenarioError(f"{found}: {self.place} ({type(self.record).__name__}) {words}")
 
-    def trace(self, step: Step, memory: Any, state: State, draws: int = 0) -> None:
+    def trace(self, step: Step, memory: tuple[Scalar, ...], state: State, draws: int = 0) -> None:
         """Trace a step; whatever is wrong with it is one line."""
         words = memory_mistake(memory, "memory")
         if words:
             raise self.refusal(words)
 
-        def checked(memory: Any, time: Any, state: State, given: Any) -> Any:
+        def checked(memory: tuple[Scalar, ...], time: tuple[Scalar, ...], state: State, given: Any) -> Any:
             following = step(memory, time[0], state, given)
             different = difference(memory, following, "memory")
             if different:
@@ -146,7 +146,7 @@ def _check_component(index: int, scenario: Scenario, part: Part) -> None:
     """Air, a force, or another component of the surroundings."""
     vehicle, component, period = scenario.plant.vehicle, part.record, 1.0 / scenario.rates.control
 
-    def step(memory: Any, time: Any, state: State, draws: Any) -> Any:
+    def step(memory: tuple[Scalar, ...], time: Scalar, state: State, draws: tuple[Scalar, ...]) -> Any:
         following = component.advance(memory, time, period, state, draws)
         air = component.velocity(following, time, state.position)
         if not isinstance(air, Vec3):
@@ -176,7 +176,7 @@ def _check_drive(_index: int, scenario: Scenario, part: Part) -> None:
     joint, drive = joints.index(part.place.removeprefix("plant.drives.")), part.record
     period, first = 1.0 / scenario.rates.control, first_state(scenario)
 
-    def step(memory: Any, _time: Any, state: State, _draws: Any) -> Any:
+    def step(memory: tuple[Scalar, ...], _time: Scalar, state: State, _draws: Any) -> Any:
         position, rate = state.joints[joint], state.joint_rates[joint]
         following = drive.advance(memory, 0.1 + position, position, rate, period)
         effort = data(drive.effort(following, 0.1 + position, position, rate))
@@ -191,7 +191,7 @@ def _check_sensor(_index: int, scenario: Scenario, part: Part) -> None:
     vehicle, sensor = scenario.plant.vehicle, part.record
     every = 1.0 / (sensor.frequency or scenario.rates.control)
 
-    def step(memory: Any, time: Any, state: State, draws: Any) -> Any:
+    def step(memory: tuple[Scalar, ...], time: Scalar, state: State, draws: tuple[Scalar, ...]) -> Any:
         result = sensor.take(memory, time, state, WEIGHT, NO_PUSH, draws, every)
         if not isinstance(result, tuple) or len(result) != 2:
             raise part.refusal(f"returns {kind_of(result)}: must return (memory, reading)")
@@ -207,7 +207,7 @@ def _check_sensor(_index: int, scenario: Scenario, part: Part) -> None:
 def _check_estimator(_index: int, scenario: Scenario, part: Part) -> None:
     vehicle, estimator, period = scenario.plant.vehicle, part.record, 1.0 / scenario.rates.control
 
-    def step(memory: Any, time: Any, state: State, _draws: Any) -> Any:
+    def step(memory: tuple[Scalar, ...], time: Scalar, state: State, _draws: Any) -> Any:
         readings: dict[str, Any] = {FULL_STATE: measurement_of(state, WEIGHT)}
         for named in scenario.sensors:
             sensor, middle = named.sensor, (0.5,) * named.sensor.uniforms(vehicle)
@@ -226,7 +226,7 @@ def _check_estimator(_index: int, scenario: Scenario, part: Part) -> None:
 
 
 def _check_ending(_index: int, scenario: Scenario, part: Part) -> None:
-    def step(memory: Any, _time: Any, state: State, _draws: Any) -> Any:
+    def step(memory: Any, _time: Scalar, state: State, _draws: Any) -> Any:
         where(part.record.fine(scenario, state, state.position, 0.0), 1.0, 0.0)
         return memory
 

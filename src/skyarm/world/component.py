@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, NamedTuple
 
 from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import add, mul
+from skyarm.algebra.scalars import Scalar, add, mul
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.field_rules import accept_fields
@@ -52,7 +52,7 @@ class Wrench:
             accept_fields(self, "wrench")
 
 
-def moved_by(memory: Any, slope: Any, dt: Any) -> Any:
+def moved_by(memory: tuple[Vec3, ...], slope: tuple[Vec3, ...], dt: Scalar) -> tuple[Vec3, ...]:
     """Memory + dt * slope, number by number."""
     pairs = zip(leaves(memory), leaves(slope), strict=True)
     return rebuild(memory, iter([add(value, mul(rate, dt)) for value, rate in pairs]))
@@ -96,7 +96,7 @@ class Component:
         """Uniform numbers that one ``advance`` draws; a class attribute will do where no field decides."""
         return 0
 
-    def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Any) -> None:
+    def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Scalar) -> None:
         """Refuse a vehicle, a control period (s) or a gravity (m/s^2) that it cannot be with.
 
         Raises:
@@ -133,7 +133,7 @@ class Component:
         """
         return ()
 
-    def advance(self, memory: Any, t: Any, dt: float, state: State, draws: Sequence[Any]) -> Any:
+    def advance(self, memory: Any, t: Scalar, dt: float, state: State, draws: Sequence[Any]) -> Any:
         """Memory for the period that begins at ``t`` (s) and takes ``dt`` (s); ``state`` is the vehicle's at ``t``."""
         return memory
 
@@ -148,11 +148,11 @@ class Component:
         """
         return memory
 
-    def velocity(self, memory: Any, t: Any, position_W: Vec3) -> Vec3:
+    def velocity(self, memory: Any, t: Scalar, position_W: Vec3) -> Vec3:
         """Velocity of the air at a place, world axes, m/s."""
         return ZERO3
 
-    def wrenches(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
+    def wrenches(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Sequence[Wrench]:
         """Wrenches on the vehicle's bodies at this instant.
 
         Args:
@@ -163,7 +163,7 @@ class Component:
         """
         return ()
 
-    def rotor_commands(self, memory: Any, rotors: Sequence[Rotor], commands: Sequence[Any]) -> Sequence[Any]:
+    def rotor_commands(self, memory: Any, rotors: Sequence[Rotor], commands: Sequence[Scalar]) -> Sequence[Scalar]:
         """Speeds (rad/s) that rotors follow where these are commanded."""
         return commands
 

@@ -28,6 +28,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import ZERO3, Vec3
+from skyarm.algebra.scalars import Scalar
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.field_rules import accept_fields
@@ -61,7 +62,7 @@ class Disturbance(Force):
         if self.noise is not None:
             self.noise.require_only("force", "torque")
 
-    def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Any) -> None:
+    def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Scalar) -> None:
         """Refuse a vehicle without its frame."""
         if self.frame:
             require_frame(vehicle, self.frame)
@@ -75,11 +76,11 @@ class Disturbance(Force):
         """Stationary noise."""
         return () if self.noise is None else self.noise.first(draws, 6)
 
-    def advance(self, memory: Any, t: Any, dt: float, state: State, draws: Sequence[Any]) -> Any:
+    def advance(self, memory: Any, t: Scalar, dt: float, state: State, draws: Sequence[Any]) -> Any:
         """Noise of the period."""
         return memory if self.noise is None else self.noise.next(memory, dt, draws)
 
-    def wrenches(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
+    def wrenches(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Sequence[Wrench]:
         """Force and torque on the frame's body."""
         force, torque = self.force.at(t), self.torque.at(t)
         if self.noise is not None:

@@ -62,7 +62,7 @@ class DrydenMemory:
 
 
 def low_altitude(
-    altitude: Any, wind_20ft: Any, mean_wind: Any, direction_W: Vec3 = E_X, minimum_airspeed: Any = 1.0
+    altitude: Scalar, wind_20ft: Scalar, mean_wind: Scalar, direction_W: Vec3 = E_X, minimum_airspeed: Scalar = 1.0
 ) -> Dryden:
     """Turbulence near the ground.
 
@@ -94,7 +94,7 @@ def low_altitude(
     )
 
 
-def start(first: Vec3, second: Vec3, dt: Any, *, par: Dryden) -> DrydenMemory:
+def start(first: Vec3, second: Vec3, dt: Scalar, *, par: Dryden) -> DrydenMemory:
     """Memory drawn from the stationary distribution, so that the first second is like any other.
 
     Args:
@@ -112,7 +112,7 @@ def start(first: Vec3, second: Vec3, dt: Any, *, par: Dryden) -> DrydenMemory:
     return DrydenMemory(first.x, output[0], output[1], inner[0], inner[1])
 
 
-def step(memory: DrydenMemory, noise: Vec3, dt: Any, *, par: Dryden) -> tuple[DrydenMemory, Vec3]:
+def step(memory: DrydenMemory, noise: Vec3, dt: Scalar, *, par: Dryden) -> tuple[DrydenMemory, Vec3]:
     """Advance by one step.
 
     Args:
@@ -142,18 +142,18 @@ def velocity(memory: DrydenMemory, *, par: Dryden) -> Vec3:
     return total
 
 
-def _steps(par: Dryden, dt: Any) -> tuple[Any, ...]:
+def _steps(par: Dryden, dt: Scalar) -> tuple[Scalar, ...]:
     """Step in units of each component's time scale, d = dt V / L."""
     return tuple(divide(dt * par.airspeed, length) for length in par.scale_length)
 
 
-def _advance(output: Any, inner: Any, noise: Any, d: Any) -> tuple[Any, Any]:
+def _advance(output: Scalar, inner: Scalar, noise: Scalar, d: Scalar) -> tuple[Scalar, Scalar]:
     """One step of a second-order filter of unit variance."""
     a, b, gain, h = _second_order(d)
     return a * output + b * noise + h * inner, a * inner + gain * noise
 
 
-def _second_order(d: Any) -> tuple[Any, Any, Any, Any]:
+def _second_order(d: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
     """Pole a, direct gain b, inner gain and coupling h of the sequence with autocovariance (1 - d|k|/2) exp(-d|k|).
 
     The sequence is (1 - a z)^2 y = b (1 + c z) n with z one step back. Its numerator's autocovariance is

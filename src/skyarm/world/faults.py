@@ -62,7 +62,7 @@ class Fault:
             if value and value not in known:
                 raise ValueError(f"{kind} = {value!r}: must be one of {', '.join(known) or 'none'}")
 
-    def share(self, t: Any) -> Any:
+    def share(self, t: Scalar) -> Any:
         """Remaining share at time t, s: 1 before the start."""
         left = self.effectiveness
         if self.signal is not None:
@@ -70,7 +70,7 @@ class Fault:
         return where(t >= self.start, left, 1.0)
 
 
-def effectiveness_at(faults: tuple[Fault, ...], vehicle: Vehicle, t: Any) -> Effectiveness | None:
+def effectiveness_at(faults: tuple[Fault, ...], vehicle: Vehicle, t: Scalar) -> Effectiveness | None:
     """Effectiveness of the actuators under faults at time t (s); None without faults, at no cost.
 
     Shares of several faults of one actuator multiply.

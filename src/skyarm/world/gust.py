@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar, cos, mul, where
@@ -38,18 +38,18 @@ class Gust:
             if not (self.duration > 0.0 if strict else self.duration >= 0.0):
                 raise ValueError(f"gust.duration = {self.duration!r}: must be {'above' if strict else 'at least'} 0 s")
 
-    def at(self, t: Any) -> Vec3:
+    def at(self, t: Scalar) -> Vec3:
         """Value at time t (s), world axes.
 
         Source: step as RotorS, gazebo_wind_plugin.cpp (gust window); one minus cosine as CS 25.341(a)(2).
         """
         since = t - self.start
-        shape: Any = 1
+        shape: Scalar = 1
         if self.shape == "one_minus_cosine":
             shape = 0.5 * (1.0 - cos(2.0 * math.pi * since / self.duration))
         return Vec3(*(self._in_window(t, mul(peak, shape)) for peak in self.peak))
 
-    def _in_window(self, t: Any, value: Any) -> Any:
+    def _in_window(self, t: Scalar, value: Scalar) -> Scalar:
         if type(value) is int and value == 0:
             return 0  # a direction without a gust stays structure
         return where(t < self.start, 0.0, where(t < self.start + self.duration, value, 0.0))

@@ -39,12 +39,12 @@ class SignalVector:
             raise ValueError(f"{where} = {shown(entry)}: must be a list of three signals of time, x, y and z")
         return cls(**{axis: _signal(each, f"{where}.{axis}") for axis, each in zip("xyz", entry, strict=True)})
 
-    def at(self, t: Any) -> Vec3:
+    def at(self, t: Scalar) -> Vec3:
         """Value at time t, s."""
         return Vec3(*(signal.derivatives(t)[0] for signal in (self.x, self.y, self.z)))
 
 
-def _signal(entry: Any, where: str) -> Signal:
+def _signal(entry: Scalar, where: str) -> Signal:
     """A signal; an exact zero is structure and costs nothing."""
     return NONE if type(entry) in (int, float) and entry == 0.0 else signal_from(entry, where)
 

@@ -107,7 +107,7 @@ class TimedPayload(Component):
         if instants and self.drop_place is None and not self.pick < self.drop:
             raise ValueError(f"drop = {self.drop!r}: must be after pick = {self.pick!r} s")
 
-    def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Any) -> None:
+    def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Scalar) -> None:
         """Refuse a vehicle without the frame that holds it."""
         require_frame(vehicle, self.frame)
 
@@ -116,7 +116,7 @@ class TimedPayload(Component):
         place = (0.0, 0.0, 0.0) if self.pick_place is None else tuple(1.0 * c for c in self.pick_place.of)
         return PayloadMemory(held=0.0, caught=0.0, gone=0.0, place=Vec3(*place))
 
-    def act(self, memory: Any, t: Any, dt: float, motion: PointMotion) -> Any:
+    def act(self, memory: PayloadMemory, t: Scalar, dt: float, motion: PointMotion) -> PayloadMemory:
         """Grasp and release at the beginning of a control period."""
         held, caught, gone, place = self.next_status(memory, t, motion.position(*motion.frame(self.frame or None)))
         return PayloadMemory(held=held, caught=caught, gone=gone, place=place)
@@ -126,11 +126,11 @@ class TimedPayload(Component):
         """Mass that is held."""
         return (Column("payload_mass", self.name, "kg", "held"),)
 
-    def logged(self, memory: Any, motion: PointMotion) -> tuple[Any, ...]:
+    def logged(self, memory: PayloadMemory, motion: PointMotion) -> tuple[Any, ...]:
         """Mass that is held, kg."""
         return (mul(self.mass, memory.held),)
 
-    def next_status(self, memory: Any, t: Any, position_W: Vec3) -> tuple[Any, Any, Any, Vec3]:
+    def next_status(self, memory: PayloadMemory, t: Scalar, position_W: Vec3) -> tuple[Any, Any, Any, Vec3]:
         """Held, caught, gone and the place where it lies, with the frame at a place (m, world axes)."""
         held, gone = memory.held > 0.5, memory.gone > 0.5
         pick, drop = self.events_reached(t, position_W)
@@ -140,7 +140,7 @@ class TimedPayload(Component):
         place = Vec3(*(where(dropped > 0.5, p, q) for p, q in zip(position_W, memory.place, strict=True)))
         return now, caught, where(dropped > 0.5, 1.0, memory.gone), place
 
-    def events_reached(self, t: Any, position_W: Vec3) -> tuple[Any, Any]:
+    def events_reached(self, t: Scalar, position_W: Vec3) -> tuple[Any, Any]:
         """True once instant and place of the grasp, and of the release, are reached, with the frame at a place (m)."""
         pick, drop = t >= self.pick, t >= self.drop
         if self.pick_place is not None:
@@ -149,7 +149,7 @@ class TimedPayload(Component):
             drop = logical_and(drop, self.drop_place.holds(position_W))
         return pick, drop
 
-    def body(self, vehicle: Vehicle, share: Any = 1) -> tuple[int, Body]:
+    def body(self, vehicle: Vehicle, share: Scalar = 1) -> tuple[int, Body]:
         """(index of the link, the load as a body in that link's axes), its mass and inertia times ``share``."""
         at = vehicle.frame(self.frame or None)
         moments = Sym3(*(mul(each, share) for each in self.inertia)).rotate(at.rotation)

@@ -36,11 +36,11 @@ class WindSample(Component):
     air_velocity_W: Vec3 = ZERO3
     numbers: tuple[Scalar, ...] = ()
 
-    def velocity(self, memory: Any, t: Any, position_W: Vec3) -> Vec3:
+    def velocity(self, memory: Any, t: Scalar, position_W: Vec3) -> Vec3:
         """The same everywhere and always."""
         return self.air_velocity_W
 
-    def wrenches(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
+    def wrenches(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Sequence[Wrench]:
         """The force on the base."""
         return (Wrench(force_W=self.force_W, point=self.point_B),)
 
@@ -71,11 +71,11 @@ class ForceWind(Force):
         """Its gusts."""
         return gust_events(self)
 
-    def velocity(self, memory: Any, t: Any, position_W: Vec3) -> Vec3:
+    def velocity(self, memory: Any, t: Scalar, position_W: Vec3) -> Vec3:
         """The constant wind at the rotors."""
         return self.air_velocity_W
 
-    def wrenches(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
+    def wrenches(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Sequence[Wrench]:
         """Mean and gust force on the base."""
         force = self.force_W
         for gust in all_gusts(self):
@@ -105,14 +105,14 @@ class MovingAir(Air):
         """Three normal numbers a period, which come in pairs."""
         return 0 if self.turbulence is None else 4
 
-    def start(self, period: float, draws: Sequence[Any]) -> Any:
+    def start(self, period: float, draws: Sequence[Scalar]) -> Any:
         """Stationary from the first period on."""
         if self.turbulence is None:
             return ()
         numbers = normals(draws)
         return dryden.start(Vec3(*numbers[0:3]), Vec3(*numbers[4:7]), period, par=self.turbulence)
 
-    def advance(self, memory: Any, t: Any, dt: float, state: State, draws: Sequence[Any]) -> Any:
+    def advance(self, memory: Any, t: Scalar, dt: float, state: State, draws: Sequence[Scalar]) -> Any:
         """The turbulence of the next period."""
         if self.turbulence is None:
             return memory
@@ -123,7 +123,7 @@ class MovingAir(Air):
         """Its gusts."""
         return gust_events(self)
 
-    def velocity(self, memory: Any, t: Any, position_W: Vec3) -> Vec3:
+    def velocity(self, memory: Any, t: Scalar, position_W: Vec3) -> Vec3:
         """Mean + gust + turbulence."""
         velocity = self.velocity_W
         for gust in all_gusts(self):

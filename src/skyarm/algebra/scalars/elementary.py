@@ -18,6 +18,7 @@ from typing import Any
 
 from skyarm.algebra.scalars import floats
 from skyarm.algebra.scalars import functions as f
+from skyarm.algebra.scalars.fold import Scalar
 from skyarm.algebra.scalars.functions import register
 
 TWO_OVER_PI = 0.6366197723675814
@@ -77,7 +78,7 @@ TANH_P = (-1.61468768441708447952e3, -9.92877231001918586564e1, -9.6439917942505
 TANH_Q = (4.84406305325125486048e3, 2.23548839060100448583e3, 1.12811678491632931402e2, 1.0)
 
 
-def _polynomial(z: Any, coefficients: Sequence[float]) -> Any:
+def _polynomial(z: Scalar, coefficients: Sequence[float]) -> Any:
     """c0 + c1 z + c2 z^2 ... by Horner's rule."""
     total: Any = coefficients[-1]
     for c in reversed(coefficients[:-1]):
@@ -85,13 +86,13 @@ def _polynomial(z: Any, coefficients: Sequence[float]) -> Any:
     return total
 
 
-def _is_even(z: Any, c: Sequence[float]) -> Any:
+def _is_even(z: Scalar, c: Sequence[float]) -> Scalar:
     """c0 + c1 z + ... + c5 z^5 in pairs (Estrin): as many operations as Horner's rule but for z^2, half as deep."""
     square = z * z
     return (c[0] + c[1] * z) + square * ((c[2] + c[3] * z) + square * (c[4] + c[5] * z))
 
 
-def _quarter(x: Any) -> tuple[Any, Any, Any, Any]:
+def _quarter(x: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
     """sin and cos of the remainder of x modulo pi/2; is the number of quarter turns odd, is that of half turns."""
     turns = f.floor(x * TWO_OVER_PI + 0.5)
     r = x
@@ -105,31 +106,31 @@ def _quarter(x: Any) -> tuple[Any, Any, Any, Any]:
     return sine, cosine, turns - 2.0 * halves > 0.5, halves - 2.0 * f.floor(0.5 * halves) > 0.5
 
 
-def _odd(x: Any, value: Any) -> Any:
+def _odd(x: Scalar, value: Scalar) -> Scalar:
     """Value of an odd function with slope 1 at zero: x itself where x * x vanishes, which keeps the sign of a zero."""
     return f.where(x * x <= 0.0, x, value)
 
 
-def sin(x: Any) -> Any:
+def sin(x: Scalar) -> Scalar:
     """sin x."""
     sine, cosine, odd, turned = _quarter(x)
     value = f.where(odd, cosine, sine)
     return f.where(turned, -value, value)
 
 
-def cos(x: Any) -> Any:
+def cos(x: Scalar) -> Scalar:
     """cos x."""
     sine, cosine, odd, turned = _quarter(x)
     value = f.where(odd, -sine, cosine)
     return f.where(turned, -value, value)
 
 
-def tan(x: Any) -> Any:
+def tan(x: Scalar) -> Any:
     """tan x."""
     return f.divide(sin(x), cos(x))
 
 
-def exp(x: Any) -> Any:
+def exp(x: Scalar) -> Scalar:
     """e**x; +inf above 709.78, 0 below -745."""
     k = f.floor(f.clip(x, -746.0, 710.0) * ONE_OVER_LN2 + 0.5)
     high, low = x - k * LN2_HIGH, k * LN2_LOW
@@ -143,7 +144,7 @@ def exp(x: Any) -> Any:
     return f.where(x > 709.782712893384, float("inf"), f.where(x < -745.1332191019412, 0.0, scaled))
 
 
-def log(x: Any) -> Any:
+def log(x: Scalar) -> Any:
     """Natural logarithm; -inf at zero, NaN below; numbers under 2.3e-308 count as zero."""
     big = f.mantissa(x) > 1.4142135623730951
     k = f.exponent(x) + f.where(big, 1.0, 0.0)
@@ -157,7 +158,7 @@ def log(x: Any) -> Any:
     return f.where(x > 2.2250738585072014e-308, inside, f.where(x >= 0.0, float("-inf"), float("nan")))
 
 
-def _atan01(t: Any) -> Any:
+def _atan01(t: Scalar) -> Scalar:
     """Arctangent of t in [0, 1]."""
     far = t > 0.66
     r = f.where(far, f.divide(t - 1.0, t + 1.0), t)
@@ -166,7 +167,7 @@ def _atan01(t: Any) -> Any:
     return f.where(far, (value + 0.5 * HALF_PI_LOW) + QUARTER_PI, value)
 
 
-def atan2(y: Any, x: Any) -> Any:
+def atan2(y: Scalar, x: Scalar) -> Scalar:
     """Angle of the point (x, y), in [-pi, pi], with the signs of zeros as IEEE has them."""
     ax, ay = f.absolute(x), f.absolute(y)
     steep = ay > ax
@@ -180,17 +181,17 @@ def atan2(y: Any, x: Any) -> Any:
     return f.copysign(angle, y)
 
 
-def asin(x: Any) -> Any:
+def asin(x: Scalar) -> Scalar:
     """Inverse sine, NaN outside [-1, 1]."""
     return atan2(x, f.sqrt((1.0 - x) * (1.0 + x)))
 
 
-def acos(x: Any) -> Any:
+def acos(x: Scalar) -> Scalar:
     """Inverse cosine, NaN outside [-1, 1]."""
     return atan2(f.sqrt((1.0 - x) * (1.0 + x)), x)
 
 
-def tanh(x: Any) -> Any:
+def tanh(x: Scalar) -> Scalar:
     """Hyperbolic tangent."""
     z = x * x
     small = _odd(x, x + x * f.divide(z * _polynomial(z, TANH_P), _polynomial(z, TANH_Q)))

@@ -12,15 +12,15 @@ from typing import Any, Protocol
 class Scalar(Protocol):
     """A number of any engine: float, NumPy array, JAX array, CasADi SX, tracer node; an int marks structure."""
 
-    def __add__(self, other: Any, /) -> Any: ...
-    def __radd__(self, other: Any, /) -> Any: ...
-    def __sub__(self, other: Any, /) -> Any: ...
-    def __rsub__(self, other: Any, /) -> Any: ...
-    def __mul__(self, other: Any, /) -> Any: ...
-    def __rmul__(self, other: Any, /) -> Any: ...
-    def __truediv__(self, other: Any, /) -> Any: ...
-    def __rtruediv__(self, other: Any, /) -> Any: ...
-    def __neg__(self) -> Any: ...
+    def __add__(self, other: Any, /) -> Scalar: ...
+    def __radd__(self, other: Any, /) -> Scalar: ...
+    def __sub__(self, other: Any, /) -> Scalar: ...
+    def __rsub__(self, other: Any, /) -> Scalar: ...
+    def __mul__(self, other: Any, /) -> Scalar: ...
+    def __rmul__(self, other: Any, /) -> Scalar: ...
+    def __truediv__(self, other: Any, /) -> Scalar: ...
+    def __rtruediv__(self, other: Any, /) -> Scalar: ...
+    def __neg__(self) -> Scalar: ...
     def __float__(self) -> float: ...
     def __lt__(self, other: Any, /) -> Any: ...
     def __le__(self, other: Any, /) -> Any: ...
@@ -33,17 +33,17 @@ def structural(value: float) -> int | float:
     return int(value) if value in (0.0, 1.0, -1.0) else float(value)
 
 
-def data(value: Any) -> Any:
+def data(value: Scalar) -> Scalar:
     """A structural number as data, so that it keeps its place among a record's leaves whatever it folds to."""
     return float(value) if type(value) is int else value
 
 
-def same(a: Any, b: Any) -> bool:
+def same(a: Scalar, b: Scalar) -> bool:
     """True if two scalars are one: the same object, or equal plain numbers of one kind."""
     return a is b or (type(a) is type(b) and type(a) in (int, float) and a == b)
 
 
-def add(a: Any, b: Any) -> Any:
+def add(a: Scalar, b: Scalar) -> Scalar:
     """Return a + b, a structural zero folded."""
     if type(a) is int and a == 0:
         return b
@@ -52,7 +52,7 @@ def add(a: Any, b: Any) -> Any:
     return a + b
 
 
-def sub(a: Any, b: Any) -> Any:
+def sub(a: Scalar, b: Scalar) -> Scalar:
     """Return a - b, a structural zero folded."""
     if type(b) is int and b == 0:
         return a
@@ -61,12 +61,12 @@ def sub(a: Any, b: Any) -> Any:
     return a - b
 
 
-def neg(a: Any) -> Any:
+def neg(a: Scalar) -> Scalar:
     """Return -a."""
     return -a
 
 
-def mul(a: Any, b: Any) -> Any:
+def mul(a: Scalar, b: Scalar) -> Scalar:
     """Return a * b, structural 0, 1 and -1 folded."""
     if type(a) is int:
         if a == 0:

@@ -11,6 +11,8 @@ from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
+from skyarm.algebra.scalars.fold import Scalar
+
 _PYTHON = (float, int, bool)
 _NAMESPACES: dict[type, Any] = {}
 
@@ -79,7 +81,7 @@ def _namespace(*values: Any) -> Any:
     return found
 
 
-def _function(name: str, meaning: str) -> Callable[..., Any]:
+def _function(name: str, meaning: str) -> Callable[..., Scalar]:
     """The function of this name in the namespace of its arguments."""
 
     def call(*values: Any) -> Any:
@@ -112,28 +114,29 @@ logical_or = _function("logical_or", "Either condition.")
 logical_not = _function("logical_not", "Opposite condition.")
 
 
-def divide(a: Any, b: Any) -> Any:
+def divide(a: Scalar, b: Scalar) -> Scalar:
     """Return a / b with IEEE zeros; use it wherever the denominator can vanish."""
     if type(b) is int and b == 1:
         return a
-    return _namespace(a, b).divide(a, b)
+    quotient: Scalar = _namespace(a, b).divide(a, b)
+    return quotient
 
 
-def minimum(value: Any, bound: Any) -> Any:
+def minimum(value: Scalar, bound: Scalar) -> Scalar:
     """Return the smaller of two; a NaN in ``value`` stays NaN, so a crash is never hidden by a limit."""
     return where(bound < value, bound, value)
 
 
-def maximum(value: Any, bound: Any) -> Any:
+def maximum(value: Scalar, bound: Scalar) -> Scalar:
     """Return the larger of two; a NaN in ``value`` stays NaN, so a crash is never hidden by a limit."""
     return where(bound > value, bound, value)
 
 
-def clip(value: Any, lower: Any, upper: Any) -> Any:
+def clip(value: Scalar, lower: Scalar, upper: Scalar) -> Scalar:
     """Value held between two limits; NaN stays NaN."""
     return minimum(maximum(value, lower), upper)
 
 
-def sign(x: Any) -> Any:
+def sign(x: Scalar) -> Scalar:
     """-1, 0 or +1."""
     return where(x > 0.0, 1.0, where(x < 0.0, -1.0, x))  # what is left is a signed zero or NaN

@@ -29,6 +29,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skyarm.algebra.scalars import elementary
+from skyarm.algebra.scalars.fold import Scalar
 from skyarm.algebra.scalars.functions import sqrt
 
 ROUNDS = 10
@@ -97,7 +98,7 @@ def normal(seed: int, episode: ArrayLike, channel: int, steps: ArrayLike, count:
     return both.reshape(*pairs.shape)[..., :count]
 
 
-def normal_pair(a: Any, b: Any) -> tuple[Any, Any]:
+def normal_pair(a: Scalar, b: Scalar) -> tuple[Any, Any]:
     """Two independent standard normal numbers from two uniform ones, over any scalar, equal on all engines to the bit.
 
     Source: Box, Muller 1958.
@@ -106,7 +107,7 @@ def normal_pair(a: Any, b: Any) -> tuple[Any, Any]:
     return radius * elementary.cos(angle), radius * elementary.sin(angle)
 
 
-def normals(uniforms: Sequence[Any]) -> list[Any]:
+def normals(uniforms: Sequence[Scalar]) -> list[Scalar]:
     """Return standard normal numbers from an even count of uniform ones, pair by pair."""
     numbers: list[Any] = []
     for a, b in zip(uniforms[0::2], uniforms[1::2], strict=True):

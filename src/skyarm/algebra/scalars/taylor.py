@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from skyarm.algebra.scalars import functions
-from skyarm.algebra.scalars.fold import add, mul, neg, sub
+from skyarm.algebra.scalars.fold import Scalar, add, mul, neg, sub
 
 
 class Taylor:
@@ -21,16 +21,16 @@ class Taylor:
     __slots__ = ("c",)
     __array_ufunc__ = None
 
-    def __init__(self, coefficients: Sequence[Any]) -> None:
+    def __init__(self, coefficients: Sequence[Scalar]) -> None:
         self.c = tuple(coefficients)
 
     @classmethod
-    def of_derivatives(cls, derivatives: Sequence[Any]) -> Taylor:
+    def of_derivatives(cls, derivatives: Sequence[Scalar]) -> Taylor:
         """From value, first derivative, second ..."""
         return cls([mul(d, 1 if k < 2 else 1.0 / math.factorial(k)) for k, d in enumerate(derivatives)])
 
     @classmethod
-    def constant(cls, value: Any, order: int) -> Taylor:
+    def constant(cls, value: Scalar, order: int) -> Taylor:
         """A value that does not change."""
         return cls((value, *(0,) * order))
 
@@ -46,21 +46,21 @@ class Taylor:
         """The same series to a lower order."""
         return Taylor(self.c[: order + 1])
 
-    def _terms(self, other: Any) -> tuple[Any, ...]:
+    def _terms(self, other: Any) -> tuple[Scalar, ...]:
         """Coefficients of another operand, a constant if it is no series."""
         return other.c if isinstance(other, Taylor) else (other, *(0,) * (len(self.c) - 1))
 
-    def __add__(self, other: Any) -> Taylor:
+    def __add__(self, other: Scalar) -> Taylor:
         """Sum."""
         return Taylor([add(a, b) for a, b in zip(self.c, self._terms(other), strict=False)])
 
     __radd__ = __add__
 
-    def __sub__(self, other: Any) -> Taylor:
+    def __sub__(self, other: Scalar) -> Taylor:
         """Difference."""
         return Taylor([sub(a, b) for a, b in zip(self.c, self._terms(other), strict=False)])
 
-    def __rsub__(self, other: Any) -> Taylor:
+    def __rsub__(self, other: Scalar) -> Taylor:
         """Difference with a constant on the left."""
         return Taylor([sub(a, b) for a, b in zip(self._terms(other), self.c, strict=False)])
 
@@ -76,7 +76,7 @@ class Taylor:
 
     __rmul__ = __mul__
 
-    def __truediv__(self, other: Any) -> Taylor:
+    def __truediv__(self, other: Scalar) -> Taylor:
         """Quotient."""
         b = self._terms(other)
         inverse = functions.divide(1.0, b[0])
@@ -87,11 +87,11 @@ class Taylor:
             q.append(mul(a, inverse))
         return Taylor(q)
 
-    def __rtruediv__(self, other: Any) -> Taylor:
+    def __rtruediv__(self, other: Scalar) -> Taylor:
         """Quotient of a constant."""
         return Taylor(self._terms(other)) / self
 
-    def __lt__(self, other: Any) -> Any:
+    def __lt__(self, other: Scalar) -> Any:
         """Compare values."""
         return self.c[0] < self._terms(other)[0]
 
@@ -99,7 +99,7 @@ class Taylor:
         """Compare values."""
         return self.c[0] <= self._terms(other)[0]
 
-    def __gt__(self, other: Any) -> Any:
+    def __gt__(self, other: Scalar) -> Any:
         """Compare values."""
         return self.c[0] > self._terms(other)[0]
 
@@ -116,8 +116,8 @@ class Taylor:
         return f"Taylor({', '.join(map(repr, self.c))})"
 
 
-def _convolve(a: Sequence[Any], b: Sequence[Any], k: int) -> Any:
-    total: Any = 0
+def _convolve(a: Sequence[Scalar], b: Sequence[Scalar], k: int) -> Scalar:
+    total: Scalar = 0
     for j in range(k + 1):
         total = add(total, mul(a[j], b[k - j]))
     return total
@@ -128,8 +128,8 @@ def _sine_cosine(x: Taylor) -> tuple[Taylor, Taylor]:
     s, c = [functions.sin(x.c[0])], [functions.cos(x.c[0])]
     slope = [mul(float(j), x.c[j]) if j > 1 else x.c[j] for j in range(len(x.c))]
     for k in range(1, len(x.c)):
-        up: Any = 0
-        down: Any = 0
+        up: Scalar = 0
+        down: Scalar = 0
         for j in range(1, k + 1):
             up, down = add(up, mul(slope[j], c[k - j])), add(down, mul(slope[j], s[k - j]))
         share = 1 if k == 1 else 1.0 / k
@@ -180,7 +180,7 @@ def choose(condition: Any, a: Any, b: Any) -> Taylor:
     )
 
 
-def _where(condition: Any, a: Any, b: Any) -> Any:
+def _where(condition: Scalar, a: Scalar, b: Scalar) -> Scalar:
     return functions.where(condition, *(float(x) if type(x) is int else x for x in (a, b)))
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from skyarm.algebra.scalars.elementary import COMPOSED
+from skyarm.algebra.scalars.fold import Scalar
 from skyarm.compile.tracing.tracer import Graph, Node
 from skyarm.records.leaves import blend, leaves, rebuild
 
@@ -103,7 +104,7 @@ def repeat(count: int, function: Callable[[Record], Record], record: Record) -> 
         graph.loops = True
 
 
-def repeat_while(count: int, rounds: Any, function: Callable[[Record], Record], record: Record) -> Record:
+def repeat_while(count: int, rounds: Scalar, function: Callable[[Record], Record], record: Record) -> Record:
     """``function`` applied ``rounds`` times to ``record``, where ``rounds`` may be traced and differ from lane to lane.
 
     Machine code makes as many rounds as the lane that asks for most, none where none asks; other lanes keep what they

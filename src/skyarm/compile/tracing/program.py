@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra.scalars import floats
+from skyarm.algebra.scalars.fold import Scalar
 from skyarm.compile.tracing.lower import Lowered, arrange, live, lower
 from skyarm.compile.tracing.tracer import Graph, Node
 from skyarm.records.leaves import leaves, mismatch, rebuild, shaped_like
@@ -47,7 +48,7 @@ class Program:
         values = [leaf for record in records for leaf in leaves(record)]
         return self.record(self.flat(values))
 
-    def record(self, values: Sequence[Any]) -> Any:
+    def record(self, values: Sequence[Scalar]) -> Any:
         """Shape a flat result as the record the traced function returns."""
         return shaped_like(self._result, values)
 

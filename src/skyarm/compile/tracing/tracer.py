@@ -13,6 +13,7 @@ from typing import Any
 
 from skyarm.algebra.scalars import floats, register
 from skyarm.algebra.scalars.elementary import COMPOSED
+from skyarm.algebra.scalars.fold import Scalar
 
 _COMMUTATIVE = frozenset({"add", "mul", "and", "or"})
 
@@ -61,23 +62,23 @@ class Node:
     def __init__(self, graph: Graph, index: int, op: str, args: tuple[Node, ...], value: Any) -> None:
         self.graph, self.index, self.op, self.args, self.value = graph, index, op, args, value
 
-    def __add__(self, other: Any) -> Any:
+    def __add__(self, other: Scalar) -> Scalar:
         """Record self + other."""
         return self.graph.add(self, other)
 
     __radd__ = __add__
 
-    def __sub__(self, other: Any) -> Any:
+    def __sub__(self, other: Scalar) -> Scalar:
         """Record self - other."""
         if type(other) is int and other == 0:
             return self
         return self.graph.sub(self, other)
 
-    def __rsub__(self, other: Any) -> Any:
+    def __rsub__(self, other: Scalar) -> Scalar:
         """Record other - self."""
         return self.graph.sub(other, self)
 
-    def __mul__(self, other: Any) -> Any:
+    def __mul__(self, other: Scalar) -> Scalar:
         """Record self * other."""
         if type(other) is int and other in (-1, 1):
             return self if other == 1 else -self
@@ -85,17 +86,17 @@ class Node:
 
     __rmul__ = __mul__
 
-    def __truediv__(self, other: Any) -> Any:
+    def __truediv__(self, other: Scalar) -> Scalar:
         """Record self / other."""
         if type(other) is int and other in (-1, 1):
             return self if other == 1 else -self
         return self.graph.call("div", self, other)
 
-    def __rtruediv__(self, other: Any) -> Any:
+    def __rtruediv__(self, other: Scalar) -> Scalar:
         """Record other / self."""
         return self.graph.call("div", other, self)
 
-    def __neg__(self) -> Any:
+    def __neg__(self) -> Scalar:
         """-self."""
         return self.graph.neg(self)
 
@@ -103,19 +104,19 @@ class Node:
         """|self|."""
         return self.graph.call("abs", self)
 
-    def __lt__(self, other: Any) -> Any:
+    def __lt__(self, other: Scalar) -> Scalar:
         """Record self < other."""
         return self.graph.call("lt", self, other)
 
-    def __le__(self, other: Any) -> Any:
+    def __le__(self, other: Scalar) -> Scalar:
         """Record self <= other."""
         return self.graph.call("le", self, other)
 
-    def __gt__(self, other: Any) -> Any:
+    def __gt__(self, other: Scalar) -> Scalar:
         """Record self > other."""
         return self.graph.call("lt", other, self)
 
-    def __ge__(self, other: Any) -> Any:
+    def __ge__(self, other: Scalar) -> Scalar:
         """Record self >= other."""
         return self.graph.call("le", other, self)
 
@@ -125,11 +126,11 @@ class Node:
 
     __hash__ = object.__hash__
 
-    def __and__(self, other: Any) -> Any:
+    def __and__(self, other: Scalar) -> Scalar:
         """Both conditions."""
         return self.graph.call("and", self, other)
 
-    def __or__(self, other: Any) -> Any:
+    def __or__(self, other: Scalar) -> Scalar:
         """Either condition."""
         return self.graph.call("or", self, other)
 
@@ -205,7 +206,7 @@ class Graph:
         found = self._known.get(key)
         return self._make(op, (x, y), None, key) if found is None else found
 
-    def add(self, a: Any, b: Any) -> Node:
+    def add(self, a: Scalar, b: Scalar) -> Node:
         """Return a + b; a + (-b) becomes a - b."""
         x, y = self.lift(a), self.lift(b)
         if y.op == "neg":
@@ -214,14 +215,14 @@ class Graph:
             return self._pair("sub", y, x.args[0])
         return self._pair("add", x, y)
 
-    def sub(self, a: Any, b: Any) -> Node:
+    def sub(self, a: Scalar, b: Scalar) -> Node:
         """Return a - b; a - (-b) becomes a + b."""
         x, y = self.lift(a), self.lift(b)
         if y.op == "neg":
             return self._pair("add", x, y.args[0])
         return self._pair("sub", x, y)
 
-    def mul(self, a: Any, b: Any) -> Node:
+    def mul(self, a: Scalar, b: Scalar) -> Node:
         """Return a * b; signs are moved out, so that (-a) b and a b share their product."""
         x, y = self.lift(a), self.lift(b)
         if x.op == "neg" and y.op == "neg":
@@ -232,7 +233,7 @@ class Graph:
             return self.neg(self._pair("mul", x, y.args[0]))
         return self._pair("mul", x, y)
 
-    def neg(self, a: Any) -> Node:
+    def neg(self, a: Scalar) -> Node:
         """Return -a; -(-a) becomes a."""
         x = self.lift(a)
         return x.args[0] if x.op == "neg" else self.call("neg", x)

@@ -221,7 +221,8 @@ def release_normal(touch: Touch, wanted: Sequence[Scalar]) -> tuple[Scalar, ...]
     """Joint accelerations that leave the tip damping alone along the normal, as far as it presses."""
     own = touch.at.R.apply_T(touch.pressing.n)
     row = [own.dot(column) for column in touch.at.columns]
-    length, along = VAGUE * VAGUE, touch.pressing.damping * -touch.into
+    length: Scalar = VAGUE * VAGUE
+    along = touch.pressing.damping * -touch.into
     for each, acceleration in zip(row, wanted, strict=True):
         length, along = add(length, mul(each, each)), add(along, mul(each, acceleration))
     step = mul(touch.pressing.share, divide(along, length))

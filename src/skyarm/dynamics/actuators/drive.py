@@ -13,7 +13,7 @@ from skyarm.records.units import Unit
 from skyarm.vehicle.linkage import Joint
 
 
-def joint_force(joint: Joint, command: Any, rate: Scalar, effectiveness: Scalar = 1) -> Any:
+def joint_force(joint: Joint, command: Scalar, rate: Scalar, effectiveness: Scalar = 1) -> Any:
     """Torque (N m) or force (N) on the joint: the limited command, less viscous and smooth Coulomb friction.
 
     ``effectiveness`` is the share of the drive's effort that a fault leaves; friction stays.
@@ -22,7 +22,7 @@ def joint_force(joint: Joint, command: Any, rate: Scalar, effectiveness: Scalar 
     return sub(mul(effectiveness, limited_effort(joint, command)), friction(joint, rate, rate))
 
 
-def limited_effort(joint: Joint, command: Any) -> Any:
+def limited_effort(joint: Joint, command: Scalar) -> Scalar:
     """Commanded torque (N m) or force (N) within the drive's limit, either way."""
     return clip(command, -joint.effort_limit, joint.effort_limit)
 
@@ -123,7 +123,7 @@ class TorqueDrive(Drive):
         """The setpoint itself."""
         return setpoint
 
-    def standing(self, effort: Scalar, position: Scalar) -> Any:
+    def standing(self, effort: Scalar, position: Scalar) -> Scalar:
         """The torque that holds the arm."""
         return effort
 

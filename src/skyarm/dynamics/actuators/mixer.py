@@ -45,7 +45,7 @@ def yaw_bounds(
     per_newton: Sequence[Scalar],
     per_turn: Sequence[Scalar],
     highest: Sequence[Scalar],
-    wanted: Any,
+    wanted: Scalar,
     slack: Scalar,
 ) -> list[Bound]:
     """Bounds of the yaw torque by its demand and by each rotor.
@@ -70,7 +70,7 @@ def yaw_bounds(
     return found
 
 
-def nearest_thrust(bounds: Sequence[Bound], wanted: Any) -> Any:
+def nearest_thrust(bounds: Sequence[Bound], wanted: Scalar) -> Any:
     """The thrust nearest to the demand, N, for which some yaw torque keeps all bounds."""
     low: Scalar = -ENDLESS
     high: Scalar = ENDLESS
@@ -86,7 +86,7 @@ def nearest_thrust(bounds: Sequence[Bound], wanted: Any) -> Any:
     return minimum(maximum(wanted, low), high)
 
 
-def nearest_yaw(bounds: Sequence[Bound], thrust: Scalar, wanted: Any) -> Any:
+def nearest_yaw(bounds: Sequence[Bound], thrust: Scalar, wanted: Scalar) -> Scalar:
     """The yaw torque nearest to the demand, N m, within all bounds at this thrust."""
     for each in bounds:
         moved = mul(each.slope, thrust)
@@ -268,7 +268,7 @@ def _thrust_before_yaw(mixer: Mixer, tilt: Sequence[Scalar], yaw: Scalar, thrust
     return tuple(minimum(maximum(w, 0.0), top) for w, top in zip(wanted, mixer.highest, strict=True))
 
 
-def _tilt_share(tilt: Sequence[Scalar], per_newton: Sequence[Scalar], highest: Sequence[Scalar]) -> Any:
+def _tilt_share(tilt: Sequence[Scalar], per_newton: Sequence[Scalar], highest: Sequence[Scalar]) -> Scalar:
     """Largest s in [0, 1] for which some thrust keeps s tilt_i + thrust per_newton_i within [0, highest_i] for all i.
 
     Rotor i asks for thrust >= -s d_i and rotor j for thrust <= e_j - s d_j, with d = tilt / per_newton and
@@ -298,7 +298,7 @@ def _thrust_range(
     return low, high
 
 
-def _largest_share(fixed: Sequence[Scalar], wanted: Sequence[Scalar], highest: Sequence[Scalar]) -> Any:
+def _largest_share(fixed: Sequence[Scalar], wanted: Sequence[Scalar], highest: Sequence[Scalar]) -> Scalar:
     """Largest s in [0, 1] with 0 <= fixed_i + s wanted_i <= highest_i for all i (0 if ``fixed`` itself is outside)."""
     share: Scalar = 1.0
     for value, change, top in zip(fixed, wanted, highest, strict=True):

@@ -14,7 +14,7 @@ from skyarm.algebra.scalars import Scalar, add, divide, exp, maximum, minimum, m
 from skyarm.vehicle.vehicle_records import Rotor
 
 
-def speed_after(rotor: Rotor, speed: Scalar, command: Any, dt: Scalar) -> Any:
+def speed_after(rotor: Rotor, speed: Scalar, command: Scalar, dt: Scalar) -> Any:
     """Rotor speed (rad/s) after ``dt`` seconds of a held command: the asymmetric first-order lag solved exactly.
 
     The approach is monotonic, so the time constant (up or down) cannot change while the command is held. The command is
@@ -148,7 +148,10 @@ def _alike(group: Sequence[Turning], positions: Sequence[Vec3], velocity: Vec3, 
     """
     like = group[0][0]
     n = like.axis
-    pushing, twist, arm = 0, 0, ZERO3  # sums of effective W^2, of it against the direction of rotation, of r by it
+    # sums of effective W^2, of it against the direction of rotation, of r by it
+    pushing: Scalar = 0
+    twist: Scalar = 0
+    arm = ZERO3
     drag, drag_arm = ZERO3, ZERO3  # sums of W v_perp and of r x (W v_perp)
     for (rotor, speed, left), r in zip(group, positions, strict=True):
         square = mul(left, push(rotor, speed))

@@ -158,7 +158,7 @@ class Servo(Drive):
         """The goal after a period in which a setpoint arrived."""
         raise NotImplementedError
 
-    def _rounding(self, position: Scalar) -> Any:
+    def _rounding(self, position: Scalar) -> Scalar:
         """Rounding error of the encoder at a position."""
         return 0.0
 
@@ -176,7 +176,7 @@ class Servo(Drive):
         older, newer, share = seen[0], seen[1], clip(self.latency / dt - (count - 1), 0.0, 1.0)
         return newer + (older - newer) * share, seen[1:]
 
-    def _integrate(self, memory: ServoMemory, error: Scalar, asked: Scalar, rate: Scalar, dt: float) -> Any:
+    def _integrate(self, memory: ServoMemory, error: Scalar, asked: Scalar, rate: Scalar, dt: float) -> Scalar:
         """The integral after a period; it stands still while a bound holds the torque and the error would wind it up.
 
         Source: conditional integration; Astrom, Hagglund 2006, section 3.5.
@@ -217,11 +217,11 @@ class PositionServo(Servo):
     def _loop_setpoint(self, setpoint: Scalar) -> Any:
         return self._quantize(setpoint)
 
-    def _next_goal(self, goal: Scalar, received: Scalar, dt: float) -> Any:
+    def _next_goal(self, goal: Scalar, received: Scalar, dt: float) -> Scalar:
         step = mul(self.speed_limit, dt)
         return goal + clip(self._quantize(received) - goal, -step, step)
 
-    def _rounding(self, position: Scalar) -> Any:
+    def _rounding(self, position: Scalar) -> Scalar:
         return self._quantize(position) - position
 
     def standing(self, effort: Scalar, position: Scalar) -> Any:
@@ -237,7 +237,7 @@ class PositionServo(Servo):
         error = goal - position
         return error, self.stiffness * error - self.damping * rate + self.integral * integral
 
-    def _quantize(self, value: Any) -> Any:
+    def _quantize(self, value: Scalar) -> Scalar:
         if type(self.resolution) is int:
             return value
         return self.resolution * floor(value / self.resolution + 0.5)
@@ -260,7 +260,7 @@ class VelocityServo(Servo):
         """Half the time in which loop and motor change, s."""
         return self._half_time(float(self.gain), 0.0)
 
-    def _next_goal(self, goal: Scalar, received: Scalar, dt: float) -> Any:
+    def _next_goal(self, goal: Scalar, received: Scalar, dt: float) -> Scalar:
         return clip(received, -self.speed_limit, self.speed_limit)
 
     def standing(self, effort: Scalar, position: Scalar) -> Any:

@@ -128,16 +128,16 @@ def _pair(rotor: Rotor, tilt: Tilt) -> list[Rotor]:
     share = mul(0.5, sqrt(both))
     found = []
     for mark, angle in (("low", low), ("high", high)):
-        fixed = turned_rotor(rotor, angle)
-        values = {
-            "name": f"{rotor.name} {mark}",
-            "max_speed": sqrt(divide(push(rotor, rotor.max_speed), both)),
-            "drag_coefficient": mul(rotor.drag_coefficient, share),
-            "rolling_moment_coefficient": mul(rotor.rolling_moment_coefficient, share),
-            "inertia": 0,
-            "table": None,
-        }
-        found.append(dataclasses.replace(fixed, **values))
+        pair = dataclasses.replace(
+            turned_rotor(rotor, angle),
+            name=f"{rotor.name} {mark}",
+            max_speed=sqrt(divide(push(rotor, rotor.max_speed), both)),
+            drag_coefficient=mul(rotor.drag_coefficient, share),
+            rolling_moment_coefficient=mul(rotor.rolling_moment_coefficient, share),
+            inertia=0,
+            table=None,
+        )
+        found.append(pair)
     return found
 
 

@@ -61,25 +61,25 @@ class Instant:
     push: tuple[Scalar, ...] = ()
     parts: tuple[tuple[str, tuple[Scalar, ...]], ...] = ()
 
-    def part(self, name: str) -> tuple[Any, ...]:
+    def part(self, name: str) -> tuple[Scalar, ...]:
         """Numbers of an array of the components; () in a flight without."""
         return next((numbers for each, numbers in self.parts if each == name), ())
 
 
-def joint_norm(joints: tuple[Any, ...], wanted: tuple[Any, ...]) -> Any:
+def joint_norm(joints: tuple[Scalar, ...], wanted: tuple[Scalar, ...]) -> Scalar:
     """Euclidean norm of the joint errors."""
-    total: Any = 0.0
+    total: Scalar = 0.0
     for q, q_d in zip(joints, wanted, strict=True):
         total = total + (q - q_d) * (q - q_d)
     return sqrt(total)
 
 
-def distance(a: Vec3, b: Vec3) -> Any:
+def distance(a: Vec3, b: Vec3) -> Scalar:
     """Length of a - b."""
     return (a - b).norm()
 
 
-def roll_and_pitch(q: Quaternion) -> tuple[Any, Any]:
+def roll_and_pitch(q: Quaternion) -> tuple[Scalar, Scalar]:
     """ZYX roll and pitch of a unit quaternion, rad."""
     w, x, y, z = q
     roll = atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
@@ -91,9 +91,9 @@ def tilt(q: Quaternion) -> Any:
     return 2.0 * asin(minimum(sqrt(q.x * q.x + q.y * q.y), 1.0))
 
 
-def _jitter(now: Instant, size: Callable[[Any], Any]) -> Any:
+def _jitter(now: Instant, size: Callable[[Any], Any]) -> Scalar:
     """Mean over the rotors of a size of the change of commanded speed since a period ago."""
-    total: Any = 0.0
+    total: Scalar = 0.0
     for new, old in zip(now.command.rotor_speeds, now.before, strict=True):
         total = total + size(new - old)
     return total / float(len(now.before))
@@ -192,7 +192,7 @@ def advance_totals(
     return tuple(following)
 
 
-def _with_one_more(kind: str, total: Any, value: Any) -> Any:
+def _with_one_more(kind: str, total: Scalar, value: Scalar) -> Any:
     if kind == "sum":
         return total + value
     if kind == "square":

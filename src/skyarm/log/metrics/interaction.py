@@ -98,14 +98,14 @@ class PushTotals(Metric):
         )
 
 
-def _sum(forces: tuple[Any, ...]) -> Any:
+def _sum(forces: tuple[Scalar, ...]) -> Scalar:
     total = forces[0]
     for force in forces[1:]:
         total = total + force
     return total
 
 
-def _across(now: Instant, normal: tuple[Any, ...]) -> Any:
+def _across(now: Instant, normal: tuple[Scalar, ...]) -> Scalar:
     """Distance of the tip from its reference across the model's normal, m."""
     away = now.tool - now.held.tool
     along = away.x * normal[0] + away.y * normal[1] + away.z * normal[2]
@@ -230,13 +230,13 @@ def _share(total: Any, count: Any) -> Any:
     return np.where(np.asarray(count) > 0, np.asarray(total) / np.maximum(count, 1), np.nan)
 
 
-def _ripple(held: Any) -> Any:
+def _ripple(held: PushMemory) -> Any:
     """RMS of the force about its mean."""
     mean = _share(held.error, held.count)
     return np.sqrt(np.maximum(_share(held.square, held.count) - mean * mean, 0.0))
 
 
-def _met(held: Any, number: Any) -> Any:
+def _met(held: PushMemory, number: Any) -> Any:
     """A number of a contact; NaN where there was none."""
     return np.where(np.asarray(held.first) < NOT_YET, number, np.nan)
 

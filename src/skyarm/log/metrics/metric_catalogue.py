@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.algebra.scalars import Scalar
 from skyarm.log.metrics.accumulate import ADDED, CONTINUOUS, HUGE, Total, added_metric
 from skyarm.log.metrics.interaction import COUNTED, TOTALED
 from skyarm.records.files import did_you_mean, shown
@@ -46,7 +47,7 @@ class Measure:
     unit: str = ""
 
 
-def _or_nan(_n: Any, _dt: Any, total: Any) -> Any:
+def _or_nan(_n: Any, _dt: Scalar, total: Any) -> Any:
     """An extreme or last value; NaN where no instant had the quantity."""
     return np.where(np.abs(total) < HUGE, total, np.nan)
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Mat3, Quaternion, Vec3
-from skyarm.algebra.scalars import add, atan2, cos, data, divide, mul, neg, sin, sqrt, sub, where
+from skyarm.algebra.scalars import Scalar, add, atan2, cos, data, divide, mul, neg, sin, sqrt, sub, where
 from skyarm.records.units import Unit
 from skyarm.sensing.sensor_kinds import HeadingReading, ImuReading, PoseReading
 
@@ -29,7 +29,7 @@ Row = Mapping[int, Any]
 """Entries of a row of a matrix that are not zero by structure."""
 
 
-def diagonal(variances: Sequence[Any]) -> Covariance:
+def diagonal(variances: Sequence[Scalar]) -> Covariance:
     """Covariance of independent components; every entry is data."""
     return tuple(tuple(data(v) if i == j else 0.0 for j in range(i + 1)) for i, v in enumerate(variances))
 
@@ -39,7 +39,7 @@ def entry(P: Covariance, i: int, j: int) -> Any:
     return P[i][j] if j <= i else P[j][i]
 
 
-def transition(R_WB: Mat3, force_W: Vec3, dt: Any, *, modelled: bool = False) -> list[Row]:
+def transition(R_WB: Mat3, force_W: Vec3, dt: Scalar, *, modelled: bool = False) -> list[Row]:
     """Rows of the error's transition over ``dt``, to first order.
 
     position + velocity dt; velocity - (R f) x attitude dt - R accelerometer bias dt; attitude - R gyroscope bias dt.
@@ -67,7 +67,7 @@ def transition(R_WB: Mat3, force_W: Vec3, dt: Any, *, modelled: bool = False) ->
     return rows + [{i: 1} for i in range(GYRO_BIAS, PUSH + 3 if modelled else PUSH)]
 
 
-def predict_covariance(P: Covariance, F: Sequence[Row], variances: Sequence[Any]) -> Covariance:
+def predict_covariance(P: Covariance, F: Sequence[Row], variances: Sequence[Scalar]) -> Covariance:
     """F P F^T with ``variances`` added to the diagonal; structural zeros of the diagonal fold away."""
     size = len(P)
     FP = [[_sum(mul(c, entry(P, k, j)) for k, c in F[i].items()) for j in range(size)] for i in range(size)]
@@ -78,7 +78,7 @@ def predict_covariance(P: Covariance, F: Sequence[Row], variances: Sequence[Any]
 
 
 def update_by_scalar(
-    P: Covariance, error: Sequence[Any], H: Row, innovation: Any, variance: Any
+    P: Covariance, error: Sequence[Scalar], H: Row, innovation: Scalar, variance: Scalar
 ) -> tuple[Covariance, list[Any], Any]:
     """Covariance, mean error and normalised squared innovation after one scalar measurement.
 
@@ -98,7 +98,7 @@ def update_by_scalar(
     return after, [add(e, k * left) for e, k in zip(error, K, strict=True)], left * left * inverse
 
 
-def choose_covariance(condition: Any, new: Covariance, old: Covariance) -> Covariance:
+def choose_covariance(condition: Scalar, new: Covariance, old: Covariance) -> Covariance:
     """``new`` where the condition holds, else ``old``."""
     return tuple(
         tuple(where(condition, a, b) for a, b in zip(row, before, strict=True))
@@ -106,12 +106,12 @@ def choose_covariance(condition: Any, new: Covariance, old: Covariance) -> Covar
     )
 
 
-def scaled_covariance(P: Covariance, factor: Any) -> Covariance:
+def scaled_covariance(P: Covariance, factor: Scalar) -> Covariance:
     """A covariance times a number."""
     return tuple(tuple(each * factor for each in row) for row in P)
 
 
-def gate_of(deviations: Any, count: int) -> Any:
+def gate_of(deviations: Scalar, count: int) -> Any:
     """Largest normalised squared innovation of ``count`` scalars that is taken for one of the model.
 
     The quantile of chi-square with ``count`` degrees of freedom whose probability is that of a normal number below
@@ -124,8 +124,8 @@ def gate_of(deviations: Any, count: int) -> Any:
     return root * root * root * count
 
 
-def _sum(terms: Any) -> Any:
-    total: Any = 0
+def _sum(terms: Any) -> Scalar:
+    total: Scalar = 0
     for term in terms:
         total = add(total, term)
     return total
@@ -173,7 +173,7 @@ def navigate(
     return following, force
 
 
-def correct_state(now: Navigated, error: Sequence[Any]) -> Navigated:
+def correct_state(now: Navigated, error: Sequence[Scalar]) -> Navigated:
     """The nominal state corrected by the mean error."""
     p, v, turn, gyro, accelerometer, *push = (Vec3(*error[i : i + 3]) for i in range(0, len(error), 3))
     return Navigated(
@@ -186,7 +186,7 @@ def correct_state(now: Navigated, error: Sequence[Any]) -> Navigated:
     )
 
 
-def level_attitude(specific_force: Vec3, heading: Any) -> Quaternion:
+def level_attitude(specific_force: Vec3, heading: Scalar) -> Quaternion:
     """Attitude of a base at rest: the specific force points up, the heading is given (rad)."""
     f = specific_force
     roll, pitch = 0.5 * atan2(f.y, f.z), 0.5 * atan2(neg(f.x), sqrt(f.y * f.y + f.z * f.z))
@@ -204,7 +204,9 @@ class ScalarInnovation:
     variance: Any
 
 
-def innovations(belief: Navigated, reading: Any, position: Any, attitude: Any, heading: Any) -> list[ScalarInnovation]:
+def innovations(
+    belief: Navigated, reading: Any, position: Scalar, attitude: Scalar, heading: Scalar
+) -> list[ScalarInnovation]:
     """Innovations of a pose, a position or a heading; the last arguments are deviations of the readings' noise."""
     if isinstance(reading, HeadingReading):
         return [_of_heading(belief.quaternion.rotation(), reading.heading, heading * heading)]
@@ -216,14 +218,14 @@ def innovations(belief: Navigated, reading: Any, position: Any, attitude: Any, h
     return found
 
 
-def turn_between(believed: Quaternion, read: Quaternion) -> tuple[Any, Any, Any]:
+def turn_between(believed: Quaternion, read: Quaternion) -> tuple[Scalar, Scalar, Scalar]:
     """Rotation vector (rad, world axes, to second order) that turns the estimated attitude into the measured one."""
     turn = read * Quaternion(believed.w, -believed.x, -believed.y, -believed.z)
     factor = where(turn.w < 0.0, -2.0, 2.0)
     return turn.x * factor, turn.y * factor, turn.z * factor
 
 
-def _of_heading(R: Mat3, heading: Any, variance: Any) -> ScalarInnovation:
+def _of_heading(R: Mat3, heading: Scalar, variance: Scalar) -> ScalarInnovation:
     """Innovation of the yaw of the base's x axis, between -pi and pi.
 
     A small rotation e (world axes) moves the axis by e x axis: its yaw by e_z - z (x e_x + y e_y) / (x^2 + y^2).
@@ -235,7 +237,7 @@ def _of_heading(R: Mat3, heading: Any, variance: Any) -> ScalarInnovation:
     return ScalarInnovation(H=H, value=atan2(sin(off), cos(off)), variance=variance)
 
 
-def of_specific_force(belief: Navigated, measured: Vec3, modelled: Vec3, variance: Any) -> list[ScalarInnovation]:
+def of_specific_force(belief: Navigated, measured: Vec3, modelled: Vec3, variance: Scalar) -> list[ScalarInnovation]:
     """Innovation of an accelerometer against a modelled specific force: the difference is push and bias.
 
     The push d stands in world axes: an attitude's error e turns R^T d by R^T (d x e).

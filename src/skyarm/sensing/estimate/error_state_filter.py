@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import data, logical_and, logical_not, where
+from skyarm.algebra.scalars import Scalar, data, logical_and, logical_not, where
 from skyarm.dynamics.actuators import Command, tilting
 from skyarm.dynamics.actuators.rotor import speeds_after
 from skyarm.records.coerce import RecordError
@@ -59,7 +59,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 class ErrorStateFilter(FilterNumbers):
     """The filter with its model of the sensors and the controller's model of the vehicle."""
 
-    def believing(self, vehicle: Vehicle, gravity: Any) -> ErrorStateFilter:
+    def believing(self, vehicle: Vehicle, gravity: Scalar) -> ErrorStateFilter:
         """The filter with the controller's belief."""
         return replace(self, vehicle=vehicle, gravity=gravity if self.gravity is None else self.gravity)
 
@@ -107,7 +107,7 @@ class ErrorStateFilter(FilterNumbers):
         return following, self._measurement(following, imu, encoders)
 
     def _advance_rotors(
-        self, memory: FilterMemory, imu: ImuReading, command: Command, started: Any, dt: Any
+        self, memory: FilterMemory, imu: ImuReading, command: Command, started: Scalar, dt: Scalar
     ) -> FilterMemory:
         """Advance the rotors by one period under the command that acted, and the model's force after it."""
         if self.vehicle is None:
@@ -141,7 +141,7 @@ class ErrorStateFilter(FilterNumbers):
             following, P, _ = _apply_innovations(following, P, rows, dt > 0.0, float("inf"))
         return replace(memory, belief=following, covariance=P)
 
-    def _apply_aiding(self, memory: FilterMemory, after: Any) -> FilterMemory:
+    def _apply_aiding(self, memory: FilterMemory, after: Scalar) -> FilterMemory:
         """With the aiding readings of the filter's instant taken in."""
         belief, P = memory.belief, memory.covariance
         taken, refused, surprise = memory.taken, memory.refused, memory.surprise
@@ -156,7 +156,7 @@ class ErrorStateFilter(FilterNumbers):
             surprise = where(due, found, surprise)
         return replace(memory, belief=belief, covariance=P, taken=taken, refused=refused, surprise=surprise)
 
-    def _measurement(self, memory: FilterMemory, imu: ImuReading, encoders: Any) -> Measurement:
+    def _measurement(self, memory: FilterMemory, imu: ImuReading, encoders: EncoderReading) -> Measurement:
         """The estimate of the filter's instant carried to the present."""
         present = memory.belief
         for i, (old, new) in enumerate(zip(memory.inertial, memory.inertial[1:], strict=False)):
@@ -181,7 +181,7 @@ class ErrorStateFilter(FilterNumbers):
 
 
 def _apply_innovations(
-    belief: Navigated, P: Covariance, rows: Sequence[ScalarInnovation], due: Any, allowed: Any
+    belief: Navigated, P: Covariance, rows: Sequence[ScalarInnovation], due: Scalar, allowed: Scalar
 ) -> tuple[Navigated, Covariance, Any]:
     """State and covariance after scalars that are due and pass the innovation gate; their normalised innovation."""
     error: list[Any] = [0] * len(P)

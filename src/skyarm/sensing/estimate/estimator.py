@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from skyarm.algebra.scalars import Scalar
 from skyarm.dynamics.actuators import Command
 from skyarm.sensing.measurement import Measurement
 from skyarm.sensing.sensor import Sensor
@@ -23,7 +24,7 @@ class Estimator:
 
     __slots__ = ()
 
-    def believing(self, vehicle: Vehicle, gravity: Any) -> Estimator:
+    def believing(self, vehicle: Vehicle, gravity: Scalar) -> Estimator:
         """The estimator with a controller's model: vehicle and gravity (m/s^2); itself if it needs neither.
 
         The loop steps what this returns.

@@ -96,7 +96,7 @@ class FilterMemory:
         return self.inertial[0].time
 
 
-def in_turn(queue: Sequence[Any], after: Any, until: Any) -> tuple[Any, Any]:
+def in_turn(queue: Sequence[Any], after: Scalar, until: Scalar) -> tuple[Any, Any]:
     """The reading of a queue that was taken after one instant and not after another; a condition, and the reading."""
     reading, found = queue[0], due_between(queue[0].time, after, until)
     for each in queue[1:]:
@@ -105,7 +105,7 @@ def in_turn(queue: Sequence[Any], after: Any, until: Any) -> tuple[Any, Any]:
     return found, reading
 
 
-def due_between(time: Any, after: Any, until: Any) -> Any:
+def due_between(time: Scalar, after: Scalar, until: Scalar) -> Scalar:
     """Return True if an instant lies after one and not after another, but for 10 us of rounding."""
     return logical_and(time > after + 1e-5, time < until + 1e-5)
 
@@ -257,7 +257,7 @@ class FilterNumbers(Estimator):
         heading = arrived[1].heading if self.aiding == "position_heading" else self.start_heading
         return replace(blank, position=arrived[0].position, quaternion=level_attitude(imu.specific_force, heading))
 
-    def added_variances(self, belief: Navigated, reading: ImuReading, dt: Any) -> list[Any]:
+    def added_variances(self, belief: Navigated, reading: ImuReading, dt: Scalar) -> list[Scalar]:
         """Process noise of a step, for each component; none of the position, it is of third order in dt."""
         added: list[Any] = [0] * 3
         noise = 0 if self.uses_model else self.accelerometer * self.accelerometer

@@ -46,7 +46,7 @@ class FilteredJoints:
 
 
 def filter_joints(
-    memory: FilteredJoints, reading: EncoderReading, started: Any, bandwidth: Any, inertial: Any, dt: Any
+    memory: FilteredJoints, reading: EncoderReading, started: Scalar, bandwidth: Scalar, inertial: Scalar, dt: Scalar
 ) -> FilteredJoints:
     """The joints one period later.
 
@@ -82,10 +82,10 @@ def modelled_force(
     vehicle: Vehicle,
     velocity_B: Vec3,
     rate: Vec3,
-    joints: Sequence[Any],
-    joint_rates: Sequence[Any],
+    joints: Sequence[Scalar],
+    joint_rates: Sequence[Scalar],
     speeds: tuple[Sequence[Any], Sequence[Any]],
-    efforts: Sequence[Any],
+    efforts: Sequence[Scalar],
 ) -> Vec3:
     """Mean over a period, m/s^2, base axes, by the forward dynamics of the whole vehicle in still air.
 

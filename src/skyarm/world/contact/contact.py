@@ -262,22 +262,22 @@ class Contact(Force):
             grips=tuple(gripper.start() for gripper in self.grippers),
         )
 
-    def advance(self, memory: Any, t: Any, dt: float, state: State, draws: Sequence[Any]) -> Any:
+    def advance(self, memory: ContactMemory, t: Scalar, dt: float, state: State, draws: Sequence[Any]) -> Any:
         """The clock set anew, and attitudes in unit length, so that steps leave no rounding in them."""
         if not memory.clock and not memory.carried:
             return memory
         carried = tuple(each.advance(held) for each, held in zip(self.carriers, memory.carried, strict=True))
         return replace(memory, clock=(t,) if memory.clock else (), carried=carried)
 
-    def meetings(self, memory: Any, motion: PointMotion) -> list[Meeting]:
+    def meetings(self, memory: ContactMemory, motion: PointMotion) -> list[Meeting]:
         """Touch of every pair now."""
         step = self.largest_step if motion.step is None else motion.step
         moving, clock = moving_points(self.points, motion), (*memory.clock, 0.0)[0]
         return self.meet(memory.carried, moving, clock, memory.bristles, step, motion.step)
 
     def meet(
-        self, memories: Sequence[Any], moving: Sequence[Moving], clock: Any, bristles: Sequence[Vec3], step: Any,
-        mean: Any = None,
+        self, memories: Sequence[Any], moving: Sequence[Moving], clock: Scalar, bristles: Sequence[Vec3], step: Scalar,
+        mean: Scalar | None = None,
     ) -> list[Meeting]:  # fmt: skip
         """Touch of every pair: the world's surfaces, then those of the carriers, with every point; then every spot.
 
@@ -326,15 +326,17 @@ class Contact(Force):
                     touch(surface, of, by, index, at)
         return found
 
-    def touches(self, memory: Any, motion: PointMotion) -> list[Touch]:
+    def touches(self, memory: ContactMemory, motion: PointMotion) -> list[Touch]:
         """Touch of every surface of the world and every point of the vehicle now."""
         return [each.touch for each in self.meetings(memory, motion)[: len(self.pairs)]]
 
-    def on_points(self, memory: Any, motion: PointMotion) -> Sequence[Touch]:
+    def on_points(self, memory: ContactMemory, motion: PointMotion) -> Sequence[Touch]:
         """Contact of every surface with every point of the vehicle now, in the order of a log."""
         return [each.touch for each in self.meetings(memory, motion)[: self.logged_pairs]]
 
-    def on_carriers(self, memory: Any, motion: PointMotion, meetings: Sequence[Meeting]) -> list[tuple[Vec3, Vec3]]:
+    def on_carriers(
+        self, memory: ContactMemory, motion: PointMotion, meetings: Sequence[Meeting]
+    ) -> list[tuple[Vec3, Vec3]]:
         """Force (N) of touches and grasps on each carrier and torque (N m) about the origin of its axes, world axes."""
         pulls: Any = [()] * len(self.carriers)
         if self.grippers:
@@ -349,7 +351,9 @@ class Contact(Force):
             found.append((force + pull[0], torque + pull[1]) if pull else (force, torque))
         return found
 
-    def slope(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> ContactMemory:
+    def slope(
+        self, memory: ContactMemory, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]
+    ) -> ContactMemory:
         """Rate of the memory."""
         meetings = self.meetings(memory, motion)
         rows = zip(self.carriers, memory.carried, self.on_carriers(memory, motion, meetings), strict=True)
@@ -360,14 +364,14 @@ class Contact(Force):
             grips=tuple(UNCHANGED for _ in memory.grips),
         )
 
-    def before_euler_step(self, memory: ContactMemory, slope: Any, dt: Any) -> ContactMemory:
+    def before_euler_step(self, memory: ContactMemory, slope: ContactMemory, dt: Scalar) -> ContactMemory:
         """Bristles have moved by the velocities that the last step left: by those before it, friction would chatter."""
         rows = zip(self.carriers, memory.carried, slope.carried, strict=True)
         carried = tuple(carrier.before_euler_step(held, rate, dt) for carrier, held, rate in rows)
         return replace(memory, bristles=moved_by(memory.bristles, slope.bristles, dt), carried=carried)
 
     def push(
-        self, memory: ContactMemory, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any], dt: Any
+        self, memory: ContactMemory, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar], dt: Scalar
     ) -> ContactMemory:
         """Bodies are pushed by touches and grasps; bristles have moved before."""
         pushes = self.on_carriers(memory, motion, self.meetings(memory, motion))
@@ -375,17 +379,19 @@ class Contact(Force):
         carried = tuple(carrier.after_push(held, *push, motion.gravity, dt) for carrier, held, push in rows)
         return replace(memory, carried=carried)
 
-    def drift(self, memory: ContactMemory, dt: Any) -> ContactMemory:
+    def drift(self, memory: ContactMemory, dt: Scalar) -> ContactMemory:
         """Clock and bodies after a time (s) in which velocities stay."""
         carried = tuple(each.drift(held, dt) for each, held in zip(self.carriers, memory.carried, strict=True))
         return replace(memory, clock=tuple(t + dt for t in memory.clock), carried=carried)
 
-    def euler_step(self, memory: ContactMemory, slope: Any, dt: Any) -> ContactMemory:
+    def euler_step(self, memory: ContactMemory, slope: ContactMemory, dt: Scalar) -> ContactMemory:
         """Memory after a semi-implicit Euler step, in which bodies move with their new velocities."""
         rows = zip(self.carriers, memory.carried, slope.carried, strict=True)
         return self.drift(replace(memory, carried=tuple(each.kick(held, rate, dt) for each, held, rate in rows)), dt)
 
-    def wrenches(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
+    def wrenches(
+        self, memory: ContactMemory, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]
+    ) -> Sequence[Wrench]:
         """Wrenches of touches on the bodies of the points, and of grippers."""
         touches, pushes = self.on_points(memory, motion), []
         for i in range(len(self.points)):
@@ -395,11 +401,11 @@ class Contact(Force):
             pushes.append((force, torque))
         return wrenches_on(self.points, motion, pushes) + self.grasps.on_vehicle(memory, motion)
 
-    def act(self, memory: Any, t: Any, dt: float, motion: PointMotion) -> Any:
+    def act(self, memory: ContactMemory, t: Scalar, dt: float, motion: PointMotion) -> ContactMemory:
         """Grippers take hold, let go and slip."""
         return replace(memory, grips=self.grasps.after(memory, t, motion)) if self.grippers else memory
 
-    def far(self, memory: Any, motion: PointMotion, seconds: Any) -> Any:
+    def far(self, memory: ContactMemory, motion: PointMotion, seconds: Scalar) -> Any:
         """True if no point or spot comes near to a surface within so many seconds, wherever its velocity leads.
 
         Its whole speed counts, and not only what brings it nearer to the nearest place: force may still act where it
@@ -414,7 +420,7 @@ class Contact(Force):
             whole = logical_and(whole, each)
         return whole
 
-    def alone(self, memory: ContactMemory, seconds: Any, rounds: int, gravity: Any) -> ContactMemory:
+    def alone(self, memory: ContactMemory, seconds: Scalar, rounds: int, gravity: Scalar) -> ContactMemory:
         """The memory after a time (s) without contact: bristles relax, bodies move freely."""
         left = exp(-RECOVERY * seconds)
         bodies = zip(self.carriers, memory.carried, strict=True)
@@ -439,7 +445,7 @@ class Contact(Force):
         """A place on the axis of the first mechanism (m), and its unit vector, world axes; () of one that slides."""
         return {"mechanism_hinge": self.mechanisms[0].hinge} if self.mechanisms else {}
 
-    def logged(self, memory: Any, motion: PointMotion) -> tuple[Any, ...]:
+    def logged(self, memory: ContactMemory, motion: PointMotion) -> tuple[Any, ...]:
         """Normal force (N), friction (N) and penetration (m) of each pair, then the carriers' and grippers' numbers."""
         numbers = [number for each in self.on_points(memory, motion) for number in each.logged]
         for carrier, held in zip(self.carriers, memory.carried, strict=True):
@@ -458,7 +464,9 @@ class _Place:
     mass: Any
 
 
-def _depth(surface: Surface, frame: CarriedFrame | None, place: Vec3, radius: Any, clock: Any) -> tuple[Any, Vec3]:
+def _depth(
+    surface: Surface, frame: CarriedFrame | None, place: Vec3, radius: Scalar, clock: Scalar
+) -> tuple[Any, Vec3]:
     """Depth (m) and outward normal, of a surface that a frame carries, or of the world."""
     return surface.depth(place, radius, clock) if frame is None else frame.depth(surface, place, radius)
 

@@ -143,15 +143,15 @@ class Touch:
 
 def touch_of(
     material: Material,
-    depth: Any,
+    depth: Scalar,
     axis: Vec3,
     spot: Vec3,
     slip: Vec3,
     held: Vec3,
-    step: Any,
-    mass: Any = LIGHTEST,
+    step: Scalar,
+    mass: Scalar = LIGHTEST,
     *,
-    mean: Any = None,
+    mean: Scalar | None = None,
 ) -> Touch:
     """The touch of a point and a surface.
 

@@ -81,13 +81,13 @@ class Material:
         """Longest integration step (s) in contact with a vehicle."""
         return self.step_of(LIGHTEST)
 
-    def step_of(self, mass: Any) -> Any:
+    def step_of(self, mass: Scalar) -> Any:
         """Longest integration step (s) of a contact that moves a mass (kg), by the stiffness of it and its bristles."""
         bristles = self.friction * self.stiffness * PRESSED / self.bristle_length
         fastest = maximum(sqrt(self.stiffness) / NORMAL_STEP, sqrt(bristles) / BRISTLE_STEP)
         return minimum(sqrt(mass) / fastest, LONGEST)
 
-    def normal_force(self, depth: Any, depth_rate: Any, step: Any = None) -> Any:
+    def normal_force(self, depth: Scalar, depth_rate: Scalar, step: Scalar | None = None) -> Scalar:
         """Force of the surface along its outward normal, N.
 
         Args:
@@ -101,7 +101,7 @@ class Material:
         force = self.stiffness * mean * (1.0 + self.dissipation * depth_rate)
         return where(half > 0.0, maximum(force, 0.0), 0.0)
 
-    def bristle_rate(self, bristle: Vec3, slip: Vec3, depth: Any, fastest: Any) -> Vec3:
+    def bristle_rate(self, bristle: Vec3, slip: Vec3, depth: Scalar, fastest: Scalar) -> Vec3:
         """Rate of a bristle's deflection, m/s, world axes.
 
         Args:
@@ -117,7 +117,7 @@ class Material:
         touches, recovery = depth > 0.0, bristle * -RECOVERY
         return Vec3(*(a if same(a, z) else where(touches, a, z) for a, z in zip(bending, recovery, strict=True)))
 
-    def friction_force(self, bristle: Vec3, bristle_rate: Vec3, normal_force: Any, mass: Any = LIGHTEST) -> Vec3:
+    def friction_force(self, bristle: Vec3, bristle_rate: Vec3, normal_force: Scalar, mass: Scalar = LIGHTEST) -> Vec3:
         """Force of the surface against the slip, N, world axes: never beyond the cone.
 
         Args:

@@ -147,7 +147,7 @@ class Mechanism(Carrier):
         return self.com if said or self.solid is None else self.solid.middle
 
     @property
-    def hinge(self) -> tuple[Any, ...]:
+    def hinge(self) -> tuple[Scalar, ...]:
         """A place on the axis of what turns (m) and its unit vector, world axes; () of what slides."""
         return (*self.position, *rotation_of(self.angles).apply(self.along)) if self.turns else ()
 
@@ -386,7 +386,7 @@ class Solid:
     gyration: Any
 
 
-def solid_of(kind: str, size: Sequence[Any]) -> Solid:
+def solid_of(kind: str, size: Sequence[Scalar]) -> Solid:
     """The body of a door, valve, drawer or button.
 
     Args:

@@ -118,7 +118,7 @@ class Surface:
         radius, length = self.size
         return sqrt(radius * radius + 0.25 * length * length)
 
-    def place(self, t: Any) -> tuple[Vec3, Vec3]:
+    def place(self, t: Scalar) -> tuple[Vec3, Vec3]:
         """Position (m) and velocity (m/s) at time t (s), world axes."""
         if not self.moves:
             return self.position, ZERO3
@@ -143,7 +143,7 @@ class Surface:
             return ((away - self.size[0], round_about), _slab(p.z, self.size[1], E_Z))
         return tuple(_slab(c, size, axis) for c, size, axis in zip(p, self.size, (E_X, E_Y, E_Z), strict=True))
 
-    def depth(self, point_W: Vec3, radius: Any, t: Any) -> tuple[Any, Vec3]:
+    def depth(self, point_W: Vec3, radius: Scalar, t: Scalar) -> tuple[Any, Vec3]:
         """Depth of a ball about a point in the surface (m, negative outside), and the outward normal, world axes.
 
         Inside it is the nearest face that counts; of a ball that touches an edge or a corner from outside, the way to
@@ -165,7 +165,7 @@ class Surface:
             height, normal = _nearest_edge(faces, height, normal)
         return radius - height, R.apply(normal)
 
-    def clearance(self, centre_W: Vec3, axis_W: Vec3, radius: Any, t: Any) -> Any:
+    def clearance(self, centre_W: Vec3, axis_W: Vec3, radius: Scalar, t: Scalar) -> Any:
         """Distance of a disc from the surface, m; negative where they may meet.
 
         A plane between both is looked for among the faces and across the way from the disc's middle to the nearest
@@ -197,7 +197,7 @@ def rotation_of(angles: Vec3) -> Mat3:
     return R
 
 
-def _half_width(axis: Vec3, normal: Vec3, radius: Any) -> Any:
+def _half_width(axis: Vec3, normal: Vec3, radius: Scalar) -> Scalar:
     """Half width of a disc along a unit vector, m."""
     if type(radius) is int and radius == 0:
         return 0
@@ -214,7 +214,7 @@ def _nearest(faces: tuple[Face, ...]) -> Face:
     return height, normal
 
 
-def _slab(c: Any, size: Any, axis: Vec3) -> Face:
+def _slab(c: Scalar, size: Scalar, axis: Vec3) -> Face:
     """The nearer one of two opposite faces."""
     return absolute(c) - 0.5 * size, axis * sign(c)
 
@@ -223,7 +223,7 @@ def _either(condition: Any, a: Vec3, b: Vec3) -> Vec3:
     return Vec3(*(x if x is y else where(condition, x, y) for x, y in zip(a, b, strict=True)))
 
 
-def _nearest_edge(faces: tuple[Face, ...], height: Any, normal: Vec3) -> Face:
+def _nearest_edge(faces: tuple[Face, ...], height: Scalar, normal: Vec3) -> Face:
     """The same where a point outside may be nearest to an edge or a corner."""
     outside = [maximum(above, 0.0) for above, _ in faces]
     away = sqrt(sum(each * each for each in outside) + _CENTRE)

@@ -55,7 +55,8 @@ class TrendGains(Part):
     def adjust_reference(self, memory: ForceTrend, step: Step) -> ForceTrend:
         """Predict the disturbance by what the observer is late; an impact or a push is no trend."""
         trend = update_trend(self, memory, step.observed.force, step.dt)
-        rate, free = weighted_rate(self, trend), 1.0
+        rate = weighted_rate(self, trend)
+        free: Scalar = 1.0
         if type(step.external) is not int:
             free = 1.0 - step.external
             rate = rate * free

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 from skyarm.algebra import E_X, E_Y, E_Z, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, cos, divide, mul, sin, sqrt
@@ -75,7 +75,7 @@ def leaning(reach: Reach, force: Vec3, share: Scalar, upright: Vec3 | None = Non
     thrust = (E_Z if upright is None else upright) * along
     x, y, z = Vec3(force.x, force.y, 0) if upright is None else force - thrust
     side = _square((x * x + y * y + z * z) * slightest(reach, along) * divide(1.0, share * share))
-    left = 1.0 - 1.0 / sqrt(sqrt(sqrt(_square(side) + 1.0)))
+    left = cast(Taylor, 1.0 - 1.0 / sqrt(sqrt(sqrt(_square(side) + 1.0))))
     rest = left.c[0]
     kept = Vec3(x * left, y * left, z * left) + thrust
     return Vec3(*(Taylor([*each.c[:2], mul(rest, each.c[2])]) for each in kept))
@@ -98,8 +98,7 @@ def slightest(reach: Reach, vertical: Taylor) -> Taylor:
             inverse = 1.0 / choose(room > least, room, least)
             share = _square(_square(inverse) * size)
             total = _square(_square(share)) + total
-    root: Taylor = sqrt(sqrt(sqrt(total)))
-    return root
+    return cast(Taylor, sqrt(sqrt(sqrt(total))))
 
 
 def _square(value: Taylor) -> Taylor:
@@ -149,5 +148,4 @@ def planned_rate(still: Attitude, motion: Sequence[Vec3], mass: Scalar, gravity:
 
 
 def _eighth_root(value: Taylor) -> Taylor:
-    root: Taylor = sqrt(sqrt(sqrt(value)))
-    return root
+    return cast(Taylor, sqrt(sqrt(sqrt(value))))

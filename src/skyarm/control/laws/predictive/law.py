@@ -240,8 +240,8 @@ def nmpc(
         known = np.array(touch.pressed)
     plan, since, trust = memory.plan, memory.since, memory.trust
     if plan is None or since >= par.every:
-        now = measurement.time + par.delay_periods * dt
-        problem = problem_at(engine, x, estimate[nx:], sample, now, late * dt, par, touch)
+        now = float(measurement.time) + par.delay_periods * dt
+        problem = problem_at(engine, x, estimate[nx:], sample, now, float(late * dt), par, touch)
         plan, since = _solve_plan(engine, plan, since * dt, problem, par), 0
         trust = after_plan(trust, is_flyable(plan, engine.most))
     if trust.flies_plans:

@@ -66,7 +66,7 @@ class Touch:
     force: Scalar
     damping: Scalar
     shift: Scalar
-    shift_rate: Any
+    shift_rate: Scalar
     gap: Scalar
     speed: Scalar
     free: tuple[Scalar, ...]
@@ -142,16 +142,17 @@ def shift_ahead(gains: InteractionGains, touch: Touch, later: Array) -> tuple[Ar
 
     A tip that comes keeps its speed; what follows the surface, or returns, does so as a critically damped swing.
     """
-    s, rate, t = touch.shift, touch.shift_rate, later
+    s, rate, speed, t = float(touch.shift), float(touch.shift_rate), float(touch.speed), later
     if touch.asked and not touch.rising:
-        late = np.exp(-gains.coming * t)
-        off = rate + touch.speed
-        place = s - touch.speed * t + off * (1.0 - late) / gains.coming
-        inside = place > -gains.furthest
-        going = np.where(inside, off * late - touch.speed, 0.0)
-        return np.maximum(place, -gains.furthest), going, np.where(inside, -gains.coming * off * late, 0.0)
-    w = gains.follow
-    end = s + touch.gap if touch.rising else 0.0
+        coming = float(gains.coming)
+        late = np.exp(-coming * t)
+        off = rate + speed
+        place = s - speed * t + off * (1.0 - late) / coming
+        inside = place > -float(gains.furthest)
+        going = np.where(inside, off * late - speed, 0.0)
+        return np.maximum(place, -float(gains.furthest)), going, np.where(inside, -coming * off * late, 0.0)
+    w = float(gains.follow)
+    end = s + float(touch.gap) if touch.rising else 0.0
     away, slope = s - end, rate + w * (s - end)
     late = np.exp(-w * t)
     return (
@@ -167,9 +168,9 @@ def contact_goals(gains: InteractionGains, touch: Touch, later: Array) -> Array:
     The wanted force goes on rising, or falling after a loss, as its ramp does. The damping is that of a stage's length:
     a force that is held over it would turn the tip back by more than its velocity.
     """
-    ramp = touch.share + (later / gains.rise if touch.rising else -later / gains.fall)
-    force = touch.force * np.clip(ramp, 0.0, 1.0)
+    ramp = float(touch.share) + (later / float(gains.rise) if touch.rising else -later / float(gains.fall))
+    force = float(touch.force) * np.clip(ramp, 0.0, 1.0)
     steps = np.append(np.diff(later), later[-1] - later[-2])
-    damping = (1.0 - np.exp(-touch.damping * steps)) / steps
+    damping = (1.0 - np.exp(-float(touch.damping) * steps)) / steps
     held = np.full_like(later, touch.touching)
     return np.column_stack([np.tile(touch.normal, (len(later), 1)), held, force, damping])
