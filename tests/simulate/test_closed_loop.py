@@ -18,6 +18,7 @@ from skyarm.compile import leaves, rebuild
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.plant.rigid_body import accelerate, step_rk4
+from skyarm.plant.surroundings import Surroundings
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import first_state
 from skyarm.sensing.measurement import measure
@@ -63,7 +64,7 @@ def slow_loop(scenario: Scenario) -> tuple[list[State], list[Command]]:
     # which command acts in each millisecond; the arm hangs, so nothing has to hold it before the first one
     acting = [standing] * late_steps
     for k in range(scenario.steps):
-        wind = _at(blowing, k)
+        wind = Surroundings(components=(_at(blowing, k),), memories=((),))
         before = acting[5 * k - 1] if k and 5 * k - 1 < len(acting) else standing
         base, _ = accelerate(world, x, x.rotor_speeds, before.efforts, wind)
         noise = tuple(float(d) for d in draws[k]) if draws is not None else (0,) * (15 + 2 * n + rotors)
