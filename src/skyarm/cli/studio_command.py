@@ -36,21 +36,21 @@ def studio(
     ] = None,
     port: Annotated[int, typer.Option(help="of the page; 0 takes a free one")] = 8080,
     no_browser: Annotated[bool, typer.Option("--no-browser", help="print the address, open nothing")] = False,
-    out: Annotated[str, typer.Option("--out", help="folder of saved scenarios")] = "out/studio",
+    out: Annotated[str, typer.Option("--out", help="folder of saved flights")] = "out/studio",
 ) -> None:
     """Fly live on a page: sliders, gusts, laws side by side.
 
-    The address that is printed bears a token. A flight is saved as a scenario that 'skyarm run' flies again.
+    The address that is printed bears a token. A flight is saved as a log that 'skyarm run' flies again.
     """
     if not 0 <= port <= 65535:
         raise StudioError(f"--port = {port}: must be from 0 to 65535")
     require_viser()
     listening = listening_socket(port)
     try:
-        from skyarm.view.studio.fleet import fleet_under
+        from skyarm.view.studio.fleet import open_fleet
         from skyarm.view.studio.page import Page
 
-        fleet = fleet_under(scenario, controller or [])
+        fleet = open_fleet(scenario, controller or [])
         guard = Guard(int(listening.getsockname()[1]), secrets.token_hex(16))
         server = open_server(listening, guard, f"skyarm studio: {scenario}")
     except BaseException:

@@ -39,7 +39,7 @@ from skyarm.plant.interface import number
 from skyarm.records import coerce
 from skyarm.records.files import shown
 from skyarm.records.leaves import Place, part, replace_at
-from skyarm.records.units import units
+from skyarm.records.units import Unit, units
 from skyarm.scenario.paths import places_of
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state, trimmed_state
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -298,32 +298,43 @@ WHOSE = {"plant": "plant", "model": "model", "controller": "law"}
 def unit_at(scenario: Scenario, path: str) -> str:
     """SI unit of the number that a path leads to, as its field declares it; empty for pure numbers and unknown ones.
 
-    Of a joint, whose numbers have one unit if it turns and another if it slides, the one of its kind.
+    Raises:
+        ScenarioError: no number is there.
+    """
+    return declared_at(scenario, path).unit
+
+
+def declared_at(scenario: Scenario, path: str) -> Unit:
+    """Unit, meaning and bounds of the number that a path leads to, as its field declares them.
+
+    Of a joint, whose numbers have one unit if it turns and another if it slides, those of its kind; of a number of a
+    signal, those of what the signal is.
 
     Raises:
         ScenarioError: no number is there.
     """
     kind, places = _target(scenario, path)
     if kind == "turbulence":
-        return OF_TURBULENCE[path.removeprefix(TURBULENCE)]
-    computed = {"payload": "kg", "attitude": "rad"}
+        return Unit(OF_TURBULENCE[path.removeprefix(TURBULENCE)])
+    computed = {"payload": Unit("kg", "point mass at the tip", low=0.0), "attitude": Unit("rad")}
     if kind in computed:
         return computed[kind]
-    return _unit(_with_start(scenario) if kind == "initial" else scenario, places[0])
+    return _declared(_with_start(scenario) if kind == "initial" else scenario, places[0])
 
 
-def _unit(record: Any, place: Place) -> str:
-    """Unit of the last field on the way to a place that declares one."""
-    found = ""
+def _declared(record: Any, place: Place) -> Unit:
+    """Declaration of the last field on the way to a place that has one."""
+    found = Unit()
     for name in place:
         if isinstance(record, tuple):
             record = record[int(name)]
             continue
         said = units(type(record)).get(name)
-        found = said.unit if said is not None else found
+        if said is not None and said.meaning != "in the unit of the signal":
+            found = said
         slides = getattr(record, "kind", "revolute") == "prismatic"
-        if " or " in found and hasattr(record, "kind"):
-            found = found.split(" or ")[1 if slides else 0]
+        if " or " in found.unit and hasattr(record, "kind"):
+            found = dataclasses.replace(found, unit=found.unit.split(" or ")[1 if slides else 0])
         record = getattr(record, name)
     return found
 

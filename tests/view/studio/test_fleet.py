@@ -9,16 +9,13 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.scenario.scenario_file import list_scenarios
+from skyarm.records.files import read_toml
+from skyarm.records.files.toml import toml_text
+from skyarm.scenario.scenario_file import LIBRARY, list_scenarios
 from skyarm.view.studio.fleet import (
     LONGEST,
     Fleet,
     Flight,
-    load_fleet,
-    make_flight,
-    prepare,
-    read_document,
-    saved_document,
 )
 from skyarm.view.studio.knobs import knobs_of
 from skyarm.world import TimedPayload
@@ -29,9 +26,9 @@ EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
 
 @pytest.fixture(scope="module")
 def made() -> Fleet:
-    fleet = load_fleet("case2_gust")
+    fleet = Fleet("case2_gust")
     for law in ("paper_ct", "paper_pd"):
-        fleet.join(make_flight(fleet.prepared, law))
+        fleet.join(fleet.make_flight(law))
     return fleet
 
 
@@ -179,13 +176,13 @@ def test_a_law_that_joins_has_met_what_the_others_met(fleet: Fleet, made: Fleet)
     fleet.move({"environment.wind.force.y": 1.0})
     fleet.move({"controller.gains.position.x": 5.0}, 0)
     fleet.go(250)
-    late = make_flight(made.prepared, "paper_pd")
+    late = made.make_flight("paper_pd")
     fleet.join(late)
     fleet.go(400)
     assert (states(late) == states(fleet.flights[1])).all()
     assert late.session.scenario.wind.force_W.y == 1.0
     # gains are a law's own
-    other = make_flight(made.prepared, "paper_ct")
+    other = made.make_flight("paper_ct")
     fleet.join(other, 2)
     assert other.session.scenario.controller.par.gains.position.x == 4.0
     fleet.leave(2)
@@ -224,18 +221,30 @@ def test_plots_keep_what_was_seen(fleet: Fleet) -> None:
 
 
 def test_the_end_of_the_longest_flight_stops_the_clock(fleet: Fleet) -> None:
-    short = dataclasses.replace(fleet.prepared.scenario, duration=2.0)
-    ended = Fleet(dataclasses.replace(fleet.prepared, scenario=short), "case2_gust")
+    ended = Fleet("case2_gust")
+    ended.scenario = dataclasses.replace(fleet.scenario, duration=2.0)
     ended.go(10_000)
     assert ended.tick == 399
     assert ended.time < 2.0
 
 
-def test_mujocos_plant_flies_in_the_studio_too() -> None:
-    document, folder = read_document("case1")
+def fleet_of(document: dict[str, Any], folder: Path) -> Fleet:
+    """The fleet of a scenario given by its tables."""
+    file = folder / "written.toml"
+    file.write_text(toml_text(document))
+    return Fleet(str(file))
+
+
+def tables(name: str) -> dict[str, Any]:
+    """Tables of a shipped scenario."""
+    return read_toml((LIBRARY / f"{name}.toml").read_bytes())
+
+
+def test_mujocos_plant_flies_in_the_studio_too(tmp_path: Path) -> None:
+    document = tables("case1")
     document["plant"]["kind"] = "mujoco"
-    fleet = Fleet(prepare(document, folder), "case1")
-    fleet.join(make_flight(fleet.prepared, "paper_pd"))
+    fleet = fleet_of(document, tmp_path)
+    fleet.join(fleet.make_flight("paper_pd"))
     (flight,) = fleet.flights
     fleet.go(30)
     fleet.move({"environment.wind.force.y": 2.0})
@@ -257,22 +266,25 @@ EVERY = [*list_scenarios(), *sorted(str(path) for path in EXAMPLES.glob("*.toml"
 def test_every_scenario_and_example_opens_with_the_reference_that_it_flies(source: str) -> None:
     if Path(source).stem == "press_in_four_worlds":
         with pytest.raises(skyarm.ScenarioError, match=r"press_in_four_worlds.toml: .* is a study file"):
-            load_fleet(source)
+            Fleet(source)
         return
-    prepared, scenario = load_fleet(source).prepared, skyarm.load_scenario(source)
-    assert (prepared.scenario.reference, prepared.scenario.path_time) == (scenario.reference, scenario.path_time)
-    assert prepared.scenario.changes == scenario.changes
-    assert prepared.scenario.duration == (scenario.duration if prepared.planned else LONGEST)
-    assert 30 < len(knobs_of(prepared.scenario, prepared.push)) < 200, (
-        "a page's sliders, none for a curve's coefficients"
+    fleet, scenario = Fleet(source), skyarm.load_scenario(source)
+    flown = fleet.scenario
+    assert (flown.reference, flown.path_time, flown.changes) == (
+        scenario.reference,
+        scenario.path_time,
+        scenario.changes,
     )
+    assert flown.duration == (scenario.duration if fleet.planned else LONGEST)
+    count = len(knobs_of(flown, fleet.push_path))
+    assert 30 < count < 200, "a page's sliders, none for a curve's coefficients"
 
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("source", [each for each in EVERY if Path(each).stem != "press_in_four_worlds"])
 def test_every_scenario_and_example_flies_in_the_studio_as_in_run(source: str) -> None:
-    fleet = load_fleet(source)
-    fleet.join(make_flight(fleet.prepared, None))
+    fleet = Fleet(source)
+    fleet.join(fleet.make_flight(None))
     ticks = round(
         min(9.0, skyarm.load_scenario(source).duration) * fleet.rate
     )  # a payload of an example is held by then
@@ -285,7 +297,7 @@ def test_every_scenario_and_example_flies_in_the_studio_as_in_run(source: str) -
 
 def believed() -> dict[str, Any]:
     """A document with a planned reference and a payload of which the law is told in flight."""
-    document, _ = read_document("case1")
+    document = tables("case1")
     document["payloads"] = [{"mass": 0.05, "pick": 0.3, "drop": 0.6, "believed": True}]
     document["reference"] = {
         "tip": {
@@ -298,32 +310,34 @@ def believed() -> dict[str, Any]:
     return {**document, "duration": 1.0, "windows": {}}
 
 
-def test_changes_of_a_file_and_of_a_hand_hold_together_and_are_saved_together() -> None:
+def test_changes_of_a_file_and_of_a_hand_hold_together_and_are_saved_together(tmp_path: Path) -> None:
     document = believed()
-    fleet = Fleet(prepare(document), "case1")
-    fleet.join(make_flight(fleet.prepared, None))
+    fleet = fleet_of(document, tmp_path)
+    fleet.join(fleet.make_flight(None))
     (flight,) = fleet.flights
-    assert fleet.prepared.planned
+    assert fleet.planned
     fleet.go(150)
     assert (states(flight) == states_of(skyarm.run(skyarm.scenario_from(document)))[:150]).all()
     fleet.go(80)
     fleet.move({"environment.wind.force.x": 1.0})
     fleet.go(60)
     fleet.go(150)
-    saved = saved_document(fleet, flight, Path())
-    assert [(each["at"], each["path"][-7:]) for each in saved["changes"]] == [(0.2, "force.y"), (0.4, "force.x")]
-    log = skyarm.run(skyarm.scenario_from(saved))
+    fleet.save(tmp_path)
+    saved = skyarm.load_scenario(next(tmp_path.glob("*.npz")))
+    assert [(each.at, each.path[-7:]) for each in saved.changes][-2:] == [(0.2, "force.y"), (0.4, "force.x")]
+    log = skyarm.run(saved)
     assert (states(flight) == states_of(log)[:150]).all()
     assert log.info["duration"] == 1.0, "the reference is planned for so long"
     fleet.go(1000)
     assert fleet.time == pytest.approx(1.0 - 1.0 / fleet.rate)
 
 
-def test_another_law_flies_without_the_changes_of_the_files_own() -> None:
-    document, _ = read_document("case2")
+def test_another_law_flies_without_the_changes_of_the_files_own(tmp_path: Path) -> None:
+    document = tables("case2")
     document["changes"] = [{"at": 0.2, "path": "controller.gains.position.x", "value": 3.0}]
-    assert len(prepare(document).scenario.changes) == 1
-    assert not prepare(document).under("centroidal_tip").changes
+    fleet = fleet_of(document, tmp_path)
+    assert len(fleet.scenario.changes) == 1
+    assert not fleet.under("centroidal_tip").changes
 
 
 def test_a_payload_is_drawn_while_it_is_held() -> None:

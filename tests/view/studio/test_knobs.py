@@ -12,7 +12,7 @@ from skyarm.algebra import Vec3
 from skyarm.records.registry import registrations
 from skyarm.records.units import Unit
 from skyarm.scenario.numbers import number_at, require_apart, with_numbers
-from skyarm.view.studio.fleet import flown_document, law_names, prepare, read_document
+from skyarm.view.studio.fleet import Fleet, law_names
 from skyarm.view.studio.knobs import GROUPS, Knob, knobs_of
 from skyarm.world import Wrench
 
@@ -30,8 +30,8 @@ class Tug(skyarm.Force):
 
 
 def knobs(case: str, law: str | None = None) -> dict[str, Knob]:
-    prepared = prepare(*read_document(case))
-    return {knob.path: knob for knob in knobs_of(prepared.under(law), prepared.push)}
+    fleet = Fleet(case)
+    return {knob.path: knob for knob in knobs_of(fleet.under(law), fleet.push_path)}
 
 
 FLOWN = [*((case, None) for case in skyarm.list_scenarios()), *(("case2", law) for law in ("centroidal_tip", "nmpc"))]
@@ -39,9 +39,9 @@ FLOWN = [*((case, None) for case in skyarm.list_scenarios()), *(("case2", law) f
 
 @pytest.mark.parametrize(("case", "law"), [*FLOWN, ("case3_wind", "l1_adaptive_tuned")])
 def test_every_slider_holds_a_number_of_the_scenario(case: str, law: str | None) -> None:
-    prepared = prepare(*read_document(case))
-    scenario = prepared.under(law)
-    found = knobs_of(scenario, prepared.push)
+    fleet = Fleet(case)
+    scenario = fleet.under(law)
+    found = knobs_of(scenario, fleet.push_path)
     require_apart(scenario, [knob.path for knob in found])  # no number has two sliders
     assert {knob.group for knob in found} == set(GROUPS)
     for knob in found:
@@ -64,7 +64,7 @@ def test_units_and_bounds_are_those_of_the_records() -> None:
         "sensors.rate": "rad/s",
         "delays.command": "s",
     }.items():
-        assert found[path].unit == unit, path
+        assert found[path].declared.unit == unit, path
     share = found["environment.faults.front.effectiveness"]
     assert (share.low, share.high, share.value) == (0.0, 1.0, 1.0)
     assert found["sensors.position"].low == 0.0
@@ -79,22 +79,20 @@ def test_a_circle_is_moved_by_the_words_of_the_file() -> None:
 
 def test_a_law_has_its_own_gains() -> None:
     found = knobs("case2", "centroidal_tip")
-    assert found["controller.observer.force"].unit == "rad/s"
+    assert found["controller.observer.force"].declared.unit == "rad/s"
     assert "controller.gains.position.x" not in found
     assert not any(".mixer." in path for path in found)
 
 
-def test_what_a_plugin_adds_has_a_slider(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_a_plugin_adds_has_a_slider(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setitem(
         import_module("skyarm.records.registry.registrations")._FOUND, "force", dict(registrations("force"))
     )
     skyarm.register.force("tug")(Tug)
-    document, folder = read_document("case1")
-    document["environment"] = {"forces": [{"kind": "tug", "pull": 0.5}]}
-    prepared = prepare(document, folder)
-    found = {knob.path: knob for knob in knobs_of(prepared.scenario, prepared.push)}
-    knob = found["environment.forces.tug.pull"]
-    assert (knob.unit, knob.low, knob.high, knob.value) == ("N", 0.0, 3.0, 0.5)
+    file = tmp_path / "tug.toml"
+    file.write_text((LIBRARY / "case1.toml").read_text() + '[[environment.forces]]\nkind = "tug"\npull = 0.5\n')
+    knob = knobs(str(file))["environment.forces.tug.pull"]
+    assert (knob.declared.unit, knob.low, knob.high, knob.value) == ("N", 0.0, 3.0, 0.5)
 
 
 def test_a_value_is_clipped_to_its_slider_and_must_be_a_number() -> None:
@@ -107,19 +105,16 @@ def test_a_value_is_clipped_to_its_slider_and_must_be_a_number() -> None:
 
 @pytest.mark.parametrize("law", law_names()[::3])
 def test_every_law_of_the_menu_is_one_of_a_file(law: str) -> None:
-    document, folder = read_document("case2")
-    tables = flown_document(prepare(document, folder), law, 1.0, (), Path())
-    scenario = skyarm.scenario_from(tables, folder)
     plain = skyarm.load_scenario("case2", controller=law)
-    assert scenario.controller.name == plain.controller.name
+    assert Fleet("case2").under(law).controller == plain.controller
 
 
 @pytest.mark.parametrize("name", sorted(path.stem for path in LIBRARY.glob("*.toml")))
 def test_every_shipped_scenario_flies_with_its_sliders_where_they_are(name: str) -> None:
     """What a flight of the page begins with: each number as data that may move, which changes nothing of the kind."""
-    prepared = prepare(*read_document(name))
-    scenario = prepared.under(None)
-    values = {knob.path: number_at(scenario, knob.path) for knob in knobs_of(scenario, prepared.push)}
+    fleet = Fleet(name)
+    scenario = fleet.scenario
+    values = {knob.path: number_at(scenario, knob.path) for knob in knobs_of(scenario, fleet.push_path)}
     moved = with_numbers(scenario, values)
     assert moved.controller.name == scenario.controller.name
     assert {path: number_at(moved, path) for path in values} == values

@@ -13,7 +13,7 @@ import pytest
 
 import skyarm
 from commanded import skyarm as typed
-from skyarm.view.studio.fleet import fleet_under
+from skyarm.view.studio.fleet import open_fleet
 
 STUDIO = [sys.executable, "-m", "skyarm", "studio", "--no-browser"]
 
@@ -59,7 +59,7 @@ def test_what_cannot_be_flown_is_said_before_a_page_opens() -> None:
 )
 def test_a_scenario_and_its_laws_are_looked_at_first(source: str, laws: list[str], said: str) -> None:
     with pytest.raises(skyarm.ScenarioError, match=said):
-        fleet_under(source, laws)
+        open_fleet(source, laws)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGINT for a child there")

@@ -184,7 +184,7 @@ def pose(vehicle: Vehicle, joints: Sequence[float] | None = None) -> Posed:
     for i, link in enumerate(vehicle.links):
         (R, p), joint = poses[i], link.joint
         posed.append(PosedJoint(joint.name, joint.turns, values[i], p, R @ _vector(joint.axis), tuple(rods[i])))
-    named = [*(each.at for each in (*frames, *posed)), *(_vector(rotor.position) for rotor in vehicle.rotors)]
+    named = [*(each.at for each in frames), *(each.at for each in posed), *(_vector(rotor.position) for rotor in vehicle.rotors)]
     return Posed(poses, tuple(frames), tuple(posed), max(float(np.linalg.norm(each)) for each in named) or 0.1)
 
 
@@ -361,7 +361,7 @@ def _write_label(ax: Axes, text: str, at: Array, color: str, ink: Array) -> None
     """Write a label near a point (2,) of a view, and mark its place in ``ink`` (rows from below, columns) as taken."""
     font = PAPER.small * ax.figure.dpi / 72.0
     words = {**PAPER.small_words, "color": color, "ha": "center", "va": "center", "linespacing": 1.0}
-    label = ax.text(*at, text, zorder=9.0, **words)
+    label = ax.text(float(at[0]), float(at[1]), text, zorder=9.0, **words)
     label.set_path_effects([withStroke(linewidth=0.3 * PAPER.small, foreground=PAPER.face, alpha=0.8)])
     point, drawn = ax.transData.transform(at), label.get_window_extent()
     half = 0.5 * np.array([drawn.width, drawn.height])

@@ -85,7 +85,7 @@ class Controls:
         with self._gui.add_folder("cases"):
             menu = self._gui.add_dropdown("case", (NO_CASE, *list_scenarios()), initial_value=NO_CASE)
             _on_click(menu, self._orders.choose_case)
-            save = self._gui.add_button("Save as scenario", hint="with every change by hand, at its control period")
+            save = self._gui.add_button("Save flights", hint="logs, with every change by hand at its control period")
             _on_click(save, lambda _: self._orders.save())
 
     def _view(self) -> None:
@@ -152,9 +152,9 @@ class KnobPanel:
 
 def _slider(gui: Any, knob: Knob, moved: Moved) -> Any:
     """The slider of one knob."""
-    label = f"{knob.label} ({knob.unit})" if knob.unit else knob.label
-    hint = f"{knob.path}: {knob.meaning}" if knob.meaning else knob.path
-    slider = gui.add_slider(label, knob.low, knob.high, knob.step, knob.clip(knob.value), hint=hint)
+    meaning = knob.declared.meaning
+    hint = f"{knob.path}: {meaning}" if meaning else knob.path
+    slider = gui.add_slider(knob.label, knob.low, knob.high, knob.step, knob.clip(knob.value), hint=hint)
 
     async def by_hand(event: Any) -> None:
         if event.client_id is not None:  # what the studio sets itself is no hand

@@ -4,26 +4,23 @@ from __future__ import annotations
 
 import bisect
 import contextlib
-import copy
+import dataclasses
 import itertools
 import math
-import os
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from skyarm.control.catalogue import LAWS, PRESETS, TUNED, tuned_factors
-from skyarm.records.files import must_be_one_of, read_toml, require_writable, shown, write_atomically
-from skyarm.records.files.toml import toml_text
-from skyarm.scenario.controller_table import law_table
-from skyarm.scenario.scenario_file import LIBRARY, list_scenarios, load_scenario, scenario_from
+from skyarm.log.formats import save_log
+from skyarm.records.files import require_writable, shown
+from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
-from skyarm.simulate.session import Session
-from skyarm.vehicle.vehicle_files import list_vehicles
+from skyarm.simulate.session import Session, Snapshot
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.view.studio.knobs import Knob, knobs_of
+from skyarm.view.studio.knobs import LONGEST_DELAY, Knob, knobs_of
 from skyarm.view.studio.sights import Load, Sight, goal_of, held_loads, sight
+from skyarm.world import NO_WIND, Fault, ForceWind, Gust
 from skyarm.world.scene.vehicle_shapes import Placed, place
 
 MOST = 3
@@ -43,25 +40,77 @@ BLOW = (10.0, 0.1)
 OF_LAW = ("controller.", "model.")
 """Beginnings of paths that are a flight's own; all others are of what every flight meets."""
 
+LONGEST = 600.0
+"""s that a flight of the studio lasts at most; a scenario that is longer keeps its own duration, as one does whose
+reference is planned for it."""
+
+SAMPLES = 20.0
+"""Hz of what the plots keep."""
+
+LOG = ".npz"
+"""Suffix of saved flights."""
+
+
+def adjustable(plain: Scenario) -> Scenario:
+    """The scenario with a wind, a push, a fault of every actuator and a delay that do nothing until they are moved."""
+    known, vehicle = {fault.name for fault in plain.faults}, plain.plant.vehicle
+    faults = [Fault(rotor=rotor.name) for rotor in vehicle.rotors]
+    faults += [Fault(joint=link.joint.name) for link in vehicle.links]
+    names = [fault.name for fault in faults]
+    faults = [fault for fault in faults if fault.name not in known and names.count(fault.name) == 1]
+    delays = plain.delays
+    if plain.kind == "rigid_body" and plain.controller.compiled and delays.longest_command is None:
+        delays = dataclasses.replace(delays, longest_command=max(delays.longest, LONGEST_DELAY))
+    return plain.with_words(
+        wind=ForceWind() if plain.wind == NO_WIND else plain.wind,
+        forces=(*plain.forces, ForceWind(gust=Gust(duration=0.1))),
+        faults=(*plain.faults, *faults),
+        delays=delays,
+    )
+
 
 class Fleet:
-    """Flights side by side.
+    """Flights side by side, none at first.
 
     Args:
-        prepared: what they fly. source: name or file of the scenario.
+        source: name or file of the scenario.
+
+    Raises:
+        ScenarioError: one line: not a scenario.
     """
 
-    def __init__(self, prepared: Prepared, source: str) -> None:
-        self.prepared, self.source = prepared, source
+    def __init__(self, source: str) -> None:
+        plain = load_scenario(source)
+        self.source = source
+        self.planned, self._duration = True, plain.duration
+        with contextlib.suppress(ValueError):
+            longest = max(plain.duration, LONGEST)
+            longer = load_scenario(source, duration=longest)
+            if (plain.reference, plain.path_time) == (longer.reference, longer.path_time):
+                self.planned, self._duration = False, longest
+        self.scenario = self.under(None)
+        self.push_path = f"environment.forces.{len(self.scenario.forces) - 1}"
         self.flights: list[Flight] = []
         self.tick, self.playing, self.speed = 0, True, 1.0
         self.furthest = 0
         self._due = 0.0
 
+    def under(self, law: str | None) -> Scenario:
+        """The scenario under a law by name; None is its own.
+
+        Raises:
+            ScenarioError: no such law, or one that does not fit the vehicle.
+        """
+        return adjustable(load_scenario(self.source, controller=law, duration=self._duration))
+
+    def make_flight(self, law: str | None) -> Flight:
+        """A flight under a law; machine code is made, which takes a while."""
+        return Flight(law, self.under(law), self.push_path)
+
     @property
     def rate(self) -> int:
         """Control periods per second."""
-        return self.prepared.scenario.rates.control
+        return self.scenario.rates.control
 
     @property
     def time(self) -> float:
@@ -71,7 +120,7 @@ class Fleet:
     @property
     def steps(self) -> int:
         """Control periods of the longest flight."""
-        return self.prepared.scenario.steps
+        return self.scenario.steps
 
     def join(self, flight: Flight, place: int | None = None) -> None:
         """Let a flight take part: it meets what the others met, up to now.
@@ -119,19 +168,13 @@ class Fleet:
         """A force on the base from now on, for a while: a push or a gust.
 
         Args:
-            direction: world axes, of any length but zero.
+            direction: unit vector, world axes.
             force: N.
             seconds: s.
         """
-        length = sum(float(c) ** 2 for c in direction) ** 0.5
-        peaks = [force * float(c) / length for c in direction]
-        self.move(
-            {
-                **{f"{self.prepared.push}.gust.peak.{axis}": peak for axis, peak in zip("xyz", peaks, strict=True)},
-                f"{self.prepared.push}.gust.start": self.time,
-                f"{self.prepared.push}.gust.duration": seconds,
-            }
-        )
+        peak = {f"peak.{axis}": force * float(c) for axis, c in zip("xyz", direction, strict=True)}
+        gust = {**peak, "start": self.time, "duration": seconds}
+        self.move({f"{self.push_path}.gust.{name}": value for name, value in gust.items()})
 
     def advance(self, seconds: float) -> None:
         """Fly on by what has passed on the wall, s, at the chosen speed."""
@@ -163,42 +206,25 @@ class Fleet:
         self.tick = self.furthest = 0
         self._due, self.playing = 0.0, True
 
+    def save(self, folder: Path) -> str:
+        """Write a log of each flight, without overwriting others; returns the commands that fly them, in words.
 
-def load_fleet(source: str) -> Fleet:
-    """A fleet of a scenario by name or file, without flights yet.
-
-    Raises:
-        ScenarioError: one line.
-    """
-    try:
-        document, folder = read_document(source)
-        return Fleet(prepare(document, folder), source)
-    except (ValueError, OSError):
-        load_scenario(source)  # refuses it with the name of the file
-        raise
-
-
-def make_flight(prepared: Prepared, law: str | None) -> Flight:
-    """A flight under a law; machine code is made, which takes a while."""
-    scenario = prepared.under(law)
-    paths = [knob.path for knob in knobs_of(scenario, prepared.push)]
-    return Flight(law, scenario, [*paths, *push_paths(prepared)])
-
-
-def push_paths(prepared: Prepared) -> list[str]:
-    """Numbers that the push and gust buttons move."""
-    numbers = (*(f"peak.{axis}" for axis in "xyz"), "start", "duration")
-    return [f"{prepared.push}.gust.{number}" for number in numbers]
-
-
-def shared_knobs(prepared: Prepared) -> tuple[Knob, ...]:
-    """Knobs of the surroundings, common to all flights: all but those of the law and its model."""
-    return tuple(k for k in knobs_of(prepared.scenario, prepared.push) if not k.path.startswith(OF_LAW))
-
-
-def law_knobs(flight: Flight, prepared: Prepared) -> tuple[Knob, ...]:
-    """Knobs of a flight's law and its nominal model."""
-    return tuple(k for k in knobs_of(flight.first, prepared.push) if k.path.startswith(OF_LAW))
+        Raises:
+            ScenarioError: nothing has been flown yet. OSError: a file cannot be written.
+        """
+        if not self.tick:
+            raise ScenarioError("time = 0 s: must be above 0; nothing has been flown yet that could be saved")
+        require_writable(str(folder))
+        written = []
+        for flight in self.flights:
+            name = f"{self.scenario.name}_{flight.title}"
+            ends = itertools.chain([""], (f"_{k}" for k in itertools.count(1)))
+            file = next(path for end in ends if not (path := folder / f"{name}{end}{LOG}").exists())
+            save_log(flight.session.log, file)
+            # a vehicle that is lost is lost again in the period after its last one
+            seconds = (flight.tick + (1 if flight.lost else 0)) / self.rate
+            written.append(f"skyarm run {file}" + ("" if self.planned else f" --duration {seconds:g}"))
+        return "saved; fly it again: " + ", ".join(written)
 
 
 def law_names() -> list[str]:
@@ -206,7 +232,7 @@ def law_names() -> list[str]:
     return [*PRESETS, *LAWS, *(f"{law}{TUNED}" for law in tuned_factors())]
 
 
-def fleet_under(source: str, laws: Sequence[str]) -> Fleet:
+def open_fleet(source: str, laws: Sequence[str]) -> Fleet:
     """The fleet of a scenario, refused before a page is opened where it or one of the laws cannot be flown.
 
     Raises:
@@ -214,19 +240,10 @@ def fleet_under(source: str, laws: Sequence[str]) -> Fleet:
     """
     if len(laws) > MOST:
         raise ScenarioError(f"--controller = {shown(list(laws))}: must be at most {MOST} laws at once")
-    fleet = load_fleet(source)
+    fleet = Fleet(source)
     for law in laws:
-        if law not in law_names():
-            raise ScenarioError(f"--controller = {shown(law)}: {must_be_one_of(law_names(), law)}")
-        fleet.prepared.under(law)
+        fleet.under(law)
     return fleet
-
-
-SAMPLES = 20.0
-"""Hz of what the plots keep."""
-
-SNAPSHOTS = 240
-"""Snapshots that are kept; beyond that every second one goes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -249,21 +266,21 @@ class Flight:
 
     Args:
         law: name that it is chosen by; None is the scenario's own.
-        scenario: prepared, under the law.
-        paths: numbers that are changed without compiling anew.
+        scenario: adjustable, under the law.
+        push: beginning of the paths of the push.
     """
 
-    def __init__(self, law: str | None, scenario: Scenario, paths: Sequence[str]) -> None:
+    def __init__(self, law: str | None, scenario: Scenario, push: str) -> None:
         self.law, self.first = law, scenario
         self.title = law or scenario.controller.name
-        self.session: Session = _session(scenario, paths)
+        self.knobs = knobs_of(scenario, push)
+        numbers = [f"{push}.gust.{name}" for name in ("peak.x", "peak.y", "peak.z", "start", "duration")]
+        self.session = _session(scenario, [*(knob.path for knob in self.knobs), *numbers])
         self.moved: list[Moved] = []
         self.sights: list[Sight] = []
         self._every = max(1, round(scenario.rates.control / SAMPLES))
-        self._apart = round(scenario.rates.control)
-        self._kept: list[Any] = []
+        self._kept: list[Snapshot] = []
         self._note()
-        self._start = self._kept[0]
 
     @property
     def tick(self) -> int:
@@ -280,6 +297,16 @@ class Flight:
     def values(self) -> Mapping[str, float]:
         """Every number that has been changed so far, as it is now."""
         return {moved.path: moved.value for moved in self.moved if moved.tick <= self.tick}
+
+    @property
+    def own_knobs(self) -> tuple[Knob, ...]:
+        """Knobs of the law and its nominal model."""
+        return tuple(knob for knob in self.knobs if knob.path.startswith(OF_LAW))
+
+    @property
+    def shared_knobs(self) -> tuple[Knob, ...]:
+        """Knobs of the surroundings, common to all flights."""
+        return tuple(knob for knob in self.knobs if not knob.path.startswith(OF_LAW))
 
     @property
     def vehicle(self) -> Vehicle:
@@ -332,42 +359,38 @@ class Flight:
 
     def step(self) -> bool:
         """Fly one control period; False once the flight has ended."""
-        if not self.session.running:
-            return False
-        going = self.session.step()
+        going = self.session.running and self.session.step()
         if going:
-            self._again()
+            self._repeat()
             self._note()
         return going
 
     def begin(self) -> None:
         """Begin again, with the numbers of the scenario."""
         self.moved = []
-        self.session.restore(self._start)
-        self._kept, self.sights = [self._start], self.sights[:1]
+        self.session.restore(self._kept[0])
+        self._kept, self.sights = self._kept[:1], self.sights[:1]
 
     def to(self, tick: int) -> None:
         """Go to an instant: back by a snapshot, then forward by what was changed."""
         if tick < self.tick:
-            at = bisect.bisect_right([snapshot.tick for snapshot in self._kept], tick) - 1
-            self.session.restore(self._kept[max(at, 0)])
-            self._again()
+            at = bisect.bisect_right(self._kept, tick, key=lambda each: each.tick) - 1
+            self.session.restore(self._kept[at])
+            self._repeat()
         while self.tick < tick and self.step():
             pass
 
-    def _again(self) -> None:
+    def _repeat(self) -> None:
         """Change what a hand changed at this instant before."""
         values = {each.path: each.value for each in self.moved if each.tick == self.tick}
         if values:
             self.session.change(values)
 
     def _note(self) -> None:
-        """Store a snapshot and the plotted quantities, each at its own rate."""
+        """Store a snapshot every second, and the plotted quantities at their own rate."""
         tick = self.tick
-        if tick % self._apart == 0 and (not self._kept or self._kept[-1].tick < tick):
+        if tick % self.first.rates.control == 0 and (not self._kept or self._kept[-1].tick < tick):
             self._kept.append(self.session.snapshot())
-            if len(self._kept) > SNAPSHOTS:
-                self._kept, self._apart = self._kept[::2], 2 * self._apart
         if tick % self._every == 0 and (not self.sights or self.sights[-1].tick < tick):
             self.sights.append(sight(self.session))
 
@@ -378,180 +401,3 @@ def _session(scenario: Scenario, paths: Sequence[str]) -> Session:
     with contextlib.suppress(ScenarioError):
         return Session(scenario, tuple(dict.fromkeys((*paths, *scheduled))))
     return Session(scenario, paths)
-
-
-def saved_document(fleet: Fleet, flight: Flight, folder: Path) -> dict[str, Any]:
-    """Tables of a scenario that 'skyarm run' flies to the bits of a flight, up to where it is now.
-
-    Args:
-        fleet: of the flight.
-        flight: one of its.
-        folder: where the file will lie.
-
-    Raises:
-        ScenarioError: nothing has been flown yet.
-    """
-    if not flight.tick:
-        raise ScenarioError("time = 0 s: must be above 0; nothing has been flown yet that could be saved")
-    # a vehicle that is lost is lost again in the period after its last one
-    ticks = flight.tick + (1 if flight.lost else 0)
-    moved = [each for each in flight.moved if each.tick < flight.tick]
-    paths = {each.path for each in moved}
-    document = flown_document(fleet.prepared, flight.law, ticks / fleet.rate, paths, folder)
-    document["name"] = f"{fleet.prepared.scenario.name}_{flight.title}"
-    document["title"] = f"{fleet.prepared.scenario.title or fleet.prepared.scenario.name}, flown by hand"
-    # those of the file first: of one period they take hold before a hand moves anything
-    changes = [*(each for each in document.pop("changes", ()) if each["at"] < document["duration"])]
-    changes += [{"at": each.tick / fleet.rate, "path": each.path, "value": each.value} for each in moved]
-    return {**document, "changes": changes} if changes else document
-
-
-def save_flights(fleet: Fleet, folder: Path) -> str:
-    """Write a scenario for each flight, without overwriting others; returns the commands that fly them, in words.
-
-    Raises:
-        ScenarioError: nothing has been flown yet. OSError: a file cannot be written.
-    """
-    require_writable(str(folder))
-    written = []
-    for flight in fleet.flights:
-        document = saved_document(fleet, flight, folder)
-        ends = itertools.chain([""], (f"_{k}" for k in itertools.count(1)))
-        file = next(path for end in ends if not (path := folder / f"{document['name']}{end}.toml").exists())
-        write_atomically(file, toml_text(document).encode())
-        written.append(f"skyarm run {file}")
-    return "saved; fly it again: " + ", ".join(written)
-
-
-LONGEST = 600.0
-"""s that a flight of the studio lasts at most; a scenario that is longer keeps its own duration, as one does whose
-reference is planned for it."""
-
-LONGEST_DELAY = 0.03
-"""s: the longest delay of the commands that a slider gives."""
-
-
-@dataclass(frozen=True, slots=True)
-class Prepared:
-    """A scenario that is ready for manual changes.
-
-    Attributes:
-        own: the file's tables. document: the same with what was added. folder: where its vehicle paths start.
-        scenario: what the tables mean, under the file's own law.
-        push: beginning of the paths of the push.
-        planned: whether the reference depends on the duration of the file, which the flight and what is saved of it
-            then keep.
-    """
-
-    own: Mapping[str, Any]
-    document: Mapping[str, Any]
-    folder: Path
-    scenario: Scenario
-    push: str
-    planned: bool
-
-    def under(self, law: str | None) -> Scenario:
-        """The scenario under a law by name; None is the file's own.
-
-        Raises:
-            ScenarioError: no such law, or one that does not fit the vehicle.
-        """
-        return self.scenario if law is None else scenario_from(under_law(self.document, law), self.folder)
-
-
-def read_document(name: str) -> tuple[dict[str, Any], Path]:
-    """Tables of a scenario file or a shipped scenario, and its folder.
-
-    Raises:
-        ScenarioError: one line. OSError: no such file.
-    """
-    if name in list_scenarios():
-        return read_toml((LIBRARY / f"{name}.toml").read_bytes()), Path()
-    if Path(name).suffix != ".toml":
-        raise ScenarioError(f"scenario = {shown(name)}: must be a .toml file or a name of a shipped scenario")
-    return read_toml(Path(name).read_bytes()), Path(name).parent
-
-
-def prepare(document: Mapping[str, Any], folder: str | os.PathLike[str] = "") -> Prepared:
-    """Add the adjustable parts, as far as the scenario's plant and law allow them.
-
-    Raises:
-        ScenarioError: the document is no scenario.
-    """
-    plain = scenario_from(document, folder)
-    planned = _is_planned(plain, document, folder)
-    ready = copy.deepcopy(dict(document))
-    if not planned:
-        ready["duration"] = max(plain.duration, LONGEST)
-    environment = ready.setdefault("environment", {})
-    if environment.get("wind", {}).get("mode", "none") == "none":
-        environment["wind"] = {"mode": "force_wind"}
-    forces = environment.setdefault("forces", [])
-    forces.append({"kind": "force_wind", "gust": {"peak": [0.0, 0.0, 0.0], "start": 0.0, "duration": 0.1}})
-    environment["faults"] = [*environment.get("faults", []), *_faults(plain)]
-    delays = ready.setdefault("delays", {})
-    if plain.kind == "rigid_body" and plain.controller.compiled and "longest_command" not in delays:
-        delays["longest_command"] = max(plain.delays.longest, LONGEST_DELAY)
-    scenario, push = scenario_from(ready, folder), f"environment.forces.{len(forces) - 1}"
-    return Prepared(document, ready, Path(folder), scenario, push, planned)
-
-
-def _is_planned(plain: Scenario, document: Mapping[str, Any], folder: str | os.PathLike[str]) -> bool:
-    """True if a longer flight has another reference or none: of joints, or with a path time planned ahead."""
-    try:
-        longer = scenario_from({**document, "duration": plain.duration + 1.0}, folder)
-        return bool((plain.reference, plain.path_time) != (longer.reference, longer.path_time))
-    except ValueError:
-        return True
-
-
-def _faults(scenario: Scenario) -> list[dict[str, Any]]:
-    """A fault that takes nothing, for every actuator that has none."""
-    known = {fault.name for fault in scenario.faults}
-    vehicle = scenario.plant.vehicle
-    actuators = [("rotor", rotor.name) for rotor in vehicle.rotors]
-    actuators += [("joint", link.joint.name) for link in vehicle.links]
-    names = [name for _, name in actuators]
-    return [
-        {kind: name, "effectiveness": 1.0, "start": 0.0}
-        for kind, name in actuators
-        if name not in known and names.count(name) == 1
-    ]
-
-
-def flown_document(
-    prepared: Prepared, law: str | None, duration: float, paths: Collection[str], folder: Path
-) -> dict[str, Any]:
-    """The tables of what was flown: with the adjustable parts only where one of them was moved.
-
-    Args:
-        prepared: what was flown.
-        law: by name; None is the file's own.
-        duration: s that were flown; a reference that is planned keeps the duration that it was planned for.
-        paths: numbers that were changed by hand.
-        folder: where the tables are going to be written; paths of vehicles are made to start there.
-    """
-    added = any(path.startswith(("environment.", "delays.")) for path in paths)
-    document = copy.deepcopy(dict(prepared.document if added else prepared.own))
-    lasting = prepared.own["duration"] if prepared.planned else duration
-    document = under_law({**document, "duration": lasting}, law)
-    if lasting != prepared.own["duration"]:
-        document.pop("windows", None)  # of another duration
-    for table in ("plant", "model"):
-        _move_vehicle(document.get(table, {}), prepared.folder, folder)
-    return document
-
-
-def under_law(document: Mapping[str, Any], law: str | None) -> dict[str, Any]:
-    """The tables with a law by name in place of their own, if one is given; changes of the own one go."""
-    if law is None:
-        return dict(document)
-    changes = [each for each in document.get("changes", ()) if each["path"].split(".", maxsplit=1)[0] != "controller"]
-    return {**document, "changes": changes, "controller": law_table(law, document["controller"])}
-
-
-def _move_vehicle(table: dict[str, Any], old: Path, new: Path) -> None:
-    """Let the path of a vehicle's file start at another folder."""
-    named = table.get("vehicle")
-    if isinstance(named, str) and named not in list_vehicles():
-        table["vehicle"] = os.path.relpath((old / named).resolve(), new.resolve())

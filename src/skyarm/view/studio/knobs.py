@@ -5,46 +5,32 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from skyarm.records.files import number
 from skyarm.records.leaves import Place, is_record, part, parts
-from skyarm.records.units import Unit, declared_fields, units
-from skyarm.reference import Trajectory
+from skyarm.records.units import Unit, declared_fields
 from skyarm.reference.splines import Polynomials
-from skyarm.scenario.numbers import number_at
+from skyarm.scenario.numbers import declared_at, number_at, words_of
 from skyarm.scenario.paths import names, places_of
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 
-GROUPS: Mapping[str, tuple[str, ...]] = {
-    "law": ("controller",),
-    "reference": ("reference",),
-    "wind and forces": ("environment.wind", "environment.air", "environment.forces"),
-    "payload": ("plant.payload", "model.payload", "payloads"),
-    "sensors": ("sensors",),
-    "delay": ("delays",),
-    "faults": ("environment.faults",),
-}
-"""Panels, and the beginnings of the paths that stand in them."""
+GROUPS = ("law", "reference", "wind and forces", "payload", "sensors", "delay", "faults")
+"""Panels, in their order."""
 
 DERIVED_PARTS = ("model", "mixer", "slow", "damping_limits")
 """Parts of a law's parameters that its maker took from the vehicle: they are no gains."""
 
-SPANS: Mapping[str, float] = {
-    "m": 1.5,
-    "rad": 1.2,
-    "rad or m": 1.2,
-    "m/s": 10.0,
-    "N": 5.0,
-    "N m": 0.5,
-    "kg": 0.3,
-    "Hz": 1.0,
-    "s": 30.0,
-}
-"""Unit -> how far a slider reaches from a number that is zero."""
+SIGNALS = ("x", "y", "z", "yaw", "joints")
+"""Words of a reference that have sliders, after those of the base's motion."""
+
+SPANS: Mapping[str, float] = {"m": 1.5, "rad": 1.2, "rad or m": 1.2, "m/s": 10.0, "N": 5.0, "N m": 0.5, "kg": 0.3}
+"""Unit -> how far a slider reaches from its number, to both sides."""
 
 SIGMAS: Mapping[str, float] = {"m": 0.05, "m/s": 0.3, "rad": 0.05, "rad or m": 0.05, "rad/s": 0.3, "rad/s or m/s": 0.3}
-"""Unit -> the largest standard deviation of a slider of noise."""
+"""Unit -> the largest standard deviation of a slider of noise that is zero."""
+
+LONGEST_DELAY = 0.03
+"""s: the longest delay of the commands that a slider gives."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,20 +38,30 @@ class Knob:
     """One number that a hand may change.
 
     Attributes:
-        path: of the number (:mod:`skyarm.scenario.numbers`). group: a key of GROUPS.
-        label: the path without its beginning. unit: SI; empty for pure numbers. meaning: in words.
-        low, high: ends of the slider. step: of it. value: of the scenario.
+        path: of the number (:mod:`skyarm.scenario.numbers`). group: one of GROUPS.
+        declared: unit, meaning and bounds of its field.
+        low, high: ends of the slider. value: of the scenario.
     """
 
     path: str
     group: str
-    label: str
-    unit: str
-    meaning: str
+    declared: Unit
     low: float
     high: float
-    step: float
     value: float
+
+    @property
+    def label(self) -> str:
+        """The path in words, with its unit."""
+        words = words_of(self.path)
+        return f"{words} ({self.declared.unit})" if self.declared.unit else words
+
+    @property
+    def step(self) -> float:
+        """1, 2 or 5 times a power of ten, about a two-hundredth of the slider."""
+        least = (self.high - self.low) / 200.0
+        power = 10.0 ** math.floor(math.log10(least))
+        return next(power * k for k in (1.0, 2.0, 5.0, 10.0) if power * k >= 0.999 * least)
 
     def clip(self, value: object) -> float:
         """A value within the slider.
@@ -87,17 +83,15 @@ def knobs_of(scenario: Scenario, without: str = "") -> tuple[Knob, ...]:
     """
     found, seen = list[Knob](), set[Place]()
     hidden = places_of(scenario, f"{without}.point_B.x")[0][:-2] if without else ("",)
-    for group, roots in GROUPS.items():
-        for root in roots:
-            for path in _paths(scenario, root):
-                places = _places(scenario, path)
-                # a number may have two names: the file's word comes first
-                if not places or seen.intersection(places) or places[0][: len(hidden)] == hidden:
-                    continue
-                seen.update(places)
-                knob = _knob(scenario, path, group, root)
-                if knob.unit != "s" or group in ("delay", "law"):
-                    found.append(knob)
+    for group, path in _paths(scenario):
+        places = _places(scenario, path)
+        # a number may have two names: the file's word comes first
+        if not places or seen.intersection(places) or places[0][: len(hidden)] == hidden:
+            continue
+        seen.update(places)
+        value, declared = number_at(scenario, path), declared_at(scenario, path)
+        if math.isfinite(value) and (declared.unit != "s" or group in ("delay", "law")):
+            found.append(Knob(path, group, declared, *_span(group, value, declared), value))
     return tuple(found)
 
 
@@ -110,42 +104,32 @@ def _places(scenario: Scenario, path: str) -> tuple[Place, ...]:
         return ()
 
 
-def _paths(scenario: Scenario, root: str) -> Iterator[str]:
-    """Paths of all numbers below a root."""
-    if root.endswith("payload"):
-        yield f"{root}.mass"
-    elif root == "delays":
-        yield "delays.command"
-    elif root == "controller":
-        for word, value in parts(scenario.controller.par).items():
-            if word not in DERIVED_PARTS and not isinstance(value, (bool, int, str)):
-                yield from _below(value, f"{root}.{word}")
-    elif root == "payloads":
-        yield from (f"{root}.{i}.mass" for i in range(len(scenario.payloads)))
-    elif root == "reference":
-        if scenario.path_time is None:  # one is planned for the reference as it is
-            yield from _of_motion(scenario.reference)
-    elif root == "sensors":
-        yield from _below(scenario.noise, root)
-        for each in scenario.sensors:
-            yield from _below(each.sensor, f"{root}.{each.name}")
-    else:
-        held = {"wind": scenario.wind, "air": scenario.air, "forces": scenario.forces, "faults": scenario.faults}
-        yield from _below(held[root.split(".")[1]], root)
+def _paths(scenario: Scenario) -> Iterator[tuple[str, str]]:
+    """Group and path of all numbers."""
+    below: list[tuple[str, str, object]] = []
+    for word, value in parts(scenario.controller.par).items():
+        if word not in DERIVED_PARTS and not isinstance(value, (bool, int, str)):
+            below.append(("law", f"controller.{word}", value))
+    if scenario.path_time is None:  # one is planned for the reference as it is
+        base = names(scenario.reference)["base"]
+        yield from (("reference", path) for path in _of_tree(base, "reference.base"))
+        for word in SIGNALS:
+            below.append(("reference", f"reference.{word}", getattr(scenario.reference, word)))
+    for word in ("wind", "air", "forces"):
+        below.append(("wind and forces", f"environment.{word}", getattr(scenario, word)))
+    below.append(("sensors", "sensors", scenario.noise))
+    below += [("sensors", f"sensors.{each.name}", each.sensor) for each in scenario.sensors]
+    below.append(("faults", "environment.faults", scenario.faults))
+    for group, root, value in below:
+        yield from ((group, path) for path in _below(value, root))
+    loads = (f"payloads.{i}.mass" for i in range(len(scenario.payloads)))
+    yield from (("payload", path) for path in ("plant.payload.mass", "model.payload.mass", *loads))
+    yield "delay", "delays.command"
 
 
-def _of_motion(motion: Trajectory) -> Iterator[str]:
-    """Words of the file for the base's motion, then its signals, the heading and the joints."""
-    base = names(motion)["base"]
-    yield from _of_tree(base, "reference.base")
-    for axis in ("x", "y", "z", "yaw"):
-        yield from _below(getattr(motion, axis), f"reference.{axis}")
-    for i, signal in enumerate(motion.joints):
-        yield from _below(signal, f"reference.joints.{i}")
-
-
-def _of_tree(tree: Any, path: str) -> Iterator[str]:
-    if isinstance(tree, tuple):
+def _of_tree(tree: object, path: str) -> Iterator[str]:
+    """Paths of a tree of names; numbers of a position go by their letters."""
+    if not isinstance(tree, Mapping):
         yield path
         return
     for word, inner in tree.items():
@@ -153,7 +137,7 @@ def _of_tree(tree: Any, path: str) -> Iterator[str]:
             yield from _of_tree(inner, f"{path}.{word}")
 
 
-def _below(value: Any, path: str) -> Iterator[str]:
+def _below(value: object, path: str) -> Iterator[str]:
     """Paths of the numbers of a record by its words, the file's before the record's."""
     # the coefficients of a planned curve are made together: a hand that moved one would tear the curve
     if value is None or isinstance(value, (bool, str, Polynomials)):
@@ -176,55 +160,15 @@ def _below(value: Any, path: str) -> Iterator[str]:
             yield from _below(part(value, places[0]), f"{path}.{word}")
 
 
-def _knob(scenario: Scenario, path: str, group: str, root: str) -> Knob:
-    value, unit = number_at(scenario, path), _unit(scenario, path)
-    low, high = _span(group, path, value, unit)
-    label = path.removeprefix(root).strip(".").replace("_", " ").replace(".", " ")
-    return Knob(path, group, label or "value", unit.unit, unit.meaning, low, high, _step(high - low), value)
-
-
-def _unit(scenario: Scenario, path: str) -> Unit:
-    """The unit that the records on the way to a number state; of a signal, that of what it is a signal of."""
-    if ".payload." in path:
-        return Unit("kg", "point mass at the tip", low=0.0)
-    record: Any = scenario
-    found = Unit()
-    for word in places_of(scenario, path)[0]:
-        said = units(type(record)).get(word) if is_record(record) else None
-        if said is not None and said.meaning != "in the unit of the signal":
-            found = said
-        record = parts(record)[word]
-    return found
-
-
-def _span(group: str, path: str, value: float, unit: Unit) -> tuple[float, float]:
-    """Ends of a slider around a value, within the bounds of its unit."""
+def _span(group: str, value: float, unit: Unit) -> tuple[float, float]:
+    """Ends of a slider around a value, within the bounds of its field."""
     if math.isfinite(unit.low) and math.isfinite(unit.high):
         return unit.low, unit.high
-    if not math.isfinite(value):
-        return 0.0, 600.0
-    if group == "sensors":
-        low, high = 0.0, max(SIGMAS.get(unit.unit, 1.0), 4.0 * value)
-    elif group == "delay":
-        low, high = 0.0, 0.03
-    elif group == "law":
-        low, high = (min(0.0, 4.0 * value), max(0.0, 4.0 * value)) if value else (0.0, 1.0)
-    elif unit.unit == "s":
-        low, high = 0.0, max(SPANS["s"], 2.0 * value)
-    else:
-        reach = SPANS.get(unit.unit, 1.0)
-        low, high = value - reach, value + reach
-        if unit.unit == "Hz":
-            low = min(0.0, 2.0 * value)
-        if group == "wind and forces":
-            reach = max(reach, 2.0 * abs(value))
-            low, high = -reach, reach
+    if group == "delay":
+        return 0.0, LONGEST_DELAY
+    reach = SPANS.get(unit.unit, 1.0)
+    low, high = value - reach, value + reach
+    if group in ("law", "sensors"):
+        usual = 1.0 if group == "law" else SIGMAS.get(unit.unit, 1.0)
+        low, high = (min(0.0, 4.0 * value), max(0.0, 4.0 * value)) if value else (0.0, usual)
     return max(low, unit.low), min(high, unit.high)
-
-
-def _step(width: float) -> float:
-    """A step of 1, 2 or 5 times a power of ten, about a two-hundredth of a slider."""
-    if width <= 0.0:
-        return 1.0
-    power = 10.0 ** math.floor(math.log10(width / 200.0))
-    return next(power * k for k in (1.0, 2.0, 5.0, 10.0) if power * k >= width / 200.0 * 0.999)

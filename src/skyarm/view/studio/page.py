@@ -12,7 +12,7 @@ from typing import Any
 
 from skyarm.scenario.scenario_file import list_scenarios
 from skyarm.view.studio.controls import HERTZ, Chart, Controls, KnobPanel, charts, literal
-from skyarm.view.studio.fleet import Fleet, Flight, law_knobs, load_fleet, make_flight, save_flights, shared_knobs
+from skyarm.view.studio.fleet import Fleet, Flight
 from skyarm.view.studio.picture import Picture
 
 FRAME = 1.0 / 60.0
@@ -32,7 +32,7 @@ class Page:
     Args:
         server: of viser.
         fleet: to begin with, without flights. laws: that they shall have; None is the scenario's own.
-        out: folder of saved scenarios.
+        out: folder of saved flights.
     """
 
     def __init__(self, server: Any, fleet: Fleet, laws: Sequence[str | None], out: Path) -> None:
@@ -47,7 +47,7 @@ class Page:
         self._turn = 0
         self._picture = Picture(server)
         server.gui.configure_theme(show_logo=False, show_share_button=False)
-        own = self.fleet.prepared.scenario.controller.name
+        own = self.fleet.scenario.controller.name
         self._controls = Controls(server.gui, self, [law or own for law in laws])
         self._shown: list[Any] = []
         self._panels: list[tuple[int | None, KnobPanel]] = []
@@ -85,7 +85,7 @@ class Page:
             if name not in list_scenarios():
                 return
             laws = [flight.law for flight in self.fleet.flights]
-            self._begin(load_fleet(name), laws or [None])
+            self._begin(Fleet(name), laws or [None])
 
         self._orders.put(choose)
 
@@ -94,8 +94,8 @@ class Page:
         self._orders.put(lambda: setattr(self._picture, "follow", follows))
 
     def save(self) -> None:
-        """Write what was flown as scenarios, one for each law."""
-        self._orders.put(lambda: self._say(save_flights(self.fleet, self._out)))
+        """Write what was flown as logs, one for each law."""
+        self._orders.put(lambda: self._say(self.fleet.save(self._out)))
 
     def move(self, place: int | None, path: str, value: float) -> None:
         """Move a number of one flight, or of all; of several between two pictures the last one counts."""
@@ -157,7 +157,7 @@ class Page:
     def _begin(self, fleet: Fleet, laws: Sequence[str | None]) -> None:
         """Draw a fleet at its first state, and let its laws be made."""
         self.fleet = fleet
-        scenario = fleet.prepared.scenario
+        scenario = fleet.scenario
         self._picture.build(scenario, [law or scenario.controller.name for law in laws])
         for place, law in enumerate(laws):
             self._make(fleet, law, place)
@@ -169,10 +169,10 @@ class Page:
 
     def _compile_flight(self, fleet: Fleet, law: str | None, place: int) -> None:
         try:
-            flight: Flight | None = make_flight(fleet.prepared, law)
+            flight: Flight | None = fleet.make_flight(law)
             words = ""
         except Exception as error:  # of a law of the user's own it may be any
-            name = law or fleet.prepared.scenario.controller.name
+            name = law or fleet.scenario.controller.name
             flight, words = None, f"{name}: {' '.join(str(error).split())}"
         self._orders.put(lambda: self._join(fleet, flight, place, words))
 
@@ -188,7 +188,7 @@ class Page:
         flights = self.fleet.flights
         with self._server.atomic():
             if not self._making:
-                self._picture.build(self.fleet.prepared.scenario, [flight.title for flight in flights])
+                self._picture.build(self.fleet.scenario, [flight.title for flight in flights])
             for tab in self._shown:
                 tab.remove()
             for chart in self._charts:
@@ -196,9 +196,10 @@ class Page:
             self._shown, self._panels = [], []
             with self._controls.plots:
                 self._charts = charts(self._server.gui, flights)
-            self._add_panel("world", None, shared_knobs(self.fleet.prepared), ("wind and forces",))
+            for flight in flights[:1]:
+                self._add_panel("world", None, flight.shared_knobs, ("wind and forces",))
             for i, flight in enumerate(flights):
-                self._add_panel(flight.title, i, law_knobs(flight, self.fleet.prepared), ("law",))
+                self._add_panel(flight.title, i, flight.own_knobs, ("law",))
 
     def _add_panel(self, title: str, place: int | None, knobs: Any, opened: Sequence[str]) -> None:
         self._shown.append(self._controls.tabs.add_tab(title))
@@ -231,7 +232,7 @@ class Page:
         fleet = self.fleet
         clock = "at its end" if fleet.tick == fleet.steps - 1 else "playing" if fleet.playing else "paused"
         state = f"{fleet.time:.2f} s, {clock}, {fleet.speed:g}x"
-        lines = [f"**{literal(fleet.prepared.scenario.title or fleet.source)}**", state]
+        lines = [f"**{literal(fleet.scenario.title or fleet.source)}**", state]
         for flight in fleet.flights:
             last = flight.last
             words = (

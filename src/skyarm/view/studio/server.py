@@ -1,7 +1,7 @@
-"""viser behind a guard: requests are looked at before it answers, frames before it reads them.
+"""viser behind a guard: requests are looked at before it answers.
 
-viser listens where it is told, takes every page's websocket and every value, and offers to open a tunnel into the
-internet; it is given a socket that is bound already, and a websocket that hands on what is allowed alone.
+viser takes every page's websocket; it is given a socket of the loopback that is bound already, and the websocket of a
+page of its own alone.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ import hmac
 import http
 import io
 import logging
-import math
 import os
 import socket
 from collections.abc import Callable, Iterator, Mapping
@@ -74,11 +73,8 @@ def open_server(listening: socket.socket, guard: Guard, title: str) -> Any:
     import websockets.asyncio.server as module
 
     logging.getLogger(QUIET).setLevel(logging.CRITICAL)
-    inputs: dict[str, Any] = {}
-    with _serving(module, listening, guard, inputs), _silent():
-        server = viser.ViserServer(host=LOOPBACK[0], port=guard.port, label=title, verbose=False)
-    inputs["gui"] = server.gui
-    return server
+    with _serving(module, listening, guard), _silent():
+        return viser.ViserServer(host=LOOPBACK[0], port=guard.port, label=title, verbose=False)
 
 
 def close_server(server: Any) -> None:
@@ -88,15 +84,12 @@ def close_server(server: Any) -> None:
 
 
 @contextlib.contextmanager
-def _serving(module: Any, listening: socket.socket, guard: Guard, inputs: dict[str, Any]) -> Iterator[None]:
+def _serving(module: Any, listening: socket.socket, guard: Guard) -> Iterator[None]:
     """While it lasts, a websocket server is made at our socket and behind our guard."""
     plain = module.serve
 
     def serve(handler: Callable[[Any], Any], _host: str, _port: int, **options: Any) -> Any:
         page = options.pop("process_request")
-
-        async def handle(connection: Any) -> None:
-            await handler(Sieve(connection, inputs))
 
         def answer(connection: Any, request: Any) -> Any:
             try:
@@ -121,7 +114,7 @@ def _serving(module: Any, listening: socket.socket, guard: Guard, inputs: dict[s
             return response
 
         options["max_size"] = MOST_BYTES
-        return plain(handle, sock=listening, process_request=answer, **options)
+        return plain(handler, sock=listening, process_request=answer, **options)
 
     module.serve = serve
     try:
@@ -135,88 +128,6 @@ def _silent() -> Iterator[None]:
     """viser prints a table when it starts and a line when it stops."""
     with contextlib.redirect_stdout(io.StringIO()):
         yield
-
-
-class Sieve:
-    """A websocket that hands on the frames that a page of ours sends, and drops all others.
-
-    Args:
-        connection: the websocket. inputs: "gui" -> the sliders and buttons of the page.
-    """
-
-    ALLOWED = ("GuiUpdateMessage", "ViewerCameraMessage")
-
-    def __init__(self, connection: Any, inputs: dict[str, Any]) -> None:
-        self._connection, self._inputs = connection, inputs
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._connection, name)
-
-    async def recv(self) -> bytes:
-        """The next frame that is allowed, its numbers within their sliders."""
-        while True:
-            frame = await self._connection.recv()
-            passed = self.admit(frame)
-            if passed is not None:
-                return passed
-
-    def admit(self, frame: Any) -> bytes | None:
-        """A frame as it is handed on; None where it is dropped."""
-        import msgspec
-
-        try:
-            message = msgspec.msgpack.decode(frame)
-            kind = message["type"]
-            if kind not in self.ALLOWED:
-                return None
-            if kind == "ViewerCameraMessage":
-                return frame if _is_camera(message) else None
-            if set(message) != {"type", "uuid", "updates"} or set(message["updates"]) != {"value"}:
-                return None
-            value = self._value(message["uuid"], message["updates"]["value"])
-        except (msgspec.DecodeError, KeyError, TypeError, ValueError, AttributeError, RecursionError):
-            return None
-        return msgspec.msgpack.encode({**message, "updates": {"value": value}})
-
-    def _value(self, uuid: str, value: Any) -> Any:
-        """A value as the input takes it.
-
-        Raises:
-            ValueError, KeyError: it does not, or there is no such input.
-        """
-        handle = self._inputs["gui"]._gui_input_handle_from_uuid[uuid]
-        held, props = handle._impl.value, handle._impl.props
-        if isinstance(held, (bool, str)):
-            options = getattr(props, "options", None)
-            if type(value) is not type(held) or (options is not None and value not in options) or len(str(value)) > 200:
-                raise ValueError(value)
-            return value
-        if not _is_finite(value):
-            raise ValueError(value)
-        low, high = getattr(props, "min", None), getattr(props, "max", None)
-        value = value if low is None else max(value, low)
-        return type(held)(value if high is None else min(value, high))
-
-
-CAMERA = {"wxyz": 4, "position": 3, "look_at": 3, "up_direction": 3}
-SCALARS = ("fov", "near", "far", "image_height", "image_width")
-"""Fields of a camera's frame: how many numbers each has."""
-
-
-def _is_camera(message: dict[str, Any]) -> bool:
-    """True for a valid camera: finite numbers, of the right count."""
-    vectors = all(
-        type(message[name]) is list and len(message[name]) == count and all(map(_is_finite, message[name]))
-        for name, count in CAMERA.items()
-    )
-    return (
-        vectors and all(_is_finite(message[name]) for name in SCALARS) and set(message) == {"type", *CAMERA, *SCALARS}
-    )
-
-
-def _is_finite(value: object) -> bool:
-    """True for a finite number as a frame holds one, which is no subclass of its type."""
-    return type(value) in (int, float) and math.isfinite(value)  # type: ignore[arg-type]
 
 
 LOOPBACK = ("127.0.0.1", "localhost")
