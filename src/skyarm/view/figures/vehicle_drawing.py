@@ -184,7 +184,11 @@ def pose(vehicle: Vehicle, joints: Sequence[float] | None = None) -> Posed:
     for i, link in enumerate(vehicle.links):
         (R, p), joint = poses[i], link.joint
         posed.append(PosedJoint(joint.name, joint.turns, values[i], p, R @ _vector(joint.axis), tuple(rods[i])))
-    named = [*(each.at for each in frames), *(each.at for each in posed), *(_vector(rotor.position) for rotor in vehicle.rotors)]
+    named = [
+        *(each.at for each in frames),
+        *(each.at for each in posed),
+        *(_vector(rotor.position) for rotor in vehicle.rotors),
+    ]
     return Posed(poses, tuple(frames), tuple(posed), max(float(np.linalg.norm(each)) for each in named) or 0.1)
 
 
