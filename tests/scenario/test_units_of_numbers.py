@@ -45,6 +45,7 @@ def test_a_joint_that_slides_has_the_other_unit() -> None:
         for link in load_vehicle(name).links:
             units.setdefault(link.joint.kind, link)
     assert "revolute" in units
+    from skyarm.scenario.numbers import _declared
 
     for kind, link in units.items():
         found = _declared(link, ("joint", "damping")).unit
