@@ -9,7 +9,6 @@ import sys
 import timeit
 import tomllib
 import types
-from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -156,33 +155,6 @@ def test_the_law_shown_flies(tmp_path: Path) -> None:
     mine = skyarm.load_plugin(file).make(planned.controller.par.model, stiffness=9.0)
     assert mine.par.stiffness == 9.0
     assert skyarm.run(dataclasses.replace(planned, controller=mine)).status == "completed"
-
-
-@pytest.fixture
-def shown_parts(tmp_path: Path) -> Iterator[dict[str, Any]]:
-    """Modules of the page's drive, metric and log format, loaded as plugins."""
-    with registry_kept():
-        made = {}
-        for name in ("spring_servo.py", "spin.py"):
-            (tmp_path / name).write_text(files("python")[name], "utf-8")
-            made[name] = skyarm.load_plugin(tmp_path / name)
-        yield made
-
-
-def test_the_metric_and_the_format_shown_count_and_write(shown_parts: dict[str, Any], tmp_path: Path) -> None:
-    assert "spin.py" in shown_parts
-    log = skyarm.run(skyarm.load_scenario("case3", duration=0.2))
-    squares = (log.rotor_speeds**2).sum(axis=1)
-    assert skyarm.score(log, ["spin"])["spin"] == pytest.approx(squares.mean(), rel=0.01)
-    written = skyarm.save_log(log, tmp_path / "flight.tsv")
-    assert written.read_text().splitlines()[0] == "# time\tx\ty\tz"
-
-
-def test_the_drive_shown_is_a_servo_with_its_largest_step(shown_parts: dict[str, Any]) -> None:
-    drive = shown_parts["spring_servo.py"].SpringServo()
-    # 0.1 / 8e-5 = 1250 /s is faster than the square root of 8 / 8e-5, 316 rad/s
-    assert drive.largest_step == pytest.approx(1.0 / 1250.0)
-    assert drive.effort((), 0.1, 0.0, 1.0) == pytest.approx(0.7)
 
 
 @pytest.mark.parametrize("words", [word for row in MISTAKES for word in re.findall("`([^`]+)`", row)])

@@ -1,4 +1,4 @@
-"""Words that can be counted: first lines of docstrings, names of functions."""
+"""Words and sizes that can be counted: first lines of docstrings, names of functions, lines and bytes of the pages."""
 
 from __future__ import annotations
 
@@ -11,7 +11,10 @@ import pytest
 
 import skyarm
 
+ROOT = Path(__file__).resolve().parents[2]
 SOURCE = Path(skyarm.__file__).parent
+DOCS = ROOT / "docs"
+PAGES = sorted(DOCS.rglob("*.md"))
 
 LONGEST = 120
 """Letters of a first line."""
@@ -121,3 +124,39 @@ def test_a_wrong_line_is_found_and_a_good_one_passes(line: str, words: str | Non
 def test_a_participle_is_found_and_a_noun_passes() -> None:
     names = functions(ast.parse("def joined(): ...\ndef _led(): ...\ndef speed(): ...\ndef mass_matrix(): ..."))
     assert {name for name in names - NO_PARTICIPLES if PARTICIPLE.fullmatch(name)} == {"joined", "led"}
+
+
+LETTERS = 100
+"""Longest line of a page, in prose and code; rows of tables, pictures, marks and formulas take what they need."""
+
+
+def long_lines(text: str) -> list[int]:
+    """Numbers of the lines of a page that are too long."""
+    free = r"^```math\n.*?^```$|^<!-- the envelope: .*?^<!-- /the envelope -->$"
+    lines = re.sub(free, _blank, text, flags=re.M | re.S).splitlines()
+    return [k for k, line in enumerate(lines, 1) if len(line) > LETTERS and not line.startswith(("|", "![", "<!--"))]
+
+
+def _blank(found: re.Match[str]) -> str:
+    """As many lines, all empty."""
+    return "\n" * found[0].count("\n")
+
+
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "CONTRIBUTING.md"], ids=lambda page: page.name)
+def test_lines_of_a_page_fit_a_screen(page: Path) -> None:
+    assert long_lines(page.read_text("utf-8")) == []
+
+
+def test_a_long_line_is_found() -> None:
+    long = "x" * (LETTERS + 1)
+    assert long_lines(f"{long}\n| {long} |\n```python\n{long}\n```\n```math\n{long}\n```\n") == [1, 4]
+
+
+def test_the_pages_stay_few_and_light() -> None:
+    assert len(PAGES) <= 40
+    assert sum(page.stat().st_size for page in PAGES) <= 300_000
+
+
+@pytest.mark.parametrize(("name", "most"), [("README.md", 8192), ("CHANGELOG.md", 15_360), ("CONTRIBUTING.md", 5500)])
+def test_pages_of_the_repository_stay_short(name: str, most: int) -> None:
+    assert (ROOT / name).stat().st_size <= most

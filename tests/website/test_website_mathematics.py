@@ -28,7 +28,6 @@ ROWS = [
 SECTIONS = (
     "Rotations",
     "Rigid-body dynamics of any tree",
-    "The paper's 8 x 8 form",
     "Rotors, mixer, joints",
     "Air",
     "The paper's law",

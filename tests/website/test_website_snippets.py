@@ -44,6 +44,7 @@ OTHERS = {
 }
 ELSEWHERE |= {name: tests for name, tests in OTHERS.items() if name in PAGES}
 TABLES = {
+    ("actuators.md", "toml"): "tests/test_docs_actuators.py",
     ("pressing.md", "toml"): "tests/control/test_gripping.py",
     ("delays.md", "toml"): "tests/scenario/test_change_records.py",
     ("phases.md", "toml"): "tests/simulate/test_sensed_guards.py",

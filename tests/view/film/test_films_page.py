@@ -8,10 +8,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
 from film_flights import needs_display
-from skyarm.cli.commands import perform, program
+from skyarm.cli.commands import perform
 from skyarm.view.film.make_film import CAMERA_NAMES, LAYOUTS
 from skyarm.view.film.recording import SUFFIXES
 from skyarm.view.film.video_files import FILM_FORMATS
@@ -50,12 +49,8 @@ def test_the_python_shown_runs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) 
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["wind.viser", "wind.webp"]
 
 
-def test_every_option_and_every_choice_is_on_the_page() -> None:
-    told = CliRunner().invoke(program(["film"]), ["film", "--help"], env={"COLUMNS": "200"}).output
-    options = set(re.findall(r"--[\w-]+", told)) - {"--help", "--json", "--quiet", "--ghost", "--plot", "--no"}
-    assert len(options) > 12
-    assert {option for option in options if option not in PAGE} == set()
+def test_every_choice_is_on_the_page() -> None:
     for choice in (*LAYOUTS, *CAMERA_NAMES):
-        assert f"`{choice}`" in PAGE or re.search(rf"`--\w+ {choice}`", PAGE), choice
+        assert re.search(rf"`(--\w+ )?{choice}`", PAGE), choice
     for suffix in (*FILM_FORMATS, *SUFFIXES):
         assert f"`.{suffix}`" in PAGE
