@@ -352,7 +352,7 @@ def _rotor_bow(sheet: Sheet, vehicle: Vehicle, i: int) -> tuple[Array, Array]:
 
 
 def _write_labels(figure: Picture, sheets: Sequence[Sheet]) -> None:
-    """Write every label where the least ink is near its point: the picture without labels tells what is drawn."""
+    """Place every label where the least ink of the picture without labels is near its point."""
     figure.canvas.draw()
     ink = 1.0 - np.asarray(figure.canvas.buffer_rgba())[::-1, :, :3].mean(axis=2) / 255.0  # type: ignore[attr-defined]
     for sheet in sheets:
