@@ -157,7 +157,7 @@ def test_a_thrust_coefficient_that_varies_scales_the_table(tmp_path):
         ({"torque": [0.1, 0.2]}, r"thrust_table\.torque = .*: must be 8 numbers, as many as speeds"),
         ({"throttle": [*SPEED]}, r"throttle\[0\] = 210\.0: must be at most 1"),
         ({"speed": [0.0, *SPEED[1:]]}, r"thrust_table\.thrust\[0\] = 0\.33: must be 0 at rest"),
-        ({"speed": None}, r"rotors\[.*\]\.thrust_table\.speed = \(\): must be at least two numbers"),
+        ({"speed": None}, r"rotor_defaults\.thrust_table\.speed: is missing"),
         ({"amps": [1.0]}, r"amps.*unknown field; allowed: speed, thrust, torque, current, throttle"),
         ({"thrust": [float("nan"), *THRUST[1:]]}, r"thrust\[0\] = nan: must be a finite number"),
     ],

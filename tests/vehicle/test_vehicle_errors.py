@@ -135,7 +135,7 @@ CASES = [
     (("rotor_defaults", "thrust_coefficient"), None, "rotors[front].thrust_coefficient: is missing", ""),
     (("frames", 0, "link"), "hand", "frames[tip].link = 'hand'", "must be one of base, arm"),
     (("end_effector",), "nose", "end_effector = 'nose'", "must be one of tip"),
-    (("drag",), {"area": [0.1, -0.1, 0.1]}, "drag.area[1] = -0.1", "must be at least 0"),
+    (("drag",), {"area": [0.1, -0.1, 0.1]}, "drag.area.y = -0.1", "must be at least 0"),
     (("joints",), [{"name": "shoulder", "damping": 1.0}], "joints.name = 'shoulder'", "must stand in its link"),
     (("sources", "base.mass"), "", "sources.base.mass = ''", "must be text that is not empty"),
     (("sources", "base.mass"), 1.0, "sources.base.mass = 1.0", "must be text"),

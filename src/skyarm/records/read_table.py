@@ -59,10 +59,14 @@ def make_at(where: str, kind: Callable[..., Record], /, **values: Any) -> Record
     try:
         return kind(**values)
     except ValueError as error:
-        words = str(error)
+        words, last = str(error), re.sub(r"\[\w+\]$", "", where).rpartition(".")[2]
+        if words.startswith(where):
+            raise ValueError(words) from None
+        if last and words.startswith((f"{last}.", f"{last}[")):  # the record calls itself so
+            raise ValueError(where + words.removeprefix(last)) from None
         named = re.match(r"\w+", words)
         own = isinstance(kind, type) and named is not None and named[0] in (field_names(kind) or ())
-        raise ValueError(words if words.startswith(where) else f"{where}{'.' if own else ': '}{words}") from None
+        raise ValueError(f"{where}{'.' if own else ': '}{words}") from None
 
 
 def numbers_from(kind: type, fields: Fields, names: Iterable[str], required: Collection[str] = ()) -> dict[str, Any]:

@@ -16,6 +16,9 @@ from skyarm.vehicle.check import refuse
 from skyarm.vehicle.linkage import BASE, Body, Follower, Joint, Link
 from skyarm.vehicle.vehicle_records import Frame, Look, Vehicle
 
+MIMIC = ("lock", "couple")
+"""Treatment of joints that follow others: fixed where they rest, or moved with their leaders."""
+
 
 @dataclass(frozen=True, slots=True)
 class Mount:
@@ -311,24 +314,19 @@ SHOWN = 4
 
 
 class Notes:
-    """Notes that are being collected, the names that share one in a single line.
+    """Notes of a file's reader; names that share one are listed in a single line: ``joints a, b: TEXT``."""
 
-    Args:
-        kind: of what the names are names of, for the line: ``joints a, b: TEXT``.
-    """
-
-    def __init__(self, kind: str = "joint") -> None:
-        self._kind = kind
+    def __init__(self) -> None:
         self._names: dict[tuple[str, str], list[str]] = {}
 
-    def add(self, text: str, name: str = "", kind: str = "") -> None:
-        """A note on one name, or on the whole file."""
-        names = self._names.setdefault((kind or self._kind, text), [])
+    def add(self, text: str, name: str = "", kind: str = "joint") -> None:
+        """Add a note on one name of a kind, or on the whole file."""
+        names = self._names.setdefault((kind, text), [])
         if name and name not in names:
             names.append(name)
 
     def lines(self) -> tuple[str, ...]:
-        """All of them, each on one line."""
+        """All notes, each on one line."""
         return tuple(_line(kind, text, names) for (kind, text), names in self._names.items())
 
 
@@ -337,3 +335,45 @@ def _line(kind: str, text: str, names: list[str]) -> str:
         return printable(text)
     listed = ", ".join(names[:SHOWN]) + (f" and {len(names) - SHOWN} more" if len(names) > SHOWN else "")
     return printable(f"{kind}{'s' if len(names) > 1 else ''} {listed}: {text}")
+
+
+class BodyTree:
+    """Tree of rigid bodies under construction, parents first.
+
+    Attributes:
+        links, frames, looks: read so far. parts: bodies of the base and of each link.
+        mimics: joints that follow others. notes: of the reader.
+    """
+
+    def __init__(self, mimics: Mapping[str, Mimic], notes: Notes) -> None:
+        self.links: list[Link] = []
+        self.frames: list[Frame] = []
+        self.looks: list[Look] = []
+        self.parts: list[list[Body]] = [[]]
+        self.mimics, self.notes = mimics, notes
+
+    def add_link(self, name: str, parent: int, joint: Joint) -> Frame:
+        """Add a link behind a joint of the body ``parent``; returns the link's own frame."""
+        self.links.append(Link(name=name, parent=parent, joint=joint, body=Body(mass=0)))
+        self.parts.append([])
+        return Frame(name="", link=len(self.links) - 1, position=Vec3(0, 0, 0))
+
+    def add_body(self, link: int, body: Body) -> None:
+        """Add a mass, in the axes of a link or the base."""
+        self.parts[link + 1].append(body)
+
+    def bodies(self, name: str, root: str, coupled: bool) -> RigidBodies:
+        """The finished tree; ``coupled`` keeps its followers as such."""
+        base, *bodies = (description.body(each) if each else Body(mass=0.0) for each in self.parts)
+        links = tuple(replace(link, body=body) for link, body in zip(self.links, bodies, strict=True))
+        moving = {link.joint.name for link in links} if coupled else ()
+        return RigidBodies(
+            name=name,
+            root=root,
+            base=base,
+            links=links,
+            frames=tuple(self.frames),
+            mimics={joint: mimic for joint, mimic in self.mimics.items() if joint in moving},
+            notes=self.notes.lines(),
+            looks=tuple(self.looks),
+        )

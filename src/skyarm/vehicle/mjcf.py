@@ -8,45 +8,38 @@ without joints, become frames. What has no counterpart is refused by its name.
 from __future__ import annotations
 
 import math
-import subprocess
-import sys
-import tempfile
-import xml.etree.ElementTree as ET
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3
 from skyarm.records.files import one_line
 from skyarm.vehicle import description
-from skyarm.vehicle.attach import Mimic, Notes, RigidBodies, follow, held_pose, posed_in
+from skyarm.vehicle.attach import BodyTree, Mimic, Notes, RigidBodies, follow, held_pose, posed_in
 from skyarm.vehicle.check import VehicleError, refuse
-from skyarm.vehicle.linkage import BASE, Body, Joint, Link
+from skyarm.vehicle.linkage import BASE, Body, Joint
+from skyarm.vehicle.urdf import read_xml
 from skyarm.vehicle.vehicle_records import Frame
 
+if TYPE_CHECKING:
+    from mujoco import MjModel
 
-@dataclass(slots=True)
-class _Tree:
-    """Bodies, joints and frames read so far.
 
-    Attributes:
-        model: MuJoCo's, compiled.
-        mimics: joint -> what it follows.
-        mimic: "lock" or "couple".
-        links, frames: read so far.
-        parts: of the base and of each link.
-        seats: MuJoCo's body -> moving body that carries it, and pose in that one.
-    """
+class _Tree(BodyTree):
+    """Body tree of a compiled model, with the seat of each of its bodies; ``coupled`` lets followers move."""
 
-    model: Any
-    mimics: dict[str, Mimic]
-    mimic: str
-    notes: Notes
-    links: list[Link] = field(default_factory=list)
-    frames: list[Frame] = field(default_factory=list)
-    parts: list[list[Body]] = field(default_factory=lambda: [[]])
-    seats: dict[int, Frame] = field(default_factory=dict)
+    def __init__(self, model: MjModel, coupled: bool, notes: Notes) -> None:
+        super().__init__(mimics_of(model), notes)
+        self.model, self.coupled = model, coupled
+        self.seats: dict[int, Frame] = {}
+
+    def unique(self, name: str) -> str:
+        """The name, with underscores until it is unique: MuJoCo has a list of names for each kind of element."""
+        taken = {frame.name for frame in self.frames} | {link.name for link in self.links}
+        while name in taken:
+            name += "_"
+        return name
 
 
 def read_mjcf(path: Path, mimic: str = "lock") -> RigidBodies:
@@ -59,76 +52,30 @@ def read_mjcf(path: Path, mimic: str = "lock") -> RigidBodies:
     Raises:
         VehicleError: without the file's name, which the caller adds.
     """
-    model = _compile(path)
-    notes = Notes()
-    refuse_what_is_not_here(model, notes)
+    model, notes = _compile(path), Notes()
+    require_supported(model, notes)
     root, left_out = _root(model)
     for body in left_out:
         notes.add("fixed to the world beside the vehicle; not read", name_of(model, "body", body), "body")
-    tree = _Tree(model, mimics_of(model), mimic, notes)
+    tree = _Tree(model, mimic == "couple", notes)
     tree.seats[root] = Frame(name="", link=BASE, position=Vec3(0, 0, 0))
     _read_body(tree, root)
     for body in range(1, int(model.nbody)):
         if body != root and int(model.body_parentid[body]) in tree.seats and body not in left_out:
             _read_child(tree, body)
-    base, *bodies = (description.body(each) if each else Body(mass=0.0) for each in tree.parts)
-    links = tuple(replace(link, body=body) for link, body in zip(tree.links, bodies, strict=True))
-    moving = {link.joint.name for link in links}
-    kept = {name: each for name, each in tree.mimics.items() if name in moving} if mimic == "couple" else {}
-    name = name_of(model, "body", root) if root else "world"
-    title = path.stem if model.names[:1] == b"\0" else model.names[: model.names.index(b"\0")].decode()
-    return RigidBodies(title, name, base, links, tuple(tree.frames), kept, notes.lines())
+    title = model.names[: model.names.index(b"\0")].decode() or path.stem
+    return tree.bodies(title, name_of(model, "body", root) if root else "world", tree.coupled)
 
 
-SECONDS, BYTES = 20.0, 4 * 2**30
-"""Most time and memory of compiling a file: a line of XML can take hours or fill a disk, and MuJoCo heeds no signal."""
-
-MOST_TEXT, MOST_COMPILED = 10e6, 100e6
-"""Bytes of a file, and of its compiled model."""
-
-PLAIN = (
-    *("mujoco", "compiler", "option", "default", "worldbody", "body", "inertial", "joint", "freejoint", "geom", "site"),
-    *("light", "actuator", "motor", "position", "velocity", "equality", "contact", "exclude"),
-)
-"""Elements of which some thousand compile at once: nothing in them repeats, generates or reads."""
-
-MOST_PLAIN = 2000
-
-COMPILE = """
-import sys
-try:
-    import resource
-    resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[3]),) * 2)
-except (ImportError, ValueError):
-    pass
-import mujoco
-try:
-    mujoco.mj_saveModel(mujoco.MjModel.from_xml_path(sys.argv[1]), sys.argv[2])
-except ValueError as error:
-    print(error)
-"""
-"""Program of a process of its own: paths of XML and compiled model, and bytes of memory."""
-
-
-def _compile(path: Path) -> Any:
-    """MuJoCo's model of a file; its warnings and its errors on many lines become one line."""
-    if (size := path.stat().st_size) > MOST_TEXT:
-        raise VehicleError(f"XML: has {size / 1e6:.0f} MB, must have at most {MOST_TEXT / 1e6:.0f} MB")
-    content = path.read_bytes().lstrip()
-    try:
-        read = ET.fromstring(content)
-    except (ET.ParseError, LookupError, ValueError) as error:
-        raise VehicleError(f"XML = {str(error)!r}: must be well-formed") from None
-    if read.tag != "mujoco":
-        refuse("root element", read.tag, "must be <mujoco>; a URDF file's name ends in .urdf")
-    tags = [element.tag for element in read.iter()]
-    # MuJoCo reads a DOCTYPE otherwise than ElementTree
-    if len(tags) > MOST_PLAIN or not {*tags} <= {*PLAIN} or b"<!DOCTYPE" in content:
-        return _compiled_apart(path)
+def _compile(path: Path) -> MjModel:
+    """MuJoCo's model of a file; its warnings are silenced, and its errors on many lines become one line."""
+    root = read_xml(path)
+    if root.tag != "mujoco":
+        refuse("root element", root.tag, "must be <mujoco>; a URDF file's name ends in .urdf")
     import mujoco
 
     usual = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(_say_nothing)
+    mujoco.set_mju_user_warning(_ignore)
     try:
         return mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:
@@ -137,30 +84,11 @@ def _compile(path: Path) -> Any:
         mujoco.set_mju_user_warning(usual)
 
 
-def _compiled_apart(path: Path) -> Any:
-    """The model compiled by a process that ends with its time or its memory."""
-    import mujoco
-
-    with tempfile.TemporaryDirectory() as folder:
-        made = Path(folder) / "model.mjb"
-        words = [sys.executable, "-c", COMPILE, str(path.resolve()), str(made), str(BYTES)]
-        try:
-            ended = subprocess.run(words, capture_output=True, text=True, timeout=SECONDS, cwd=folder, check=False)
-        except subprocess.TimeoutExpired:
-            ended = None
-        if made.exists() and ended is not None and ended.returncode == 0 and made.stat().st_size < MOST_COMPILED:
-            return mujoco.MjModel.from_binary_path(str(made))
-    if ended is not None and ended.stdout.strip():
-        raise VehicleError(f"MJCF = {one_line(ended.stdout)!r}: must be a model that MuJoCo loads")
-    most = f"{SECONDS:g} s, {BYTES / 2**30:g} GB of memory and {MOST_COMPILED / 1e6:g} MB of numbers"
-    raise VehicleError(f"MJCF = {path.name!r}: must be a model that MuJoCo compiles in {most}")
+def _ignore(text: str) -> None:
+    """Ignore a warning of MuJoCo."""
 
 
-def _say_nothing(text: str) -> None:
-    """Silence MuJoCo's warnings while it compiles."""
-
-
-def _root(model: Any) -> tuple[int, list[int]]:
+def _root(model: MjModel) -> tuple[int, list[int]]:
     """The body that is the base (0 for the world), and bodies of the world that are left out."""
     top = [body for body in range(1, int(model.nbody)) if model.body_parentid[body] == 0]
     free = [body for body in top if _joints(model, body) and kind_of(model, _joints(model, body)[0]) == "free"]
@@ -178,7 +106,7 @@ def _root(model: Any) -> tuple[int, list[int]]:
     return free[0], alone
 
 
-def _below(model: Any, body: int) -> list[int]:
+def _below(model: MjModel, body: int) -> list[int]:
     """A body and all that it carries."""
     found = [body]
     for each in range(body + 1, int(model.nbody)):
@@ -187,7 +115,7 @@ def _below(model: Any, body: int) -> list[int]:
     return found
 
 
-def _joints(model: Any, body: int) -> list[int]:
+def _joints(model: MjModel, body: int) -> list[int]:
     first = int(model.body_jntadr[body])
     return list(range(first, first + int(model.body_jntnum[body])))
 
@@ -197,30 +125,27 @@ def _read_child(tree: _Tree, body: int) -> None:
     model, name = tree.model, name_of(tree.model, "body", body)
     carrier = tree.seats[int(model.body_parentid[body])]
     at = posed_in(carrier, _rotation(model.body_quat[body]), _vector(model.body_pos[body]))
-    joints = [joint for joint in _joints(model, body) if not _is_fixed(tree, joint)]
+    moving = [joint for joint in _joints(model, body) if not _is_fixed(tree, joint)]
     for joint in _joints(model, body):
         anchor = _vector(model.jnt_pos[joint])
         at = posed_in(at, Mat3.identity(), anchor)
-        if joint in joints:
-            last = joint == joints[-1]
+        if joint in moving:
             made = read_joint(model, joint, at.rotation, at.position, tree.notes)
-            link = name if last else _new_name(tree, f"{name}.{made.name}")
-            tree.links.append(Link(name=link, parent=at.link, joint=made, body=Body(mass=0)))
-            tree.parts.append([])
-            at = Frame(name="", link=len(tree.links) - 1, position=Vec3(0, 0, 0))
+            link = name if joint == moving[-1] else tree.unique(f"{name}.{made.name}")
+            at = tree.add_link(link, at.link, made)
         else:
             at = _held_pose(tree, joint, at)
         at = posed_in(at, Mat3.identity(), -anchor)
     tree.seats[body] = at
-    if not joints:
-        tree.frames.append(replace(at, name=_new_name(tree, name)))
+    if not moving:
+        tree.frames.append(replace(at, name=tree.unique(name)))
     _read_body(tree, body)
 
 
 def _is_fixed(tree: _Tree, joint: int) -> bool:
     """True if a joint is fixed: it follows another one and followers are locked, or one that is fixed itself."""
     name = name_of(tree.model, "jnt", joint)
-    if name not in tree.mimics or tree.mimic == "lock":
+    if name not in tree.mimics or not tree.coupled:
         return name in tree.mimics
     found = follow(name, tree.mimics)
     return not found.joint or found.ratio == 0.0
@@ -241,28 +166,20 @@ def _read_body(tree: _Tree, body: int) -> None:
     if mass > 0.0 and body:
         R = description.rotation(at.rotation @ _rotation(model.body_iquat[body]))
         com = at.position + at.rotation.apply(_vector(model.body_ipos[body]))
-        moments = Sym3.from_numbers(*(float(each) for each in model.body_inertia[body]))
-        tree.parts[at.link + 1].append(Body(mass=mass, com=com, inertia=moments.rotate(R)))
+        moments = Sym3.from_numbers(*model.body_inertia[body].tolist())
+        tree.add_body(at.link, Body(mass=mass, com=com, inertia=moments.rotate(R)))
     for site in range(int(model.nsite)):
         if int(model.site_bodyid[site]) == body and model.site(site).name:
             pose = _rotation(model.site_quat[site]), _vector(model.site_pos[site])
-            tree.frames.append(posed_in(at, *pose, _new_name(tree, model.site(site).name)))
-
-
-def _new_name(tree: _Tree, name: str) -> str:
-    """The name, with underscores until it is unique: MuJoCo has a list of names for each kind of element."""
-    taken = {frame.name for frame in tree.frames} | {link.name for link in tree.links}
-    while name in taken:
-        name += "_"
-    return name
+            tree.frames.append(posed_in(at, *pose, tree.unique(model.site(site).name)))
 
 
 def _vector(values: Any) -> Vec3:
-    return description.vector([float(each) for each in values])
+    return description.vector(values.tolist())
 
 
 def _rotation(wxyz: Any) -> Mat3:
-    return description.rotation(Quaternion.of([float(each) for each in wxyz]).normalized().rotation())
+    return description.rotation(Quaternion.of(wxyz.tolist()).normalized().rotation())
 
 
 KINDS = ("free", "ball", "prismatic", "revolute")
@@ -272,12 +189,12 @@ AT_JOINT = (0, 1)
 """MuJoCo's numbers of the transmissions that act at a joint."""
 
 
-def kind_of(model: Any, joint: int) -> str:
+def kind_of(model: MjModel, joint: int) -> str:
     """One of ``KINDS``."""
     return KINDS[int(model.jnt_type[joint])]
 
 
-def read_joint(model: Any, joint: int, R: Mat3, p: Vec3, notes: Notes) -> Joint:
+def read_joint(model: MjModel, joint: int, R: Mat3, p: Vec3, notes: Notes) -> Joint:
     """Joint record at a pose in its parent; its zero is the model's reference position (``ref``)."""
     name = name_of(model, "jnt", joint)
     if model.qpos0[model.jnt_qposadr[joint]]:
@@ -291,7 +208,7 @@ def read_joint(model: Any, joint: int, R: Mat3, p: Vec3, notes: Notes) -> Joint:
     rubbing: dict[str, Any] = {
         ours: description.zero_is_structure(float(getattr(model, theirs)[dof])) for ours, theirs in given.items()
     }
-    axis = description.unit_axis(f"joint[{name}].axis", [float(each) for each in model.jnt_axis[joint]])
+    axis = description.unit_axis(f"joint[{name}].axis", model.jnt_axis[joint].tolist())
     return Joint(
         name=name,
         kind=kind_of(model, joint),
@@ -305,7 +222,7 @@ def read_joint(model: Any, joint: int, R: Mat3, p: Vec3, notes: Notes) -> Joint:
     )
 
 
-def _effort(model: Any, joint: int) -> float:
+def _effort(model: MjModel, joint: int) -> float:
     """Largest effort of all actuators at a joint, N m or N; 0 without any."""
     total = 0.0
     for actuator in range(int(model.nu)):
@@ -316,7 +233,7 @@ def _effort(model: Any, joint: int) -> float:
     return total
 
 
-def _largest_force(model: Any, actuator: int) -> float:
+def _largest_force(model: MjModel, actuator: int) -> float:
     """N m or N before the gear: by the range of the force, or of the control where the force is proportional to it."""
     found = math.inf
     if model.actuator_forcelimited[actuator]:
@@ -328,7 +245,7 @@ def _largest_force(model: Any, actuator: int) -> float:
     return found
 
 
-def mimics_of(model: Any) -> dict[str, Mimic]:
+def mimics_of(model: MjModel) -> dict[str, Mimic]:
     """Joint -> the one that it follows, from the equalities of joints; a joint fixed by an equality follows none ("").
 
     Raises:
@@ -350,13 +267,13 @@ def mimics_of(model: Any) -> dict[str, Mimic]:
     return found
 
 
-def resting(model: Any, name: str, mimics: Mapping[str, Mimic]) -> float:
+def resting(model: MjModel, name: str, mimics: Mapping[str, Mimic]) -> float:
     """Value of a joint where the one that it follows in the end rests."""
     found = follow(name, mimics)
     return found.at_rest(*(limits(model, model.joint(found.joint).id) if found.joint else (0.0, 0.0)))
 
 
-def limits(model: Any, joint: int) -> tuple[float, float]:
+def limits(model: MjModel, joint: int) -> tuple[float, float]:
     """Lowest and highest value of a joint from its reference position, rad or m; infinite for one without limits."""
     if not model.jnt_limited[joint]:
         return -math.inf, math.inf
@@ -365,28 +282,24 @@ def limits(model: Any, joint: int) -> tuple[float, float]:
     return lower, upper
 
 
-SPRINGS = ("jnt_stiffness", "jnt_stiffnesspoly")
-CURVES = ("dof_dampingpoly",)
-
-
-def name_of(model: Any, kind: str, index: int) -> str:
+def name_of(model: MjModel, kind: str, index: int) -> str:
     """Name of an element, made up from its number where the file gives none."""
     return str(getattr(model, kind)(index).name) or f"{kind}{index}"
 
 
-def refuse_what_is_not_here(model: Any, notes: Notes) -> None:
-    """Refuse springs, balls, closed chains, actuated tendons, soft bodies; note elements that the vehicle ignores.
+TENDON_FORCES = ("tendon_stiffness", "tendon_damping", "tendon_frictionloss", "tendon_limited", "tendon_armature")
+
+
+def require_supported(model: MjModel, notes: Notes) -> None:
+    """Refuse springs, balls, closed chains, pulling tendons, soft bodies; note elements that the vehicle ignores.
 
     Raises:
         VehicleError: the first of them.
     """
-    for joint in range(int(model.njnt)):
-        _refuse_springs(model, joint)
-    _refuse_equalities(model)
+    _require_plain_joints(model)
     for tendon in range(int(model.ntendon)):
-        pulls = ("tendon_stiffness", "tendon_damping", "tendon_frictionloss", "tendon_limited", "tendon_armature")
         name = name_of(model, "tendon", tendon)
-        if any(_any(getattr(model, each)[tendon]) for each in pulls):
+        if _stated(model, TENDON_FORCES, tendon):
             refuse(f"tendon[{name}]", "a pull of its own", "must pull nothing; tendons are not supported")
         notes.add("not read", name, "tendon")
     for body in range(1, int(model.nbody)):
@@ -395,56 +308,36 @@ def refuse_what_is_not_here(model: Any, notes: Notes) -> None:
     if model.nflex:
         refuse("flex", int(model.nflex), "must be rigid bodies only")
     for actuator in range(int(model.nu)):
-        _note_actuator(model, actuator, notes)
+        name = name_of(model, "actuator", actuator)
+        if _stated(model, ("actuator_armature", "actuator_damping"), actuator):
+            refuse(f"actuator[{name}]", "armature or damping of its own", "must be stated at its joint")
+        if int(model.actuator_trntype[actuator]) not in AT_JOINT:
+            notes.add("not at a joint, so not read; rotors are stated in [[rotors]]", name, "actuator")
     if model.opt.density or model.opt.viscosity:
         notes.add("density and viscosity of the option are not read; [drag] and the scenario's air say that")
 
 
-def _refuse_springs(model: Any, joint: int) -> None:
+def _stated(model: MjModel, names: tuple[str, ...], index: int) -> bool:
+    """True if one of these arrays has a number other than 0 there."""
+    return any(getattr(model, name)[index].any() for name in names)
+
+
+def _require_plain_joints(model: MjModel) -> None:
+    """Refuse balls, springs, nonlinear damping and closed chains."""
     import mujoco
 
-    field = f"joint[{name_of(model, 'jnt', joint)}]"
-    if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_BALL:
-        refuse(f"{field}.type", "ball", "must be 'hinge' or 'slide'; or three hinges in one body")
-    if any(_any(getattr(model, name)[joint]) for name in SPRINGS):
-        refuse(f"{field}.stiffness", _first(model.jnt_stiffness[joint]), "must be 0; springs are not supported")
-    if any(_any(getattr(model, name)[int(model.jnt_dofadr[joint])]) for name in CURVES):
-        refuse(f"{field}.damping", "a polynomial", "must be one number")
-
-
-def _note_actuator(model: Any, actuator: int, notes: Notes) -> None:
-    import mujoco
-
-    name, kinds = name_of(model, "actuator", actuator), mujoco.mjtTrn
-    if _any(model.actuator_armature[actuator]) or _any(model.actuator_damping[actuator]):
-        refuse(f"actuator[{name}]", "armature or damping of its own", "must be stated at its joint")
-    kind = int(model.actuator_trntype[actuator])
-    if kind == kinds.mjTRN_SITE:
-        notes.add("at a site, not read; rotors are stated in [[rotors]]", name, "actuator")
-    elif kind not in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT):
-        notes.add("not at a joint, so not read", name, "actuator")
-
-
-def _refuse_equalities(model: Any) -> None:
-    import mujoco
-
-    kinds = mujoco.mjtEq
-    names = {int(kinds.mjEQ_CONNECT): "connect", int(kinds.mjEQ_WELD): "weld"}
+    for joint in range(int(model.njnt)):
+        field = f"joint[{name_of(model, 'jnt', joint)}]"
+        if kind_of(model, joint) == "ball":
+            refuse(f"{field}.type", "ball", "must be 'hinge' or 'slide'; or three hinges in one body")
+        if _stated(model, ("jnt_stiffness", "jnt_stiffnesspoly"), joint):
+            stiffness = model.jnt_stiffness[joint].ravel().tolist()[0]
+            refuse(f"{field}.stiffness", stiffness, "must be 0; springs are not supported")
+        if _stated(model, ("dof_dampingpoly",), int(model.jnt_dofadr[joint])):
+            refuse(f"{field}.damping", "a polynomial", "must be one number")
+    kinds = {int(mujoco.mjtEq.mjEQ_CONNECT): "connect", int(mujoco.mjtEq.mjEQ_WELD): "weld"}
     for each in range(int(model.neq)):
         kind = int(model.eq_type[each])
-        if not model.eq_active0[each] or kind == kinds.mjEQ_JOINT:
-            continue
-        allowed = "closed chains are not supported" if kind in names else "only equalities of joints are supported"
-        refuse(f"equality[{each}]", names.get(kind, "of another kind"), allowed)
-
-
-def _any(value: Any) -> bool:
-    import numpy as np
-
-    return bool(np.any(np.asarray(value)))
-
-
-def _first(value: Any) -> float:
-    import numpy as np
-
-    return float(np.asarray(value).ravel()[0])
+        if model.eq_active0[each] and kind != mujoco.mjtEq.mjEQ_JOINT:
+            allowed = "closed chains are not supported" if kind in kinds else "only equalities of joints are supported"
+            refuse(f"equality[{each}]", kinds.get(kind, "of another kind"), allowed)

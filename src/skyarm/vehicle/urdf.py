@@ -20,30 +20,18 @@ from typing import Any
 from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.records.files.stl_mesh import FARTHEST, METRES, read_corners
 from skyarm.vehicle import description
-from skyarm.vehicle.attach import Mimic, Notes, RigidBodies, follow, held_pose
+from skyarm.vehicle.attach import BodyTree, Mimic, Notes, RigidBodies, follow, held_pose, posed_in
 from skyarm.vehicle.check import VehicleError, refuse
-from skyarm.vehicle.linkage import BASE, Body, Joint, Link
+from skyarm.vehicle.linkage import BASE, Body, Joint
 from skyarm.vehicle.stops import with_smooth_friction, with_stops
 from skyarm.vehicle.vehicle_records import Frame, Look, Vehicle
-
-MIMIC = ("lock", "couple")
-"""What becomes of joints that follow others: fixed where they rest, or moved with their leaders."""
 
 READ = ("link", "joint", "material")
 """Elements of a robot that are read, or say only how it looks."""
 
 
 @dataclass(frozen=True, slots=True)
-class _Seat:
-    """Position of a URDF link in the vehicle: its moving body, and its pose in that body."""
-
-    body: int
-    rotation: Mat3
-    position: Vec3
-
-
-@dataclass(frozen=True, slots=True)
-class _Tree:
+class _File:
     """Links and joints of a file by name, the joint above each link, and what each joint follows."""
 
     links: Mapping[str, ET.Element]
@@ -57,12 +45,12 @@ def read_urdf(path: str | os.PathLike[str], mimic: str = "lock") -> RigidBodies:
 
     Args:
         path: of the file.
-        mimic: one of ``MIMIC``.
+        mimic: one of ``attach.MIMIC``.
 
     Raises:
         VehicleError: without the file's name, which the caller adds.
     """
-    robot, blank = read_xml(path)
+    robot = read_xml(path)
     if robot.tag != "robot":
         refuse("root element", robot.tag, "must be <robot>")
     for element in robot:
@@ -72,8 +60,6 @@ def read_urdf(path: str | os.PathLike[str], mimic: str = "lock") -> RigidBodies:
             name = Path(path).name
             refuse("element", element.tag, f"must be plain URDF; expand xacro first: xacro {name} > plain_{name}")
     notes = Notes()
-    if blank:
-        notes.add("blank lines before the XML declaration were skipped")
     for tag, count in Counter(str(element.tag) for element in robot).items():
         if tag not in READ and isinstance(tag, str) and not tag.startswith("<function"):
             notes.add(f"<{tag}> ({count}): not read")
@@ -101,67 +87,59 @@ def urdf_vehicle(bodies: RigidBodies) -> Vehicle:
 
 
 def _bodies(robot: ET.Element, mimic: str, notes: Notes, path: Path) -> RigidBodies:
-    tree = _read_tree(robot)
-    roots = [name for name in tree.links if name not in tree.above]
-    parents = {name: _end(joint, "parent", tree.links) for name, joint in tree.above.items()}
+    file = _read_elements(robot)
+    roots = [name for name in file.links if name not in file.above]
+    parents = {name: _end(joint, "parent", file.links) for name, joint in file.above.items()}
     root = roots[0] if roots else ""
     order = description.tree_order(parents, root, "parent of link[{}]")
     if len(roots) != 1:
         refuse("links without a parent", roots, "must be exactly one, the base")
-    parts: list[list[Body]] = [_inertial(tree.links[root])]
-    seats = {root: _Seat(BASE, Mat3.identity(), ZERO3)}
-    moving: list[Link] = []
-    frames: list[Frame] = []
+    tree = BodyTree(file.mimics, notes)
+    seats = {root: Frame(name="", link=BASE, position=ZERO3)}
     for name in order:
-        joint, seat = tree.above[name], seats[parents[name]]
-        R, p = origin_of(joint, f"joint[{joint.get('name')}]")
-        R, p = description.rotation(seat.rotation @ R), description.vector(list(seat.position + seat.rotation.apply(p)))
-        value = _held_at(joint, tree, mimic, notes)
-        if value is not None:
+        joint = file.above[name]
+        at = posed_in(seats[parents[name]], *origin_of(joint, f"joint[{joint.get('name')}]"), name)
+        value = _held_at(joint, file, mimic, notes)
+        if value is None:
+            seats[name] = tree.add_link(name, at.link, read_joint(joint, at.rotation, at.position, notes))
+        else:
             kind = kind_of_joint(joint)
-            turn, shift = held_pose(kind, ZERO3 if kind == "fixed" else axis_of(joint), value)
-            R, p = description.rotation(R @ turn), description.vector(list(p + R.apply(shift)))
-            seats[name] = _Seat(seat.body, R, p)
-            parts[seat.body + 1] += [part.posed(R, p) for part in _inertial(tree.links[name])]
-            frames.append(Frame(name=name, link=seat.body, position=p, rotation=R))
-            continue
-        moving.append(Link(name=name, parent=seat.body, joint=read_joint(joint, R, p, notes), body=Body(mass=0)))
-        parts.append(_inertial(tree.links[name]))
-        seats[name] = _Seat(len(moving) - 1, Mat3.identity(), ZERO3)
-    looks = [
-        replace(look, link=seat.body, position=seat.position + seat.rotation.apply(look.position),
-                rotation=description.rotation(seat.rotation @ look.rotation))
-        for name, seat in seats.items() for look in looks_of(tree.links[name], path, notes)
-    ]  # fmt: skip
-    base, *bodies = (description.body(each) if each else Body(mass=0.0) for each in parts)
-    made = tuple(replace(link, body=body) for link, body in zip(moving, bodies, strict=True))
-    mimics = dict(tree.mimics) if mimic == "couple" else {}
-    kept = {link.joint.name: mimics[link.joint.name] for link in made if link.joint.name in mimics}
-    return RigidBodies(robot.get("name") or "urdf", root, base, made, tuple(frames), kept, notes.lines(), tuple(looks))
+            pose = held_pose(kind, ZERO3 if kind == "fixed" else axis_of(joint), value)
+            seats[name] = posed_in(at, *pose, name)
+            tree.frames.append(seats[name])
+    for name, seat in seats.items():
+        for body in _inertial(file.links[name]):
+            tree.add_body(seat.link, body.posed(seat.rotation, seat.position) if seat.name else body)
+        for look in looks_of(file.links[name], path, notes):
+            position = seat.position + seat.rotation.apply(look.position)
+            rotation = description.rotation(seat.rotation @ look.rotation)
+            tree.looks.append(replace(look, link=seat.link, position=position, rotation=rotation))
+    return tree.bodies(robot.get("name") or "urdf", root, mimic == "couple")
 
 
-def _held_at(joint: ET.Element, tree: _Tree, mimic: str, notes: Notes) -> float | None:
+def _held_at(joint: ET.Element, file: _File, mimic: str, notes: Notes) -> float | None:
     """Value of a fixed joint, rad or m; None if it moves."""
     name = joint.get("name", "")
-    follows = tree.mimics.get(name)
+    follows = file.mimics.get(name)
     if follows is None:
         return fixed_at(joint)
-    last = follow(name, tree.mimics)
-    value, leader = resting(last, tree.joints), last.joint
-    if mimic == "couple" and leader not in tree.joints:
-        refuse(f"joint[{name}].mimic.joint", leader, f"must be one of {', '.join(tree.joints)}")
-    if mimic == "couple" and fixed_at(tree.joints[leader]) is None:
-        notes.add("follows another one, without a drive of its own", name)
-        return None
+    last = follow(name, file.mimics)
+    value, leader = resting(last, file.joints), last.joint
+    if mimic == "couple":
+        if leader not in file.joints:
+            refuse(f"joint[{name}].mimic.joint", leader, f"must be one of {', '.join(file.joints)}")
+        if fixed_at(file.joints[leader]) is None:
+            notes.add("follows another one, without a drive of its own", name)
+            return None
     notes.add(f"follows {follows.joint}: fixed at {value:g}; mimic = 'couple' lets it move", name)
     return value
 
 
-def _read_tree(robot: ET.Element) -> _Tree:
+def _read_elements(robot: ET.Element) -> _File:
     links, joints = _by_name(robot, "link"), _by_name(robot, "joint")
     if "world" not in links and any(joint.find("parent[@link='world']") is not None for joint in joints.values()):
-        links = {"world": ET.Element("link", name="world"), **links}  # what simulators know without being told
-    return _Tree(links, joints, _joints_above(links, joints), read_mimics(joints))
+        links = {"world": ET.Element("link", name="world"), **links}  # simulators define it
+    return _File(links, joints, _joints_above(links, joints), read_mimics(joints))
 
 
 def _by_name(robot: ET.Element, tag: str) -> dict[str, ET.Element]:
@@ -368,19 +346,16 @@ def looks_of(link: ET.Element, urdf: Path, notes: Notes) -> list[Look]:
     return found
 
 
-def read_xml(path: str | os.PathLike[str]) -> tuple[ET.Element, bool]:
-    """The root element of a file, and whether blank lines before its declaration were skipped.
+def read_xml(path: str | os.PathLike[str]) -> ET.Element:
+    """The root element of a file; blank lines before its declaration are skipped.
 
     Raises:
         VehicleError: without the file's name, which the caller adds.
     """
-    with open(path, "rb") as stream:
-        content = stream.read()
-    begun = content.lstrip()
     try:
-        return ET.fromstring(begun), begun[:5] == b"<?xml" and begun != content
+        return ET.fromstring(Path(path).read_bytes().lstrip())
     except (ET.ParseError, LookupError, ValueError) as error:  # the last two: encodings
-        raise VehicleError(f"XML = {str(error)!r}: must be well-formed") from error
+        raise VehicleError(f"XML = {str(error)!r}: must be well-formed") from None
 
 
 def child(element: ET.Element, tag: str, field: str) -> ET.Element | None:

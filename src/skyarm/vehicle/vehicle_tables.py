@@ -4,21 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
-from skyarm.algebra import Mat3
+from skyarm.algebra import Mat3, Vec3
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import defaults
 from skyarm.records.files import Fields
 from skyarm.records.read_table import numbers_from, record_from, registered_from
 from skyarm.vehicle import check, description
-from skyarm.vehicle.attach import Mimic, Mount, RigidBodies, attach, bodies_of, couple, place_in, posed_in
+from skyarm.vehicle.attach import MIMIC, Mimic, Mount, RigidBodies, attach, bodies_of, couple, place_in, posed_in
 from skyarm.vehicle.attach import limits_that_contradict as contradicting_limits
 from skyarm.vehicle.battery import Battery
 from skyarm.vehicle.check import VehicleError, refuse, with_real_inertias
 from skyarm.vehicle.linkage import BASE, JOINT_NUMBERS, Body, Joint, Link
 from skyarm.vehicle.stops import with_smooth_friction, with_stops
-from skyarm.vehicle.thrust_table import COLUMNS, ThrustTable
+from skyarm.vehicle.thrust_table import ThrustTable
 from skyarm.vehicle.tilt import NUMBERS as TILT_NUMBERS
 from skyarm.vehicle.tilt import Tilt, arm_direction
 from skyarm.vehicle.vehicle_records import BodyDrag, Frame, Look, MountedDrive, Rotor, Vehicle
@@ -30,7 +30,9 @@ SOURCES: Mapping[str, tuple[str, ...]] = {
 }
 """Fields of which one may stand in place of ``base`` and ``links`` -> suffixes of the files that they name."""
 
-MIMIC = ("lock", "couple")
+Record = TypeVar("Record")
+
+Default = TypeVar("Default")
 
 ACTUATION = ("lower", "upper", *JOINT_NUMBERS)
 
@@ -53,17 +55,17 @@ def vehicle_from(document: Mapping[str, Any], refer: Refer) -> Vehicle:
         refuse("schema", schema, "must be 1")
     mimic = top.choice("mimic", MIMIC, "lock")
     bodies, airframe = _bodies(top, refer, mimic)
-    own = [link.joint.name for link in bodies.links] if airframe is None and not _source(top) else []
-    drives = list(airframe.drives) if airframe else []
-    settled = [link.joint.name for link in bodies.links] if airframe else []
+    joints = [link.joint.name for link in bodies.links]
+    own = [] if airframe or _source(top) else joints
+    settled, drives = (joints, list(airframe.drives)) if airframe else ([], [])
     for fields in top.tables("attach"):
         bodies, arm = _attach(bodies, fields, refer, mimic)
         if arm is not None:
             prefix = fields.text("prefix", "")
             settled += [prefix + link.joint.name for link in arm.links]
             drives += [replace(each, name=prefix + each.name) for each in arm.drives]
-    changes: dict[str, dict[str, Any]] = {}
-    for fields in _unique(top, "joints"):
+    changes: dict[str, dict[str, float]] = {}
+    for fields in _named_tables(top, "joints"):
         changes[fields.text("name")] = _actuation(fields)
         fields.done()
     bodies = with_real_inertias(_override_joints(changes, bodies, own))
@@ -72,33 +74,28 @@ def vehicle_from(document: Mapping[str, Any], refer: Refer) -> Vehicle:
     stated = mounted_drives(top.inner("drives").table, "drives")
     taken = {each.name for each in stated}
     drives = [*(each for each in drives if each.name not in taken), *stated]
-    of_links = {k["joint"].get("name"): k["joint"] for k in top.table.get("links", ()) if "joint" in k}
-    given = {joint: {*of_links.get(joint, ()), *changes.get(joint, ())} for joint in {*of_links, *changes}}
+    tables = [link["joint"] for link in top.table.get("links", ()) if "joint" in link]
 
     def stating(field: str) -> set[str]:
-        return {joint for joint, fields in given.items() if field in fields}
+        described = {table.get("name") for table in tables if field in table}
+        return described | {joint for joint, values in changes.items() if field in values}
 
-    usual = _rotor_numbers(inner := top.inner("rotor_defaults"))
+    usual = _rotor_values(inner := top.inner("rotor_defaults"))
     inner.done()
+    rotors = tuple(_rotor(each, usual) for each in top.tables("rotors"))
     made = Vehicle(
         name=top.text("name"),
         title=top.text("title", ""),
         base=bodies.base,
         links=_with_limits_of_drives(links, drives, stating("effort_limit")),
         followers=followers,
-        rotors=(*(airframe.rotors if airframe else ()), *(_rotor(each, usual) for each in top.tables("rotors"))),
+        rotors=(*airframe.rotors, *rotors) if airframe else rotors,
         frames=tuple(each for each in fixed if not isinstance(each, Look)),
         looks=tuple(each for each in fixed if isinstance(each, Look)),
         end_effector=top.text("end_effector", "") or (airframe.end_effector if airframe else ""),
-        drag=_drag(top, airframe),
+        drag=_optional(BodyDrag, top, "drag", airframe.drag if airframe else BodyDrag()),
         drives=tuple(drives),
-        battery=(
-            record_from(Battery, top.inner("battery"))
-            if top.take("battery", None) is not None
-            else airframe.battery
-            if airframe
-            else None
-        ),
+        battery=_optional(Battery, top, "battery", airframe.battery if airframe else None),
         sources=(*(airframe.sources if airframe else ()), *_sources(top).items()),
         notes=(*bodies.notes, *contradicting_limits(links, followers)),
     )
@@ -106,15 +103,18 @@ def vehicle_from(document: Mapping[str, Any], refer: Refer) -> Vehicle:
     top.done()
     known = {*own, *settled, *stating("coulomb_rate")}
     made = with_smooth_friction(made, {link.joint.name for link in made.links} - known)
-    if limits == "end":
-        return made
-    return with_stops(made, {*settled, *stating("stop_stiffness")})
+    return made if limits == "end" else with_stops(made, {*settled, *stating("stop_stiffness")})
 
 
-def _unique(top: Fields, name: str) -> list[Fields]:
+def _optional(kind: type[Record], top: Fields, name: str, default: Default) -> Record | Default:
+    """The record of a table that may be left out."""
+    return default if top.take(name, None) is None else record_from(kind, top.inner(name))
+
+
+def _named_tables(fields: Fields, name: str) -> list[Fields]:
     """Tables of a list, whose names must be unique."""
-    tables = top.tables(name)
-    check.unique(f"{name}.name", [each.text("name") for each in tables])
+    tables = fields.tables(name)
+    check.unique(fields.at(f"{name}.name"), [each.text("name") for each in tables])
     return tables
 
 
@@ -142,7 +142,7 @@ def _bodies(top: Fields, refer: Refer, mimic: str) -> tuple[RigidBodies, Vehicle
 
 
 def _own_bodies(top: Fields) -> RigidBodies:
-    tables = {fields.text("name"): fields for fields in _unique(top, "links")}
+    tables = {fields.text("name"): fields for fields in _named_tables(top, "links")}
     if "base" in tables:
         refuse("links.name", "base", "is the airframe's name")
     parents = {}
@@ -171,21 +171,14 @@ def _body(fields: Fields, known: Sequence[str]) -> Body:
     """Own mass and parts of a link as one body; ``known`` are words of its table that others read."""
     for word in known:
         fields.take(word, None)
-    parts = _unique_parts(fields)
+    parts = _named_tables(fields, "parts")
     stated = [word for word in ("mass", "com", "inertia") if fields.take(word, None) is not None]
-    own = [_piece(fields)] if stated or not parts else []
-    pieces = [*own, *map(_piece, parts)]
+    pieces = [_piece(each) for each in ([fields, *parts] if stated or not parts else parts)]
     planar = fields.flag("planar", False)
     for each in (*parts, fields):
         each.done()
     whole = description.body(pieces)
     return replace(whole, planar=whole.planar or planar)
-
-
-def _unique_parts(fields: Fields) -> list[Fields]:
-    parts = fields.tables("parts")
-    check.unique(fields.at("parts.name"), [part.text("name") for part in parts])
-    return parts
 
 
 def _piece(fields: Fields) -> Body:
@@ -280,74 +273,56 @@ def _override_joints(changes: Mapping[str, Mapping[str, Any]], bodies: RigidBodi
     return replace(bodies, links=links)
 
 
-def _drag(top: Fields, airframe: Vehicle | None) -> BodyDrag:
-    if top.take("drag", None) is None:
-        return airframe.drag if airframe else BodyDrag()
-    fields = top.inner("drag")
-    area = fields.numbers("area", low=0.0)
-    if len(area) != 3:
-        refuse(fields.at("area"), list(area), "must be three numbers, m^2")
-    density = fields.number("air_density", BodyDrag().air_density, low=0.0)
-    fields.done()
-    return BodyDrag(area=description.vector(area), air_density=density)
-
-
 ROTOR_NUMBERS = (
     *("thrust_coefficient", "moment_coefficient", "drag_coefficient", "rolling_moment_coefficient"),
     *("time_constant_up", "time_constant_down", "max_speed", "inertia"),
 )
 
 
-def _rotor_numbers(fields: Fields) -> dict[str, Any]:
-    """Numbers that a rotor's table, or that of all rotors, states."""
-    values = numbers_from(Rotor, fields, ROTOR_NUMBERS)
-    if fields.take("axis", None) is not None:
-        values["axis"] = description.unit_axis(fields.at("axis"), fields.vector("axis"))
+COEFFICIENTS = ("thrust_coefficient", "moment_coefficient")
+
+
+def _rotor_values(fields: Fields) -> dict[str, Any]:
+    """Fields that a rotor's table, or that of all rotors, states; of a tilt without an axis the numbers alone."""
+    values: dict[str, Any] = numbers_from(Rotor, fields, ROTOR_NUMBERS)
+    values |= _axis(fields)
     if fields.take("thrust_table", None) is not None:
-        inner = fields.inner("thrust_table")
-        values["table"] = {name: inner.numbers(name, (), low=0.0) for name in COLUMNS}
-        inner.done()
+        values["table"] = record_from(ThrustTable, fields.inner("thrust_table"))
     if fields.take("tilt", None) is not None:
         inner = fields.inner("tilt")
-        values["tilt"] = numbers_from(Tilt, inner, TILT_NUMBERS, required=TILT_NUMBERS[:3])
-        if inner.take("axis", None) is not None:
-            values["tilt"]["axis"] = description.unit_axis(inner.at("axis"), inner.vector("axis"))
+        values["tilt"] = numbers_from(Tilt, inner, TILT_NUMBERS, required=TILT_NUMBERS[:3]) | _axis(inner)
         inner.done()
     return values
 
 
+def _axis(fields: Fields) -> dict[str, Vec3]:
+    """The axis of a table that states one."""
+    if fields.take("axis", None) is None:
+        return {}
+    return {"axis": description.unit_axis(fields.at("axis"), fields.vector("axis"))}
+
+
 def _rotor(fields: Fields, usual: Mapping[str, Any]) -> Rotor:
     """A rotor whose table leaves to the defaults what it does not state."""
-    values = {**usual, **_rotor_numbers(fields)}
+    values = {**usual, **_rotor_values(fields)}
     name, position = fields.text("name"), fields.vector("position")
     direction = {"ccw": 1, "cw": -1}[fields.choice("direction", ("ccw", "cw"))]
     fields.done()
-    if "table" in values:
-        try:
-            _take_table(dict(values.pop("table")), values)
-        except VehicleError as error:
-            raise VehicleError(f"{fields.where}.{error}") from None
-    for needed in ("thrust_coefficient", "moment_coefficient"):
+    table: ThrustTable | None = values.get("table")
+    if table is not None:
+        for needed in COEFFICIENTS if table.torque else COEFFICIENTS[:1]:
+            if needed in values:
+                refuse(fields.at(needed), values[needed], "must be left out: it follows from thrust_table")
+            values[needed] = getattr(table, needed)
+        values.setdefault("max_speed", table.speed[-1])
+    for needed in COEFFICIENTS:
         if needed not in values:
             raise VehicleError(f"{fields.at(needed)}: is missing: must stand here or in rotor_defaults")
     if "tilt" in values:
-        axis = values.get("axis", defaults(Rotor)["axis"])
-        found = values["tilt"]
-        values["tilt"] = Tilt(**{"axis": found.get("axis") or arm_direction(fields.at("tilt"), position, axis)} | found)
+        thrust_axis = values.get("axis", defaults(Rotor)["axis"])
+        axis = values["tilt"].get("axis") or arm_direction(fields.at("tilt"), position, thrust_axis)
+        values["tilt"] = Tilt(**values["tilt"] | {"axis": axis})
     return Rotor(name=name, position=description.vector(position), direction=direction, **values)
-
-
-def _take_table(columns: dict[str, Any], values: dict[str, Any]) -> None:
-    """Put a rotor's thrust table among its values, and the coefficients and the highest speed that follow from it."""
-    if "thrust_coefficient" in values:
-        refuse("thrust_coefficient", values["thrust_coefficient"], "must be left out: it follows from thrust_table")
-    if columns["torque"] and "moment_coefficient" in values:
-        refuse("moment_coefficient", values["moment_coefficient"], "must be left out: it follows from thrust_table")
-    table = ThrustTable(**columns)
-    values["table"], values["thrust_coefficient"] = table, table.thrust_coefficient
-    if columns["torque"]:
-        values["moment_coefficient"] = table.moment_coefficient
-    values.setdefault("max_speed", table.speed[-1])
 
 
 def mounted_drives(tables: Mapping[str, Any], where: str) -> tuple[MountedDrive, ...]:
