@@ -25,7 +25,7 @@ LINTERS = ("import-linter", "mypy", "ruff")
 BUILDERS = ("latex2mathml", "mkdocstrings-python", "zensical")
 """Of ``make docs``, which runs on the versions of constraints.txt only: no test of the library needs them."""
 
-CARRIED = ("example-robot-data", "robot-descriptions")
+CARRIED = ("example-robot-data",)
 """Of the extra robots: 0.8 GB of files of others. Tests with them are skipped where they are not installed."""
 
 HELD = ("click==8.1.8", "pyparsing==3.1.4")

@@ -13,7 +13,7 @@ from test_cli_errors import CASE1, VEHICLE
 
 from commanded import refused, skyarm
 from skyarm.log.flight_log import Log
-from skyarm.records.files import how_to_install, must_be_one_of, needs_extra, packages
+from skyarm.records.files import how_to_install, must_be_one_of, needs_extra
 from skyarm.records.files.names import is_result_name
 from skyarm.studies.sweep.study_file import LIBRARY as STUDIES
 from skyarm.studies.sweep.study_file import study_from
@@ -158,39 +158,9 @@ def test_a_grid_without_its_design_is_told_of_it(folder: Path) -> None:
     assert study_from(tomllib.loads(stated)).design == "random", "and without a word where it is stated"
 
 
-CHECKOUT = 'in the checkout: python -m pip install -e ".[sweep]"'
-
-
-@pytest.mark.parametrize(
-    ("told", "command"),
-    [
-        (None, 'python -m pip install "skyarm[sweep]"'),
-        (
-            '{"url": "file:///a", "dir_info": {"editable": true}}',
-            'in the checkout: python -m pip install -e ".[sweep]"',
-        ),
-        ("{", 'in the checkout: python -m pip install -e ".[sweep]"'),
-    ],
-)
-def test_an_extra_is_named_with_what_installs_it_here(
-    told: str | None, command: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    class Distribution:
-        def read_text(self, name: str) -> str | None:
-            assert name == "direct_url.json"
-            return told
-
-    monkeypatch.setattr(packages.metadata, "distribution", lambda _name: Distribution())
-    assert how_to_install("sweep") == command
-    assert needs_extra("sweep") == f"needs the extra 'sweep'; {command}"
-
-
-def test_an_installation_without_a_record_is_a_checkout(monkeypatch: pytest.MonkeyPatch) -> None:
-    def none(_name: str) -> None:
-        raise packages.metadata.PackageNotFoundError
-
-    monkeypatch.setattr(packages.metadata, "distribution", none)
-    assert how_to_install("sweep", "logs") == 'in the checkout: python -m pip install -e ".[sweep,logs]"'
+def test_an_extra_is_named_with_what_installs_it() -> None:
+    assert how_to_install("sweep", "logs") == 'python -m pip install "skyarm[sweep,logs]"'
+    assert needs_extra("sweep") == f"needs the extra 'sweep'; {how_to_install('sweep')}"
 
 
 @pytest.mark.parametrize(("words", "command"), [(("run",), "skyarm run"), (("runn",), "skyarm"), (("-x",), "skyarm")])

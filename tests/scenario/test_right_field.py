@@ -15,7 +15,6 @@ from skyarm.reference.phases import phases_table
 from skyarm.reference.task_records import Setting, TaskEvent
 from skyarm.scenario.payload_tables import with_instants
 from skyarm.scenario.scenario_record import ScenarioError
-from skyarm.scenario.unlikely_numbers import unlikely_numbers
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.vehicle_files import load_vehicle
 
@@ -146,13 +145,3 @@ def test_a_stop_whose_stiffness_is_left_out_is_chosen(tmp_path):
     assert float(chosen.stop_damping) == pytest.approx(1.0 / (frequency * (2.0 / stiffness)), rel=1e-3)
     assert (float(damped.stop_stiffness), float(damped.stop_damping)) == (float(chosen.stop_stiffness), 0.7)
     assert float(none.stop_stiffness) == float(none.stop_damping) == 0.0
-
-
-def test_a_start_beyond_a_joints_limits_is_told():
-    document = copy.deepcopy(TIP) | {"plant": {"vehicle": "pelican_arm2"}, "initial": {"joints": [3.0, 0.0]}}
-    document["reference"] = {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}}
-    joint = skyarm.load_vehicle("pelican_arm2").links[0].joint
-    assert float(joint.upper) < 3.0
-    (line,) = [line for line in unlikely_numbers(skyarm.scenario_from(document)) if line.startswith("initial")]
-    limits = f"{float(joint.lower):g} ... {float(joint.upper):g}"
-    assert line.startswith(f"initial.joints[0] = 3: is beyond the limits {limits}")

@@ -10,7 +10,6 @@ import pytest
 
 from simulate_flights import document
 from skyarm.algebra import Quaternion
-from skyarm.compile import leaves
 from skyarm.log.metrics.windows import Windows
 from skyarm.records.plain import digest, plain
 from skyarm.scenario.numbers import number_at, require_apart, with_numbers
@@ -90,8 +89,7 @@ OTHERS = {
     "plant.payload.mass": 0.02,
     "model.payload.tip.mass": 0.01,
     "reference.x.signals.1.value": 0.03,
-    "environment.wind.turbulence.altitude": 8.0,
-    "environment.wind.turbulence.wind_20ft": 6.0,
+    "environment.wind.turbulence.intensity.z": 0.6,
     "initial.quaternion_wxyz.1": 0.1,
     "initial.position.x": 0.05,
     "initial.joints.0": 0.15,
@@ -142,16 +140,6 @@ def test_a_payload_by_its_path_is_the_payload_of_a_file(scenario, where):
     assert fingerprint(changed) == fingerprint(with_numbers(scenario, {f"{where}.payload.tip.mass": 0.03}))
     assert fingerprint(changed) == fingerprint(loaded, scenario.initial)
     assert fingerprint(changed) != fingerprint(scenario)
-
-
-def test_turbulence_by_its_path_is_that_of_a_file(scenario):
-    """The file's W20 is read back from a tenth of it: equal to rounding."""
-    for path, value in (("altitude", 9.0), ("wind_20ft", 5.0)):
-        whole = f"environment.wind.turbulence.{path}"
-        wanted = scenario_from(rewritten(whole, value), "test").wind.turbulence
-        found = with_numbers(scenario, {whole: value}).wind.turbulence
-        assert leaves(found) == pytest.approx(leaves(wanted), rel=1e-15)
-        assert number_at(scenario, whole) == pytest.approx(TEXT["environment"]["wind"]["turbulence"][path], rel=1e-15)
 
 
 def flown(log, k):

@@ -12,8 +12,6 @@ Some numbers are not a field of any record:
   ``plant.payload.FRAME.mass``, on top of what the vehicle carries;
 * ``initial.*`` of a scenario without an initial state: the number replaced in the hover trim of the episode's own
   vehicle;
-* ``environment.wind.turbulence.altitude``, ``.wind_20ft``, ``.minimum_airspeed``: the turbulence is made anew from the
-  three and the mean wind of the scenario as it was, whose direction and speed past the vehicle it keeps;
 * ``initial.roll``, ``.pitch``, ``.yaw``: ZYX angles (rad) in place of the quaternion, whose components are scaled to
   unit length together once one of them is replaced.
 
@@ -24,7 +22,6 @@ value and its ramps, and varies as those: ``reference.joints.0.1.height``.
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -43,18 +40,12 @@ from skyarm.records.units import Unit, units
 from skyarm.scenario.paths import places_of
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state, trimmed_state
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.world import Dryden, dryden
 
 ROTORS: Place = ("agent", "controller", "par", "model", "vehicle", "rotors")
 
 DRIVES: Place = (*ROTORS[:-1], "drives")
 
-TURBULENCE = "environment.wind.turbulence."
-
-OF_TURBULENCE = {"altitude": "m", "wind_20ft": "m/s", "minimum_airspeed": "m/s"}
-"""Numbers from which the turbulence is made, which are no field of a record."""
-
-DERIVED = ("initial.", "reference.", "plant.payload.", "model.payload.", TURBULENCE)
+DERIVED = ("initial.", "reference.", "plant.payload.", "model.payload.")
 """Beginnings of paths that need not be made data in the scenario before they vary."""
 
 
@@ -90,8 +81,6 @@ def _target(scenario: Scenario, path: str) -> tuple[str, tuple[Place, ...]]:
     for root, vehicle in PAYLOADS.items():
         if path == root or path.startswith(f"{root}."):
             return "payload", ((*vehicle, "payload", _frame_of_payload(part(scenario, vehicle), path, root)),)
-    if path.removeprefix(TURBULENCE) in OF_TURBULENCE and getattr(scenario.wind, "turbulence", None) is not None:
-        return "turbulence", ((path,),)
     if path in ATTITUDE:
         return "attitude", ((path,),)
     if path.startswith("initial."):
@@ -124,8 +113,6 @@ def number_at(scenario: Scenario, path: str) -> float:
     kind, places = _target(scenario, path)
     if kind == "payload":
         return 0.0
-    if kind == "turbulence":
-        return float(turbulence_numbers(scenario)[path.removeprefix(TURBULENCE)])
     if kind == "attitude":
         angles = euler_angles(first_state(scenario).quaternion.rotation())
         return float(angles[ATTITUDE.index(path)])
@@ -154,21 +141,16 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
     _require_numbers(values)
     loads: dict[Place, Any] = {}
     start: dict[str, Any] = {}
-    air: dict[str, Any] = {}
     leaves: dict[Place, Any] = {}
     for path, value in values.items():
         number_at(scenario, path)
         kind, places = _target(scenario, path)
         if kind == "payload":
             loads[places[0]] = value
-        elif kind == "turbulence":
-            air[path.removeprefix(TURBULENCE)] = value
         elif kind == "field":
             leaves |= dict.fromkeys(places, value)
         else:
             start[path] = value
-    if air:
-        leaves[("environment", "wind", "turbulence")] = turbulence(scenario, air)
     fields = _fields(scenario, leaves)
     for (field, *inner, _, frame), mass in loads.items():
         record, place = fields.get(field, getattr(scenario, field)), tuple(inner)
@@ -229,27 +211,6 @@ PAYLOADS: Mapping[str, Place] = {
 def is_added(path: str) -> bool:
     """True if the number of a path comes on top of what a vehicle carries: several of these add up."""
     return path.startswith(tuple(f"{root}." for root in PAYLOADS))
-
-
-def turbulence_numbers(scenario: Scenario) -> dict[str, Any]:
-    """The file's numbers, read back from the filters' (:func:`skyarm.world.dryden.low_altitude`)."""
-    held: Any = getattr(scenario.wind, "turbulence", None)
-    # the smallest airspeed is not known where the mean wind is faster, and does not matter there
-    return {
-        "altitude": held.scale_length.z,
-        "wind_20ft": 10.0 * held.intensity.z,
-        "minimum_airspeed": held.airspeed,
-    }
-
-
-def turbulence(scenario: Scenario, values: Mapping[str, Any]) -> Dryden:
-    """Turbulence with some of the file's numbers replaced."""
-    wind: Any = scenario.wind
-    chosen = turbulence_numbers(scenario) | dict(values)
-    mean = math.hypot(*(float(c) for c in wind.velocity_W))
-    return dryden.low_altitude(
-        chosen["altitude"], chosen["wind_20ft"], mean, wind.turbulence.direction_W, chosen["minimum_airspeed"]
-    )
 
 
 def start_with(scenario: Scenario, values: Mapping[str, Any]) -> State:
@@ -314,9 +275,13 @@ def declared_at(scenario: Scenario, path: str) -> Unit:
         ScenarioError: no number is there.
     """
     kind, places = _target(scenario, path)
+<<<<<<< HEAD
     if kind == "turbulence":
         return Unit(OF_TURBULENCE[path.removeprefix(TURBULENCE)])
     computed = {"payload": Unit("kg", "point mass at the tip", low=0.0), "attitude": Unit("rad")}
+=======
+    computed = {"payload": "kg", "attitude": "rad"}
+>>>>>>> 6ba4a14c (Drop extras: fetched robots, turbulence paths, two warnings)
     if kind in computed:
         return computed[kind]
     return _declared(_with_start(scenario) if kind == "initial" else scenario, places[0])

@@ -13,8 +13,6 @@ from typing import Any
 import numpy as np
 
 from skyarm.control.catalogue import BEARS_UNDRIVEN
-from skyarm.control.vectored_layer import pairs_model, turns_rotors
-from skyarm.dynamics.actuators import AllocationError, make_mixer
 from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.records.leaves import parts
 from skyarm.records.registry.shipped import SHIPPED
@@ -55,9 +53,6 @@ SPREAD = 1000.0
 LOADED = 10.0
 """Mass of the plant over that of the model, or the other way."""
 
-SLACK = 1e-6
-"""rad or m past a joint's limit that rounding leaves."""
-
 LOOKS = 200
 """Instants at which a reference is looked at."""
 
@@ -75,7 +70,7 @@ def unlikely_units(scenario: Scenario) -> tuple[str, ...]:
         "sensors": scenario.noise, "delays": scenario.delays, "initial": scenario.initial,
     }  # fmt: skip
     declared = (line for where, record in records.items() for line in _unusual(record, where))
-    return (*_model(scenario), *declared, *_reference(scenario), *_without_drag(scenario), *_start(scenario))
+    return (*_model(scenario), *declared, *_reference(scenario), *_without_drag(scenario))
 
 
 def plan_warnings(scenario: Scenario) -> tuple[str, ...]:
@@ -86,7 +81,7 @@ def plan_warnings(scenario: Scenario) -> tuple[str, ...]:
 
 def law_warnings(scenario: Scenario) -> tuple[str, ...]:
     """Lines about a law that the vehicle's joints or rotors do not suit."""
-    return (*law_of_undriven(scenario), *law_without_priorities(scenario))
+    return tuple(law_of_undriven(scenario))
 
 
 def unlikely_in_vehicle(vehicle: Vehicle) -> tuple[str, ...]:
@@ -181,15 +176,6 @@ def _without_drag(scenario: Scenario) -> Iterator[str]:
         )
 
 
-def _start(scenario: Scenario) -> Iterator[str]:
-    joints = () if scenario.initial is None else scenario.initial.joints
-    for i, (q, link) in enumerate(zip(joints, scenario.plant.vehicle.links, strict=False)):
-        low, high = float(link.joint.lower), float(link.joint.upper)
-        if not low - SLACK <= float(q) <= high + SLACK:
-            limits = f"{low:g} ... {high:g} of {link.joint.name!r}"
-            yield f"initial.joints[{i}] = {float(q):g}: is beyond the limits {limits}; rad, not degrees?"
-
-
 def _inertias(vehicle: Vehicle) -> Iterator[str]:
     """Inertias larger than those of their masses anywhere within the vehicle."""
     placed: tuple[Any, ...] = (*vehicle.rotors, *vehicle.frames, *(link.joint for link in vehicle.moving))
@@ -226,25 +212,6 @@ def _rotors(vehicle: Vehicle) -> Iterator[str]:
 
 def _norm(vector: Any) -> float:
     return math.hypot(*(float(c) for c in vector))
-
-
-def law_without_priorities(scenario: Scenario) -> Iterator[str]:
-    """A warning about a centroidal law whose rotor model allows no priorities, and why.
-
-    Demands beyond a rotor's range are then cut rotor by rotor, and ``yaw_slack`` is not used.
-    """
-    controller = scenario.controller
-    par: Any = controller.par  # layers share model and mixer, which stand with the outermost
-    if not controller.name.removeprefix("guarded_").startswith("centroidal_") or par.mixer.policy != "clip":
-        return
-    model = pairs_model(par.model) if turns_rotors(controller) else par.model
-    try:
-        make_mixer(model.vehicle, "priority")
-    except AllocationError as error:
-        yield (
-            f"controller.law = 'centroidal': cuts what is beyond a rotor's range rotor by rotor, and has no yaw_slack: "
-            f"{error}; both are there where all rotors lift"
-        )
 
 
 def law_of_undriven(scenario: Scenario) -> Iterator[str]:

@@ -14,7 +14,7 @@ from skyarm.plant.largest_step import STATED, largest_stable_step
 from skyarm.records.files import shown
 from skyarm.records.leaves import Place, field_names, part, replace_at
 from skyarm.scenario.in_flight import require_changes
-from skyarm.scenario.numbers import TURBULENCE, is_added, means_the_same, require_apart, with_numbers
+from skyarm.scenario.numbers import is_added, means_the_same, require_apart, with_numbers
 from skyarm.scenario.paths import LATE, LATER, places_of
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, whole
 from skyarm.simulate.draws import draws_needed
@@ -267,8 +267,6 @@ def _refusals(scenario: Scenario, path: str) -> Iterator[str]:
             yield f"adds to {where}; vary changes.{i}.value, and set the payload of the start by a change at 0"
         if change.path in LAWS and path.startswith("model."):
             yield f"must not vary, since the law of {where} is made for one belief"
-        if change.path.startswith(TURBULENCE) and path.startswith("environment.wind."):
-            yield f"must not vary, since the turbulence of {where} is made for one wind"
 
 
 def require_short_steps(scenario: Scenario, values: Mapping[str, Any], largest: float | None) -> None:

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
-import importlib
-import io
 import os
 import sys
 from collections.abc import Collection
 from functools import partial
 from importlib import resources
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -174,8 +170,6 @@ PREFIX = "robot:"
 CARRIED = Path("share") / "example-robot-data" / "robots"
 """Folder of example-robot-data below the prefix where its package puts its files."""
 
-FETCHED = "robot_descriptions"
-
 
 def is_robot(name: str) -> bool:
     """True if a name means a robot of an installed package."""
@@ -183,28 +177,21 @@ def is_robot(name: str) -> bool:
 
 
 def robot_file(name: str) -> Path:
-    """URDF file of a robot.
+    """URDF file of a robot of example-robot-data.
 
     Args:
-        name: ``robot:NAME``; NAME is the stem of a URDF file of example-robot-data (``ur5_robot``), or a robot of
-            robot_descriptions (``ur5`` for its module ``ur5_description``).
+        name: ``robot:NAME``; NAME is the stem of the file (``ur5_robot``).
 
     Raises:
-        VehicleError: one line: no package, no such robot, or files that cannot be fetched.
+        VehicleError: one line: the package is not installed, or has no such robot.
     """
-    wanted = name.removeprefix(PREFIX)
-    carried = carried_robots()
-    if wanted in carried:
-        return carried[wanted]
-    fetched = fetched_robots()
-    if wanted in fetched:
-        return _fetch(name, wanted)
-    if not carried and not fetched:
+    robots, wanted = carried_robots(), name.removeprefix(PREFIX)
+    if not robots:
         refuse("robot", name, needs_extra("robots"))
-    known = sorted({*carried, *fetched})
-    refuse(
-        "robot", name, f"{did_you_mean(wanted, known)}must be one of the {len(known)} robots of the packages installed"
-    )
+    if wanted not in robots:
+        near = did_you_mean(wanted, robots)
+        refuse("robot", name, f"{near}must be one of the {len(robots)} robots of example-robot-data")
+    return robots[wanted]
 
 
 def carried_robots() -> dict[str, Path]:
@@ -214,30 +201,3 @@ def carried_robots() -> dict[str, Path]:
             if (prefix / CARRIED).is_dir():
                 return {each.stem: each for each in sorted((prefix / CARRIED).rglob("*.urdf"))}
     return {}
-
-
-def fetched_robots() -> list[str]:
-    """Names of the robots of robot_descriptions that it has as URDF, MJCF or xacro; empty where it is not installed."""
-    spec = find_spec(FETCHED)
-    if spec is None or not spec.submodule_search_locations:
-        return []
-    folder = Path(next(iter(spec.submodule_search_locations)))
-    return sorted(each.stem.removesuffix("_description") for each in folder.glob("*_description.py"))
-
-
-def _fetch(name: str, wanted: str) -> Path:
-    """File of a robot of robot_descriptions, fetched by that package if it is not there yet."""
-    said = io.StringIO()
-    try:
-        # it tells of each file that it fetches
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
-            module = importlib.import_module(f"{FETCHED}.{wanted}_description")
-        found = getattr(module, "URDF_PATH", None) or getattr(module, "MJCF_PATH", None)
-    except Exception as error:
-        reason = one_line(str(error))[:200]
-        raise VehicleError(
-            f"robot = {name!r}: must be fetched by robot_descriptions when first asked for, and could not be: {reason}"
-        ) from None
-    if found is None:
-        refuse("robot", name, "must be a robot that robot_descriptions has as URDF or MJCF")
-    return Path(found)

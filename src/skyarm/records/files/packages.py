@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import platform
 import re
@@ -100,28 +99,9 @@ def _version(package: str) -> str:
 PACKAGE = "skyarm"
 
 
-def from_index() -> bool:
-    """True if this installation came from a package index, where the package's name exists."""
-    try:
-        installed = metadata.distribution(PACKAGE)
-    except metadata.PackageNotFoundError:
-        return False
-    # pip writes this file for what it was given as a path or an address (PEP 610), and not for what an index gave it
-    told = installed.read_text("direct_url.json")
-    if told is None:
-        return True
-    try:
-        return not json.loads(told)
-    except ValueError:
-        return False
-
-
 def how_to_install(*extras: str) -> str:
-    """The command that installs extras of this package, as it works here."""
-    names = ",".join(extras)
-    if from_index():
-        return f'python -m pip install "{PACKAGE}[{names}]"'
-    return f'in the checkout: python -m pip install -e ".[{names}]"'
+    """The command that installs extras of this package; of one that is installed, from wherever, it adds them."""
+    return f'python -m pip install "{PACKAGE}[{",".join(extras)}]"'
 
 
 def needs_extra(extra: str) -> str:
