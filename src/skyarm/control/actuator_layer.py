@@ -195,20 +195,6 @@ def _mean_motion(drive: Any, q: Scalar, qd: Scalar, qdd: Scalar, dt: Scalar) -> 
     return add(add(q, mul(qd, ahead)), mul(qdd, mul(0.5, square))), add(qd, mul(qdd, ahead))
 
 
-def effort_at_rest(drive: Any, effort: Scalar, acceleration: Scalar, dt: float) -> Any:
-    """Effort (N m or N) of a drive whose setpoint was chosen for an accelerating joint, while the joint stands still.
-
-    Args:
-        drive: of a joint at zero, where it stays.
-        effort: that the law commands, N m or N.
-        acceleration: predicted for the joint, rad/s^2 or m/s^2.
-        dt: control period, s.
-    """
-    memory = drive.begin(0.0, drive.standing(effort, 0.0), dt)
-    setpoint = drive.setpoint(memory, effort, *_mean_motion(drive, 0.0, 0.0, acceleration, dt), dt)
-    return drive.effort(drive.steady_memory(memory, 0.0, setpoint), setpoint, 0.0, 0.0)
-
-
 def _angles(vehicle: Vehicle, memory: ActuatorMemory, measurement: Measurement) -> tuple[Scalar, ...]:
     """Angles of the rotors that tilt, rad: measured, else estimated by the law that turns them, else at rest."""
     inner = memory.inner

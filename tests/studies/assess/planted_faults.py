@@ -96,32 +96,14 @@ def _shoulder(d: Document) -> Document:
     return next((k["joint"] for k in d["links"] if k["joint"]["name"] in names), d["links"][-1]["joint"])
 
 
-def _along_its_link(d: Document) -> None:
-    """The last joint's axis along its own link, on which its mass lies."""
-    link = d["links"][-1]
-    link["joint"]["axis"], link["com"] = [0.0, 0.0, 1.0], [0.0, 0.0, link.get("com", [0, 0, -0.01])[2]]
-    for part in link.get("parts", []):
-        part["com"] = [0.0, 0.0, part["com"][2]]
-
-
 def _touching(joint: Document) -> None:
     """Limits 0.01 rad apart, or 1 mm: fingers slide by some millimetres."""
     joint.update(lower=0.0, upper=0.001 if joint.get("kind") == "prismatic" else 0.01)
 
 
-def _twice(d: Document) -> None:
-    """The last joint about the axis of the one before it, in its place."""
-    last, before = d["links"][-1]["joint"], d["links"][-2]["joint"]
-    last["axis"], last["position"] = list(before["axis"]), [0.0, 0.0, 0.0]
-    last["kind"] = before.get("kind", "revolute")
-
-
-TWO_JOINTS = ("hexarotor12_arm5", "hummingbird_arm2_rotors", "hummingbird_arm2_twin", "pelican_arm2")
-ALONG = ("crazyflie_arm1", "hummingbird_arm2_twin", "pelican_arm2")
-
 PLANTED = (
     Planted("base mass in g", lambda d: _every_base_mass(d, 1e3), ("base.mass", "mass")),
-    Planted("base mass in t", lambda d: _every_base_mass(d, 1e-3), ("base.mass",)),
+    Planted("base mass in t", lambda d: _every_base_mass(d, 1e-3), ("base.mass", "base.inertia")),
     Planted("link mass in g", lambda d: _first_link(d, "mass", lambda m: 1e3 * m), ("links",), ARMS),
     Planted("base inertia in g cm^2", lambda d: _every_base_inertia(d, 1e7), ("base.inertia",)),
     Planted("base inertia in kg cm^2", lambda d: _every_base_inertia(d, 1e4), ("base.inertia",)),
@@ -157,8 +139,6 @@ PLANTED = (
         ARMS,
     ),
     Planted("limits that touch", lambda d: _touching(d["links"][-1]["joint"]), (".lower",), ARMS),
-    Planted("axis along its link", _along_its_link, (".axis",), ALONG, ("crazyflie_arm1", "pelican_arm2")),
-    Planted("axis twice", _twice, (".axis",), TWO_JOINTS),
     Planted(
         "base com ahead of the rotors",
         lambda d: _first_body(d).update(com=[1.5 * _reach(d), 0.0, 0.0]),

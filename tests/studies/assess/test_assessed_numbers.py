@@ -10,14 +10,13 @@ import pytest
 
 import skyarm
 from skyarm.algebra import Vec3
-from skyarm.control.law_maker import RATIO_ATTITUDE, RATIO_RATE
 from skyarm.dynamics.actuators import make_mixer, mix, motion_demand
 from skyarm.dynamics.actuators.hover import highest_thrust, hover_trim
 from skyarm.dynamics.array_front import center_of_mass as whole_center_of_mass
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.studies.assess import along_reference
 from skyarm.studies.assess.arm_poses import arm_poses, horizontal_center_of_mass, hover_efforts
-from skyarm.studies.assess.assessment import Assessment, assess_scenario, assess_vehicle, delay_margin, largest_lag
+from skyarm.studies.assess.assessment import Assessment, assess_scenario, assess_vehicle, delay_margin
 from skyarm.studies.assess.finding import Finding
 from skyarm.studies.assess.flight_loads import flight_parts
 from skyarm.studies.assess.joints import effort_limits
@@ -128,12 +127,6 @@ def test_a_vehicle_that_leans_into_the_wind_shows_it_its_top():
     flat = dataclasses.replace(HUMMINGBIRD, drag=BodyDrag(area=Vec3(0.0, 0.0, 0.1)))
     lane = np.array([10.0]), np.array([0.0]), np.array([0.3]), np.array([7.0])
     assert drag_in_wind(flat, *lane)[1][0] < 0.0
-
-
-def test_the_default_attitude_loop_oscillates_at_the_largest_lag():
-    for share, sign in ((0.95, -1.0), (1.05, 1.0)):
-        roots = np.roots([share * largest_lag(), 1.0, RATIO_RATE[0], RATIO_ATTITUDE[0]])
-        assert sign * max(roots.real) > 0.0
 
 
 def test_the_flipped_rotor_is_named_where_one_alone_explains_it():

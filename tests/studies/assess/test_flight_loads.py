@@ -19,9 +19,7 @@ from skyarm.studies.assess.along_reference import along_reference, follow
 from skyarm.studies.assess.finding import FAULT, OK, worst_level
 from skyarm.studies.assess.flight_loads import flight_parts
 from skyarm.studies.assess.push_limits import push_limits
-from skyarm.world import Fault, ForceWind, HangingPayload, MovingAir, Reach, TimedPayload
-from skyarm.world.disturbance_signals import Disturbance
-from skyarm.world.signal_vector import SignalVector
+from skyarm.world import HangingPayload, Reach, TimedPayload
 from thorough import sampled
 
 EXAMPLES = tuple(
@@ -109,61 +107,6 @@ def test_a_scheduled_payload_counts_from_its_instant(hover):
     assert "saturates first at 2" in said.text
     believed = dataclasses.replace(hover, changes=(Change(at=2.0, path="model.payload.mass", value=8.0),))
     assert worst_level(along_reference(believed)) != FAULT
-
-
-def test_a_force_of_the_wind_tilts_the_thrust(hover):
-    pushed = dataclasses.replace(hover, wind=ForceWind(force_W=Vec3(3.0, 4.0, 0.0)))
-    assert thrust(pushed) == pytest.approx(math.hypot(weight(hover), 5.0))
-    beside = dataclasses.replace(hover, wind=ForceWind(force_W=Vec3(0.0, 0.0, -2.0), point_B=Vec3(0.0, 0.05, 0.0)))
-    tilting = demand(beside).squared - demand(hover).squared
-    assert thrust(beside) == pytest.approx(weight(hover) + 2.0)
-    left, right = (i for i, rotor in enumerate(hover.plant.vehicle.rotors) if abs(float(rotor.position.y)) > 0.1)
-    sides = sorted((left, right), key=lambda i: float(hover.plant.vehicle.rotors[i].position.y))
-    assert np.all(tilting[sides[1]] > tilting[sides[0]] + 1.0)
-
-
-def test_air_that_moves_drags(hover):
-    blown = dataclasses.replace(hover, wind=MovingAir(velocity_W=Vec3(0.0, 10.0, 0.0)))
-    tilt = demand(blown).tilt
-    assert np.all(tilt > 0.05)
-    assert thrust(blown) * np.cos(tilt) == pytest.approx(weight(hover), rel=0.1)
-
-
-def test_a_force_at_the_tip_loads_the_joints(hover):
-    down = SignalVector(z=Constant(-2.0))
-    pulled = dataclasses.replace(hover, forces=(Disturbance(frame="tip", force=down),))
-    held = dataclasses.replace(hover, payloads=(TimedPayload(mass=2.0 / float(hover.plant.gravity), frame="tip"),))
-    bent = dataclasses.replace(hover.reference, joints=(Constant(0.4), Constant(0.5)))
-    pulled, held = (dataclasses.replace(each, reference=bent) for each in (pulled, held))
-    assert demand(pulled).efforts == pytest.approx(demand(held).efforts, abs=1e-9)
-    assert thrust(pulled) == pytest.approx(weight(hover) + 2.0)
-
-
-def test_a_rotor_that_gives_half_turns_faster_and_one_that_gives_none_is_a_fault(hover):
-    name = hover.plant.vehicle.rotors[1].name
-    weak = dataclasses.replace(hover, faults=(Fault(rotor=name, effectiveness=0.5),))
-    ratio = demand(weak).squared / demand(hover).squared
-    assert ratio == pytest.approx(np.array([[1.0], [2.0], [1.0], [1.0]]) * np.ones_like(ratio), rel=1e-5)
-    assert worst_level(along_reference(weak)) == OK
-    dead = dataclasses.replace(hover, faults=(Fault(rotor=name, effectiveness=0.0, start=1.0),))
-    assert found(dead)["rotors along the reference"].level == FAULT
-
-
-def test_a_wanted_contact_is_borne_by_the_rotors():
-    scenario = skyarm.load_scenario("examples/press_and_slide.toml")
-    time, force = demand(scenario).time, thrust(scenario)
-    pressing = (time > 2.0) & (time < 4.5)
-    assert force[pressing] == pytest.approx(math.hypot(weight(scenario), 1.0), rel=1e-4)
-    assert force[time < 0.9] == pytest.approx(weight(scenario))
-
-
-@pytest.mark.parametrize(
-    "wind", [MovingAir(velocity_W=Vec3(1e160, 0.0, 0.0)), ForceWind(force_W=Vec3(1e200, 0.0, 0.0))]
-)
-def test_a_demand_that_is_no_number_is_a_fault(hover, wind):
-    said = found(dataclasses.replace(hover, wind=wind))["rotors along the reference"]
-    assert said.level == FAULT
-    assert "a demand that is no finite number" in said.text
 
 
 @pytest.mark.parametrize("name", sampled((*list_scenarios(), *EXAMPLES), 29, keep=["pick_and_carry", "slide_up"]))

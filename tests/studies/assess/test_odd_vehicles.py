@@ -12,13 +12,11 @@ import skyarm
 from skyarm.algebra import Vec3
 from skyarm.cli.check_command import _sheet as sheet
 from skyarm.dynamics.actuators import make_mixer
-from skyarm.dynamics.actuators.servo import VelocityServo
-from skyarm.dynamics.array_front import mass_matrix
 from skyarm.studies.assess.arm_poses import Allocation, arm_poses, hover_efforts, joint_range
 from skyarm.studies.assess.assessment import Assessment, _finding, assess_vehicle
 from skyarm.studies.assess.endurance import hover_time
-from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding
-from skyarm.studies.assess.joints import frequency, joint_torques, servo_stiffness
+from skyarm.studies.assess.finding import FAULT, NOTE, WARNING, Finding
+from skyarm.studies.assess.joints import joint_torques
 from skyarm.studies.assess.thrust import field_of_mass, locked_inertia, torque_authority
 from skyarm.vehicle.linkage import Joint
 
@@ -220,50 +218,3 @@ def test_a_remedy_names_each_field_once():
     told = [each for each in found.alarms() if "authority" in each.question]
     assert told
     assert all(each.remedy.count("base.inertia") == 1 for each in told)
-
-
-def with_servo(armature, stiffness):
-    """A shipped vehicle whose servos have another stiffness, and whose joints another armature."""
-    vehicle = skyarm.load_vehicle("quadrotor_roll_arm2").with_joints(armature=armature)
-    drives = (
-        dataclasses.replace(each, drive=dataclasses.replace(each.drive, stiffness=stiffness)) for each in vehicle.drives
-    )
-    return dataclasses.replace(vehicle, drives=tuple(drives))
-
-
-def test_a_stiff_servo_on_a_joint_without_armature_is_warned_of_and_with_it_is_not():
-    stiff = [each for each in servo_stiffness(with_servo(0.0, 600.0)) if each.level == WARNING]
-    assert [each.field for each in stiff] == ["joints[roll].armature", "joints[pitch].armature"]
-    assert all("armature" in each.remedy for each in stiff)
-    assert {each.level for each in servo_stiffness(with_servo(0.045, 600.0))} == {OK}
-    assert {each.level for each in servo_stiffness(with_servo(0.0, 60.0))} == {OK}
-    (roll, _) = servo_stiffness(with_servo(0.045, 6000.0))
-    assert (roll.level, roll.field) == (WARNING, "drives.roll")
-    assert servo_stiffness(PELICAN) == []
-
-
-def test_the_frequency_of_a_servo_is_that_of_its_joint_let_go_on_its_spring():
-    vehicle = with_servo(0.0, 600.0)
-    frequencies = {}
-    for found in servo_stiffness(vehicle):
-        frequencies[found.question] = found.value
-    # the stiffest joint of the poses at zero: accelerations of the free vehicle under the spring's torque by 1 rad
-    M = mass_matrix(vehicle, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(2))
-    for i, name in enumerate(("roll", "pitch")):
-        acceleration = np.linalg.solve(M, 600.0 * np.eye(8)[6 + i])[6 + i]
-        assert frequencies[f"joints[{name}] servo"] >= math.sqrt(acceleration) * (1.0 - 1e-9)
-        assert frequencies[f"joints[{name}] servo"] < 2.0 * math.sqrt(acceleration)
-    velocity = VelocityServo(gain=3.0, inertia=1e-3)
-    assert frequency(velocity, 0.01) == pytest.approx(300.0)
-
-
-@pytest.mark.parametrize("undefined", [0.0, np.nan, np.inf])
-def test_a_servo_is_judged_where_its_joint_can_be_moved_and_a_joint_without_one_is_not(undefined, monkeypatch):
-    from skyarm.studies.assess import joints as module
-
-    vehicle = with_servo(0.0, 600.0)
-    monkeypatch.setattr(module, "joint_mobility", lambda _: [np.diag([undefined, 1e4]), np.diag([undefined, 1e3])])
-    assert {each.field for each in servo_stiffness(vehicle)} == {"joints[pitch].armature"}
-    one = dataclasses.replace(vehicle, drives=vehicle.drives[:1])
-    monkeypatch.setattr(module, "joint_mobility", lambda _: [np.diag([1e4, 1e4])])
-    assert {each.field for each in servo_stiffness(one)} == {"joints[roll].armature"}

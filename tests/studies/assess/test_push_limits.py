@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +14,6 @@ from skyarm.dynamics.kinematics import frame_pose, link_poses
 from skyarm.scenario.numbers import with_numbers
 from skyarm.studies.assess.finding import FAULT, OK, WARNING
 from skyarm.studies.assess.push_limits import push_limits
-from skyarm.vehicle.vehicle_files import LIBRARY
 
 POSE = (-0.45, -0.9)
 
@@ -92,86 +90,3 @@ def test_a_law_of_motions_alone_is_named_and_without_a_push_nothing_is_said(scen
     assert "pressing" not in found(scenario)
     still = dataclasses.replace(scenario.reference, push=None)
     assert push_limits(dataclasses.replace(scenario, reference=still)) == []
-
-
-PRESS = """
-schema = 1
-name = "press"
-duration = 4.0
-
-[plant]
-vehicle = "{vehicle}"
-
-[controller]
-law = "centroidal"
-mode = "tip"
-preset = "robust"
-interaction = [0.3, 0.1]
-{more}
-
-[reference]
-base = {{ kind = "signals", z = 1.5 }}
-joints = {joints}
-
-[reference.push]
-force = {{ kind = "constant", value = {force}, start = 1.0 }}
-normal = [-1.0, 0.0, 0.0]
-"""
-
-
-def pressing(folder, vehicle, joints, force, more=""):
-    file = folder / "press.toml"
-    file.write_text(PRESS.format(vehicle=vehicle, joints=joints, force=force, more=more), "utf-8")
-    return {each.question: each for each in push_limits(skyarm.load_scenario(file))}
-
-
-SERVO_ARMS = (("quadrotor_roll_arm2", [0.0, -0.8]), ("hexarotor12_arm5", [0.0, -0.8, -0.6, 0.0, 0.0]))
-
-
-@pytest.mark.parametrize(("vehicle", "joints"), SERVO_ARMS)
-def test_servos_whose_setpoints_predict_a_free_joint_are_a_fault(vehicle, joints, tmp_path):
-    said = pressing(tmp_path, vehicle, joints, 5.0)["servos while pressing"]
-    assert said.level == FAULT
-    assert said.field.startswith("drives.")
-    sensed = "force_sensor = true\n\n[sensors.wrist]\nkind = 'force_torque'"
-    assert "servos while pressing" not in pressing(tmp_path, vehicle, joints, 5.0, sensed)
-
-
-def servo_vehicle(folder, servo):
-    shipped = (Path(str(LIBRARY)) / "hummingbird_arm2_rotors.toml").read_text("utf-8")
-    drives = "".join(f"[drives.{joint}]\n{servo}\n\n" for joint in ("joint1", "joint2"))
-    file = folder / "servos.toml"
-    file.write_text(
-        shipped.replace("[links.joint]\n", "[links.joint]\narmature = 2e-3\n").replace(
-            "[sources]", drives + "[sources]"
-        )
-    )
-    return file.name
-
-
-@pytest.mark.parametrize(
-    ("servo", "share"),
-    # force over the wanted 1 N, less 1, of flights of 10 s without noise
-    [
-        ("kind = 'position_servo'\nstiffness = 0.5\ndamping = 0.02\ninertia = 2e-3", 0.011),
-        ("kind = 'position_servo'\nstiffness = 6.9\ndamping = 0.235\ninertia = 2e-3\nlatency = 0.003", 0.245),
-        ("kind = 'velocity_servo'\ngain = 0.5\ninertia = 2e-3", 0.218),
-    ],
-)
-def test_what_servos_miss_is_the_error_of_the_force_in_flight(servo, share, tmp_path):
-    said = pressing(tmp_path, servo_vehicle(tmp_path, servo), list(POSE), 1.0)["servos while pressing"]
-    assert said.value == pytest.approx(share, abs=0.003)
-    assert said.level == (FAULT if share > 0.05 else OK)
-
-
-def test_joints_of_torque_have_no_servos_to_ask_about(scenario):
-    assert "servos while pressing" not in found(scenario)
-
-
-def test_the_mass_of_the_tip_is_that_of_the_arm_and_its_armature(scenario, tmp_path):
-    said = found(scenario)["mass of the tip while pressing"]
-    assert said.level == OK
-    assert said.text == "1 N press with a tip that weighs 0.076 kg along the normal"  # docs/pressing.md
-    heavy = pressing(tmp_path, *SERVO_ARMS[1], 1.0)["mass of the tip while pressing"]
-    assert (heavy.level, heavy.field) == (FAULT, "links.joint.armature")
-    assert heavy.value == pytest.approx(0.2 * pressing(tmp_path, *SERVO_ARMS[1], 5.0)[heavy.question].value)

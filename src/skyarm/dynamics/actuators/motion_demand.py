@@ -6,7 +6,7 @@ points, the heading the rest, their derivatives the angular velocity and acceler
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -78,36 +78,11 @@ def motion_of(reference: Any, time: Array) -> Motion:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Disturbance:
-    """Generalised force of the surroundings on the vehicle.
-
-    Attributes:
-        torque, force: (3, K) about and at the base origin, base axes, N m and N. efforts: (n, K) N m or N.
-    """
-
-    torque: Array
-    force: Array
-    efforts: Array
-
-
-DisturbanceAt = Callable[[Array, Array, Array], Disturbance]
-"""From attitude R_WB (3, 3, K), angular velocity (3, K) rad/s and squared rotor speeds (rotors, K) to what acts."""
-
-ROUNDS = 30
-"""Rounds in which rotor speeds settle that change what acts on the vehicle: a rotor that gives half of its thrust
-leaves 1e-9 of the error, one of six that gives none 5e-6."""
-
-SETTLED = 1e-6
-"""Share of the largest of them by which neither squared speeds nor the wrench change any more."""
-
-
 def demand_of_motion(
     vehicle: Vehicle,
     gravity: float,
     motion: Motion,
     settled: Callable[[Array], Array] = np.asarray,
-    disturbance: DisturbanceAt | None = None,
 ) -> Demand:
     """Rotor speeds and joint efforts that follow a motion exactly.
 
@@ -116,7 +91,6 @@ def demand_of_motion(
         gravity: m/s^2.
         motion: at instants near enough that attitude may be differentiated between them.
         settled: what the attitude follows of the force (3, K) that it is turned by; all of it if left out.
-        disturbance: of the surroundings; none if left out. The tilt against it is steady: it takes no torque to reach.
     """
     a, yaw, count = motion.acceleration, motion.yaw, len(motion.time)
     q, qd, qdd = tuple(motion.joints), tuple(motion.rates), tuple(motion.accelerations)
@@ -135,18 +109,10 @@ def demand_of_motion(
     R = attitude(settled(needed), yaw)
     rate, turning = rates_of(R, motion.time)
     inverse = np.array(make_mixer(vehicle).inverse, dtype=float)
-    outside = Disturbance(np.zeros((3, 1)), np.zeros((3, 1)), np.zeros((1, 1)))
-    squared, wrench = np.zeros((len(vehicle.rotors), count)), np.zeros((6, count))
-    for again in reversed(range(1 if disturbance is None else ROUNDS)):
-        before, base = (squared, wrench), proper_acceleration(_matrix(R), Vec3(*a), Vec3(*turning), gravity)
-        force, efforts = dynamics.inverse_dynamics(vehicle, q, Vec3(*rate), qd, base, qdd)
-        needed = np.einsum("ijk,jk->ik", R, lanes(force.force) - outside.force)
-        wrench = np.vstack([lanes(force.torque) - outside.torque, needed])
-        squared = inverse @ np.vstack([wrench[:3], np.einsum("ik,ik->k", R[:, 2], needed)[None]])
-        if disturbance is None or not again or _has_converged(before, (squared, wrench)):
-            break
-        R = attitude(settled(needed), yaw)
-        outside = disturbance(R, rate, squared)
+    base = proper_acceleration(_matrix(R), Vec3(*a), Vec3(*turning), gravity)
+    force, efforts = dynamics.inverse_dynamics(vehicle, q, Vec3(*rate), qd, base, qdd)
+    along_thrust = np.einsum("ik,ik->k", R[:, 2], np.einsum("ijk,jk->ik", R, lanes(force.force)))
+    squared = inverse @ np.vstack([lanes(force.torque), along_thrust[None]])
     friction = [
         float(k.joint.damping) * rates + float(k.joint.coulomb) * np.tanh(rates / float(k.joint.coulomb_rate))
         for k, rates in zip(vehicle.links, qd, strict=True)
@@ -154,16 +120,12 @@ def demand_of_motion(
     return Demand(
         motion.time,
         np.asarray(squared),
-        lanes(efforts) - (outside.efforts if vehicle.n else 0.0) + (np.array(friction) if friction else 0.0),
+        lanes(efforts) + (np.array(friction) if friction else 0.0),
         motion.joints,
         motion.rates,
         np.arctan2(np.hypot(R[0, 2], R[1, 2]), R[2, 2]),
         np.linalg.norm(turning, axis=0),
     )
-
-
-def _has_converged(before: Sequence[Array], now: Sequence[Array]) -> bool:
-    return all(np.max(np.abs(b - a)) < SETTLED * np.max(np.abs(b)) for a, b in zip(before, now, strict=True))
 
 
 def attitude(force: Array, yaw: Array) -> Array:

@@ -15,7 +15,7 @@ from skyarm.records.leaves import field_names
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.assess.arm_poses import Allocation, ArmPoses, Array
 from skyarm.studies.assess.finding import FAULT, LEVELS, OK, WARNING, Finding
-from skyarm.studies.assess.flight_loads import FlightPart, disturbance_of, flight_parts, lanes, reference_at
+from skyarm.studies.assess.flight_loads import FlightPart, flight_parts, lanes, reference_at
 from skyarm.studies.assess.joints import OFTEN, effort_limits, servo_speeds, servos
 from skyarm.studies.assess.thrust import thrust_margin
 
@@ -49,8 +49,8 @@ class Followed:
 def along_reference(scenario: Scenario) -> list[Finding]:
     """Reference against joint limits, and instants at which rotors or joints would saturate.
 
-    The plant follows its reference exactly, with the loads that it holds and what wind, forces, faults and a wanted
-    touches do to it; turbulence is left out, and so is what the control adds.
+    The plant follows its reference exactly, with the loads that it holds, in still air; what the control adds is left
+    out.
     """
     parts = flight_parts(scenario)
     followed = follow(parts)
@@ -133,8 +133,7 @@ def _switches(scenario: Scenario) -> list[float]:
 def _stretch(part: FlightPart, time: Array) -> Followed:
     vehicle, scenario = part.vehicle, part.scenario
     motion = motion_of(reference_at(scenario, time), time)
-    disturbance = disturbance_of(part, time)
-    demand = demand_of_motion(vehicle, float(scenario.plant.gravity), motion, disturbance=disturbance)
+    demand = demand_of_motion(vehicle, float(scenario.plant.gravity), motion)
     top = Allocation.of(make_mixer(vehicle)).highest[:, None]
     return Followed(demand, demand.squared / top, _effort_shares(part, demand))
 

@@ -7,7 +7,6 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
-from skyarm.control.law_maker import RATIO_ATTITUDE, RATIO_RATE
 from skyarm.dynamics.actuators import AllocationError, make_mixer
 from skyarm.records.files import number
 from skyarm.scenario.scenario_record import Scenario
@@ -15,41 +14,13 @@ from skyarm.scenario.unlikely_numbers import law_warnings, plan_warnings, unlike
 from skyarm.studies.assess.along_reference import along_reference
 from skyarm.studies.assess.arm_poses import POSES, ArmPoses, arm_poses
 from skyarm.studies.assess.endurance import aloft_for, time_aloft
-from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding, at_most, worst_level
-from skyarm.studies.assess.joints import arm_workspace, joint_torques, servo_stiffness
-from skyarm.studies.assess.layout import mass_and_inertia, rotor_layout
+from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding, worst_level
+from skyarm.studies.assess.joints import arm_workspace, joint_torques
+from skyarm.studies.assess.layout import disc_loading, rotor_layout
 from skyarm.studies.assess.push_limits import push_limits
 from skyarm.studies.assess.thrust import largest_payload, largest_wind, sideways_reach, thrust_margin, torque_authority
 from skyarm.studies.stability.hover_delay import hover_delay_if_known
 from skyarm.vehicle.vehicle_records import Vehicle
-
-SHARE = 0.5
-"""Of the lag at which the loop begins to oscillate: above it little damping is left."""
-
-
-def largest_lag() -> float:
-    """Lag (s) at which the default attitude loop oscillates.
-
-    Routh: lag s^3 + s^2 + k_w s + k_R has imaginary roots where k_R lag = k_w.
-    """
-    return RATIO_RATE[0] / RATIO_ATTITUDE[0]
-
-
-def motor_lag(vehicle: Vehicle) -> list[Finding]:
-    """Slowest time constant of a rotor against the default attitude gains (10 rad/s)."""
-    if not vehicle.rotors:
-        return []
-    rotor, field = max(
-        ((rotor, field) for rotor in vehicle.rotors for field in ("time_constant_up", "time_constant_down")),
-        key=lambda each: float(getattr(*each)),
-    )
-    lag, most = float(getattr(rotor, field)), largest_lag()
-    name = f"rotors[{rotor.name}].{field}"
-    bandwidth = 0.7 / lag if lag > 0.0 else float("inf")
-    text = f"{1e3 * lag:.3g} ms of lag carry an attitude loop of {bandwidth:.3g} rad/s; the default gains ask for 10"
-    remedy = f"faster motors, lower attitude gains, or check {name} (s, not ms)"
-    return [at_most("motor lag", lag, text, name, remedy, fault=most, warning=SHARE * most, unit="s")]
-
 
 QUESTION = "delay margin"
 
@@ -195,7 +166,7 @@ def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = PO
 def _of_vehicle(poses: ArmPoses, payload: float) -> list[Finding]:
     """Every question about a vehicle; those about rotors only where it has some."""
     vehicle, gravity = poses.vehicle, poses.gravity
-    found = [*units_of_vehicle(vehicle), *mass_and_inertia(vehicle, gravity)]
+    found = [*units_of_vehicle(vehicle), *disc_loading(vehicle, gravity)]
     if vehicle.rotors:
         found += rotor_layout(vehicle, gravity)
     else:
@@ -210,7 +181,7 @@ def _of_vehicle(poses: ArmPoses, payload: float) -> list[Finding]:
         found += [*torque_authority(loads[-1]), *sideways_reach(loads[-1])]
         found += [*largest_payload(poses, payload), *largest_wind(vehicle, gravity, payload)]
     endurance = [each for loaded in loads for each in time_aloft(loaded.vehicle, gravity, loaded.held)]
-    return [*found, *arm_workspace(poses), *motor_lag(vehicle), *servo_stiffness(vehicle), *endurance]
+    return [*found, *arm_workspace(poses), *endurance]
 
 
 def _can_turn(vehicle: Vehicle) -> bool:

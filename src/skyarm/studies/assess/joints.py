@@ -7,14 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.dynamics.actuators.servo import PositionServo, Servo, VelocityServo
-from skyarm.dynamics.array_front import center_of_mass, frame_jacobian
+from skyarm.dynamics.actuators.servo import Servo
 from skyarm.dynamics.kinematics import Pose, link_poses
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.assess.arm_poses import WRENCH, ArmPoses, Array, columns, hover_efforts, in_parts
 from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding, at_most
-from skyarm.vehicle.linkage import BASE, Joint
-from skyarm.vehicle.mobility import joint_mobility
+from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 
 SWEEP = {"rad": 1.0, "m": 0.1}
@@ -108,52 +106,6 @@ def _dynamic(vehicle: Vehicle, joints: Array, gravity: float) -> Array:
     return np.asarray(total + np.array(friction)[:, None], dtype=float)
 
 
-PERIOD = 0.005
-"""s, of control, where a scenario does not say otherwise."""
-
-LARGEST = 1.0
-"""Frequency of a servo's loop times the control period: while a setpoint is held the loop then moves the joint so far
-that the law's torque is not what the joint feels, and the joint drifts off its reference."""
-
-
-def servo_stiffness(vehicle: Vehicle) -> list[Finding]:
-    """Frequency of every servo's loop on the least inertia that its joint has, against the control period.
-
-    A position servo's is sqrt(stiffness / inertia), a velocity servo's gain / inertia. The inertia is the one against
-    which the joint's own torque accelerates it, all else free to move.
-    """
-    servos = servos_of(vehicle)
-    if not servos:
-        return []
-    ease = np.max([np.diag(each) for each in joint_mobility(vehicle)], axis=0)
-    found = []
-    for link, each in zip(vehicle.links, ease.tolist(), strict=True):
-        servo = servos.get(link.joint.name)
-        if servo is not None and math.isfinite(each) and each > 0.0:
-            found.append(_loop(link.joint, servo, 1.0 / each))
-    return found
-
-
-def frequency(servo: Servo, inertia: float) -> float:
-    """Natural frequency of a servo's loop on an inertia (kg m^2 or kg), rad/s; 0 of a kind without one."""
-    if isinstance(servo, PositionServo):
-        return math.sqrt(float(servo.stiffness) / inertia)
-    return float(servo.gain) / inertia if isinstance(servo, VelocityServo) else 0.0
-
-
-def _loop(joint: Joint, servo: Servo, inertia: float) -> Finding:
-    """Frequency of a servo's loop on the least inertia of its joint."""
-    rate, most, drive = frequency(servo, inertia), LARGEST / PERIOD, f"drives.{joint.name}"
-    text = f"its loop moves the joint at {rate:.3g} rad/s; a torque held for {1e3 * PERIOD:g} ms asks for {most:g}"
-    if rate > most:
-        text += " or less: under a law of torques the joint drifts"
-    field, remedy = drive, f"less stiffness in {drive}, a higher rates.control, or a law of setpoints (servos = false)"
-    if not float(joint.armature):
-        field = f"joints[{joint.name}].armature"
-        remedy = f"state {field}, what the gear makes of the motor's inertia, or {remedy}"
-    return at_most(f"joints[{joint.name}] servo", rate, text, field, remedy, warning=most, unit="rad/s")
-
-
 OFTEN = 0.05
 """Share of the flight in saturation above which the reference cannot be followed."""
 
@@ -190,28 +142,16 @@ def servo_speeds(scenario: Scenario, time: Array, every_rate: Array) -> list[Fin
     return found
 
 
-STILL = 1e-9
-"""m or m per rad below which a joint moves a point by rounding only."""
-
-PROBED = 16
-"""Poses in which Jacobians are looked at."""
-
-SMALLEST_RANGE = {"rad": 0.05, "m": 0.005}
-"""rad or m; fingers slide by some millimetres."""
-
-
 def arm_workspace(poses: ArmPoses) -> list[Finding]:
-    """Box of the tip's places over all poses, joints without effect, and limits that look wrong."""
+    """Box of the tip's places over all poses, and limits that look wrong."""
     vehicle = poses.vehicle
-    if not vehicle.n:
-        return []
-    found = [*_ranges(vehicle)]
+    found = _ranges(vehicle)
     if vehicle.end_effector and vehicle.frame().link != BASE:
         ends, _ = poses.worst(lambda joints: np.vstack([tip_places(vehicle, joints).T, -tip_places(vehicle, joints).T]))
         low, high = (np.round(each, 9) + 0.0 for each in (ends[:3], -ends[3:]))
         box = ", ".join(f"{c} {a:.3g} ... {b:.3g}" for c, a, b in zip("xyz", low, high, strict=True))
         found.append(Finding("workspace", OK, f"tip in base axes: {box} m", "frames"))
-    return [*found, *_joints_without_effect(vehicle, poses.joints[:PROBED])]
+    return found
 
 
 def tip_places(vehicle: Vehicle, joints: Array) -> Array:
@@ -219,6 +159,10 @@ def tip_places(vehicle: Vehicle, joints: Array) -> Array:
     frame = vehicle.frame()
     place = link_poses(vehicle, columns(joints))[frame.link] @ Pose(frame.rotation, frame.position)
     return np.stack([np.broadcast_to(np.asarray(c, dtype=float), len(joints)) for c in place.p], axis=1)
+
+
+SMALLEST_RANGE = {"rad": 0.05, "m": 0.005}
+"""rad or m; fingers slide by some millimetres."""
 
 
 def _ranges(vehicle: Vehicle) -> list[Finding]:
@@ -235,44 +179,3 @@ def _ranges(vehicle: Vehicle) -> list[Finding]:
             text = f"zero is outside {float(joint.lower):g} ... {float(joint.upper):g}: a flight must state its start"
             found.append(Finding(f"range of {name}", NOTE, text, f"{name}.lower"))
     return found
-
-
-def _joints_without_effect(vehicle: Vehicle, probed: Array) -> list[Finding]:
-    """Joints that move neither the tip nor the centre of mass, and pairs that do the same in every pose."""
-    n, lanes = vehicle.n, len(probed)
-    still, level = np.zeros((lanes, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (lanes, 1))
-    step = 1e-6
-    moved = []
-    for i in range(n):
-        ends = [center_of_mass(vehicle, still, level, probed + sign * step * np.eye(n)[i]) for sign in (1.0, -1.0)]
-        moved.append(np.linalg.norm(ends[0] - ends[1], axis=1).max() / (2.0 * step))
-    tip = vehicle.frame() if vehicle.end_effector else None
-    jacobian = None if tip is None else frame_jacobian(vehicle, still, level, probed)[:, :, 6:]
-    found = []
-    leaders = {each.leader for each in vehicle.followers}  # of fingers that close evenly nothing else moves
-    for i, link in enumerate(vehicle.links):
-        name = f"joints[{link.joint.name}]"
-        turns = jacobian is not None and np.abs(jacobian[:, :3, i]).max() > STILL
-        if moved[i] < 1e-7 and not turns and i not in leaders:
-            text = f"{name} moves neither the tip nor the centre of mass: its axis lies along its own link"
-            found.append(_axis(name, text))
-        if jacobian is None:
-            continue
-        for j in range(i):
-            if _same(jacobian[:, :, i], jacobian[:, :, j]):
-                other = vehicle.links[j].joint.name
-                found.append(
-                    _axis(name, f"{name} and joints[{other}] move the tip alike in every pose: one axis twice")
-                )
-    return found
-
-
-def _same(a: Array, b: Array) -> bool:
-    """True if two columns (lanes, 6) of Jacobians are parallel everywhere and not zero."""
-    scales = np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1)
-    return bool(np.all(scales > STILL) and np.all(np.abs(np.sum(a * b, axis=1)) > (1.0 - 1e-12) * scales))
-
-
-def _axis(name: str, text: str) -> Finding:
-    remedy = f"check {name}.axis and {name}.position"
-    return Finding(f"axis of {name}", WARNING, text, f"{name}.axis", remedy)

@@ -9,23 +9,15 @@ import numpy as np
 
 from skyarm.dynamics.actuators import AllocationError, make_mixer
 from skyarm.studies.assess.arm_poses import Allocation, Array, hover_efforts
-from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding
-from skyarm.vehicle.linkage import Body
+from skyarm.studies.assess.finding import FAULT, OK, WARNING, Finding
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 DISC_LOADING = 2.0, 1000.0
 """N/m^2 of weight on the rotors' discs: indoor models have 5, multirotors 20 to 200, helicopters to 500."""
 
-THINNEST = 0.05
-"""Radius of gyration of the base over the distance of its rotors: real airframes have 0.3 to 0.8."""
 
-
-LIGHTEST = 0.2
-"""Share of the base in the whole mass."""
-
-
-def mass_and_inertia(vehicle: Vehicle, gravity: float) -> list[Finding]:
-    """Disc loading and the base's radius of gyration against what flies."""
+def disc_loading(vehicle: Vehicle, gravity: float) -> list[Finding]:
+    """Weight over the area of the rotors' discs, against what flies."""
     if not vehicle.rotors:
         return []
     radius = disc_radius(vehicle)
@@ -37,31 +29,7 @@ def mass_and_inertia(vehicle: Vehicle, gravity: float) -> list[Finding]:
     text = f"{loading:.3g} N/m^2 on discs of about {2e3 * radius:.3g} mm ({float(bodies[field].mass):g} kg in {field})"
     remedy = f"check {field} (kg, not g?) and rotors.position (m, not mm?)"
     limit = most if loading > least else least
-    found = [Finding("weight on the rotors' discs", level, text, field, remedy, loading, limit, "N/m^2")]
-    part = float(vehicle.base.mass) / float(vehicle.mass)
-    if part < LIGHTEST:
-        text = f"the base has {part:.2g} of the vehicle's mass, with all batteries and motors in it"
-        remedy = "check base.mass and links.mass (kg, not g or t?)"
-        found.append(Finding("mass of the base", WARNING, text, "base.mass", remedy, part, LIGHTEST))
-    far = max(math.hypot(*map(float, rotor.position)) for rotor in vehicle.rotors)
-    share = gyration(vehicle.base) / far if far > 0.0 else math.nan
-    if share < THINNEST:
-        text, remedy = (
-            f"radius of gyration of the base is {share:.2g} of its rotors' distance",
-            "check base.inertia (kg m^2)",
-        )
-        found.append(Finding("inertia of the base", WARNING, text, "base.inertia", remedy, share, THINNEST))
-    if vehicle.planar:
-        text = "a planar model: a controller may believe it, no plant flies it"
-        found.append(Finding("bodies", NOTE, text, "links.planar"))
-    return found
-
-
-def gyration(body: Body) -> float:
-    """Radius at which the body's mass would have its mean moment of inertia, m."""
-    i = body.inertia
-    mass = float(body.mass)
-    return math.sqrt(max(float(i.xx) + float(i.yy) + float(i.zz), 0.0) / 3.0 / mass) if mass > 0.0 else 0.0
+    return [Finding("weight on the rotors' discs", level, text, field, remedy, loading, limit, "N/m^2")]
 
 
 STAGGERED = 0.1

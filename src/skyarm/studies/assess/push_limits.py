@@ -1,4 +1,4 @@
-"""Limits of a commanded push: a law that presses, joint and yaw torques, servos and the tip's mass."""
+"""Limits of a commanded push: a law that presses, joint torques and yaw torque."""
 
 from __future__ import annotations
 
@@ -6,16 +6,13 @@ import math
 
 import numpy as np
 
-from skyarm.control.actuator_layer import ActuatorMemory, believed_drives, effort_at_rest
-from skyarm.control.controller import presses, senses_force
+from skyarm.control.controller import presses
 from skyarm.dynamics.actuators import make_mixer
-from skyarm.dynamics.actuators.drive import TorqueDrive
-from skyarm.dynamics.array_front import mass_matrix
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.reference.trajectory import Reference
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.assess.arm_poses import WRENCH, Allocation, Array, hover_efforts
-from skyarm.studies.assess.finding import WARNING, Finding, at_least, at_most
+from skyarm.studies.assess.finding import WARNING, Finding, at_most
 from skyarm.studies.assess.joints import effort_limits
 
 FORCE = "reference.push.force"
@@ -26,14 +23,6 @@ INSTANTS = 500
 
 WARNS, HALF = 0.8, 0.5
 """Shares of a joint's limit and of the yaw torque that leave little: friction and a tilted base take the rest."""
-
-MISSED = 0.05
-"""Share of the push's joint torques by which servos may miss them: shipped ones miss 7 % and more, and press with 20 %
-too little or bounce; one that misses 1 % presses with an error of 1 %."""
-
-BOUNCES, RIPPLES = 0.6, 5.0
-"""m/s^2, force over the tip's mass: below the first flights without noise bounced and none held its force, below the
-second under noise less than 90 % of the time went by within 30 % of it."""
 
 
 def push_limits(scenario: Scenario) -> list[Finding]:
@@ -49,13 +38,7 @@ def push_limits(scenario: Scenario) -> list[Finding]:
     at = max((scenario.reference.at(float(t)) for t in times), key=lambda reference: float(reference.push[0]))
     if not float(at.push[0]) > 0.0:
         return []  # nothing is pushed at any time
-    return [
-        *_law(scenario),
-        *_joints(scenario, at),
-        *_yaw(scenario, at),
-        *_servos(scenario, at),
-        *_tip_mass(scenario, at),
-    ]
+    return [*_law(scenario), *_joints(scenario, at), *_yaw(scenario, at)]
 
 
 def _law(scenario: Scenario) -> list[Finding]:
@@ -132,52 +115,3 @@ def _yaw(scenario: Scenario, at: Reference) -> list[Finding]:
     remedy = "slide across the lever as little as can be, less force, a shorter reach, or stronger yaw"
     warning = HALF * room
     return [at_most("yaw while pressing", torque, text, FORCE, remedy, warning=warning, unit="N m", joints=joints)]
-
-
-def _push_columns(scenario: Scenario, at: Reference) -> tuple[Array, Array]:
-    """Generalised force (6 + n,) of 1 N with which the tip of a level base presses, and the free acceleration by it."""
-    vehicle, joints = scenario.plant.vehicle, np.array([[float(q) for q in at.joints]])
-    M = mass_matrix(vehicle, np.zeros((1, 3)), np.array([[1.0, 0.0, 0.0, 0.0]]), joints)[0]
-    frame = vehicle.frame()
-    tip = np.array([float(c) for c in frame_pose(vehicle, frame, tuple(joints[0])).p])
-    columns = np.array([[float(c) for c in each.linear] for each in jacobian_columns(vehicle, frame, tuple(joints[0]))])
-    along = -_force(at) / float(at.push[0])
-    pushed = np.concatenate([along, np.cross(tip, along), columns @ along])
-    return pushed, np.asarray(np.linalg.solve(M, pushed))
-
-
-def _servos(scenario: Scenario, at: Reference) -> list[Finding]:
-    """Torque that servos miss of the push, under a law of torques without a force sensor.
-
-    The setpoint of a servo is chosen for a joint that accelerates freely; one that a surface stops gets another torque,
-    and the law, which takes its own for applied, does not observe the difference.
-    """
-    law, memory = scenario.controller, scenario.controller.memory
-    if not presses(law.par) or senses_force(law.par) or not isinstance(memory, ActuatorMemory) or not memory.drives:
-        return []
-    force, (pushed, free) = float(at.push[0]), _push_columns(scenario, at)
-    joints, torques = tuple(float(q) for q in at.joints), force * pushed[6:]
-    efforts, period = pushing_efforts(scenario, joints, _force(at)), 1.0 / scenario.rates.control
-    drives = believed_drives(law.par.model)
-    rows = zip(drives, efforts, force * free[6:], strict=True)
-    missed = np.array([float(effort_at_rest(drive, effort, a, period)) for drive, effort, a in rows]) - efforts
-    share = float(np.linalg.norm(missed) / np.linalg.norm(torques)) if np.any(torques) else 0.0
-    servos = [k for k, drive in enumerate(drives) if not isinstance(drive, TorqueDrive)]
-    i = max(servos, key=lambda k: abs(missed[k]), default=0)
-    name = scenario.plant.vehicle.links[i].joint.name
-    said = f"setpoints for joints that move freely miss {share:.2g} of the push's torque on a surface that stops them"
-    remedy = "a force sensor at the tip (force_sensor = true), or joints that take torques"
-    words = (f"{said}, most at joint {name}", f"drives.{name}", remedy)
-    return [at_most("servos while pressing", share, *words, fault=MISSED, joints=joints)]
-
-
-def _tip_mass(scenario: Scenario, at: Reference) -> list[Finding]:
-    """Force over the mass that the tip has along the push: a heavy tip bounces, and passes on noise as force."""
-    if not presses(scenario.controller.par):
-        return []
-    pushed, free = _push_columns(scenario, at)
-    mass = 1.0 / float(pushed @ free)
-    text = f"{float(at.push[0]):.3g} N press with a tip that weighs {mass:.2g} kg along the normal"
-    remedy = "more force, a lighter arm, or drives with less armature"
-    words = ("mass of the tip while pressing", float(at.push[0]) / mass, text, "links.joint.armature", remedy)
-    return [at_least(*words, fault=BOUNCES, warning=RIPPLES, unit="m/s^2", joints=at.joints)]
