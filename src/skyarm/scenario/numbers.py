@@ -275,13 +275,7 @@ def declared_at(scenario: Scenario, path: str) -> Unit:
         ScenarioError: no number is there.
     """
     kind, places = _target(scenario, path)
-<<<<<<< HEAD
-    if kind == "turbulence":
-        return Unit(OF_TURBULENCE[path.removeprefix(TURBULENCE)])
     computed = {"payload": Unit("kg", "point mass at the tip", low=0.0), "attitude": Unit("rad")}
-=======
-    computed = {"payload": "kg", "attitude": "rad"}
->>>>>>> 6ba4a14c (Drop extras: fetched robots, turbulence paths, two warnings)
     if kind in computed:
         return computed[kind]
     return _declared(_with_start(scenario) if kind == "initial" else scenario, places[0])
