@@ -14,7 +14,6 @@ from skyarm.control.catalogue import LAWS, make_controller
 from skyarm.control.laws.centroidal.parameters import (
     CenterGains,
     CentroidalParameters,
-    Observation,
     RotorGains,
     ShiftGains,
     SidewaysGains,
@@ -83,7 +82,7 @@ def test_units_of_a_law_s_options_are_those_of_its_constants(law: str) -> None:
 
 
 def test_units_of_the_centroidal_law_s_options_are_those_of_its_constants() -> None:
-    records = (TipGains, CenterGains, RotorGains, Observation, ShiftGains, SidewaysGains, CentroidalParameters)
+    records = (TipGains, CenterGains, RotorGains, ShiftGains, SidewaysGains, CentroidalParameters)
     own = {name: unit for record in records for name, unit in units(record).items() if name != "bandwidth"}
     seen = {option: row[1] for option, row in EXACT_ROWS.items() if option in own}
     assert {option: own[option].unit or "-" for option in seen} == seen

@@ -10,11 +10,12 @@ import pytest
 import skyarm
 from law_parts import with_parts
 from skyarm.algebra import Mat3, Vec3
+from skyarm.control.blocks import force_control
+from skyarm.control.blocks.force_control import InteractionGains, Pressing, first_interaction, wanted_of
 from skyarm.control.blocks.prediction import Disturbance
-from skyarm.control.laws.centroidal import interaction, make_centroidal
-from skyarm.control.laws.centroidal.interaction import InteractionGains, Pressing, first_interaction, wanted_of
+from skyarm.control.blocks.tip_force import levers
+from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.part import Step
-from skyarm.control.laws.centroidal.tip_force import levers
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.reference import Reference
@@ -148,7 +149,7 @@ def test_a_sensor_decides_on_touch_and_leads_the_integral():
     wish, there = wanted_of((1.0, 0.1, -1.0, 0.0, 0.0)), Vec3(-0.8, 0.0, 0.0)
 
     def stepped(memory, felt):
-        return interaction.interact(gains, memory, wish, ARM, nothing, AT, 0.0, 0.0, DT, felt)[0]
+        return force_control.interact(gains, memory, wish, nothing, AT, 0.0, 0.0, DT, felt)[0]
 
     assert (stepped(none, there).touching, stepped(none, None).touching) == (1.0, 0.0)
     pressed = dataclasses.replace(none, touching=1.0, share=1.0)
@@ -165,7 +166,7 @@ def test_a_tip_that_still_goes_in_touches_again_70_ms_after_the_loss():
     now = dataclasses.replace(first_interaction(2, sensor=True), touching=1.0, share=1.0, found=1.0, losing=0.999)
     touching = []
     for _ in range(90):
-        now, _ = interaction.interact(gains, now, wish, ARM, nothing, AT, 0.2, 0.0, dt, there)
+        now, _ = force_control.interact(gains, now, wish, nothing, AT, 0.2, 0.0, dt, there)
         touching.append(now.touching)
     assert touching.index(0.0) == 0  # it went through
     assert touching.index(1.0) * dt == pytest.approx(gains.rebound + gains.fall, abs=2.0 * dt)

@@ -14,7 +14,7 @@ from skyarm.algebra import Mat3, Vec3
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.adaptation import SLOW, SMALL, STICKIEST, WEIGHT, adapt, first_learned, unit_load
+from skyarm.control.laws.centroidal.adaptation import SLOW, SMALL, STICKIEST, WEIGHT, AdaptationGains, adapt, unit_load
 from skyarm.control.laws.centroidal.demands import Planned, demands
 from skyarm.control.model import Model
 from skyarm.reference import Sine
@@ -93,7 +93,7 @@ def test_the_mass_moves_by_the_normalised_gradient():
     """A load dm takes torques dm y from a hovering arm of two 150 mm links: the step is rate dt dm y.y / (y.y + s)."""
     y = -9.8 * 0.15 * np.array([np.sin(0.3) + np.sin(-0.2), np.sin(-0.2)])
     par, plan = law(adaptation=0.3), motion((0.3, -0.5))
-    before = hearing(par, plan, dataclasses.replace(first_learned(2), tip_mass=0.01))
+    before = hearing(par, plan, dataclasses.replace(AdaptationGains.start(None, 2), tip_mass=0.01))
     found = adapted(par, before, plan, (0.0, 0.0), tuple((0.05 * y).tolist()), FREE, 0.005)
     assert found.tip_mass - 0.01 == pytest.approx(0.3 * 0.005 * 0.05 * (y @ y) / (y @ y + SMALL), rel=1e-9)
     np.testing.assert_allclose(found.feedforward.efforts, found.tip_mass * y, rtol=1e-12)
@@ -105,7 +105,7 @@ def test_each_joint_moves_by_the_normalised_gradient():
     par, q, qd = law(adaptation=0.0, friction_adaptation=2.0), (0.3, -0.2), (0.9, -0.4)
     plan, left = motion(q, qd), (-0.004, 0.001)
     known = {"damping": (0.002, 0.003), "level": (0.001, -0.002), "slope": (0.004, 0.002)}
-    before = hearing(par, plan, first_learned(2), **known)
+    before = hearing(par, plan, AdaptationGains.start(None, 2), **known)
     found = adapted(par, before, plan, qd, left, FREE, 0.005)
     small, slow = SLOW["revolute"]
     for i, joint in enumerate(found.joints):
@@ -122,7 +122,7 @@ def test_each_joint_moves_by_the_normalised_gradient():
 def test_a_plan_is_heard_as_late_as_the_observer_hears(periods):
     """A ramp through two stages lags by 2 / bandwidth and the age of the measurements."""
     par = make_centroidal(MODEL, delay=0.005 * periods).par
-    learned = first_learned(2)
+    learned = AdaptationGains.start(None, 2)
     for k in range(400):
         plan = motion((0.001 * k, 0.0), (0.2, 0.0))
         learned = adapted(par, learned, plan, (0.2, 0.0), (0.0, 0.0), FREE, 0.005)
@@ -134,7 +134,9 @@ def test_a_plan_is_heard_as_late_as_the_observer_hears(periods):
 def test_what_an_actuator_at_its_limit_would_teach_is_not_learned():
     plan, left = motion((0.3, -0.5), (0.9, -0.4)), (-0.4, 0.3)
     par = law(friction_adaptation=2.0)
-    before = hearing(par, plan, dataclasses.replace(first_learned(2), tip_mass=0.02), damping=(0.004, 0.003))
+    before = hearing(
+        par, plan, dataclasses.replace(AdaptationGains.start(None, 2), tip_mass=0.02), damping=(0.004, 0.003)
+    )
     held, free = (adapted(par, before, plan, (0.9, -0.4), left, (1.0, f, f), 0.005) for f in (0.0, 1.0))
     assert held.tip_mass == before.tip_mass != free.tip_mass
     for name in ("damping", "level", "slope"):
@@ -145,7 +147,7 @@ def test_what_an_actuator_at_its_limit_would_teach_is_not_learned():
 
 def test_a_joint_that_does_not_follow_teaches_nothing():
     plan, left, par = motion((0.3, -0.5), (0.9, -0.4)), (-0.4, 0.3), law()
-    learned = hearing(par, plan, dataclasses.replace(first_learned(2), tip_mass=0.02))
+    learned = hearing(par, plan, dataclasses.replace(AdaptationGains.start(None, 2), tip_mass=0.02))
     for _ in range(400):
         learned = adapted(par, learned, plan, (-0.9, 0.4), (0.0, 0.0), (1.0, 0.0, 0.0), 0.005)
     found = adapted(par, learned, plan, (-0.9, 0.4), left, FREE, 0.005)
@@ -159,7 +161,7 @@ def test_what_is_learned_stays_within_its_bounds():
     par = make_centroidal(known, mode="tip", adaptation=5.0, friction_adaptation=5.0, tip_mass_limit=0.2).par
     y = [float(each) for each in unit_load(TRUTH, plan).efforts]
     for sign, end in ((1.0, 0), (-1.0, 1)):
-        load, friction = first_learned(2), first_learned(2)
+        load, friction = AdaptationGains.start(None, 2), AdaptationGains.start(None, 2)
         for _ in range(100):
             load = adapt(
                 par.parts.adaptation, par, load, plan, qd, tuple(-sign * 20.0 * each for each in y), FREE, 0.005
@@ -240,7 +242,7 @@ def test_what_is_learned_is_what_the_observer_finds_in_this_period():
     """A joint that is faster than foreseen, from a memory that knows of no disturbance."""
     scenario = planned("case3_wind", preset="robust")
     flown = fly(scenario).memory
-    still = first_learned(2)
+    still = AdaptationGains.start(None, 2)
     calm = dataclasses.replace(flown.observed, efforts=(0.0, 0.0))
     reading = measurement_of(calm)
     pushed = dataclasses.replace(reading, joint_rates=tuple(rate + 0.1 for rate in reading.joint_rates))

@@ -13,7 +13,7 @@ from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.extrapolation import extrapolate
 from skyarm.control.catalogue import make_controller
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.adaptation import adapt, first_learned
+from skyarm.control.laws.centroidal.adaptation import AdaptationGains, adapt
 from skyarm.control.laws.centroidal.demands import Planned
 from skyarm.control.laws.centroidal.law import Channel
 from skyarm.control.laws.ladder import _present
@@ -25,11 +25,11 @@ MODEL = Model(vehicle=ARM, gravity=9.8)
 DT, PERIOD = 0.005, 0.02
 
 
-def held(sample, ticks, share=1.0):
+def held(sample, ticks):
     """Derivatives of one signal at each tick of a sample that is never followed by another; its channel and age."""
     channels, age, started, found = (Channel(),), 0.0, 0.0, []
     for _ in range(ticks):
-        series, channels, age = extrapolate(channels, age, [sample], started, DT, PERIOD, share)
+        series, channels, age = extrapolate(channels, age, [sample], started, DT, PERIOD)
         started = 1.0
         found.append([float(series[0].derivative(k)) for k in range(5)])
     return np.array(found), channels[0], age
@@ -80,13 +80,6 @@ def test_the_stepped_law_stops_there_too():
     assert now.position.x == pytest.approx(0.3 + PERIOD - PERIOD**2, rel=1e-12)
 
 
-def test_a_share_of_the_time_is_a_share_of_the_way():
-    sample = (1.5, 0.7, -2.0)
-    for share in (0.0, 0.25, 0.5):
-        found, _, _ = held(sample, 3, share)
-        np.testing.assert_allclose(found[-1], parabola(sample, share * 2 * DT), rtol=1e-12, atol=1e-15)
-
-
 def test_what_is_counted_of_one_motion_is_bounded():
     """Three samples fix jerk and snap; a memory whose numbers grow without end would not be one of a fixed state."""
     p = np.polynomial.Polynomial([0.2, -0.3, 0.5, 0.4])
@@ -117,7 +110,7 @@ def test_a_plan_is_heard_exactly_as_late_as_the_observer_finds_what_it_needs(ban
     """Its own lag and the age of the measurements. A pole that moves for the age is off by dt^2 bandwidth / 6 s."""
     observer = (27.0, 31.0, bandwidth, 60.0)
     par = make_centroidal(MODEL, delay=DT * periods, observer=observer, adaptation=0.0).par
-    learned, zero = first_learned(2), Vec3(0.0, 0.0, 0.0)
+    learned, zero = AdaptationGains.start(None, 2), Vec3(0.0, 0.0, 0.0)
     for k in range(240):
         joints = tuple(Taylor.of_derivatives((slope * k * DT, slope, 0.0)) for slope in (0.2, -0.1))
         weight = Vec3(0.0, 0.0, 9.8)

@@ -128,7 +128,7 @@ def test_thrust_across_that_changes_within_a_period_is_no_unknown_force():
     assert np.abs(felt[:2]).max() > 0.4
     observed, _ = observe(
         Model(vehicle=vehicle, gravity=G),
-        ObserverGains(force=27.0, torque=31.0, joints=34.0, pose=60.0),
+        ObserverGains(force=27.0, torque=31.0, joints=34.0, pose=60.0, accelerometer=GAINS),
         first_observed(0, (first,) * 6, True),
         dataclasses.replace(blank_measurement(0, 6), specific_force=vec(felt)),
         Command(rotor_speeds=told, efforts=()),
@@ -136,7 +136,6 @@ def test_thrust_across_that_changes_within_a_period_is_no_unknown_force():
         1.0,
         (1.0,),
         DT,
-        GAINS,
     )
     assert list(observed.force) == pytest.approx([0.0] * 3, abs=1e-3)
 
@@ -159,7 +158,7 @@ def test_rotors_at_their_limit_hold_a_force_that_is_computed_and_not_one_that_is
     measured = dataclasses.replace(readings, velocity=Vec3(0.1, 0.0, 0.0), specific_force=Vec3(2.0, 0.0, G))
     observed, _ = observe(
         ARM,
-        ObserverGains(force=27.0, torque=31.0, joints=34.0, pose=60.0),
+        ObserverGains(force=27.0, torque=31.0, joints=34.0, pose=60.0, accelerometer=pair),
         first_observed(2, speeds, pair is not None),
         measured,
         Command(rotor_speeds=speeds, efforts=(0.0, 0.0)),
@@ -167,7 +166,6 @@ def test_rotors_at_their_limit_hold_a_force_that_is_computed_and_not_one_that_is
         1.0,
         (0.0, 1.0, 1.0),
         DT,
-        pair,
     )
     assert (observed.force.x > 0.1) == (pair is not None)
     assert list(observed.torque) == [0.0] * 3
@@ -175,15 +173,15 @@ def test_rotors_at_their_limit_hold_a_force_that_is_computed_and_not_one_that_is
 
 def test_the_part_is_left_out_by_twice_zero_and_its_force_goes_with_the_bandwidth():
     off, on = (make_centroidal(ARM, accelerometer=pair) for pair in ((0.0, 0.0), (40.0, 5.0)))
-    assert off.par.observation.accelerometer is None
+    assert off.par.observer.accelerometer is None
     assert off.memory == make_centroidal(ARM).memory
     assert off.memory.observed.bias == ()
-    assert on.par.observation.accelerometer == GAINS
-    assert "observation.accelerometer" in on.par.choices()
+    assert on.par.observer.accelerometer == GAINS
+    assert "observer.accelerometer" in on.par.choices()
     # what the trend of the force adds: two poles of the velocity's observer, one of the accelerometer's
     assert lateness(off.par) == pytest.approx(2.0 / 27.0)
     assert lateness(on.par) == pytest.approx(1.0 / 40.0)
-    shared = at_shares(on.par, 0.5, 0.25).observation.accelerometer
+    shared = at_shares(on.par, 0.5, 0.25).observer.accelerometer
     assert shared == AccelerometerGains(force=20.0, velocity=5.0)
 
 

@@ -14,7 +14,6 @@ from skyarm.control.laws.centroidal.force_trend import (
     FORGET,
     HORIZON,
     STAGES,
-    first_trend,
     trend_gains,
     update_trend,
     weighted_rate,
@@ -26,7 +25,7 @@ GAINS = trend_gains(10.0, 0.8)
 
 def fed(forces, gains=GAINS):
     """Memories after each of the forces (n, 3)."""
-    memory, found = first_trend(gains), []
+    memory, found = gains.start(2), []
     for each in forces:
         memory = update_trend(gains, memory, Vec3(*map(float, each)), DT)
         found.append(memory)
@@ -82,7 +81,7 @@ def test_a_turning_force_is_foretold_noise_is_not():
 
 
 def test_what_was_found_is_forgotten_at_its_rate():
-    memory = dataclasses.replace(first_trend(GAINS), agreement=1.0, size=2.0)
+    memory = dataclasses.replace(GAINS.start(2), agreement=1.0, size=2.0)
     for _ in range(200):
         memory = update_trend(GAINS, memory, Vec3(0.0, 0.0, 0.0), DT)
     assert memory.agreement == pytest.approx(np.exp(-FORGET * 1.0), rel=1e-9)
@@ -92,7 +91,7 @@ def test_what_was_found_is_forgotten_at_its_rate():
 def test_trust_stays_within_nothing_and_all():
     rate = np.array([1.0, 2.0, -1.0])
     for agreement, slope in ((-3.0, CHANCE), (1.0, CHANCE), (1.5, 1.5 / (2.0 + GAINS.noise)), (30.0, 1.0)):
-        memory = dataclasses.replace(first_trend(GAINS), rate=Vec3(*rate), agreement=agreement, size=2.0)
+        memory = dataclasses.replace(GAINS.start(2), rate=Vec3(*rate), agreement=agreement, size=2.0)
         trust = (slope - CHANCE) / (1.0 - CHANCE) / (1.0 + (rate @ rate / GAINS.steep**2) ** 2)
         assert list(weighted_rate(GAINS, memory)) == pytest.approx(rate * trust)
 

@@ -14,9 +14,9 @@ import pytest
 import skyarm
 from skyarm.algebra import Mat3, Vec3
 from skyarm.algebra.scalars import divide, sqrt, where
-from skyarm.control.laws.centroidal import interaction as law
-from skyarm.control.laws.centroidal.interaction import InteractionGains, first_interaction, wanted_of
-from skyarm.control.laws.centroidal.tip_force import levers
+from skyarm.control.blocks import force_control as law
+from skyarm.control.blocks.force_control import InteractionGains, first_interaction, wanted_of
+from skyarm.control.blocks.tip_force import levers
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.records.plain import plain
 from skyarm.records.restore import restore
@@ -114,7 +114,7 @@ def wanted(force, grip=1.0, **beside):
 def stepped(wish, memory, pull):
     """One period in which the tip is pulled by some force (N, world axes)."""
     at = levers(ARM, Mat3.identity(), JOINTS)
-    return law.interact(GAINS, memory, wish, ARM, at.disturbance(Vec3(*pull)), at, 0.5, 0.99, DT)
+    return law.interact(GAINS, memory, wish, at.disturbance(Vec3(*pull)), at, 0.5, 0.99, DT)
 
 
 def test_a_tip_that_grips_touches_at_once_and_loses_nothing():

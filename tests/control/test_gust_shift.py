@@ -14,7 +14,7 @@ from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.attitude import Attitude, posture
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.force_trend import first_trend, rate_weight
+from skyarm.control.laws.centroidal.force_trend import rate_weight
 from skyarm.control.laws.centroidal.gust_shift import (
     GustMemory,
     SlowForce,
@@ -172,7 +172,7 @@ def test_what_is_foretold_passes_the_filter_by(model):
     """As far as the trend is believed: force, rate and bend against the mixture written out."""
     par = make_centroidal(model, mode="tip", preset="adaptive", gust_shift=1.0).par
     trend = dataclasses.replace(
-        first_trend(par.parts.trend), level=Vec3(2.0, 1.0, 0.0), rate=Vec3(0.3, -0.2, 0.0), agreement=0.75, size=1.0
+        par.parts.trend.start(2), level=Vec3(2.0, 1.0, 0.0), rate=Vec3(0.3, -0.2, 0.0), agreement=0.75, size=1.0
     )
     slow = SlowForce(Vec3(1.5, 0.2, 0.1), Vec3(0.1, 0.5, 0.0), Vec3(-1.0, 2.0, 0.5))
     adapted, rate, late = np.array([2.5, 4.8, 5.9]), np.array([0.2, -0.1, 0.05]), 2.0 / 27.0

@@ -69,6 +69,6 @@ def test_it_is_made_for_any_arm_in_both_modes(mode, vehicle):
     model = Model(vehicle=skyarm.load_vehicle(vehicle), gravity=9.81)
     made, adaptive = (make_named(f"centroidal_{mode}{end}", model) for end in ("_gusts", ""))
     assert made.name == f"centroidal_{mode}_gusts"
-    assert made.par.observation.accelerometer is not None
+    assert made.par.observer.accelerometer is not None
     assert (made.par.tip.shift is None) == (mode == "joint")
     assert made.par.tip.damping == adaptive.par.tip.damping

@@ -10,18 +10,13 @@ import pytest
 import skyarm
 from skyarm.algebra import Mat3, Vec3
 from skyarm.algebra.scalars.taylor import Taylor
+from skyarm.control.blocks import force_control as law
+from skyarm.control.blocks.force_control import InteractionGains, Pressing, first_interaction
 from skyarm.control.blocks.prediction import Disturbance
+from skyarm.control.blocks.tip_force import levers
 from skyarm.control.controller import ControllerError
-from skyarm.control.laws.centroidal import interaction as law
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.interaction import (
-    InteractionGains,
-    Pressing,
-    estimated_normal,
-    first_interaction,
-    update_lean,
-)
-from skyarm.control.laws.centroidal.tip_force import levers
+from skyarm.control.laws.centroidal.interaction import estimated_normal, release_normal, shift_reference, update_lean
 from skyarm.control.laws.centroidal.tip_tasks import Goal
 from skyarm.control.model import Model
 from skyarm.reference import Reference
@@ -175,15 +170,15 @@ def test_the_tip_keeps_its_goal_across_and_is_only_damped_along_the_normal():
         p, v, a = of.tip
         return a + (v - velocity) * kd + (p - tip) * kp
 
-    free, held = asked(goal), asked(pressing().release_normal(goal, tip, velocity, kd))
+    free, held = asked(goal), asked(release_normal(pressing(), goal, tip, velocity, kd))
     assert (held.y, held.z) == pytest.approx((free.y, free.z))
     assert held.x == pytest.approx(-20.0 * 0.4)
-    assert asked(pressing(share=0.0).release_normal(goal, tip, velocity, kd)) == free
+    assert asked(release_normal(pressing(share=0.0), goal, tip, velocity, kd)) == free
 
 
 def test_the_reference_moves_along_the_normal_with_its_derivatives():
     still = [Taylor((float(i), 0.0, 0.0, 0.0, 0.0)) for i in range(6)]
-    moved = pressing().shift_reference(still)
+    moved = shift_reference(pressing(), still)
     assert [moved[0].derivative(k) for k in range(3)] == pytest.approx([-0.1, -0.2, -0.3])
     assert [each.derivative(0) for each in moved[1:]] == [1.0, 2.0, 3.0, 4.0, 5.0]
 

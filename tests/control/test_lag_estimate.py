@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,9 +18,6 @@ from skyarm.control.laws.centroidal.lag_estimate import (
     LagGains,
     LagMemory,
     estimate,
-    first_lag,
-    learn,
-    shares,
     stride_of,
 )
 from skyarm.control.laws.centroidal.make import make_centroidal
@@ -40,6 +38,14 @@ class Rates:
 
     rate: Vec3
     joint_rates: tuple[float, ...]
+
+
+def learn(gains, memory, told, measurement, started, free, isolated, dt):
+    """The memory one period later, of what a step of the law tells."""
+    before = SimpleNamespace(started=started, free=free)
+    return gains.learn(
+        memory, SimpleNamespace(told=told, measurement=measurement, memory=before, isolated=isolated, dt=dt)
+    )
 
 
 def flown(
@@ -77,7 +83,7 @@ def flown(
     if gust is not None:
         y[:: round(1.0 / dt)] += gust
     rates = np.cumsum(y * dt, axis=0) + noise * rng.normal(size=(n, 5))
-    memory = first_lag(2, gains.stride)
+    memory = gains.start(2)
     for k in range(n):
         told = Told(
             angular=Vec3(*(a[k, :3] + believed[k, :3] - steps[k, :3])),
@@ -91,7 +97,7 @@ def flown(
 
 
 def test_of_the_first_measurement_nothing_is_learned_but_the_rates():
-    first = first_lag(2, 1)
+    first = GAINS.start(2)
     told = Told(angular=Vec3(7.0, 8.0, 9.0), joints=(5.0, 6.0), angular_correction=Vec3(1.0, 1.0, 1.0),
                 joint_corrections=(1.0, 1.0))  # fmt: skip
     rates = (4.0, 3.0, 2.0, 1.0, -1.0)
@@ -185,10 +191,10 @@ def test_a_faster_loop_has_its_lags_as_far_apart():
 
 def test_shares_halve_at_their_lag_and_ignore_a_small_one():
     memory = flown(4, seconds=4.0)
-    base, joints = shares(GAINS, memory, DT)
+    base, joints = GAINS.shares(memory, DT)
     assert base == pytest.approx(0.02 / (0.02 + 0.02 - IGNORED), rel=0.02)
     assert joints == pytest.approx(0.012 / (0.012 + 0.02 - IGNORED), rel=0.02)
-    assert shares(GAINS, first_lag(2, 1), DT) == (1.0, 1.0)
+    assert GAINS.shares(GAINS.start(2), DT) == (1.0, 1.0)
 
 
 def test_gains_at_a_share_have_the_same_damping_ratio():

@@ -18,11 +18,9 @@ from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.load import (
     LoadGains,
     LoadMemory,
-    first_load,
     hang,
     learn_load,
     missing,
-    with_learned,
 )
 from skyarm.control.model import Model
 from skyarm.reference import Reference
@@ -39,7 +37,8 @@ JOINTS = (0.2, -0.6, -0.97, 0.3, -0.8, 0.4)
 TILTED = Quaternion(0.98, 0.1, -0.15, 0.05).normalized().rotation()
 TURNED = Quaternion(0.7, 0.7, 0.1, 0.0).normalized().rotation()
 MODEL = Model(vehicle=ARM, gravity=G)
-NONE = first_load(ARM.n)
+NONE = GAINS.start(ARM.n)
+LAW = make_centroidal(MODEL).par
 AT_TIP = (0.0, 0.0, 0.0)
 
 
@@ -202,7 +201,7 @@ def test_the_model_holds_the_load_with_its_inertia():
     M = [
         np.array(dynamics.mass_matrix(vehicle, Mat3.identity(), JOINTS))
         for vehicle in (
-            with_learned(MODEL, gains, memory).vehicle,
+            gains.adjust_gains(memory, LAW, STEP).model.vehicle,
             ARM.with_body(ARM.frame().link, at_tip(0.3, (0.02, 0.0, 0.01))),
         )
     ]

@@ -579,15 +579,6 @@ def test_it_flies_case_3_nearer_to_the_tip_s_reference_than_the_paper_s_law(plan
     assert tool_error(ours) < 0.002 < 0.1 * paper
 
 
-@pytest.mark.thorough
-def test_a_known_trajectory_and_a_delayed_measurement_are_made_use_of():
-    scenario = early_case3()
-    delays = dataclasses.replace(scenario.delays, measurement=4 * DT)
-    options = {"preview": scenario.reference, "delay_periods": 4, "every": 4}
-    log = run(early_case3(make_controller("nmpc", scenario.controller.par.model, **options), delays=delays))
-    assert tool_error(log) < 0.002
-
-
 def test_a_base_far_from_its_reference_comes_back():
     scenario = load_scenario("case3")
     start = first_state(scenario)
@@ -619,7 +610,6 @@ def test_what_needs_a_law_over_scalars_refuses_in_one_line():
         ({"solver": "riccati"}, "no such option"),
         ({"every": 0}, r"every = 0: must be at least 1"),
         ({"every": 14}, r"every = 14: must be less than controller\.stages = 14"),
-        ({"preview": "full"}, r"preview = 'full': must be 'samples' or a Trajectory"),
         ({"horizon": 0.0}, r"horizon = 0\.0: must be at least 0\.05"),
     ],
 )

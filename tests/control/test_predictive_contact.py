@@ -15,11 +15,11 @@ import skyarm
 from flown import MODEL, cases, vec
 from law_flights import scalars
 from skyarm.compile import leaves, rebuild
+from skyarm.control.blocks.force_control import InteractionGains
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import ControllerError, presses
 from skyarm.control.law_estimates import PushAlone, observed_push
-from skyarm.control.laws.centroidal.interaction import InteractionGains
 from skyarm.control.laws.predictive import preview
 from skyarm.control.laws.predictive.cost import Contact, input_residuals, state_residuals, under_contact
 from skyarm.control.laws.predictive.law import WEIGHTS, problem_at

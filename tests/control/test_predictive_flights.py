@@ -1,6 +1,6 @@
 """The predictive law in flights that change: a push that comes and goes, another belief, snapshots gone back to.
 
-Where the predictive law was lost: near free fall, in arm swings, pushes, unknown delay and with frozen sensors.
+Where the predictive law was lost: near free fall, in arm swings, pushes and unknown delay.
 """
 
 from __future__ import annotations
@@ -195,20 +195,6 @@ def swinging(frequency, amplitude=1.0):
     return tuple(Sine(amplitude=amplitude, frequency_hz=frequency, phase=phase) for phase in (0.0, 0.9))
 
 
-def frozen(law, start, stop):
-    """A controller that is given the reading of ``start`` until ``stop``, in s."""
-
-    def step(memory, measurement, reference, dt, *, par):
-        inner, held = memory
-        if start <= measurement.time < stop:
-            held = held or measurement
-            measurement = held
-        inner, command = law.law(inner, measurement, reference, dt, par=par)
-        return (inner, held), command
-
-    return dataclasses.replace(law, name="frozen", law=step, memory=(law.memory, None), compiled=False)
-
-
 def test_an_arm_that_swings_fast_is_foreseen():
     log = flight(1.0, joints=swinging(1.5, 0.8))
     assert log.status == "completed"
@@ -219,14 +205,6 @@ def test_commands_20_ms_late_that_nobody_told_are_flown():
     log = flight(1.2, joints=CALM, noise=NOISE, delays=Delays(measurement=0.005, command=0.02))
     assert log.status == "completed"
     assert off(log) < 0.02
-
-
-def test_sensors_that_freeze_for_0_3_s_are_flown_through():
-    law = make_controller("nmpc", BASE.controller.par.model, delay_periods=1)
-    held = frozen(law, 0.5, 0.8)
-    log = flight(1.1, joints=CALM, noise=NOISE, delays=Delays(measurement=0.005), controller=held)
-    assert log.status == "completed"
-    assert tilt(log) < 10.0
 
 
 @pytest.mark.thorough
@@ -278,15 +256,6 @@ def test_pushes_of_3_n_beyond_the_arms_strength_lose_no_vehicle(axis, sign):
     log = flight(10.0, noise=NOISE, delays=Delays(measurement=0.005), forces=(push,))
     assert log.status == "completed"
     assert tilt(log) < 80.0
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("seconds", [0.1, 0.5, 1.0])
-def test_frozen_sensors_lose_no_vehicle(seconds):
-    law = frozen(make_controller("nmpc", BASE.controller.par.model, delay_periods=1), 3.0, 3.0 + seconds)
-    log = flight(6.0, joints=CALM, noise=NOISE, delays=Delays(measurement=0.005), controller=law)
-    assert log.status == "completed"
-    assert tilt(log) < 45.0
 
 
 @pytest.mark.thorough

@@ -32,9 +32,7 @@ from skyarm.control.laws.predictive.solver import Bounds, Plan
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
-from skyarm.reference import Reference, Trajectory
-from skyarm.reference.signals import Sine
-from skyarm.scenario.scenario_file import load_scenario
+from skyarm.reference import Reference
 from vehicles_random import PinocchioTwin, RandomState, random_state, random_vehicle, rotation_matrix
 
 DT = 0.005
@@ -77,7 +75,8 @@ def reading(k, delay):
     """A measurement in period k, which shows the instant k - delay, but never one before the start."""
     shown = max(k - delay, 0)
     base = cases(1, seed=4)[0].measurement()
-    return dataclasses.replace(base, time=shown * DT, position=Vec3(float(shown), 0.0, 1.0))
+    silent = (float("nan"),) * 4  # rotors that tell nothing of a command's delay
+    return dataclasses.replace(base, time=shown * DT, position=Vec3(float(shown), 0.0, 1.0), rotor_speeds=silent)
 
 
 def numbered(k):
@@ -147,23 +146,6 @@ def test_a_plan_is_made_every_so_many_periods_from_the_last_one_moved_on_by_thes
         assert len(memory.sent) == min(k, delay) + 1
     assert solved == [k // every + 1 for k in range(10)]
     assert len({command.efforts for command in sent}) == 10
-
-
-@pytest.mark.parametrize("delay", [0, 3])
-def test_a_known_trajectory_is_read_from_the_present_on_however_late_the_measurement(delay):
-    wave = Sine(amplitude=0.1, frequency_hz=0.7)
-    path = Trajectory(y=wave, joints=(wave, wave))
-    controller = make_controller("nmpc", MODEL, delay_periods=delay, every=1, preview=path)
-    made, notes = engine(controller.par)
-    memory = dataclasses.replace(controller.memory, engine=made)
-    at = dataclasses.replace(reading(0, 0), position=Vec3(0.0, 0.0, 0.0))
-    for k in range(delay, 6):
-        shown = dataclasses.replace(at, time=(k - delay) * DT)
-        memory, _ = nmpc(memory, shown, hover(), DT, par=controller.par)
-        goals = notes.problems[-1][0].goals
-        times = (k + np.arange(15)) * DT
-        # the base is within 0.15 m of its path, so that goals are the path itself
-        np.testing.assert_allclose(goals[:, 1], 0.1 * np.sin(2.0 * np.pi * 0.7 * times), atol=1e-12)
 
 
 CHANGES = {
@@ -237,15 +219,6 @@ def test_the_horizon_is_a_time_from_50_ms_to_5_s():
     for value in (0.0499, 5.001, True, "1", float("nan")):
         with pytest.raises(ControllerError, match=r"^controller\.horizon = .*: must be"):
             make_predictive_controller(MODEL, horizon=value)
-
-
-def test_the_preview_is_samples_or_a_trajectory():
-    trajectory = load_scenario("case1").reference
-    assert make_predictive_controller(MODEL, preview=trajectory).par.preview is trajectory
-    assert make_predictive_controller(MODEL, preview="samples").par.preview == "samples"
-    for value in ("sample", "", None, 3):
-        with pytest.raises(ControllerError, match=r"^controller\.preview = .*: must be 'samples' or a Trajectory$"):
-            make_predictive_controller(MODEL, preview=value)
 
 
 pytest.importorskip("pinocchio")

@@ -13,7 +13,6 @@ from skyarm.compile import leaves, rebuild
 from skyarm.control.catalogue import make_controller
 from skyarm.control.laws.predictive import fallback, law, observer, preview
 from skyarm.control.laws.predictive.law import BEARABLE, bearable, engine_key, make_engine
-from skyarm.control.laws.predictive.observer import Fresh, detect_stale, fill_stale, taken_over
 from skyarm.control.laws.predictive.prediction import accelerations, base_accelerations, integrate_stage
 from skyarm.control.laws.predictive.preview import shift
 from skyarm.control.laws.predictive.solver import NoPlanError, Plan, examples
@@ -222,40 +221,11 @@ def test_the_delay_of_commands_is_found_from_rotor_speeds_with_noise(late):
 
 def test_rotors_that_say_nothing_or_nonsense_leave_the_delay_as_it_is():
     rng = np.random.default_rng(1)
-    for nonsense in (np.zeros(4), np.full(4, np.nan), None):
+    for nonsense in (np.zeros(4), np.full(4, np.nan)):
         found = observer.first_lateness(np.full(4, 500.0))
         for _ in range(60):
             found = observer.update_lateness(found, 500.0 + rng.normal(size=4), nonsense, DT)
         assert found.periods == 0
-
-
-def test_what_is_the_same_to_the_last_bit_is_no_news():
-    rng = np.random.default_rng(5)
-    last, reading, foreseen = rng.normal(size=25), rng.normal(size=25), rng.normal(size=29)
-    assert detect_stale(None, reading, 2).parts == ()
-    reading[8:11] = last[8:11]
-    stuck = detect_stale(Fresh(last, 3), reading, 2)
-    assert (stuck.parts, stuck.silent, stuck.spoke_again) == (("velocity",), 4, False)
-    got = fill_stale(reading, foreseen, stuck.parts, 2)
-    np.testing.assert_array_equal(got[8:11], foreseen[7:10])
-    np.testing.assert_array_equal(np.delete(got, [8, 9, 10]), np.delete(reading, [8, 9, 10]))
-    # an arm at rest is news while anything else is
-    reading[17:21] = last[17:21]
-    assert "arm" not in detect_stale(Fresh(last, 0), reading, 2).parts
-    whole = detect_stale(Fresh(last, 0), last.copy(), 2)
-    assert whole.parts == ("position", "quaternion", "velocity", "rate", "arm")
-    np.testing.assert_array_equal(fill_stale(last, foreseen, whole.parts, 2)[17:21], foreseen[13:17])
-    assert detect_stale(Fresh(last, 3), rng.normal(size=25), 2).spoke_again
-    assert not detect_stale(Fresh(last, 2), rng.normal(size=25), 2).spoke_again
-
-
-def test_news_after_silence_is_taken_over_and_teaches_no_force():
-    estimate, before, reading = np.arange(29.0), 100.0 + np.arange(29.0), 1000.0 + np.arange(25.0)
-    found = taken_over(estimate, before, reading, 2)
-    np.testing.assert_array_equal(found[7:13], reading[8:14])
-    np.testing.assert_array_equal(found[15:17], reading[19:21])
-    np.testing.assert_array_equal(found[21:], before[21:])
-    np.testing.assert_array_equal(found[[*range(7), 13, 14, *range(17, 21)]], [*range(7), 13, 14, *range(17, 21)])
 
 
 @pytest.mark.parametrize("thrust", [(0.0, 0.0, 9.8), (2.6, 0.0, 9.8), (0.0, 2.6, 9.8), (-2.0, 1.0, 9.0)])

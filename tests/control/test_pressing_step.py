@@ -14,14 +14,15 @@ from law_parts import with_parts
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.compile import leaves, rebuild
+from skyarm.control.blocks import force_control as law
 from skyarm.control.blocks.disturbance_observer import disturbance
+from skyarm.control.blocks.force_control import InteractionGains, first_interaction, wanted_of
 from skyarm.control.blocks.prediction import Disturbance
-from skyarm.control.laws.centroidal import interaction as law
+from skyarm.control.blocks.tip_force import levers
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.interaction import InteractionGains, first_interaction, update_lean, wanted_of
+from skyarm.control.laws.centroidal.interaction import update_lean
 from skyarm.control.laws.centroidal.lag_estimate import CANDIDATES, Bank
 from skyarm.control.laws.centroidal.part import Step
-from skyarm.control.laws.centroidal.tip_force import levers
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
@@ -61,7 +62,7 @@ def press(gains, par, memory, push, signals, observed, sent, state, unknown, tip
 
 
 def asked(memory, load=0.0, force=1.5):
-    return law.interact(GAINS, memory, wanted_of(PUSH), ARM, AT.disturbance(Vec3(-force, 0.0, 0.3)), AT, 0.0, load, DT)
+    return law.interact(GAINS, memory, wanted_of(PUSH), AT.disturbance(Vec3(-force, 0.0, 0.3)), AT, 0.0, load, DT)
 
 
 def test_the_order_is_the_ramped_sum_of_the_wanted_force_and_the_integral():
@@ -71,7 +72,7 @@ def test_the_order_is_the_ramped_sum_of_the_wanted_force_and_the_integral():
     assert after.found == 1.0
     # the next push comes to its surface with the speed that is told again
     met, nothing = dataclasses.replace(HELD, found=1.0, touching=0.0), wanted_of((0.0, *PUSH[1:]))
-    assert law.interact(GAINS, met, nothing, ARM, AT.disturbance(ZERO), AT, 0.0, 0.0, DT)[0].found == 0.0
+    assert law.interact(GAINS, met, nothing, AT.disturbance(ZERO), AT, 0.0, 0.0, DT)[0].found == 0.0
     assert asked(met, force=0.0)[0].found == 1.0
     assert np.allclose([*after.force], [-1.5, 0.0, 0.3])
     # as the ramp falls, what is left of the order still stands in place of the observed force
@@ -274,7 +275,7 @@ def numbers_of_a_step(*numbers):
     )
     d = Disturbance(force=Vec3(*rest[:3]), torque=Vec3(*rest[3:6]), efforts=tuple(rest[6:8]))
     after, pressing = law.interact(
-        GAINS, memory[0], wanted_of(memory[1]), ARM, d, levers(ARM, Mat3.identity(), rest[8:10]), rest[10], rest[11], DT
+        GAINS, memory[0], wanted_of(memory[1]), d, levers(ARM, Mat3.identity(), rest[8:10]), rest[10], rest[11], DT
     )
     lean = update_lean(after.lean, pressing.n, Vec3(*rest[12:15]), 1.0, pressing.share > 0.1, rest[10] > 0.0, DT)
     given = pressing.with_order(d, AT, AT)

@@ -11,9 +11,9 @@ import skyarm
 from flown import MODEL, G, cases, hovering, raw_squares, unclipped, unlimited
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars.fold import data
+from skyarm.control.blocks.force_control import Pressing
 from skyarm.control.catalogue import make_controller, rescale
 from skyarm.control.controller import ControllerError, presses
-from skyarm.control.laws.centroidal.interaction import Pressing
 from skyarm.control.laws.pressing import (
     Touch,
     admittance_motion,

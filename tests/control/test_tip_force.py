@@ -10,7 +10,7 @@ import pytest
 import skyarm
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.control.blocks.prediction import Disturbance
-from skyarm.control.laws.centroidal.tip_force import ForceErrors, levers, tip_force
+from skyarm.control.blocks.tip_force import ForceErrors, levers, tip_force
 from skyarm.dynamics.kinematics import frame_pose
 
 HUMMINGBIRD = skyarm.load_vehicle("hummingbird_arm2")
@@ -59,7 +59,7 @@ def test_the_force_is_the_least_squares_solution_of_numpy(vehicle, joints):
     rows = np.vstack([J / ERRORS.turning, cross / ERRORS.base, np.eye(3)])
     wanted = [*np.array(d.efforts) / ERRORS.turning, *np.array([*d.torque]) / ERRORS.base, *(array(R).T @ [*d.force])]
     expected = array(R) @ np.linalg.lstsq(rows, np.array(wanted), rcond=None)[0]
-    assert np.allclose([*tip_force(vehicle, ERRORS, at, d)], expected, rtol=1e-9, atol=1e-10)
+    assert np.allclose([*tip_force(ERRORS, at, d)], expected, rtol=1e-9, atol=1e-10)
 
 
 @pytest.mark.parametrize(("vehicle", "joints"), POSTURES)
@@ -67,11 +67,11 @@ def test_a_push_at_the_tip_is_found_beside_a_bias_and_wind_on_the_base_is_hardly
     R, force = tilted(11), Vec3(-1.0, 0.3, 0.2)
     at = levers(vehicle, R, joints)
     bias = Disturbance(force=Vec3(0.5, 0.1, -2.0), torque=Vec3(0.02, 0.1, 0.0), efforts=(0.03,) * vehicle.n)
-    found = tip_force(vehicle, ForceErrors(), at, at.disturbance(force) + bias - bias)
+    found = tip_force(ForceErrors(), at, at.disturbance(force) + bias - bias)
     assert np.allclose([*found], [*force], atol=1e-10)
     # 1 N of wind from the front, which no joint feels
     wind = Disturbance(force=R.apply(Vec3(1.0, 0.0, 0.0)), torque=Vec3(0.0, 0.0, 0.0), efforts=(0.0,) * vehicle.n)
-    assert R.apply_T(tip_force(vehicle, ForceErrors(), at, wind)).x < 0.01
+    assert R.apply_T(tip_force(ForceErrors(), at, wind)).x < 0.01
 
 
 def test_a_sliding_joint_tells_by_its_own_length():
@@ -80,6 +80,6 @@ def test_a_sliding_joint_tells_by_its_own_length():
     vehicle = dataclasses.replace(HUMMINGBIRD, links=(HUMMINGBIRD.links[0], sliding))
     at = levers(vehicle, Mat3.identity(), (-0.4, 0.0))
     d = Disturbance(force=Vec3(0.0, 0.0, 0.0), torque=Vec3(0.0, 0.0, 0.0), efforts=(0.0, 1.0))
-    soft, stiff = (tip_force(vehicle, ForceErrors(sliding=s), at, d) for s in (10.0, 0.01))
+    soft, stiff = (tip_force(ForceErrors(sliding=s), at, d) for s in (10.0, 0.01))
     assert np.linalg.norm([*soft]) < 0.1
     assert np.linalg.norm([*stiff]) > 0.5

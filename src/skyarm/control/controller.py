@@ -126,7 +126,8 @@ def presses(par: Any) -> bool:
 
 def senses_force(par: Any) -> bool:
     """Return True if a law, inside any layers, uses a force sensor at the tip."""
-    return any(getattr(part_of(par, part), "senses", False) for part in ("interaction", "admittance"))
+    parts = (part_of(par, part) for part in ("interaction", "admittance"))
+    return any(getattr(part, "sensing", None) is not None for part in parts)
 
 
 def learns_load(par: Any) -> bool:

@@ -62,8 +62,6 @@ def test_the_ladder_flies_the_papers_gains(name, noisy):
 
 
 LACKING = {
-    "centroidal_tip without observer": {"trim_rate"},
-    "centroidal_tip without continuation": {"continuation"},
     "centroidal_tip without lag inversion": {"lag_inversion"},
     "centroidal_tip without rotor trim": {"trim_rate"},
     "centroidal_tip without adaptation": {"adaptation"},
@@ -84,13 +82,11 @@ def test_the_centroidal_law_flies_stiff_gains_on_perfect_state_and_adaptive_ones
     assert leaves(dataclasses.replace(par.tip, shift=None)) == leaves(dataclasses.replace(tip, shift=None))
     assert par.mode == ("joint" if name == "centroidal_joint" else "tip")
     constants = {
-        "continuation": par.continuation,
         "lag_inversion": par.rotors.lag_inversion,
         "trim_rate": par.rotors.trim_rate,
     }
     lacking = {part for part, value in constants.items() if float(value) == 0.0}
     assert lacking | ({"adaptation"} if par.parts.adaptation is None else set()) == LACKING.get(name, set())
-    assert float(par.observation.measured_rates) == (1.0 if "observer" in name else 0.0)
     assert par.delay_periods == (1 if noisy and "prediction" not in name else 0)
 
 

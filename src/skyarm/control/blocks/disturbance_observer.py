@@ -32,7 +32,6 @@ from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar, divide, mul, where
 from skyarm.control.blocks.filters import double_pole, low_pass_share
 from skyarm.control.blocks.prediction import (
-    BelievedAir,
     Disturbance,
     acceleration,
     motor_speeds,
@@ -165,8 +164,6 @@ def observe(
     started: Scalar,
     free: Sequence[Scalar],
     dt: Scalar,
-    accelerometer: AccelerometerGains | None = None,
-    air: BelievedAir | None = None,
 ) -> tuple[Observed, Told]:
     """Memory at the measurement's time, and the accelerations of the model on the way to it.
 
@@ -180,8 +177,6 @@ def observe(
         started: below 0.5 at the first measurement, which is taken as it is.
         free: 1 or 0 for the base and each joint; 0 holds that disturbance because an actuator is at its limit.
         dt: s.
-        accelerometer: bandwidths of its part; None leaves it to the measured velocity to tell the force.
-        air: what is believed of it; None for still air and no hull.
     """
     place = filter_pose(gains.pose, memory, measurement, started, dt)
     half = motor_speeds(model, memory.rotor_speeds, acted, 0.5 * dt)
@@ -191,7 +186,7 @@ def observe(
     ]
     R = memory.quaternion.plus(place.quaternion, 1.0).normalized().rotation()
     joints = tuple(0.5 * (a + b) for a, b in zip(memory.joints, place.joints, strict=True))
-    pushing = with_side(model, unknown, R, half, memory.velocity, memory.rate, air=air)
+    pushing = with_side(model, unknown, R, half, memory.velocity, memory.rate)
     linear, angular, qdd = acceleration(
         model, R, memory.rate, joints, memory.joint_rates, rotor_wrench(model, squares), acted.efforts, pushing
     )
@@ -203,10 +198,10 @@ def observe(
     fast, slow = [L1 for L1, _ in shares], [L2 / dt for _, L2 in shares]
     turning, bending = ew * slow[1], [mul(e, slow[2]) for e in er]
     base = Felt(velocity=v + ev * fast[0], bias=memory.bias, change=ev * slow[0], learns=free[0])
-    if accelerometer is not None:
+    if gains.accelerometer is not None:
         rotors = unmodelled_thrust(model, squares, half, speeds)
         base = measure_translation(
-            model, accelerometer, memory.velocity, base, measurement, R, linear, rotors, free[1:], dt
+            model, gains.accelerometer, memory.velocity, base, measurement, R, linear, rotors, free[1:], dt
         )
     push, turn, pulls = inertia_times(model, R, joints, base.change, turning, bending)
     running = started > 0.5
@@ -353,12 +348,16 @@ class Observed:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ObserverGains:
-    """Bandwidths, rad/s: of the disturbance on the base's force, its torque, the joints; of the filter of the pose."""
+    """Bandwidths, rad/s: of the disturbance on the base's force, its torque, the joints; of the filter of the pose.
+
+    ``accelerometer`` is None where the measured velocity alone gives the force.
+    """
 
     force: Annotated[Scalar, Unit("rad/s", "bandwidth of the force's disturbance", low=0.0, strict=True)]
     torque: Annotated[Scalar, Unit("rad/s", "of the torque's", low=0.0, strict=True)]
     joints: Annotated[Scalar, Unit("rad/s", "of the joints'", low=0.0, strict=True)]
     pose: Annotated[Scalar, Unit("rad/s", "of the filter of position, attitude and joints")]
+    accelerometer: AccelerometerGains | None = None
 
 
 UNFILTERED = 1e6

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from skyarm.algebra.scalars import Scalar, absolute, divide, logical_or, minimum, mul, where
+from skyarm.algebra.scalars import Scalar, absolute, divide, logical_or, minimum, where
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.select import data
 from skyarm.records.units import Unit
@@ -38,7 +38,6 @@ def extrapolate(
     started: Scalar,
     dt: Scalar,
     period: Scalar,
-    share: Scalar = 1,
 ) -> tuple[list[Taylor], tuple[Channel, ...], Scalar]:
     """Series of every signal at the present instant, the channels to remember, and the sample's new age.
 
@@ -49,7 +48,6 @@ def extrapolate(
         started: False at the first call.
         dt: control period, s.
         period: between samples, s.
-        share: of the time since the sample that the series goes on; 0 keeps the sample as it was.
     """
     new: Any = started < 0.5
     for channel, sample in zip(channels, held, strict=True):
@@ -60,7 +58,7 @@ def extrapolate(
     moved = tuple(
         _after(channel, sample, new, due, started, period) for channel, sample in zip(channels, held, strict=True)
     )
-    series = [_series(channel, sample, mul(share, age), period) for channel, sample in zip(moved, held, strict=True)]
+    series = [_series(channel, sample, age, period) for channel, sample in zip(moved, held, strict=True)]
     return series, moved, age
 
 

@@ -1,9 +1,4 @@
-"""The model in motion: forces of its rotors and of the air, its acceleration, and its steps across a known delay.
-
-Hub drag and drag of the hull act on the base and depend on the velocity against the air, v - wind: hub drag is
-proportional to it and to the rotors' speeds, drag of the hull to its square (:func:`skyarm.world.body_drag`).
-Along a reference the second varies with d/dt (|u| u) for u = v - wind, which a series in time gives to second order.
-"""
+"""The model in motion: forces of its rotors in still air, its acceleration, and its steps across a known delay."""
 
 from __future__ import annotations
 
@@ -14,7 +9,6 @@ from typing import Annotated, Any
 from skyarm import dynamics
 from skyarm.algebra import ZERO3, Force, Mat3, Quaternion, Vec3, inner_product
 from skyarm.algebra.scalars import Scalar, add, sub
-from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.compile.tracing.lower import repeat
 from skyarm.control.blocks.select import data, vector_data
 from skyarm.control.model import Model
@@ -23,7 +17,6 @@ from skyarm.dynamics.actuators import Command, friction, limited_effort, rotor_f
 from skyarm.dynamics.actuators.mixer import allocation_matrix
 from skyarm.dynamics.state import coordinate_acceleration
 from skyarm.records.units import Unit
-from skyarm.world import body_drag
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -63,48 +56,6 @@ def no_disturbance(joints: int) -> Disturbance:
     return Disturbance(force=zero, torque=zero, efforts=(0.0,) * joints)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class BelievedAir:
-    """A law's model of the air.
-
-    Attributes:
-        wind: mean velocity of the air, m/s, world axes; structural zeros for air that stands still.
-        hull: True counts the drag of the model's hull, False that of the rotors' hubs alone.
-    """
-
-    wind: Annotated[Vec3, Unit("m/s", "mean velocity of the air, world axes")]
-    hull: bool
-
-
-def against_air(air: BelievedAir | None, velocity: Vec3) -> Vec3:
-    """A velocity (m/s, world axes) relative to the modelled air."""
-    return velocity if air is None else velocity - air.wind
-
-
-def hull_drag(model: Model, air: BelievedAir | None, velocity_B: Vec3) -> Vec3:
-    """Drag of the hull at a velocity against the air; N and m/s, base axes."""
-    return body_drag(model.vehicle.drag, velocity_B) if air is not None and air.hull else ZERO3
-
-
-def hull_drag_along(model: Model, air: BelievedAir | None, R: Mat3, motion: Sequence[Vec3]) -> list[Vec3]:
-    """Drag of the hull along a motion, with two derivatives; N, N/s and N/s^2, world axes.
-
-    Args:
-        model: belief.
-        air: belief; no drag without one.
-        R: R_WB, which is held.
-        motion: velocity over ground, acceleration and jerk, world axes.
-    """
-    if air is None or not air.hull:
-        return [ZERO3] * 3
-    turned = [R.apply_T(each) for each in (against_air(air, motion[0]), *motion[1:])]
-    u = Vec3(*(Taylor.of_derivatives(each) for each in zip(*turned, strict=True)))
-    force = hull_drag(model, air, u)
-    if not all(isinstance(each, Taylor) for each in force):
-        return [ZERO3] * 3  # no drag in the description: structure
-    return [R.apply(Vec3(*(each.derivative(k) for each in force))) for k in range(3)]
-
-
 SUBSTEPS = 5
 """Model steps per control period across the delay: 1 ms at 200 Hz."""
 
@@ -132,13 +83,11 @@ def with_side(
     velocity: Vec3,
     rate: Vec3,
     sideways: bool = False,
-    air: BelievedAir | None = None,
 ) -> Disturbance:
-    """A disturbance plus the :func:`side_wrench` at a world velocity and the modelled drag of the hull."""
-    moving = R.apply_T(against_air(air, velocity))
-    side = side_wrench(model, speeds, moving, rate, sideways)
+    """A disturbance plus the :func:`side_wrench` at a world velocity."""
+    side = side_wrench(model, speeds, R.apply_T(velocity), rate, sideways)
     return Disturbance(
-        force=unknown.force + R.apply(side.force + hull_drag(model, air, moving)),
+        force=unknown.force + R.apply(side.force),
         torque=unknown.torque + side.torque,
         efforts=unknown.efforts,
     )

@@ -47,23 +47,22 @@ from skyarm.control.blocks.disturbance_observer import (
     observe_uncompensated,
     observer_gains,
 )
-from skyarm.control.controller import ControllerError
-from skyarm.control.law_maker import law_maker, option_numbers
-from skyarm.control.laws.centroidal.interaction import (
+from skyarm.control.blocks.force_control import (
     InteractionGains,
     InteractionMemory,
     Pressing,
     first_interaction,
     interact,
-    interaction_gains,
+    require_thresholds,
     wanted_of,
 )
-from skyarm.control.laws.centroidal.tip_force import TipLevers, levers
+from skyarm.control.blocks.tip_force import TipLevers, levers
+from skyarm.control.controller import ControllerError
+from skyarm.control.law_maker import law_maker, option_numbers
 from skyarm.control.laws.paper import decoupled_pd, generalized_force, hybrid_computed_torque, joint_accelerations
 from skyarm.control.model import Model, Parameters
 from skyarm.dynamics.actuators import Command, mix
 from skyarm.dynamics.kinematics import frame_pose
-from skyarm.records.files import shown
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
@@ -125,13 +124,8 @@ def observe_contact(
         return after, None
     at = levers(vehicle, measurement.quaternion.rotation(), measurement.joints)
     wanted = wanted_of(reference.push[:5])
-    moving = measurement.rate.cross(at.tip)
-    for column, rate in zip(at.columns, measurement.joint_rates, strict=True):
-        moving = moving + column * rate
-    into = -wanted.normal.dot(measurement.velocity + at.R.apply(moving))
-    held, pressing = interact(
-        par.interaction, memory.interaction, wanted, vehicle, disturbance(observed), at, into, 0.0, dt
-    )
+    into = -wanted.normal.dot(at.velocity(measurement.velocity, measurement.rate, measurement.joint_rates))
+    held, pressing = interact(par.interaction, memory.interaction, wanted, disturbance(observed), at, into, 0.0, dt)
     along = where(held.touching > 0.5, wanted.normal.dot(pressing.force), 0.0)
     touch = Touch(at=at, pressing=pressing, force=wanted.force, along=along, speed=wanted.speed, into=into)
     return dataclasses.replace(after, interaction=held), touch
@@ -158,10 +152,8 @@ def thresholds(model: Model, forces: Any) -> InteractionGains:
     if not vehicle.end_effector or not vehicle.n:
         raise ControllerError(f"model.vehicle = {vehicle.name!r}: must have joints that move an end_effector")
     touch, lost = option_numbers("interaction", forces, 2)
-    found = interaction_gains((touch, lost), "tip", vehicle)
-    if found is None:
-        raise ControllerError(f"controller.interaction = {shown(forces)}: must be two forces above 0")
-    return found
+    require_thresholds((touch, lost), leads=True)
+    return InteractionGains(touch=touch, lost=lost)
 
 
 def first_memory(par: PressingParameters) -> PressingMemory:

@@ -146,7 +146,9 @@ class AdaptationGains(Part):
 
     def start(self, joints: int) -> Learned:
         """Memory before the first measurement: nothing is known."""
-        return first_learned(joints)
+        silent = Regressor(load=0.0, place=0.0, rate=0.0)
+        joint = JointLearned(damping=0.0, level=0.0, slope=0.0, once=silent, twice=silent, moving=0.0, off=0.0)
+        return Learned(tip_mass=0.0, joints=(joint,) * joints, feedforward=no_disturbance(joints))
 
     def learn(self, memory: Learned, step: Step) -> Learned:
         """The estimates one period later."""
@@ -174,13 +176,6 @@ def adaptation_gains(vehicle: Vehicle, gains: Mapping[str, Any], limit: float) -
         damping_limits=tuple((-float(q.damping), STICKIEST * float(M[6 + i][6 + i])) for i, q in enumerate(joints)),
         slow=tuple(SLOW[q.kind] for q in joints),
     )
-
-
-def first_learned(joints: int) -> Learned:
-    """Memory before the first measurement: nothing is known."""
-    silent = Regressor(load=0.0, place=0.0, rate=0.0)
-    joint = JointLearned(damping=0.0, level=0.0, slope=0.0, once=silent, twice=silent, moving=0.0, off=0.0)
-    return Learned(tip_mass=0.0, joints=(joint,) * joints, feedforward=no_disturbance(joints))
 
 
 def adapt(

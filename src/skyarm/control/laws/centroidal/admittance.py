@@ -35,12 +35,12 @@ from skyarm.algebra.scalars import Scalar, divide, logical_and, logical_or, maxi
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.disturbance_observer import Observed, disturbance
 from skyarm.control.blocks.filters import low_pass_share
+from skyarm.control.blocks.force_control import SENSING
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.blocks.select import data, vector_data
+from skyarm.control.blocks.tip_force import ForceErrors, levers, tip_force
 from skyarm.control.controller import ControllerError
-from skyarm.control.laws.centroidal.interaction import SENSING
 from skyarm.control.laws.centroidal.part import Part, Step
-from skyarm.control.laws.centroidal.tip_force import ForceErrors, levers, tip_force
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.records.coerce import concrete
 from skyarm.records.files import Fields, shown
@@ -152,14 +152,9 @@ class AdmittanceGains(Part):
     def __post_init__(self) -> None:
         require_moderate("controller.parts.admittance.tip", "inertia", self.tip)
 
-    @property
-    def senses(self) -> bool:
-        """True if a force sensor measures the force: structure."""
-        return self.sensing is not None
-
     def start(self, joints: int) -> AdmittanceMemory:
         """At rest on the reference, nothing known."""
-        zero = Vec3(0.0, 0.0, 0.0) if self.senses else ()
+        zero = () if self.sensing is None else Vec3(0.0, 0.0, 0.0)
         return AdmittanceMemory(bias=no_disturbance(joints), sensed=zero, sensor_bias=zero)
 
     def adjust_reference(self, memory: AdmittanceMemory, step: Step) -> AdmittanceMemory:
@@ -187,7 +182,7 @@ def shift_reference(
     """One period: the memory, and the reference's signals with x, y and z shifted."""
     at = levers(vehicle, observed.quaternion.rotation(), observed.joints)
     d = disturbance(observed)
-    estimate = tip_force(vehicle, gains.errors, at, d - memory.bias)
+    estimate = tip_force(gains.errors, at, d - memory.bias)
     sensed, value = memory.sensed, estimate
     if sensed and memory.sensor_bias and reading:
         sensed = sensed + (Vec3(*reading) - sensed) * low_pass_share(gains.sensing, dt)
@@ -226,39 +221,34 @@ def detect(
     )
 
 
-def admittance_gains(
-    table: Any, mode: str, vehicle: Vehicle, sensor: bool, lead: float, others: Mapping[str, bool]
-) -> AdmittanceGains | None:
-    """Constants of the option ``admittance``; None where it is left out.
+def admittance_gains(table: Any, gains: Mapping[str, Any], leads: bool, lead: float) -> AdmittanceGains:
+    """Constants of the option ``admittance``: mass, damping, stiffness; normal, threshold.
 
     Args:
-        table: mass, damping, stiffness; normal, threshold.
-        mode: of the law.
-        vehicle: model.
-        sensor: whether a force sensor measures the force.
+        table: of the option.
+        gains: the other options.
+        leads: whether the law leads a tip.
         lead: s, lag of the observer.
-        others: options that cannot be used at the same time, and whether they are.
 
     Raises:
-        ControllerError: a wrong table, or a law without a tip to lead.
+        ControllerError: a wrong table, a law without a tip to lead, or one that presses or learns a load.
     """
-    if table is None:
-        return None
     at = "controller.admittance"
-    if mode != "tip" or not vehicle.n:
+    if not leads:
         raise ControllerError(f"{at} = {shown(table)}: must be left out but in mode 'tip' with joints")
-    for name, used in others.items():
-        if used:
+    for name in ("interaction", "load"):
+        if gains[name] not in (0.0, (0.0, 0.0)):
             raise ControllerError(f"{at} = {shown(table)}: must be left out beside {name}")
     try:
         fields = Fields(table, at)
         axes = _axes(fields.vector("normal"), f"{at}.normal") if "normal" in fields.table else ()
-        tip = _compliance(fields, 1.0 / SENSING if sensor else lead, axes)
+        sensing = SENSING if gains["force_sensor"] else None
+        tip = _compliance(fields, 1.0 / sensing if sensing else lead, axes)
         detection = Detection(threshold=fields.number("threshold", Detection().threshold, low=0.0))
         fields.done()
     except ValueError as error:
         raise ControllerError(str(error)) from None
-    return AdmittanceGains(tip=tip, detection=detection, sensing=SENSING if sensor else None)
+    return AdmittanceGains(tip=tip, detection=detection, sensing=sensing)
 
 
 def _compliance(fields: Fields, lead: float, axes: tuple[Vec3, ...]) -> Compliance:

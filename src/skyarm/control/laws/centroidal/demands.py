@@ -19,10 +19,11 @@ from skyarm.control.blocks.attitude import (
     posture,
     upright,
 )
-from skyarm.control.blocks.prediction import BelievedAir, against_air, hull_drag_along, side_wrench
+from skyarm.control.blocks.prediction import side_wrench
 from skyarm.control.laws.centroidal import com_tracking as center_of_mass
 from skyarm.control.laws.centroidal import tip_tasks
 from skyarm.control.laws.centroidal.gust_shift import shift_acceleration
+from skyarm.control.laws.centroidal.interaction import release_normal
 from skyarm.control.laws.centroidal.joint_room import within_limits
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.part import Step
@@ -143,7 +144,7 @@ def demands(step: Step) -> Demand:
         )
         if pressing is not None:
             gap = pressing.n.dot(present.tip - course.goal.tip[0])
-            goal = pressing.release_normal(goal, present.tip, present.tip_velocity, par.tip.velocity)
+            goal = release_normal(pressing, goal, present.tip, present.tip_velocity, par.tip.velocity)
         preferred = tip_tasks.joint_accelerations(vehicle, par.tip, goal, present, preferred)
     if par.joint_ends:
         preferred = within_limits(vehicle, par.joint_ends, par.joint_gains, state, joints, preferred)
@@ -187,7 +188,6 @@ def _course(step: Step) -> Course:
         sideways=sideways,
         moving=moves is not None,
         across=par.rotors.pushes_across,
-        air=par.observation.air,
     )
     changes = (drag[1] + force_rate, drag[2])
     gust = slow if moves is not None and moves.gust is not None else None
@@ -251,7 +251,6 @@ def reference_drag(
     sideways: bool,
     moving: bool,
     across: bool,
-    air: BelievedAir | None = None,
 ) -> list[Vec3]:
     """Force of the rotors but for thrust along body z at the reference's motion (N, world), two derivatives.
 
@@ -265,19 +264,17 @@ def reference_drag(
         sideways: the law itself commands thrust across body z.
         moving: False takes the derivatives as zero.
         across: rotors push across body z without such a command.
-        air: nominal wind and drag of the hull.
     """
     R = state.quaternion.rotation()
 
     def side(motion: Vec3) -> Vec3:
         return R.apply(side_wrench(model, state.rotor_speeds, R.apply_T(motion), ZERO3, sideways).force)
 
-    hull = hull_drag_along(model, air, R, base[1:4])
-    value = side(against_air(air, base[1])) + hull[0]
+    value = side(base[1])
     if not moving:
         return [value, ZERO3, ZERO3]
     changes = [side(base[2]), side(base[3])]
     if across:
         still = side(ZERO3)
         changes = [each - still for each in changes]
-    return [value, *(each + beside for each, beside in zip(changes, hull[1:], strict=True))]
+    return [value, *changes]

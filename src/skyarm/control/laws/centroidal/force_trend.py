@@ -49,8 +49,10 @@ class TrendGains(Part):
     steep: Annotated[Scalar, Unit("N/s", "rate beyond which a change is a step")]
 
     def start(self, joints: int) -> ForceTrend:
-        """Memory before the first measurement."""
-        return first_trend(self)
+        """Memory before the first measurement: as if rates of half a step's had predicted nothing."""
+        zero, size = Vec3(0.0, 0.0, 0.0), 0.25 * self.steep * self.steep
+        chain = (zero,) * STAGES
+        return ForceTrend(level=zero, rate=zero, forces=chain, rates=chain, agreement=0.0, size=size)
 
     def adjust_reference(self, memory: ForceTrend, step: Step) -> ForceTrend:
         """Predict the disturbance by what the observer is late; an impact or a push is no trend."""
@@ -85,15 +87,6 @@ def trend_gains(bandwidth: float, mass: float) -> TrendGains:
         forget=FORGET,
         noise=(SLOWEST * mass) * (SLOWEST * mass),
         steep=STEEPEST * mass,
-    )
-
-
-def first_trend(gains: TrendGains) -> ForceTrend:
-    """Memory before the first measurement: as if rates of half a step's had predicted nothing."""
-    zero = Vec3(0.0, 0.0, 0.0)
-    chain = (zero,) * STAGES
-    return ForceTrend(
-        level=zero, rate=zero, forces=chain, rates=chain, agreement=0.0, size=0.25 * gains.steep * gains.steep
     )
 
 
@@ -142,7 +135,7 @@ def weighted_rate(gains: TrendGains, memory: ForceTrend) -> Vec3:
 
 def lateness(par: CentroidalParameters) -> Any:
     """By how long the observed force is late where it changes steadily, s."""
-    accelerometer = par.observation.accelerometer
+    accelerometer = par.observer.accelerometer
     if accelerometer is None:
         return divide(2.0, maximum(par.observer.force, AHEAD))
     return divide(1.0, maximum(accelerometer.force, AHEAD))

@@ -18,13 +18,11 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra.scalars import Scalar, divide, exp, maximum, minimum, mul, sub, where
-from skyarm.control.blocks.disturbance_observer import Told
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.select import data
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters, at_shares
 from skyarm.control.laws.centroidal.part import Part, Step
 from skyarm.records.units import Unit
-from skyarm.sensing.measurement import Measurement
 
 CANDIDATES = 9
 """Lags in the bank: none, and eight steps."""
@@ -64,16 +62,71 @@ class LagGains(Part):
 
     def start(self, joints: int) -> LagMemory:
         """Memory before the first measurement."""
-        return first_lag(joints, self.stride)
+        none = (0.0,) * (3 + joints)
+        bank = Bank(means=(0.0,) * CANDIDATES, scale=0.0)
+        return LagMemory(
+            count=0.0,
+            rates=none,
+            disturbing=none,
+            believed=(none,) * 3,
+            measured=(none,) * 3,
+            past=(none,) * (self.stride * (CANDIDATES - 1)),
+            base=bank,
+            arm=bank,
+            found=(0.0, 0.0),
+        )
 
     def adjust_gains(self, memory: LagMemory, par: CentroidalParameters, dt: Scalar) -> CentroidalParameters:
         """Gains at the shares of the bandwidth that the lags leave."""
-        return at_shares(par, *shares(self, memory, dt))
+        return at_shares(par, *self.shares(memory, dt))
+
+    def shares(self, memory: LagMemory, dt: Scalar) -> tuple[Scalar, Scalar]:
+        """Shares of the bandwidth that the lags leave: of the rotors' loops and of the joints', 0 to 1."""
+        base, joints = self.lags(memory, dt)
+
+        def share(half: Scalar, lag: Any) -> Any:
+            return divide(half, half + maximum(lag - IGNORED, 0.0))
+
+        return share(self.base, base), share(self.joints, joints)
+
+    def lags(self, memory: LagMemory, dt: Scalar) -> tuple[Scalar, Scalar]:
+        """Lags of the rotors' loops and of the joints', s."""
+        step = dt * self.stride
+        return estimate(memory.base, step), estimate(memory.arm, step)
 
     def learn(self, memory: LagMemory, step: Step) -> LagMemory:
-        """The estimate one period later."""
-        before = step.memory
-        return learn(self, memory, step.told, step.measurement, before.started, before.free, step.isolated, step.dt)
+        """The estimate one period later; it is held in contact and before the second measurement."""
+        told, measurement, free, dt = step.told, step.measurement, step.memory.free, step.dt
+        running = where(step.memory.started > 0.5, 1.0, 0.0)
+        rates = (*measurement.rate, *measurement.joint_rates)
+        by_model = (*told.angular, *told.joints)
+        # the observer's disturbance stands still at limits of actuators
+        learning = (free[0], free[0], free[0], *free[1:])
+        corrections = (*told.angular_correction, *told.joint_corrections)
+        own = [sub(a, d) for a, d in zip(by_model, memory.disturbing, strict=True)]
+        seen = [divide(sub(now, before), dt) for now, before in zip(rates, memory.rates, strict=True)]
+        believed = _in_row(memory.believed, own, running, dt)
+        measured = _in_row(memory.measured, seen, running, dt)
+        band = _band_pass(believed)
+        delayed = [band, *(memory.past[k - 1] for k in range(self.stride, len(memory.past) + 1, self.stride))]
+        weight = step.isolated * (AT_LIMIT + (1.0 - AT_LIMIT) * free[0])
+        keep = running * weight * maximum(FORGETTING * dt, divide(1.0, memory.count + FIRST))
+        here = _band_pass(measured)
+        groups = ((memory.base, slice(0, 2)), (memory.arm, slice(3, None)))
+        base, arm = (_bank(bank, here[p], [each[p] for each in delayed], keep, running * dt) for bank, p in groups)
+        return LagMemory(
+            count=memory.count + running,
+            rates=tuple(data(each) for each in rates),
+            disturbing=tuple(
+                d + mul(running, mul(c, f)) for d, c, f in zip(memory.disturbing, corrections, learning, strict=True)
+            ),
+            believed=believed,
+            measured=measured,
+            past=(band, *memory.past[:-1]),
+            base=base,
+            arm=arm,
+            found=self.lags(memory, dt),
+        )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -99,42 +152,9 @@ class LagMemory:
     found: Annotated[tuple[Scalar, Scalar], Unit("s", "lag of the rotors' loops and of the joints' that was answered")]
 
 
-def first_lag(joints: int, stride: int) -> LagMemory:
-    """Memory before the first measurement."""
-    none = (0.0,) * (3 + joints)
-    bank = Bank(means=(0.0,) * CANDIDATES, scale=0.0)
-    return LagMemory(
-        count=0.0,
-        rates=none,
-        disturbing=none,
-        believed=(none,) * 3,
-        measured=(none,) * 3,
-        past=(none,) * (stride * (CANDIDATES - 1)),
-        base=bank,
-        arm=bank,
-        found=(0.0, 0.0),
-    )
-
-
 def stride_of(control_period: float) -> int:
     """Control periods between two lags of the bank."""
     return max(1, round(STEP / control_period))
-
-
-def shares(gains: LagGains, memory: LagMemory, dt: Scalar) -> tuple[Scalar, Scalar]:
-    """Shares of the bandwidth that the lags leave: of the rotors' loops and of the joints', 0 to 1."""
-    base, joints = _lags(gains, memory, dt)
-
-    def share(half: Scalar, lag: Any) -> Any:
-        return divide(half, half + maximum(lag - IGNORED, 0.0))
-
-    return share(gains.base, base), share(gains.joints, joints)
-
-
-def _lags(gains: LagGains, memory: LagMemory, dt: Scalar) -> tuple[Scalar, Scalar]:
-    """Lags of the rotors' loops and of the joints', s."""
-    step = dt * gains.stride
-    return estimate(memory.base, step), estimate(memory.arm, step)
 
 
 def estimate(bank: Bank, step: Scalar) -> Any:
@@ -155,59 +175,6 @@ def _price_lags(means: Sequence[Scalar]) -> tuple[list[Scalar], Scalar]:
     for each in paid[1:]:
         least = minimum(least, each)
     return paid, least
-
-
-def learn(
-    gains: LagGains,
-    memory: LagMemory,
-    told: Told,
-    measurement: Measurement,
-    started: Scalar,
-    free: Sequence[Scalar],
-    isolated: Scalar,
-    dt: Scalar,
-) -> LagMemory:
-    """The memory one period later.
-
-    Args:
-        gains: constants.
-        memory: before.
-        told: accelerations of the model and corrections of the observer in the period that ended.
-        measurement: at its end.
-        started: 0 at the first measurement, which is not used.
-        free: 1 while no actuator was at its limit, of the base and each joint; 0 stops the observer's disturbance.
-        isolated: 1 in free motion, 0 in contact, where no lag is estimated.
-        dt: s.
-    """
-    running = where(started > 0.5, 1.0, 0.0)
-    rates = (*measurement.rate, *measurement.joint_rates)
-    by_model = (*told.angular, *told.joints)
-    learning = (free[0], free[0], free[0], *free[1:])
-    corrections = (*told.angular_correction, *told.joint_corrections)
-    own = [sub(a, d) for a, d in zip(by_model, memory.disturbing, strict=True)]
-    seen = [divide(sub(now, before), dt) for now, before in zip(rates, memory.rates, strict=True)]
-    believed = _in_row(memory.believed, own, running, dt)
-    measured = _in_row(memory.measured, seen, running, dt)
-    band = _band_pass(believed)
-    delayed = [band, *(memory.past[k - 1] for k in range(gains.stride, len(memory.past) + 1, gains.stride))]
-    weight = isolated * (AT_LIMIT + (1.0 - AT_LIMIT) * free[0])
-    keep = running * weight * maximum(FORGETTING * dt, divide(1.0, memory.count + FIRST))
-    here = _band_pass(measured)
-    groups = ((memory.base, slice(0, 2)), (memory.arm, slice(3, None)))
-    base, arm = (_bank(bank, here[part], [each[part] for each in delayed], keep, running * dt) for bank, part in groups)
-    return LagMemory(
-        count=memory.count + running,
-        rates=tuple(data(each) for each in rates),
-        disturbing=tuple(
-            d + mul(running, mul(c, f)) for d, c, f in zip(memory.disturbing, corrections, learning, strict=True)
-        ),
-        believed=believed,
-        measured=measured,
-        past=(band, *memory.past[:-1]),
-        base=base,
-        arm=arm,
-        found=_lags(gains, memory, dt),
-    )
 
 
 def _in_row(

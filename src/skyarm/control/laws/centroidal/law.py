@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar, add, mul, sub, where
+from skyarm.algebra.scalars import Scalar, where
 from skyarm.control.blocks.actuators import all_follow
 from skyarm.control.blocks.disturbance_observer import Observed, disturbance, observe
 from skyarm.control.blocks.extrapolation import Channel, extrapolate, samples
@@ -76,7 +76,7 @@ def centroidal(
 ) -> tuple[CentroidalMemory, Command]:
     """One step of the centroidal law."""
     signals, channels, age = extrapolate(
-        memory.channels, memory.age, samples(reference), memory.started, dt, par.reference_period, par.continuation
+        memory.channels, memory.age, samples(reference), memory.started, dt, par.reference_period
     )
     parts = par.parts.present()
     memories = {name: getattr(memory.parts, name) for name, _ in parts}
@@ -95,8 +95,6 @@ def centroidal(
         memory.started,
         memory.free,
         dt,
-        par.observation.accelerometer,
-        par.observation.air,
     )
     alone = disturbance(observed) + adapted
     # a command that others changed moves the vehicle away from its plan: nothing of that is a load or friction
@@ -119,7 +117,6 @@ def centroidal(
             observed.velocity,
             observed.rate,
             par.center.sideways is not None,
-            par.observation.air,
         ),
         force=observed.force,
         free=tuple(where(unchanged, each, 0.0) for each in memory.free),
@@ -152,19 +149,14 @@ def centroidal(
 
 def _present(step: Step) -> State:
     """The state now: filtered, carried across the delay by the commands sent since."""
-    par, observed, measurement = step.par, step.observed, step.measurement
-    share = par.observation.measured_rates
-
-    def blend(filtered: Scalar, measured: Scalar) -> Any:
-        return add(filtered, mul(share, sub(measured, filtered)))
-
+    par, observed = step.par, step.observed
     state = State(
         position=observed.position,
         quaternion=observed.quaternion,
-        velocity=observed.velocity + (measurement.velocity - observed.velocity) * share,
-        rate=observed.rate + (measurement.rate - observed.rate) * share,
+        velocity=observed.velocity,
+        rate=observed.rate,
         joints=observed.joints,
-        joint_rates=tuple(blend(a, b) for a, b in zip(observed.joint_rates, measurement.joint_rates, strict=True)),
+        joint_rates=observed.joint_rates,
         rotor_speeds=observed.rotor_speeds,
     )
     for command in step.memory.sent[1:]:

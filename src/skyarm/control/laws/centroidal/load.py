@@ -1,7 +1,7 @@
 """Estimate of a load at the tip from the observed disturbance during a grasp, and its use in the law's model.
 
 A mass dm beyond the model's is the weight -dm g e_z at the tip, one that lies elsewhere a horizontal torque t about the
-tip. Both are the weighted least squares (lengths as in :mod:`skyarm.control.laws.centroidal.tip_force`) of
+tip. Both are the weighted least squares (lengths as in :mod:`skyarm.control.blocks.tip_force`) of
 
     joints J_v^T f + J_w^T t,  turning r x f + t,  vertical force f_z,      f = -dm g e_z
 
@@ -25,13 +25,13 @@ from skyarm.algebra import Mat3, Sym3, Vec3
 from skyarm.algebra.scalars import Scalar, clip, divide, logical_or, maximum, minimum, mul, where
 from skyarm.control.blocks.actuators import all_follow
 from skyarm.control.blocks.filters import low_pass_share
+from skyarm.control.blocks.force_control import contact_cleared
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.blocks.select import data
+from skyarm.control.blocks.tip_force import ForceErrors, LeastSquares
 from skyarm.control.controller import ControllerError
-from skyarm.control.laws.centroidal.interaction import contact_cleared
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.part import Part, Step
-from skyarm.control.laws.centroidal.tip_force import ForceErrors, LeastSquares
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.records.files import shown
@@ -43,15 +43,6 @@ UP = Vec3(0, 0, 1)
 
 VAGUE = 1e6
 """kg, of a mass about which nothing is known beforehand: without gravity nothing tells of it, and none is found."""
-
-
-def with_learned(model: Model, gains: LoadGains, memory: LoadMemory) -> Model:
-    """The model with the load that its tip holds."""
-    tip = model.vehicle.frame()
-    about = memory.mass * (gains.size * gains.size)
-    com = tip.position + tip.rotation.apply(memory.place)
-    load = Body(mass=memory.mass, com=com, inertia=Sym3(about, about, about))
-    return dataclasses.replace(model, vehicle=model.vehicle.with_body(tip.link, load))
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -182,11 +173,15 @@ class LoadGains(Part):
 
     def start(self, joints: int) -> LoadMemory:
         """Nothing is held and nothing is known."""
-        return first_load(joints)
+        return LoadMemory(mass=0.0, place=Vec3(0.0, 0.0, 0.0), bias=no_disturbance(joints))
 
     def adjust_gains(self, memory: LoadMemory, par: CentroidalParameters, dt: Scalar) -> CentroidalParameters:
-        """The load belongs to the model of all that follows."""
-        return dataclasses.replace(par, model=with_learned(par.model, self, memory))
+        """The load that the tip holds belongs to the model of all that follows."""
+        vehicle, about = par.model.vehicle, memory.mass * (self.size * self.size)
+        tip = vehicle.frame()
+        com = tip.position + tip.rotation.apply(memory.place)
+        load = Body(mass=memory.mass, com=com, inertia=Sym3(about, about, about))
+        return dataclasses.replace(par, model=dataclasses.replace(par.model, vehicle=vehicle.with_body(tip.link, load)))
 
     def adjust_reference(self, memory: LoadMemory, step: Step) -> LoadMemory:
         """Learn the load; what holds it up from below is not answered."""
@@ -220,21 +215,14 @@ class LoadMemory:
     bias: Disturbance
 
 
-def load_gains(limit: float, vehicle: Vehicle) -> LoadGains | None:
-    """Constants of the estimated load for its largest mass, kg; None where it is left out.
+def load_gains(limit: float, vehicle: Vehicle) -> LoadGains:
+    """Constants of the estimated load for its largest mass, kg.
 
     Raises:
         ControllerError: a vehicle without a tip that joints move.
     """
-    if limit == 0.0:
-        return None
     if not vehicle.end_effector or not vehicle.n:
         raise ControllerError(
             f"controller.load = {shown(limit)}: must be 0: {vehicle.name!r} has no joints that move an end_effector"
         )
     return LoadGains(limit=limit)
-
-
-def first_load(joints: int) -> LoadMemory:
-    """Nothing is held and nothing is known."""
-    return LoadMemory(mass=0.0, place=Vec3(0.0, 0.0, 0.0), bias=no_disturbance(joints))

@@ -7,12 +7,12 @@ from collections.abc import Iterable, Mapping
 from typing import Any, TypeVar
 
 from skyarm import dynamics
-from skyarm.algebra import ZERO3, Mat3, Vec3
+from skyarm.algebra import Mat3, Vec3
 from skyarm.algebra.scalars import minimum
 from skyarm.control.blocks.attitude import BaseGains
 from skyarm.control.blocks.disturbance_observer import AccelerometerGains, ObserverGains, first_observed
 from skyarm.control.blocks.extrapolation import Channel
-from skyarm.control.blocks.prediction import BelievedAir
+from skyarm.control.blocks.force_control import SENSING, require_thresholds
 from skyarm.control.blocks.select import data
 from skyarm.control.controller import Controller, ControllerError, all_applied
 from skyarm.control.laws.centroidal.adaptation import adaptation_gains
@@ -20,7 +20,7 @@ from skyarm.control.laws.centroidal.admittance import admittance_gains
 from skyarm.control.laws.centroidal.demands import pushes_across
 from skyarm.control.laws.centroidal.force_trend import trend_gains
 from skyarm.control.laws.centroidal.gust_shift import GustMemory, gust_gains
-from skyarm.control.laws.centroidal.interaction import interaction_gains
+from skyarm.control.laws.centroidal.interaction import Interaction
 from skyarm.control.laws.centroidal.joint_room import ends_of
 from skyarm.control.laws.centroidal.lag_estimate import LagGains, stride_of
 from skyarm.control.laws.centroidal.law import CentroidalMemory, PartMemories, centroidal
@@ -29,7 +29,6 @@ from skyarm.control.laws.centroidal.parameters import (
     MODES,
     CenterGains,
     CentroidalParameters,
-    Observation,
     Parts,
     RotorGains,
     ShiftGains,
@@ -99,12 +98,11 @@ def make_centroidal(
         if type(word) is not str or word not in words:
             refuse(name, word, f"one of {list(words)}")
     gains = {**PRESETS[preset], **{name: check_entry(name, value) for name, value in changes.items()}}
-    must_act(changes, gains, mode)
-    periods, vehicle, sideways = periods_of(delay, control_period), model.vehicle, gains["sideways"] > 0.0
-    if sideways and vehicle.tilts:
-        known: dict[str, Any] = {"mode": mode, "preset": preset, "delay": delay, "control_period": control_period}
-        known |= {"reference_period": reference_period, "tip_mass_limit": tip_mass_limit, "admittance": admittance}
-        return with_tilting(make_centroidal(pairs_model(model), **known, **changes), model)
+    must_act(changes, gains, mode, admittance is not None)
+    periods, sideways, whole = periods_of(delay, control_period), gains["sideways"] > 0.0, model
+    turns_rotors = sideways and bool(model.vehicle.tilts)
+    model = pairs_model(model) if turns_rotors else model
+    vehicle, leads = model.vehicle, mode == "tip" and model.vehicle.n > 0
     if preset in ("adaptive", "gusts") and mode == "tip" and vehicle.end_effector and "damping" not in changes:
         gains["damping"] *= damping_share(vehicle)
     if (mode == "tip" or changes.get("adaptation")) and not vehicle.end_effector:
@@ -113,7 +111,7 @@ def make_centroidal(
         gains |= dict.fromkeys(("arm_turn", "swing_rate", "path_rate"), 0.0)
     kp, kv, kr, kw = gains["base"]
     yaw_kr, yaw_kw = gains["yaw"]
-    sensor, ends = gains["force_sensor"], ends_of(vehicle)
+    ends = ends_of(vehicle)
     par = CentroidalParameters(
         model=model,
         mixer=_mixer(vehicle, sideways, gains["yaw_slack"], "yaw_slack" in changes),
@@ -150,13 +148,11 @@ def make_centroidal(
             if gains["shift_bandwidth"] and mode == "tip"
             else None,
         ),
-        observer=ObserverGains(**_row("force torque joints pose", gains["observer"])),
-        observation=Observation(
+        observer=ObserverGains(
+            **_row("force torque joints pose", gains["observer"]),
             accelerometer=AccelerometerGains(**_row("force velocity", gains["accelerometer"]))
             if any(gains["accelerometer"])
             else None,
-            air=_air(vehicle, gains["hull_drag"], gains["wind"]),
-            measured_rates=gains["measured_rates"],
         ),
         rotors=_of_options(
             RotorGains,
@@ -166,22 +162,21 @@ def make_centroidal(
         ),
         delay_periods=periods,
         reference_period=number_within("reference_period", reference_period, *PERIODS),
-        continuation=gains["continuation"],
         parts=Parts(
             lag=LagGains(**_row("base joints", gains["lag"]), stride=stride_of(control_period))
             if any(gains["lag"])
             else None,
-            interaction=interaction_gains(gains["interaction"], mode, vehicle, sensor and admittance is None),
-            admittance=admittance_gains(
+            interaction=_interaction(gains, leads) if any(gains["interaction"]) else None,
+            # the observer finds a force late by its two poles and the known delay
+            admittance=None
+            if admittance is None
+            else admittance_gains(
                 admittance,
-                mode,
-                vehicle,
-                sensor,
-                # the observer finds a force late by its two poles and the known delay
+                gains,
+                leads,
                 periods * control_period + 2.0 / max(gains["observer"][2] * gains["bandwidth"], 1.0),
-                {"interaction": any(gains["interaction"]), "load": gains["load"] > 0.0},
             ),
-            load=load_gains(gains["load"], vehicle),
+            load=load_gains(gains["load"], vehicle) if gains["load"] else None,
             trend=trend_gains(gains["force_trend"], float(vehicle.mass)) if gains["force_trend"] else None,
             adaptation=adaptation_gains(vehicle, gains, number_within("tip_mass_limit", tip_mass_limit, 0.0, 1e3)),
         ),
@@ -189,7 +184,15 @@ def make_centroidal(
     if gains["bandwidth"] != 1.0:
         par = at_shares(par, gains["bandwidth"], gains["bandwidth"])
     memory = first_memory(par, periods)
-    return Controller(name=name_of(mode, preset), law=centroidal, par=par, memory=memory, keeps_tip=mode == "tip")
+    found = Controller(name=name_of(mode, preset), law=centroidal, par=par, memory=memory, keeps_tip=mode == "tip")
+    return with_tilting(found, whole) if turns_rotors else found
+
+
+def _interaction(gains: Mapping[str, Any], leads: bool) -> Interaction:
+    """Constants of pressing."""
+    require_thresholds(gains["interaction"], leads)
+    touch, lost = gains["interaction"]
+    return Interaction(touch=touch, lost=lost, sensing=SENSING if gains["force_sensor"] else None)
 
 
 def _of_options(kind: type[Gains], gains: Mapping[str, Any], **others: Any) -> Gains:
@@ -224,15 +227,6 @@ def _mixer(vehicle: Vehicle, sideways: bool, yaw_slack: float, given: bool) -> M
         return make_mixer(vehicle)
 
 
-def _air(vehicle: Vehicle, hull: bool, wind: tuple[float, float, float]) -> BelievedAir | None:
-    """Model of the air; None for still air and no hull."""
-    if hull and not any(vehicle.drag.area):
-        raise ControllerError(
-            f"controller.hull_drag = true: model.vehicle = {vehicle.name!r} must have a drag.area, which it has not"
-        )
-    return BelievedAir(wind=Vec3(*wind) if any(wind) else ZERO3, hull=hull) if hull or any(wind) else None
-
-
 def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMemory:
     """Memory before the first step: a level hover with the joints at zero, as the model sees it."""
     model, vehicle, moves = par.model, par.model.vehicle, par.tip.shift
@@ -244,7 +238,7 @@ def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMem
         started=0.0,
         age=0.0,
         channels=(Channel(),) * (4 + vehicle.n),
-        observed=first_observed(vehicle.n, speeds, par.observation.accelerometer is not None),
+        observed=first_observed(vehicle.n, speeds, par.observer.accelerometer is not None),
         sent=(standing,) * (delay_periods + 1),
         applied=all_applied(vehicle.n),
         free=(1.0,) * (1 + vehicle.n),

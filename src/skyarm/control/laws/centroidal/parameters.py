@@ -8,8 +8,7 @@ from typing import Annotated, Any
 
 from skyarm.algebra.scalars import Scalar
 from skyarm.control.blocks.attitude import BaseGains
-from skyarm.control.blocks.disturbance_observer import AccelerometerGains, ObserverGains
-from skyarm.control.blocks.prediction import BelievedAir
+from skyarm.control.blocks.disturbance_observer import ObserverGains
 from skyarm.control.laws.centroidal.part import Part
 from skyarm.control.model import JointGains, Model
 from skyarm.dynamics.actuators import Mixer
@@ -90,15 +89,6 @@ class TipGains:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Observation:
-    """Options of the observer in addition to its bandwidths; None for no accelerometer, and for still air."""
-
-    accelerometer: AccelerometerGains | None
-    air: BelievedAir | None
-    measured_rates: Annotated[Scalar, Unit("", "0 velocities of the observer, 1 of the sensors")]
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
 class Parts:
     """Parts with a memory, in the order in which they act; None leaves one out. See :class:`Part`."""
 
@@ -134,11 +124,9 @@ class CentroidalParameters:
     joint_ends: tuple[tuple[bool, bool], ...]
     tip: TipGains
     observer: ObserverGains
-    observation: Observation
     rotors: RotorGains
     delay_periods: int
     reference_period: Annotated[Scalar, Unit("s", "between samples of the reference")]
-    continuation: Annotated[Scalar, Unit("", "0 to 1, share of the time since a reference sample that it is continued")]
     parts: Parts
 
     def choices(self) -> list[str]:
@@ -165,16 +153,15 @@ def at_shares(par: CentroidalParameters, rotors: Scalar, joints: Scalar) -> Cent
     Stiffnesses go with the square of the bandwidth, dampings and observers with the bandwidth.
     """
     once, twice = rotors * rotors, joints * joints
-    accelerometer = par.observation.accelerometer
-    if accelerometer is not None:
-        accelerometer = _times(accelerometer, force=rotors)
+    observer = _times(par.observer, force=rotors, torque=rotors, joints=joints)
+    if observer.accelerometer is not None:
+        observer = dataclasses.replace(observer, accelerometer=_times(observer.accelerometer, force=rotors))
     return dataclasses.replace(
         par,
         base=_times(par.base, position=once, velocity=rotors, attitude=once, rate=rotors),
         joint_gains=_times(par.joint_gains, stiffness=twice, damping=joints),
         tip=_times(par.tip, position=twice, velocity=joints),
-        observer=_times(par.observer, force=rotors, torque=rotors, joints=joints),
-        observation=dataclasses.replace(par.observation, accelerometer=accelerometer),
+        observer=observer,
     )
 
 

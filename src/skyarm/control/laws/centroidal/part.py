@@ -14,6 +14,7 @@ from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar, mul
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.disturbance_observer import Observed, Told
+from skyarm.control.blocks.force_control import Pressing
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.dynamics import State
 from skyarm.reference import Reference
@@ -22,7 +23,6 @@ from skyarm.sensing.measurement import Measurement
 if TYPE_CHECKING:
     from skyarm.control.laws.centroidal.demands import Demand
     from skyarm.control.laws.centroidal.gust_shift import SlowForce
-    from skyarm.control.laws.centroidal.interaction import Pressing
     from skyarm.control.laws.centroidal.law import CentroidalMemory
     from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 

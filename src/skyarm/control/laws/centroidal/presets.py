@@ -18,9 +18,7 @@ OPTIONS: Mapping[str, tuple[Any, float, float]] = {
     "damping": (0.03, 1e-6, 1e3),
     "posture": (1e-4, 1e-9, 1e3),
     "shift_limit": (0.2, 1e-6, 1e3),
-    "continuation": (1.0, 0.0, 1.0),
     "trim_rate": (3.0, 0.0, 50.0),
-    "measured_rates": (0.0, 0.0, 1.0),
     "adaptation": (0.6, 0.0, 5.0),
     "friction_adaptation": (2.0, 0.0, 5.0),
     "bandwidth": (1.0, 0.01, 10.0),
@@ -39,8 +37,6 @@ OPTIONS: Mapping[str, tuple[Any, float, float]] = {
     "joint_limits": (False, 0.0, 1.0),
     "lag": ((0.0, 0.0), 0.0, math.inf),
     "accelerometer": ((0.0, 0.0), 0.0, 1e3),
-    "hull_drag": (False, 0.0, 1.0),
-    "wind": ((0.0, 0.0, 0.0), -100.0, 100.0),
     "interaction": ((0.0, 0.0), 0.0, 1e3),
     "load": (0.0, 0.0, 1e3),
     "force_sensor": (False, 0.0, 1.0),
@@ -192,13 +188,15 @@ def check_entry(name: str, value: Any) -> Any:
     return tuple(number_within(f"{name}[{i}]", each, *limits) for i, each in enumerate(value))
 
 
-def must_act(changes: Mapping[str, Any], gains: Mapping[str, Any], mode: str) -> None:
-    """Refuse options that need others, without which they do nothing."""
+def must_act(changes: Mapping[str, Any], gains: Mapping[str, Any], mode: str, admits: bool) -> None:
+    """Refuse options that need others, without which they do nothing; ``admits`` with the option ``admittance``."""
     for name in ("gust_shift", "swing_rate", "path_rate"):
         if changes.get(name) and not gains["shift_bandwidth"]:
             refuse(name, changes[name], "0 without shift_bandwidth")
     if changes.get("gust_shift") and mode != "tip":
         refuse("gust_shift", changes["gust_shift"], f"0 in mode {mode!r}")
+    if gains["force_sensor"] and not (admits or any(gains["interaction"])):
+        raise ControllerError("controller.force_sensor = true: must be false without interaction")
     if any(gains["attitude"]) and not gains["sideways"]:
         refuse("attitude", gains["attitude"], "level without the option sideways")
     for name, unit in (("accelerometer", "bandwidths"), ("lag", "lengths")):

@@ -25,7 +25,7 @@ from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, cos, divide, mul, sin, sub
 from skyarm.control.blocks.attitude import derivative, moving, posture
 from skyarm.control.blocks.prediction import Disturbance
-from skyarm.control.laws.centroidal.tip_force import levers
+from skyarm.control.blocks.tip_force import levers
 from skyarm.control.laws.predictive.prediction import Inputs, accelerations, integrate_stage
 from skyarm.control.model import Model
 from skyarm.dynamics import State, frame_pose

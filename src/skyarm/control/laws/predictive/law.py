@@ -3,13 +3,13 @@
 Law: every so many control periods (option ``every``) the motion of base, arm and rotors over a short horizon of growing
 stages is chosen so that base, joints and tool follow the reference at little rotor acceleration; in between the
 feedback u = u* + K (x - x*) of the solution acts. A disturbance observer makes it free of offset. The solution is warm
-started from the last one, moved on in time. Commands that act late, frozen sensors and plans that lead nowhere are
+started from the last one, moved on in time. Commands that act late and plans that lead nowhere are
 detected (:mod:`.observer`, :mod:`.fallback`). A tip that presses is held by a surface whose force the plan predicts
 (:mod:`.tip_contact`, :mod:`.cost`).
 
 Assumptions: rigid bodies, rotors that lag, still air; what else pushes is one force and torque at the base and one
 torque a joint, constant over the horizon. Position, velocity, acceleration of the *held samples* are extrapolated, as
-every other law must (``preview="samples"``); a known trajectory may be given instead, which no other law has.
+every other law must.
 
 Tuning: ``weights``, ``bandwidths``, ``stages``, ``horizon``, ``every``. Not traceable.
 
@@ -32,9 +32,9 @@ import numpy.typing as npt
 
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves
+from skyarm.control.blocks.force_control import InteractionGains, InteractionMemory, require_thresholds
 from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.law_maker import checked_option, option_numbers
-from skyarm.control.laws.centroidal.interaction import InteractionGains, InteractionMemory, interaction_gains
 from skyarm.control.laws.paper import level_joint_gravity
 from skyarm.control.laws.predictive.cost import MODES, Weights
 from skyarm.control.laws.predictive.fallback import Stabiliser, Trust, after_period, after_plan, is_flyable, worst_cost
@@ -50,7 +50,6 @@ from skyarm.control.laws.predictive.preview import (
     extrapolate,
     goals,
     make_stance,
-    sample_trajectory,
     update_sample,
 )
 from skyarm.control.laws.predictive.solver import (
@@ -68,7 +67,7 @@ from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command, Mixer, make_mixer
 from skyarm.records.files import shown
 from skyarm.records.units import Unit
-from skyarm.reference import Reference, Trajectory
+from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 
 WEIGHTS = Weights(
@@ -96,7 +95,6 @@ class PredictiveParameters:
         weights, mode: of the cost. bandwidths: of the observer.
         stages: of the horizon, which grow by one factor from the ``every``-th on. horizon: s.
         every: control periods from one solution to the next. delay_periods: known age of measurements, control periods.
-        preview: "samples", or the trajectory if it is known.
         interaction: of pressing on surfaces; None for a law that knows nothing of a push.
     """
 
@@ -109,7 +107,6 @@ class PredictiveParameters:
     horizon: Annotated[float, Unit("s", low=0.05, high=5.0)]
     every: Annotated[int, Unit("control periods", "from one solution to the next", low=1, high=200)]
     delay_periods: Annotated[int, Unit("control periods", "known age of the measurement", low=0, high=100)]
-    preview: str | Trajectory
     interaction: InteractionGains | None = None
 
 
@@ -221,12 +218,12 @@ def nmpc(
         silent = None if par.interaction is None else Vec3(0.0, 0.0, 0.0)
         memory = dataclasses.replace(memory, plan=None, since=0, interaction=None, tip_force=silent)
         engine = make_engine(key)
-    past, sent, reading = memory.past, memory.sent, np.array(leaves(measurement), dtype=float)
+    past, sent = memory.past, memory.sent
     if past is None:
         past = engine.observation.first(measurement)
     elif len(sent) > par.delay_periods:
         # the first measurements are those of the start, repeated
-        (past, reading), sent = engine.observation.update(past, sent[0], measurement), sent[1:]
+        past, sent = engine.observation.update(past, sent[0], measurement), sent[1:]
     estimate, late = past.estimate, past.late.periods
     nx = len(estimate) - 6 - par.model.vehicle.n
     # the state in which the command of this period begins to act
@@ -240,13 +237,13 @@ def nmpc(
         known = np.array(touch.pressed)
     plan, since, trust = memory.plan, memory.since, memory.trust
     if plan is None or since >= par.every:
-        now = float(measurement.time) + par.delay_periods * dt
-        problem = problem_at(engine, x, estimate[nx:], sample, now, float(late * dt), par, touch)
+        problem = problem_at(engine, x, estimate[nx:], sample, float(late * dt), par, touch)
         plan, since = _solve_plan(engine, plan, since * dt, problem, par), 0
         trust = after_plan(trust, is_flyable(plan, engine.most))
     if trust.flies_plans:
         command = _command(engine, plan, since, x, dt)
     else:
+        reading = np.array(leaves(measurement), dtype=float)
         command = engine.stabiliser.command(reading, bearable(known, engine.bounds.efforts), sample)
     following = PredictiveMemory(
         engine=engine,
@@ -312,7 +309,6 @@ def make_predictive_controller(
     horizon: float = 0.65,
     every: int = 2,
     delay_periods: int = 0,
-    preview: str | Trajectory = "samples",
     interaction: tuple[float, float] | None = None,
 ) -> Controller:
     """Whole-body model predictive control; the options are those of :class:`PredictiveParameters`.
@@ -330,18 +326,17 @@ def make_predictive_controller(
     held = {name: checked_option(PredictiveParameters, name, value, model) for name, value in given.items()}
     if held["every"] >= held["stages"]:
         raise ControllerError(f"controller.every = {every}: must be less than controller.stages = {stages}")
-    if not isinstance(preview, Trajectory) and preview != "samples":
-        raise ControllerError(f"controller.preview = {shown(preview)}: must be 'samples' or a Trajectory")
     leads = mode == "tool" and bool(model.vehicle.end_effector) and model.vehicle.n > 0
     if interaction is None:
         interaction = THRESHOLDS if leads else (0.0, 0.0)
     touch, lost = option_numbers("interaction", interaction, 2)
+    if touch or lost:
+        require_thresholds((touch, lost), leads, "tool")
     par = PredictiveParameters(
         model=model,
         mixer=make_mixer(model.vehicle),
-        preview=preview,
         **held,
-        interaction=interaction_gains((touch, lost), "tool" if leads else "joints", model.vehicle, leading="tool"),
+        interaction=InteractionGains(touch=touch, lost=lost) if touch or lost else None,
     )
     tip = mode == "tool"
     memory = PredictiveMemory(tip_force=None if par.interaction is None else Vec3(0.0, 0.0, 0.0))
@@ -366,17 +361,13 @@ def problem_at(
     x: Array,
     disturbance: Array,
     sample: Sample,
-    time: float,
     late: float,
     par: PredictiveParameters,
     touch: Touch | None = None,
 ) -> Problem:
     """The problem from the state ``late`` s after now, when a command begins to act."""
     later = late + np.append(0.0, np.cumsum(engine.solver.steps))
-    if isinstance(par.preview, Trajectory):
-        motion = sample_trajectory(par.preview, time + later)
-    else:
-        motion = extrapolate(sample, sample.age + later)
+    motion = extrapolate(sample, sample.age + later)
     model, pressed, gains = par.model, disturbance, par.interaction
     if touch is not None and gains is not None:
         motion[:, :, :3] += np.stack(shift_ahead(gains, touch, later))[:, :, None] * np.array(touch.normal)

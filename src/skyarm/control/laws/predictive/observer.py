@@ -1,4 +1,4 @@
-"""State estimate of the predictive law: extended state observer, command delay, frozen sensors.
+"""State estimate of the predictive law: extended state observer and command delay.
 
 Velocity and disturbance come from a second-order extended state observer.
 
@@ -6,10 +6,6 @@ Command delay, from the measured rotor speeds: a rotor that follows its commands
 as its model did k periods before. The speeds of the model are stored for the longest delay; the delay whose speeds were
 nearest to the measured ones lately is taken once it is clearly nearer than the present one. It makes no difference
 whether commands are late on their way out or measurements on their way in.
-
-Frozen sensors: a reading whose numbers are those of the one before, to the last bit, is no new one (a sensor that
-hangs, a link that repeats itself, a sensor slower than the control). It is replaced by the prediction and the observer
-does not learn from it: taken for new it would say that the vehicle has stopped.
 """
 
 from __future__ import annotations
@@ -138,32 +134,17 @@ class Observation:
         estimate = np.array([*moving, *(0.0,) * (6 + self.joints)], dtype=float)
         return Past(estimate, first_lateness(np.array(m.rotor_speeds, dtype=float)))
 
-    def update(self, past: Past, sent: Command, measurement: Measurement) -> tuple[Past, Array]:
-        """Estimate at a measurement, and that measurement's leaves with frozen parts predicted.
-
-        Args:
-            past: one period earlier.
-            sent: command of the period between them, if commands act at once.
-            measurement: the new one.
-        """
+    def update(self, past: Past, sent: Command, measurement: Measurement) -> Past:
+        """Memory at a measurement, ``sent`` the command of the period before it, if commands act at once."""
         reading = np.array(leaves(measurement), dtype=float)
-        speeds = np.array(measurement.rotor_speeds, dtype=float)
         shown = (*past.shown, sent)[-1 - LONGEST :]
         modelled = speeds_under(self.motors, past.late.modelled[0], np.array(sent.rotor_speeds))
-        stopped = past.fresh is not None and np.array_equal(past.fresh.reading[-len(speeds) :], speeds)
-        late = update_lateness(past.late, modelled, None if stopped else speeds, self.dt)
-        stuck = detect_stale(past.fresh, reading, self.joints)
-        fresh = Fresh(reading.copy(), stuck.silent)
+        late = update_lateness(past.late, modelled, np.array(measurement.rotor_speeds, dtype=float), self.dt)
         acted = command_row(shown[max(len(shown) - 1 - late.periods, 0)])
         # of the quaternion's two signs the one that is nearer to the last
         if reading[4:8] @ past.estimate[3:7] < 0.0:
             reading[4:8] *= -1.0
-        if stuck.parts:
-            reading = fill_stale(reading, self.now(past.estimate, [acted]), stuck.parts, self.joints)
-        estimate = self.at(past.estimate, acted, reading)
-        if stuck.spoke_again:
-            estimate = taken_over(estimate, past.estimate, reading, self.joints)
-        return Past(estimate, late, shown, fresh), reading
+        return Past(self.at(past.estimate, acted, reading), late, shown)
 
 
 def command_row(command: Command) -> Array:
@@ -178,13 +159,11 @@ class Past:
     Attributes:
         estimate: leaves of an :class:`Estimate` at the last measurement. late: how late commands act.
         shown: last commands before that measurement, oldest first, if commands act at once.
-        fresh: the last measurement as it came; None before the second.
     """
 
     estimate: Array
     late: Lateness
     shown: tuple[Command, ...] = ()
-    fresh: Fresh | None = None
 
 
 LONGEST = 12
@@ -225,18 +204,16 @@ def first_lateness(speeds: Array) -> Lateness:
     return Lateness(np.tile(speeds, (LONGEST + 1, 1)), np.zeros(LONGEST + 1))
 
 
-def update_lateness(before: Lateness, modelled: Array, measured: Array | None, dt: float) -> Lateness:
+def update_lateness(before: Lateness, modelled: Array, measured: Array, dt: float) -> Lateness:
     """The same after ``dt`` s.
 
     Args:
         before: one period earlier.
         modelled: (rotors,) speeds now of rotors that obeyed the commands so far at once.
-        measured: (rotors,) speeds; None if they are those of the measurement before, which tell nothing.
+        measured: (rotors,) speeds.
         dt: s.
     """
     rows = np.vstack([modelled, before.modelled[:-1]])
-    if measured is None:
-        return dataclasses.replace(before, modelled=rows)
     kept = np.exp(-dt / MEMORY)
     squares = kept * before.squares + np.mean((rows - measured) ** 2, axis=1)
     found = Lateness(rows, squares, kept * before.weight + 1.0, before.count + 1, before.periods)
@@ -245,71 +222,3 @@ def update_lateness(before: Lateness, modelled: Array, measured: Array | None, d
     if found.count < LEAST or not now > NOTICED**2 * found.weight or not squares[best] < CLEAR * now:
         return found
     return dataclasses.replace(found, periods=best)
-
-
-PARTS = {"position": (1, 4), "quaternion": (4, 8), "velocity": (8, 11), "rate": (11, 14)}
-"""Numbers of a measurement that one sensor says: first and end, in the order of its leaves."""
-
-FIRST_JOINT = 17
-"""Number of the first joint among a measurement's leaves."""
-
-LONG = 3
-"""Periods without news of a velocity after which the next news is taken over at once."""
-
-
-@dataclass(frozen=True, slots=True)
-class Fresh:
-    """The last measurement, its leaves as they came, and periods since velocity and rate were both new."""
-
-    reading: Array
-    silent: int = 0
-
-
-@dataclass(frozen=True, slots=True)
-class Stuck:
-    """Repeated parts of a measurement.
-
-    Attributes:
-        parts: keys of :data:`PARTS`, and "arm" where everything is the same.
-        silent: periods since velocity and rate were both new. spoke_again: whether they are now, after long silence.
-    """
-
-    parts: tuple[str, ...]
-    silent: int
-    spoke_again: bool
-
-
-def detect_stale(last: Fresh | None, reading: Array, joints: int) -> Stuck:
-    """Compare a measurement with the one before.
-
-    An arm at rest says the same for long, so that its readings count as old only where every other one is.
-    """
-    if last is None:
-        return Stuck((), 0, False)
-    same = [name for name, (a, b) in PARTS.items() if np.array_equal(reading[a:b], last.reading[a:b])]
-    arm = slice(FIRST_JOINT, FIRST_JOINT + 2 * joints)
-    if len(same) == len(PARTS) and np.array_equal(reading[arm], last.reading[arm]):
-        same.append("arm")
-    if "velocity" in same or "rate" in same:
-        return Stuck(tuple(same), last.silent + 1, False)
-    return Stuck(tuple(same), 0, last.silent >= LONG)
-
-
-def fill_stale(reading: Array, foreseen: Array, parts: tuple[str, ...], joints: int) -> Array:
-    """A measurement with its repeated parts replaced by those of a predicted state (the leaves of an estimate)."""
-    found = reading.copy()
-    for name in parts:
-        # a state lists the same parts without the time before them and the specific force before the joints
-        a, b, earlier = (*PARTS[name], 1) if name in PARTS else (FIRST_JOINT, FIRST_JOINT + 2 * joints, 4)
-        found[a:b] = foreseen[a - earlier : b - earlier]
-    return found
-
-
-def taken_over(estimate: Array, before: Array, reading: Array, joints: int) -> Array:
-    """An estimate with the measured velocities, and the disturbance as it was before they were missed."""
-    found = estimate.copy()
-    found[7:13] = reading[8:14]
-    rates = 13 + joints
-    found[rates : rates + joints] = reading[FIRST_JOINT + joints : FIRST_JOINT + 2 * joints]
-    found[-6 - joints :] = before[-6 - joints :]
-    return found

@@ -23,7 +23,7 @@ from skyarm.control.laws.predictive.cost import given_way
 from skyarm.control.laws.predictive.solver import Compiled
 from skyarm.control.model import Model
 from skyarm.dynamics import frame_pose
-from skyarm.reference import Reference, Trajectory
+from skyarm.reference import Reference
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Array = npt.NDArray[np.float64]
@@ -126,17 +126,6 @@ def update_sample(reference: Reference, before: Sample | None, dt: float) -> Sam
     # from the mean jerk since the last sample to that of the swing now; the same where nothing swings
     s1, _, _, c = _shares(np.sqrt(found.stiffness) * age)
     return dataclasses.replace(found, jerks=(accelerations * c - last) / (age * s1))
-
-
-def sample_trajectory(trajectory: Trajectory, times: Array) -> Array:
-    """Signals and their derivatives (3, T, signals) of a trajectory at times, s."""
-    r = trajectory.at(times)
-    rows = (
-        (*r.position, r.yaw, *r.joints),
-        (*r.velocity, r.yaw_rate, *r.joint_rates),
-        (*r.acceleration, r.yaw_acceleration, *r.joint_accelerations),
-    )
-    return np.stack([np.stack([np.broadcast_to(c, times.shape) for c in row], axis=1) for row in rows]).astype(float)
 
 
 def goals(motion: Array, shift: Array) -> Array:

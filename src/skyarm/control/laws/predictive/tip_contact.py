@@ -18,14 +18,14 @@ import numpy.typing as npt
 from skyarm.algebra import E_Z, Vec3, axis_rotation
 from skyarm.algebra.scalars import Scalar, minimum, where
 from skyarm.compile import leaves
-from skyarm.control.laws.centroidal.interaction import (
+from skyarm.control.blocks.force_control import (
     InteractionGains,
     InteractionMemory,
     first_interaction,
     interact,
     wanted_of,
 )
-from skyarm.control.laws.centroidal.tip_force import levers
+from skyarm.control.blocks.tip_force import levers
 from skyarm.control.laws.predictive.cost import tip_velocity
 from skyarm.control.laws.predictive.solver import Compiled, examples
 from skyarm.control.model import Model
@@ -92,7 +92,7 @@ class TipContact:
             x, y, z, yaw, *joints = signals
             wanted, at = wanted_of(push), levers(vehicle, now.quaternion.rotation(), now.joints)
             n, into = wanted.normal, -wanted.normal.dot(tip_velocity(model, now))
-            after, pressing = interact(gains, memory, wanted, vehicle, observed, at, into, 0.0, dt)
+            after, pressing = interact(gains, memory, wanted, observed, at, into, 0.0, dt)
             arm = axis_rotation(E_Z, yaw).apply(frame_pose(vehicle, vehicle.frame(), tuple(joints)).p)
             way = now.position + at.R.apply(at.tip) - Vec3(x, y, z) - arm
             after = dataclasses.replace(after, gap=n.dot(way) - after.shift)

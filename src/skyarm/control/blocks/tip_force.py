@@ -45,9 +45,11 @@ class TipLevers:
     """Levers from a force at the tip to base and joints.
 
     Attributes:
-        R: R_WB. tip: m, of the tip against the base origin, base axes. columns: of its Jacobian, base axes.
+        vehicle: model. R: R_WB.
+        tip: m, of the tip against the base origin, base axes. columns: of its Jacobian, base axes.
     """
 
+    vehicle: Vehicle
     R: Mat3
     tip: Vec3
     columns: tuple[Vec3, ...]
@@ -58,19 +60,27 @@ class TipLevers:
         efforts = tuple(column.dot(own) for column in self.columns)
         return Disturbance(force=force, torque=self.tip.cross(own), efforts=efforts)
 
+    def velocity(self, base: Vec3, rate: Vec3, joint_rates: Sequence[Scalar]) -> Vec3:
+        """Velocity of the tip (m/s, world axes) under those of base (world axes), body and joints."""
+        moving = rate.cross(self.tip)
+        for column, joint_rate in zip(self.columns, joint_rates, strict=True):
+            moving = moving + column * joint_rate
+        velocity: Vec3 = base + self.R.apply(moving)
+        return velocity
+
 
 def levers(vehicle: Vehicle, R: Mat3, joints: Sequence[Scalar]) -> TipLevers:
     """Levers of the tip at an attitude and joint positions."""
     frame = vehicle.frame()
     columns = tuple(column.linear for column in jacobian_columns(vehicle, frame, joints))
-    return TipLevers(R, frame_pose(vehicle, frame, joints).p, columns)
+    return TipLevers(vehicle, R, frame_pose(vehicle, frame, joints).p, columns)
 
 
-def tip_force(vehicle: Vehicle, errors: ForceErrors, at: TipLevers, rest: Disturbance) -> Vec3:
+def tip_force(errors: ForceErrors, at: TipLevers, rest: Disturbance) -> Vec3:
     """Force at the tip, N, world axes, in the observed disturbance without its bias: weighted least squares."""
     squares = LeastSquares(3)
     squares.prefer(at.R.apply_T(rest.force), 1)
-    for link, column, effort in zip(vehicle.links, at.columns, rest.efforts, strict=True):
+    for link, column, effort in zip(at.vehicle.links, at.columns, rest.efforts, strict=True):
         squares.require(tuple(column), effort, errors.weight_of(link))
     rows = zip(*(at.tip.cross(axis) for axis in AXES), strict=True)
     for row, torque in zip(rows, rest.torque, strict=True):

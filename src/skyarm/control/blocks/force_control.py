@@ -1,0 +1,360 @@
+"""Force control along the estimated normal n of a surface, for the tip of any arm.
+
+The disturbance observer takes a surface for a disturbance; a law that compensated it would push against its own push.
+Along n the *desired* force therefore replaces the observed one: the joints give it, the base carries it.
+
+Per period: the tip's force f (:mod:`skyarm.control.blocks.tip_force`); contact, which begins above ``touch`` and ends
+when f.n stays below ``lost`` for ``loss_time`` or, after full force, the tip goes in faster than ``escape`` for
+``escape_time``; a share g that rises in ``rise`` and falls in ``fall`` seconds; the order o = g (f_d + i) with the
+bounded integral i' = k (f_d - f.n), still unless g = 1, and not growing at limits of actuators; and the shift s of the
+reference along n, by which the base comes to the surface, follows it and returns. The base also carries (1 - g) f.n
+while the ramp runs: it must answer an impact.
+
+Friction holds a resting tip with any force within its cone, which joints and rotors balance. Near their limits the law
+compensates less of the force across n, and friction takes the difference.
+
+A tip that grips is in contact for as long as the reference says; f_d may have either sign, and the normal may be the
+radius of an arc (:class:`Wanted`).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from skyarm.algebra import Vec3
+from skyarm.algebra.scalars import (
+    Scalar,
+    absolute,
+    clip,
+    logical_and,
+    logical_not,
+    logical_or,
+    maximum,
+    minimum,
+    mul,
+    where,
+)
+from skyarm.control.blocks.filters import low_pass_share
+from skyarm.control.blocks.prediction import Disturbance, no_disturbance
+from skyarm.control.blocks.select import vector_data
+from skyarm.control.blocks.tip_force import ForceErrors, TipLevers, tip_force
+from skyarm.control.controller import ControllerError
+from skyarm.records.files import shown
+from skyarm.records.units import Unit
+from skyarm.reference.tip_motion import STRONGEST, out_of_axis
+
+PRESSED = 0.75
+"""Above it a surface was not only met: the order has been there as a whole."""
+
+
+def interact(
+    gains: InteractionGains,
+    memory: InteractionMemory,
+    wanted: Wanted,
+    observed: Disturbance,
+    at: TipLevers,
+    into: Scalar,
+    load: Scalar,
+    dt: Scalar,
+    felt: Vec3 | None = None,
+) -> tuple[InteractionMemory, Pressing]:
+    """One period of pressing.
+
+    Args:
+        gains: constants.
+        memory: one period earlier.
+        wanted: desired contact.
+        observed: disturbance.
+        at: levers at its time.
+        into: speed of the tip into the surface, m/s.
+        load: largest share of its limit of the last command of a joint or rotor.
+        dt: s.
+        felt: N, the tip's force of a sensor, world axes; it decides on contact and drives the integral.
+    """
+    n, asked = wanted.normal, wanted.requests_contact
+    force = tip_force(gains.errors, at, observed - memory.bias)
+    along = n.dot(force if felt is None else felt)
+    touching, losing = touches(gains, memory, asked, along, into, dt)
+    relieved = clip((load - gains.relief_start) / (gains.relief_end - gains.relief_start), 0.0, 1.0)
+    kept = 1.0 - gains.relief * relieved
+    if wanted.grips:
+        kept = where(wanted.grip > 0.5, gains.yielding, kept)
+        touching, losing = maximum(touching, wanted.grip), losing * (1.0 - wanted.grip)
+    share = ramp_share(gains, memory.share, touching, dt)
+    integral = integrate_force_error(
+        gains, memory.integral, wanted.force, along, touching, share, relieved, dt, wanted.grips
+    )
+    presses = logical_or(touching > 0.5, share > 0.0)
+    free = where(logical_or(presses, memory.touching > 0.5), 0.0, memory.free + dt)
+    engaged = where(presses, 1.0, 0.0)
+    shift = normal_shift(gains, memory, asked, touching, wanted.speed, dt)
+    after = dataclasses.replace(
+        memory,
+        touching=touching,
+        losing=losing,
+        share=share,
+        integral=integral,
+        found=where(asked, maximum(memory.found, where(share < 1.0, 0.5, 1.0) * touching), 0.0),
+        shift=shift[0],
+        shift_rate=shift[1],
+        free=free,
+        bias=update_bias(gains, memory.bias, observed, force, asked, free, dt),
+        force=vector_data(force),
+        felt=memory.felt if felt is None else vector_data(felt),
+    )
+    pressing = Pressing(
+        n=n,
+        share=share,
+        damping=where(logical_and(into > gains.escape, memory.found > PRESSED), gains.catching, gains.damping),
+        engaged=engaged,
+        shift=shift,
+        asked=asked,
+        order=share * (wanted.force + integral),
+        beyond=touching * (1.0 - share) * n.dot(force),
+        force=force,
+        kept=kept,
+    )
+    return after, pressing
+
+
+def touches(
+    gains: InteractionGains, memory: InteractionMemory, asked: Scalar, along: Scalar, into: Scalar, dt: Scalar
+) -> tuple[Scalar, Scalar]:
+    """Contact of the tip (1 or 0), with hysteresis; and progress towards its loss, 1 at the loss."""
+    was = memory.touching > 0.5
+    weak, through = (
+        where(along < gains.lost, dt / gains.loss_time, 0.0),
+        where(logical_and(into > gains.escape, memory.found > PRESSED), dt / gains.escape_time, 0.0),
+    )
+    step = maximum(weak, through)
+    losing = where(logical_and(was, step > 0.0), memory.losing + step, 0.0)
+    # a sum of periods is not exactly their number times one
+    # the force at a tip that still goes in, soon after a loss, is a remainder in the observer or a sensor's filter
+    begins = logical_and(along > gains.touch, logical_or(into < gains.escape, memory.free > gains.rebound))
+    found: Scalar = where(was, where(losing > 1.0 - 1e-9, 0.0, 1.0), where(begins, 1.0, 0.0))
+    return where(asked, found, 0.0), losing
+
+
+def ramp_share(gains: InteractionGains, share: Scalar, touching: Scalar, dt: Scalar) -> Any:
+    """The share of the desired force one period later."""
+    return clip(share + where(touching > 0.5, dt / gains.rise, -dt / gains.fall), 0.0, 1.0)
+
+
+def integrate_force_error(
+    gains: InteractionGains,
+    integral: Scalar,
+    wanted: Scalar,
+    along: Scalar,
+    touching: Scalar,
+    share: Scalar,
+    relieved: Scalar,
+    dt: Scalar,
+    signed: bool = False,
+) -> Any:
+    """The bounded integral of the force's error, N: still while the ramp runs, none without contact.
+
+    With ``relieved`` (0 to 1, at an actuator's limit) the order does not grow.
+    """
+    most = gains.integral_share * (absolute(wanted) if signed else wanted) + gains.integral_least
+    step = where(share < 1.0, 0.0, gains.integral * dt) * (wanted - along)
+    step = where(step * (wanted + integral) > 0.0, step * (1.0 - relieved), step)
+    return where(touching > 0.5, clip(integral + step, -most, most), 0.0)
+
+
+def normal_shift(
+    gains: InteractionGains, memory: InteractionMemory, asked: Scalar, touching: Scalar, speed: Scalar, dt: Scalar
+) -> tuple[Scalar, Scalar, Scalar]:
+    """Shift of the reference along the normal with two derivatives: it comes, follows the surface, or returns."""
+    s, rate, w = memory.shift, memory.shift_rate, gains.follow
+    speed = where(memory.found > 0.0, minimum(speed, gains.again), speed)
+    coming = where(s > -gains.furthest, -speed, 0.0)
+    back = -(w * w) * s - 2.0 * w * rate
+    follow = (w * w) * memory.gap - 2.0 * w * rate
+    free = where(asked, gains.coming * (coming - rate), back)
+    limit = gains.follow_limit
+    acceleration = clip(where(touching > 0.5, follow, free), -limit, limit)
+    moved = rate + acceleration * dt
+    return s + (rate + moved) * (0.5 * dt), moved, acceleration
+
+
+def update_bias(
+    gains: InteractionGains, bias: Disturbance, d: Disturbance, force: Vec3, asked: Scalar, free: Scalar, dt: Scalar
+) -> Disturbance:
+    """The bias one period later: all of it in free flight, the base's force by what the tip's does not explain."""
+    learns = logical_and(logical_not(asked), free > gains.rest)
+    share = where(learns, low_pass_share(gains.bias_rate, dt), 0.0)
+    wind = where(learns, share, where(asked, low_pass_share(gains.wind_rate, dt), 0.0))
+    unexplained = dataclasses.replace(d, force=d.force - force * where(learns, 0.0, 1.0))
+    return bias.blend_towards(unexplained, share, wind)
+
+
+def contact_cleared(gains: InteractionGains, memory: InteractionMemory) -> Any:
+    """1 where nothing of a contact is left in what is observed, else 0."""
+    return where(maximum(memory.free - gains.rest, 0.0) > 0.0, 1.0, 0.0)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Pressing:
+    """Contact order of an instant for the rest of the law.
+
+    Attributes:
+        n: out of the surface. share: 0 free, 1 pressing. damping: 1/s, of the tip along n where it presses.
+        engaged: 1 while the order replaces the observed force. shift: m, m/s and m/s^2 along n.
+        order: N, along n. beyond: N, that the base carries along n in addition.
+        force: N, the tip's as observed, world axes.
+        kept: 0 to 1, of the observed force across n that is compensated. asked: whether contact is requested.
+    """
+
+    n: Vec3
+    share: Scalar
+    damping: Scalar
+    engaged: Scalar
+    shift: tuple[Scalar, Scalar, Scalar]
+    order: Scalar
+    beyond: Scalar
+    force: Vec3
+    kept: Scalar
+    asked: Scalar = False
+
+    def with_order(self, d: Disturbance, then: TipLevers, now: TipLevers) -> Disturbance:
+        """The disturbance with the order in place of the observed force along n, by the present levers."""
+        across = self.force - self.n * self.n.dot(self.force)
+        wanted = across * self.kept + self.n * self.order
+        borne = wanted + self.n * self.beyond
+        base = dataclasses.replace(now.disturbance(borne), efforts=now.disturbance(wanted).efforts)
+        change = base - then.disturbance(self.force)
+        return d + Disturbance(
+            force=change.force * self.engaged,
+            torque=change.torque * self.engaged,
+            efforts=tuple(mul(each, self.engaged) for each in change.efforts),
+        )
+
+
+SENSING = 60.0
+"""rad/s: a force sensor is heard above the bandwidth of the observers, and below that of the contact."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class InteractionGains:
+    """Constants of pressing; touch and lost are options, the others are in no unit of the vehicle's size."""
+
+    touch: Annotated[Scalar, Unit("N", "along the normal, above which the tip touches")]
+    lost: Annotated[Scalar, Unit("N", "along the normal, below which it is lost after a while")]
+    errors: ForceErrors = ForceErrors()
+    loss_time: Annotated[Scalar, Unit("s", "below lost until contact is lost")] = 0.04
+    escape: Annotated[Scalar, Unit("m/s", "into the surface, above which the tip goes through")] = 0.1
+    escape_time: Annotated[Scalar, Unit("s", "that the tip goes through until contact is lost")] = 0.015
+    rebound: Annotated[Scalar, Unit("s", "after the order is gone, in which a tip that goes in does not touch")] = 0.05
+    rise: Annotated[Scalar, Unit("s", "ramp of the wanted force")] = 0.15
+    fall: Annotated[Scalar, Unit("s", "ramp to none")] = 0.02
+    integral: Annotated[Scalar, Unit("1/s", "of the force's error")] = 4.0
+    integral_share: Annotated[Scalar, Unit("", "of the wanted force that the integral may add")] = 0.5
+    integral_least: Annotated[Scalar, Unit("N", "that the integral may add anyway")] = 0.3
+    damping: Annotated[Scalar, Unit("1/s", "of the tip along the normal while it presses")] = 20.0
+    catching: Annotated[Scalar, Unit("1/s", "of a tip that goes through the surface")] = 53.0
+    bias_rate: Annotated[Scalar, Unit("rad/s", "filter of what is observed in free flight")] = 0.5
+    wind_rate: Annotated[Scalar, Unit("rad/s", "filter of what the base feels beside the tip's force")] = 1.0
+    rest: Annotated[Scalar, Unit("s", "after contact, from which on anything is learned")] = 0.5
+    follow: Annotated[Scalar, Unit("rad/s", "of the base that follows the surface")] = 3.5
+    coming: Annotated[Scalar, Unit("1/s", "at which the base takes the speed of coming")] = 8.0
+    follow_limit: Annotated[Scalar, Unit("m/s^2", "of the base along the normal")] = 4.0
+    relief_start: Annotated[Scalar, Unit("", "share of a limit from which on friction is let go")] = 0.9
+    relief_end: Annotated[Scalar, Unit("", "share of a limit at which most is let go")] = 1.0
+    relief: Annotated[Scalar, Unit("", "0 to 1, of the observed friction that is let go at most")] = 0.2
+    yielding: Annotated[Scalar, Unit("", "0 to 1, of the observed force across that is answered while it grips")] = 0.7
+    tilting: Annotated[Scalar, Unit("1/s", "at which sliding corrects the normal")] = 1.0
+    again: Annotated[Scalar, Unit("m/s", "with which the tip comes back to a surface that it lost, at most")] = 0.1
+    sensing: Annotated[Scalar, Unit("rad/s", "filter of a force sensor")] | None = None
+    furthest: Annotated[Scalar, Unit("m", "that the base looks for the surface")] = 0.5
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class InteractionMemory:
+    """Memory of pressing."""
+
+    touching: Annotated[Scalar, Unit("", "1 while the tip touches as it is wanted to")] = 0.0
+    losing: Annotated[Scalar, Unit("", "0 to 1, how far contact is on its way to count as lost")] = 0.0
+    share: Annotated[Scalar, Unit("", "0 to 1, of the wanted force")] = 0.0
+    integral: Annotated[Scalar, Unit("N", "beside the wanted force")] = 0.0
+    found: Annotated[Scalar, Unit("", "half once the push has met its surface, 1 once it was there as a whole")] = 0.0
+    shift: Annotated[Scalar, Unit("m", "of the reference along the normal")] = 0.0
+    shift_rate: Annotated[Scalar, Unit("m/s", "of the shift")] = 0.0
+    free: Annotated[Scalar, Unit("s", "since the order of the last contact is gone")] = 0.0
+    gap: Annotated[Scalar, Unit("m", "of the tip from its shifted reference, along the normal")] = 0.0
+    bias: Disturbance
+    force: Annotated[Vec3, Unit("N", "at the tip, estimated, world axes")] = Vec3(0.0, 0.0, 0.0)
+    lean: Annotated[Vec3, Unit("", "of the normal from the model's, found by sliding")] = Vec3(0.0, 0.0, 0.0)
+    felt: Annotated[Vec3 | tuple[()], Unit("N", "by a sensor at the tip, filtered, world axes")] = ()
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Wanted:
+    """A desired contact of the reference: N, m/s and the unit normal out of the surface, world axes.
+
+    Attributes:
+        grip: 1 while the tip grips; a structural 0 where it never does.
+        pivot: m, on the axis of the tip's arc then. axis: its unit vector; None for a fixed normal.
+    """
+
+    force: Scalar
+    speed: Scalar
+    normal: Vec3
+    grip: Scalar = 0
+    pivot: Vec3 | None = None
+    axis: Vec3 | None = None
+
+    @property
+    def grips(self) -> bool:
+        """True if the tip ever grips: structure."""
+        return type(self.grip) is not int
+
+    @property
+    def requests_contact(self) -> Scalar:
+        """True if any contact is requested."""
+        wanted: Scalar = self.force > 0.0
+        return logical_or(wanted, self.grip > 0.5) if self.grips else wanted
+
+    @property
+    def presses(self) -> Scalar:
+        """True if the tip shall press on a surface, which it may slide along."""
+        wanted: Scalar = self.force > 0.0
+        return logical_and(wanted, self.grip < 0.5) if self.grips else wanted
+
+    def about_the_pivot(self, tip: Vec3) -> Wanted:
+        """The same contact with the normal out of the axis to the tip (m, world axes) while it grips."""
+        if self.pivot is None or self.axis is None:
+            return self
+        out = out_of_axis(tip, self.pivot, self.axis, self.grip > 0.5, self.normal)
+        return dataclasses.replace(self, normal=out)
+
+
+def require_thresholds(thresholds: tuple[float, float], leads: bool, mode: str = "tip") -> None:
+    """Refuse forces of touch and loss (N) that are none, or a law that leads no tip; it would in a mode ``mode``.
+
+    Raises:
+        ControllerError: one line.
+    """
+    touch, lost = thresholds
+    at = f"controller.interaction = {shown(thresholds)}"
+    if not touch > lost > 0.0:
+        raise ControllerError(f"{at}: must be two forces above 0, the second below the first, or twice 0")
+    if touch > STRONGEST:
+        raise ControllerError(f"{at}: must be at most {STRONGEST:g} N")
+    if not leads:
+        raise ControllerError(f"{at}: must be twice 0 but in mode '{mode}' with joints that press")
+
+
+def first_interaction(joints: int, sensor: bool = False) -> InteractionMemory:
+    """Free flight, nothing known."""
+    return InteractionMemory(bias=no_disturbance(joints), felt=Vec3(0.0, 0.0, 0.0) if sensor else ())
+
+
+def wanted_of(push: Sequence[Scalar]) -> Wanted:
+    """The field ``push`` of a reference."""
+    force, speed, *normal = push[:5]
+    grip = where(push[5] > 0.5, 1.0, 0.0) if len(push) > 5 else 0
+    pivot, axis = (Vec3(*push[6:9]), Vec3(*push[9:])) if len(push) > 6 else (None, None)
+    return Wanted(force=force, speed=speed, normal=Vec3(*normal), grip=grip, pivot=pivot, axis=axis)
