@@ -34,8 +34,9 @@ from skyarm.control.catalogue import (
     suitable_options,
     tuned_factors,
 )
-from skyarm.control.controller import Controller
+from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.model import GeometricGains, JointGains, Model, Terms
+from skyarm.dynamics.actuators import AllocationError
 from skyarm.records.files import (
     Fields,
     did_you_mean,
@@ -51,6 +52,7 @@ from skyarm.records.read_table import record_from
 from skyarm.records.registry.plugins import is_law_of_file, register_loaded_law
 from skyarm.records.registry.registrations import LOADED_BY
 from skyarm.scenario.scenario_record import Delays, Rates, Scenario
+from skyarm.vehicle.vehicle_records import Vehicle
 
 MEASURED = ("stiffness", "damping")
 """Limits of the safety layer that are measured on the law it is around."""
@@ -64,6 +66,63 @@ def loop_facts(rates: Rates, delays: Delays) -> dict[str, float]:
         "delay": delays.measurement,
         "delay_periods": round(delays.measurement * rates.control),
     }
+
+
+def controller_from(
+    fields: Fields, model: Model, replaced: str | None, known: Mapping[str, Any], folder: Path = Path()
+) -> Controller:
+    """A preset or a law with its constants, with the optional safety layer; on the servos of the model.
+
+    ``replaced`` is a name of :mod:`skyarm.control.catalogue` in place of the table's law, or a file of gains
+    ; ``folder`` is where the table's own file of gains lies.
+
+    ``known`` is what a law may know of its loop (:func:`skyarm.control.catalogue.preset`).
+    """
+    safety, servos = fields.take("safety", False), fields.flag("servos", bool(model.vehicle.drives))
+    plain = plain_model(model)
+    try:
+        if replaced is not None:
+            found = make_named_or_tuned(replaced, plain, known)
+        elif isinstance(fields.table.get("tuned"), str):
+            names = f"the file of {fields.at('tuned')} names the law"
+            _require_only(fields, "tuned", f"{names}; next to it only safety and servos are allowed")
+            found = controller_of_file(fields.take("tuned"), folder, plain, known, fields.at("tuned"))
+        else:
+            found = by_words(fields, plain, known)
+    except AllocationError as error:
+        raise ValueError(f"model.vehicle = {model.vehicle.name!r}: {error}") from None
+    try:
+        return on_actuators(_with_safety(found, safety), model, known["control_period"], servos)
+    except ControllerError as error:
+        raise ValueError(f"controller.{error}") from None
+
+
+def require_servos_said(fields: Fields, carrier: Vehicle, model: Model) -> None:
+    """Refuse a model without the servos of the true vehicle, unless the file states the kind of the law's efforts.
+
+    Raises:
+        ValueError: one line: torques would reach the servos as angles.
+    """
+    if carrier.drives and not model.vehicle.drives and "servos" not in fields.table:
+        raise ValueError(
+            f"{fields.at('servos')}: is missing; plant.vehicle = {carrier.name!r} has servos and model.vehicle = "
+            f"{model.vehicle.name!r} none: give it [model.drives.JOINT], or say false for a law of setpoints"
+        )
+
+
+def _with_safety(found: Controller, safety: Any) -> Controller:
+    """The controller with its safety layer: false, true, or a table of limits and the stowed pose."""
+    if safety is False:
+        return found
+    from skyarm.control.safety import with_safety_layer
+
+    if safety is True:
+        return with_safety_layer(found)
+    if not isinstance(safety, dict):
+        raise ValueError(f"controller.safety = {shown(safety)}: must be true, false or a table of limits")
+    table = Fields(safety, "controller.safety")
+    stow = table.numbers("stow") if "stow" in safety else None
+    return with_safety_layer(found, {name: value for name, value in safety.items() if name != "stow"}, stow=stow)
 
 
 def controller_by_name(scenario: Scenario, name: str) -> Controller:
@@ -145,46 +204,27 @@ def law_table(name: str, before: Mapping[str, Any]) -> dict[str, Any]:
     return {"law": name.removesuffix(TUNED), **tuned, **layers}
 
 
-def by_words(fields: Fields, model: Model, known: Mapping[str, Any]) -> Controller:
-    """A preset, or a law and its options, for a model; ``known`` are the timing data of its loop."""
-    return preset_from(fields, model, known) if "law" not in fields.table else law_from(fields, model, known)
+def by_words(fields: Fields, model: Model, known: Mapping[str, Any], *, loaded: bool = False) -> Controller:
+    """A preset, or a law and its options, for a model.
 
-
-def preset_from(fields: Fields, model: Model, known: Mapping[str, Any]) -> Controller:
-    """The preset of a table, which takes no options."""
-    name = fields.take("preset", None)
-    if name is None:
-        raise ValueError(f"{fields.where}: must have a preset, as 'centroidal_tip', or a law; 'skyarm show' shows all")
-    if isinstance(name, str) and name not in PRESETS and name in LAWS:
-        raise ValueError(f"{fields.at('preset')} = {name!r}: is no preset but a law: law = {name!r}")
-    for word, value in fields.table.items():
-        if word not in ("preset", *LAYERS):
-            raise ValueError(
-                f"{fields.at(word)} = {shown(value)}: unknown field; beside a preset only safety and servos are "
-                f"allowed, a law in its place takes options"
-            )
-    return preset(name, model, known)
-
-
-def law_from(fields: Fields, model: Model, known: Mapping[str, Any]) -> Controller:
-    """The law of a table; ``known`` are the timing data of its loop.
+    Args:
+        fields: the table.
+        model: of the law.
+        known: timing data of the loop.
+        loaded: whether the law may be that of a file that is loaded already.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
     """
-    law = fields.table.get("law")
-    if is_law_of_file(law):
+    if "law" not in fields.table:
+        return preset(_preset_name(fields), model, known)
+    law, best = fields.take("law"), fields.flag("tuned", False)
+    if is_law_of_file(law) and not loaded:
         raise ValueError(
             f"{fields.at('law')} = {shown(law)}: must not be a file's; only --controller takes FILE.py:make"
         )
-    return registered_law_from(fields, model, known)
-
-
-def registered_law_from(fields: Fields, model: Model, known: Mapping[str, Any]) -> Controller:
-    """The same, where the law of a file is allowed that the command line has loaded."""
-    law, best = fields.take("law"), fields.flag("tuned", False)
     if not isinstance(law, str) or law not in LAWS:
-        hint = f"; it is a preset: preset = {law!r}" if isinstance(law, str) and law in PRESETS else ""
+        hint = f"; it is a preset: preset = {law!r}" if law in (*PRESETS,) else ""
         raise ValueError(f"{fields.at('law')} = {shown(law)}: {must_be_one_of(LAWS, law, 'skyarm show')}{hint}")
     words = law_words(law)
     for word, value in fields.table.items():
@@ -195,8 +235,25 @@ def registered_law_from(fields: Fields, model: Model, known: Mapping[str, Any]) 
         word = WORDS.get(option, option)
         if word in fields.table:
             options[option] = _read(fields, law, option, word)
-    _require_clock(fields, known)
     return (make_tuned if best else make_controller)(law, model, **options)
+
+
+def _preset_name(fields: Fields) -> Any:
+    """The preset of a table, which takes no options."""
+    name = fields.take("preset", None)
+    if name is None:
+        raise ValueError(f"{fields.where}: must have a preset, as 'centroidal_tip', or a law; 'skyarm show' shows all")
+    if name in (*LAWS,) and name not in PRESETS:
+        raise ValueError(f"{fields.at('preset')} = {name!r}: is no preset but a law: law = {name!r}")
+    _require_only(fields, "preset", "next to a preset only safety and servos are allowed, a law takes options")
+    return name
+
+
+def _require_only(fields: Fields, word: str, allowed: str) -> None:
+    """Refuse other words in a controller's table than this one and those of any law."""
+    for other, value in fields.table.items():
+        if other not in (word, *LAYERS):
+            raise ValueError(f"{fields.at(other)} = {shown(value)}: must be left out: {allowed}")
 
 
 def _read(fields: Fields, law: str, option: str, word: str) -> Any:
@@ -221,16 +278,6 @@ def _terms(value: Any, at: str) -> Terms:
     if not isinstance(value, list) or any(name not in allowed for name in value):
         raise ValueError(f"{at} = {shown(value)}: must be a list of {', '.join(allowed)}")
     return Terms(**dict.fromkeys(value, False))
-
-
-def _require_clock(fields: Fields, known: Mapping[str, Any]) -> None:
-    """Refuse another control period than the loop's: constants hold the delay that was counted with it."""
-    if "control_period" not in fields.table:
-        return
-    at, ticking = fields.at("control_period"), known["control_period"]
-    value = number(fields.table["control_period"], at)
-    if abs(value / ticking - 1.0) > 1e-6:
-        raise ValueError(f"{at} = {value!r}: must be {ticking:g} s, as rates.control has it")
 
 
 SUFFIX = ".toml"
@@ -321,16 +368,12 @@ def _controller(top: Fields, model: Model, known: Mapping[str, Any]) -> Controll
     words, gains = Fields(top.take("law"), "law"), top.take("gains", {})
     top.take("about", None)
     top.done()
-    if "tuned" in words.table and isinstance(words.table["tuned"], str):
-        raise ValueError(f"law.tuned = {shown(words.table['tuned'])}: must be left out: one file does not name another")
-    law = words.table.get("law")
-    if isinstance(law, str) and is_law_of_file(law):
-        if not register_loaded_law(law):
-            raise ValueError(f"law.law = {shown(law)}: must be loaded: {LOADED_BY.format(law.rpartition(':')[0])}")
-        found = registered_law_from(words, model, known)
-    else:
-        found = by_words(words, model, known)
-    return with_gains(found, gains, "gains")
+    tuned, law = words.table.get("tuned"), words.table.get("law")
+    if isinstance(tuned, str):
+        raise ValueError(f"law.tuned = {shown(tuned)}: must be left out: one file does not name another")
+    if isinstance(law, str) and is_law_of_file(law) and not register_loaded_law(law):
+        raise ValueError(f"law.law = {shown(law)}: must be loaded: {LOADED_BY.format(law.rpartition(':')[0])}")
+    return with_gains(by_words(words, model, known, loaded=True), gains, "gains")
 
 
 def with_gains(controller: Controller, gains: Any, where: str) -> Controller:

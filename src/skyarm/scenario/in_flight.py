@@ -25,7 +25,7 @@ from skyarm.records.registry.plugins import is_law_of_file
 from skyarm.reference import trajectory_from
 from skyarm.reference.path_time import PLANNED
 from skyarm.scenario import scenario_tables as tables
-from skyarm.scenario.controller_table import controller_by_name, loop_facts
+from skyarm.scenario.controller_table import controller_by_name, controller_from, loop_facts
 from skyarm.scenario.numbers import is_added, means_the_same, number_at, require_apart, with_numbers
 from skyarm.scenario.paths import LATER, ROOTS, STRUCTURE, roots
 from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError, in_order
@@ -67,7 +67,7 @@ def _fields_of_part(scenario: Scenario, path: str, value: Any) -> dict[str, Any]
         return {"controller": _law(scenario, value)}
     if path == "controller":
         known = loop_facts(scenario.rates, scenario.delays)
-        return {path: tables.controller(Fields(value, path), scenario.controller.par.model, None, known)}
+        return {path: controller_from(Fields(value, path), scenario.controller.par.model, None, known)}
     setting = tables.setting_of(scenario.plant, scenario.duration)
     if path in OF_REFERENCE:
         fixed = "must stay as it is where the reference has a tip" if scenario.reference.tip is not None else ""

@@ -64,7 +64,7 @@ from skyarm.records.files.names import names_in, read_named
 from skyarm.records.read_table import record_from
 from skyarm.records.registry import names
 from skyarm.scenario import scenario_tables as tables
-from skyarm.scenario.controller_table import loop_facts, under_law
+from skyarm.scenario.controller_table import controller_from, loop_facts, require_servos_said, under_law
 from skyarm.scenario.scenario_record import (
     Change,
     Delays,
@@ -130,7 +130,8 @@ def _of_log(path: str, given: Mapping[str, Any]) -> Scenario:
         scenario: Scenario = load_log(path).scenario_with(replaced)
         return under_law(scenario, given["controller"]) if "controller" in given else scenario
     except (ValueError, OSError, AllocationError) as error:
-        raise ScenarioError(f"{path}: {error}") from None
+        words = str(error).removeprefix(f"log = {shown(path)}: ")
+        raise ScenarioError(f"{path}: {words}") from None
 
 
 def scenario_from(
@@ -182,7 +183,7 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
         contact = loads.with_commands(contact, [event for event in setting.events if event.gripper], rates.control)
     law = Fields(top.take("controller"), "controller")
     model = _model(top, plant, world, folder)
-    tables.require_servos_said(law, world.vehicle, model)
+    require_servos_said(law, world.vehicle, model)
     sensors, instruments = tables.sensors(top.inner("sensors").table)
     scenario = Scenario(
         name=top.take("name"),
@@ -190,7 +191,7 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
         rates=rates,
         plant=world,
         integrator=plant.take("integrator", "rk4"),
-        controller=tables.controller(law, model, replaced.get("controller"), loop_facts(rates, delays), folder),
+        controller=controller_from(law, model, replaced.get("controller"), loop_facts(rates, delays), folder),
         noise=sensors,
         sensors=instruments,
         drives=tables.drives(plant),

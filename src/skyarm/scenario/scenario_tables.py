@@ -10,11 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.control.actuator_layer import plain_model
-from skyarm.control.controller import Controller, ControllerError
-from skyarm.control.model import Model
 from skyarm.dynamics import State
-from skyarm.dynamics.actuators import AllocationError
 from skyarm.dynamics.actuators.drive import Drive
 from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.plant.interface import Truth
@@ -27,7 +23,6 @@ from skyarm.records.registry.plugins import known_names
 from skyarm.records.registry.registrations import LOADED_BY
 from skyarm.reference.reference_tables import reference_from
 from skyarm.reference.task_records import Setting
-from skyarm.scenario.controller_table import LAYERS, by_words, controller_of_file, make_named_or_tuned, on_actuators
 from skyarm.scenario.endings import Ending
 from skyarm.scenario.scenario_checks import check_quaternion
 from skyarm.scenario.scenario_record import JointDrive, NamedSensor, Scenario, trimmed_state
@@ -93,7 +88,8 @@ def vehicle(fields: Fields, folder: Path) -> Vehicle:
     try:
         return load_vehicle(named if named in list_vehicles() else folder / named)
     except ValueError as error:
-        raise ValueError(f"{fields.at('vehicle')} = {shown(named)}: {error}") from None
+        words = str(error).removeprefix(f"vehicle = {shown(named)}: ")
+        raise ValueError(f"{fields.at('vehicle')} = {shown(named)}: {words}") from None
 
 
 def truth(plant: Fields, folder: Path) -> Vehicle:
@@ -182,71 +178,6 @@ def with_meshes(table: Any, where: str, folder: Path) -> Any:
     return found
 
 
-def controller(
-    fields: Fields, model: Model, replaced: str | None, known: Mapping[str, Any], folder: Path = Path()
-) -> Controller:
-    """A preset or a law with its constants, with the optional safety layer; on the servos of the model.
-
-    ``replaced`` is a name of :mod:`skyarm.control.catalogue` in place of the table's law, or a file of gains
-    (:mod:`skyarm.scenario.controller_table`); ``folder`` is where the table's own file of gains lies.
-
-    ``known`` is what a law may know of its loop (:func:`skyarm.control.catalogue.preset`).
-    """
-    safety, servos = fields.take("safety", False), fields.flag("servos", bool(model.vehicle.drives))
-    plain = plain_model(model)
-    try:
-        if replaced is not None:
-            found = make_named_or_tuned(replaced, plain, known)
-        elif isinstance(fields.table.get("tuned"), str):
-            _require_alone(fields)
-            found = controller_of_file(fields.take("tuned"), folder, plain, known, fields.at("tuned"))
-        else:
-            found = by_words(fields, plain, known)
-    except AllocationError as error:
-        raise ValueError(f"model.vehicle = {model.vehicle.name!r}: {error}") from None
-    try:
-        return on_actuators(_with_safety(found, safety), model, known["control_period"], servos)
-    except ControllerError as error:
-        raise ValueError(f"controller.{error}") from None
-
-
-def _require_alone(fields: Fields) -> None:
-    """Refuse a law together with a file of gains, which names its own."""
-    for word, value in fields.table.items():
-        if word not in ("tuned", *LAYERS):
-            allowed = "beside it only safety and servos are allowed"
-            names = f"the file of {fields.at('tuned')} names the law"
-            raise ValueError(f"{fields.at(word)} = {shown(value)}: must be left out: {names}; {allowed}")
-
-
-def require_servos_said(fields: Fields, carrier: Vehicle, model: Model) -> None:
-    """Refuse a model without the servos of the true vehicle, unless the file states the kind of the law's efforts.
-
-    Raises:
-        ValueError: one line: torques would reach the servos as angles.
-    """
-    if carrier.drives and not model.vehicle.drives and "servos" not in fields.table:
-        raise ValueError(
-            f"{fields.at('servos')}: is missing; plant.vehicle = {carrier.name!r} has servos and model.vehicle = "
-            f"{model.vehicle.name!r} none: give it [model.drives.JOINT], or say false for a law of setpoints"
-        )
-
-
-def _with_safety(found: Controller, safety: Any) -> Controller:
-    """The controller with its safety layer: false, true, or a table of limits and the stowed pose."""
-    if safety is False:
-        return found
-    from skyarm.control.safety import with_safety_layer
-
-    if safety is True:
-        return with_safety_layer(found)
-    if not isinstance(safety, dict):
-        raise ValueError(f"controller.safety = {shown(safety)}: must be true, false or a table of limits")
-    table = Fields(safety, "controller.safety")
-    stow = table.numbers("stow") if "stow" in safety else None
-    return with_safety_layer(found, {name: value for name, value in safety.items() if name != "stow"}, stow=stow)
-
-
 def sensors(table: Mapping[str, Any]) -> tuple[SensorNoise, tuple[NamedSensor, ...]]:
     """Standard deviations of the full state, of which an exact zero is structure; tables in it, sensors by name."""
     named = {name: value for name, value in table.items() if isinstance(value, dict)}
@@ -306,6 +237,9 @@ def reference(
         rest = {name: value for name, value in table.items() if name not in ("governor", "tracking_start", "joined")}
         if "joined" in table:
             warn_of_old_name("reference.joined", "reference.tracking_start")
+            if "tracking_start" in table:
+                value = shown(table["joined"])
+                raise ValueError(f"reference.joined = {value}: must be left out, tracking_start is its new name")
         for word in ("joined", "tracking_start"):  # s; left out, a structural 0: the law follows at once
             if word in table:
                 start = number(table[word], f"reference.{word}", low=0.0)  # type: ignore[assignment]

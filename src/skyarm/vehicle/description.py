@@ -13,6 +13,7 @@ from typing import Any
 
 from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3
 from skyarm.records.coerce import TOLERANCE
+from skyarm.records.files import must_be_one_of
 from skyarm.vehicle.check import refuse
 from skyarm.vehicle.linkage import Body
 
@@ -110,7 +111,7 @@ def tree_order(parents: Mapping[str, str], root: str, field: str) -> list[str]:
     children: dict[str, list[int]] = {name: [] for name in (root, *names)}
     for index, (name, parent) in enumerate(parents.items()):
         if parent not in children:
-            refuse(field.format(name), parent, f"must be one of {', '.join(children)}")
+            refuse(field.format(name), parent, must_be_one_of([each for each in children if each != name], parent))
         children[parent].append(index)
     order: list[str] = []
     ready = list(children[root])  # in the order of the file, so a heap
