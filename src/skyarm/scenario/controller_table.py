@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
+import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -235,6 +236,11 @@ def by_words(fields: Fields, model: Model, known: Mapping[str, Any], *, loaded: 
         word = WORDS.get(option, option)
         if word in fields.table:
             options[option] = _read(fields, law, option, word)
+    # constants contain the delay, counted in periods of the loop
+    period = fields.table.get("control_period", known.get("control_period"))
+    if period is not None and not math.isclose(number(period, "control_period"), known["control_period"], rel_tol=1e-6):
+        allowed = f"must be {known['control_period']:g} s, as rates.control has it"
+        raise ValueError(f"{fields.at('control_period')} = {period!r}: {allowed}")
     return (make_tuned if best else make_controller)(law, model, **options)
 
 
