@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from logs_synthetic import WINDOWS, all_logs, synthetic_log
 from skyarm.view.figures.flight_facts import end_time, gust_interval
 from skyarm.view.figures.paper_figures import (
-    JOINT_ERROR_SIZES,
+    joint_error_size,
     PAPER_CATALOGUE,
     POSITION_ERROR,
     TOOL_ERROR,
@@ -220,7 +220,7 @@ def test_quantities_are_errors_against_the_held_reference() -> None:
     moved = dataclasses.replace(log, position_reference=log.position_reference + 7.0)
     assert POSITION_ERROR.of(moved) == pytest.approx(np.full(log.time.size, 0.05), abs=1e-12)
     assert TOOL_ERROR.of(log) == pytest.approx(np.full(log.time.size, 0.01), abs=1e-12)
-    assert JOINT_ERROR_SIZES[0].of(log) == pytest.approx(np.full(log.time.size, 0.02), abs=1e-12)
+    assert joint_error_size(0).of(log) == pytest.approx(np.full(log.time.size, 0.02), abs=1e-12)
 
 
 def test_limits_keep_a_smallest_span_and_ignore_what_is_not_finite() -> None:

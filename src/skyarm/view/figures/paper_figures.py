@@ -7,7 +7,7 @@ Source: Barakou, Tzafestas and Valavanis, Drones 2026, 10, 274, Figures 3-18.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from skyarm.log.flight_log import Log
 from skyarm.simulate import Window
 from skyarm.view.figures.flight_facts import end_time, ending_of, gust_interval
-from skyarm.view.figures.flight_panels import AXES, MILLIMETRES, Panel, column, distance
+from skyarm.view.figures.flight_panels import MILLIMETRES, Panel, by_axis, column, distance
 from skyarm.view.figures.style import PAPER, Handles, Look, Style, limits, shade_gust, shade_window
 
 Array = npt.NDArray[np.float64]
@@ -31,31 +31,16 @@ PLACES = {"CT": 0, "PD": 1}
 
 STYLE = replace(PAPER, panel=1.12)
 
-
-def _axes(label: str, array: str, **reference: str) -> tuple[Panel, ...]:
-    """A panel for each axis of the world: errors against the held reference, or with ``desired`` values beside it."""
-    error, desired = reference.get("error", ""), reference.get("desired", "")
-    return tuple(
-        Panel(
-            label=f"{label} {axis}",
-            unit="m",
-            of=column(array, i, error),
-            desired=column(desired, i) if desired else None,
-        )
-        for i, axis in enumerate(AXES)
-    )
-
-
-ROLL = Panel(label="Roll", unit="rad", of=column("euler", 0), scale="attitude")
-PITCH = Panel(label="Pitch", unit="rad", of=column("euler", 1), scale="attitude")
-ATTITUDE = ROLL, PITCH
+ATTITUDE = [
+    Panel(label=label, unit="rad", of=column("euler", i), scale="attitude") for i, label in enumerate(("Roll", "Pitch"))
+]
 """On one scale: the arm moves in the pitch plane, and roll should look as small as it is."""
 
 POSITION_ERROR = Panel(label="Position error", unit="m", of=distance("position", "position_held"), magnitude=True)
 TOOL_ERROR = Panel(label="Tip error", unit="m", of=distance("tool", "tool_held"), magnitude=True)
-POSITION_ERRORS = _axes("Error", "position", error="position_held")
-TOOL_ERRORS = _axes("Tip error", "tool", error="tool_held")
-TOOL_POSITIONS = _axes("Tip", "tool", desired="tool_held")
+POSITION_ERRORS = by_axis("Error", "position", error="position_held")
+TOOL_ERRORS = by_axis("Tip error", "tool", error="tool_held")
+TOOL_POSITIONS = by_axis("Tip", "tool", desired="tool_held")
 
 
 def joint_error(i: int) -> Panel:
@@ -63,19 +48,18 @@ def joint_error(i: int) -> Panel:
     return Panel(label=f"Joint {i + 1} error", unit="rad", of=column("joints", i, "joints_held"))
 
 
-JOINT_ERRORS = joint_error(0), joint_error(1)
-JOINT_ERROR_SIZES = tuple(
-    Panel(
-        label=f"Joint {i + 1} abs. error",
-        unit="rad",
-        of=lambda log, i=i: np.abs(log.joints[:, i] - log.joints_held[:, i]),  # type: ignore[misc]
-        magnitude=True,
-    )
-    for i in (0, 1)
-)
-JOINT_ANGLES = tuple(
-    Panel(label=f"Joint {i + 1}", unit="rad", of=column("joints", i), desired=column("joints_held", i)) for i in (0, 1)
-)
+def joint_error_size(i: int) -> Panel:
+    """Size of the error of joint i, rad."""
+    error = column("joints", i, "joints_held")
+    return Panel(label=f"Joint {i + 1} abs. error", unit="rad", of=lambda log: np.abs(error(log)), magnitude=True)
+
+
+def joint_angle(i: int) -> Panel:
+    """Angle of joint i with the desired one, rad."""
+    return Panel(label=f"Joint {i + 1}", unit="rad", of=column("joints", i), desired=column("joints_held", i))
+
+
+JOINT_ERRORS = [joint_error(i) for i in range(2)]
 
 CASES = {
     "case1": "Case 1",
@@ -94,7 +78,7 @@ class PaperFigure:
         parts: panels from top to bottom, lettered if there are several parts.
     """
 
-    def __init__(self, case: str, subject: str, caption: str, *parts: tuple[Panel, ...]) -> None:
+    def __init__(self, case: str, subject: str, caption: str, *parts: Sequence[Panel]) -> None:
         self.case, self.title, self.caption = case, f"{subject}, {CASES[case]}", caption
         letters = "abc" if len(parts) > 1 else [""]
         self.panels = [
@@ -109,7 +93,7 @@ PAPER_CATALOGUE: Mapping[int, PaperFigure] = {
     3: PaperFigure("case1", "Roll and pitch", "Quadrotor roll and pitch while hovering with an arm ramp.", ATTITUDE),
     4: PaperFigure(
         "case1", "Arm ramp", "(a) Joint tracking error. (b) Joint angles, desired and actual, during the arm ramp.",
-        JOINT_ERRORS, JOINT_ANGLES),
+        JOINT_ERRORS, [joint_angle(0), joint_angle(1)]),
     5: PaperFigure(
         "case1", "Position error", "Norm of the quadrotor position error during the arm ramp.", (POSITION_ERROR,)),
     6: PaperFigure(
@@ -120,7 +104,7 @@ PAPER_CATALOGUE: Mapping[int, PaperFigure] = {
         "(a) Norm of the quadrotor position error. (b) The same by world axis, during the arm sinusoids.",
         (POSITION_ERROR,), POSITION_ERRORS),
     8: PaperFigure("case2", "Joint errors", "Joint tracking errors during the arm sinusoids.", JOINT_ERRORS),
-    9: PaperFigure("case2_gust", "Pitch", "Quadrotor pitch with a gust along x from 7.5 s to 10.5 s.", (PITCH,)),
+    9: PaperFigure("case2_gust", "Pitch", "Quadrotor pitch with a gust along x from 7.5 s to 10.5 s.", ATTITUDE[1:]),
     10: PaperFigure(
         "case2_gust", "Position error", "Quadrotor position error by world axis with a gust along x.",
         POSITION_ERRORS),
@@ -135,7 +119,7 @@ PAPER_CATALOGUE: Mapping[int, PaperFigure] = {
     14: PaperFigure(
         "case3", "Joint and tip errors",
         "(a) Absolute joint tracking errors. (b) Norm of the tip error in the world.",
-        JOINT_ERROR_SIZES, (TOOL_ERROR,)),
+        [joint_error_size(0), joint_error_size(1)], (TOOL_ERROR,)),
     15: PaperFigure("case3", "Tip error", "Tip error by world axis.", TOOL_ERRORS),
     16: PaperFigure(
         "case3_wind", "Position error", "Norm of the quadrotor position error in a constant wind along x.",

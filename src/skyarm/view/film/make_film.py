@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
 
 from skyarm.log.flight_log import Log
-from skyarm.records.files import must_be_one_of, number, shown
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.files import shown
+from skyarm.records.units import Unit
 from skyarm.view.film.camera_paths import CAMERAS, CameraPath
 from skyarm.view.film.captions import Captions, FrameLayout, frame_layout
 from skyarm.view.film.filmed_flight import FilmedFlight, end_of, film_flights, ghost_solids, marks_of, vehicle_solids
@@ -136,15 +138,10 @@ def _with_title(settings: FilmSettings, logs: Sequence[Log]) -> FilmSettings:
     return replace(settings, title=", ".join(scenarios))
 
 
-LAYOUTS = ("side", "over")
-"""A panel for each flight, side by side; or one panel with all flights in it."""
+Layout = Literal["side", "over"]
+Camera = Literal["follow", "fixed", "tip"]
 
-CAMERA_NAMES = ("follow", "fixed", "tip")
-
-LEAST_SIDE, MOST_SIDE = 64, 4096
-"""Pixels."""
-
-MOST_FPS, SLOWEST, FASTEST, MOST_FRAMES = 120, 0.01, 100.0, 1_000_000
+LAYOUTS, CAMERA_NAMES = get_args(Layout), get_args(Camera)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -152,7 +149,7 @@ class FilmSettings:
     """Settings of a film.
 
     Attributes:
-        layout: "side" (a panel for each flight) or "over" (all flights in one).
+        layout: "side" (a panel for each flight, side by side) or "over" (all flights in one).
         camera: "follow" (goes with the desired position), "fixed" (stands still and sees all of the flight) or
             "tip" (close to the desired place of the tip).
         width, height: pixels, even numbers.
@@ -163,35 +160,26 @@ class FilmSettings:
         title: above; the scenario's if left out.
     """
 
-    layout: str = "side"
-    camera: str = "follow"
-    width: int = 1280
-    height: int = 720
-    fps: int = 30
-    speed: float = 1.0
-    start: float = 0.0
-    stop: float | None = None
+    layout: Layout = "side"
+    camera: Camera = "follow"
+    width: Annotated[int, Unit("pixels", low=64, high=4096)] = 1280
+    height: Annotated[int, Unit("pixels", low=64, high=4096)] = 720
+    fps: Annotated[int, Unit("1/s", low=1, high=120)] = 30
+    speed: Annotated[float, Unit(low=0.01, high=100.0)] = 1.0
+    start: Annotated[float, Unit("s", low=0.0)] = 0.0
+    stop: Annotated[float | None, Unit("s", low=0.0)] = None
     ghost: bool = True
     plot: bool = True
     fine: bool = False
     title: str | None = None
 
     def __post_init__(self) -> None:
-        for field, allowed in (("layout", LAYOUTS), ("camera", CAMERA_NAMES)):
-            if getattr(self, field) not in allowed:
-                value = getattr(self, field)
-                raise ValueError(f"{field} = {shown(value)}: {must_be_one_of(allowed, value)}")
+        accept_fields(self, "")
         for field in ("width", "height"):
-            side = getattr(self, field)
-            if not isinstance(side, int) or not LEAST_SIDE <= side <= MOST_SIDE or side % 2:
-                raise ValueError(f"{field} = {shown(side)}: must be an even number from {LEAST_SIDE} to {MOST_SIDE}")
-        if not isinstance(self.fps, int) or not 1 <= self.fps <= MOST_FPS:
-            raise ValueError(f"fps = {shown(self.fps)}: must be a whole number from 1 to {MOST_FPS}")
-        if not SLOWEST <= number(self.speed, "speed") <= FASTEST:
-            raise ValueError(f"speed = {self.speed!r}: must be from {SLOWEST:g} to {FASTEST:g}")
-        start = number(self.start, "start", low=0.0)
-        if self.stop is not None and not start < number(self.stop, "stop") < math.inf:
-            raise ValueError(f"stop = {self.stop!r}: must be larger than start = {start:g}")
+            if (side := getattr(self, field)) % 2:
+                raise ValueError(f"{field} = {side}: must be an even number")
+        if self.stop is not None and self.stop <= self.start:
+            raise ValueError(f"stop = {self.stop!r}: must be larger than start = {self.start:g}")
 
 
 def size_of(text: str) -> tuple[int, int]:

@@ -13,6 +13,7 @@ from typing import Any
 from skyarm.scenario.scenario_file import list_scenarios
 from skyarm.view.studio.controls import HERTZ, Chart, Controls, KnobPanel, charts, literal
 from skyarm.view.studio.fleet import Fleet, Flight
+from skyarm.view.studio.knobs import Knob
 from skyarm.view.studio.picture import Picture
 
 FRAME = 1.0 / 60.0
@@ -197,11 +198,11 @@ class Page:
             with self._controls.plots:
                 self._charts = charts(self._server.gui, flights)
             for flight in flights[:1]:
-                self._add_panel("world", None, flight.shared_knobs, ("wind and forces",))
+                self._add_panel("world", None, flight.shared_knobs, "wind and forces")
             for i, flight in enumerate(flights):
-                self._add_panel(flight.title, i, flight.own_knobs, ("law",))
+                self._add_panel(flight.title, i, flight.own_knobs, "law")
 
-    def _add_panel(self, title: str, place: int | None, knobs: Any, opened: Sequence[str]) -> None:
+    def _add_panel(self, title: str, place: int | None, knobs: Sequence[Knob], opened: str) -> None:
         self._shown.append(self._controls.tabs.add_tab(title))
         with self._shown[-1]:
             panel = KnobPanel(self._server.gui, knobs, lambda path, value: self.move(place, path, value), opened)
