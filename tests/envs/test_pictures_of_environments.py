@@ -143,7 +143,7 @@ def test_without_a_mode_nothing_is_drawn_and_nothing_loaded(monkeypatch):
         ({"render_mode": ["rgb_array"]}, "render_mode = .*: must be rgb_array or None"),
         ({"render_options": 3}, "render_options = 3: must be a table"),
         ({"render_options": {"widht": 96}}, "render_options: 'widht': did you mean 'width'"),
-        ({"render_options": {"width": 5}}, "render_options: width = 5: must be an even number from 64"),
+        ({"render_options": {"width": 5}}, "render_options: width = 5: must be at least 64"),
         ({"render_options": {"camera": "mine"}}, "render_options: camera = 'mine': must be one of follow"),
     ],
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 import typer
 
@@ -16,7 +16,7 @@ from skyarm.log.formats import load_log
 from skyarm.records.files import output_file, taken_back
 from skyarm.scenario.scenario_file import list_scenarios, load_scenario
 from skyarm.simulate import run
-from skyarm.view.film.make_film import FilmSettings, make_film, size_of
+from skyarm.view.film.make_film import Camera, FilmSettings, Layout, make_film, size_of
 from skyarm.view.film.recording import SUFFIXES, import_viser, record, save_recording
 from skyarm.view.film.video_files import require_film_format, usual_size_and_rate
 
@@ -54,8 +54,8 @@ def film(
     usual = usual_size_and_rate(path)
     width, height = usual[:2] if size is None else size_of(size)
     settings = FilmSettings(
-        layout=layout,
-        camera=camera,
+        layout=cast("Layout", layout),
+        camera=cast("Camera", camera),
         width=width,
         height=height,
         fps=usual[2] if fps is None else fps,

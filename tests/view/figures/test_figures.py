@@ -14,11 +14,11 @@ from matplotlib.figure import Figure
 from logs_synthetic import WINDOWS, all_logs, synthetic_log
 from skyarm.view.figures.flight_facts import end_time, gust_interval
 from skyarm.view.figures.paper_figures import (
-    joint_error_size,
     PAPER_CATALOGUE,
     POSITION_ERROR,
     TOOL_ERROR,
     by_hold,
+    joint_error_size,
     paper_figures,
 )
 from skyarm.view.figures.style import PAPER, image_bytes, limits

@@ -50,8 +50,11 @@ def joint_error(i: int) -> Panel:
 
 def joint_error_size(i: int) -> Panel:
     """Size of the error of joint i, rad."""
-    error = column("joints", i, "joints_held")
-    return Panel(label=f"Joint {i + 1} abs. error", unit="rad", of=lambda log: np.abs(error(log)), magnitude=True)
+
+    def size(log: Log) -> Array:
+        return np.abs(log.joints[:, i] - log.joints_held[:, i])
+
+    return Panel(label=f"Joint {i + 1} abs. error", unit="rad", of=size, magnitude=True)
 
 
 def joint_angle(i: int) -> Panel:

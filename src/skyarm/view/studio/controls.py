@@ -217,7 +217,11 @@ def _chart_rows(flights: Sequence[Flight]) -> Iterator[tuple[str, dict[str, Colu
     if driven:
         limited = all(math.isfinite(float(joints[i].effort_limit)) for i in driven)
         efforts = {joints[i].name: _effort(i, limited) for i in driven}
-        yield "joint efforts (% of limit)" if limited else "joint efforts (N m or N)", efforts, 100.0 if limited else None
+        yield (
+            "joint efforts (% of limit)" if limited else "joint efforts (N m or N)",
+            efforts,
+            100.0 if limited else None,
+        )
     if first.plant.vehicle.rotors:
         rotors = {"least": lambda seen: 100.0 * min(seen.rotors), "most": lambda seen: 100.0 * max(seen.rotors)}
         yield "slowest and fastest rotor (% of limit)", rotors, 100.0
