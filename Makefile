@@ -90,17 +90,16 @@ docs: $(VENV)/.docs
 	$(BIN)/python tests/website/build_site.py
 	$(BIN)/pytest -m "not attack and not digests and not thorough" tests/test_readme.py tests/test_docs*.py tests/website tests/openness
 
-WIND := case3_wind --controller paper_pd,paper_ct,centroidal_tip_stiff --label PD --label CT --label "centroidal law" \
-	--title "A circle in 2 N of wind: the paper's Case 3"
+WIND := case3_wind --controller paper_pd,paper_ct,centroidal_tip_stiff --label PD --label CT --label "centroidal law"
 
 PRESS := examples/press_and_slide.toml --label "centroidal law with interaction"
 
 films: $(VENV)/.test
 	$(BIN)/python -m skyarm film $(WIND) docs/images/laws_in_wind.webp --layout over --camera fixed --fine \
-		--stop 15 --speed 1.5 --size 800x450 --fps 15
+		--window 0 15 --speed 1.5 --size 800x450 --fps 15
 	$(BIN)/python -m skyarm film $(WIND) docs/images/laws_in_wind.mp4 --size 960x540
-	$(BIN)/python -m skyarm film $(PRESS) docs/images/press_and_slide.webp --camera fixed --no-ghost --fine \
-		--stop 11 --speed 1.5 --size 720x450 --fps 12
+	$(BIN)/python -m skyarm film $(PRESS) docs/images/press_and_slide.webp --camera fixed --without ghost --fine \
+		--window 0 11 --speed 1.5 --size 720x450 --fps 12
 
 ENVELOPE_LAWS := paper_pd,paper_ct,l1_adaptive,nmpc,centroidal_tip,centroidal_tip_robust
 

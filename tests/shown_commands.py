@@ -36,11 +36,11 @@ SHOWN = list(dict.fromkeys([*LISTED, *GALLERY]))
 FEW = ("--plants", "2", "--seeds", "1")
 
 SMALLER: Mapping[str, tuple[str, ...]] = {
-    "compare envelope-suite": ("--quick", "--axes", "circle"),
-    "compare contact-suite": ("--quick", "--tasks", "press_and_hold"),
-    "compare paper-suite": (*FEW, "--conditions", "perfect,plants"),
-    "compare --laws": (*FEW, "--conditions", "perfect,plants"),
-    "film": ("--stop", "0.2", "--size", "64x64", "--fps", "10"),
+    "compare envelope-suite": ("--quick", "--only", "circle"),
+    "compare contact-suite": ("--quick", "--only", "press_and_hold"),
+    "compare paper-suite": (*FEW, "--only", "perfect,plants"),
+    "compare --laws": (*FEW, "--only", "perfect,plants"),
+    "film": ("--window", "0", "0.2", "--size", "64x64", "--fps", "10"),
 }
 """Beginning of a command -> options behind its own, of which the last counts; the longest beginning that fits."""
 

@@ -9,13 +9,11 @@ from collections.abc import Mapping
 
 COMMANDS: Mapping[str, tuple[str, ...]] = {
     "show": ("hummingbird_arm2_rotors",),
-    "attach": ("hummingbird", "arm.urdf", "-o", "mine.toml"),
     "check": ("hummingbird", "--arm-poses", "8"),
     "new": ("law", "fresh"),
     "doctor": (),
     "run": ("case3", "--duration", "0.5"),
-    "replay": ("flight.npz",),
-    "diff": ("flight.npz", "flight.npz"),
+    "diff": ("flight.npz",),
     "plot": ("flight.npz", "-o", "flight.png", "--kind", "tip"),
     "film": ("flight.npz", "flight.viser", "--fps", "5"),
     "export": ("flight.npz", "--to", "csv"),
@@ -23,16 +21,15 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
     "margins": ("short.toml", "--instants", "0"),
     "tune": ("hummingbird", "--controller", "decoupled_pd", "--candidates", "64", "--plants", "4", "--out", "tuned"),
     "sweep": ("study.toml", "--out", "rows"),
-    "stats": ("rows",),
     "compare": ("short.toml", "--laws", "paper_pd"),
     "reproduce": (),
 }
-"""Command -> words after its name; in this order, the rows of the sweep are there for the statistics."""
+"""Command -> words after its name."""
 
-KEPT: Mapping[str, tuple[str, ...]] = {"new": ("fresh.py", "test_fresh.py"), "attach": ("mine.toml",)}
+KEPT: Mapping[str, tuple[str, ...]] = {"new": ("fresh.py", "test_fresh.py")}
 """Command that never overwrites -> its files, which are removed before it runs again."""
 
-NEEDS = {"sweep": "pyarrow", "stats": "pyarrow", "film": "viser", "tune": "cmaes", "identify": "scipy"}
+NEEDS = {"sweep": "pyarrow", "film": "viser", "tune": "cmaes", "identify": "scipy"}
 """Command -> the library without which it is not tried."""
 
 SERVES: Mapping[str, str] = {"studio": "it flies on a page until Ctrl-C"}

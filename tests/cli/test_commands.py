@@ -128,14 +128,14 @@ def test_square_brackets_of_a_source_are_printed_as_they_stand() -> None:
 def test_run_writes_the_log_and_prints_what_came_out(tmp_path: Path) -> None:
     text = succeeded(shell("run", "case3", "--duration", "1", "--seed", "3", "--out", "made/here", cwd=tmp_path))
     lines = text.splitlines()
-    assert lines[0] == "case3: completed at 1 s"
+    assert lines[0] == "case3: completed, 1 s"
     assert lines[1] == "law hybrid_computed_torque on hummingbird_arm2_rotors, plant rigid_body (rk4), seed 3"
-    assert " ".join(lines[2].split()) == "error (continuous) mean, [0.3333, 1) s max, [0.3333, 1) s max, whole flight"
+    assert " ".join(lines[2].split()) == "error, 0.3333 to 1 s mean max max, whole flight"
     assert "made/here/case3.npz" in lines[-1]
     log = Log.load_npz(tmp_path / "made" / "here" / "case3.npz")
     assert (log.info["seed"], log.time.size) == (3, 200)
     assert sorted(p.name for p in (tmp_path / "made" / "here").iterdir()) == ["case3.csv", "case3.npz"]
-    position = next(line for line in lines if line.startswith("position, m")).split()
+    position = next(line for line in lines if line.startswith("base, m")).split()
     norm = np.linalg.norm(log.position - log.position_reference, axis=1)
     assert float(position[-1]) == pytest.approx(norm.max(), rel=1e-3)
     assert float(position[-3]) == pytest.approx(norm[log.time >= 1 / 3].mean(), rel=1e-3)
@@ -156,7 +156,7 @@ def test_run_sums_up_over_the_scenario_s_own_window(tmp_path: Path, monkeypatch:
     log = Log.load_npz(tmp_path / "out" / "run" / "low.npz")
     norm = np.linalg.norm(log.position - log.position_reference, axis=1)[40:60]
     assert "mean, [0.2, 0.3) s" in lines[2]
-    position = next(line for line in lines if line.startswith("position, m")).split()
+    position = next(line for line in lines if line.startswith("base, m")).split()
     assert float(position[-3]) == pytest.approx(norm.mean(), rel=1e-3)
     assert float(position[-2]) == pytest.approx(norm.max(), rel=1e-3)
 

@@ -40,7 +40,7 @@ def test_left_out_options_are_the_whole_envelope_of_the_paper_s_vehicle(
 
 
 def test_every_option_arrives(asked: list[tuple[Envelope, Path, int]]) -> None:
-    options = ("--axes", "swing, circle", "--vehicle", "hexarotor_arm6", "--quick", "--seed", "7", "--out", "here")
+    options = ("--only", "swing, circle", "--vehicle", "hexarotor_arm6", "--quick", "--seed", "7", "--out", "here")
     refused(skyarm("compare", "envelope-suite", *options), "nothing is flown here")
     refused(skyarm("compare", "envelope-suite", "--laws", "centroidal_tip,indi"), "nothing is flown here")
     (first, folder, _), (second, _, _) = asked
@@ -52,46 +52,37 @@ def test_every_option_arrives(asked: list[tuple[Envelope, Path, int]]) -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("envelope-suite", "--axes", "sircle"), "--axes = 'sircle': did you mean 'circle'?"),
-        (("envelope-suite", "--axes", ","), "--axes: must name at least one"),
+        (("envelope-suite", "--only", "sircle"), "--only = 'sircle': did you mean 'circle'?"),
+        (("envelope-suite", "--only", ","), "--only: must name at least one"),
         (("envelope-suite", "--laws", "exakt"), "--laws = 'exakt': "),
         (("envelope-suite", "--laws", "centroidal_tip,centroidal_tip"), "are one"),
-        (("envelope-suite", "--conditions", "noisy"), "--conditions: must be left out for envelope-suite"),
+        (("envelope-suite", "--only", "noisy"), "--only = 'noisy': did you mean 'noise'? must be"),
         (("envelope-suite", "--vehicle", "hummingbird"), "--vehicle = 'hummingbird': must have an arm"),
         (("envelope-suite", "--vehicle", "nothing.toml"), "nothing.toml"),
         (("envelope-suite", "--laws", "paper_ct", "--vehicle", "crazyflie_arm1"), "2 values, must be 1"),
-        (
-            ("contact-suite", "--axes", "circle"),
-            "--axes: must be left out for contact-suite; only envelope-suite has it",
-        ),
-        (("contact-suite", "--tasks", "press_and_holt"), "--tasks = 'press_and_holt': did you mean 'press_and_hold'?"),
-        (("contact-suite", "--tasks", ","), "--tasks: must name at least one"),
-        (("contact-suite", "--tasks", "slide_up,slide_up"), "--tasks = 'slide_up': must be named once"),
-        (("contact-suite", "--laws", "centroidal,centroidal"), "--laws = 'centroidal': must be named once"),
+        (("contact-suite", "--only", "press_and_holt"), "--only = 'press_and_holt': did you mean 'press_and_hold'?"),
+        (("contact-suite", "--only", ","), "--only: must name at least one"),
+        (("contact-suite", "--only", "slide_up,slide_up"), "--only = 'slide_up': must be named once"),
+        (("contact-suite", "--laws", "centroidal,centroidal"), "are one"),
         (("contact-suite", "--laws", "centroidal_movement"), "--laws = 'centroidal_movement': "),
-        (("contact-suite", "--worlds", "0"), "--worlds = 0: must be from 1 to "),
-        (("contact-suite", "--worlds", "3", "--quick"), "--worlds: must be left out beside --quick, which flies 16"),
-        (
-            ("envelope-suite", "--tasks", "slide_up"),
-            "--tasks: must be left out for envelope-suite; only contact-suite has it",
-        ),
-        (("paper-suite", "--worlds", "3"), "--worlds: must be left out for paper-suite; only contact-suite has it"),
-        (("paper-suite", "--axes", "circle"), "--axes: must be left out for paper-suite; only envelope-suite has it"),
+        (("contact-suite", "--plants", "0"), "--plants = 0: must be from 1 to "),
+        (("contact-suite", "--plants", "3", "--quick"), "--plants: must be left out beside --quick, which flies 16"),
+        (("case3", "--only", "circle"), "--only: must be left out for scenario case3; it is of paper-suite and env"),
         (
             ("case3", "--quick"),
-            "--quick: must be left out for scenario case3; only envelope-suite and contact-suite have it",
+            "--quick: must be left out for scenario case3; it is of envelope-suite and contact-suite",
         ),
         (
             ("paper-suite", "--vehicle", "hexarotor_arm6"),
-            "--vehicle: must be left out for paper-suite; only envelope-suite has it",
+            "--vehicle: must be left out for paper-suite; it is of envelope-suite",
         ),
         (
             ("case3", "--plants", "1000"),  # given with its usual value
-            "--plants: must be left out for scenario case3; only paper-suite has it",
+            "--plants: must be left out for scenario case3; it is of paper-suite and contact-suite",
         ),
         (
             ("envelope-suite", "--seeds", "4"),
-            "--seeds: must be left out for envelope-suite; only paper-suite and a scenario have it",
+            "--seeds: must be left out for envelope-suite; it is of paper-suite and a scenario",
         ),
         (("envelope",), "must be one of paper-suite, envelope-suite, contact-suite, or a scenario"),
     ],
@@ -106,7 +97,7 @@ def test_what_it_does_not_know_is_refused_in_one_line(
 
 def test_a_law_of_a_file_flies(tmp_path: Path) -> None:
     law = f"{Path(__file__).resolve().parents[2] / 'examples' / 'own_law.py'}:make_lqr"
-    options = ("--laws", law, "--axes", "swing_amplitude", "--quick", "--out", str(tmp_path / "x"))
+    options = ("--laws", law, "--only", "swing_amplitude", "--quick", "--out", str(tmp_path / "x"))
     with registry_kept():
         first = skyarm("compare", "envelope-suite", *options)
     assert first.code == 0, first.err
@@ -116,7 +107,7 @@ def test_a_law_of_a_file_flies(tmp_path: Path) -> None:
 
 
 def test_its_result_is_plain_data_on_standard_output(tmp_path: Path) -> None:
-    options = ("--laws", "paper_pd", "--axes", "swing_amplitude", "--quick", "--json", "--out", str(tmp_path / "x"))
+    options = ("--laws", "paper_pd", "--only", "swing_amplitude", "--quick", "--json", "--out", str(tmp_path / "x"))
     done = skyarm("compare", "envelope-suite", *options)
     assert done.code == 0, done.err
     found = json.loads(done.out)

@@ -38,7 +38,7 @@ def test_names_may_have_spaces_about_them_and_keep_the_order_of_the_comparison(
     asked: list[tuple[Comparison, Path, int]],
 ) -> None:
     refused(
-        skyarm("compare", "--laws", " centroidal_tip ,paper_ct, ", "--conditions", "noisy , perfect"),
+        skyarm("compare", "--laws", " centroidal_tip ,paper_ct, ", "--only", "noisy , perfect"),
         "nothing is flown here",
     )
     ((comparison, _, _),) = asked

@@ -194,7 +194,7 @@ def test_every_list_of_controllers_and_every_help_says_file_make(folder: Path) -
 
 
 def test_no_help_shows_a_type_of_python(folder: Path) -> None:
-    for command in ("run", "sweep", "stats", "margins", "compare", "export"):
+    for command in ("run", "sweep", "margins", "compare", "export"):
         assert "list[" not in skyarm(command, "--help").out, command
     assert "list[" not in skyarm("--help").out
 

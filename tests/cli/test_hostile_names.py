@@ -102,7 +102,6 @@ REFUSED: list[tuple[str, ...]] = [
     ("run", "case1", "--controller", EVIL),
     ("run", "case1", "--plant", EVIL),
     ("sweep", f"{EVIL}.toml"),
-    ("stats", EVIL),
     ("margins", "case1", "--controller", EVIL),
     ("compare", EVIL),
     ("compare", "--laws", EVIL),
@@ -171,4 +170,4 @@ def test_no_command_has_another_way_to_the_terminal() -> None:
                 if called in ("print", "typer.echo", "typer.secho", "Console") or called.endswith((".write", ".out")):
                     found.append(f"{path.name}: {called}")
     # the document is ASCII; pictures are written into a folder
-    assert found == ["lines.py: print", "output.py: sys.stdout.write", "sweep_commands.py: pictures.write"]
+    assert found == ["lines.py: print", "output.py: sys.stdout.write", "sweep_command.py: pictures.write"]

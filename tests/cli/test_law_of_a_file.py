@@ -48,7 +48,7 @@ preset = "paper_ct"
 [reference]
 base = { kind = "hover", position = [0.0, 0.0, 1.0] }
 """
-SUITE = ["--conditions", "perfect"]
+SUITE = ["--only", "perfect"]
 
 
 @pytest.fixture
@@ -181,8 +181,8 @@ WORDS = {
     "run": ["run", "case1", "--duration", "0.5", "--controller"],
     "mujoco": ["run", "case1", "--duration", "0.5", "--plant", "mujoco", "--controller"],
     "sweep": ["sweep", "study.toml", "--workers", "2", "--controller"],
-    "compare": ["compare", "--conditions", "perfect", "--workers", "2", "--laws"],
-    "compare_mujoco": ["compare", "--conditions", "perfect", "--plant", "mujoco", "--workers", "2", "--laws"],
+    "compare": ["compare", "--only", "perfect", "--workers", "2", "--laws"],
+    "compare_mujoco": ["compare", "--only", "perfect", "--plant", "mujoco", "--workers", "2", "--laws"],
     "margins": ["margins", "case1", "--instants", "0", "--controller"],
     "export_c": ["export", "--to", "c", "-o", "x.c", "--vehicle", "hummingbird_arm2"],
 }

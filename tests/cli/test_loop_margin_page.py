@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.cli.margins_commands import margins_page
+from skyarm.cli.margins_command import margins_page
 from skyarm.studies.stability.along import Evidence, Locus, hover_loci, margins
 from skyarm.view.figures.study_figures import nyquist_figure
 

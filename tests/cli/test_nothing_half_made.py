@@ -62,7 +62,7 @@ def called(*words):
 COMMANDS = {
     "sweep": ("sweep", "small.toml", "--controller", "mine.py:make", "--out", "new/out"),
     "compare": ("compare", "case3", "--laws", "mine.py:make", "--out", "new/out"),
-    "suite": ("compare", "--laws", "mine.py:make", "--conditions", "perfect", "--out", "new/out"),
+    "suite": ("compare", "--laws", "mine.py:make", "--only", "perfect", "--out", "new/out"),
     "run": ("run", "case3", "--controller", "mine.py:make", "--out", "new/out"),
 }
 

@@ -12,7 +12,7 @@ from commanded import refused, skyarm
     [
         (("run", "case3", "--log", "a.npz", "--out", "out/run"), "--out: must be left out beside --log"),
         (("film", "case3", "a.viser", "--size", "640x360"), "--size: must be left out of a recording"),
-        (("film", "case3", "a.html", "--no-plot"), "--plot: must be left out of a recording"),
+        (("film", "case3", "a.html", "--fine"), "--fine: must be left out of a recording"),
     ],
 )
 def test_an_option_without_effect_is_refused_before_anything_is_done(words, said, tmp_path, monkeypatch):

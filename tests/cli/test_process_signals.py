@@ -21,7 +21,7 @@ if sys.platform == "win32":
 COMMAND = [sys.executable, "-W", "error", "-m", "skyarm"]
 LONG_RUN = ["run", "case3", "--duration", "2000"]
 REPRODUCE = ["reproduce", "--workers", "2"]
-COMPARE = ["compare", "--laws", "nmpc", "--conditions", "noisy", "--workers", "2", "--out", "out"]
+COMPARE = ["compare", "--laws", "nmpc", "--only", "noisy", "--workers", "2", "--out", "out"]
 INTERRUPTED = "skyarm: interrupted; finished files are whole\n"
 PATIENCE = 60.0
 """s, on a busy machine."""

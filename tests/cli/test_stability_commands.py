@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from commanded import refused, skyarm
-from skyarm.cli import margins_commands
+from skyarm.cli import margins_command
 from skyarm.cli.output import bar
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.studies.stability.along import evidence
@@ -117,7 +117,7 @@ def test_margins_say_how_far_they_are(folder: Path, monkeypatch: pytest.MonkeyPa
     scenario = load_scenario("short.toml")
     evidence(scenario, 2, lambda done, total: told.append((done, total)))
     assert told == [(0, 3), (1, 3), (2, 3), (3, 3)]
-    monkeypatch.setattr(margins_commands, "bar", functools.partial(bar, pause=0.0))
+    monkeypatch.setattr(margins_command, "bar", functools.partial(bar, pause=0.0))
     ended = skyarm("margins", "short.toml", "--instants", "2")
     assert ended.err.splitlines() == [f"skyarm: short: {done} of 3 instants" for done in range(4)]
 

@@ -1,4 +1,4 @@
-"""``skyarm sweep`` and ``skyarm stats`` as a user types them."""
+"""``skyarm sweep`` of a study and of the folder of a sweep, as a user types them."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_a_study_is_flown_continued_and_summed_up(folder: Path) -> None:
     second = skyarm("sweep", "study.toml")
     assert "20 flights" in second.out
     assert "14 episodes were there" in second.out
-    summed = skyarm("stats", "out/quick", "--success", "position_error_mean=0.5")
+    summed = skyarm("sweep", "out/quick", "--success", "position_error_mean=0.5")
     assert summed.code == 0, summed.err
     assert "paper_ct - paper_pd: success" in summed.out
     made = {path.name for path in (folder / "out" / "quick" / "stats").iterdir()}
@@ -62,7 +62,9 @@ def test_wrong_input_is_one_line_and_flies_nothing(folder: Path) -> None:
     refused(skyarm("sweep", "wrong.toml"), "wrong.toml", "base.weight", "there are mass, com")
     (folder / "light.toml").write_text(STUDY.replace("[0.6, 0.9]", "[-0.6, 0.9]"))
     refused(skyarm("sweep", "light.toml"), "light.toml", "base.mass", "reaches -0.", "at least 0")
-    refused(skyarm("stats", "nowhere"), "folder = 'nowhere'", "skyarm sweep")
+    refused(skyarm("sweep", "study.toml", "--map", "a", "b"), "--map: must be left out; only the folder of a sweep")
+    refused(skyarm("sweep", "."), "folder = '.'", "must be one that 'skyarm sweep' wrote")
+    refused(skyarm("sweep", ".", "--workers", "2"), "--workers: must be left out with the folder of a sweep")
     assert not (folder / "out").exists()
 
 
@@ -70,6 +72,5 @@ def test_a_changed_study_and_a_wrong_statistic_are_one_line(folder: Path) -> Non
     assert skyarm("sweep", "study.toml").code == 0
     (folder / "study.toml").write_text(STUDY.replace("episodes = 24", "episodes = 25"))
     refused(skyarm("sweep", "study.toml"), "study.toml: episodes = 25: must be 24", "choose another --out")
-    refused(skyarm("stats", "out/quick", "--success", "speed=1"), "success.speed", "there are position_error_mean")
-    refused(skyarm("stats", "out/quick", "--map", "plant.vehicle.base.mass", "x"), "--map = 'x'", "varied number")
-    refused(skyarm("stats", "out/quick", "--seed", "-1"), "--seed = -1", "at least 0")
+    refused(skyarm("sweep", "out/quick", "--success", "speed=1"), "success.speed", "there are position_error_mean")
+    refused(skyarm("sweep", "out/quick", "--map", "plant.vehicle.base.mass", "x"), "--map = 'x'", "varied number")

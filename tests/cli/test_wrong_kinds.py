@@ -64,7 +64,7 @@ def test_a_thing_of_another_kind_is_called_by_its_kind(folder: Path, words: tupl
         (("margins", "case1", "--controller", "pape_ct"), "paper_ct"),
         (("export", "--to", "c", "indy", "-o", "x.c"), "indi"),
         (("compare", "--laws", "paperct"), "paper_ct"),
-        (("compare", "--conditions", "nois"), "noisy"),
+        (("compare", "--only", "nois"), "noisy"),
     ],
 )
 def test_what_was_meant_stands_before_the_list(folder: Path, words: tuple[str, ...], meant: str) -> None:
@@ -110,7 +110,7 @@ def test_a_name_of_any_letters_works_wherever_it_becomes_a_file_name(folder: Pat
         ("run", "f.toml", "--duration", "0.1"),
         ("export", "--to", "c", "f.toml", "-o", f"{NAME}.c"),
         ("sweep", "y.toml", "--workers", "1"),
-        ("stats", f"out/{NAME}"),
+        ("sweep", f"out/{NAME}"),
     ):
         ended = skyarm(*words)
         assert ended.code == 0, (words, ended.err)

@@ -101,7 +101,7 @@ def test_a_shipped_scenario_is_compared_by_its_own_law_and_the_usual_ones(tmp_pa
             ["paper"],
             "suite = 'paper': must be one of paper-suite, envelope-suite, contact-suite, or a scenario (a .toml file",
         ),
-        (["case3", "--conditions", "noisy"], "--conditions: must be left out for scenario case3"),
+        (["case3", "--only", "noisy"], "--only: must be left out for scenario case3"),
         (["case3", "--laws", "anlges"], "controller = 'anlges'"),
         (["case3", "--plant", "instant_rotor"], "--plant = 'instant_rotor': must be one of"),
         (["case3", "--laws", ","], "--laws: must name at least one"),

@@ -52,7 +52,6 @@ TABLES = {
     ("tip_and_tasks.md", "toml"): "tests/test_docs_of_tasks.py",
     ("scenario_files.md", "toml"): "tests/test_docs.py",
     ("centroidal_law.md", "toml"): "tests/control/test_level_flights.py",
-    ("your_vehicle.md", "toml"): "tests/cli/test_attach_command.py",
     ("tuning.md", "toml"): "tests/studies/tune/test_files_of_gains_shown.py",
     ("sweeps.md", "toml"): "tests/test_docs_pictures.py",
 }

@@ -26,36 +26,35 @@ from skyarm.records.files.old_names import OldNameWarning
 from skyarm.records.registry.plugins import load_plugin, register_law_of_file
 from skyarm.records.registry.registrations import registrations
 
-COMMANDS: Mapping[str, tuple[str, str]] = {
-    "show": ("show_command:show", "List what ships, or show a vehicle."),
-    "check": ("check_command:check", "Check whether a vehicle can fly, and why not."),
-    "new": ("new_command:new", "Write a vehicle, scenario, law or study to begin with."),
-    "attach": ("attach_command:attach", "Put an arm on an airframe: write a vehicle file."),
-    "run": ("run_command:run", "Fly a scenario; write its log (npz, CSV, MCAP)."),
-    "replay": ("replay_command:replay", "Fly a log's flight again, also under another law."),
-    "diff": ("replay_command:diff", "Compare two logs: where they come apart."),
-    "plot": ("plot_command:plot", "Draw flights, or curves of a sweep's metrics."),
-    "film": ("film_command:film", "Film flights; MP4, WebP, or a 3-D recording."),
-    "studio": ("studio_command:studio", "Fly live on a page: sliders, gusts, laws side by side."),
-    "export": ("export_command:export", "Write a log, a law as C, or a vehicle as MJCF."),
-    "identify": ("identify_command:identify", "Find delays and lags of a vehicle in a log."),
-    "sweep": ("sweep_commands:sweep", "Fly a study's episodes; rows as Parquet."),
-    "stats": ("sweep_commands:stats", "Success, quantiles, maps of a sweep."),
-    "margins": ("margins_commands:margins", "Linearise the closed loop: eigenvalues, margins."),
-    "tune": ("tune_command:tune", "Find a law's gains for a vehicle; a front, a file."),
-    "compare": ("compare_command:compare", "Compare all laws; tables, figure, page."),
-    "reproduce": ("reproduce_command:reproduce", "Fly the paper; write tables, figures, report."),
-    "doctor": ("doctor:doctor", "Look at the installation and the cache of machine code."),
+GROUPS: Mapping[str, Mapping[str, tuple[str, str]]] = {
+    "Vehicles": {
+        "show": ("show_command:show", "List what ships, or show a vehicle."),
+        "check": ("check_command:check", "Check whether a vehicle can fly, and why not."),
+        "new": ("new_command:new", "Write a vehicle, scenario, law or study to begin with."),
+    },
+    "Flights": {
+        "run": ("run_command:run", "Fly a scenario; write its log (npz, CSV, MCAP)."),
+        "diff": ("diff_command:diff", "Compare two logs, or a log with its flight flown again."),
+        "plot": ("plot_command:plot", "Draw flights, or curves of a sweep's metrics."),
+        "film": ("film_command:film", "Film flights; MP4, WebP, or a 3-D recording."),
+        "studio": ("studio_command:studio", "Fly live on a page: sliders, gusts, laws side by side."),
+        "export": ("export_command:export", "Write a log, a law as C, or a vehicle as MJCF."),
+    },
+    "Laws and studies": {
+        "identify": ("identify_command:identify", "Find delays and lags of a vehicle in a log."),
+        "margins": ("margins_command:margins", "Linearise the closed loop: eigenvalues, margins."),
+        "tune": ("tune_command:tune", "Find a law's gains for a vehicle; a front, a file."),
+        "compare": ("compare_command:compare", "Compare laws on a suite of trials, or on a scenario."),
+        "sweep": ("sweep_command:sweep", "Fly a study's episodes, or sum up the folder of a sweep."),
+        "reproduce": ("reproduce_command:reproduce", "Fly the paper; write tables, figures, report."),
+    },
+    "Installation": {
+        "doctor": ("doctor:doctor", "Look at the installation and the cache of machine code."),
+    },
 }
-"""Command -> its function, and its line of the help."""
+"""Sections of the help: command -> its function, and its line; commands of plugins have a section of their own."""
 
-GROUPS: Mapping[str, Sequence[str]] = {
-    "Vehicles": ("show", "check", "new", "attach"),
-    "Flights": ("run", "replay", "diff", "plot", "film", "studio", "export", "identify"),
-    "Laws and studies": ("margins", "tune", "sweep", "stats", "compare", "reproduce"),
-    "Installation": ("doctor",),
-}
-"""Sections of the help; commands of plugins have their own."""
+COMMANDS = {name: row for section in GROUPS.values() for name, row in section.items()}
 
 PLUGIN = "--plugin"
 
@@ -89,8 +88,7 @@ class Grouped(TyperGroup):
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write each section with its commands."""
-        grouped = {name for names in GROUPS.values() for name in names}
-        others = [name for name in self.commands if name not in grouped]
+        others = [name for name in self.commands if name not in COMMANDS]
         for title, names in {**GROUPS, "Plugins": others}.items():
             if names:
                 with formatter.section(title):
@@ -104,7 +102,7 @@ def program(words: Sequence[str]) -> typer.Typer:
         cls=Grouped,
         pretty_exceptions_enable=False,
         rich_markup_mode=None,
-        context_settings={"help_option_names": ["-h", "--help"]},
+        context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
     )
     made.callback(invoke_without_command=True)(top)
     for name, (place, title) in COMMANDS.items():
@@ -128,7 +126,7 @@ def perform() -> int:
             typed = shlex.split(os.environ.get("_TYPER_COMPLETE_ARGS") or os.environ.get("COMP_WORDS") or "")
             return int(program([*arguments, *typed])(arguments, prog_name="skyarm", standalone_mode=False) or 0)
     except USAGE_ERROR as error:
-        return say(f"{error.format_message().rstrip('.')}; see '{_command(error)} --help'", WRONG_INPUT)
+        return say(f"{_bad_usage(error)}; see '{_command()} --help'", WRONG_INPUT)
     except (typer.Abort, KeyboardInterrupt):
         return say("interrupted; finished files are whole", INTERRUPTED)
     except BrokenPipeError:
@@ -172,11 +170,20 @@ def without_plugins(arguments: Sequence[str]) -> list[str]:
     return left
 
 
-def _command(error: Any) -> str:
+def _bad_usage(error: Any) -> str:
+    """What is wrong with the words of a command; of an option's value also the value, which typer leaves out."""
+    refused, parameter = getattr(error.__cause__, "errors", None), getattr(error, "param", None)
+    if refused is None or parameter is None:
+        return str(error.format_message()).rstrip(".")
+    first = refused()[0]
+    allowed = first["msg"].removeprefix("Input should be ").partition(",")[0]
+    return f"{parameter.opts[0]} = {shown(first['input'])}: must be {allowed}"
+
+
+def _command() -> str:
     """The command with the wrong words, as typed."""
-    context = getattr(error, "ctx", None)
-    name = None if context is None or context.parent is None else context.info_name
-    return f"skyarm {name}" if name else "skyarm"
+    names = {*COMMANDS, *registrations("command")}
+    return " ".join(["skyarm", *[word for word in sys.argv[1:] if word in names][:1]])
 
 
 @contextmanager

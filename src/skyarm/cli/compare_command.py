@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -39,15 +39,17 @@ from skyarm.studies.compare.suite import conditions as conditions_of
 MOST = 1_000_000
 """Flights of a cell of the comparison: more belong into a sweep, which keeps them on disk."""
 
-OF_SUITES = {
-    SUITE: ("--conditions", "--plants", "--seeds"),
-    ENVELOPE: ("--axes", "--vehicle", "--quick"),
-    CONTACT: ("--tasks", "--worlds", "--quick"),
+READ_BY = {
+    "--only": (SUITE, ENVELOPE, CONTACT),
+    "--plants": (SUITE, CONTACT),
+    "--seeds": (SUITE, "a scenario"),
+    "--vehicle": (ENVELOPE,),
+    "--quick": (ENVELOPE, CONTACT),
 }
-"""Suite -> options that not every comparison has."""
+"""Option -> comparisons that read it, where not all do."""
 
-OF_A_SCENARIO = ("--seeds",)
-"""Options of :data:`OF_SUITES` that a comparison on a scenario has, too."""
+PLANTS, SEEDS = 1000, 8
+"""Perturbed plants of the paper's suite, and noisy flights of the truth, where nobody chooses."""
 
 
 def compare(
@@ -58,100 +60,71 @@ def compare(
             help="paper-suite, envelope-suite, contact-suite, or a scenario",
             autocompletion=name_completion("scenario"),
         ),
-    ] = "paper-suite",
+    ] = SUITE,
     out: Annotated[str | None, typer.Option("--out", help="folder of the results")] = None,
     laws: Annotated[
         str | None,
         typer.Option(
-            help="names or FILE.py:make, with commas; all if left out",
-            autocompletion=name_completion("controller"),
+            help="names or FILE.py:make, with commas; else the suite's", autocompletion=name_completion("controller")
         ),
     ] = None,
-    conditions: Annotated[str | None, typer.Option(help="of the suite, with commas; all if left out")] = None,
-    axes: Annotated[str | None, typer.Option(help="of the envelope, with commas; all if left out")] = None,
+    only: Annotated[str | None, typer.Option(help="conditions, axes or tasks of the suite, with commas")] = None,
     vehicle: Annotated[
-        str | None,
-        typer.Option(
-            help="of the envelope, with an arm; the paper's if left out", autocompletion=name_completion("vehicle")
-        ),
-    ] = None,
-    tasks: Annotated[str | None, typer.Option(help="of the contact suite, with commas; all if left out")] = None,
-    worlds: Annotated[int | None, typer.Option(help="wrong worlds of each task in contact; 200 if left out")] = None,
-    quick: Annotated[
-        bool, typer.Option("--quick", help="of the envelope: two values an axis; in contact: 16 worlds")
-    ] = False,
-    plants: Annotated[int, typer.Option(help="how many perturbed plants")] = 1000,
-    seeds: Annotated[int, typer.Option(help="noisy flights of the truth")] = 8,
+        str, typer.Option(help="of the envelope, with an arm", autocompletion=name_completion("vehicle"))
+    ] = PAPER,
+    plants: Annotated[int | None, typer.Option(help=f"perturbed plants, {PLANTS}; worlds in contact, {WORLDS}")] = None,
+    seeds: Annotated[int, typer.Option(help="noisy flights of the truth")] = SEEDS,
     seed: Annotated[int, typer.Option(help="of plants and noise")] = 0,
+    quick: Annotated[bool, typer.Option("--quick", help=f"two values of each axis; {QUICK} worlds in contact")] = False,
     plant: Annotated[str, typer.Option(help="rigid_body or mujoco")] = "rigid_body",
     flying: Flying = 0,
 ) -> None:
-    """Compare all laws; tables, figure, page.
+    """Compare laws on a suite of trials, or on a scenario.
 
-    On the paper's cases, on trials that get harder along axes, on tasks in contact, or on a scenario, by its own law
-    and those of --laws. The same command continues what was interrupted.
+    Tables, figure and page. The same command continues what was interrupted.
     """
-    for option, value in (("--plants", plants), ("--seeds", seeds)):
-        require_within(option, value, 1, MOST)
+    require_within("--seeds", seeds, 1, MOST)
+    require_within("--plants", PLANTS if plants is None else plants, 1, MOST)
     require_within("--seed", seed, 0)
     threads = workers(flying)
     if plant not in registered("plant"):
         raise ValueError(f"--plant = {plant!r}: {must_be_one_of(registered('plant'), plant)}")
-    if worlds is not None:
-        require_within("--worlds", worlds, 1, MOST)
     _require_effect(context, suite)
-    common: dict[str, Any] = {"seed": seed, "plant": plant}
+    folder = "out/compare"
     if suite == ENVELOPE:
-        asked: Suite = _envelope(laws, axes, vehicle or PAPER, quick=quick, **common)
-        _fly(asked, out or "out/envelope", threads)
+        folder, usual = "out/envelope", LAWS if vehicle == PAPER else TUNED_LAWS
+        axes = chosen_names("--only", only, AXES)
+        asked: Suite = Envelope(
+            laws=_laws(laws, usual), axes=axes, vehicle=vehicle, quick=quick, seed=seed, plant=plant
+        )
     elif suite == CONTACT:
-        asked = _contact(laws, tasks, worlds, quick, **common)
-        _fly(asked, out or "out/contact", threads)
+        if quick and plants is not None:
+            raise ValueError(f"--plants: must be left out beside --quick, which flies {QUICK}")
+        folder, worlds = "out/contact", plants or (QUICK if quick else WORLDS)
+        tasks = chosen_names("--only", only, TASKS)
+        asked = ContactSuite(laws=_laws(laws, CONTACT_LAWS, OWN), tasks=tasks, worlds=worlds, seed=seed, plant=plant)
+    elif suite == SUITE:
+        there = conditions_of(plants or PLANTS, seeds)
+        conditions = {name: there[name] for name in chosen_names("--only", only, there)}
+        asked = Comparison(entrants=_entrants(laws), conditions=conditions, seed=seed, plant=plant)
+    elif suite.endswith(".toml") or suite in shipped_names("scenario"):
+        named = USUAL_LAWS if laws is None else split_names("--laws", laws)
+        asked = OwnScenario(scenario=suite, laws=named, seeds=seeds, seed=seed, plant=plant)
     else:
-        if suite == SUITE:
-            there = conditions_of(plants, seeds)
-            chosen = {name: there[name] for name in chosen_names("--conditions", conditions, there)}
-            asked = Comparison(entrants=_entrants(laws), conditions=chosen, **common)
-        else:
-            asked = _scenario(suite, laws, seeds=seeds, **common)
-        _fly(asked, out or "out/compare", threads)
+        suites = f"{SUITE}, {ENVELOPE}, {CONTACT}"
+        raise ValueError(
+            f"suite = {shown(suite)}: must be one of {suites}, or a scenario (a .toml file or a shipped one)"
+        )
+    _fly(asked, out or folder, threads)
 
 
 def _require_effect(context: typer.Context, suite: str) -> None:
     """Refuse options that this comparison does not read."""
-    own = OF_SUITES.get(suite, OF_A_SCENARIO)
-    for option in dict.fromkeys(each for options in OF_SUITES.values() for each in options if each not in own):
-        there = [name for name, options in OF_SUITES.items() if option in options]
-        there += ["a scenario"] if option in OF_A_SCENARIO else []
-        have = " and ".join(there) + (" have it" if len(there) > 1 else " has it")
-        of = suite if suite in OF_SUITES else f"scenario {suite}"
-        require_left_out(context, [option], f" for {of}; only {have}")
-
-
-def _scenario(name: str, laws: str | None, **flown: Any) -> OwnScenario:
-    """Laws side by side on a scenario."""
-    if not name.endswith(".toml") and name not in shipped_names("scenario"):
-        suites = ", ".join(OF_SUITES)
-        raise ValueError(
-            f"suite = {shown(name)}: must be one of {suites}, or a scenario (a .toml file or a shipped one)"
-        )
-    return OwnScenario(scenario=name, laws=USUAL_LAWS if laws is None else split_names("--laws", laws), **flown)
-
-
-def _envelope(laws: str | None, axes: str | None, vehicle: str, **flown: Any) -> Envelope:
-    """Run the envelope suite: the range of every law, and its limits."""
-    require_different([] if laws is None else split_names("--laws", laws), "--laws")
-    chosen = _laws(laws, LAWS if vehicle == PAPER else TUNED_LAWS)
-    return Envelope(laws=chosen, axes=chosen_names("--axes", axes, AXES), vehicle=vehicle, **flown)
-
-
-def _contact(laws: str | None, tasks: str | None, worlds: int | None, quick: bool, **flown: Any) -> ContactSuite:
-    """Run the contact suite: success rates of every law in perturbed worlds."""
-    if quick and worlds is not None:
-        raise ValueError(f"--worlds: must be left out beside --quick, which flies {QUICK}")
-    count = worlds or (QUICK if quick else WORLDS)
-    chosen, named = _laws(laws, CONTACT_LAWS, OWN), chosen_names("--tasks", tasks, TASKS)
-    return ContactSuite(laws=chosen, tasks=named, worlds=count, **flown)
+    kind = suite if suite in (SUITE, ENVELOPE, CONTACT) else "a scenario"
+    for option, readers in READ_BY.items():
+        if kind not in readers:
+            of = suite if kind == suite else f"scenario {suite}"
+            require_left_out(context, [option], f" for {of}; it is of {' and '.join(readers)}")
 
 
 def _fly(suite: Suite, out: str, threads: int) -> None:
@@ -181,25 +154,22 @@ def _entrants(words: str | None) -> dict[str, Entrant]:
         return dict(ENTRANTS)
     names = split_names("--laws", words, of=f" of {', '.join(ENTRANTS)}")
     require_different(names, "--laws")
-    added = {name: found for name in names if name not in ENTRANTS and (found := own_entrant(name)) is not None}
-    for name in names:
-        if name not in ENTRANTS and name not in added:
-            raise ValueError(f"--laws = {shown(name)}: {must_be_one_of(ENTRANTS, name)}")
-    if len({each.name for each in added.values()}) < len(added):
-        raise ValueError(f"--laws = {shown(words)}: must not name two files and makers of the same names")
     chosen = {name: each for name, each in ENTRANTS.items() if name in names}
-    return chosen | {each.name: each for each in added.values()}
+    for name in names:
+        found = ENTRANTS.get(name) or own_entrant(name)
+        if found is None:
+            raise ValueError(f"--laws = {shown(name)}: {must_be_one_of(ENTRANTS, name)}")
+        if chosen.setdefault(found.name, found) != found:
+            raise ValueError(f"--laws = {shown(words)}: must not name two files and makers of the same names")
+    return chosen
 
 
 def _laws(words: str | None, usual: tuple[str, ...], own: Collection[str] = ()) -> tuple[str, ...]:
     """Controllers by name, each once; ``own`` are names of the suite alone."""
-    if words is None:
-        return usual
-    names = split_names("--laws", words)
+    names = usual if words is None else split_names("--laws", words)
+    require_different(names, "--laws")
     for name in names:
         if name not in own and not is_named(name):
             theirs = f"one of {', '.join(own)}, or " if own else ""
             raise ValueError(f"--laws = {shown(name)}: {must_be_named(name, theirs)}")
-        if names.count(name) > 1:
-            raise ValueError(f"--laws = {shown(name)}: must be named once")
     return tuple(names)

@@ -16,7 +16,7 @@ from skyarm.cli.output import give, tell, waiting
 from skyarm.control.catalogue import is_named, must_be_named
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import AllocationError
-from skyarm.log.formats import load_log, require_format, save_log
+from skyarm.log.formats import load_log, require_format, require_readable, save_log
 from skyarm.records.files import (
     must_be_one_of,
     number,
@@ -84,7 +84,7 @@ def _log(flight: str, to: str | None, file: str | None) -> None:
         raise ValueError(f"--to: is missing; {must_be_one_of((*formats, 'c', 'mjcf'), None)}")
     if to is not None and to not in formats:
         raise ValueError(f"--to = {shown(to)}: {must_be_one_of((*formats, 'c', 'mjcf'), to)}")
-    require_format(flight, "flight")
+    require_readable(flight, "flight")
     reason = unreadable(Path(flight))
     if reason:
         raise ValueError(f"flight = {shown(flight)}: {reason}")

@@ -8,7 +8,7 @@ from typing import Annotated, Any, cast
 
 import typer
 
-from skyarm.cli.arguments import require_left_out, words_of
+from skyarm.cli.arguments import chosen_names, require_left_out, words_of
 from skyarm.cli.lines import say_if_many
 from skyarm.cli.output import bar, give, tell
 from skyarm.log.flight_log import Log
@@ -20,8 +20,11 @@ from skyarm.view.film.make_film import Camera, FilmSettings, Layout, make_film, 
 from skyarm.view.film.recording import SUFFIXES, import_viser, record, save_recording
 from skyarm.view.film.video_files import require_film_format, usual_size_and_rate
 
-OF_FILMS = ("--size", "--title", "--plot", "--fine")
-"""Options without which a recording does: it has neither pixels nor a text above them."""
+OF_FILMS = ("--size", "--fine")
+"""Options without which a recording does: it has no pixels."""
+
+PARTS = ("ghost", "plot")
+"""Parts of the picture that may be left out: the desired pose, see-through, and the tip's error below."""
 
 
 def film(
@@ -32,16 +35,15 @@ def film(
         list[str] | None, typer.Option(metavar="LAW", help="laws of each scenario, or FILE.py:make; repeat")
     ] = None,
     label: Annotated[list[str] | None, typer.Option(metavar="TEXT", help="name of each flight in turn; repeat")] = None,
-    title: Annotated[str | None, typer.Option(help="above the pictures, in place of the scenario's")] = None,
-    layout: Annotated[str, typer.Option(help="side or over: flights beside or on each other")] = "side",
+    layout: Annotated[str, typer.Option(help="flights beside (side) or on each other (over)")] = "side",
     camera: Annotated[str, typer.Option(help="follow, fixed or tip")] = "follow",
     size: Annotated[str | None, typer.Option(metavar="WxH", help="pixels [1280x720; of .webp 800x450]")] = None,
     fps: Annotated[int | None, typer.Option(help="frames a second [30; of .webp 15]")] = None,
     speed: Annotated[float, typer.Option(help="seconds of flight a second of film")] = 1.0,
-    start: Annotated[float, typer.Option(help="s of flight at which it begins")] = 0.0,
-    stop: Annotated[float | None, typer.Option(help="s of flight at which it ends")] = None,
-    ghost: Annotated[bool, typer.Option("--ghost/--no-ghost", help="the desired pose, see-through")] = True,
-    plot: Annotated[bool, typer.Option("--plot/--no-plot", help="the tip's error below")] = True,
+    window: Annotated[
+        tuple[float, float] | None, typer.Option(metavar="START STOP", help="s of flight; the whole if left out")
+    ] = None,
+    without: Annotated[str | None, typer.Option(metavar="PARTS", help="ghost: the desired pose; plot: errors")] = None,
     fine: Annotated[bool, typer.Option("--fine", help="shadows and smooth edges: four times as long")] = False,
 ) -> None:
     """Film flights; MP4, WebP, or a 3-D recording.
@@ -51,6 +53,8 @@ def film(
     path = Path(file)
     if path.suffix.removeprefix(".") in SUFFIXES:
         require_left_out(context, OF_FILMS, " of a recording, which is drawn where it is looked at")
+    start, stop = (0.0, None) if window is None else window
+    left_out = () if without is None else chosen_names("--without", without, PARTS)
     usual = usual_size_and_rate(path)
     width, height = usual[:2] if size is None else size_of(size)
     settings = FilmSettings(
@@ -62,10 +66,9 @@ def film(
         speed=speed,
         start=start,
         stop=stop,
-        ghost=ghost,
-        plot=plot,
+        ghost="ghost" not in left_out,
+        plot="plot" not in left_out,
         fine=fine,
-        title=title,
     )
     if file in list_scenarios():
         raise ValueError(f"FILE = {file!r}: must be the film's file, the last word; this is a scenario")

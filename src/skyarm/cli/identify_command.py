@@ -13,7 +13,7 @@ from skyarm.cli.lines import NOT_COMPLETED, say
 from skyarm.cli.output import aligned_lines, give, heading, plain, tell, waiting
 from skyarm.log.flight_log import Log, rows_of
 from skyarm.log.flown_scenario import written_part
-from skyarm.log.formats import load_log, require_format
+from skyarm.log.formats import load_log, require_readable
 from skyarm.records.files import number, output_file, printable, shown, unreadable, write_atomically
 from skyarm.studies.identify.loop_lags import Estimated, Lag, LoopLags, lag_tables, loop_lags
 from skyarm.vehicle.vehicle_files import load_vehicle
@@ -33,7 +33,7 @@ def identify(
     How late the rotors follow their commands, how late the joints: dead times and time constants, each with the
     interval of 95 %, and the TOML lines to paste. Exit code 3 if the flight does not tell, as a calm hover.
     """
-    require_format(flight, "flight")
+    require_readable(flight, "flight")
     reason = unreadable(Path(flight))
     if reason:
         raise ValueError(f"flight = {shown(flight)}: {reason}")

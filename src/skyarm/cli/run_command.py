@@ -18,10 +18,14 @@ from rich.console import RenderableType
 from skyarm.cli.arguments import name_completion, require_left_out, require_not_another
 from skyarm.cli.lines import NOT_COMPLETED, say_steps, say_suspicious
 from skyarm.cli.output import bar, give, heading, shown_number, table_of, tell
+from skyarm.dynamics.actuators.rotor import push
+from skyarm.log.flown_scenario import restored_part
 from skyarm.log.formats import require_format, save_log
+from skyarm.log.log_columns import columns, component_labels
 from skyarm.log.metrics.path_distance import path_distance
 from skyarm.log.metrics.windows import Windows, windows_of
 from skyarm.log.periods import ContactPeriod, timed_out
+from skyarm.log.sensor_data import COMPONENTS
 from skyarm.records.files import output_file, printable, require_replaceable, require_writable, shown, taken_back
 from skyarm.records.files.names import picture_file
 from skyarm.scenario.scenario_file import load_scenario
@@ -70,8 +74,9 @@ def run(
     require_not_another(scenario, "scenario")
     planned = load_scenario(scenario, plant=plant, controller=controller, seed=seed, duration=duration)
     folder = Path(out)
-    files = log_files(logs, (folder / f"{planned.name}.npz", folder / f"{planned.name}.csv"))
+    files = log_files(logs) if logs else [folder / f"{planned.name}{suffix}" for suffix in (".npz", ".csv")]
     drawn = None if picture is None else picture_file(picture, "--plot")
+    new = not (logs or folder.exists())
     with taken_back(*(() if logs else (folder,))):
         if not logs:
             require_writable(out)
@@ -83,7 +88,7 @@ def run(
         with earlier_kept([] if force else files) as kept:
             written = [save_log(log, file) for file in files]
     found = facts(log)
-    tell(*summary(log, found), "log: " + ", ".join(str(path) for path in written))
+    tell(*summary(log, found), f"log: {', '.join(map(str, written))}{' (new folder)' if new else ''}")
     if drawn is not None:
         from skyarm.view.figures.flight_plot import plot
 
@@ -96,21 +101,21 @@ def run(
         raise typer.Exit(NOT_COMPLETED)
 
 
-def log_files(names: Sequence[str] | None, usual: Sequence[Path], option: str = "--log") -> list[Path]:
-    """Paths of the log's files, checked before the flight; the usual ones where none are named.
+def log_files(names: Sequence[str]) -> list[Path]:
+    """Paths of the files of ``--log``, checked before the flight.
 
     Raises:
         ValueError: a suffix that no log format is registered for, with those there are; or a file that is named twice.
         OSError: one of them cannot be written.
     """
     found: dict[Path, str] = {}
-    for name in names or ():
-        require_format(name, option)
-        place = output_file(name, option).resolve()
+    for name in names:
+        require_format(name, "--log")
+        place = output_file(name, "--log").resolve()
         if place in found:
-            raise ValueError(f"{option} = {shown(name)}: must be another file than {option} = {shown(found[place])}")
+            raise ValueError(f"--log = {shown(name)}: must be another file than --log = {shown(found[place])}")
         found[place] = name
-    return [Path(name) for name in names] if names else list(usual)
+    return [Path(name) for name in names]
 
 
 @contextmanager
@@ -140,20 +145,21 @@ def _numbered_file(file: Path, number: int) -> Path:
 
 
 LABELS = {
-    "position": "position, m",
-    "joints": "joints, rad or m",
     "tip": "tip, m",
-    "lag": "governor's lag, s",
-    "base_to_path": "base to its path, m",
+    "position": "base, m",
+    "joints": "joints, rad or m",
     "tip_to_path": "tip to its path, m",
+    "base_to_path": "base to its path, m",
+    "lag": "governor's lag, s",
 }
+"""Error -> its row in the table, in this order."""
 
 MOST_NAMED = 3
 """Numbers changed in flight that are named; a record of many would fill the line."""
 
 
 def facts(log: Log) -> dict[str, Any]:
-    """Summary of a flight as plain data: how it ended, its errors, contacts, grasps and phases."""
+    """Summary of a flight as plain data: how it ended, its errors, thrust, contacts, grasps and phases."""
     info = log.info
     named = ("scenario", "controller", "plant", "integrator", "seed", "duration", "end_time", "status", "cause")
     found = {name: info[name] for name in named} | {"vehicle": info["plant_vehicle"]}
@@ -168,11 +174,10 @@ def facts(log: Log) -> dict[str, Any]:
 
     errors = {what: summary(error) for what, error in error_norms(log).items()}
     found |= {"steady_window_s": [steady.start, steady.stop], "errors_continuous": errors}
-    found |= dataclasses.asdict(log.shortfall)
+    found |= {"peak_thrust": _peak_thrust(log)} | dataclasses.asdict(log.shortfall)
     if log.lag_found.size:
         found["lag_found_s"] = log.lag_found[-1]
-    if log.component("contact_force").size:
-        found["contacts"] = _contacts(log)
+    found |= {name: rows for name, rows in (("contacts", _contacts(log)), ("mechanisms", _mechanisms(log))) if rows}
     if log.component("gripper_taken").size:
         found["grasps"] = [dataclasses.asdict(each) for each in log.grasp_periods]
     if log.phase.size:
@@ -200,6 +205,14 @@ def error_norms(log: Log) -> dict[str, Array]:
     return {what: np.linalg.norm(flown - desired, axis=1) for what, (flown, desired) in pairs.items()}
 
 
+def _peak_thrust(log: Log) -> float | None:
+    """Largest thrust of a rotor over its highest; None where no rotor has a limit."""
+    vehicle = restored_part(log.info, "agent", "plant", "vehicle")
+    rotors = () if vehicle is None else vehicle.rotors
+    pairs = zip(rotors, log.rotor_speeds.max(axis=0), strict=False)
+    return max((float(push(r, w) / push(r, r.max_speed)) for r, w in pairs if np.isfinite(r.max_speed)), default=None)
+
+
 def _contacts(log: Log) -> list[dict[str, Any]]:
     """Each pair that touched: time of the first touch, s, how often contact was lost, largest normal force, N."""
     pairs: dict[tuple[str, str], list[ContactPeriod]] = {}
@@ -217,9 +230,21 @@ def _contacts(log: Log) -> list[dict[str, Any]]:
     ]
 
 
+def _mechanisms(log: Log) -> list[dict[str, Any]]:
+    """Each mechanism: its coordinate at first, at its furthest from there, and at the end, with the unit."""
+    rows = [each for each in columns(log) if each.array == f"{COMPONENTS}.mechanism_position"]
+    found = []
+    for name, column in zip(component_labels(log, "mechanism_position"), rows, strict=True):
+        place = column.of(log)
+        furthest = place[np.abs(place - place[0]).argmax()]
+        found.append({"name": name, "first": place[0], "furthest": furthest, "last": place[-1], "unit": column.unit})
+    return found
+
+
 def summary(log: Log, found: dict[str, Any]) -> list[RenderableType]:
-    """The facts as lines and a table."""
-    title = f"{found['scenario']}: {log.status} at {found['end_time']:g} s"
+    """The facts as lines and a table: how it ended, errors, thrust, then what is not of every flight."""
+    end, duration = (f"{found[name]:g} s" for name in ("end_time", "duration"))
+    title = f"{found['scenario']}: {log.status}, {end}" + (f" of {duration}" if end != duration else "")
     lines: list[RenderableType] = [
         heading(title + (f": {found['cause']}" if found["cause"] else "")),
         printable(_flight_words(log)),
@@ -227,25 +252,33 @@ def summary(log: Log, found: dict[str, Any]) -> list[RenderableType]:
     if "steady_window_s" not in found:
         return lines
     start, stop = found["steady_window_s"]
-    over = f"[{start:.4g}, {stop:.4g}) s"
+    errors = found["errors_continuous"] | found.get("governor", {})
     rows = [
-        (LABELS[what], *("-" if value is None else shown_number(value, 4) for value in sums.values()))
-        for what, sums in (found["errors_continuous"] | found.get("governor", {})).items()
+        (LABELS[what], *("-" if value is None else shown_number(value, 4) for value in errors[what].values()))
+        for what in LABELS
+        if what in errors
     ]
-    lines.append(table_of(("error (continuous)", f"mean, {over}", f"max, {over}", "max, whole flight"), rows))
-    return [*lines, *sentences(found), *log.shortfall.lines]
+    lines.append(table_of((f"error, {start:.4g} to {stop:.4g} s", "mean", "max", "max, whole flight"), rows))
+    if found["peak_thrust"] is not None:
+        cut = "" if found["saturation"] else "; no command at a limit"
+        lines.append(f"peak thrust: {found['peak_thrust']:.0%} of a rotor's highest{cut}")
+    return [*lines, *log.shortfall.lines, *sentences(found)]
 
 
 def sentences(found: dict[str, Any]) -> list[str]:
-    """Facts that are not of every flight, in words: estimated lags, contacts, grasps, phases."""
+    """Facts that are not of every flight, in words: estimated lags, contacts, mechanisms, grasps, phases."""
     lines = []
     if "lag_found_s" in found:
         rotors, joints = 1e3 * found["lag_found_s"]
-        late = f"rotors {rotors:.1f} ms, joints {joints:.1f} ms"
-        lines.append(f"lag found at the end, beyond what the law was told: {late}")
+        lines.append(f"lag found at the end, beyond the law's nominal: rotors {rotors:.1f} ms, joints {joints:.1f} ms")
     for each in found.get("contacts", ()):
         touch = f"{each['surface']} touched {each['point']} at {each['first_touch']:g} s"
         lines.append(f"{touch}: lost {each['losses']} times, largest force {each['peak']:.3g} N")
+    for each in found.get("mechanisms", ()):
+        first, furthest, last = (shown_number(each[name]) for name in ("first", "furthest", "last"))
+        lines.append(
+            f"{each['name']} moved from {first} to {furthest} {each['unit']}, at the end {last} {each['unit']}"
+        )
     for each in found.get("grasps", ()):
         ended = f"{'gave way' if each['gave_way'] else 'let go'} at {each['end']:g} s" if each["end"] else ""
         grasp = f"{each['gripper']} took {each['held']} at {each['start']:g} s: {ended or 'holds it to the end'}"

@@ -33,6 +33,19 @@ def written_part(info: Mapping[str, Any], *names: str) -> Any:
     return found
 
 
+def restored_part(info: Mapping[str, Any], *names: str) -> Any:
+    """Part of the written scenario as a record; None without one, or where user code that it needs is not loaded."""
+    return restored(info, written_part(info, *names))
+
+
+def restored(info: Mapping[str, Any], written: Any) -> Any:
+    """A record from plain data of a log; None where it cannot be read."""
+    try:
+        return restore(written, info.get("plugins"))
+    except (KeyError, TypeError, ValueError, AttributeError):
+        return None
+
+
 def flown_scenario(info: Mapping[str, Any], replaced: Mapping[str, Any]) -> Any:
     """The scenario of a log's ``info`` with some of it replaced: :meth:`skyarm.Log.scenario_with`."""
     written, plugins, code = (info.get(name) or {} for name in ("scenario_record", "plugins", "code"))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -125,11 +125,25 @@ def require_format(path: PathLike, field: str = "log") -> LogFormat:
     Raises:
         RegistryError: no such format; names ``field``, the path and the formats there are.
     """
-    suffix = Path(path).suffix.removeprefix(".")
-    if suffix not in names("log_format"):
-        raise RegistryError(
-            f"{field} = {shown(str(path))}: suffix {shown(suffix)}: {must_be_one_of(names('log_format'), suffix)}"
-        )
+    return _format(Path(path).suffix.removeprefix("."), f"{field} = {shown(str(path))}", names("log_format"))
+
+
+def require_readable(path: PathLike, field: str = "log") -> Callable[[Path], Log]:
+    """The function that reads a log's file, by its suffix.
+
+    Raises:
+        RegistryError: no such format, or one that keeps too little; names the formats that can be read.
+    """
+    suffix, at = Path(path).suffix.removeprefix("."), f"{field} = {shown(str(path))}"
+    known = [name for name in names("log_format") if _format(name, at, [name]).read is not None]
+    reader = _format(suffix, f"{at}: cannot be read back" if suffix in names("log_format") else at, known).read
+    assert reader is not None
+    return reader
+
+
+def _format(suffix: str, at: str, allowed: Sequence[str]) -> LogFormat:
+    if suffix not in allowed:
+        raise RegistryError(f"{at}: suffix {shown(suffix)}: {must_be_one_of(allowed, suffix)}")
     found: LogFormat = find("log_format", suffix)
     mistake = None if isinstance(found, LogFormat) and own_code(found.write) is None else format_mistake(found)
     if mistake is not None:
@@ -153,8 +167,4 @@ def load_log(path: PathLike) -> Log:
         ValueError: the format cannot be read back, or the file is not such a log.
         OSError: the file cannot be read.
     """
-    read = require_format(path).read
-    if read is None:
-        known = {name: name for name in names("log_format") if require_format(f"log.{name}").read is not None}
-        raise ValueError(f"file = {shown(str(path))}: cannot be read back; {must_be_one_of(known, None)}")
-    return read(Path(path))
+    return require_readable(path)(Path(path))

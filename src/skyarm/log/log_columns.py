@@ -17,9 +17,8 @@ import numpy.typing as npt
 
 from skyarm.dynamics.actuators.drive import TorqueDrive
 from skyarm.log.flight_log import Log
-from skyarm.log.flown_scenario import written_part
+from skyarm.log.flown_scenario import restored, written_part
 from skyarm.log.sensor_data import COMPONENTS, sources_of
-from skyarm.records.restore import restore
 from skyarm.records.units import Unit, units
 
 Array = npt.NDArray[np.float64]
@@ -235,10 +234,7 @@ def setpoints_of(info: Mapping[str, Any]) -> dict[str, str]:
     given |= {each.get("joint"): each.get("drive") for each in _rows(written_part(info, "agent", "drives"))}
     found = {}
     for joint, drive in given.items():
-        try:
-            made = restore(drive, info.get("plugins"))
-        except (ValueError, TypeError, KeyError, AttributeError):
-            made = None
+        made = restored(info, drive)
         if isinstance(joint, str) and not isinstance(made, TorqueDrive):
             takes = getattr(made, "takes", "")
             found[joint] = takes if isinstance(takes, str) else ""

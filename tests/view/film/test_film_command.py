@@ -47,7 +47,7 @@ def film(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], tmp
 
 @needs_display
 def test_a_log_and_a_scenario_are_filmed_together(film: Film, log: Path, tmp_path: Path) -> None:
-    code, out, err = film(log, "case3_wind", "--stop", 0.5, *SMALL, "made.webp")
+    code, out, err = film(log, "case3_wind", "--window", 0, 0.5, *SMALL, "made.webp")
     assert (code, err) == (0, "")
     assert out.startswith("film: made.webp (0.0")
     with Image.open(tmp_path / "made.webp") as picture:
@@ -64,7 +64,10 @@ def test_a_log_and_a_scenario_are_filmed_together(film: Film, log: Path, tmp_pat
         (("LOG", "a.webp", "--size", "161x120"), "skyarm: width = 161: must be an even number"),
         (("LOG", "a.webp", "--size", "big"), "skyarm: size = 'big': must be WIDTHxHEIGHT in pixels"),
         (("LOG", "a.webp", "--camera", "folow"), "skyarm: camera = 'folow': did you mean 'follow'? must be one of"),
-        (("LOG", "a.webp", "--start", "2"), "skyarm: start = 2: must leave at least one frame before the end, 1 s"),
+        (
+            ("LOG", "a.webp", "--window", "2", "3"),
+            "skyarm: start = 2: must leave at least one frame before the end, 1 s",
+        ),
         (("LOG", "a.webp", "--label", "x", "--label", "y"), "skyarm: labels = ['x', 'y']: must be as many as the"),
         (("LOG", "a.webp", "--controller", "paper_ct"), "skyarm: --controller = 'paper_ct': must be left out"),
         (("case3", "case3_wind"), "skyarm: FILE = 'case3_wind': must be the film's file, the last word"),
@@ -133,7 +136,7 @@ def test_every_flight_of_the_paper_fits_into_an_animated_picture_of_the_usual_si
 
 @needs_display
 def test_a_size_and_a_rate_that_are_left_out_are_those_of_the_file(film: Film, log: Path, tmp_path: Path) -> None:
-    assert film(log, "--stop", 0.4, "a.webp")[0] == 0
+    assert film(log, "--window", 0, 0.4, "a.webp")[0] == 0
     with Image.open(tmp_path / "a.webp") as picture:
         assert (picture.size, picture.n_frames) == ((800, 450), 6)
 

@@ -18,7 +18,7 @@ from skyarm.view.film.video_files import FILM_FORMATS
 PAGE = (Path(__file__).resolve().parents[3] / "docs" / "pictures.md").read_text("utf-8").partition("\n## Films\n")[2]
 LINES = re.findall(r"^    (skyarm .+)$", PAGE, re.M)
 DRAWN = (".mp4", ".webp")
-SHORT = {"run": ["--duration", "0.3"], "film": ["--stop", "0.2", "--size", "64x64", "--fps", "10"]}
+SHORT = {"run": ["--duration", "0.3"], "film": ["--window", "0", "0.2", "--size", "64x64", "--fps", "10"]}
 
 
 @pytest.mark.thorough
@@ -31,7 +31,7 @@ def test_the_commands_run_one_after_the_other(monkeypatch: pytest.MonkeyPatch, t
         words = shlex.split(line)
         # a recording is drawn where it is watched: it has no size
         drawn = words[1] != "film" or any(word.endswith(DRAWN) for word in words)
-        short = SHORT[words[1]] if drawn else ["--stop", "0.2"]
+        short = SHORT[words[1]] if drawn else ["--window", "0", "0.2"]
         monkeypatch.setattr(sys, "argv", [*words, *short])
         assert perform() == 0, line
         ran += words[1] == "film"

@@ -14,14 +14,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.log.flown_scenario import written_part
+from skyarm.log.flown_scenario import restored_part, written_part
 from skyarm.log.log_columns import names_of
 from skyarm.log.metrics.interaction import BAND
 from skyarm.log.metrics.path_distance import path_distance
 from skyarm.log.metrics.score import wanted_push
 from skyarm.log.metrics.windows import Windows, windows_of
 from skyarm.log.periods import contact_pairs
-from skyarm.records.restore import restore
 
 if TYPE_CHECKING:
     from skyarm.log.flight_log import Log
@@ -135,11 +134,8 @@ def _saturation(log: Log) -> Saturation | None:
 
 def _actuator_limits(log: Log) -> Iterator[tuple[str, str, Array, float, float]]:
     """Name, unit, commands (N,), lower and upper limit of every actuator that has one."""
-    try:
-        vehicle = restore(written_part(log.info, "agent", "plant", "vehicle"), log.info.get("plugins"))
-        if vehicle is None:
-            return
-    except (KeyError, TypeError, ValueError):
+    vehicle = restored_part(log.info, "agent", "plant", "vehicle")
+    if vehicle is None:
         return
     for rotor, sent in zip(vehicle.rotors, log.rotor_commands.T, strict=True):
         yield f"rotor {rotor.name}", "rad/s", sent, -math.inf, float(rotor.max_speed)

@@ -12,10 +12,9 @@ import numpy.typing as npt
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.dynamics.kinematics import every_joint, joint_placement
 from skyarm.log.flight_log import Log
-from skyarm.log.flown_scenario import written_part
+from skyarm.log.flown_scenario import restored_part
 from skyarm.log.log_columns import distinct
 from skyarm.log.ros.messages import NANO
-from skyarm.records.restore import restore
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.scene.shapes import Solid, turn_onto
@@ -248,8 +247,5 @@ class WorldMarkers:
 
 def contacts_of(log: Log) -> tuple[Any, ...]:
     """The world's contact; empty without a world, or of a log that needs user code that is not loaded."""
-    try:
-        found = restore(written_part(log.info, "environment", "world"), log.info.get("plugins"))
-    except (KeyError, TypeError, ValueError, AttributeError):
-        return ()
+    found = restored_part(log.info, "environment", "world")
     return (found,) if hasattr(found, "carriers") else ()

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.log.flight_log import Log
-from skyarm.log.flown_scenario import written_part
+from skyarm.log.flown_scenario import restored_part
 from skyarm.log.log_columns import Names, columns, distinct, names_of, word
 from skyarm.log.ros.messages import DEFINITIONS, FLIGHT, Bytes, encode, flight_definition
 from skyarm.log.ros.scene import (
@@ -34,7 +34,6 @@ from skyarm.log.ros.scene import (
 )
 from skyarm.log.sensor_data import ESTIMATE, Source, sources_of
 from skyarm.log.tip_positions import yaw_quaternion
-from skyarm.records.restore import restore
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Array = npt.NDArray[np.float64]
@@ -150,10 +149,7 @@ class FlightTopics:
 
 def vehicle_of(log: Log) -> Vehicle | None:
     """The plant's vehicle; None of a log without one, or of one that needs user code that is not loaded."""
-    try:
-        found = restore(written_part(log.info, "agent", "plant", "vehicle"), log.info.get("plugins"))
-    except (KeyError, TypeError, ValueError, AttributeError):
-        return None
+    found = restored_part(log.info, "agent", "plant", "vehicle")
     shape = log.joints.shape[1], log.rotor_speeds.shape[1]
     return found if isinstance(found, Vehicle) and (found.n, len(found.rotors)) == shape else None
 

@@ -71,10 +71,8 @@ def did_you_mean(word: Any, known: Iterable[str]) -> str:
 
 
 def nearest(word: Any, known: Iterable[str]) -> list[str]:
-    """``NEAREST`` names: those that are like a word, the most alike first, then the first others."""
-    names = list(known)
-    near = difflib.get_close_matches(str(word), names, n=NEAREST, cutoff=LIKE)
-    return list(dict.fromkeys((*near, *names)))[:NEAREST]
+    """The ``NEAREST`` names that are most like a word, the most alike first."""
+    return difflib.get_close_matches(str(word), list(known), n=NEAREST, cutoff=0.0)
 
 
 def must_be_one_of(known: Iterable[str], word: Any, see: str = "") -> str:

@@ -149,9 +149,8 @@ OLD_NAMES: Mapping[str, Mapping[str, str]] = {
 RESERVED: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     "command": {
         "a command": (
-            *("reproduce", "run", "show", "replay", "diff", "export", "plot", "film"),
-            *("sweep", "stats", "margins", "compare", "studio"),
-            *("check", "new", "doctor", "attach", "tune", "identify"),
+            *("show", "check", "new", "run", "diff", "plot", "film", "studio", "export"),
+            *("identify", "margins", "tune", "compare", "sweep", "reproduce", "doctor"),
         ),
     },
     "law": {

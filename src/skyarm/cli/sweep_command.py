@@ -1,4 +1,4 @@
-"""``skyarm sweep`` and ``skyarm stats``: a study's episodes, and statistics of them."""
+"""``skyarm sweep``: a study's episodes, and statistics of them."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ import typer
 from skyarm.cli.arguments import (
     Flying,
     name_completion,
+    require_left_out,
     require_not_another,
-    require_within,
+    shipped_names,
     words_of,
     workers,
 )
@@ -29,32 +30,48 @@ DPI = 160
 
 
 def sweep(
+    context: typer.Context,
     study: Annotated[
         str,
         typer.Argument(
-            help="a study file (.toml) or the name of a shipped one", autocompletion=name_completion("study")
+            help="a study (.toml or a shipped name), or the folder of a sweep", autocompletion=name_completion("study")
         ),
     ],
     controller: Annotated[
         list[str] | None, typer.Option(metavar="LAW", help="in place of the study's: names or FILE.py:make; repeat")
     ] = None,
-    out: Annotated[str | None, typer.Option("--out", help="folder of the rows; out/NAME if left out")] = None,
+    out: Annotated[str | None, typer.Option("--out", help="folder; out/NAME of a study, FOLDER/stats of one")] = None,
     flying: Flying = 0,
     part: Annotated[
-        str | None,
-        typer.Option(metavar="K/N", help="of N machines that share the folder the K-th"),
+        str | None, typer.Option(metavar="K/N", help="of N machines that share the folder the K-th")
+    ] = None,
+    success: Annotated[
+        list[str] | None, typer.Option(metavar="METRIC=LARGEST", help="of a folder: limit of a success; repeat")
+    ] = None,
+    paths: Annotated[
+        tuple[str, str] | None, typer.Option("--map", help="of a folder: two varied numbers, across and upward")
     ] = None,
 ) -> None:
-    """Fly a study's episodes; rows as Parquet.
+    """Fly a study's episodes, or sum up the folder of a sweep.
 
-    The same command continues what was interrupted.
+    Rows are Parquet; the same command continues what was interrupted. Of a folder: success rates, quantiles, paired
+    differences and maps, as report.html and stats.json.
     """
+    if study not in shipped_names("study") and Path(study).is_dir() and study:
+        require_left_out(context, ["--controller", "--workers", "--part"], " with the folder of a sweep")
+        _sum_up(study, out, success, paths)
+    else:
+        require_left_out(context, ["--success", "--map"], "; only the folder of a sweep has it")
+        _fly(study, words_of(controller), out, workers(flying), part)
+
+
+def _fly(study: str, controllers: list[str] | None, out: str | None, threads: int, part: str | None) -> None:
+    """Fly what is missing of a study's rows."""
     from skyarm.scenario.unlikely_numbers import unlikely_numbers
     from skyarm.studies.sweep import load_study, run_sweep
 
-    threads = workers(flying)
     require_not_another(study, "study")
-    loaded = load_study(study, words_of(controller))
+    loaded = load_study(study, controllers)
     folder = Path("out") / loaded.name if out is None else Path(out)
     say_if_many(loaded.name, max(each.plant.vehicle.n for each in loaded.scenarios.values()))
     say_unlikely(loaded.name, unlikely_numbers(next(iter(loaded.scenarios.values()))))
@@ -75,7 +92,7 @@ def sweep(
     tell(
         f"{summary.rows} rows in {folder}: {loaded.episodes} episodes of {', '.join(loaded.scenarios)}; "
         f"{flights} flights in {summary.seconds:.1f} s{known}",
-        f"next: skyarm stats {folder}",
+        f"next: skyarm sweep {folder}",
     )
     give(
         study=loaded.name,
@@ -89,37 +106,17 @@ def sweep(
     )
 
 
-def stats(
-    folder: Annotated[str, typer.Argument(help="folder that 'skyarm sweep' wrote")],
-    out: Annotated[str | None, typer.Option("--out", help="folder of the results; FOLDER/stats if left out")] = None,
-    success: Annotated[
-        list[str] | None, typer.Option(metavar="METRIC=LARGEST", help="of a success, in place of the study's; repeat")
-    ] = None,
-    paths: Annotated[
-        tuple[str, str] | None, typer.Option("--map", help="two varied numbers, across and upward")
-    ] = None,
-    seed: Annotated[int, typer.Option(help="of the bootstrap")] = 0,
-) -> None:
-    """Success, quantiles, maps of a sweep.
-
-    Written as stats.json, report.html, and a PNG for each map.
-    """
+def _sum_up(folder: str, out: str | None, success: list[str] | None, paths: tuple[str, str] | None) -> None:
+    """Write statistics of a sweep's rows."""
     from skyarm.studies.sweep.maps import robustness_maps
     from skyarm.studies.sweep.stats import Rows, parse_limits, statistics
     from skyarm.studies.sweep.study_page import page, summary
 
-    require_within("--seed", seed, 0)
-    if not folder:
-        raise ValueError("folder = '': must be one that 'skyarm sweep' wrote")
     rows = Rows(Path(folder), parse_limits(success) if success else None)
-    with waiting(f"statistics of {folder}") as at:
-        at("maps")
+    with waiting(f"statistics of {folder}"):
         maps = robustness_maps(rows, paths)
         target = require_writable(require_no_link(Path(folder) / "stats") if out is None else out)
-        at("quantiles and differences")
-        found = statistics(rows, seed=seed)
-        at("pictures of maps")
-        pictures = _drawn(maps)
+        found, pictures = statistics(rows), _drawn(maps)
     write_inside(target / "stats.json", json_text(found).encode())
     write_inside(target / "report.html", page(found, rows.manifest, pictures).encode())
     files = ["report.html", "stats.json", *pictures.write(target)]

@@ -1,0 +1,42 @@
+"""Help screens: few commands, each with one sentence, and one screen for each of them."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from commanded import skyarm
+from skyarm.cli.commands import COMMANDS, GROUPS
+
+LINES, COLUMNS, MOST = 24, 100, 16
+
+
+def test_there_are_few_commands_in_four_groups_with_one_sentence_each() -> None:
+    assert len(COMMANDS) <= MOST
+    assert len(GROUPS) == 4
+    text = skyarm("--help", columns=80).out
+    for name, (_, sentence) in COMMANDS.items():
+        assert re.fullmatch(r"[A-Z][^.]*\.", sentence), name
+        assert re.search(rf"^  {name} +{re.escape(sentence)}$", text, re.MULTILINE), name
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_help_of_a_command_is_one_screen_that_begins_with_its_sentence(command: str) -> None:
+    lines = skyarm(command, "--help", columns=COLUMNS).out.splitlines()
+    assert len(lines) <= LINES
+    assert lines[2].strip() == COMMANDS[command][1]
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (("run", "case3", "--seed", "x"), "--seed = 'x': must be a valid integer; see 'skyarm run --help'"),
+        (("run", "case3", "--duration=a"), "--duration = 'a': must be a valid number; see 'skyarm run --help'"),
+        (("run", "case3", "--seed"), "Option '--seed' requires an argument; see 'skyarm run --help'"),
+        (("identify", "a.csv"), "flight = 'a.csv': cannot be read back: suffix 'csv': must be one of npz, mcap"),
+    ],
+)
+def test_wrong_words_are_shown_with_what_is_allowed(words: tuple[str, ...], line: str) -> None:
+    ended = skyarm(*words)
+    assert (ended.code, ended.err) == (2, f"skyarm: {line}\n")
