@@ -8,9 +8,7 @@ from test_flight_messages import Rotation, by_rosbags, composed
 
 import skyarm
 from logged_flights import drawn
-from skyarm.log.flight_log import rows_of
 from skyarm.world.scene.vehicle_shapes import vehicle_shapes
-from world_flights import WALL_ANGLE, touching
 
 
 @pytest.fixture(scope="module", params=["hummingbird_arm2_rotors", "tilted_hexarotor"])
@@ -48,25 +46,3 @@ def test_markers_have_the_shapes_sizes_and_places(written):
         R = Rotation.from_quat([q.x, q.y, q.z, q.w]).as_matrix()
         assert np.abs(R - shape.rotation).max() < 1e-14
         assert np.array_equal([marker.pose.position.x, marker.pose.position.y, marker.pose.position.z], shape.position)
-
-
-def test_markers_of_the_world_are_where_the_flight_had_it(tmp_path):
-    log = rows_of(touching(), slice(0, 40))
-    found = by_rosbags(skyarm.save_log(log, tmp_path / "world.mcap"))[0]
-    still = {marker.ns: marker for marker in found["/world"][2][0].markers}
-    assert set(still) == {"world/wall", "world/side"}
-    wall = still["world/wall"]
-    assert (wall.type, wall.header.frame_id, wall.frame_locked) == (1, "world", False)  # Marker.CUBE
-    assert [wall.scale.x, wall.scale.y, wall.scale.z] == [0.1, 2.0, 0.9]
-    q = wall.pose.orientation
-    assert Rotation.from_quat([q.x, q.y, q.z, q.w]).as_rotvec() == pytest.approx([0.0, 0.0, WALL_ANGLE])
-    times, messages = found["/world/moving"][1:]
-    assert len(messages) == 10  # every fourth of 200 Hz
-    for k, message in enumerate(messages):
-        post, parcel = message.markers
-        row = 4 * k
-        assert (post.ns, post.type, parcel.ns) == ("world/post", 3, "world/parcel")
-        assert post.pose.position.x == pytest.approx(0.3 * np.sin(np.pi * log.time[row]))
-        place = parcel.pose.position
-        assert [place.x, place.y, place.z] == pytest.approx(log.object_position[row])
-        assert times[k] == pytest.approx(1e9 * log.time[row])

@@ -1,9 +1,8 @@
-"""Frames and shapes of a flight for viewers of ROS: transforms, markers of the vehicle, markers of the world."""
+"""Frames and shapes of a flight for viewers of ROS: transforms, markers of the vehicle."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -12,14 +11,12 @@ import numpy.typing as npt
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.dynamics.kinematics import every_joint, joint_placement
 from skyarm.log.flight_log import Log
-from skyarm.log.flown_scenario import restored_part
 from skyarm.log.log_columns import distinct
 from skyarm.log.ros.messages import NANO
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.world.scene.shapes import Solid, turn_onto
+from skyarm.world.scene.shapes import turn_onto
 from skyarm.world.scene.vehicle_shapes import quaternions_of, vehicle_shapes
-from skyarm.world.scene.world_shapes import logged_poses, world_shapes
 
 Array = npt.NDArray[np.float64]
 
@@ -34,10 +31,6 @@ class Part:
     def __getitem__(self, array: str) -> Array:
         """The instants' rows of one of the log's arrays."""
         return self.log[array][self._chosen]
-
-    def component(self, array: str) -> Array:
-        """The instants' rows of an array of the flight's components."""
-        return self.log.component(array)[self._chosen]
 
     def header(self, frame: str, time: Array | None = None) -> dict[str, Any]:
         """A std_msgs/Header; its stamps are ``time`` (s), or the instants of the log."""
@@ -147,105 +140,28 @@ COLORS = {
 }
 """Role of a vehicle's shape -> red, green, blue, opacity."""
 
-MARKER_TYPES = {"box": 1, "patch": 1, "sphere": 2, "ellipsoid": 2}
-"""Kind of a shape -> a marker's cube or sphere, by its lengths or diameters; all others are cylinders, 3."""
+MARKER_TYPES = {"box": 1, "sphere": 2, "ellipsoid": 2}
+"""Kind of a shape -> a marker's cube or sphere, by its lengths or diameters; a capsule is its cylinder, 3."""
 
 
 def markers(vehicle: Vehicle, frames: Frames) -> list[dict[str, Any]]:
     """A visualization_msgs/Marker for each shape, fixed to the frame of its body."""
-    return [
-        _marker(
-            i,
-            Solid(each, np.array(each.position), np.array([each.rotation]), COLORS.get(each.role, COLORS["hull"])),
-            frames.of_body(each.body),
-            0,
-            fixed=True,
+    found = []
+    for number, shape in enumerate(vehicle_shapes(vehicle, meshes=False)):
+        turn = quaternions_of(np.array([shape.rotation]))[0]
+        lengths = [2.0 * half for half in shape.size]
+        if shape.kind in ("capsule", "cylinder"):
+            lengths = [lengths[0], lengths[0], shape.size[1]]
+        found.append(
+            {
+                "header": {"stamp": 0, "frame_id": frames.of_body(shape.body)},
+                "ns": shape.name,
+                "id": number,
+                "type": MARKER_TYPES.get(shape.kind, 3),
+                "pose": {"position": xyz(shape.position), "orientation": quaternion(turn)},
+                "scale": xyz(lengths if len(lengths) == 3 else 3 * lengths),
+                "color": dict(zip("rgba", COLORS.get(shape.role, COLORS["hull"]), strict=True)),
+                "frame_locked": True,
+            }
         )
-        for i, each in enumerate(vehicle_shapes(vehicle, meshes=False))
-    ]
-
-
-def _marker(number: int, solid: Solid, frame: str, stamps: Any, *, fixed: bool) -> dict[str, Any]:
-    """One marker at one instant, or at many: a capsule as its cylinder.
-
-    Args:
-        number: of the marker.
-        solid: its position (3,) at one instant, or (N, 3) at many; its rotations (1, 3, 3) or (N, 3, 3).
-        frame: in which it stands.
-        stamps: ns.
-        fixed: whether it moves with the frame.
-    """
-    shape, position, turns = solid.shape, solid.position, quaternions_of(solid.rotation)
-    if shape.kind == "hole":  # no marker has a hole: the whole plate
-        *_, outer, length = shape.size
-        axis = solid.rotation[:, :, 2] if position.ndim > 1 else solid.rotation[0, :, 2]
-        shape, position = replace(shape, kind="cylinder", size=(outer, length)), position - 0.5 * length * axis
-    return {
-        "header": {"stamp": stamps, "frame_id": frame},
-        "ns": shape.name,
-        "id": number,
-        "type": MARKER_TYPES.get(shape.kind, 3),
-        "pose": {"position": xyz(position), "orientation": quaternion(turns if position.ndim > 1 else turns[0])},
-        "scale": xyz(_lengths(shape)),
-        "color": dict(zip("rgba", solid.rgba, strict=True)),
-        "frame_locked": fixed,
-    }
-
-
-def _lengths(shape: Any) -> tuple[float, float, float]:
-    """Extents along the shape's axes, m."""
-    if shape.kind in ("box", "ellipsoid", "patch"):
-        x, y, *z = shape.size
-        return (2.0 * x, 2.0 * y, THIN if shape.kind == "patch" else 2.0 * z[0])
-    across = 2.0 * shape.size[0]
-    return (across, across, across if shape.kind == "sphere" else shape.size[1])
-
-
-WORLD_TOPIC, MOVING_TOPIC = "/world", "/world/moving"
-
-THIN = 1e-3
-"""m: height of a plane's patch."""
-
-
-class WorldMarkers:
-    """Markers of a flight's world.
-
-    Args:
-        log: of the flight, or its first part: planes are drawn about where its tip is at first.
-    """
-
-    def __init__(self, log: Log) -> None:
-        self._contacts = contacts_of(log)
-        tips = log.tip[:1]
-        self._around = tuple(tips[0]) if len(tips) and np.isfinite(tips).all() else (0.0, 0.0, 0.0)
-        surfaces = [each for contact in self._contacts for each in contact.surfaces]
-        carriers = [each for contact in self._contacts for each in contact.carriers]
-        self._moving = {f"world/{each.name}" for each in surfaces if each.moves}
-        self._moving |= {f"world/{each.name}" for carrier in carriers for each in carrier.surfaces}
-
-    def still(self) -> list[dict[str, Any]]:
-        """A visualization_msgs/Marker for each fixed surface."""
-        shapes = world_shapes(self._contacts, np.zeros(1), self._around)
-        still = [each for each in shapes if each.shape.name not in self._moving]
-        return [
-            _marker(i, replace(each, position=each.position[0], rotation=each.rotation[:1]), WORLD, 0, fixed=False)
-            for i, each in enumerate(still)
-        ]
-
-    @property
-    def moves(self) -> bool:
-        """True if anything of the world moves, by structure."""
-        return bool(self._moving)
-
-    def moving(self, part: Part) -> Mapping[str, Any]:
-        """A visualization_msgs/MarkerArray of what moves, at every instant of a part of the flight."""
-        carried = logged_poses(self._contacts, part.component)
-        shapes = world_shapes(self._contacts, part["time"], self._around, carried=carried)
-        moving = [each for each in shapes if each.shape.name in self._moving]
-        return {"markers": [_marker(i, each, WORLD, part.stamps, fixed=False) for i, each in enumerate(moving)]}
-
-
-def contacts_of(log: Log) -> tuple[Any, ...]:
-    """The world's contact; empty without a world, or of a log that needs user code that is not loaded."""
-    found = restored_part(log.info, "environment", "world")
-    return (found,) if hasattr(found, "carriers") else ()
+    return found

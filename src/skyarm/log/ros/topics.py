@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -21,12 +21,9 @@ from skyarm.log.ros.messages import DEFINITIONS, FLIGHT, Bytes, encode, flight_d
 from skyarm.log.ros.scene import (
     BASE_LINK,
     BASE_REFERENCE,
-    MOVING_TOPIC,
     WORLD,
-    WORLD_TOPIC,
     Frames,
     Part,
-    WorldMarkers,
     markers,
     quaternion,
     transform,
@@ -89,7 +86,6 @@ class FlightTopics:
             self._flight()
             + self._state(fast)
             + self._rest(slow, vehicle_of(log))
-            + _world(slow, log)
             + _sensor_topics(log, fast, self._names)
         )
 
@@ -203,27 +199,69 @@ def _transforms(every: int, vehicle: Vehicle | None) -> list[Topic]:
     ]
 
 
-def _world(every: int, log: Log) -> list[Topic]:
-    """Shapes of the world: fixed ones once, moving ones over time; none without a world."""
-    markers_of_world = WorldMarkers(log)
-    still, found = markers_of_world.still(), list[Topic]()
-    if still:
-        found.append(Topic(WORLD_TOPIC, MARKERS, 0, lambda _: {"markers": still}))
-    if markers_of_world.moves:
-        found.append(Topic(MOVING_TOPIC, MARKERS, every, markers_of_world.moving))
-    return found
+Fields = Mapping[str, Array]
+"""Numbers of a reading by field."""
+
+Message = dict[str, Any]
 
 
-READING = {
-    "sensor_msgs/Imu": {"rate": 3, "specific_force": 3},
-    "geometry_msgs/PoseStamped": {"position": 3, "quaternion": 4},
-    "geometry_msgs/PointStamped": {"position": 3},
-    "geometry_msgs/WrenchStamped": {"force": 3, "torque": 3},
-}
-"""Message -> how many numbers each field of a reading has that is written as it; the instant of reading apart."""
+class Origin(NamedTuple):
+    """Source of a reading, names of the vehicle's joints, and names of the numbers."""
+
+    source: str
+    joints: Sequence[str]
+    names: Sequence[str]
+
+
+def _odometry(part: Part, read: Fields, origin: Origin) -> Message:
+    attitude = f"{origin.source}.quaternion"
+    velocity = part.in_base(read["velocity"], attitude)
+    return {
+        "child_frame_id": f"base_{last_of(origin.source)}",
+        "pose": {"pose": _pose(read["position"], part.unit(attitude))},
+        "twist": {"twist": {"linear": xyz(velocity), "angular": xyz(read["rate"])}},
+    }
+
+
+def _imu(_part: Part, read: Fields, _origin: Origin) -> Message:
+    unknown = np.array([-1.0, *8 * [0.0]])  # no orientation is read
+    rate, force = xyz(read["rate"]), xyz(read["specific_force"])
+    return {"orientation_covariance": unknown, "angular_velocity": rate, "linear_acceleration": force}
+
+
+def _joint_state(_part: Part, read: Fields, origin: Origin) -> Message:
+    return {"name": origin.joints, "position": read["joints"], "velocity": read["joint_rates"]}
+
+
+def _own(_part: Part, read: Fields, origin: Origin) -> Message:
+    return {"name": origin.names, "value": np.column_stack(list(read.values()))}
+
 
 ODOMETRY = {"position": 3, "quaternion": 4, "velocity": 3, "rate": 3}
-"""The same of what a nav_msgs/Odometry is written from, whatever else there is."""
+"""How many numbers each field has from which an odometry is written, whatever else there is."""
+
+MESSAGES: Mapping[str, tuple[str, Mapping[str, int], Callable[[Part, Fields, Origin], Message]]] = {
+    "sensor_msgs/Imu": (BASE_LINK, {"rate": 3, "specific_force": 3}, _imu),
+    "geometry_msgs/PoseStamped": (
+        WORLD,
+        {"position": 3, "quaternion": 4},
+        lambda _part, read, _origin: {"pose": _pose(read["position"], read["quaternion"])},
+    ),
+    "geometry_msgs/PointStamped": (
+        WORLD,
+        {"position": 3},
+        lambda _part, read, _origin: {"point": xyz(read["position"])},
+    ),
+    "geometry_msgs/WrenchStamped": (
+        WORLD,
+        {"force": 3, "torque": 3},
+        lambda _part, read, _origin: {"wrench": {field: xyz(array) for field, array in read.items()}},
+    ),
+    "nav_msgs/Odometry": (WORLD, ODOMETRY, _odometry),
+    "sensor_msgs/JointState": ("", {}, _joint_state),
+    "skyarm_msgs/Reading": ("", {}, _own),
+}
+"""Message -> its frame, how many numbers each field of the readings has that are written as it, and its fields."""
 
 
 def _sensor_topics(log: Log, fast: int, names: Names) -> list[Topic]:
@@ -242,43 +280,23 @@ def _sensor_topics(log: Log, fast: int, names: Names) -> list[Topic]:
     return found
 
 
-def _reading(source: str, described: Source, names: Names) -> tuple[str, Callable[[Part], dict[str, Any]]]:
+def _reading(source: str, described: Source, names: Names) -> tuple[str, Callable[[Part], Message]]:
     """Type of a source's messages, and their fields: the message of ROS that fits its numbers, else one of our own."""
     sizes = {field: len(each.axes or ()) for field, each in described.fields.items()}
     stamped = sizes.pop("time", 1) == 0
-    joints = {"joints": len(names.joints), "joint_rates": len(names.joints)}
-    kind = next((kind for kind, of in READING.items() if of == sizes), "skyarm_msgs/Reading")
-    kind = "sensor_msgs/JointState" if sizes == joints else kind
-    kind = "nav_msgs/Odometry" if sizes.items() >= ODOMETRY.items() else kind
-    frame = {"sensor_msgs/Imu": BASE_LINK, "sensor_msgs/JointState": "", "skyarm_msgs/Reading": ""}.get(kind, WORLD)
-    frame = frame if described.frame is None else described.frame
+    kind = next((kind for kind, (_, wanted, _) in MESSAGES.items() if wanted == sizes), "skyarm_msgs/Reading")
+    if sizes == {"joints": len(names.joints), "joint_rates": len(names.joints)}:
+        kind = "sensor_msgs/JointState"
+    elif sizes.items() >= ODOMETRY.items():
+        kind = "nav_msgs/Odometry"
+    usual, _, fields = MESSAGES[kind]
+    frame = usual if described.frame is None else described.frame
     endings = [f"{field}_{axis}".rstrip("_") for field in sizes for axis in described.fields[field].axes or [""]]
+    origin = Origin(source, names.joints, endings)
 
-    def values(part: Part) -> dict[str, Any]:
-        given = {field: part[f"{source}.{field}"] for field in sizes}
-        header = {"header": part.header(frame, part[f"{source}.time"] if stamped else None)}
-        if kind == "nav_msgs/Odometry":
-            velocity = part.in_base(given["velocity"], f"{source}.quaternion")
-            return header | {
-                "child_frame_id": f"base_{last_of(source)}",
-                "pose": {"pose": _pose(given["position"], part.unit(f"{source}.quaternion"))},
-                "twist": {"twist": {"linear": xyz(velocity), "angular": xyz(given["rate"])}},
-            }
-        if kind == "sensor_msgs/Imu":
-            unknown = np.array([-1.0, *8 * [0.0]])  # no orientation is read
-            rate, force = xyz(given["rate"]), xyz(given["specific_force"])
-            return header | {
-                "orientation_covariance": unknown, "angular_velocity": rate, "linear_acceleration": force
-            }  # fmt: skip
-        if kind == "geometry_msgs/PoseStamped":
-            return header | {"pose": _pose(given["position"], given["quaternion"])}
-        if kind == "geometry_msgs/PointStamped":
-            return header | {"point": xyz(given["position"])}
-        if kind == "geometry_msgs/WrenchStamped":
-            return header | {"wrench": {field: xyz(array) for field, array in given.items()}}
-        if kind == "sensor_msgs/JointState":
-            return header | {"name": names.joints, "position": given["joints"], "velocity": given["joint_rates"]}
-        return header | {"name": endings, "value": np.column_stack(list(given.values()))}
+    def values(part: Part) -> Message:
+        header = part.header(frame, part[f"{source}.time"] if stamped else None)
+        return {"header": header, **fields(part, {field: part[f"{source}.{field}"] for field in sizes}, origin)}
 
     return kind, values
 
