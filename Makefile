@@ -94,12 +94,16 @@ WIND := case3_wind --controller paper_pd,paper_ct,centroidal_tip_stiff --label P
 
 PRESS := examples/press_and_slide.toml --label "centroidal law with interaction"
 
+SMALL := --size 480x300 --fps 8 --speed 3 --fine --without ghost
+
 films: $(VENV)/.test
 	$(BIN)/python -m skyarm film $(WIND) docs/images/laws_in_wind.webp --layout over --camera fixed --fine \
 		--window 0 15 --speed 1.5 --size 800x450 --fps 15
 	$(BIN)/python -m skyarm film $(WIND) docs/images/laws_in_wind.mp4 --size 960x540
 	$(BIN)/python -m skyarm film $(PRESS) docs/images/press_and_slide.webp --camera fixed --without ghost --fine \
 		--window 0 11 --speed 1.5 --size 720x450 --fps 12
+	$(BIN)/python -m skyarm film examples/pick_and_place_box.toml docs/images/pick_and_carry.webp $(SMALL)
+	$(BIN)/python -m skyarm film open_door docs/images/open_door.webp $(SMALL)
 
 ENVELOPE_LAWS := paper_pd,paper_ct,l1_adaptive,nmpc,centroidal_tip,centroidal_tip_robust
 

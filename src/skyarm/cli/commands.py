@@ -171,7 +171,7 @@ def without_plugins(arguments: Sequence[str]) -> list[str]:
 
 
 def _bad_usage(error: Any) -> str:
-    """What is wrong with the words of a command; of an option's value also the value, which typer leaves out."""
+    """Fault in the words of a command; of an option's value also the value, which typer leaves out."""
     refused, parameter = getattr(error.__cause__, "errors", None), getattr(error, "param", None)
     if refused is None or parameter is None:
         return str(error.format_message()).rstrip(".")

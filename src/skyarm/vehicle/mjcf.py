@@ -299,7 +299,7 @@ def require_supported(model: MjModel, notes: Notes) -> None:
     _require_plain_joints(model)
     for tendon in range(int(model.ntendon)):
         name = name_of(model, "tendon", tendon)
-        if _stated(model, TENDON_FORCES, tendon):
+        if _is_stated(model, TENDON_FORCES, tendon):
             refuse(f"tendon[{name}]", "a pull of its own", "must pull nothing; tendons are not supported")
         notes.add("not read", name, "tendon")
     for body in range(1, int(model.nbody)):
@@ -309,7 +309,7 @@ def require_supported(model: MjModel, notes: Notes) -> None:
         refuse("flex", int(model.nflex), "must be rigid bodies only")
     for actuator in range(int(model.nu)):
         name = name_of(model, "actuator", actuator)
-        if _stated(model, ("actuator_armature", "actuator_damping"), actuator):
+        if _is_stated(model, ("actuator_armature", "actuator_damping"), actuator):
             refuse(f"actuator[{name}]", "armature or damping of its own", "must be stated at its joint")
         if int(model.actuator_trntype[actuator]) not in AT_JOINT:
             notes.add("not at a joint, so not read; rotors are stated in [[rotors]]", name, "actuator")
@@ -317,7 +317,7 @@ def require_supported(model: MjModel, notes: Notes) -> None:
         notes.add("density and viscosity of the option are not read; [drag] and the scenario's air say that")
 
 
-def _stated(model: MjModel, names: tuple[str, ...], index: int) -> bool:
+def _is_stated(model: MjModel, names: tuple[str, ...], index: int) -> bool:
     """True if one of these arrays has a number other than 0 there."""
     return any(getattr(model, name)[index].any() for name in names)
 
@@ -330,10 +330,10 @@ def _require_plain_joints(model: MjModel) -> None:
         field = f"joint[{name_of(model, 'jnt', joint)}]"
         if kind_of(model, joint) == "ball":
             refuse(f"{field}.type", "ball", "must be 'hinge' or 'slide'; or three hinges in one body")
-        if _stated(model, ("jnt_stiffness", "jnt_stiffnesspoly"), joint):
+        if _is_stated(model, ("jnt_stiffness", "jnt_stiffnesspoly"), joint):
             stiffness = model.jnt_stiffness[joint].ravel().tolist()[0]
             refuse(f"{field}.stiffness", stiffness, "must be 0; springs are not supported")
-        if _stated(model, ("dof_dampingpoly",), int(model.jnt_dofadr[joint])):
+        if _is_stated(model, ("dof_dampingpoly",), int(model.jnt_dofadr[joint])):
             refuse(f"{field}.damping", "a polynomial", "must be one number")
     kinds = {int(mujoco.mjtEq.mjEQ_CONNECT): "connect", int(mujoco.mjtEq.mjEQ_WELD): "weld"}
     for each in range(int(model.neq)):
