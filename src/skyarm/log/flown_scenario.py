@@ -35,10 +35,10 @@ def written_part(info: Mapping[str, Any], *names: str) -> Any:
 
 def restored_part(info: Mapping[str, Any], *names: str) -> Any:
     """Part of the written scenario as a record; None without one, or where user code that it needs is not loaded."""
-    return restore_part(info, written_part(info, *names))
+    return restore_written(info, written_part(info, *names))
 
 
-def restore_part(info: Mapping[str, Any], written: Any) -> Any:
+def restore_written(info: Mapping[str, Any], written: Any) -> Any:
     """A record from plain data of a log; None where it cannot be read."""
     try:
         return restore(written, info.get("plugins"))

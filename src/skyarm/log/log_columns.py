@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from skyarm.dynamics.actuators.drive import TorqueDrive
 from skyarm.log.flight_log import Log
-from skyarm.log.flown_scenario import restore_part, written_part
+from skyarm.log.flown_scenario import restore_written, written_part
 from skyarm.log.sensor_data import COMPONENTS, sources_of
 from skyarm.records.units import Unit, units
 
@@ -234,7 +234,7 @@ def setpoints_of(info: Mapping[str, Any]) -> dict[str, str]:
     given |= {each.get("joint"): each.get("drive") for each in _rows(written_part(info, "agent", "drives"))}
     found = {}
     for joint, drive in given.items():
-        made = restore_part(info, drive)
+        made = restore_written(info, drive)
         if isinstance(joint, str) and not isinstance(made, TorqueDrive):
             takes = getattr(made, "takes", "")
             found[joint] = takes if isinstance(takes, str) else ""
