@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
 
@@ -22,7 +22,7 @@ INK, PAPER = (28, 32, 40), (255, 255, 255)
 LOST = (190, 20, 30)
 WANTED = (0.55, 0.58, 0.63)
 """Colour of the force that is asked for."""
-TITLE_SIZE, NAME_SIZE, NUMBER_SIZE = 24.0, 22.0, 22.0
+TEXT_SIZE = 22.0
 """Pixels at 720 lines."""
 
 DESIGNED = 720.0
@@ -46,6 +46,15 @@ class Box:
     top: int
     width: int
     height: int
+
+    @property
+    def inside(self) -> tuple[slice, slice]:
+        """Its rows and columns in a picture."""
+        return slice(self.top, self.top + self.height), slice(self.left, self.left + self.width)
+
+    def split(self, width: int) -> tuple[Box, Box]:
+        """A box of this width at the left, and the rest."""
+        return replace(self, width=width), replace(self, left=self.left + width, width=self.width - width)
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,96 +82,73 @@ class Captions:
     def __init__(self, flights: Sequence[FilmedFlight], times: Array, layout: FrameLayout, title: str) -> None:
         self._flights, self._times, self._layout = flights, times, layout
         self._blank = np.full((layout.height, layout.width, 3), 255, np.uint8)
-        self._numbers = [self._head(box, flight) for box, flight in zip(layout.heads, flights, strict=True)]
-        self._clock = self._title(title)
+        self._write(self._blank, layout.title, title, bold=True)
+        for box, flight in zip(layout.heads, flights, strict=True):
+            color = np.round(255.0 * np.array(flight.color)).astype(np.uint8)
+            bar, name = box.split(max(2, round(6.0 * layout.scale)))
+            self._blank[bar.inside] = color
+            self._write(self._blank, name.split(self._name_width(flight, name))[0], flight.label, color, bold=True)
         self._strip = self._plot()
 
     def frame(self, drawn: Pixels, k: int) -> Pixels:
         """Frame k: the panels from ``drawn``, texts and plot around them."""
-        found = self._blank.copy()
-        for box in self._layout.panels:
-            found[_inside(box)] = drawn[_inside(box)]
-        self._write(found, self._clock, self._now(k), INK, TITLE_SIZE)
-        for box, flight in zip(self._numbers, self._flights, strict=True):
-            ink = LOST if flight.lost and self._times[k] >= flight.end else INK
-            self._write(found, box, state_words(flight, float(self._times[k]), k), ink, NUMBER_SIZE)
-        if self._strip is not None and self._layout.plot is not None:
-            self._put_cursor(found, self._strip, self._layout.plot, k)
+        found, layout, time = self._blank.copy(), self._layout, float(self._times[k])
+        for box in layout.panels:
+            found[box.inside] = drawn[box.inside]
+        clock = layout.title.split(layout.title.width - round(min(300.0 * layout.scale, 0.5 * layout.title.width)))[1]
+        winds = {wind_words(flight, k) for flight in self._flights}
+        wind = winds.pop() if len(winds) == 1 else ""  # of all flights
+        self._write(found, clock, f"{wind}    {time:.1f} s".lstrip(), align="right")
+        for box, flight in zip(layout.heads, self._flights, strict=True):
+            ink = LOST if flight.lost and time >= flight.end else INK
+            number = box.split(self._name_width(flight, box))[1]
+            self._write(found, number, state_words(flight, time, k), ink, align="right")
+        if self._strip is not None and layout.plot is not None:
+            strip, top = self._strip, layout.plot.top
+            share = (time - self._times[0]) / (_end(self._times) - self._times[0])
+            at = round(layout.plot.left + strip.left + share * (strip.right - strip.left))
+            half = max(1, round(layout.scale))
+            found[top + strip.top : top + strip.bottom, max(at - half, 0) : at + half] = INK
         return found
 
-    def _now(self, k: int) -> str:
-        """Clock, and the wind where all flights have the same."""
-        winds = {wind_words(flight, k) for flight in self._flights}
-        return f"{winds.pop() if len(winds) == 1 else ''}    {self._times[k]:.1f} s".lstrip()
-
-    def _title(self, title: str) -> Box:
-        """Write the title; returns the box of clock and wind."""
-        band = self._layout.title
-        right = round(min(300.0 * self._layout.scale, 0.5 * band.width))
-        at = Box(band.left, band.top, band.width - right, band.height)
-        self._write(self._blank, at, title, INK, TITLE_SIZE, align="left", bold=True)
-        return Box(band.width - right, band.top, right, band.height)
-
-    def _head(self, box: Box, flight: FilmedFlight) -> Box:
-        """Write a flight's name beside a bar of its colour; returns the box of its error."""
-        bar = max(2, round(6.0 * self._layout.scale))
-        color = np.round(255.0 * np.array(flight.color)).astype(np.uint8)
-        self._blank[box.top : box.top + box.height, box.left : box.left + bar] = color
+    def _name_width(self, flight: FilmedFlight, box: Box) -> int:
+        """Pixels of a flight's name; the rest of its box is for its numbers."""
         wide, share = (225.0, 0.52) if flight.contact is None else (410.0, 0.62)
-        number = round(min(wide * self._layout.scale, share * box.width))
-        name = Box(box.left + bar, box.top, box.width - bar - number, box.height)
-        self._write(self._blank, name, flight.label, tuple(int(c) for c in color), NAME_SIZE, align="left", bold=True)
-        return Box(box.left + box.width - number, box.top, number, box.height)
+        return box.width - round(min(wide * self._layout.scale, share * box.width))
 
     def _plot(self) -> Strip | None:
+        """The forces that are asked for and applied, if every flight has them; else the errors."""
         box = self._layout.plot
         if box is None:
             return None
+        curves = []
+        for each in self._flights:
+            if each.wanted_curve is not None and each.contact_curve is not None:
+                curves.append(Curve(each.error_time, each.wanted_curve, WANTED))
+                curves.append(Curve(each.error_time, each.contact_curve, each.color))
+        forces = len(curves) == 2 * len(self._flights)
+        if not forces:
+            curves = [Curve(each.error_time, each.error_curve, each.color) for each in self._flights]
         span = float(self._times[0]), _end(self._times)
-        forces = all(each.wanted_curve is not None and each.contact_curve is not None for each in self._flights)
-        curves = [Curve(each.error_time, each.error_curve, each.color) for each in self._flights]
-        if forces:
-            curves = [
-                Curve(each.error_time, force, color)
-                for each in self._flights
-                for force, color in ((each.wanted_curve, WANTED), (each.contact_curve, each.color))
-                if force is not None
-            ]
         strip = error_strip(curves, span, box.width, box.height, self._layout.scale, forces=forces)
-        self._blank[_inside(box)] = strip.pixels
+        self._blank[box.inside] = strip.pixels
         return strip
 
-    def _put_cursor(self, pixels: Pixels, strip: Strip, box: Box, k: int) -> None:
-        share = (self._times[k] - self._times[0]) / (_end(self._times) - self._times[0])
-        at = round(box.left + strip.left + share * (strip.right - strip.left))
-        half = max(1, round(self._layout.scale))
-        pixels[box.top + strip.top : box.top + strip.bottom, max(at - half, 0) : at + half] = INK
-
     def _write(
-        self,
-        pixels: Pixels,
-        box: Box,
-        text: str,
-        ink: tuple[int, ...],
-        size: float,
-        *,
-        align: str = "right",
-        bold: bool = False,
+        self, pixels: Pixels, box: Box, text: str, ink: Sequence[int] = INK, *, align: str = "left", bold: bool = False
     ) -> None:
         """Put a line of text into a box, smaller where it would not fit."""
         # a picture's line of text: no line breaks, no characters that steer a terminal
         text = "".join(each if each.isprintable() else " " for each in text)
         margin = max(1, round(10.0 * self._layout.scale))
-        room = max(box.width - 2 * margin, 1)
-        height = max(LEAST_TEXT, round(size * self._layout.scale))
-        font = _font(height, bold=bold)
-        while font.getlength(text) > room and height > LEAST_TEXT:
+        height = max(LEAST_TEXT, round(TEXT_SIZE * self._layout.scale))
+        while (font := _font(height, bold=bold)).getlength(text) > box.width - 2 * margin and height > LEAST_TEXT:
             height -= 1
-            font = _font(height, bold=bold)
         picture = Image.new("RGB", (box.width, box.height), PAPER)
-        at = (margin, box.height // 2) if align == "left" else (box.width - margin, box.height // 2)
-        ImageDraw.Draw(picture).text(at, text, fill=ink, font=font, anchor="lm" if align == "left" else "rm")
-        pixels[_inside(box)] = np.asarray(picture)
+        at = margin if align == "left" else box.width - margin
+        anchor = "lm" if align == "left" else "rm"
+        ImageDraw.Draw(picture).text((at, box.height // 2), text, fill=tuple(map(int, ink)), font=font, anchor=anchor)
+        pixels[box.inside] = np.asarray(picture)
 
 
 def state_words(flight: FilmedFlight, time: float, k: int) -> str:
@@ -186,10 +172,6 @@ def error_words(error: float) -> str:
 def _end(times: Array) -> float:
     """End of the last frame, s."""
     return float(times[-1] + (times[-1] - times[0]) / max(len(times) - 1, 1)) if len(times) > 1 else times[0] + 1.0
-
-
-def _inside(box: Box) -> tuple[slice, slice]:
-    return slice(box.top, box.top + box.height), slice(box.left, box.left + box.width)
 
 
 @lru_cache(maxsize=64)
