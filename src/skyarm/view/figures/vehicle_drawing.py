@@ -296,7 +296,7 @@ def _mark_frames_and_axes(sheet: Sheet, vehicle: Vehicle, posed: Posed) -> None:
     for frame in posed.frames:
         sheet.triad(frame, TRIAD if frame.name in ("base", vehicle.end_effector) else 0.6 * TRIAD)
     known = set()
-    for i, rotor in enumerate(vehicle.rotors):
+    for i in range(len(vehicle.rotors)):
         hub, axis = _rotor_bow(sheet, vehicle, i)
         sheet.label(str(i + 1), hub)
         tilt = math.acos(min(1.0, abs(axis[2])))

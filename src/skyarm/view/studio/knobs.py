@@ -106,25 +106,26 @@ def _places(scenario: Scenario, path: str) -> tuple[Place, ...]:
 
 def _paths(scenario: Scenario) -> Iterator[tuple[str, str]]:
     """Group and path of all numbers."""
-    below: list[tuple[str, str, object]] = []
-    for word, value in parts(scenario.controller.par).items():
-        if word not in DERIVED_PARTS and not isinstance(value, (bool, int, str)):
-            below.append(("law", f"controller.{word}", value))
+    law = parts(scenario.controller.par)
+    gains = [word for word in law if word not in DERIVED_PARTS and not isinstance(law[word], (bool, int, str))]
+    yield from _all_below("law", {f"controller.{word}": law[word] for word in gains})
     if scenario.path_time is None:  # one is planned for the reference as it is
-        base = names(scenario.reference)["base"]
-        yield from (("reference", path) for path in _of_tree(base, "reference.base"))
-        for word in SIGNALS:
-            below.append(("reference", f"reference.{word}", getattr(scenario.reference, word)))
-    for word in ("wind", "air", "forces"):
-        below.append(("wind and forces", f"environment.{word}", getattr(scenario, word)))
-    below.append(("sensors", "sensors", scenario.noise))
-    below += [("sensors", f"sensors.{each.name}", each.sensor) for each in scenario.sensors]
-    below.append(("faults", "environment.faults", scenario.faults))
-    for group, root, value in below:
-        yield from ((group, path) for path in _below(value, root))
+        yield from (("reference", path) for path in _of_tree(names(scenario.reference)["base"], "reference.base"))
+        yield from _all_below("reference", {f"reference.{word}": getattr(scenario.reference, word) for word in SIGNALS})
+    blowing = {"wind": scenario.wind, "air": scenario.air, "forces": scenario.forces}
+    yield from _all_below("wind and forces", {f"environment.{word}": blowing[word] for word in blowing})
+    yield from _all_below("sensors", {"sensors": scenario.noise})
+    yield from _all_below("sensors", {f"sensors.{each.name}": each.sensor for each in scenario.sensors})
+    yield from _all_below("faults", {"environment.faults": scenario.faults})
     loads = (f"payloads.{i}.mass" for i in range(len(scenario.payloads)))
     yield from (("payload", path) for path in ("plant.payload.mass", "model.payload.mass", *loads))
     yield "delay", "delays.command"
+
+
+def _all_below(group: str, records: Mapping[str, object]) -> Iterator[tuple[str, str]]:
+    """Group and path of the numbers of some records by their paths."""
+    for root, record in records.items():
+        yield from ((group, path) for path in _below(record, root))
 
 
 def _of_tree(tree: object, path: str) -> Iterator[str]:
