@@ -84,7 +84,7 @@ class Captions:
         self._blank = np.full((layout.height, layout.width, 3), 255, np.uint8)
         self._write(self._blank, layout.title, title, bold=True)
         for box, flight in zip(layout.heads, flights, strict=True):
-            color = np.round(255.0 * np.array(flight.color)).astype(np.uint8)
+            color = [round(255.0 * part) for part in flight.color]
             bar, name = box.split(max(2, round(6.0 * layout.scale)))
             self._blank[bar.inside] = color
             self._write(self._blank, name.split(self._name_width(flight, name))[0], flight.label, color, bold=True)
@@ -147,7 +147,7 @@ class Captions:
         picture = Image.new("RGB", (box.width, box.height), PAPER)
         at = margin if align == "left" else box.width - margin
         anchor = "lm" if align == "left" else "rm"
-        ImageDraw.Draw(picture).text((at, box.height // 2), text, fill=tuple(map(int, ink)), font=font, anchor=anchor)
+        ImageDraw.Draw(picture).text((at, box.height // 2), text, fill=tuple(ink), font=font, anchor=anchor)
         pixels[box.inside] = np.asarray(picture)
 
 
