@@ -15,7 +15,7 @@ from skyarm.control.blocks.attitude import Attitude, posture
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.force_trend import rate_weight
-from skyarm.control.laws.centroidal.gust_shift import (
+from skyarm.control.laws.centroidal.shift_motion import (
     GustMemory,
     SlowForce,
     gust_gains,

@@ -8,8 +8,8 @@ import pytest
 import skyarm
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars.taylor import Taylor
-from skyarm.control.laws.centroidal.joint_room import SHARE, WITH_STOP, ends_of, within_limits
-from skyarm.control.laws.centroidal.make import make_centroidal
+from skyarm.control.laws.centroidal.demands import SHARE, WITH_STOP, within_limits
+from skyarm.control.laws.centroidal.make import ends_of, make_centroidal
 from skyarm.control.model import JointGains, Model
 from skyarm.dynamics import State
 

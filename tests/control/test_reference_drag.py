@@ -5,7 +5,7 @@ import pytest
 
 import skyarm
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.control.laws.centroidal.demands import pushes_across, reference_drag
+from skyarm.control.blocks.prediction import pushes_across, reference_drag
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 

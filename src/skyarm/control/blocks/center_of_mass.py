@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from skyarm import dynamics
-from skyarm.algebra import ZERO3, Force, Motion, SpatialInertia, Sym3, Vec3
-from skyarm.algebra.scalars import Scalar, divide
-from skyarm.dynamics.kinematics import jacobian_columns, link_poses
+from skyarm.algebra import ZERO3, Force, Mat3, Motion, SpatialInertia, Sym3, Vec3, inner_product, ldl_solve
+from skyarm.algebra.scalars import Scalar, add, divide, mul, sub
+from skyarm.dynamics.kinematics import Pose, jacobian_columns, link_poses
 from skyarm.dynamics.link_axes import spatial_inertia
+from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Frame, Vehicle
 
 
@@ -36,6 +38,33 @@ def center_velocity(vehicle: Vehicle, joints: Sequence[Scalar], joint_rates: Seq
             total = total + column.linear * rate * link.body.mass
     velocity: Vec3 = total * divide(1.0, vehicle.mass)
     return velocity
+
+
+def axes(vehicle: Vehicle, poses: Sequence[Pose]) -> list[Vec3]:
+    """Joint axes in base axes."""
+    return [pose.R.apply(link.joint.axis) for link, pose in zip(vehicle.links, poses, strict=False)]
+
+
+def com_columns(vehicle: Vehicle, poses: Sequence[Pose]) -> list[Vec3]:
+    """Velocity of the centre of mass in base axes per unit of each joint rate, times the vehicle's mass."""
+    if vehicle.followers:
+        own = com_columns(vehicle.with_free_followers, poses)
+        for each, column in zip(vehicle.followers, own[vehicle.n :], strict=True):
+            own[each.leader] = own[each.leader] + column * each.ratio
+        return own[: vehicle.n]
+    masses: list[Scalar] = [link.body.mass for link in vehicle.links]
+    moments = [pose.apply(link.body.com) * link.body.mass for link, pose in zip(vehicle.links, poses, strict=True)]
+    for i in reversed(range(vehicle.n)):
+        parent = vehicle.links[i].parent
+        if parent != BASE:
+            masses[parent], moments[parent] = add(masses[parent], masses[i]), moments[parent] + moments[i]
+    found = []
+    for i, axis in enumerate(axes(vehicle, poses)):
+        if vehicle.links[i].joint.turns:
+            found.append(axis.cross(moments[i] - poses[i].p * masses[i]))
+        else:
+            found.append(axis * masses[i])
+    return found
 
 
 def arm_reaction(
@@ -83,3 +112,45 @@ def forces_under_thrust(
     base = Motion(angular, follows)
     force, torques = dynamics.inverse_dynamics(vehicle, joints, rate, joint_rates, base, joint_accelerations)
     return force, torques, follows
+
+
+@dataclass(frozen=True, slots=True)
+class Reaction:
+    """Joint torques for joint accelerations under a given force on a base whose angular acceleration stays as desired.
+
+    Blocks of the mass matrix: t the base's translation, w its rotation, j the joints; the base's origin moves freely.
+
+    Attributes:
+        joints: M_jj - M_jt M_tj / m, joint torques per joint acceleration, a row a joint.
+        base: M_wj - M_wt M_tj / m, body torque (base axes) per joint acceleration, three rows.
+    """
+
+    joints: list[list[Scalar]]
+    base: list[list[Scalar]]
+
+    def torque(self, accelerations: Sequence[Scalar]) -> Vec3:
+        """Body torque of joint accelerations, N m, base axes."""
+        return Vec3(*(inner_product(row, accelerations) for row in self.base))
+
+    def accelerations(self, efforts: Sequence[Scalar]) -> list[Scalar]:
+        """Joint accelerations of joint torques or forces."""
+        return ldl_solve(self.joints, list(efforts)) if self.joints else []
+
+
+def reaction(vehicle: Vehicle, joints: Sequence[Scalar]) -> Reaction:
+    """The reaction of an arm at a posture (rad or m)."""
+    if not joints:
+        return Reaction([], [[], [], []])
+    M = dynamics.mass_matrix(vehicle, Mat3.identity(), joints)
+    share, n = divide(1.0, vehicle.mass), len(joints)
+
+    def reduced_entry(row: int, column: int) -> Scalar:
+        total = M[row][column]
+        for k in range(3):
+            total = sub(total, mul(mul(M[row][k], M[column][k]), share))
+        return total
+
+    return Reaction(
+        joints=[[reduced_entry(6 + i, 6 + j) for j in range(n)] for i in range(n)],
+        base=[[reduced_entry(k, 6 + j) for j in range(n)] for k in range(3, 6)],
+    )

@@ -42,6 +42,7 @@ from skyarm.control.blocks.select import choose, choose_each, data, vector_data
 from skyarm.control.controller import ControllerError
 from skyarm.control.law_maker import option_numbers
 from skyarm.control.model import Model
+from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.records.units import Unit
 from skyarm.sensing.measurement import Measurement
@@ -344,6 +345,18 @@ class Observed:
     efforts: Annotated[tuple[Scalar, ...], Unit("N m or N", "unknown efforts of the joints")]
     rotor_speeds: Annotated[tuple[Scalar, ...], Unit("rad/s", "of the modelled motors")]
     bias: Annotated[Vec3 | tuple[()], Unit("m/s^2", "of the accelerometer, base axes")] = ()
+
+    def state(self) -> State:
+        """The estimated state of the vehicle."""
+        return State(
+            position=self.position,
+            quaternion=self.quaternion,
+            velocity=self.velocity,
+            rate=self.rate,
+            joints=self.joints,
+            joint_rates=self.joint_rates,
+            rotor_speeds=self.rotor_speeds,
+        )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

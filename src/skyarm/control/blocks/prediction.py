@@ -17,6 +17,7 @@ from skyarm.dynamics.actuators import Command, friction, limited_effort, rotor_f
 from skyarm.dynamics.actuators.mixer import allocation_matrix
 from skyarm.dynamics.state import coordinate_acceleration
 from skyarm.records.units import Unit
+from skyarm.vehicle.vehicle_records import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -73,6 +74,43 @@ def side_wrench(model: Model, speeds: Sequence[Scalar], velocity_B: Vec3, rate: 
     for rotor, speed in zip(model.vehicle.rotors, speeds, strict=True):
         total = total + rotor_force(rotor, speed, velocity_B + rate.cross(rotor.position))
     return total - rotor_wrench(model, [speed * speed for speed in speeds], sideways)
+
+
+def pushes_across(vehicle: Vehicle) -> bool:
+    """Return True if some rotor's axis is not body z."""
+    return any(float(each) != 0.0 for rotor in vehicle.rotors for each in (rotor.axis.x, rotor.axis.y))
+
+
+def reference_drag(
+    model: Model,
+    state: State,
+    base: Sequence[Vec3],
+    *,
+    sideways: bool,
+    moving: bool,
+    across: bool,
+) -> list[Vec3]:
+    """Force of the rotors but for thrust along body z at the reference's motion (N, world), two derivatives.
+
+    The present motion would feed noise and errors into the posture. Hub drag is linear in the velocity; the push of
+    tilted rotors across body z is constant, and the derivatives leave it out.
+
+    ``sideways``: the law itself commands thrust across body z; ``moving``: False takes the derivatives as zero;
+    ``across``: rotors push across body z without such a command.
+    """
+    R = state.quaternion.rotation()
+
+    def side(motion: Vec3) -> Vec3:
+        return R.apply(side_wrench(model, state.rotor_speeds, R.apply_T(motion), ZERO3, sideways).force)
+
+    value = side(base[1])
+    if not moving:
+        return [value, ZERO3, ZERO3]
+    changes = [side(base[2]), side(base[3])]
+    if across:
+        still = side(ZERO3)
+        changes = [each - still for each in changes]
+    return [value, *changes]
 
 
 def with_side(

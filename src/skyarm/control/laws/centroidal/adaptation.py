@@ -1,15 +1,11 @@
 """Adaptive feed-forward of an unknown load at the tip and of the joints' friction.
 
-A mass m at the tip pushes with -m Y on base and joints, Y that of 1 kg in the *planned* motion; damping b takes b qd_d
-of a joint's torque. With d the observer's effort at the joints, m and b move along normalised gradients, within bounds:
-
-    mdot = gamma_m (-Y.d) / (s_m + Y.Y),      bdot = -gamma_b (d - c - k q_d) qd_d / (s_b + qd_d^2)
-
-c and k, estimated the same way, are the constant part of d and that which goes with the joint's position, as errors of
-weight and inertia do. Regressors are filtered by the observer's two poles and the known delay, so that they are in
-phase with d; a joint that does not follow its plan is left out. The force on the base is not used: wind and thrust
-errors look like mass there. Sources: Sadegh, Horowitz 1990 (desired compensation); Ioannou, Sun 1996, 4.3, 4.4
-(filtered regressors, normalised gradient, projection).
+A mass m at the tip pushes with -m Y on base and joints, Y that of 1 kg in the *planned* motion; damping b takes
+b qd_d of a joint's torque. Both move along normalised gradients of the observer's effort at the joints, within bounds;
+its constant part and that which goes with the joint's position are estimated the same way. Regressors are filtered by
+the observer's two poles and the known delay; a joint that does not follow its plan is left out. The force on the base
+is not used: wind and thrust errors look like mass there.
+Sources: Sadegh, Horowitz 1990 (desired compensation); Ioannou, Sun 1996, 4.3, 4.4 (filtered regressors, projection).
 """
 
 from __future__ import annotations
@@ -190,15 +186,8 @@ def adapt(
 ) -> Learned:
     """Slow estimates one period later.
 
-    Args:
-        gains: constants.
-        par: of the law.
-        learned: memory.
-        planned: motion without errors.
-        rates: of the joints now.
-        left: joint efforts of the observer.
-        free: 1 or 0 for the base and each joint; 0 holds the estimates, at limits and under a safety layer's commands.
-        dt: s.
+    ``rates`` of the joints now; ``left``: efforts of the observer; ``free``: 1 or 0 for the base and each joint,
+    0 holds its estimates.
     """
     wanted = [q.derivative(1) for q in planned.joints]
     unit = unit_load(par.model.vehicle, planned) if gains.load is not None else no_disturbance(len(wanted))

@@ -1,25 +1,15 @@
 """Admittance control of the tip: a virtual mass, damper and spring between an external force and the reference.
 
-The whole reference is shifted by a virtual body, with velocity and acceleration; the law compensates the force as ever,
-so that the tip's apparent dynamics are M, D and K alone. Its offset x along each of three axes is the motion of
+The law compensates the force as ever and the whole reference is shifted, so that the tip's apparent dynamics are
+M x'' + D x' + K x = f along each of three axes. f is measured as g, late by a known time T: the velocity is
+v = w + T g / M with M w' = g - D v - K x, f to second order of the lag. A body that damper or spring stop sooner than
+within T has not gathered the impulse T f: for it the lead is M / D or sqrt(M / K). The trapezoidal rule is stable for
+any numbers that are not negative. Sources: Hogan 1985, "Impedance control"; Villani, De Schutter, "Force control",
+Springer Handbook of Robotics 2016, 9.2.
 
-    M x'' + D x' + K x = f(t),
-
-and f is measured only as g, late by a known time T: of first order g' = (f - g) / T, or two filters of T / 2. The
-velocity is therefore v = w + T g / M, with M w' = g - D v - K x: the motion above with g + T g' in place of g, which is
-f to second order of the lag, and nothing is differentiated. A body that damper or spring stop sooner than within T has
-not gathered the impulse T f: for it the lead is M / D or sqrt(M / K). The trapezoidal rule is stable for any numbers
-that are not negative. Sources: Hogan 1985, "Impedance control"; Villani, De Schutter, "Force control", Springer
-Handbook of Robotics 2016, 9.2.
-
-External force: the observed or measured one beyond a bias b, without which wrong masses, wrong thrust and steady wind
-would move the body for ever. b is estimated before a contact (at ``settling`` in the first ``settle`` seconds, then at
-``bias_rate``). A force above ``threshold`` counts until it has stayed below for ``patience`` seconds; meanwhile only
-the wind on the base is estimated.
-
-::
-
-    admittance = { mass = [1, 1, 1], damping = [8, 8, 8], stiffness = [20, 20, 0], normal = [-1, 0, 0] }
+f is the observed or measured force beyond a bias, estimated before a contact (at ``settling`` in the first ``settle``
+seconds, then at ``bias_rate``). A force above ``threshold`` counts until it has stayed below for ``patience`` seconds;
+meanwhile only the wind on the base is estimated.
 """
 
 from __future__ import annotations
@@ -224,11 +214,8 @@ def detect(
 def admittance_gains(table: Any, gains: Mapping[str, Any], leads: bool, lead: float) -> AdmittanceGains:
     """Constants of the option ``admittance``: mass, damping, stiffness; normal, threshold.
 
-    Args:
-        table: of the option.
-        gains: the other options.
-        leads: whether the law leads a tip.
-        lead: s, lag of the observer.
+    ``gains`` are the law's other options; ``leads``: whether it leads a tip; ``lead``: lag of its observer, s.
+
 
     Raises:
         ControllerError: a wrong table, a law without a tip to lead, or one that presses or learns a load.

@@ -4,9 +4,8 @@ p_c,d = p_d + R_q h(th_d): the base's reference plus the arm's, with R_q the qua
 force of the centre of mass itself would invert the zero dynamics h theta'' + g theta = x'', which are undamped for a
 hanging arm and unstable for an arm on top.
 
-The arm's motion requires the angular acceleration |h''''| / g of the base. Where its size, followed quickly upwards and
-slowly downwards, exceeds ``arm_turn``, the base compensates the share arm_turn / size of the horizontal motion of h
-about its slow mean; the tip, which the arm holds, stays.
+Where the angular acceleration |h''''| / g that the arm's motion requires of the base exceeds ``arm_turn``, the base
+compensates the share arm_turn / size of the horizontal motion of h about its slow mean; the tip stays.
 """
 
 from __future__ import annotations
@@ -91,18 +90,8 @@ def thrust(
 ) -> Thrust:
     """Force m (p_c,d'' + g e_3 + PD) - d and its derivatives, which use the acceleration that the real thrust gives.
 
-    Args:
-        par: constants.
-        mass: of the vehicle, kg.
-        wanted: reference of the centre of mass, value to fourth derivative.
-        position: of the centre of mass, world axes, m.
-        velocity: the same, m/s.
-        R: R_WB.
-        w: body rate, rad/s.
-        disturbance: N, world axes.
-        force_rate: known first derivative of it, N/s.
-        force_bend: second, N/s^2.
-        reach: of the force across the thrust axis; None without one.
+    ``wanted`` is the reference of the centre of mass, value to fourth derivative, ``position`` and ``velocity`` its
+    present ones; ``force_rate`` and ``force_bend`` are known derivatives of the disturbance.
     """
     kv, gravity, limit = par.base.velocity, E_Z * par.model.gravity, par.base.pull
     e, ed = position - wanted[0], velocity - wanted[1]

@@ -5,9 +5,10 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
-from skyarm.algebra.scalars import Scalar, add, mul, sub
+from skyarm.algebra.scalars import Scalar, add, maximum, minimum, mul, sqrt, sub
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.attitude import (
     Attitude,
@@ -19,17 +20,15 @@ from skyarm.control.blocks.attitude import (
     posture,
     upright,
 )
-from skyarm.control.blocks.prediction import side_wrench
+from skyarm.control.blocks.prediction import reference_drag
 from skyarm.control.laws.centroidal import com_tracking as center_of_mass
 from skyarm.control.laws.centroidal import tip_tasks
-from skyarm.control.laws.centroidal.gust_shift import shift_acceleration
 from skyarm.control.laws.centroidal.interaction import release_normal
-from skyarm.control.laws.centroidal.joint_room import within_limits
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.part import Step
-from skyarm.control.laws.centroidal.shift_motion import Following, move_shift, path_step, with_shift
+from skyarm.control.laws.centroidal.shift_motion import Following, move_shift, path_step, shift_acceleration, with_shift
 from skyarm.control.laws.centroidal.sideways_force import Reach, leaning, planned_rate, reach_of, thrust_axis
-from skyarm.control.model import Model
+from skyarm.control.model import JointGains
 from skyarm.dynamics import State
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -238,43 +237,50 @@ def wanted_attitude(par: CentroidalParameters, force: Vec3, yaw: Taylor, reach: 
     return attitude(force, yaw.truncate(2))
 
 
-def pushes_across(vehicle: Vehicle) -> bool:
-    """Return True if some rotor's axis is not body z."""
-    return any(float(each) != 0.0 for rotor in vehicle.rotors for each in (rotor.axis.x, rotor.axis.y))
+SHARE, WITH_STOP = 0.5, 0.75
+"""Of the way from a joint's reference to its limit that tip and links may take, without and with a hard stop there."""
+
+Ends = tuple[tuple[bool, bool], ...]
+"""Whether each joint has a lower and an upper limit: structure."""
 
 
-def reference_drag(
-    model: Model,
+def within_limits(
+    vehicle: Vehicle,
+    ends: Ends,
+    gains: JointGains,
     state: State,
-    base: Sequence[Vec3],
-    *,
-    sideways: bool,
-    moving: bool,
-    across: bool,
-) -> list[Vec3]:
-    """Force of the rotors but for thrust along body z at the reference's motion (N, world), two derivatives.
+    references: Sequence[Taylor],
+    accelerations: Sequence[Scalar],
+) -> tuple[Scalar, ...]:
+    """Joint accelerations (rad/s^2 or m/s^2) that run into no limit.
 
-    The present motion would feed noise and errors into the posture. Hub drag is linear in the velocity; the push of
-    tilted rotors across body z is constant, and the derivatives leave it out.
+    A joint may go a share of the way from its reference to a limit, more where a hard stop holds it. With d the way
+    that is left and k the pole of the joint's own loop, half of its damping (the root of its stiffness where that is
+    more), d'' + 2 k d' + k^2 d >= 0 bounds the acceleration towards the limit; so does the limit itself, at rest.
 
-    Args:
-        model: nominal.
-        state: now, of which attitude and rotor speeds count.
-        base: position of the base on its reference and its derivatives, world axes.
-        sideways: the law itself commands thrust across body z.
-        moving: False takes the derivatives as zero.
-        across: rotors push across body z without such a command.
+    Source: Ames et al. 2019, "Control barrier functions: theory and applications", exponential barrier of degree two.
     """
-    R = state.quaternion.rotation()
+    found = []
+    for i, (wanted, (low, high)) in enumerate(zip(accelerations, ends, strict=True)):
+        joint = vehicle.links[i].joint
+        share = WITH_STOP if joint.has_stops else SHARE
+        pole = maximum(0.5 * gains.damping[i], sqrt(gains.stiffness[i]))
+        square = pole * pole
+        gone = square * state.joints[i] + 2.0 * pole * state.joint_rates[i]
+        kept = wanted
+        if high:
+            end = towards(joint.upper, references[i], share, pole)
+            kept = minimum(kept, minimum(end, square * joint.upper) - gone)
+        if low:
+            end = towards(joint.lower, references[i], share, pole)
+            kept = maximum(kept, maximum(end, square * joint.lower) - gone)
+        found.append(kept)
+    return tuple(found)
 
-    def side(motion: Vec3) -> Vec3:
-        return R.apply(side_wrench(model, state.rotor_speeds, R.apply_T(motion), ZERO3, sideways).force)
 
-    value = side(base[1])
-    if not moving:
-        return [value, ZERO3, ZERO3]
-    changes = [side(base[2]), side(base[3])]
-    if across:
-        still = side(ZERO3)
-        changes = [each - still for each in changes]
-    return [value, *changes]
+def towards(limit: Scalar, reference: Taylor, share: Scalar, pole: Scalar) -> Any:
+    """q'' + 2 k q' + k^2 q (rad/s^2 or m/s^2) of a joint at rest in its allowed position."""
+    told, square, twice = reference.derivative(0), mul(pole, pole), mul(2.0, pole)
+    # the place where it may go moves with the reference, the limit does not
+    moved = mul(sub(1.0, share), add(reference.derivative(2), mul(twice, reference.derivative(1))))
+    return add(mul(square, add(told, mul(share, sub(limit, told)))), moved)

@@ -1,12 +1,8 @@
 """Pressing on a surface: force along its estimated normal n, motion across it.
 
 Force, touch and loss are those of :mod:`skyarm.control.blocks.force_control`; along n the tip has damping alone, across
-n everything is as without a surface. Sliding corrects the normal: the tip moves along the surface, so that its velocity
-v along the estimated n is an error,
-
-    lean' = -rate (n . v) v / (|v|^2 + slow^2),   n = (nominal + lean) / |nominal + lean|,
-
-while the tip presses with its full force and its reference moves along the surface.
+n everything is as without a surface. While the tip presses with its full force and its reference moves along the
+surface, sliding corrects the normal: the tip moves along the surface, so that its velocity along n is an error.
 """
 
 from __future__ import annotations

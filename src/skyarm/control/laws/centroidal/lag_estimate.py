@@ -1,14 +1,11 @@
 """Estimated lag of the loop beyond the nominal one, and the bandwidth that it allows.
 
-a(t) are the accelerations of the sent commands by the model, without the observer's disturbance; measured is
-y(t) = a(t - L) + the rest. For a bank of lags L_j, whole control periods, the mean M_j of |y(t) - a(t - L_j)|^2 is
-followed in a band in which the loop is active and wind is not; the lag is the mean of L_j weighted by
-exp(-sharpness (M_j - min M) / min M), the likelihood of normal residuals. Each step of lag has a price (``prior``), so
-that it is zero without evidence. Large residuals count little (``robust``; Geman, McClure 1985). No lag falls further
-behind the likeliest than ``lead``, so that a late change is found as quickly (bounded evidence, Page 1954).
-
-Lags beyond the bank count as its longest; a lag of the sensors of pose alone is not seen. Residuals of sliding and
-turning joints are added as they are, in m/s^2 and rad/s^2.
+With a(t) the accelerations of the sent commands by the model and y(t) the measured ones, the mean M_j of
+|y(t) - a(t - L_j)|^2 is followed for a bank of lags L_j, whole control periods, in a band in which the loop is active
+and wind is not; the lag is the mean of L_j weighted by exp(-sharpness (M_j - min M) / min M), the likelihood of normal
+residuals. Each step of lag has a price (``prior``), large residuals count little (``robust``; Geman, McClure 1985), and
+no lag falls further behind the likeliest than ``lead`` (bounded evidence, Page 1954). Lags beyond the bank count as its
+longest; a lag of the sensors of pose alone is not seen.
 """
 
 from __future__ import annotations

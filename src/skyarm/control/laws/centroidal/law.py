@@ -22,10 +22,9 @@ from skyarm.control.blocks.extrapolation import Channel, extrapolate, samples
 from skyarm.control.blocks.prediction import Disturbance, predict, with_side
 from skyarm.control.controller import all_applied
 from skyarm.control.laws.centroidal.demands import demands
-from skyarm.control.laws.centroidal.gust_shift import GustMemory, slow_force, steady_force
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.part import Step
-from skyarm.control.laws.centroidal.shift_motion import Following
+from skyarm.control.laws.centroidal.shift_motion import Following, GustMemory, slow_force, steady_force
 from skyarm.control.laws.centroidal.torques import actuate
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
@@ -149,16 +148,7 @@ def centroidal(
 
 def _present(step: Step) -> State:
     """The state now: filtered, carried across the delay by the commands sent since."""
-    par, observed = step.par, step.observed
-    state = State(
-        position=observed.position,
-        quaternion=observed.quaternion,
-        velocity=observed.velocity,
-        rate=observed.rate,
-        joints=observed.joints,
-        joint_rates=observed.joint_rates,
-        rotor_speeds=observed.rotor_speeds,
-    )
+    par, state = step.par, step.observed.state()
     for command in step.memory.sent[1:]:
         state = predict(par.model, state, command, step.unknown, step.dt, par.center.sideways is not None)
     return state

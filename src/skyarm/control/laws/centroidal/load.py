@@ -1,17 +1,10 @@
 """Estimate of a load at the tip from the observed disturbance during a grasp, and its use in the law's model.
 
 A mass dm beyond the model's is the weight -dm g e_z at the tip, one that lies elsewhere a horizontal torque t about the
-tip. Both are the weighted least squares (lengths as in :mod:`skyarm.control.blocks.tip_force`) of
-
-    joints J_v^T f + J_w^T t,  turning r x f + t,  vertical force f_z,      f = -dm g e_z
-
-in the observed disturbance beyond its bias b, which is estimated while nothing is held. Then
-
-    m' = rate dm,      c' = place_rate (-e_z x t / g) m / (m^2 + light^2),
-
-m from 0 to a limit, c the place of its centre of mass in axes of the tip, known in two directions while the hand rests.
-The vehicle that holds m at c is the model of inverse dynamics, thrust, prediction and observer alike. When the
-reference says that nothing is held any more, the load is forgotten.
+tip: the weighted least squares (lengths as in :mod:`skyarm.control.blocks.tip_force`) of both in the disturbance beyond
+its bias, which is estimated while nothing is held. The mass m follows dm from 0 to a limit, and the place c of its
+centre of mass -e_z x t / g, known in two directions while the hand rests. The vehicle that holds m at c is the model of
+inverse dynamics, thrust, prediction and observer alike; the load is forgotten when the reference holds nothing more.
 """
 
 from __future__ import annotations
@@ -108,17 +101,8 @@ def learn_load(
     A held load that lies on something pushes the tip up as soon as the reference is low; a law that compensated this
     would push down ever harder. So an upward force beyond the load's weight is taken out of the disturbance.
 
-    Args:
-        gains: constants.
-        memory: one period earlier.
-        model: nominal.
-        R: R_WB at the measurement's time.
-        joints: then, rad or m.
-        observed: disturbance.
-        holds: whether something is held.
-        learns: 1 where the disturbance is one of the load, 0 on a surface and at limits of actuators.
-        bandwidth: of the observer, rad/s.
-        dt: s.
+    R and ``joints`` at the measurement's time; ``holds``: whether something is held; ``learns``: 0 on a surface and at
+    limits of actuators; ``bandwidth`` of the observer, rad/s.
     """
     at = hang(model.vehicle, R, joints, model.gravity)
     mass, about_x, about_y = missing(model.vehicle, gains, at, observed - memory.bias)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterable, Mapping
 from typing import Any, TypeVar
 
@@ -13,15 +14,13 @@ from skyarm.control.blocks.attitude import BaseGains
 from skyarm.control.blocks.disturbance_observer import AccelerometerGains, ObserverGains, first_observed
 from skyarm.control.blocks.extrapolation import Channel
 from skyarm.control.blocks.force_control import SENSING, require_thresholds
+from skyarm.control.blocks.prediction import pushes_across
 from skyarm.control.blocks.select import data
 from skyarm.control.controller import Controller, ControllerError, all_applied
 from skyarm.control.laws.centroidal.adaptation import adaptation_gains
 from skyarm.control.laws.centroidal.admittance import admittance_gains
-from skyarm.control.laws.centroidal.demands import pushes_across
 from skyarm.control.laws.centroidal.force_trend import trend_gains
-from skyarm.control.laws.centroidal.gust_shift import GustMemory, gust_gains
 from skyarm.control.laws.centroidal.interaction import Interaction
-from skyarm.control.laws.centroidal.joint_room import ends_of
 from skyarm.control.laws.centroidal.lag_estimate import LagGains, stride_of
 from skyarm.control.laws.centroidal.law import CentroidalMemory, PartMemories, centroidal
 from skyarm.control.laws.centroidal.load import load_gains
@@ -48,7 +47,7 @@ from skyarm.control.laws.centroidal.presets import (
     periods_of,
     refuse,
 )
-from skyarm.control.laws.centroidal.shift_motion import first_following
+from skyarm.control.laws.centroidal.shift_motion import GustMemory, first_following, gust_gains
 from skyarm.control.model import JointGains, Model
 from skyarm.control.vectored_layer import pairs_model, with_tilting
 from skyarm.dynamics.actuators import AllocationError, Command, Mixer, make_mixer
@@ -77,17 +76,9 @@ def make_centroidal(
     The presets were chosen on the Hummingbird with its arm of 0.3 m: the lengths (reach, damping, shift_limit) are
     that arm's, and "stiff" needs motors about as fast as its (12.5 ms up, 25 ms down).
 
-    Args:
-        model: nominal.
-        mode: "joint" (base and joints on their references) or "tip" (the tip on its reference).
-        preset: a key of ``PRESETS``.
-        delay: known age of the measurement, s, a whole number of control periods.
-        control_period: s.
-        reference_period: between published samples, s.
-        tip_mass_limit: kg.
-        admittance: ``mass``, ``damping``, ``stiffness`` of the tip along three axes; ``normal`` for axes of a surface,
-            ``threshold`` (N) above which a force counts.
-        changes: entries of the preset to replace.
+    ``delay`` is the known age of the measurement, s, a whole number of control periods; ``reference_period`` the time
+    between published samples, s; ``tip_mass_limit`` in kg; ``changes`` replace entries of the preset.
+
 
     Raises:
         ControllerError: an unknown mode or preset, an option out of its range, no end effector, or ``sideways`` for
@@ -109,6 +100,8 @@ def make_centroidal(
         raise ControllerError(f"model.vehicle = {vehicle.name!r}: has no end_effector, which mode 'tip' must have")
     if not vehicle.n:
         gains |= dict.fromkeys(("arm_turn", "swing_rate", "path_rate"), 0.0)
+    # the observer finds a force late by its two poles and the known delay
+    lead = periods * control_period + 2.0 / max(gains["observer"][2] * gains["bandwidth"], 1.0)
     kp, kv, kr, kw = gains["base"]
     yaw_kr, yaw_kw = gains["yaw"]
     ends = ends_of(vehicle)
@@ -167,15 +160,7 @@ def make_centroidal(
             if any(gains["lag"])
             else None,
             interaction=_interaction(gains, leads) if any(gains["interaction"]) else None,
-            # the observer finds a force late by its two poles and the known delay
-            admittance=None
-            if admittance is None
-            else admittance_gains(
-                admittance,
-                gains,
-                leads,
-                periods * control_period + 2.0 / max(gains["observer"][2] * gains["bandwidth"], 1.0),
-            ),
+            admittance=None if admittance is None else admittance_gains(admittance, gains, leads, lead),
             load=load_gains(gains["load"], vehicle) if gains["load"] else None,
             trend=trend_gains(gains["force_trend"], float(vehicle.mass)) if gains["force_trend"] else None,
             adaptation=adaptation_gains(vehicle, gains, number_within("tip_mass_limit", tip_mass_limit, 0.0, 1e3)),
@@ -193,6 +178,12 @@ def _interaction(gains: Mapping[str, Any], leads: bool) -> Interaction:
     require_thresholds(gains["interaction"], leads)
     touch, lost = gains["interaction"]
     return Interaction(touch=touch, lost=lost, sensing=SENSING if gains["force_sensor"] else None)
+
+
+def ends_of(vehicle: Vehicle) -> tuple[tuple[bool, bool], ...]:
+    """Which limits the joints of a vehicle have."""
+    joints = (link.joint for link in vehicle.links)
+    return tuple((math.isfinite(float(joint.lower)), math.isfinite(float(joint.upper))) for joint in joints)
 
 
 def _of_options(kind: type[Gains], gains: Mapping[str, Any], **others: Any) -> Gains:

@@ -22,9 +22,9 @@ from skyarm.sensing.measurement import Measurement
 
 if TYPE_CHECKING:
     from skyarm.control.laws.centroidal.demands import Demand
-    from skyarm.control.laws.centroidal.gust_shift import SlowForce
     from skyarm.control.laws.centroidal.law import CentroidalMemory
     from skyarm.control.laws.centroidal.parameters import CentroidalParameters
+    from skyarm.control.laws.centroidal.shift_motion import SlowForce
 
 
 @dataclass(kw_only=True, slots=True)

@@ -1,49 +1,48 @@
-"""Motion of the base's shift: its derivatives, while the arm swings under a tilted base and along a path.
+"""Motion of the base's shift: its derivatives, while the arm swings, along a path, and under a changing force.
 
-Swing. Under a sideways force the base tilts by sigma, and shifts to keep the tip. When the arm swings, the required
-shift changes, and the tilt for its acceleration carries the tip further than the shift brings it back. With c the
-sideways position of the common centre of mass, delta the tilt beyond sigma and lambda the height of the centre of mass
-above the tip,
+Swing. With c the sideways position of the common centre of mass, sigma the tilt under a steady force, delta the tilt
+beyond it and lambda the height of the centre of mass above the tip, c - (lambda / g) c'' = -lambda sigma keeps the tip.
+A swing of pace w changes the right side by N, and the bounded solution moves the centre of mass by N / (1 + r),
+r = lambda w^2 / g; w^2 = mean(lambda''^2) / mean(lambda'^2). An arm above the base has r < 0 and a resonance at r = -1:
+there the least squares (1 + r) / ((1 + r)^2 + r^2 / 4) stands for 1 / (1 + r).
 
-    c'' = -g delta,   tip = c + lambda (sigma + delta),   thus   c - (lambda / g) c'' = -lambda sigma
+Path. With l the height of the base above the tip, the shift s = (l / g) (a + s'') keeps the tip on a path of
+acceleration a; of a motion of pace w it is (l / g) a / (1 + l w^2 / g). The attitude answers a + u'', u the shift of
+the centre of mass: u'' follows u' of the period before, d(u'')/dt = -w^2 u', and is pulled to that of the attitude; u'
+takes one Newton step a period. w^2 = (a'^2 - a a'') / (a^2 - v a') for each horizontal axis (Kaiser 1990), bounded
+before the resonance of an arm above the base.
 
-keeps the tip. A swing of pace w (rad/s) changes the right side by N = -sigma (lambda - its mean), N'' = -w^2 N, and the
-bounded solution moves the centre of mass by N / (1 + r), r = lambda w^2 / g. An arm above the base has r < 0 and a
-resonance at r = -1: there the least squares (1 + r) / ((1 + r)^2 + r^2 / 4) stands for 1 / (1 + r).
-The pace is the root of mean(lambda''^2) / mean(lambda'^2) along the reference, exact for one frequency.
-Derived for this law; the inverse of a system whose zero dynamics are unstable: Devasia, Chen, Paden 1996.
+Gusts. The least integral of tip^2 under a force d per mass that stays moves the base as
+c'' = -p^2 (c + d / p^2) - 2 p c', p^2 = g / lambda: a filter of second order at the pace p. Noise is filtered more
+slowly: the pace goes from ``slowest`` to p as the force leaves the filtered one by more than ``size``.
 
-Path. Along a path the base tilts for its acceleration a and shifts by s to keep the tip; it thus accelerates by a + s''
-and tilts for that. With l the height of the base above the tip
-
-    s = (l / g) (a + s''),
-
-whose bounded solution for a motion of pace w is s = (l / g) a / (1 + l w^2 / g). The attitude answers a + u'' with u
-the shift of the centre of mass, for which l is its height above the tip. Nothing is differentiated: u'' follows the
-rate u' of the period before, d(u'')/dt = -w^2 u', and is pulled to the u'' of the attitude; the next derivatives are
--w^2 u' and -w^2 u''. u' takes one Newton step a period: the u' of the attitude falls by l w^2 / g of what u' grows.
-
-The pace of each horizontal axis comes from the reference: a'^2 - a a'' over a^2 - v a', both constant along a sine
-(Kaiser 1990). Of an arm above the base l < 0, and the pace is bounded before the resonance at -l w^2 / g = 1. Vertical
-motion, by l (1 - cos theta) at a tilt theta, is left to the feedback.
+Sources: Devasia, Chen, Paden 1996 (inverse of a system whose zero dynamics are unstable); Kwakernaak, Sivan 1972
+(least error of a plant with a zero in the right half plane).
 """
 
 from __future__ import annotations
 
 import dataclasses
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar, divide, maximum, minimum, where
+from skyarm.algebra.scalars import Scalar, divide, exp, maximum, minimum, where
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.attitude import Attitude, Posture, derivative
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.select import data, vector_data
 from skyarm.control.laws.centroidal.com_tracking import ArmMotion
-from skyarm.control.laws.centroidal.parameters import CentroidalParameters
-from skyarm.control.laws.centroidal.tip_tasks import needed_shift
+from skyarm.control.laws.centroidal.force_trend import AHEAD, lateness
+from skyarm.control.laws.centroidal.parameters import CentroidalParameters, GustGains
+from skyarm.control.laws.centroidal.part import Step
+from skyarm.control.laws.centroidal.presets import SHORTEST, arm_length
+from skyarm.control.laws.centroidal.tip_tasks import level_turn, needed_shift
+from skyarm.dynamics.kinematics import jacobian_columns, link_poses
 from skyarm.records.units import Unit
+from skyarm.vehicle.vehicle_records import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -121,11 +120,7 @@ def swing_pace(memory: SwingPace, lever: list[Scalar], rate: Scalar, dt: Scalar)
 def shift_for_swing(memory: SwingPace, needed: list[Vec3], level: Posture, gravity: Scalar) -> SwingShift:
     """The shift that the tip needs while the arm swings.
 
-    Args:
-        memory: of the swing's pace.
-        needed: shift required by each instant, with two derivatives, world axes.
-        level: posture of the references of a level base, series of fourth order.
-        gravity: m/s^2.
+    ``needed`` is the shift (m, world axes) required by each instant, with two derivatives.
     """
     lever = levers(level)
     square = divide(memory.acceleration, memory.rate + SWINGLESS)
@@ -147,13 +142,7 @@ def move_shift(
 ) -> tuple[Following, list[Vec3]]:
     """Memory one period later, and the shift with as many derivatives as the law uses.
 
-    Args:
-        par: constants.
-        before: memory, one period earlier.
-        needed: shift required by each instant, with two derivatives.
-        level: posture of the references of a level base.
-        dt: control period, s.
-        own: part of its acceleration that jumps with a force and is not differentiated, m/s^2, world axes.
+    ``needed`` has two derivatives; ``own`` (m/s^2, world axes) jumps with a force and is not differentiated.
     """
     gains, shift, pace = par.tip.shift, before.shift, before.pace
     if gains is None or not shift:
@@ -246,16 +235,8 @@ def path_step(
 ) -> PathShift | tuple[()]:
     """The memory one period later.
 
-    Args:
-        path: memory; empty where it is left out.
-        base: reference without the shift, value to fourth derivative, world axes.
-        asked: shift of the base under the attitude, with two derivatives.
-        yaw: heading.
-        level: posture of the references of a level base.
-        turned: posture of the arm under the attitude.
-        still: that attitude, of the result of :func:`with_shift`.
-        par: constants.
-        dt: control period, s.
+    ``asked`` is the shift of the base under the attitude ``still``, that of the result of :func:`with_shift`; ``level``
+    and ``turned`` are the postures of a level base's references and of the arm under the attitude.
     """
     rate = None if par.tip.shift is None else par.tip.shift.path_rate
     if not path or rate is None:
@@ -295,3 +276,91 @@ def axis_step(
         rate=data(axis.rate + (asked[0] - axis.rate) * newton + axis.acceleration * dt),
         acceleration=data(axis.acceleration + (pull - axis.rate * w2) * dt),
     )
+
+
+QUICKEST = 10.0
+"""rad/s, pace of the shift of a short arm at most; a shorter arm shifts less."""
+
+NOISE = 0.3
+"""m/s^2: changes of the force per mass below which the shift follows slowly."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class GustMemory:
+    """Memory in addition to the filtered force."""
+
+    rate: Annotated[Vec3, Unit("N/s", "of the filtered force, world axes")]
+
+
+@dataclass(frozen=True, slots=True)
+class SlowForce:
+    """Filtered force, N, its first two derivatives, N/s and N/s^2, and the filter's memory."""
+
+    force: Vec3
+    rate: Vec3 = ZERO3
+    bend: Vec3 = ZERO3
+    memory: GustMemory | tuple[()] = ()
+
+
+def gust_gains(share: float, vehicle: Vehicle, gravity: Scalar) -> GustGains:
+    """Constants for a share of the pendulum's pace; the arm's length approximates the height above the tip."""
+    pace = math.sqrt(float(gravity) / max(arm_length(vehicle), SHORTEST))
+    return GustGains(pace=share * min(pace, QUICKEST), size=NOISE * float(vehicle.mass))
+
+
+def slow_force(
+    par: CentroidalParameters, before: Vec3, memory: GustMemory | tuple[()], force: Vec3, dt: Scalar
+) -> SlowForce:
+    """The force that the shift follows (N, world axes), one period later: first order, second order with ``gust``.
+
+    The filter's step is exact for a constant force, so that it is stable at any period.
+    """
+    slowest, gust = par.tip.shift_rate, None if par.tip.shift is None else par.tip.shift.gust
+    if gust is None or not memory:
+        return SlowForce(before + (force - before) * low_pass_share(slowest, dt))
+    off = before - force
+    square = off.dot(off) * divide(1.0, gust.size * gust.size)
+    w = slowest + (gust.pace - slowest) * divide(square, square + 1.0)
+    turn = w * dt
+    left = exp(-turn)
+    away = (off * (1.0 + turn) + memory.rate * dt) * left
+    rate = vector_data((memory.rate * (1.0 - turn) - off * (w * turn)) * left)
+    return SlowForce(vector_data(force + away), rate, away * -(w * w) - rate * (2.0 * w), GustMemory(rate=rate))
+
+
+def steady_force(par: CentroidalParameters, step: Step, slow: SlowForce, adapted: Vec3) -> tuple[Vec3, SlowForce]:
+    """Force that the attitude balances (N, world axes), and the filtered one with its derivatives, predicted."""
+    steady, rate, shift = (slow.force if par.mode == "tip" else step.force) + adapted, step.rate, par.tip.shift
+    if step.trend is None:
+        return steady, slow
+    late = lateness(par)
+    if par.mode != "tip" or shift is None or shift.gust is None:
+        if par.mode == "tip":
+            late = late + divide(1.0, maximum(par.tip.shift_rate, AHEAD))
+        return steady + rate * late, slow
+    # a change that can be predicted is followed as it is, the rest through the filter
+    level, share = step.trend
+    left = 1.0 - share
+    force = steady + (level - slow.force) * share + rate * late
+    return force, dataclasses.replace(slow, rate=slow.rate * left + rate, bend=slow.bend * left)
+
+
+def shift_acceleration(
+    par: CentroidalParameters, still: Attitude, force: Vec3, turned: Sequence[Taylor], level: Posture, bend: Vec3
+) -> Vec3:
+    """Acceleration of the base's shift from the filtered force's second derivative, m/s^2, world axes.
+
+    It jumps with the force; its derivatives would require more torque than rotors have, and are left out.
+
+    ``force`` (N, world axes) is the rotors', a series; ``turned`` and ``level`` are the joints of an arm whose links
+    are turned as those of a level base, and its posture.
+    """
+    vehicle, R, f = par.model.vehicle, still.R, derivative(force, 0)
+    alpha = R.apply_T(bend.cross(f) * divide(1.0, f.dot(f)))
+    moved = alpha.cross(derivative(level.tip, 0))
+    if vehicle.n:
+        values = tuple(q.derivative(0) for q in turned)
+        bends = level_turn(vehicle, par.tip, alpha, link_poses(vehicle, values))
+        for column, each in zip(jacobian_columns(vehicle, vehicle.frame(), values), bends, strict=True):
+            moved = moved + column.linear * each
+    return R.apply(moved) * -1.0

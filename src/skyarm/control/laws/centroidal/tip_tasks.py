@@ -20,6 +20,7 @@ from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, add, cos, divide, mul, sin, sqrt
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.attitude import Attitude, Posture, derivative
+from skyarm.control.blocks.center_of_mass import axes, com_columns
 from skyarm.control.blocks.tip_force import LeastSquares
 from skyarm.control.laws.centroidal.parameters import TipGains
 from skyarm.dynamics.kinematics import Pose, jacobian_columns, link_poses
@@ -94,12 +95,8 @@ def move_goal(goal: Goal, error: Sequence[Vec3], reach: Scalar) -> Goal:
 def shift(level: Posture, yaw: Taylor, turned_arm: Posture, still: Attitude, limit: Scalar) -> list[Vec3]:
     """Offset of the base that puts the tip of a tilted vehicle on its level-base reference, with two derivatives.
 
-    Args:
-        level: posture of the references, base axes.
-        yaw: heading.
-        turned_arm: posture whose links are turned as those of a level base.
-        still: quasi-static attitude with its rate and acceleration.
-        limit: m; the offset stays within it, hardly changed up to half of it.
+    ``turned_arm`` is the posture whose links are turned as those of a level base; the offset stays within ``limit``
+    (m), hardly changed up to half of it.
     """
     needed = needed_shift(level.tip, yaw, turned_arm.tip, still)
     series = [Taylor.of_derivatives(each) for each in zip(*needed, strict=True)]
@@ -124,11 +121,6 @@ def needed_shift(level: Vec3, yaw: Taylor, turned: Vec3, still: Attitude) -> lis
     ]
 
 
-def axes(vehicle: Vehicle, poses: Sequence[Pose]) -> list[Vec3]:
-    """Joint axes in base axes."""
-    return [pose.R.apply(link.joint.axis) for link, pose in zip(vehicle.links, poses, strict=False)]
-
-
 def chain(vehicle: Vehicle, index: int) -> list[int]:
     """Joints from the base to a link."""
     found: list[int] = []
@@ -136,28 +128,6 @@ def chain(vehicle: Vehicle, index: int) -> list[int]:
         own = index < vehicle.n
         found.insert(0, index if own else vehicle.followers[index - vehicle.n].leader)
         index = vehicle.moving[index].parent
-    return found
-
-
-def com_columns(vehicle: Vehicle, poses: Sequence[Pose]) -> list[Vec3]:
-    """Velocity of the centre of mass in base axes per unit of each joint rate, times the vehicle's mass."""
-    if vehicle.followers:
-        own = com_columns(vehicle.with_free_followers, poses)
-        for each, column in zip(vehicle.followers, own[vehicle.n :], strict=True):
-            own[each.leader] = own[each.leader] + column * each.ratio
-        return own[: vehicle.n]
-    masses: list[Scalar] = [link.body.mass for link in vehicle.links]
-    moments = [pose.apply(link.body.com) * link.body.mass for link, pose in zip(vehicle.links, poses, strict=True)]
-    for i in reversed(range(vehicle.n)):
-        parent = vehicle.links[i].parent
-        if parent != BASE:
-            masses[parent], moments[parent] = add(masses[parent], masses[i]), moments[parent] + moments[i]
-    found = []
-    for i, axis in enumerate(axes(vehicle, poses)):
-        if vehicle.links[i].joint.turns:
-            found.append(axis.cross(moments[i] - poses[i].p * masses[i]))
-        else:
-            found.append(axis * masses[i])
     return found
 
 

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
-from skyarm import dynamics
-from skyarm.algebra import E_Z, Mat3, Vec3, inner_product, ldl_solve
-from skyarm.algebra.scalars import Scalar, absolute, add, clip, divide, logical_and, maximum, mul, sqrt, sub, where
+from skyarm.algebra import E_Z, Vec3
+from skyarm.algebra.scalars import Scalar, absolute, add, clip, logical_and, maximum, sqrt, sub, where
 from skyarm.control.blocks.actuators import command_for, compensate_motor_lag
-from skyarm.control.blocks.center_of_mass import forces_under_thrust
+from skyarm.control.blocks.center_of_mass import forces_under_thrust, reaction
 from skyarm.control.blocks.prediction import Disturbance, motor_speeds
 from skyarm.control.blocks.select import data
 from skyarm.control.laws.centroidal.demands import Demand
@@ -17,52 +15,9 @@ from skyarm.control.laws.centroidal.part import Step
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command, friction, mix
-from skyarm.vehicle.vehicle_records import Vehicle
 
 TRIM = 0.1
 """Bound of the trim, of a rotor's largest squared speed: more than the lag of motors takes."""
-
-
-@dataclass(frozen=True, slots=True)
-class Reaction:
-    """Joint torques for joint accelerations under a given force on a base whose angular acceleration stays as desired.
-
-    Blocks of the mass matrix: t the base's translation, w its rotation, j the joints; the base's origin moves freely.
-
-    Attributes:
-        joints: M_jj - M_jt M_tj / m, joint torques per joint acceleration, a row a joint.
-        base: M_wj - M_wt M_tj / m, body torque (base axes) per joint acceleration, three rows.
-    """
-
-    joints: list[list[Scalar]]
-    base: list[list[Scalar]]
-
-    def torque(self, accelerations: Sequence[Scalar]) -> Vec3:
-        """Body torque of joint accelerations, N m, base axes."""
-        return Vec3(*(inner_product(row, accelerations) for row in self.base))
-
-    def accelerations(self, efforts: Sequence[Scalar]) -> list[Scalar]:
-        """Joint accelerations of joint torques or forces."""
-        return ldl_solve(self.joints, list(efforts)) if self.joints else []
-
-
-def reaction(vehicle: Vehicle, joints: Sequence[Scalar]) -> Reaction:
-    """The reaction of an arm at a posture (rad or m)."""
-    if not joints:
-        return Reaction([], [[], [], []])
-    M = dynamics.mass_matrix(vehicle, Mat3.identity(), joints)
-    share, n = divide(1.0, vehicle.mass), len(joints)
-
-    def reduced_entry(row: int, column: int) -> Scalar:
-        total = M[row][column]
-        for k in range(3):
-            total = sub(total, mul(mul(M[row][k], M[column][k]), share))
-        return total
-
-    return Reaction(
-        joints=[[reduced_entry(6 + i, 6 + j) for j in range(n)] for i in range(n)],
-        base=[[reduced_entry(k, 6 + j) for j in range(n)] for k in range(3, 6)],
-    )
 
 
 def needed(model: Model, state: State, demand: Demand, unknown: Disturbance) -> tuple[Vec3, tuple[Scalar, ...]]:
