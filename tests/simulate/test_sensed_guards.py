@@ -63,7 +63,7 @@ CASES = [
 def passed(row):
     """Number of the guard one period later; it stands at the end of what it guards."""
     n, felt, observed, a, b = row
-    clock = dataclasses.replace(WAITS.first(), place=WAITS._select(n, WAITS._ends), guard=n, waited=1.0)
+    clock = dataclasses.replace(WAITS.first(), place=WAITS.terms(n).end, guard=n, waited=1.0)
     tip = Vec3(0.0, 0.0, 1.0)
     switches = tuple({"a": a, "b": b}[name] for name in WAITS.switches)
     seen = Seen(tip=tip, goal=tip, push=(), force=Vec3(*OUT) * observed, felt=Vec3(*OUT) * felt, switches=switches)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from skyarm.algebra.scalars import divide, mul, sub
+from skyarm.algebra.scalars import Scalar, divide, mul, sub
 
 
-def ldl_solve(A: Sequence[Sequence[Any]], b: Sequence[Any]) -> list[Any]:
+def ldl_solve(A: Sequence[Sequence[Any]], b: Sequence[Any]) -> list[Scalar]:
     """Solve A x = b for a symmetric positive definite A (its lower triangle is read), without pivoting.
 
     Unknowns that structural zeros keep apart are solved apart. A = L D L^T column by column; the last two unknowns
@@ -34,7 +34,7 @@ def _groups(A: Sequence[Sequence[Any]]) -> list[list[int]]:
     return groups
 
 
-def _solve_group(A: list[list[Any]], b: list[Any]) -> list[Any]:
+def _solve_group(A: list[list[Any]], b: list[Any]) -> list[Scalar]:
     """Solve a system whose matrix and right-hand side are the function's to overwrite."""
     n = len(b)
     first = max(0, n - 2)
@@ -55,7 +55,7 @@ def _solve_group(A: list[list[Any]], b: list[Any]) -> list[Any]:
     return x
 
 
-def _solve_two(A: list[list[Any]], b: list[Any]) -> list[Any]:
+def _solve_two(A: list[list[Any]], b: list[Any]) -> list[Scalar]:
     """The last two unknowns of a reduced system, by their determinant."""
     p, q, r = A[-2][-2], A[-1][-2], A[-1][-1]
     inverse = divide(1.0, sub(mul(p, r), mul(q, q)))

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any
 
 from skyarm.algebra.scalars import Scalar, clip, divide, maximum, where
 
@@ -16,7 +15,7 @@ ITERATIONS = 10
 """Of the inverse by Newton's method within a bracket: the worst of 12 000 values of 300 curves comes back to 6e-14."""
 
 
-def slopes(xs: Sequence[Scalar], ys: Sequence[Scalar]) -> list[Any]:
+def slopes(xs: Sequence[Scalar], ys: Sequence[Scalar]) -> list[Scalar]:
     """Slopes of the curve at its points, of strictly increasing ``xs`` and ``ys``, at least two."""
     widths = [b - a for a, b in pairwise(xs)]
     steep = [divide(b - a, h) for (a, b), h in zip(pairwise(ys), widths, strict=True)]

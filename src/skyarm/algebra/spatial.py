@@ -80,7 +80,7 @@ def centripetal(w: Vec3, r: Vec3) -> Vec3:
     )
 
 
-def _sum(*terms: Any) -> Any:
+def _sum(*terms: Any) -> Scalar:
     total: Scalar = 0
     for term in terms:
         total = add(total, term)

@@ -23,11 +23,24 @@ from skyarm.vehicle.check import refuse
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
-def _joint_count(vehicle: Vehicle) -> int:
-    """Number of joints of what must be a vehicle."""
+def _read(
+    vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike, **rows: ArrayLike
+) -> tuple[State, dict[str, tuple[Scalar, ...]], tuple[int, ...]]:
+    """State as scalars, further rows of 6+n numbers, and the leading axes of all; at rest without a ``velocity``."""
     if not isinstance(vehicle, Vehicle):
         refuse("vehicle", vehicle, "must be a Vehicle")
-    return vehicle.n
+    n = vehicle.n
+    found = {name: components(name, row, 6 + n) for name, row in rows.items()}
+    v = found.get("velocity", (0.0,) * (6 + n))
+    state = State(
+        position=Vec3(*components("position", position, 3)),
+        quaternion=unit_quaternion(quaternion_wxyz),
+        velocity=Vec3(*v[:3]),
+        rate=Vec3(*v[3:6]),
+        joints=components("joints", joints, n),
+        joint_rates=v[6:],
+    )
+    return state, found, leading_axes(position, quaternion_wxyz, joints, *rows.values())
 
 
 def inverse_dynamics(
@@ -55,14 +68,10 @@ def inverse_dynamics(
         ValueError: no Vehicle, a wrong shape, numbers that are not finite, or a quaternion off unit length by more than
             1e-6. As everywhere in this module, the message names the argument.
     """
-    n = _joint_count(vehicle)
-    components("position", position, 3)
-    R, q = unit_rotation(quaternion_wxyz), components("joints", joints, n)
-    v = components("velocity", velocity, 6 + n)
-    a = components("acceleration", acceleration, 6 + n)
-    lead = leading_axes(position, quaternion_wxyz, joints, velocity, acceleration)
+    at, rows, lead = _read(vehicle, position, quaternion_wxyz, joints, velocity=velocity, acceleration=acceleration)
+    R, a = at.quaternion.rotation(), rows["acceleration"]
     base = proper_acceleration(R, Vec3(*a[:3]), Vec3(*a[3:6]), one_number("gravity", gravity))
-    force, torques = dynamics.inverse_dynamics(vehicle, q, Vec3(*v[3:6]), v[6:], base, a[6:])
+    force, torques = dynamics.inverse_dynamics(vehicle, at.joints, at.rate, at.joint_rates, base, a[6:])
     return stack_leaves([*R.apply(force.force), *force.torque, *torques], lead)
 
 
@@ -77,13 +86,10 @@ def forward_dynamics(
     gravity: float = 9.81,
 ) -> Array:
     """Return the acceleration (..., 6+n) under a generalized force (..., 6+n); as :func:`inverse_dynamics`."""
-    n = _joint_count(vehicle)
-    components("position", position, 3)
-    R, q = unit_rotation(quaternion_wxyz), components("joints", joints, n)
-    v, f = components("velocity", velocity, 6 + n), components("force", force, 6 + n)
-    lead = leading_axes(position, quaternion_wxyz, joints, velocity, force)
+    at, rows, lead = _read(vehicle, position, quaternion_wxyz, joints, velocity=velocity, force=force)
+    R, f = at.quaternion.rotation(), rows["force"]
     applied = Force(Vec3(*f[3:6]), R.apply_T(Vec3(*f[:3])))
-    base, qdd = dynamics.forward_dynamics(vehicle, q, Vec3(*v[3:6]), v[6:], applied, f[6:])
+    base, qdd = dynamics.forward_dynamics(vehicle, at.joints, at.rate, at.joint_rates, applied, f[6:])
     linear, angular = coordinate_acceleration(R, base, one_number("gravity", gravity))
     return stack_leaves([*linear, *angular, *qdd], lead)
 
@@ -92,24 +98,17 @@ def mass_matrix(
     vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike, *, gravity: float = 9.81
 ) -> Array:
     """Return the mass matrix (..., 6+n, 6+n); ``gravity`` is accepted for symmetry, without effect."""
-    n = _joint_count(vehicle)
     one_number("gravity", gravity)
-    components("position", position, 3)
-    R, q = unit_rotation(quaternion_wxyz), components("joints", joints, n)
-    lead = leading_axes(position, quaternion_wxyz, joints)
-    return stack_leaves(dynamics.mass_matrix(vehicle, R, q), lead)
+    at, _, lead = _read(vehicle, position, quaternion_wxyz, joints)
+    return stack_leaves(dynamics.mass_matrix(vehicle, at.quaternion.rotation(), at.joints), lead)
 
 
 def frame_pose_world(
     vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike, *, frame: str | None = None
 ) -> tuple[Array, Array]:
     """Return world position (..., 3) and rotation R_WF (..., 3, 3) of a frame (the tip by default)."""
-    n = _joint_count(vehicle)
-    base = Pose(unit_rotation(quaternion_wxyz), Vec3(*components("position", position, 3)))
-    named = vehicle.frame(frame)
-    q = components("joints", joints, n)
-    lead = leading_axes(position, quaternion_wxyz, joints)
-    pose = base @ frame_pose(vehicle, named, q)
+    at, _, lead = _read(vehicle, position, quaternion_wxyz, joints)
+    pose = Pose(at.quaternion.rotation(), at.position) @ frame_pose(vehicle, vehicle.frame(frame), at.joints)
     return stack_leaves(list(pose.p), lead), stack_leaves([list(row) for row in pose.R.rows], lead)
 
 
@@ -117,35 +116,15 @@ def frame_jacobian(
     vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike, *, frame: str | None = None
 ) -> Array:
     """Return the Jacobian (..., 6, 6+n) of a frame: world velocity of its origin, then world angular velocity."""
-    n = _joint_count(vehicle)
-    components("position", position, 3)
-    R, q = unit_rotation(quaternion_wxyz), components("joints", joints, n)
-    lead = leading_axes(position, quaternion_wxyz, joints)
-    named = vehicle.frame(frame)
-    turning = R @ Mat3.cross(-frame_pose(vehicle, named, q).p)
-    columns = jacobian_columns(vehicle, named, q)
+    at, _, lead = _read(vehicle, position, quaternion_wxyz, joints)
+    R, named = at.quaternion.rotation(), vehicle.frame(frame)
+    turning = R @ Mat3.cross(-frame_pose(vehicle, named, at.joints).p)
+    columns = jacobian_columns(vehicle, named, at.joints)
     linear = [tuple(R.apply(column.linear)) for column in columns]
     angular = [tuple(R.apply(column.angular)) for column in columns]
     rows = [[*IDENTITY.R.rows[i], *turning.rows[i], *(c[i] for c in linear)] for i in range(3)]
     rows += [[0, 0, 0, *R.rows[i], *(c[i] for c in angular)] for i in range(3)]
     return stack_leaves(rows, lead)
-
-
-def _state(
-    vehicle: Vehicle, position: ArrayLike, quaternion: ArrayLike, joints: ArrayLike, velocity: ArrayLike
-) -> tuple[State, tuple[int, ...]]:
-    """State as scalars, and the leading axes of its arrays."""
-    n = _joint_count(vehicle)
-    v = components("velocity", velocity, 6 + n)
-    state = State(
-        position=Vec3(*components("position", position, 3)),
-        quaternion=unit_quaternion(quaternion),
-        velocity=Vec3(*v[:3]),
-        rate=Vec3(*v[3:6]),
-        joints=components("joints", joints, n),
-        joint_rates=v[6:],
-    )
-    return state, leading_axes(position, quaternion, joints, velocity)
 
 
 def energy(
@@ -158,7 +137,7 @@ def energy(
     gravity: float = 9.81,
 ) -> Array:
     """Return kinetic plus potential energy (...), J."""
-    state, lead = _state(vehicle, position, quaternion_wxyz, joints, velocity)
+    state, _, lead = _read(vehicle, position, quaternion_wxyz, joints, velocity=velocity)
     g = one_number("gravity", gravity)
     total = add(dynamics.kinetic_energy(vehicle, state), dynamics.potential_energy(vehicle, state, g))
     return stack_leaves(total, lead)
@@ -166,8 +145,7 @@ def energy(
 
 def center_of_mass(vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike) -> Array:
     """Return the centre of mass in the world (..., 3), m."""
-    still = np.zeros(6 + _joint_count(vehicle))
-    state, lead = _state(vehicle, position, quaternion_wxyz, joints, still)
+    state, _, lead = _read(vehicle, position, quaternion_wxyz, joints)
     return stack_leaves(list(dynamics.center_of_mass(vehicle, state)), lead)
 
 
@@ -175,7 +153,7 @@ def momentum(
     vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike, velocity: ArrayLike
 ) -> Array:
     """Return linear and angular momentum about the centre of mass (..., 6), world axes."""
-    state, lead = _state(vehicle, position, quaternion_wxyz, joints, velocity)
+    state, _, lead = _read(vehicle, position, quaternion_wxyz, joints, velocity=velocity)
     found = dynamics.momentum(vehicle, state)
     return stack_leaves([*found.linear, *found.angular], lead)
 
@@ -187,7 +165,7 @@ QUATERNION_TOLERANCE = 1e-6
 """How far a quaternion's length may be off 1: six printed digits."""
 
 
-def components(name: str, value: ArrayLike, size: int) -> tuple[Any, ...]:
+def components(name: str, value: ArrayLike, size: int) -> tuple[Scalar, ...]:
     """Last axis as scalars: floats for one state, arrays over the leading axes for many.
 
     Raises:
@@ -247,11 +225,6 @@ def unit_quaternion(quaternion_wxyz: ArrayLike) -> Quaternion:
         worst = float(np.ravel(length)[np.argmax(np.abs(np.ravel(length) - 1.0))])
         raise ValueError(f"quaternion_wxyz: length {worst:.9g}, allowed 1 within {QUATERNION_TOLERANCE:g}")
     return Quaternion.of(wxyz).normalized()
-
-
-def unit_rotation(quaternion_wxyz: ArrayLike) -> Mat3:
-    """R_WB of (..., 4) numbers, checked as :func:`unit_quaternion` does."""
-    return unit_quaternion(quaternion_wxyz).rotation()
 
 
 def stack_leaves(values: Any, lead: tuple[int, ...]) -> Array:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar, add, divide, mul
@@ -72,7 +71,7 @@ def momentum(vehicle: Vehicle, state: State) -> Momentum:
     return Momentum(linear, angular)
 
 
-def kinetic_energy(vehicle: Vehicle, state: State) -> Any:
+def kinetic_energy(vehicle: Vehicle, state: State) -> Scalar:
     """Kinetic energy, J."""
     vehicle, state = untie_followers(vehicle, state)
     total: Scalar = 0
@@ -84,6 +83,6 @@ def kinetic_energy(vehicle: Vehicle, state: State) -> Any:
     return mul(0.5, total)
 
 
-def potential_energy(vehicle: Vehicle, state: State, gravity: Scalar) -> Any:
+def potential_energy(vehicle: Vehicle, state: State, gravity: Scalar) -> Scalar:
     """Potential energy in gravity (m/s^2), zero at world z = 0, J."""
     return mul(mul(vehicle.mass, gravity), center_of_mass(vehicle, state).z)

@@ -28,7 +28,7 @@ def rigid_loads(around: Surroundings) -> list[tuple[Any, Any]]:
     return [(each, memory) for each, memory in pairs if each.rigid]
 
 
-def stuck_of(around: Surroundings) -> Sequence[Any]:
+def stuck_of(around: Surroundings) -> Sequence[Scalar]:
     """1 for each joint that is stuck, 0 for one that may become so, a structural 0 for every other; empty for none."""
     return () if around.effectiveness is None else around.effectiveness.stuck
 
@@ -118,6 +118,6 @@ def rotor_speeds_after(
     )
 
 
-def tilts_after(vehicle: Vehicle, state: State, command: Command, dt: Scalar) -> tuple[Any, ...]:
+def tilts_after(vehicle: Vehicle, state: State, command: Command, dt: Scalar) -> tuple[Scalar, ...]:
     """Angles of rotors that tilt after ``dt`` seconds of a held command."""
     return angles_after(vehicle, state.tilts, command.tilts, dt) if vehicle.tilts else ()

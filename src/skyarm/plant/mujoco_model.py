@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from skyarm.algebra import Mat3, Vec3
+from skyarm.algebra.scalars import Scalar
 from skyarm.vehicle.linkage import BASE, Body, Joint
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.scene.vehicle_shapes import vehicle_shapes
@@ -183,21 +184,21 @@ def _add_shapes(vehicle: Vehicle, bodies: dict[int, Any]) -> None:
         )
 
 
-def _array(v: Vec3) -> Any:
+def _array(v: Vec3) -> Scalar:
     return np.array([float(c) for c in v])
 
 
-def _quaternion(R: Mat3) -> Any:
+def _quaternion(R: Mat3) -> Scalar:
     return _mat2quat(np.array([_array(row) for row in R.rows]))
 
 
-def _mat2quat(R: Any) -> Any:
+def _mat2quat(R: Any) -> Scalar:
     quaternion = np.zeros(4)
     mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(R).ravel())
     return quaternion
 
 
-def _along(axis: Vec3) -> Any:
+def _along(axis: Vec3) -> Scalar:
     """Quaternion that turns z onto the axis."""
     quaternion = np.zeros(4)
     mujoco.mju_quatZ2Vec(quaternion, _array(axis))

@@ -78,7 +78,7 @@ class StagedRungeKutta:
     def _stage(
         self, start: Any, kept: Any, now: Any, memory: Any, u: Any, total: Any, rates: Any, qacc: Any, weights: Any,
         speeds: Any, setpoints: Any, angles: Any, around: Surroundings,
-    ) -> tuple[Any, ...]:  # fmt: skip
+    ) -> tuple[Scalar, ...]:  # fmt: skip
         """Next state and coupled memories, its rotation vector, the sums of slopes, and the loads on the next state."""
         first, x, (own, share, earlier, time) = self._layout.state(start), self._layout.state(now), weights
         held = around.coupled_memories()
@@ -135,7 +135,7 @@ def _move_state(first: State, change: Sequence[Scalar]) -> State:
     """A state moved by changes of position, rotation vector, joints and velocities."""
     n = len(first.joints)
 
-    def line(values: Sequence[Scalar], more: Sequence[Scalar]) -> tuple[Any, ...]:
+    def line(values: Sequence[Scalar], more: Sequence[Scalar]) -> tuple[Scalar, ...]:
         return tuple(add(value, extra) for value, extra in zip(values, more, strict=True))
 
     turned = first.quaternion * Quaternion.of_rotation_vector(Vec3(*change[3:6]))

@@ -127,7 +127,7 @@ def coupled_rk4(world: Truth, state: State, command: Command, around: Surroundin
 def _move_state(state: State, rate: Rate, dt: Scalar) -> State:
     """state + dt * rate."""
 
-    def line(values: Sequence[Scalar], slopes: Sequence[Scalar]) -> tuple[Any, ...]:
+    def line(values: Sequence[Scalar], slopes: Sequence[Scalar]) -> tuple[Scalar, ...]:
         return tuple(add(x, mul(dx, dt)) for x, dx in zip(values, slopes, strict=True))
 
     return State(

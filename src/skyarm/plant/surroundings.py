@@ -62,7 +62,7 @@ class Surroundings:
         """Indices of the components whose memories advance with the plant."""
         return tuple(i for i, component in enumerate(self.components) if component.coupled)
 
-    def coupled_memories(self) -> tuple[Any, ...]:
+    def coupled_memories(self) -> tuple[Scalar, ...]:
         """Their memories."""
         return tuple(self.memories[i] for i in self.coupled)
 
@@ -76,7 +76,7 @@ class Surroundings:
             held[place] = memory
         return replace(self, memories=tuple(held))
 
-    def slopes(self, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> tuple[Any, ...]:
+    def slopes(self, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> tuple[Scalar, ...]:
         """Rates of their memories, 1/s."""
         return tuple(self.components[i].slope(self.memories[i], self.time, motion, rotor_speeds) for i in self.coupled)
 
@@ -98,7 +98,7 @@ class Surroundings:
         """Memories of the coupled components after so many seconds, in so many parts, for which they were far."""
         return tuple(self.components[i].alone(self.memories[i], seconds, rounds, gravity) for i in self.coupled)
 
-    def effort(self, index: int, setpoint: Scalar, position: Scalar, rate: Scalar) -> Any:
+    def effort(self, index: int, setpoint: Scalar, position: Scalar, rate: Scalar) -> Scalar:
         """Effort of a joint's drive before its limit and friction, N m or N."""
         if not self.drives:
             return TORQUE_DRIVE.effort((), setpoint, position, rate)

@@ -86,7 +86,7 @@ class Sensor:
 
     def take(
         self, memory: Any, t: Scalar, state: State, specific_force: Vec3, push: Push, draws: Sequence[Scalar], dt: float
-    ) -> tuple[Any, Any]:
+    ) -> tuple[Scalar, Scalar]:
         """One reading, of the state or of what pushes at the sensor's frame."""
         if self.feels is None:
             return self.measure(memory, t, state, specific_force, draws, dt)

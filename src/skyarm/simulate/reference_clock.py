@@ -12,11 +12,13 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import (
     Scalar,
+    absolute,
+    data,
     floor,
     logical_and,
     logical_not,
@@ -44,7 +46,7 @@ class PathClock:
     """The reference's clock between two control periods; all times are control periods.
 
     Attributes:
-        place: of the reference, now. held: of the sample that is held; () where each period publishes one.
+        place: of the reference, now. held: of the sample that is held.
         guard: number of the guard that comes next. waited: at its end. reached: for which it has held.
         origin: m, world axes, the tip where the phase began. failed: 1 once a phase has failed that must not.
         offset: m, of the reference since a phase ended early while it moved. since: place from which on.
@@ -52,7 +54,7 @@ class PathClock:
     """
 
     place: Scalar
-    held: Scalar | tuple[()]
+    held: Scalar
     guard: Scalar
     waited: Scalar
     reached: Scalar
@@ -62,6 +64,11 @@ class PathClock:
     since: Scalar | tuple[()]
     held_offset: Vec3 | tuple[()]
     held_since: Scalar | tuple[()]
+
+
+Clock = PathClock | tuple[()]
+Instant = tuple[Scalar, Sequence[Scalar]]
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -77,10 +84,33 @@ class Seen:
 
     tip: Vec3
     goal: Vec3
-    push: tuple[Any, ...]
+    push: tuple[Scalar, ...]
     force: Vec3 | None
     felt: Vec3 | None = None
-    switches: tuple[Any, ...] = ()
+    switches: tuple[Scalar, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Terms:
+    """Numbers of a guard; times are control periods, flags 1 or 0. Bounds that it lacks are met by any number.
+
+    Attributes:
+        stop: m, position of the base's reference at its end; () where no phase ends early.
+    """
+
+    end: Scalar
+    begin: Scalar
+    hold: Scalar
+    timeout: Scalar
+    early: Scalar
+    fails: Scalar
+    sensed: Scalar
+    error: Scalar
+    least_force: Scalar
+    most_force: Scalar
+    distance: Scalar
+    direction: Vec3
+    stop: Vec3 | tuple[()]
 
 
 WHOLE = 1e-9
@@ -108,27 +138,44 @@ class Waits:
         self._rate = float(scenario.rates.control)
         self._ratio = scenario.rates.control // scenario.rates.reference
         self._vehicle = scenario.controller.par.model.vehicle
-        self._ends = tuple(guard.at * self._rate for guard in self.guards)
         self._moves = any(guard.early for guard in self.guards)
         self.switches = tuple(
             dict.fromkeys(name for guard in self.guards for name in (guard.closed, guard.open) if name)
         )
         self._sensed = any(guard.sensed for guard in self.guards)
         self._measures = any(guard.distance is not None for guard in self.guards)
-        self._stops = self._stops_of_early_phases() if self._moves else ()
+        self._terms = tuple(self._terms_of(guard) for guard in self.guards)
 
-    def _stops_of_early_phases(self) -> tuple[Vec3, ...]:
-        """Position of the base's reference at the end of each phase with a guard, m."""
-        return tuple(self._trajectory.at(guard.at).position for guard in self.guards)
+    def _terms_of(self, guard: Guard) -> Terms:
+        rate = self._rate
+        return Terms(
+            end=guard.at * rate,
+            begin=guard.begin * rate,
+            hold=guard.hold * rate,
+            timeout=guard.timeout * rate,
+            early=float(guard.early),
+            fails=float(guard.fails),
+            sensed=float(guard.sensed),
+            error=_bound(guard.error, NEVER),
+            least_force=_bound(guard.force, -NEVER),
+            most_force=_bound(guard.force_below, NEVER),
+            distance=_bound(guard.distance, -NEVER),
+            direction=Vec3(*map(data, guard.direction)),
+            stop=Vec3(*map(data, self._trajectory.at(guard.at).position)) if self._moves else (),
+        )
 
-    def first(self) -> PathClock | tuple[()]:
+    def terms(self, n: Scalar) -> Terms:
+        """Numbers of guard ``n``; after the last guard those of one that never comes."""
+        return _select(n, (*self._terms, dataclasses.replace(self._terms[-1], end=NEVER, early=0.0)))
+
+    def first(self) -> Clock:
         """The clock before the first period."""
         if not self.guards:
             return ()
-        zero, apart = Vec3(0.0, 0.0, 0.0), self._moves and self._ratio > 1
+        zero = Vec3(0.0, 0.0, 0.0)
         return PathClock(
             place=0.0,
-            held=() if self._ratio == 1 else 0.0,
+            held=0.0,
             guard=0.0,
             waited=0.0,
             reached=0.0,
@@ -136,90 +183,85 @@ class Waits:
             failed=0.0,
             offset=zero if self._moves else (),
             since=0.0 if self._moves else (),
-            held_offset=zero if apart else (),
-            held_since=0.0 if apart else (),
+            held_offset=zero if self._moves else (),
+            held_since=0.0 if self._moves else (),
         )
 
-    def begun_at(self, ticks: Any) -> PathClock | tuple[()]:
+    def begun_at(self, ticks: Scalar) -> Clock:
         """The clock of a task that starts during the flight: at its first guard to come.
 
         The distance of a phase that is under way then counts from there on.
         """
         first = self.first()
-        if not isinstance(first, PathClock):
+        if not first:
             return ()
         guard: Scalar = 0.0
-        for end in self._ends:
-            guard = guard + where(ticks > end + WHOLE, 1.0, 0.0)
-        held = () if self._ratio == 1 else ticks
-        return dataclasses.replace(first, place=ticks, held=held, guard=guard, waited=BEGUN)
+        for terms in self._terms:
+            guard = guard + where(ticks > terms.end + WHOLE, 1.0, 0.0)
+        return dataclasses.replace(first, place=ticks, held=ticks, guard=guard, waited=BEGUN)
 
-    def lead(self, clock: Any, ticks: Scalar, row: Row) -> Row:
+    def lead(self, clock: Clock, ticks: Scalar, row: Row) -> Row:
         """Inputs of a period, with the reference at its own clock."""
-        if clock == () or row.reference != ():
+        if not clock or row.reference != ():
             return row
         path_time, reference = self.path_time(clock), self.held_reference(clock, ticks)
         if self._trajectory.load is not None:  # the hand's command is of this period, not of a sample
             reference = dataclasses.replace(reference, load=(self._trajectory.load.derivatives(path_time)[0],))
         return dataclasses.replace(row, reference=reference, path_time=path_time)
 
-    def is_sound(self, clock: Any) -> Scalar:
+    def is_sound(self, clock: Clock) -> Scalar:
         """True while no phase has failed that must not."""
-        return clock.failed < 0.5 if self.guards else True
+        return clock.failed < 0.5 if clock else True
 
-    def log_values(self, clock: Any, ticks: Scalar) -> tuple[Scalar, ...]:
+    def log_values(self, clock: Clock, ticks: Scalar) -> tuple[Scalar, ...]:
         """Columns of the clock in a log; () without a clock."""
-        return () if clock == () else self.times(clock, ticks)
+        return self.times(clock, ticks) if clock else ()
 
-    def advance(self, clock: Any, ticks: Scalar, measurement: Measurement, row: Row, memory: Any) -> Any:
+    def advance(self, clock: Clock, ticks: Scalar, measurement: Measurement, row: Row, memory: object) -> Clock:
         """The clock one control period later, from the law's measurement and memory."""
-        if clock == ():
+        if not clock:
             return ()
         return self.following(clock, ticks, self.guard_inputs(measurement, row.reference, observed_push(memory)))
 
-    def _hold_sample(self, clock: Any, ticks: Any) -> dict[str, Any]:
-        """The sample that holds in a period, taken in it where it publishes one; () where each publishes one."""
-        found: dict[str, Any] = {"held": (), "held_offset": (), "held_since": ()}
-        if self._ratio > 1:
-            fresh = due(ticks, self._ratio)
-            found["held"] = where(fresh, clock.place, clock.held)
-            if self._moves:
-                found["held_offset"] = _either(fresh, clock.offset, clock.held_offset)
-                found["held_since"] = where(fresh, clock.since, clock.held_since)
-        return found
+    def _hold_sample(self, clock: PathClock, ticks: Scalar) -> PathClock:
+        """The clock with the sample that holds in a period, taken in it where it publishes one."""
+        fresh = due(ticks, self._ratio)
+        held = where(fresh, clock.place, clock.held)
+        if not self._moves:
+            return dataclasses.replace(clock, held=held)
+        offset, since = blend(fresh, (clock.offset, clock.since), (clock.held_offset, clock.held_since))
+        return dataclasses.replace(clock, held=held, held_offset=offset, held_since=since)
 
-    def times(self, clock: PathClock, ticks: Scalar) -> tuple[Any, ...]:
+    def times(self, clock: PathClock, ticks: Scalar) -> tuple[Scalar, ...]:
         """Logged values of the clock.
 
         Times of the reference and of its held sample, s, its offset, m, and since when; those of the sample.
         """
         sample = self._hold_sample(clock, ticks)
-        held = clock.place if self._ratio == 1 else sample["held"]
-        own, its = leaves((clock.offset, clock.since)), leaves((sample["held_offset"], sample["held_since"]))
-        return self.path_time(clock), held / self._rate, *own, *its
+        offsets = leaves((clock.offset, clock.since, sample.held_offset, sample.held_since))
+        return self.path_time(clock), sample.held / self._rate, *offsets
 
-    def instants(self, times: Sequence[Scalar]) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+    def instants(self, times: Sequence[Scalar]) -> tuple[Instant, Instant]:
         """Time and offset of the held reference and of the reference now, each as :meth:`reference` takes them."""
-        path_time, held, *rest = times
-        own, its = rest[:4], rest[4:]
-        return (held, its or own), (path_time, own)
+        path_time, held, *offsets = times
+        return (held, offsets[4:]), (path_time, offsets[:4])
 
     def held_reference(self, clock: PathClock, ticks: Scalar) -> Reference:
         """The sample of the reference that holds in a period."""
         return self.reference(*self.instants(self.times(clock, ticks))[0])
 
-    def path_time(self, clock: PathClock) -> Any:
+    def path_time(self, clock: PathClock) -> Scalar:
         """Time of the reference, s."""
         return clock.place / self._rate
 
-    def phase(self, path_time: Any) -> Scalar:
+    def phase(self, path_time: Scalar) -> Scalar:
         """Number of the phase that is flown at a time of the reference, s; 0 where no phase waits."""
         found: Scalar = 0.0
         for each in self._trajectory.phases:
             found = found + where(path_time > each.end + PASSED, 1.0, 0.0)
         return found
 
-    def reference(self, time: Scalar, offset: Sequence[Any] = ()) -> Reference:
+    def reference(self, time: Scalar, offset: Sequence[Scalar] = ()) -> Reference:
         """The reference at its own time, s; ``offset`` as :meth:`instants` has it."""
         found = self._trajectory.at(time)
         if not offset:
@@ -227,7 +269,7 @@ class Waits:
         *moved, since = offset
         return offset_reference(found, Vec3(*moved), self._trajectory.returns, since / self._rate, time)
 
-    def with_task_loads(self, par: Any, path_time: Any) -> Any:
+    def with_task_loads(self, par: Any, path_time: Scalar) -> Any:
         """The law's constants, with the payloads in its model that the task carries at a time of the reference (s)."""
         vehicle = par.model.vehicle
         for payload in self._believed:
@@ -247,112 +289,82 @@ class Waits:
         switches = measurement.switches if self.switches else ()
         return Seen(tip=tip, goal=goal, push=reference.push, force=force, felt=felt, switches=switches)
 
-    def following(self, clock: PathClock, ticks: Scalar, seen: Seen) -> Any:
+    def following(self, clock: PathClock, ticks: Scalar, seen: Seen) -> PathClock:
         """The clock one control period later."""
-        n, end = clock.guard, self._select(clock.guard, self._ends, NEVER)
-        begin = self._select(n, [guard.begin * self._rate for guard in self.guards])
-        there = clock.place >= end - WHOLE
-        fresh = logical_and(logical_or(clock.place <= begin + WHOLE, clock.waited < 0.5 * BEGUN), clock.waited < 0.5)
-        origin = clock.origin if not self._measures else _either(fresh, seen.tip, clock.origin)
-        looks = there
-        if self._moves:
-            early = self._select(n, [1.0 if guard.early else 0.0 for guard in self.guards], 0.0) > 0.5
-            looks = logical_or(there, logical_and(early, logical_not(fresh)))
-        reached = where(logical_and(looks, self._holds(n, seen, origin)), clock.reached + 1.0, 0.0)
-        enough = reached > self._select(n, [guard.hold * self._rate for guard in self.guards]) + (1.0 - 1e-6)
-        late = logical_and(
-            there, clock.waited >= self._select(n, [guard.timeout * self._rate for guard in self.guards]) - 1e-6
-        )
+        n, now = clock.guard, self.terms(clock.guard)
+        there = clock.place >= now.end - WHOLE
+        begins = logical_or(clock.place <= now.begin + WHOLE, clock.waited < 0.5 * BEGUN)
+        fresh = logical_and(begins, clock.waited < 0.5)
+        origin = blend(fresh, seen.tip, clock.origin) if self._measures else clock.origin
+        looks = logical_or(there, logical_and(now.early > 0.5, logical_not(fresh))) if self._moves else there
+        reached = where(logical_and(looks, self._holds(n, now, seen, origin)), clock.reached + 1.0, 0.0)
+        enough = reached > now.hold + (1.0 - 1e-6)
+        late = logical_and(there, clock.waited >= now.timeout - 1e-6)
         passed = logical_or(enough, late)
-        fails = self._select(n, [1.0 if guard.fails else 0.0 for guard in self.guards]) > 0.5
-        failed = logical_and(logical_and(late, logical_not(enough)), fails)
+        failed = logical_and(logical_and(late, logical_not(enough)), now.fails > 0.5)
         number = where(passed, n + 1.0, n)
-        gone = where(passed, where(there, clock.place, end), clock.place) + 1.0
-        return PathClock(
-            place=minimum(gone, self._select(number, self._ends, NEVER)),
-            **self._hold_sample(clock, ticks),
+        gone = where(passed, where(there, clock.place, now.end), clock.place) + 1.0
+        offset, since = clock.offset, clock.since
+        if self._moves:  # the reference keeps its position when the rest of a phase is skipped
+            position = self.reference(self.path_time(clock), leaves((offset, since))).position
+            offset, since = blend(enough, (position - Vec3(*now.stop), now.end), (offset, since))
+        return dataclasses.replace(
+            self._hold_sample(clock, ticks),
+            place=minimum(gone, self.terms(number).end),
             guard=number,
             waited=where(passed, 0.0, where(there, clock.waited + 1.0, 0.0)),
             reached=where(passed, 0.0, reached),
-            origin=_either(passed, seen.tip, origin) if self._measures else origin,
+            origin=blend(passed, seen.tip, origin) if self._measures else origin,
             failed=where(failed, 1.0, clock.failed),
-            **self._skip(clock, enough, end),
+            offset=offset,
+            since=since,
         )
 
-    def _skip(self, clock: PathClock, skips: Scalar, end: Scalar) -> dict[str, Any]:
-        """Offset of the reference, which keeps its position when the rest of a phase is skipped."""
-        if not self._moves:
-            return {"offset": (), "since": ()}
-        now = self.reference(self.path_time(clock), (*clock.offset, clock.since)).position
-        stop = Vec3(*(self._select(clock.guard, column) for column in zip(*self._stops, strict=True)))
-        return {
-            "offset": _either(skips, now - stop, clock.offset),
-            "since": where(skips, end, clock.since),
-        }
-
-    def _holds(self, n: Scalar, seen: Seen, origin: Any) -> Any:
+    def _holds(self, n: Scalar, now: Terms, seen: Seen, origin: Vec3 | tuple[()]) -> Scalar:
         """True if the flight meets all conditions of the guard."""
-        found: Any = n > -1.0
+        found: Scalar = n > -1.0
         if any(guard.error is not None for guard in self.guards):
             away = counted_error(seen.tip - seen.goal, seen.push, seen.tip)
-            found = logical_and(found, sqrt(away.dot(away)) <= self._threshold(n, "error", NEVER))
+            found = logical_and(found, sqrt(away.dot(away)) <= now.error)
         if any(guard.force is not None or guard.force_below is not None for guard in self.guards):
-            found = logical_and(found, self._force_holds(n, seen))
-        for name, wanted in (("closed", 1.0), ("open", 0.0)):
-            if any(getattr(guard, name) for guard in self.guards):
-                found = logical_and(found, self._switch_state(n, seen, name, wanted) > 0.5)
+            found = logical_and(found, self._force_holds(now, seen))
+        for name, state in (("closed", 1.0), ("open", 0.0)):
+            named = [getattr(guard, name) for guard in self.guards]
+            if any(named):
+                states = [seen.switches[self.switches.index(each)] if each else state for each in named]
+                found = logical_and(found, absolute(_select(n, states) - state) < 0.5)
         if self._measures:
-            moved = self._direction(n).dot(origin - seen.tip)
-            found = logical_and(found, moved >= self._threshold(n, "distance", -NEVER))
+            found = logical_and(found, now.direction.dot(Vec3(*origin) - seen.tip) >= now.distance)
         return found
 
-    def _force_holds(self, n: Scalar, seen: Seen) -> Scalar:
+    def _force_holds(self, now: Terms, seen: Seen) -> Scalar:
         """True if the force, observed or read by a sensor, meets the guard's condition."""
-        out = self._direction(n)
-        least, most = self._threshold(n, "force", -NEVER), self._threshold(n, "force_below", NEVER)
 
         def holds(force: Vec3 | None) -> Scalar:
             if force is None:  # of a law that observes no force nobody knows that there is none
-                return logical_and(least < 0.0, most > 0.5 * NEVER)
-            along = out.dot(force)
-            return logical_and(along >= least, along <= most)
+                return logical_and(now.least_force < 0.0, now.most_force > 0.5 * NEVER)
+            along = now.direction.dot(force)
+            return logical_and(along >= now.least_force, along <= now.most_force)
 
         if not self._sensed:
             return holds(seen.force)
-        hears = self._select(n, [1.0 if guard.sensed else 0.0 for guard in self.guards]) > 0.5
-        return logical_or(logical_and(hears, holds(seen.felt)), logical_and(logical_not(hears), holds(seen.force)))
-
-    def _switch_state(self, n: Any, seen: Seen, name: str, wanted: float) -> Any:
-        """1 if the guard's switch has the required state, or if the guard has no switch."""
-        found = []
-        for guard in self.guards:
-            asked = getattr(guard, name)
-            told = seen.switches[self.switches.index(asked)] if asked else 1.0
-            found.append(told if wanted or not asked else 1.0 - told)
-        return self._select(n, found)
-
-    def _direction(self, n: Scalar) -> Vec3:
-        return Vec3(
-            *(self._select(n, column) for column in zip(*(each.direction for each in self.guards), strict=True))
-        )
-
-    def _threshold(self, n: Scalar, name: str, nothing: float) -> Scalar:
-        given = [getattr(guard, name) for guard in self.guards]
-        return self._select(n, [nothing if value is None else value for value in given])
-
-    def _select(self, n: Scalar, values: Sequence[Scalar], beyond: Scalar | None = None) -> Scalar:
-        """The value for guard number n; after the last guard ``beyond``, by default the last value."""
-        found = values[-1] if beyond is None else beyond
-        for i in reversed(range(len(values))):
-            found = where(n < i + 0.5, values[i], found)
-        return found
+        sensed = now.sensed > 0.5
+        return logical_or(logical_and(sensed, holds(seen.felt)), logical_and(logical_not(sensed), holds(seen.force)))
 
 
-def _either(condition: Any, a: Vec3, b: Any) -> Vec3:
-    return Vec3(*(where(condition, x, y) for x, y in zip(a, b, strict=True)))
+def _bound(value: Scalar | None, none: float) -> Scalar:
+    return none if value is None else value
 
 
-def due(ticks: Scalar, every: int) -> Any:
+def _select(n: Scalar, values: Sequence[T]) -> T:
+    """The value of number n, a scalar or a record; beyond the last the last."""
+    found = values[-1]
+    for i in reversed(range(len(values) - 1)):
+        found = blend(n < i + 0.5, values[i], found)
+    return found
+
+
+def due(ticks: Scalar, every: int) -> Scalar:
     """True in every ``every``-th period; half a period of slack, since a quotient may be rounded."""
     return ticks - floor(ticks / float(every) + 0.5 / every) * float(every) < 0.5
 
@@ -363,7 +375,7 @@ def is_other_reference(now: Overrides, then: Overrides) -> bool:
     return parts != old
 
 
-def clock_of_change(scenario: Scenario, first: LoopState, now: LoopState, *, anew: bool) -> Any:
+def clock_of_change(scenario: Scenario, first: LoopState, now: LoopState, *, anew: bool) -> Clock:
     """The clock at its start in the present period; () if the one before continues, or if there is none.
 
     Args:
@@ -375,5 +387,6 @@ def clock_of_change(scenario: Scenario, first: LoopState, now: LoopState, *, ane
     other = mismatch(first.clock, now.clock, "clock")
     if first.clock == () or not (anew or other):
         return ()
-    begun: Any = Waits(scenario).begun_at(now.ticks)
-    return begun if other else blend(now.alive > 0.5, begun, now.clock)
+    begun = Waits(scenario).begun_at(now.ticks)
+    clock: Clock = begun if other else blend(now.alive > 0.5, begun, now.clock)
+    return clock

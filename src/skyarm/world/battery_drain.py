@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from skyarm.algebra.scalars import data, minimum
+from skyarm.algebra.scalars import Scalar, data, minimum
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.vehicle.battery import Battery
@@ -31,7 +31,7 @@ class BatteryDrain(Component):
         power = self.battery.power(self.rotors, state.rotor_speeds)
         return self.battery.discharge(memory[0], power, dt), self.battery.voltage(memory[0], power)
 
-    def rotor_commands(self, memory: Any, rotors: Sequence[Rotor], commands: Sequence[Any]) -> Sequence[Any]:
+    def rotor_commands(self, memory: Any, rotors: Sequence[Rotor], commands: Sequence[Any]) -> Sequence[Scalar]:
         """Speeds that the voltage allows (governed), or that a throttle of these commands gives at it (open)."""
         supply = memory[1] / self.battery.reference_voltage
         pairs = zip(commands, rotors, strict=True)

@@ -140,7 +140,7 @@ class TimedPayload(Component):
         place = Vec3(*(where(dropped > 0.5, p, q) for p, q in zip(position_W, memory.place, strict=True)))
         return now, caught, where(dropped > 0.5, 1.0, memory.gone), place
 
-    def events_reached(self, t: Scalar, position_W: Vec3) -> tuple[Any, Any]:
+    def events_reached(self, t: Scalar, position_W: Vec3) -> tuple[Scalar, Scalar]:
         """True once instant and place of the grasp, and of the release, are reached, with the frame at a place (m)."""
         pick, drop = t >= self.pick, t >= self.drop
         if self.pick_place is not None:

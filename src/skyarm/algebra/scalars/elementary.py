@@ -125,7 +125,7 @@ def cos(x: Scalar) -> Scalar:
     return f.where(turned, -value, value)
 
 
-def tan(x: Scalar) -> Any:
+def tan(x: Scalar) -> Scalar:
     """tan x."""
     return f.divide(sin(x), cos(x))
 

@@ -34,7 +34,7 @@ class Taylor:
         """A value that does not change."""
         return cls((value, *(0,) * order))
 
-    def derivative(self, k: int) -> Any:
+    def derivative(self, k: int) -> Scalar:
         """The k-th derivative."""
         return mul(self.c[k], 1 if k < 2 else float(math.factorial(k)))
 
@@ -91,19 +91,19 @@ class Taylor:
         """Quotient of a constant."""
         return Taylor(self._terms(other)) / self
 
-    def __lt__(self, other: Scalar) -> Any:
+    def __lt__(self, other: Scalar) -> Scalar:
         """Compare values."""
         return self.c[0] < self._terms(other)[0]
 
-    def __le__(self, other: Any) -> Any:
+    def __le__(self, other: Any) -> Scalar:
         """Compare values."""
         return self.c[0] <= self._terms(other)[0]
 
-    def __gt__(self, other: Scalar) -> Any:
+    def __gt__(self, other: Scalar) -> Scalar:
         """Compare values."""
         return self.c[0] > self._terms(other)[0]
 
-    def __ge__(self, other: Any) -> Any:
+    def __ge__(self, other: Any) -> Scalar:
         """Compare values."""
         return self.c[0] >= self._terms(other)[0]
 

@@ -13,7 +13,7 @@ from skyarm.records.units import Unit
 from skyarm.vehicle.linkage import Joint
 
 
-def joint_force(joint: Joint, command: Scalar, rate: Scalar, effectiveness: Scalar = 1) -> Any:
+def joint_force(joint: Joint, command: Scalar, rate: Scalar, effectiveness: Scalar = 1) -> Scalar:
     """Torque (N m) or force (N) on the joint: the limited command, less viscous and smooth Coulomb friction.
 
     ``effectiveness`` is the share of the drive's effort that a fault leaves; friction stays.
@@ -27,7 +27,7 @@ def limited_effort(joint: Joint, command: Scalar) -> Scalar:
     return clip(command, -joint.effort_limit, joint.effort_limit)
 
 
-def friction(joint: Joint, rate: Scalar, dry_rate: Scalar) -> Any:
+def friction(joint: Joint, rate: Scalar, dry_rate: Scalar) -> Scalar:
     """Joint friction: viscous at ``rate``, Coulomb's c tanh(qd / v0) at ``dry_rate`` (rad/s or m/s).
 
     A law that gives it back takes the reference's rate for the dry part, whose sign would chatter with a measured one.
@@ -35,7 +35,7 @@ def friction(joint: Joint, rate: Scalar, dry_rate: Scalar) -> Any:
     return add(mul(joint.damping, rate), mul(joint.coulomb, tanh(divide(dry_rate, joint.coulomb_rate))))
 
 
-def stop_force(joint: Joint, position: Scalar, rate: Scalar) -> Any:
+def stop_force(joint: Joint, position: Scalar, rate: Scalar) -> Scalar:
     """Torque or force of the stops at a joint's limits, N m or N; a structural 0 without stops.
 
     k depth (1 + d speed), with the depth past the limit and the speed into the stop; never a pull. It begins at zero,
@@ -93,15 +93,15 @@ class Drive:
         """Memory for the period of ``dt`` (s) that begins with this position and rate; the setpoint is its mean."""
         return memory
 
-    def effort(self, memory: Any, setpoint: Scalar, position: Scalar, rate: Scalar) -> Any:
+    def effort(self, memory: Any, setpoint: Scalar, position: Scalar, rate: Scalar) -> Scalar:
         """Torque (N m) or force (N) on the joint."""
         raise NotImplementedError(f"{type(self).__name__} must say its effort")
 
-    def largest_effort(self) -> Any:
+    def largest_effort(self) -> Scalar:
         """Largest torque (N m) or force (N) that it gives a joint at rest; infinite where it states none."""
         return math.inf
 
-    def standing(self, effort: Scalar, position: Scalar) -> Any:
+    def standing(self, effort: Scalar, position: Scalar) -> Scalar:
         """The setpoint that holds the arm before the first command arrives, from the torque that holds it."""
         return position
 
@@ -119,7 +119,7 @@ class TorqueDrive(Drive):
 
     takes: ClassVar[str] = "N m or N"
 
-    def effort(self, memory: Any, setpoint: Scalar, position: Scalar, rate: Scalar) -> Any:
+    def effort(self, memory: Any, setpoint: Scalar, position: Scalar, rate: Scalar) -> Scalar:
         """The setpoint itself."""
         return setpoint
 
@@ -171,6 +171,6 @@ class LaggedTorque(TorqueDrive):
         before = memory.following - setpoint
         return LaggedTorqueMemory(setpoint + before * left, setpoint + before * ((1.0 - left) / share))
 
-    def effort(self, memory: LaggedTorqueMemory, setpoint: Scalar, position: Scalar, rate: Scalar) -> Any:
+    def effort(self, memory: LaggedTorqueMemory, setpoint: Scalar, position: Scalar, rate: Scalar) -> Scalar:
         """Mean torque of the period."""
         return memory.mean

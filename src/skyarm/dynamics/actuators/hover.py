@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 from skyarm import dynamics
 from skyarm.algebra import E_Z, ZERO3, Motion
@@ -39,6 +38,7 @@ def hover_trim(vehicle: Vehicle, joints: tuple[Scalar, ...], gravity: Scalar) ->
     return HoverTrim(speeds, squared, force.force.z, efforts)
 
 
-def highest_thrust(vehicle: Vehicle) -> Any:
+def highest_thrust(vehicle: Vehicle) -> Scalar:
     """Thrust along body z with every rotor at its highest speed, N."""
-    return sum(r.axis.z * r.thrust_coefficient * push(r, r.max_speed) for r in vehicle.rotors)
+    total: Scalar = sum(r.axis.z * r.thrust_coefficient * push(r, r.max_speed) for r in vehicle.rotors)
+    return total

@@ -70,7 +70,7 @@ def yaw_bounds(
     return found
 
 
-def nearest_thrust(bounds: Sequence[Bound], wanted: Scalar) -> Any:
+def nearest_thrust(bounds: Sequence[Bound], wanted: Scalar) -> Scalar:
     """The thrust nearest to the demand, N, for which some yaw torque keeps all bounds."""
     low: Scalar = -ENDLESS
     high: Scalar = ENDLESS

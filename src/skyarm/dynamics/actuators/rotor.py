@@ -14,7 +14,7 @@ from skyarm.algebra.scalars import Scalar, add, divide, exp, maximum, minimum, m
 from skyarm.vehicle.vehicle_records import Rotor
 
 
-def speed_after(rotor: Rotor, speed: Scalar, command: Scalar, dt: Scalar) -> Any:
+def speed_after(rotor: Rotor, speed: Scalar, command: Scalar, dt: Scalar) -> Scalar:
     """Rotor speed (rad/s) after ``dt`` seconds of a held command: the asymmetric first-order lag solved exactly.
 
     The approach is monotonic, so the time constant (up or down) cannot change while the command is held. The command is
@@ -106,7 +106,7 @@ def push(rotor: Rotor, speed: Scalar) -> Any:
     return speed * speed if rotor.table is None else rotor.table.push(speed)
 
 
-def speed_of_push(rotor: Rotor, value: Any) -> Any:
+def speed_of_push(rotor: Rotor, value: Any) -> Scalar:
     """The inverse of :func:`push`, rad/s."""
     return sqrt(maximum(value, 0.0)) if rotor.table is None else rotor.table.speed_of_push(value)
 

@@ -98,7 +98,7 @@ class Servo(Drive):
         """Speed (rad/s or m/s) of the joint at which the motor's counter-voltage is the supply's; may be infinite."""
         return float(self.voltage) / (float(self.gear) * float(self.torque_constant))
 
-    def largest_effort(self) -> Any:
+    def largest_effort(self) -> Scalar:
         """The stall torque (N m) or force (N), within the current's and the torque's own limit."""
         return self.bounds(0.0)[1]
 
@@ -145,16 +145,16 @@ class Servo(Drive):
         integral = self._integrate(memory, error, asked, rate, dt)
         return ServoMemory(goal=goal, integral=integral, rounding=rounding, waiting=waiting)
 
-    def effort(self, memory: ServoMemory, setpoint: Scalar, position: Scalar, rate: Scalar) -> Any:
+    def effort(self, memory: ServoMemory, setpoint: Scalar, position: Scalar, rate: Scalar) -> Scalar:
         """Torque of the loop, within the bounds of motor and supply."""
         low, high = self.bounds(rate)
         return clip(self._loop(memory.goal, memory.integral, position + memory.rounding, rate)[1], low, high)
 
-    def _loop_setpoint(self, setpoint: Scalar) -> Any:
+    def _loop_setpoint(self, setpoint: Scalar) -> Scalar:
         """The setpoint as the loop holds it."""
         return setpoint
 
-    def _next_goal(self, goal: Scalar, received: Scalar, dt: float) -> Any:
+    def _next_goal(self, goal: Scalar, received: Scalar, dt: float) -> Scalar:
         """The goal after a period in which a setpoint arrived."""
         raise NotImplementedError
 
@@ -214,7 +214,7 @@ class PositionServo(Servo):
         """Half the time in which loop and motor change, s."""
         return self._half_time(float(self.damping), float(self.stiffness))
 
-    def _loop_setpoint(self, setpoint: Scalar) -> Any:
+    def _loop_setpoint(self, setpoint: Scalar) -> Scalar:
         return self._quantize(setpoint)
 
     def _next_goal(self, goal: Scalar, received: Scalar, dt: float) -> Scalar:
@@ -224,7 +224,7 @@ class PositionServo(Servo):
     def _rounding(self, position: Scalar) -> Scalar:
         return self._quantize(position) - position
 
-    def standing(self, effort: Scalar, position: Scalar) -> Any:
+    def standing(self, effort: Scalar, position: Scalar) -> Scalar:
         """Next to the joint, by the deflection of the loop's spring under the torque."""
         return position + divide(effort, self.stiffness)
 
@@ -263,7 +263,7 @@ class VelocityServo(Servo):
     def _next_goal(self, goal: Scalar, received: Scalar, dt: float) -> Scalar:
         return clip(received, -self.speed_limit, self.speed_limit)
 
-    def standing(self, effort: Scalar, position: Scalar) -> Any:
+    def standing(self, effort: Scalar, position: Scalar) -> Scalar:
         """The rate setpoint that gives the torque at a joint at rest."""
         return divide(effort, self.gain)
 

@@ -42,7 +42,7 @@ FASTEST = 1e9
 """rad/s: the largest rate that is reckoned with."""
 
 
-def angle_after(tilt: Tilt, angle: Scalar, setpoint: Scalar, dt: Scalar) -> Any:
+def angle_after(tilt: Tilt, angle: Scalar, setpoint: Scalar, dt: Scalar) -> Scalar:
     """Angle (rad) of a rotor's servo after ``dt`` seconds of a held setpoint.
 
     The rate is (setpoint - angle) / time_constant within +-max_rate: the angle moves at the largest rate until what is

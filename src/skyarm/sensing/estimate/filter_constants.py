@@ -81,12 +81,12 @@ class FilterMemory:
     surprise: Scalar
 
     @property
-    def deviations(self) -> tuple[Any, ...]:
+    def deviations(self) -> tuple[Scalar, ...]:
         """Standard deviation of each component of the error."""
         return tuple(sqrt(self.covariance[i][i]) for i in range(len(self.covariance)))
 
     @property
-    def yaw_deviation(self) -> Any:
+    def yaw_deviation(self) -> Scalar:
         """Standard deviation of the heading, rad: it grows where no reading observes the heading."""
         return sqrt(self.covariance[ATTITUDE + 2][ATTITUDE + 2])
 
@@ -96,7 +96,7 @@ class FilterMemory:
         return self.inertial[0].time
 
 
-def in_turn(queue: Sequence[Any], after: Scalar, until: Scalar) -> tuple[Any, Any]:
+def in_turn(queue: Sequence[Any], after: Scalar, until: Scalar) -> tuple[Scalar, Scalar]:
     """The reading of a queue that was taken after one instant and not after another; a condition, and the reading."""
     reading, found = queue[0], due_between(queue[0].time, after, until)
     for each in queue[1:]:

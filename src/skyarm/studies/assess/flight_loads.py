@@ -86,7 +86,7 @@ def _payloads(scenario: Scenario) -> list[Load]:
     for i, payload in enumerate(scenario.payloads):
         start = stop = math.inf
         for times in _control_instants(scenario):
-            pick, drop = payload.events_reached(times, Vec3(*_along(scenario, payload.frame, times)))
+            pick, drop = map(np.asarray, payload.events_reached(times, Vec3(*_along(scenario, payload.frame, times))))
             if math.isinf(start):
                 start = _first(times, pick)
             stop = _first(times, drop & (times > start))

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import ZERO3, Mat3, Vec3
-from skyarm.algebra.scalars import divide
+from skyarm.algebra.scalars import Scalar, divide
 from skyarm.world.component import Column, moved_by
 from skyarm.world.contact.surface import Surface
 
@@ -58,7 +58,7 @@ class Carrier:
         raise NotImplementedError
 
     @property
-    def mobility(self) -> Any:
+    def mobility(self) -> Scalar:
         """1/kg: the square of the largest angular frequency by the stiffness (N/m) of its contacts.
 
         Integration steps follow from it. A body that is pushed at one point has 1/m there, and more beside its centre.
@@ -80,7 +80,7 @@ class Carrier:
         return self.mobility
 
     @property
-    def gyration(self) -> Any:
+    def gyration(self) -> Scalar:
         """m^2: square of the least radius of gyration, with which a gripper holds its attitude; 0 to leave it free."""
         return 0
 

@@ -145,7 +145,7 @@ class FreeObject(Carrier):
         return STEP_SHARE
 
     @property
-    def gyration(self) -> Any:
+    def gyration(self) -> Scalar:
         """Square of the least radius of gyration, m^2."""
         moments = self.moments
         return minimum(minimum(moments.x, moments.y), moments.z) / self.mass
@@ -302,7 +302,7 @@ def _reach(distance: Any, com: Vec3) -> Any:
 
 def _face(
     count: int, spread_a: Any, spread_b: Any, off_a: Any, off_b: Any, mass: Any, moment_a: Any, moment_b: Any
-) -> Any:
+) -> Scalar:
     """Bound of the mobility of a face of ``count`` contacts in the axes a and b, 1/kg.
 
     Args:
@@ -326,6 +326,6 @@ def _face(
     return maximum(maximum(rows[0], rows[1]), rows[2])
 
 
-def _size(value: Any) -> Any:
+def _size(value: Any) -> Scalar:
     """|value|; a structural zero stays one."""
     return 0 if type(value) is int and value == 0 else absolute(value)

@@ -135,7 +135,7 @@ class Gripper:
             *pull,
         )
 
-    def step_of(self, mass: Any, moved: Any, *, euler: bool = False) -> Any:
+    def step_of(self, mass: Any, moved: Any, *, euler: bool = False) -> Scalar:
         """Longest integration step (s) of a grasp.
 
         Args:
@@ -151,7 +151,7 @@ class Gripper:
             bound = BRISTLE_STEP / fastest
         return minimum(NORMAL_STEP * sqrt(mass / self.stiffness), bound)
 
-    def damping(self, mass: Any) -> Any:
+    def damping(self, mass: Any) -> Scalar:
         """N s/m of a grasp that moves a mass (kg)."""
         return 2.0 * self.damping_ratio * sqrt(self.stiffness * mass)
 
@@ -239,12 +239,12 @@ class Gripper:
         )  # fmt: skip
 
 
-def is_taken(taken: Any, number: float) -> Any:
+def is_taken(taken: Any, number: float) -> Scalar:
     """Return True if a gripper holds the carrier of a number."""
     return logical_and(taken > number - 0.5, taken < number + 0.5)
 
 
-def _not(condition: Any) -> Any:
+def _not(condition: Any) -> Scalar:
     """The opposite of a condition."""
     return not condition if isinstance(condition, bool) else where(condition, 0.0, 1.0) > 0.5
 

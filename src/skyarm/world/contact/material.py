@@ -54,7 +54,7 @@ _STILL = 1e-24
 """m^2/s^2, N^2 or m^2 under a root: its derivative at rest is 0 instead of NaN; m in a denominator."""
 
 
-def euler_step_of(square: Any, decay: Any) -> Any:
+def euler_step_of(square: Any, decay: Any) -> Scalar:
     """Longest step (s) that the semi-implicit Euler method takes of an oscillator, three quarters of the stable one.
 
     Args:
@@ -81,7 +81,7 @@ class Material:
         """Longest integration step (s) in contact with a vehicle."""
         return self.step_of(LIGHTEST)
 
-    def step_of(self, mass: Scalar) -> Any:
+    def step_of(self, mass: Scalar) -> Scalar:
         """Longest integration step (s) of a contact that moves a mass (kg), by the stiffness of it and its bristles."""
         bristles = self.friction * self.stiffness * PRESSED / self.bristle_length
         fastest = maximum(sqrt(self.stiffness) / NORMAL_STEP, sqrt(bristles) / BRISTLE_STEP)

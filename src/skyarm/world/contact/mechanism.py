@@ -132,7 +132,7 @@ class Mechanism(Carrier):
         return (own, *self.parts)
 
     @property
-    def generalized_inertia(self) -> Any:
+    def generalized_inertia(self) -> Scalar:
         """Its inertia along the coordinate, kg m^2 or kg."""
         if not self.turns:
             return self.mass
@@ -306,7 +306,7 @@ def inner_effort(of: Mechanism, memory: MechanismMotion) -> tuple[Any, tuple[Any
     return effort - clip(wanted, -of.friction, of.friction), (bending,)
 
 
-def longest_step(of: Mechanism, *, euler: bool = False) -> Any:
+def longest_step(of: Mechanism, *, euler: bool = False) -> Scalar:
     """Longest stable integration step (s) of a mechanism's springs, friction and stops; of semi-implicit Euler's too.
 
     That method of an oscillator of frequency w and decay d = c / m is stable while (w h)^2 + 2 d h < 4.
@@ -335,7 +335,7 @@ def stop_of(of: Mechanism) -> Material:
     return Material(stiffness=stiffness, dissipation=of.stop_damping, friction=0.0)
 
 
-def bristle_of(of: Mechanism) -> Any:
+def bristle_of(of: Mechanism) -> Scalar:
     """Slip at which dry friction is whole, rad or m."""
     return BRISTLES[of.turns] if type(of.bristle) is int else of.bristle
 

@@ -105,7 +105,7 @@ class Surface:
         return rotation_of(self.angles)
 
     @property
-    def farthest(self) -> Any:
+    def farthest(self) -> Scalar:
         """Distance of its farthest place from its origin, m; of a shape with an end."""
         if self.shape == "sphere":
             return self.size[0]
@@ -294,7 +294,7 @@ def from_plate(size: Sequence[Any], p: Vec3) -> tuple[Any, Vec3]:
     return sign * distance, Vec3(n * divide(p.x, away), n * divide(p.y, away), z)
 
 
-def _outside(size: Sequence[Any], away: Any, z: Any) -> Any:
+def _outside(size: Sequence[Any], away: Any, z: Any) -> Scalar:
     """Return True if a point of the section is outside of the material: in the hole, or beyond the plate."""
     radius, depth, chamfer, outer, length = size
     beyond = maximum(maximum(away - outer, z), -length - z) > 0.0
@@ -302,7 +302,7 @@ def _outside(size: Sequence[Any], away: Any, z: Any) -> Any:
     return logical_not(logical_and(logical_not(beyond), logical_not(hollow)))
 
 
-def _to_edge(away: Any, z: Any, start: tuple[Any, Any], way: tuple[Any, Any]) -> tuple[Any, ...]:
+def _to_edge(away: Any, z: Any, start: tuple[Any, Any], way: tuple[Any, Any]) -> tuple[Scalar, ...]:
     """Squared distance from an edge of the section, the way from its nearest place, and its outward normal.
 
     The material is on the right of an edge, seen along it.

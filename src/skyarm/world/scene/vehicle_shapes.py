@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from skyarm.algebra import ZERO3, Mat3, Quaternion, Vec3
 from skyarm.algebra.matrix import axis_rotation
-from skyarm.algebra.scalars import divide, sqrt
+from skyarm.algebra.scalars import Scalar, divide, sqrt
 from skyarm.compile import trace
 from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.compile.tracing.program import Program
@@ -142,7 +142,7 @@ def _program(vehicle: Vehicle) -> Program:
     """Rows of R_WB and p_WB of every body, and the tip, as one program."""
     frame = vehicle.frame() if vehicle.end_effector else None
 
-    def poses(position: Vec3, quaternion: Quaternion, joints: tuple[Any, ...]) -> tuple[Any, ...]:
+    def poses(position: Vec3, quaternion: Quaternion, joints: tuple[Any, ...]) -> tuple[Scalar, ...]:
         q = quaternion
         length = sqrt(q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z)
         R_WB = Quaternion(*(divide(c, length) for c in q)).rotation()
