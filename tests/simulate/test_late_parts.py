@@ -146,7 +146,9 @@ def test_lanes_outside_the_queue_are_refused() -> None:
     with pytest.raises(ScenarioError, match=r"path = 'delays\.rotors': delays is structure"):
         Batch(moving(), (ROTORS,))
     apart = Batch(moving(rotors=0.005, longest_command=0.01), (LATE,))
-    with pytest.raises(ScenarioError, match=r"with delays\.rotors must be at most"):
+    with pytest.raises(
+        ScenarioError, match=r"values\[.delays\.command.\]: delays\.rotors with delays\.command must be from 0 to"
+    ):
         apart.fly({LATE: np.array([0.006])})
 
 

@@ -134,20 +134,25 @@ def _instant(stages: Stages, loop: LoopState, row: Row, sample: Sample, goals: t
         before=tuple(where(first, new, old) for new, old in pairs),
         held=goals[0],
         continuous=goals[1],
-        lag=0.0 if isinstance(row.path_time, tuple) else row.time - row.path_time,
-        phase=waits.phase(row.path_time),
+        lag=row.time - _path_time(row),
+        phase=waits.phase(_path_time(row)),
         time=row.time,
         **_interaction(stages.scenario, row, sample),
     )
+
+
+def _path_time(row: Row) -> Scalar:
+    """Time of the reference, s."""
+    return row.time if isinstance(row.path_time, tuple) else row.path_time
 
 
 def _interaction(scenario: Scenario, row: Row, sample: Sample) -> dict[str, Any]:
     """Quantities of the scenario's components for the metrics, and the commanded push."""
     numbers = by_array(scenario.components, sample.wind.numbers)
     constants = [each for component in scenario.components for each in component.constants.items()]
-    push, time = scenario.reference.push, row.time if isinstance(row.path_time, tuple) else row.path_time
+    push = scenario.reference.push
     return {
-        "push": () if push is None or not numbers else push.at(time),
+        "push": () if push is None or not numbers else push.at(_path_time(row)),
         "parts": tuple((name, tuple(each)) for name, each in (*numbers.items(), *constants)),
     }
 

@@ -104,11 +104,11 @@ class EpisodeInputs:
             columns: of what a sample has of it (``led``), (N,) each.
         """
         held, own = self.waits.instants([np.asarray(column, dtype=float) for column in columns])
-        return self._at(*held), self._at(*own), own[0]
+        return self._at(*held), self._at(*own), np.asarray(own[0])
 
-    def _at(self, times: Array, offset: Sequence[Any]) -> Reference:
+    def _at(self, times: Scalar, offset: Sequence[Scalar]) -> Reference:
         program = self._shifted_motion if offset else self._program
-        found: Reference = program.record(list(evaluate(program, [times, *offset], len(times))))
+        found: Reference = program.record(list(evaluate(program, [times, *offset], np.size(times))))
         return found
 
     @cached_property

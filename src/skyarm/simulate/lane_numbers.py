@@ -14,7 +14,7 @@ from skyarm.plant.largest_step import STATED, largest_stable_step
 from skyarm.records.files import shown
 from skyarm.records.leaves import Place, field_names, part, replace_at
 from skyarm.scenario.in_flight import require_changes
-from skyarm.scenario.numbers import is_added, means_the_same, require_apart, with_numbers
+from skyarm.scenario.numbers import is_added, means_the_same, number_at, require_apart, with_numbers
 from skyarm.scenario.paths import LATE, LATER, places_of
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, whole
 from skyarm.simulate.draws import draws_needed
@@ -132,6 +132,9 @@ def lane_columns(
     return columns, count
 
 
+LONGEST = "delays.longest_command"
+
+
 def require_within_queue(scenario: Scenario, columns: Mapping[str, Array]) -> None:
     """Require that varied delays fit the queue of commands.
 
@@ -142,19 +145,16 @@ def require_within_queue(scenario: Scenario, columns: Mapping[str, Array]) -> No
     Raises:
         ScenarioError: a delay below 0, or delays that together are beyond the longest; names the path.
     """
-    longest, delays = scenario.delays.longest_command, scenario.delays
-    if longest is None:
+    longest = scenario.delays.longest_command
+    varied = [path for path in LATER if path in columns and columns[path].size]
+    if longest is None or not varied:
         return
-    base = columns.get(LATE, np.array([delays.command], dtype=float))
-    for path in LATER:
-        if path not in columns or not columns[path].size:
-            continue
-        total = columns[path] if path == LATE else base + columns[path]
-        if not (columns[path].min() >= 0.0 and total.max() <= longest):
-            raise ScenarioError(f"values[{path!r}]: must be from 0 to delays.longest_command = {longest!r}")
-    for path, own in zip(LATER[1:], (delays.rotors, delays.joints), strict=True):
-        if path not in columns and LATE in columns and columns[LATE].size and columns[LATE].max() + own > longest:
-            raise ScenarioError(f"values[{LATE!r}]: with {path} must be at most delays.longest_command = {longest!r}")
+    delays = {path: columns.get(path, np.array([number_at(scenario, path)], dtype=float)) for path in LATER}
+    for path, delay in delays.items():
+        late = delay if path == LATE else delays[LATE] + delay
+        if not (delay.min() >= 0.0 and late.max() <= longest):
+            named, what = path if path in varied else varied[0], "" if path == LATE else f" with {LATE}"
+            raise ScenarioError(f"values[{named!r}]: {path}{what} must be from 0 to {LONGEST} = {longest!r}")
 
 
 TRIED = 1e-3

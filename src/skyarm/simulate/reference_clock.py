@@ -366,7 +366,9 @@ def _select(n: Scalar, values: Sequence[T]) -> T:
 
 def due(ticks: Scalar, every: int) -> Scalar:
     """True in every ``every``-th period; half a period of slack, since a quotient may be rounded."""
-    return ticks - floor(ticks / float(every) + 0.5 / every) * float(every) < 0.5
+    late = ticks - floor(ticks / float(every) + 0.5 / every) * float(every)
+    fresh: Scalar = late < 0.5
+    return fresh
 
 
 def is_other_reference(now: Overrides, then: Overrides) -> bool:

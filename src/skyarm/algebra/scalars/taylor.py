@@ -91,19 +91,19 @@ class Taylor:
         """Quotient of a constant."""
         return Taylor(self._terms(other)) / self
 
-    def __lt__(self, other: Scalar) -> Scalar:
+    def __lt__(self, other: Scalar) -> Any:
         """Compare values."""
         return self.c[0] < self._terms(other)[0]
 
-    def __le__(self, other: Any) -> Scalar:
+    def __le__(self, other: Any) -> Any:
         """Compare values."""
         return self.c[0] <= self._terms(other)[0]
 
-    def __gt__(self, other: Scalar) -> Scalar:
+    def __gt__(self, other: Scalar) -> Any:
         """Compare values."""
         return self.c[0] > self._terms(other)[0]
 
-    def __ge__(self, other: Any) -> Scalar:
+    def __ge__(self, other: Any) -> Any:
         """Compare values."""
         return self.c[0] >= self._terms(other)[0]
 

@@ -33,19 +33,18 @@ def speeds_after(
     return tuple(speed_after(rotor, speed, command, dt) for rotor, speed, command in rows)
 
 
-def rotor_force(rotor: Rotor, speed: Scalar, velocity: Vec3, effectiveness: Scalar = 1) -> Force:
+def rotor_force(rotor: Rotor, speed: Scalar, velocity: Vec3) -> Force:
     """Force of a rotor on the base: torque about and force at the base origin, base axes.
 
     Args:
         rotor: pose and coefficients.
         speed: rad/s, unsigned.
         velocity: of the hub against the air, base axes, m/s.
-        effectiveness: share of thrust and drag torque that a fault leaves; a structural 1 folds away.
 
     thrust k_f W^2 along the axis; drag torque k_m thrust against the direction of rotation; hub drag -c_d |W| v_perp;
     rolling moment -c_r |W| v_perp, with v_perp the velocity in the rotor's plane.
     """
-    return _alike([(rotor, speed, effectiveness)], [ZERO3], velocity, ZERO3).at_origin(rotor.position)
+    return _alike([(rotor, speed, 1)], [ZERO3], velocity, ZERO3).at_origin(rotor.position)
 
 
 def rotor_forces(

@@ -10,6 +10,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from skyarm.algebra import ZERO3, Quaternion, Vec3
 from skyarm.dynamics.point_motion import PointMotion
@@ -105,7 +106,7 @@ def _control_instants(scenario: Scenario) -> Iterator[Array]:
         yield np.arange(first, min(first + AT_ONCE, count)) / rate
 
 
-def _first(times: Array, found: Array) -> float:
+def _first(times: Array, found: npt.NDArray[np.bool_]) -> float:
     """First of the times at which something holds; inf for none."""
     return float(times[np.argmax(found)]) if np.any(found) else math.inf
 
