@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.algebra.scalars import Scalar
 from skyarm.compile import Program, leaves, rebuild, trace
 from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.reference import Publisher, Reference
@@ -103,12 +104,13 @@ class EpisodeInputs:
         Args:
             columns: of what a sample has of it (``led``), (N,) each.
         """
-        held, own = self.waits.instants([np.asarray(column, dtype=float) for column in columns])
-        return self._at(*held), self._at(*own), np.asarray(own[0])
+        (held, its_offset), (own, offset) = self.waits.instants([np.asarray(column, dtype=float) for column in columns])
+        times = np.asarray(own)
+        return self._at(np.asarray(held), its_offset), self._at(times, offset), times
 
-    def _at(self, times: Scalar, offset: Sequence[Scalar]) -> Reference:
+    def _at(self, times: Array, offset: Sequence[Scalar]) -> Reference:
         program = self._shifted_motion if offset else self._program
-        found: Reference = program.record(list(evaluate(program, [times, *offset], np.size(times))))
+        found: Reference = program.record(list(evaluate(program, [times, *offset], len(times))))
         return found
 
     @cached_property
