@@ -22,9 +22,6 @@ MANY_JOINTS = 50
 MOST_WARNINGS = 8
 """Lines about one file: a vehicle that is wrong throughout needs no more."""
 
-SHORTER = 2.0
-"""Ratio of the physics step to a step in contact from which a line says so."""
-
 
 def say(message: str, code: int = 0) -> int:
     """One line on standard error, the only way there; returns the exit code."""
@@ -53,18 +50,6 @@ def say_suspicious(scenario: Scenario) -> None:
 
     say_if_many(scenario.name, scenario.plant.vehicle.n)
     say_unlikely(scenario.name, unlikely_numbers(scenario))
-
-
-def say_steps(scenario: Scenario) -> None:
-    """Say where a surface, an object or a grasp needs much shorter integration steps than the physics rate."""
-    for contact in scenario.worlds:
-        what, least = min(contact.steps, key=lambda each: float(each[1]))
-        step, usual = float(least), 1.0 / scenario.rates.physics
-        if SHORTER * step < usual:
-            say(
-                f"{scenario.name}: {what} asks for integration steps of {1e3 * step:.2g} ms in contact; they are taken "
-                f"by themselves, about {usual / step:.0f} in place of each of rates.physics, and cost that much more"
-            )
 
 
 def say_warning(message: Warning | str, category: type[Warning], *_where: object, **_more: object) -> None:

@@ -16,7 +16,7 @@ import typer
 from rich.console import RenderableType
 
 from skyarm.cli.arguments import name_completion, require_left_out, require_not_another
-from skyarm.cli.lines import NOT_COMPLETED, say_steps, say_suspicious
+from skyarm.cli.lines import NOT_COMPLETED, say_suspicious
 from skyarm.cli.output import bar, give, heading, shown_number, table_of, tell
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.log.flown_scenario import restored_part
@@ -82,7 +82,6 @@ def run(
             require_writable(out)
         require_replaceable(*files)
         say_suspicious(planned)
-        say_steps(planned)
         with bar(planned.name) as advance:
             log = fly(planned, advance)
         with earlier_kept([] if force else files) as kept:

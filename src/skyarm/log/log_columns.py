@@ -8,7 +8,7 @@ underscores, as ROS 2 asks of the fields of a message.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -19,6 +19,7 @@ from skyarm.dynamics.actuators.drive import TorqueDrive
 from skyarm.log.flight_log import Log
 from skyarm.log.flown_scenario import restore_written, written_part
 from skyarm.log.sensor_data import COMPONENTS, sources_of
+from skyarm.records.files.names import distinct
 from skyarm.records.units import Unit, units
 
 Array = npt.NDArray[np.float64]
@@ -182,17 +183,6 @@ def word(name: str, kind: str = "") -> str:
     """A joint's or rotor's name as part of a column's: ``Wrist-Roll`` is wrist_roll, joint ``joint1`` is 1."""
     text = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
     return text.removeprefix(kind).strip("_") or text or "unnamed"
-
-
-def distinct(names: Sequence[str]) -> list[str]:
-    """The names, a number behind those that another one before them has."""
-    found: list[str] = []
-    for name in names:
-        unique, k = name, 2
-        while unique in found or (unique != name and unique in names):
-            unique, k = f"{name}_{k}", k + 1
-        found.append(unique)
-    return found
 
 
 def unit_of_kind(unit: Unit, kind: str) -> str:

@@ -60,7 +60,15 @@ LOOKS = 200
 def unlikely_numbers(scenario: Scenario) -> tuple[str, ...]:
     """Warnings about suspicious values of a scenario, which are allowed; empty if there are none."""
     vehicle = (f"plant: {line}" for line in unlikely_in_vehicle(scenario.plant.vehicle))
-    return (*vehicle, *unlikely_units(scenario), *plan_warnings(scenario), *law_warnings(scenario))
+    lines = (*unlikely_units(scenario), *plan_warnings(scenario), *law_warnings(scenario), *part_warnings(scenario))
+    return (*vehicle, *lines)
+
+
+def part_warnings(scenario: Scenario) -> tuple[str, ...]:
+    """Lines that the parts of a scenario have about themselves."""
+    vehicle, step = scenario.plant.vehicle, 1.0 / scenario.rates.physics
+    parts = scenario.placed_components
+    return tuple(f"{where}: {line}" for where, part in parts for line in part.warnings(vehicle, step))
 
 
 def unlikely_units(scenario: Scenario) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar, add, mul
@@ -28,6 +28,9 @@ from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.units import Unit
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
+
+if TYPE_CHECKING:
+    from skyarm.world.scene.scene import Instants, Scene
 
 MOST_STEPS = 1000
 """Integration steps of a control period at most: a record that asks for more is a slip of units."""
@@ -224,6 +227,25 @@ class Component:
 
     def logged(self, memory: Any, motion: PointMotion) -> tuple[Any, ...]:
         """Numbers of this instant that a log keeps."""
+        return ()
+
+    def shapes(self, seen: Instants) -> Scene:
+        """Solids, lines and arrows of the component in pictures, from the numbers that it logged.
+
+        Args:
+            seen: the instants, where the vehicle was, and the logged numbers.
+        """
+        from skyarm.world.scene.scene import Scene
+
+        return Scene()
+
+    def warnings(self, vehicle: Vehicle, step: float) -> Sequence[str]:
+        """Lines about numbers that are allowed and hardly meant, or cost much.
+
+        Args:
+            vehicle: of the plant.
+            step: integration step without the component, s.
+        """
         return ()
 
 

@@ -23,7 +23,7 @@ from skyarm.records.coerce import concrete
 from skyarm.records.files import shown
 from skyarm.records.units import Unit
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.world.component import Wrench, require_frame
+from skyarm.world.component import Column, Wrench, require_frame
 from skyarm.world.timed_payload import TimedPayload
 
 SUBSTEPS = 20
@@ -127,6 +127,17 @@ class HangingPayload(TimedPayload):
             velocity=where_held(swing.velocity, memory.velocity),
             pull=where_held(swing.pull * (1.0 / SUBSTEPS), Vec3(0.0, 0.0, 0.0)),
         )  # fmt: skip
+
+    @property
+    def columns(self) -> tuple[Column, ...]:  # type: ignore[override]
+        """Mass that is held, and where the load is."""
+        begin = f"{self.name}_" if self.name else ""
+        axes = (Column("payload_position", f"{begin}{axis}", "m", "on its cord, world axes") for axis in "xyz")
+        return (*TimedPayload.columns.fget(self), *axes)  # type: ignore[attr-defined]
+
+    def logged(self, memory: Any, motion: PointMotion) -> tuple[Any, ...]:
+        """Mass that is held, kg, and position, m."""
+        return (*TimedPayload.logged(self, memory, motion), *memory.position)
 
     def _advance_swing(self, now: Swing, speed: Vec3, gravity: Any, dt: Any) -> Swing:
         """One substep: tension by mass and gravity's units, so that a massless load swings, too."""

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from skyarm.algebra import ZERO3, Sym3, Vec3
 from skyarm.algebra.scalars import Scalar, logical_and, mul, where
@@ -26,6 +26,9 @@ from skyarm.records.units import Unit
 from skyarm.vehicle.linkage import Body
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.component import Column, Component, Event, require_frame
+
+if TYPE_CHECKING:
+    from skyarm.world.scene.scene import Instants, Scene
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -129,6 +132,12 @@ class TimedPayload(Component):
     def logged(self, memory: PayloadMemory, motion: PointMotion) -> tuple[Any, ...]:
         """Mass that is held, kg."""
         return (mul(self.mass, memory.held),)
+
+    def shapes(self, seen: Instants) -> Scene:
+        """A ball where it is taken, held and left."""
+        from skyarm.world.payload_scene import payload_scene
+
+        return payload_scene(self, seen)
 
     def next_status(self, memory: PayloadMemory, t: Scalar, position_W: Vec3) -> tuple[Any, Any, Any, Vec3]:
         """Held, caught, gone and the place where it lies, with the frame at a place (m, world axes)."""

@@ -27,6 +27,7 @@ from skyarm.view.film.filmed_flight import (
     vehicle_solids,
 )
 from skyarm.view.film.make_film import FilmSettings, film_frames, film_panels
+from skyarm.world.scene.scene import Scene
 from skyarm.world.scene.shapes import OBJECT, SURFACE, Solid
 from world_flights import WALL_ANGLE, touching
 
@@ -44,7 +45,7 @@ def test_surfaces_and_objects_of_a_film_are_where_scenario_and_log_have_them() -
     shown = {solid.shape.name: solid for solid in vehicle_solids(filmed())}
     wall, post, parcel = (shown[f"world/{name}"] for name in ("wall", "post", "parcel"))
     assert "world/ground" not in shown
-    assert filmed().ground == -0.3
+    assert filmed().scene.ground == -0.3
     np.testing.assert_allclose(wall.position[-1], [0.29, 0.0, 0.45])
     np.testing.assert_allclose(wall.rotation[3][:, 0], [np.cos(WALL_ANGLE), np.sin(WALL_ANGLE), 0.0], atol=1e-12)
     np.testing.assert_allclose(post.position[:, 0], 0.3 * np.sin(np.pi * TIMES), atol=1e-12)
@@ -58,8 +59,8 @@ def test_surfaces_and_objects_of_a_film_are_where_scenario_and_log_have_them() -
 
 
 def test_arrows_of_a_film_stand_on_the_tip_along_the_true_normal() -> None:
-    log, (touch,) = touching(), filmed().touches
-    assert (touch.surface, touch.point) == ("wall", "tip")
+    log, (touch,) = touching(), filmed().scene.arrows
+    assert touch.name == "touch/wall/tip"
     np.testing.assert_allclose(touch.spot, filmed().tip, atol=1e-12)
     size = np.interp(TIMES, log.time, log.contact_force[:, PAIR])
     assert size.max() > 0.5
@@ -72,11 +73,12 @@ def test_arrows_of_a_film_stand_on_the_tip_along_the_true_normal() -> None:
             length = min(TOUCH_PER_NEWTON * size[k], LONGEST_TOUCH)
             np.testing.assert_allclose(mark.end - mark.start, length * normal, atol=1e-9)
             assert mark.rgba == TOUCH
-    strong = dataclasses.replace(filmed(), touches=(dataclasses.replace(touch, force=100.0 * touch.force),))
+    arrow = dataclasses.replace(touch, force=100.0 * touch.force)
+    strong = dataclasses.replace(filmed(), scene=Scene(arrows=(arrow,)))
     (mark,) = touch_marks(strong, int(np.argmax(size)), 0.2)
     np.testing.assert_allclose(mark.end - mark.start, LONGEST_TOUCH * normal, atol=1e-9)
     # after its end a flight pushes nothing
-    (late,) = film_flight(log, "a", COLORS[0], np.array([log.time[-1], log.time[-1] + 1.0])).touches
+    (late,) = film_flight(log, "a", COLORS[0], np.array([log.time[-1], log.time[-1] + 1.0])).scene.arrows
     assert log.contact_force[-1, PAIR] > 0.0
     np.testing.assert_allclose(np.linalg.norm(late.force, axis=1), [log.contact_force[-1, PAIR], 0.0], atol=1e-12)
     # the panel's marks hold them, too
@@ -100,13 +102,7 @@ def test_a_film_of_a_push_shows_force_and_the_error_across_the_believed_normal()
     assert words.startswith(f"contact {log.contact_force[-1].sum():.1f} N, tip error ")
     assert state_words(filmed(), 0.0, 0).startswith("tip error ")
     free = film_flight(flight(), "a", COLORS[0], TIMES[:3])
-    assert (free.contact, free.contact_curve, free.wanted_curve, free.surfaces, free.touches) == (
-        None,
-        None,
-        None,
-        (),
-        (),
-    )
+    assert (free.contact, free.contact_curve, free.wanted_curve, free.scene) == (None, None, None, Scene())
 
 
 def test_a_camera_stands_where_no_surface_hides_the_tip() -> None:
@@ -127,7 +123,7 @@ def test_a_camera_stands_where_no_surface_hides_the_tip() -> None:
 def test_the_wall_is_seen_in_a_picture() -> None:
     settings = FilmSettings(width=160, height=120, plot=False, title="")
     last = _last(filmed())
-    bare = dataclasses.replace(last, surfaces=(), touches=())
+    bare = dataclasses.replace(last, scene=Scene())
     # without surfaces the camera stands elsewhere: all are seen from where it stands with them
     far = dataclasses.replace(last, touches=(), surfaces=tuple(_moved(each, 100.0) for each in last.surfaces))
     high = dataclasses.replace(far, ground=0.0)

@@ -11,10 +11,12 @@ import skyarm
 from scenes_without_browser import Scene
 from skyarm.algebra import Vec3
 from skyarm.vehicle.linkage import BASE
-from skyarm.view.studio.picture import FlightNodes, tones_of
-from skyarm.view.studio.scene_nodes import STILL, SolidNodes, VehicleNodes
-from skyarm.view.studio.sights import Load
+from skyarm.view.studio.picture import tones_of
+from skyarm.view.studio.scene_nodes import STILL, LineNodes, SolidNodes, VehicleNodes
+from skyarm.world.hanging_payload import HangingPayload
+from skyarm.world.scene.scene import Instants, scene_in_log
 from skyarm.world.scene.vehicle_shapes import place
+from skyarm.world.timed_payload import TimedPayload
 
 PAINT = tones_of((10, 20, 30))
 
@@ -53,23 +55,29 @@ def test_payloads_are_drawn_where_they_are_held_and_where_they_hang() -> None:
     vehicle = skyarm.load_vehicle("hexarotor_arm6")
     hook = dataclasses.replace(vehicle.frames[0], name="hook", link=BASE, position=Vec3(0.1, 0.0, -0.2))
     vehicle = dataclasses.replace(vehicle, frames=(*vehicle.frames, hook))
-    scene = Scene()
-    placed = place(vehicle, (1.0, 2.0, 3.0), (0.8, 0.0, 0.6, 0.0), (0.3, -0.2, 0.1, 0.4, 0.0, 0.2))
-    nodes = FlightNodes.__new__(FlightNodes)
-    nodes._vehicle, nodes._paint, nodes._loads = vehicle, PAINT, SolidNodes(scene, "/loads")
-    nodes._cords = scene.add_line_segments("/cords")
-    hangs, com = np.array([1.0, 2.0, 2.0]), Vec3(0.0, 0.0, 0.1)
-    loads = (Load(0.3, com=com), Load(0.2, "hook"), Load(0.1, "hook", hangs=hangs))
-    nodes._carry(loads, placed)
+    pose = np.array([[1.0, 2.0, 3.0]]), np.array([[0.8, 0.0, 0.6, 0.0]]), np.array([[0.3, -0.2, 0.1, 0.4, 0.0, 0.2]])
+    seen = Instants(vehicle=vehicle, times=np.zeros(1), position=pose[0], quaternion=pose[1], joints=pose[2])
+    hangs, com = np.array([[1.0, 2.0, 2.0]]), Vec3(0.0, 0.0, 0.1)
+    loads = (
+        TimedPayload(mass=0.3, com=com), TimedPayload(mass=0.2, frame="hook"), HangingPayload(mass=0.1, frame="hook"),
+    )  # fmt: skip
+    logged = {"payload_mass": np.array([[0.3, 0.2, 0.1]]), "payload_position": hangs}
+    scene, placed = scene_in_log(loads, seen, logged.__getitem__), place(vehicle, *(each[0] for each in pose))
+    nodes = Scene()
+    solids, lines = SolidNodes(nodes, "/loads", PAINT), LineNodes(nodes, "/cords")
+    solids.place(scene.solids)
+    lines.place(scene.lines)
     tip, (R, p) = vehicle.frame(), (placed.rotations, placed.positions)
     middle = np.array([float(c) for c in tip.position + tip.rotation.apply(com)])
     at = p[1 + tip.link] + R[1 + tip.link] @ middle
-    np.testing.assert_allclose(scene.nodes["/loads/payload1"].position, at, atol=1e-4)
+    np.testing.assert_allclose(nodes.nodes["/loads/payload"].position, at, atol=1e-4)
     held = p[0] + R[0] @ [0.1, 0.0, -0.2]
-    np.testing.assert_allclose(scene.nodes["/loads/payload2"].position, held, atol=1e-4)
-    np.testing.assert_allclose(scene.nodes["/loads/payload3"].position, hangs, atol=1e-4)
-    np.testing.assert_allclose(scene.nodes["/cords"].points[2], [held, hangs], atol=1e-6)
-    assert scene.nodes["/cords"].visible
-    nodes._carry(loads[1:2], placed)
-    assert sorted(name for name in scene.nodes if "payload" in name) == ["/loads/payload1"]
-    assert not scene.nodes["/cords"].visible
+    np.testing.assert_allclose(nodes.nodes["/loads/payload_2"].position, held, atol=1e-4)
+    np.testing.assert_allclose(nodes.nodes["/loads/payload_3"].position, hangs[0], atol=1e-4)
+    np.testing.assert_allclose(nodes.nodes["/cords/cord"].given[0], [held, hangs[0]], atol=1e-4)
+    logged["payload_mass"] = np.array([[0.0, 0.2, 0.0]])
+    scene = scene_in_log(loads, seen, logged.__getitem__)
+    solids.place(scene.solids)
+    lines.place(scene.lines)
+    assert sorted(name for name in nodes.nodes if "payload" in name) == ["/loads/payload"]
+    assert not [name for name in nodes.nodes if "cord" in name]

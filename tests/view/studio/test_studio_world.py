@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenes_without_browser import Scene
+from scenes_without_browser import Scene as Nodes
 from skyarm import scenario_from
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics.actuators.tilting import turn_rotors
+from skyarm.dynamics.point_motion import PointMotion
 from skyarm.simulate.session import Session
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.view.studio.controls import Chart, charts
@@ -22,8 +23,8 @@ from skyarm.view.studio.fleet import Flight
 from skyarm.view.studio.picture import NEWTON, VIEWS, Picture, force_arrows, tones_of, touch_arrows
 from skyarm.view.studio.scene_nodes import Arrows, SolidNodes, VehicleNodes
 from skyarm.view.studio.sights import sight
+from skyarm.world.scene.scene import Scene, instant_of, scene_now
 from skyarm.world.scene.vehicle_shapes import place, rotor_turns
-from skyarm.world.scene.world_shapes import held_poses, world_shapes
 from world_flights import DOCUMENT, WALL_ANGLE
 
 
@@ -51,41 +52,61 @@ def test_what_is_seen_of_a_contact_is_what_a_log_keeps() -> None:
     assert np.linalg.norm(wall.force) == pytest.approx(np.hypot(wall.normal, across), rel=1e-9)
 
 
+def scene_at(time: float, flown: Session) -> Scene:
+    """The scene of a session as it is, at another instant."""
+    scenario, now = flown.scenario, flown.now
+    motion = PointMotion(scenario.plant.vehicle, now.state, gravity=scenario.plant.gravity)
+    memories = [replaced_clock(memory, time) for memory in now.components]
+    return scene_now(scenario.components, memories, instant_of(motion, time, np.zeros(3)), motion)
+
+
+def replaced_clock(memory: Any, time: float) -> Any:
+    """The memory of a contact at another instant."""
+    return dataclasses.replace(memory, clock=(time,)) if getattr(memory, "clock", ()) else memory
+
+
 def test_nodes_of_the_world_go_where_it_goes_and_what_stands_still_is_sent_once() -> None:
-    scenario, scene = session().scenario, Scene()
-    begin = held_poses(scenario.components, session().now.components)
-    world = SolidNodes(scene, "/world1")
-    world.place(world_shapes(scenario.worlds, np.zeros(1), carried=begin))
-    wall, post, parcel = (scene.nodes[f"/world1/world/{name}"] for name in ("wall", "post", "parcel"))
-    assert "/world1/world/ground" not in scene.nodes
+    nodes = Nodes()
+    world = SolidNodes(nodes, "/scene1", tones_of((1, 2, 3)))
+    world.place(scene_at(0.0, session()).solids)
+    wall, post, parcel = (nodes.nodes[f"/scene1/world/{name}"] for name in ("wall", "post", "parcel"))
+    assert "/scene1/world/ground" not in nodes.nodes
     before = getattr(wall, "writes", 0)
-    fallen = {"parcel": (begin["parcel"][0], begin["parcel"][1] - [0.0, 0.0, 0.4])}
-    world.place(world_shapes(scenario.worlds, np.array([0.25]), carried=fallen))
+    later = scene_at(0.25, session()).solids
+    fallen = [
+        dataclasses.replace(each, position=each.position - [0.0, 0.0, 0.4]) if "parcel" in each.shape.name else each
+        for each in later
+    ]
+    world.place(fallen)
     np.testing.assert_allclose(wall.position, [0.2715, 0.0, 0.45], atol=1e-4)
     np.testing.assert_allclose(post.position, [0.3 * np.sin(0.25 * np.pi), 2.0, 0.5], atol=1e-4)
-    np.testing.assert_allclose(parcel.position, fallen["parcel"][1][0], atol=1e-4)
+    (solid,) = (each for each in fallen if "parcel" in each.shape.name)
+    np.testing.assert_allclose(parcel.position, solid.position[0], atol=1e-4)
     assert getattr(wall, "writes", 0) == before
 
 
 def test_arrows_of_contact_are_shown_while_something_pushes() -> None:
-    scene, seen = Scene(), sight(session())
-    arrows = Arrows(scene, "/touches1", [(1, 2, 3)] * len(seen.touching), 0.01, np.zeros((2, 3)))
-    node, ends = scene.nodes["/touches1"], touch_arrows(seen.touching)
+    nodes, forces = Nodes(), scene_at(0.0, session()).arrows
+    arrows = Arrows(nodes, "/touches1", [(1, 2, 3)] * len(forces), 0.01, np.zeros((2, 3)))
+    node, ends = nodes.nodes["/touches1"], touch_arrows(forces)
     arrows.point(0.0 * ends)
     assert not getattr(node, "visible", False)
     arrows.point(ends)
     assert node.visible
-    (acting,) = (i for i, each in enumerate(seen.touching) if each.normal > 0.0)
-    wall = seen.touching[acting]
-    np.testing.assert_allclose(node.points[acting], [wall.spot, wall.spot + NEWTON * wall.force], rtol=1e-5)
-    assert np.all(node.points[[i for i in range(len(seen.touching)) if i != acting]] == node.points[acting][0])
+    (acting,) = (i for i, each in enumerate(forces) if each.force.any())
+    wall = forces[acting]
+    np.testing.assert_allclose(node.points[acting], [wall.spot[0], wall.spot[0] + NEWTON * wall.force[0]], rtol=1e-5)
+    (pressed,) = (each for each in sight(session()).touching if each.normal > 0.0)
+    np.testing.assert_allclose(wall.spot[0], pressed.spot, atol=1e-12)
+    assert np.linalg.norm(wall.force[0]) == pytest.approx(pressed.normal, rel=1e-9)
+    assert np.all(node.points[[i for i in range(len(forces)) if i != acting]] == node.points[acting][0])
     arrows.point(0.0 * ends)
     assert not node.visible
 
 
-def picture_of(scenario: Any) -> tuple[Picture, Scene, SimpleNamespace]:
+def picture_of(scenario: Any) -> tuple[Picture, Nodes, SimpleNamespace]:
     """A picture of a scenario under two laws, on a server without a browser."""
-    scene, camera = Scene(), SimpleNamespace()
+    scene, camera = Nodes(), SimpleNamespace()
     picture = Picture(SimpleNamespace(scene=scene, initial_camera=camera))
     picture.build(scenario, ["a", "b"])
     return picture, scene, camera
@@ -143,15 +164,15 @@ def test_a_plot_shows_no_digits_that_its_labels_have_not() -> None:
 def test_a_world_stands_once_and_a_tab_looks_round_the_wall() -> None:
     _, scene, camera = picture_of(session().scenario)
     assert scene.nodes["/stage/ground"].position[2] == -0.3
-    assert "/stage/world1/world/wall" in scene.nodes
-    assert "/stage/world2" not in scene.nodes
+    assert "/stage/scene1/world/wall" in scene.nodes
+    assert not [name for name in scene.nodes if name.startswith("/stage/scene2/")]
     assert camera.position[0] < camera.look_at[0], "from behind: the wall is ahead"
     assert "/stage/law1/-1/point/skid" in scene.nodes
     assert "/stage/ghost/-1/point/skid" not in scene.nodes
 
 
 def test_rotors_that_tilt_are_turned_with_their_thrusts() -> None:
-    vehicle, scene = load_vehicle("voliro_like"), Scene()
+    vehicle, scene = load_vehicle("voliro_like"), Nodes()
     nodes = VehicleNodes(scene, "/law1", vehicle, tones_of((10, 20, 30)))
     angles = np.linspace(-0.5, 0.7, len(vehicle.tilts))
     turns = rotor_turns(vehicle, angles[None])

@@ -14,6 +14,7 @@ import skyarm
 from skyarm.log.log_columns import columns
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.scenario.scenario_file import scenario_from
+from skyarm.scenario.unlikely_numbers import part_warnings
 from skyarm.simulate.first_state import first_loop_state, first_surroundings
 from skyarm.simulate.loop import run_in_python
 
@@ -278,15 +279,11 @@ def test_periods_of_contact_are_read_from_the_log_and_said(pressed, capsys):
     assert line.startswith(f"wall touched tip at {periods[0].start:g} s: lost {told['losses']} times, largest force ")
 
 
-def test_steps_shorter_than_the_clock_are_said(press, capsys):
-    from skyarm.cli.lines import say_steps
-
-    say_steps(scenario_from(press))
-    assert capsys.readouterr().err == ""
+def test_steps_shorter_than_the_clock_are_said(press):
+    assert part_warnings(scenario_from(press)) == ()
     stiff = copy.deepcopy(press)
     stiff["world"]["surfaces"][0]["material"]["stiffness"] = 1e5
-    say_steps(scenario_from(stiff))
-    told = capsys.readouterr().err
+    (told,) = part_warnings(scenario_from(stiff))
     assert "surface 'wall' asks for integration steps of 0.38 ms in contact; they are taken by themselves" in told
     assert "about 3 in place of each of rates.physics" in told
 

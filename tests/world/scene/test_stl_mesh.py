@@ -19,8 +19,8 @@ from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.scenario.scenario_tables import with_meshes
 from skyarm.world.contact import FreeObject, Mechanism, Surface
+from skyarm.world.contact.contact_scene import surface_shape
 from skyarm.world.scene.shapes import Shape, Solid, mesh_of
-from skyarm.world.scene.world_shapes import surface_shape, world_shapes
 from world_flights import DOCUMENT
 
 BOX = Shape("box", "object", "box", -1, (0.1, 0.2, 0.3))
@@ -115,8 +115,7 @@ def test_meshes_of_a_file_are_beside_it_and_in_what_is_drawn(file: Path) -> None
     contact = scenario_from(document, file.parent).world
     assert contact is not None
     assert contact.objects[0].mesh == contact.surfaces[1].mesh == str(file)
-    pose = {"parcel": (np.eye(3)[None], np.zeros((1, 3)))}
-    drawn = {each.shape.name: each.shape for each in world_shapes((contact,), np.zeros(1), carried=pose)}
+    drawn = {f"world/{each.name}": surface_shape(each) for each in (*contact.surfaces, *contact.objects[0].surfaces)}
     assert drawn["world/parcel"].mesh == drawn["world/wall"].mesh == str(file)
     assert drawn["world/post"].mesh == ""
     for made in (lambda shape: mesh_of(shape)[0], lambda shape: mesh_of(shape, 48)[0]):

@@ -11,8 +11,8 @@ import numpy.typing as npt
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.dynamics.kinematics import every_joint, joint_placement
 from skyarm.log.flight_log import Log
-from skyarm.log.log_columns import distinct
 from skyarm.log.ros.messages import NANO
+from skyarm.records.files.names import distinct
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.scene.shapes import turn_onto

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from skyarm.log.flight_log import Log
 from skyarm.log.flown_scenario import restored_part
-from skyarm.log.log_columns import Names, columns, distinct, names_of, word
+from skyarm.log.log_columns import Names, columns, names_of, word
 from skyarm.log.ros.messages import DEFINITIONS, FLIGHT, Bytes, encode, flight_definition
 from skyarm.log.ros.scene import (
     BASE_LINK,
@@ -31,6 +31,7 @@ from skyarm.log.ros.scene import (
 )
 from skyarm.log.sensor_data import ESTIMATE, Source, sources_of
 from skyarm.log.tip_positions import yaw_quaternion
+from skyarm.records.files.names import distinct
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Array = npt.NDArray[np.float64]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import stat
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
@@ -174,3 +174,14 @@ def read_named(text: str, kind: str, library: Traversable, others: str = "") -> 
     except ValueError as error:
         raise ValueError(f"{text}: {error}") from None
     return document, folder
+
+
+def distinct(names: Sequence[str]) -> list[str]:
+    """The names, a number behind those that another one before them has."""
+    found: list[str] = []
+    for name in names:
+        unique, k = name, 2
+        while unique in found or (unique != name and unique in names):
+            unique, k = f"{name}_{k}", k + 1
+        found.append(unique)
+    return found

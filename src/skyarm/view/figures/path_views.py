@@ -14,8 +14,8 @@ from skyarm.log.flight_log import Log
 from skyarm.view.figures.flight_facts import ending_of, scenario_of
 from skyarm.view.figures.projection import SIDE, TOP, View, outline
 from skyarm.view.figures.style import PAPER, Picture
+from skyarm.world.scene.scene import Instants, Line, Scene, scene_in_log
 from skyarm.world.scene.shapes import Solid
-from skyarm.world.scene.world_shapes import ground_height, logged_poses, world_shapes
 
 Array = npt.NDArray[np.float64]
 
@@ -29,7 +29,7 @@ FACE_ON = 0.5
 """A plane that is seen from its front, by the cosine, is not drawn: it would cover all."""
 
 FILLS = {"surface": "#cfc9bd", "object": "#d9b48f"}
-"""Role of a shape -> fill."""
+"""Role of a shape -> fill; of others that of an object."""
 
 
 def path_figure(named: Mapping[str, Log], span: tuple[float, float]) -> Picture:
@@ -59,7 +59,7 @@ SEEN = {TOP: ("from above", "x [m]", "y [m]"), SIDE: ("from the right", "x [m]",
 
 def draw_view(
     ax: Axes, view: View, named: Mapping[str, Log], span: tuple[float, float],
-    world: tuple[tuple[Solid, ...], float | None],
+    world: Scene,
 ) -> dict[str, Any]:  # fmt: skip
     """Draw the tips' paths and the world in one view; returns what a legend has of it.
 
@@ -73,10 +73,12 @@ def draw_view(
     PAPER.dress(ax)
     handles = _paths(ax, view, named, span)
     _frame(ax)
-    for solid in world[0]:
+    for solid in world.solids:
         _draw_solid(ax, view, solid)
-    if world[1] is not None and view is not TOP:
-        ax.axhspan(-1e3, world[1], facecolor=FILLS["surface"], edgecolor="none", zorder=0.5)
+    for line in world.lines:
+        _draw_line(ax, view, line)
+    if world.ground is not None and view is not TOP:
+        ax.axhspan(-1e3, world.ground, facecolor=FILLS["surface"], edgecolor="none", zorder=0.5)
     title, right, up = SEEN[view]
     ax.set_xlabel(right, **PAPER.words)
     ax.set_ylabel(up, **PAPER.words)
@@ -109,23 +111,28 @@ def _frame(ax: Axes) -> None:
     ax.set_autoscale_on(False)
 
 
-def world_of(named: Mapping[str, Log], span: tuple[float, float]) -> tuple[tuple[Solid, ...], float | None]:
-    """Surfaces and objects of the first flight that has any, at its first and last instant; height of its ground."""
+def world_of(named: Mapping[str, Log], span: tuple[float, float]) -> Scene:
+    """The scene of the first flight that has any, at its first and last instant."""
     for log in named.values():
         scenario = scenario_of(log)
-        contacts = () if scenario is None else scenario.worlds
         inside = np.flatnonzero((log.time >= span[0]) & (log.time <= span[1]))
-        if not contacts or not inside.size:
+        if scenario is None or not inside.size:
             continue
         ends = inside[[0, -1]]
-        carried = logged_poses(contacts, lambda name: log.component(name)[ends])  # noqa: B023
-        around = np.mean(log.tip[inside], axis=0)
-        level = any(each.shape == "plane" for contact in contacts for each in contact.surfaces)
-        return (
-            world_shapes(contacts, log.time[ends], tuple(around), carried=carried),
-            ground_height(contacts) if level else None,
-        )
-    return (), None
+        seen = Instants(
+            vehicle=scenario.plant.vehicle, times=log.time[ends], position=log.position[ends],
+            quaternion=log.quaternion[ends], joints=log.joints[ends], around=np.mean(log.tip[inside], axis=0),
+        )  # fmt: skip
+        found = scene_in_log(scenario.components, seen, lambda name: log.component(name)[ends])  # noqa: B023
+        if found.solids or found.lines or found.ground is not None:
+            return found
+    return Scene()
+
+
+def _draw_line(ax: Axes, view: View, line: Line) -> None:
+    """A line as it is at first; where it is at last, dashed."""
+    for places, style in zip(line.places, ("-", "--"), strict=True):
+        ax.plot(*view.flat(places).T, label=line.name, color=PAPER.frame, linestyle=style, linewidth=0.09 * PAPER.small)
 
 
 def _draw_solid(ax: Axes, view: View, solid: Solid) -> None:
@@ -135,6 +142,6 @@ def _draw_solid(ax: Axes, view: View, solid: Solid) -> None:
             continue
         corners = outline(solid.shape, solid.rotation[k], solid.position[k], view)
         drawn = Polygon(corners, closed=True, label=solid.shape.name, zorder=0.6 + 0.1 * k)
-        fill = "none" if k else FILLS[solid.shape.role]
+        fill = "none" if k else FILLS.get(solid.shape.role, FILLS["object"])
         drawn.set(facecolor=fill, edgecolor=PAPER.frame, linewidth=0.09 * PAPER.small, linestyle="--" if k else "-")
         ax.add_patch(drawn)

@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.view.film.filmed_flight import FilmedFlight
+from skyarm.world.scene.scene import hidden_share
 from skyarm.world.scene.vehicle_shapes import longest_boom
-from skyarm.world.scene.world_shapes import hidden_share
 
 Array = npt.NDArray[np.float64]
 
@@ -162,7 +162,7 @@ def looking_towards(azimuth: float, elevation: float = ELEVATION) -> Array:
 
 def free_azimuth(flights: Sequence[FilmedFlight]) -> float:
     """Azimuth, deg, from which surfaces hide the tips least; the usual one where nothing hides them."""
-    if not any(flight.surfaces for flight in flights):
+    if not any(flight.scene.obstacles for flight in flights):
         return AZIMUTH
     hidden = [sum(_occlusion(flight, -looking_towards(side)) for flight in flights) for side in SIDES]
     return SIDES[int(np.argmin(hidden))]
@@ -171,5 +171,6 @@ def free_azimuth(flights: Sequence[FilmedFlight]) -> float:
 def _occlusion(flight: FilmedFlight, towards: Array) -> float:
     """Share of the instants at which something stands between the tip and a camera in a direction (3,)."""
     chosen = np.unique(np.linspace(0, len(flight.tip) - 1, LOOKS).astype(int))
-    solids = [replace(each, position=each.position[chosen], rotation=each.rotation[chosen]) for each in flight.surfaces]
+    obstacles = flight.scene.obstacles
+    solids = [replace(each, position=each.position[chosen], rotation=each.rotation[chosen]) for each in obstacles]
     return hidden_share(solids, flight.tip[chosen], towards)

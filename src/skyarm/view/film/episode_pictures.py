@@ -23,14 +23,14 @@ from skyarm.view.film.camera_paths import CAMERAS, CameraPath, free_azimuth
 from skyarm.view.film.captions import DESIGNED
 from skyarm.view.film.filmed_flight import (
     COLORS,
+    THICK,
     THIN,
     FilmedFlight,
     Mark,
-    carried_at,
     desired_path,
     film_flight,
     ghost_solids,
-    patch_about,
+    scene_lines,
     touch_marks,
     vehicle_solids,
     wind_arrow,
@@ -39,7 +39,6 @@ from skyarm.view.film.make_film import FilmSettings
 from skyarm.view.film.stage import Panel, Stage, open_stage
 from skyarm.world import WindSample
 from skyarm.world.scene.vehicle_shapes import longest_boom
-from skyarm.world.scene.world_shapes import world_shapes
 
 Pixels = npt.NDArray[np.uint8]
 Array = npt.NDArray[np.float64]
@@ -151,15 +150,12 @@ class EpisodePictures:
         log = instant_log(self._inputs, row, numbers, wind)
         # just before the end of the record, so that what touches is drawn
         times = np.array([np.nextafter(log.time[0], -1.0)])
-        flight = film_flight(log, scenario.name, COLORS[0], times)
-        if flight.surfaces:
-            middle, half = np.mean(whole.desired_tip, axis=0), patch_about(whole.desired_tip)
-            carried = carried_at(log, scenario.worlds, times)
-            flight = replace(flight, surfaces=world_shapes(scenario.worlds, times, middle, half, carried))
+        flight = film_flight(log, scenario.name, COLORS[0], times, whole.desired_tip)
         solids = vehicle_solids(flight) + (ghost_solids(flight) if settings.ghost else [])
         reach = longest_boom(flight.vehicle)
         marks = [
             *desired_path(whole, THIN * self._scale),
+            *scene_lines(flight, 0, THICK * self._scale),
             *touch_marks(flight, 0, reach),
             *wind_arrow(flight, 0, reach),
         ]
@@ -168,7 +164,7 @@ class EpisodePictures:
         def all_marks(_: int) -> list[Mark]:
             return marks
 
-        return Panel(0, 0, settings.width, settings.height, camera, solids, all_marks, flight.ground)
+        return Panel(0, 0, settings.width, settings.height, camera, solids, all_marks, flight.scene.ground or 0.0)
 
     def _reference(self, numbers: int, wind: WindSample) -> FilmedFlight:
         """A flight that follows its reference exactly."""

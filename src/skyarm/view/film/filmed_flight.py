@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 
@@ -16,18 +16,9 @@ from skyarm.records.files import shown
 from skyarm.reference.tip_motion import TipPush
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.figures.flight_facts import applied_force, desired_push, flight_labels
-from skyarm.world.scene.shapes import RGBA, Shape, Solid
-from skyarm.world.scene.vehicle_shapes import body_poses, payload_shape, rotor_turns, shape_rotation, vehicle_shapes
-from skyarm.world.scene.world_shapes import (
-    PATCH,
-    CarriedPoses,
-    TouchArrow,
-    ground_height,
-    logged_poses,
-    point_shapes,
-    touch_arrows,
-    world_shapes,
-)
+from skyarm.world.scene.scene import PATCH, Instants, Scene, scene_in_log
+from skyarm.world.scene.shapes import RGBA, Solid
+from skyarm.world.scene.vehicle_shapes import body_poses, rotor_turns, shape_rotation, vehicle_shapes
 
 Array = npt.NDArray[np.float64]
 Color = tuple[float, float, float]
@@ -79,9 +70,7 @@ class FilmedFlight:
         contact_curve, wanted_curve: (N,) N, the same, and the force that the reference asks for; the second one None
             where it asks for none.
         tilts: (F, rotors that tilt) rad; without columns where none does.
-        loads: payloads that are taken or left on the way, where they are held and lie.
-        surfaces: of the world, but for its ground. ground: height of that, m. points: marks of what may touch them.
-        touches: contact forces.
+        scene: what the parts of the scenario look like.
         end: s; from then on the vehicle stays where it was. lost: why it ended early, in words; empty for a whole
             flight.
     """
@@ -105,14 +94,10 @@ class FilmedFlight:
     error_curve: Array
     end: float
     lost: str
-    loads: tuple[Solid, ...] = ()
-    surfaces: tuple[Solid, ...] = ()
+    scene: Scene = field(default_factory=Scene)
     contact: Array | None = None
     contact_curve: Array | None = None
     wanted_curve: Array | None = None
-    ground: float = 0.0
-    points: tuple[Shape, ...] = ()
-    touches: tuple[TouchArrow, ...] = ()
 
 
 def film_flights(logs: Sequence[Log], times: Array, labels: Sequence[str] | None = None) -> list[FilmedFlight]:
@@ -129,19 +114,29 @@ def film_flights(logs: Sequence[Log], times: Array, labels: Sequence[str] | None
     return [film_flight(log, name, color, times) for log, name, color in zip(logs, names, COLORS, strict=False)]
 
 
-def film_flight(log: Log, label: str, color: Color, times: Array) -> FilmedFlight:
+def film_flight(log: Log, label: str, color: Color, times: Array, about: Array | None = None) -> FilmedFlight:
     """Read a log at the instants of the frames by linear interpolation; after its end the last state stays.
+
+    Args:
+        log: of the flight.
+        label: in the picture.
+        color: there.
+        times: (F,) s.
+        about: (K, 3) m, places about which planes are drawn; the tip's own if left out.
 
     Raises:
         ValueError: the log does not tell its vehicle.
     """
     scenario = log.scenario
-    vehicle, contacts = scenario.plant.vehicle, scenario.worlds
-    carried = carried_at(log, contacts, times)
+    vehicle = scenario.plant.vehicle
     now = {name: read(log.time, getattr(log, name), times) for name in READ}
     yaw = read(log.time, np.unwrap(log.yaw_reference)[:, None], times)[:, 0]
     quaternion = read(log.time, continuous(log.quaternion), times)
-    poses = body_poses(vehicle, now["position"], quaternion, now["joints"])
+    seen = Instants(
+        vehicle=vehicle, times=times, position=now["position"], quaternion=quaternion, joints=now["joints"],
+        around=np.mean(now["tip_reference"] if about is None else about, axis=0),
+        patch=patch_about(now["tip"] if about is None else about),
+    )  # fmt: skip
     push, whole = getattr(scenario.reference, "push", None), log.status == "completed"
     error, contact = _error(log, push), applied_force(log)
     return FilmedFlight(
@@ -167,11 +162,7 @@ def film_flight(log: Log, label: str, color: Color, times: Array) -> FilmedFligh
         wanted_curve=desired_push(log),
         end=end_of(log) if whole else float(log.time[-1]),
         lost="" if whole else log.status.replace("_", " "),
-        loads=tuple(_loads(log, vehicle, scenario.payloads, poses, times)),
-        surfaces=world_shapes(contacts, times, np.mean(now["tip_reference"], axis=0), patch_about(now["tip"]), carried),
-        ground=ground_height(contacts),
-        points=point_shapes(contacts, vehicle),
-        touches=tuple(_touches(log, vehicle, contacts, poses, times, carried)),
+        scene=_scene(log, scenario.components, seen),
     )
 
 
@@ -183,25 +174,6 @@ def _error(log: Log, push: TipPush | None) -> Array:
     return np.asarray(np.linalg.norm(away, axis=1))
 
 
-def _loads(
-    log: Log, vehicle: Vehicle, payloads: Sequence[Any], poses: Mapping[int, tuple[Array, Array]], times: Array
-) -> Iterator[Solid]:
-    """Payloads that are held at some frames, where they are taken, held and left.
-
-    One on a cord is left out: a log does not keep its place.
-    """
-    instants = np.clip(np.searchsorted(log.time, times, side="right") - 1, 0, log.time.size - 1)
-    for i, (payload, masses) in enumerate(zip(payloads, log.component("payload_mass").T, strict=False)):
-        (held,) = np.nonzero(masses[instants] > 0.0)
-        if not payload.rigid or not held.size:
-            continue
-        # the last frame at which it was held, and before the first that one
-        at = held[np.maximum(np.searchsorted(held, np.arange(len(times)), side="right") - 1, 0)]
-        shape = payload_shape(vehicle, float(payload.mass), payload.frame, payload.com)
-        R, p = poses[shape.body]
-        yield Solid(replace(shape, name=f"payload{i + 1}"), (p + R @ np.array(shape.position))[at], R[at])
-
-
 def patch_about(tip: Array) -> float:
     """Half the width of the patch drawn for a plane, m: a metre more than the tip's travel, up to a limit."""
     finite = tip[np.isfinite(tip).all(axis=1)]
@@ -209,34 +181,18 @@ def patch_about(tip: Array) -> float:
     return PATCH + 0.5 * min(way, WIDEST)
 
 
-def carried_at(log: Log, contacts: Sequence[Any], times: Array) -> CarriedPoses:
-    """Free objects and mechanisms at the frames."""
+def _scene(log: Log, components: Sequence[Any], seen: Instants) -> Scene:
+    """The scene at the frames, by their columns between two instants of the log."""
 
     def at_frames(name: str) -> Array:
         array = log.component(name)
-        if name == "object_quaternion" and array.size:
+        if name.endswith("quaternion") and array.size:
             array = np.concatenate([continuous(each) for each in np.split(array, array.shape[1] // 4, 1)], axis=1)
-        return read(log.time, array, times)
+        return read(log.time, array, seen.times)
 
-    return logged_poses(contacts, at_frames)
-
-
-def _touches(
-    log: Log,
-    vehicle: Vehicle,
-    contacts: Sequence[Any],
-    poses: Mapping[int, tuple[Array, Array]],
-    times: Array,
-    carried: CarriedPoses,
-) -> Iterator[TouchArrow]:
-    """Contact forces at the frames, at the places that the bodies have then."""
-    begin = 0
-    for contact in contacts if log.component("contact_force").size else ():
-        end = begin + contact.logged_pairs
-        force = read(log.time, log.component("contact_force")[:, begin:end], times)
-        force = np.where(times[:, None] < end_of(log), force, 0.0)
-        yield from touch_arrows(contact, vehicle, poses, times, force, carried)
-        begin = end
+    scene, flying = scene_in_log(components, seen, at_frames), seen.times[:, None] < end_of(log)
+    arrows = (replace(each, force=each.force * flying) for each in scene.arrows if np.any(each.force))
+    return replace(scene, arrows=tuple(arrows))
 
 
 def end_of(log: Log) -> float:
@@ -342,7 +298,7 @@ def wind_arrow(flight: FilmedFlight, k: int, reach: float) -> list[Mark]:
 def touch_marks(flight: FilmedFlight, k: int, reach: float) -> list[Mark]:
     """An arrow for every contact force, from where it acts, along it."""
     found = []
-    for touch in flight.touches:
+    for touch in flight.scene.arrows:
         size = float(np.linalg.norm(touch.force[k]))
         if size > LEAST_FORCE:
             length = min(TOUCH_PER_NEWTON * size, LONGEST_TOUCH)
@@ -379,8 +335,9 @@ def marks_of(flights: Sequence[FilmedFlight], times: Array, reach: float, scale:
     def at(k: int) -> list[Mark]:
         moving = [mark for flight in flights for mark in trail(flight, times, k, THICK * scale)]
         touching = [mark for flight in flights for mark in touch_marks(flight, k, reach)]
+        drawn = [line for flight in flights for line in scene_lines(flight, k, THICK * scale)]
         blowing = [arrow for flight in flights for arrow in wind_arrow(flight, k, reach)]
-        return [*still, *moving, *touching, *blowing]
+        return [*still, *moving, *drawn, *touching, *blowing]
 
     return at
 
@@ -388,12 +345,19 @@ def marks_of(flights: Sequence[FilmedFlight], times: Array, reach: float, scale:
 def vehicle_solids(flight: FilmedFlight) -> list[Solid]:
     """The vehicle in its colour, the payloads that it takes and leaves, the surfaces that it may touch."""
     own = _solids(flight, flight.position, flight.quaternion, flight.joints, ghost=False)
-    return [*own, *load_solids(flight), *flight.surfaces]
+    return [*own, *scene_solids(flight)]
 
 
-def load_solids(flight: FilmedFlight) -> list[Solid]:
-    """Payloads where they are held, and where they lie before and after."""
-    return [replace(each, rgba=role_color("payload", flight.color, ghost=False)) for each in flight.loads]
+def scene_solids(flight: FilmedFlight) -> list[Solid]:
+    """Solids about the vehicle, those without a colour in that of their role."""
+    colors = [each.rgba or role_color(each.shape.role, flight.color, ghost=False) for each in flight.scene.solids]
+    return [replace(each, rgba=color) for each, color in zip(flight.scene.solids, colors, strict=True)]
+
+
+def scene_lines(flight: FilmedFlight, k: int, width: float) -> list[Mark]:
+    """Lines of the parts at a frame; one that is hidden is not a number."""
+    pieces = [(a, b, line.rgba) for line in flight.scene.lines for a, b in pairwise(line.places[k])]
+    return [Mark("line", width, a, b, rgba) for a, b, rgba in pieces if np.isfinite([a, b]).all()]
 
 
 def ghost_solids(flight: FilmedFlight) -> list[Solid]:
@@ -423,7 +387,7 @@ def _solids(flight: FilmedFlight, position: Array, quaternion: Array, joints: Ar
     # nothing is wanted of the servos: the desired pose has them at rest
     turns = {} if ghost else rotor_turns(flight.vehicle, flight.tilts)
     found = []
-    for shape in (*vehicle_shapes(flight.vehicle), *(() if ghost else flight.points)):
+    for shape in (*vehicle_shapes(flight.vehicle), *(() if ghost else flight.scene.attached)):
         R, p = poses[shape.body]
         color = role_color(shape.role, flight.color, ghost=ghost)
         found.append(Solid(shape, p + R @ np.array(shape.position), R @ shape_rotation(shape, turns), color))

@@ -111,7 +111,9 @@ def film_panels(
             solids += ghost_solids(inside[0])
         booms = max(longest_boom(flight.vehicle) for flight in inside)
         marks = marks_of(inside, times, booms, layout.scale)
-        panels.append(Panel(box.left, box.top, box.width, box.height, path, solids, marks, inside[0].ground))
+        panels.append(
+            Panel(box.left, box.top, box.width, box.height, path, solids, marks, inside[0].scene.ground or 0.0)
+        )
     return panels
 
 

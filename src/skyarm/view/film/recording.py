@@ -35,13 +35,12 @@ from skyarm.view.film.filmed_flight import (
     WIND,
     FilmedFlight,
     film_flights,
-    load_solids,
     role_color,
     touch_marks,
     wind_words,
 )
 from skyarm.view.film.make_film import FilmSettings, frame_times
-from skyarm.view.studio.scene_nodes import DIGITS, Arrows, SolidNodes, VehicleNodes, bytes_of
+from skyarm.view.studio.scene_nodes import DIGITS, Arrows, LineNodes, SolidNodes, VehicleNodes, bytes_of
 from skyarm.world.scene.shapes import RGBA
 from skyarm.world.scene.vehicle_shapes import body_poses, rotor_turns
 
@@ -175,12 +174,12 @@ class _Recorded:
         self._wind_to = above - np.array([0.0, 0.0, 0.5 * reach])
         around = self._wind_to + reach * np.array([[-1.0], [1.0]])
         self._wind = Arrows(scene, f"{root}/wind", [bytes_of(WIND)], 0.04 * reach, around)
-        spots = [each.spot for each in flight.touches] or [flight.position]
+        spots = [each.spot for each in flight.scene.arrows] or [flight.position]
         reached = np.array([np.min(spots, axis=(0, 1)), np.max(spots, axis=(0, 1))])
-        colors = [bytes_of(TOUCH)] * len(flight.touches)
+        colors = [bytes_of(TOUCH)] * len(flight.scene.arrows)
         self._touches = Arrows(scene, f"{root}/touches", colors, 0.035 * reach, reached) if colors else None
-        self._solids = [*load_solids(flight), *flight.surfaces]
-        self._world = SolidNodes(scene, f"{root}/solids")
+        self._lines = LineNodes(scene, f"{root}/lines")
+        self._world = SolidNodes(scene, f"{root}/solids", lambda role: role_color(role, flight.color, ghost=False))
         self._every = max(1, round(settings.fps / WORDS_PER_SECOND))
 
     def _vehicle(
@@ -192,7 +191,7 @@ class _Recorded:
         def paint(role: str) -> RGBA:
             return role_color(role, flight.color, ghost=ghost)
 
-        nodes = VehicleNodes(scene, name, flight.vehicle, paint, points=() if ghost else flight.points)
+        nodes = VehicleNodes(scene, name, flight.vehicle, paint, points=() if ghost else flight.scene.attached)
         rotations, positions = zip(*body_poses(flight.vehicle, *pose).values(), strict=True)
         return nodes, np.stack(rotations, axis=1), np.stack(positions, axis=1)
 
@@ -214,11 +213,12 @@ class _Recorded:
             self._blows = along
             self._wind.point(np.array([[self._wind_to - 0.9 * self._reach * along, self._wind_to]]))
         if self._touches is not None:
-            ends = np.zeros((len(flight.touches), 2, 3))
+            ends = np.zeros((len(flight.scene.arrows), 2, 3))
             for i, mark in enumerate(touch_marks(flight, k, self._reach)):
                 ends[i] = np.round([mark.start, mark.end], COARSE)
             self._touches.point(ends)
-        self._world.place(self._solids, k)
+        self._world.place(flight.scene.solids, k)
+        self._lines.place(flight.scene.lines, k)
 
     def _text(self, k: int) -> str:
         flight = self._flight
@@ -250,7 +250,7 @@ def _surroundings(
         "/ground",
         width=40.0,
         height=40.0,
-        position=(float(centre[0]), float(centre[1]), flights[0].ground),
+        position=(float(centre[0]), float(centre[1]), flights[0].scene.ground or 0.0),
         cell_size=0.5,
         cell_color=GRID,
         section_size=2.0,

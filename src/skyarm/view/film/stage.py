@@ -18,7 +18,7 @@ import numpy.typing as npt
 from skyarm.view.film.camera_paths import FIELD_OF_VIEW, CameraPath
 from skyarm.view.film.filmed_flight import Mark
 from skyarm.view.film.offscreen import offscreen
-from skyarm.world.scene.shapes import UPRIGHT, Shape, Solid, mesh_of, own_mesh
+from skyarm.world.scene.shapes import SURFACE, UPRIGHT, Shape, Solid, mesh_of, own_mesh
 
 Pixels = npt.NDArray[np.uint8]
 
@@ -144,7 +144,7 @@ class Stage:
         for solid in panel.solids:
             half_length = solid.shape.kind in ("capsule", "cylinder")
             size = (solid.shape.size[0], 0.5 * solid.shape.size[1]) if half_length else solid.shape.size
-            geom = self._add(scene, solid.shape.kind, size, solid.rgba)
+            geom = self._add(scene, solid.shape.kind, size, solid.rgba or SURFACE)
             if (key := mesh_key(solid.shape)) in self._meshes:
                 geom.type, geom.dataid = mujoco.mjtGeom.mjGEOM_MESH.value, 2 * self._meshes[key]
         return scene, ground

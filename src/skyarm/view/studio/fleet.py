@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from skyarm.control.catalogue import LAWS, PRESETS, TUNED, tuned_factors
+from skyarm.dynamics.point_motion import PointMotion
 from skyarm.log.formats import save_log
 from skyarm.records.files import require_writable, shown
 from skyarm.scenario.scenario_file import load_scenario
@@ -19,8 +20,9 @@ from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.session import Session, Snapshot
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.studio.knobs import LONGEST_DELAY, Knob, knobs_of
-from skyarm.view.studio.sights import Load, Sight, goal_of, held_loads, sight
+from skyarm.view.studio.sights import Sight, goal_of, sight
 from skyarm.world import NO_WIND, Fault, ForceWind, Gust
+from skyarm.world.scene.scene import Array, Scene, instant_of, scene_now
 from skyarm.world.scene.vehicle_shapes import Placed, place
 
 MOST = 3
@@ -323,11 +325,16 @@ class Flight:
         return goal_of(self.vehicle, self.session.scenario.reference.at(self.session.time))
 
     @property
-    def loads(self) -> tuple[Load, ...]:
-        """Payloads that are held, and the mass that a hand has hung at the tip."""
-        mass = self.values.get("plant.payload.mass", 0.0)
-        found = held_loads(self.session.scenario.components, self.session.now.components)
-        return (*found, Load(mass)) if mass > 0.0 else found
+    def hung_mass(self) -> float:
+        """Mass that a hand has hung at the tip, kg."""
+        return self.values.get("plant.payload.mass", 0.0)
+
+    def scene(self, around: Array) -> Scene:
+        """The scene about the vehicle now; planes are drawn about a place (3,), m."""
+        session = self.session
+        motion = PointMotion(self.vehicle, session.state, gravity=session.scenario.plant.gravity)
+        seen = instant_of(motion, session.time, around)
+        return scene_now(session.scenario.components, session.now.components, seen, motion)
 
     @property
     def last(self) -> Sight:

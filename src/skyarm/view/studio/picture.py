@@ -3,26 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.dynamics.point_motion import PointMotion
 from skyarm.scenario.scenario_record import Scenario, first_state
 from skyarm.view.studio.fleet import Flight
-from skyarm.view.studio.scene_nodes import GREY, STILL, Arrows, Paint, SolidNodes, VehicleNodes
-from skyarm.view.studio.sights import Load, Touching, goal_of
+from skyarm.view.studio.scene_nodes import STILL, Arrows, LineNodes, Paint, SolidNodes, VehicleNodes
+from skyarm.view.studio.sights import goal_of
+from skyarm.world.scene.scene import OBSTACLES, Arrow, Scene, first_memories, hidden_share, instant_of, scene_now
 from skyarm.world.scene.shapes import RGBA, Solid, floats
 from skyarm.world.scene.vehicle_shapes import Placed, disc_name, payload_shape, place, rotor_turns
-from skyarm.world.scene.world_shapes import (
-    CarriedPoses,
-    ground_height,
-    held_poses,
-    hidden_share,
-    point_shapes,
-    world_shapes,
-)
 
 Array = npt.NDArray[np.float64]
 
@@ -32,7 +25,7 @@ COLORS = ((38, 110, 190), (214, 105, 30), (44, 140, 80))
 GHOST, LOST = (130, 130, 140), (200, 40, 40)
 
 TONES = {"hull": 1.0, "boom": 0.75, "rotor": 0.5, "link": 0.85, "joint": 0.6, "tip": 1.15, "point": 1.4, "payload": 0.4}
-"""Role of a shape -> how bright its law's colour is."""
+"""Role of a shape -> how bright its law's colour is; 0.6 of any other."""
 
 THRUST, WIND, PUSHED, TOUCH = (240, 190, 40), (70, 170, 220), (225, 60, 60), (198, 26, 140)
 
@@ -59,7 +52,7 @@ def tones_of(color: Sequence[int], opacity: float = 1.0) -> Paint:
     """Colours of a vehicle's shapes: tones of one colour, rotors see-through."""
 
     def paint(role: str) -> RGBA:
-        red, green, blue = (min(1.0, TONES[role] * c / 255.0) for c in color)
+        red, green, blue = (min(1.0, TONES.get(role, 0.6) * c / 255.0) for c in color)
         return (red, green, blue, 0.5 * min(opacity, 0.7) if role == "rotor" else opacity)
 
     return paint
@@ -74,34 +67,30 @@ class FlightNodes:
     """
 
     def __init__(self, scene: Any, number: int, scenario: Scenario, title: str, placed: Placed) -> None:
-        vehicle, end = scenario.plant.vehicle, number + 1
-        self._vehicle, self._around, self._lost = vehicle, placed.tip, False
+        vehicle, end, first = scenario.plant.vehicle, number + 1, first_scene(scenario, placed.tip)
+        self._vehicle, self._around, self._lost, self._first = vehicle, placed.tip, False, number == 0
         self._above = np.array([0.0, 0.0, 0.16 + 0.08 * number])
-        self._paint, points = tones_of(COLORS[number]), point_shapes(scenario.worlds, vehicle)
+        self._paint, points = tones_of(COLORS[number]), first.attached
         self.vehicle = VehicleNodes(scene, f"{STAGE}/law{end}", vehicle, self._paint, points=points)
         colors, at = [THRUST] * len(vehicle.rotors) + [WIND, PUSHED], np.tile(placed.positions[0], (2, 1))
         self._forces = Arrows(scene, f"{STAGE}/arrows{end}", colors, SHAFT, at)
         still = np.tile(placed.tip, (1, 2, 1)).astype(np.float32)
         self._trail = scene.add_line_segments(f"{STAGE}/trail{end}", still, COLORS[number], thickness=0.004)
-        self._cords = scene.add_line_segments(f"{STAGE}/cords{end}", still, GREY, thickness=0.003)
         self._label = scene.add_label(f"{STAGE}/label{end}", title, position=placed.positions[0] + self._above)
-        self._loads = SolidNodes(scene, f"{STAGE}/loads{end}")
-        self._world, self._touches, self._moves = None, None, False
-        contacts = scenario.worlds
-        if contacts and number == 0:
-            self._world = SolidNodes(scene, f"{STAGE}/world{end}")
-            self._place_world(scenario, 0.0, held_poses(contacts, [each.start(0.0, ()) for each in contacts]))
-            surfaces = [each for contact in contacts for each in contact.surfaces]
-            self._moves = any(each.moves for each in surfaces) or any(contact.carriers for contact in contacts)
-        pairs = sum(contact.logged_pairs for contact in contacts)
-        if pairs:
-            self._touches = Arrows(scene, f"{STAGE}/touches{end}", [TOUCH] * pairs, TOUCH_SHAFT, at)
+        self._world = SolidNodes(scene, f"{STAGE}/scene{end}", self._paint)
+        self._lines = LineNodes(scene, f"{STAGE}/lines{end}")
+        touches = [TOUCH] * len(first.arrows)
+        self._touches = Arrows(scene, f"{STAGE}/touches{end}", touches, TOUCH_SHAFT, at) if touches else None
+        self._place_scene(first)
         self.draw_bodies(placed, rotor_turns(vehicle, _row(first_state(scenario).tilts)))
 
-    def _place_world(self, scenario: Scenario, time: float, carried: CarriedPoses) -> None:
-        if self._world is not None:
-            solids = world_shapes(scenario.worlds, np.array([time]), tuple(self._around), carried=carried)
-            self._world.place(solids)
+    def _place_scene(self, scene: Scene, more: Sequence[Solid] = ()) -> None:
+        """Draw what the parts look like; of other flights than the first what is not common to all."""
+        solids = scene.solids if self._first else [each for each in scene.solids if each.shape.role not in OBSTACLES]
+        self._world.place([*solids, *more])
+        self._lines.place(scene.lines)
+        if self._touches is not None:
+            self._touches.point(touch_arrows(scene.arrows))
 
     def draw_bodies(self, placed: Placed, turns: dict[str, Array]) -> None:
         """Move the bodies and the discs of rotors that tilt."""
@@ -111,16 +100,11 @@ class FlightNodes:
     def draw(self, flight: Flight, *, slow: bool) -> Placed:
         """Show the flight as it is now, the world, trail and label only if ``slow``; returns its poses."""
         session, placed = flight.session, flight.poses()
-        state, last = session.state, flight.last
+        state = session.state
         speeds, turns = np.array([float(w) for w in state.rotor_speeds]), rotor_turns(self._vehicle, _row(state.tilts))
         self.draw_bodies(placed, turns if session.running else {})
-        self._carry(flight.loads, placed)
+        self._place_scene(flight.scene(self._around), self._hung(flight, placed))
         self._forces.point(force_arrows(flight, placed, speeds, turns))
-        if self._touches is not None:
-            self._touches.point(touch_arrows(last.touching))
-        if slow or self._moves:
-            held = held_poses(session.scenario.components, session.now.components)
-            self._place_world(session.scenario, session.time, held)
         if slow:
             self._trail.points = trail([seen.tip for seen in flight.recent(TRAIL)])
             if bool(flight.lost) != self._lost:
@@ -131,27 +115,18 @@ class FlightNodes:
                 self._label.position = placed.positions[0] + self._above
         return placed
 
-    def _carry(self, loads: Sequence[Load], placed: Placed) -> None:
-        """Show payloads where they are held, or where they hang on their cords."""
-        solids: list[Solid] = []
-        cords = []
-        for each in loads:
-            if each.frame or self._vehicle.end_effector:
-                shape = payload_shape(self._vehicle, each.mass, each.frame, each.com)
-                R = placed.rotations[1 + shape.body]
-                holder = placed.positions[1 + shape.body] + R @ np.array(shape.position)
-                at = holder if each.hangs is None else each.hangs
-                named = replace(shape, name=f"payload{len(solids) + 1}")
-                solids.append(Solid(named, at[None], R[None], self._paint("payload")))
-                cords.append((holder, at))
-        self._loads.place(solids)
-        self._cords.visible = any(each.hangs is not None for each in loads)
-        if self._cords.visible:
-            self._cords.points = np.array(cords, np.float32)
+    def _hung(self, flight: Flight, placed: Placed) -> list[Solid]:
+        """The mass that a hand has hung at the tip."""
+        mass = flight.hung_mass
+        if not (mass > 0.0 and self._vehicle.end_effector):
+            return []
+        shape = payload_shape(self._vehicle, mass)
+        R = placed.rotations[1 + shape.body]
+        return [Solid(shape, (placed.positions[1 + shape.body] + R @ np.array(shape.position))[None], R[None])]
 
     def remove(self) -> None:
         """Take it out of the scene."""
-        parts = self.vehicle, self._forces, self._trail, self._cords, self._label, self._loads, self._world
+        parts = self.vehicle, self._forces, self._trail, self._label, self._world, self._lines
         for node in (*parts, self._touches):
             if node is not None:
                 node.remove()
@@ -170,9 +145,16 @@ def force_arrows(flight: Flight, placed: Placed, speeds: Array, turns: dict[str,
     return np.array(ends)
 
 
-def touch_arrows(touching: Sequence[Touching]) -> Array:
+def touch_arrows(arrows: Sequence[Arrow]) -> Array:
     """Ends (N, 2, 3) of contact forces, m."""
-    return np.array([(each.spot, each.spot + NEWTON * each.force) for each in touching]).reshape(-1, 2, 3)
+    return np.array([(each.spot[0], each.spot[0] + NEWTON * each.force[0]) for each in arrows]).reshape(-1, 2, 3)
+
+
+def first_scene(scenario: Scenario, around: Array) -> Scene:
+    """The scene at the start of a scenario."""
+    motion = PointMotion(scenario.plant.vehicle, first_state(scenario), gravity=scenario.plant.gravity)
+    memories = first_memories(scenario.components, 1.0 / scenario.rates.control)
+    return scene_now(scenario.components, memories, instant_of(motion, 0.0, around), motion)
 
 
 def trail(tips: Sequence[Array]) -> Array:
@@ -220,13 +202,13 @@ class Picture:
         self._flights = [FlightNodes(self._scene, i, scenario, title, placed) for i, title in enumerate(titles)]
         self._ghost = VehicleNodes(self._scene, f"{STAGE}/ghost", vehicle, tones_of(GHOST, 0.25))
         self._draw_ghost(goal_of(vehicle, scenario.reference.at(0.0)))
-        self._ground.position = (0.0, 0.0, ground_height(scenario.worlds))
-        self._look_at(scenario, placed)
+        scene = first_scene(scenario, placed.tip)
+        self._ground.position = (0.0, 0.0, scene.ground or 0.0)
+        self._look_at(scene, placed)
 
-    def _look_at(self, scenario: Scenario, placed: Placed) -> None:
+    def _look_at(self, scene: Scene, placed: Placed) -> None:
         """The view that a new tab begins with: from ahead and the right, or from where no surface hides the tip."""
-        solids = world_shapes(scenario.worlds, np.zeros(1), tuple(placed.tip))
-        hidden = [hidden_share(solids, placed.tip[None], view / np.linalg.norm(view)) for view in VIEWS]
+        hidden = [hidden_share(scene.obstacles, placed.tip[None], view / np.linalg.norm(view)) for view in VIEWS]
         camera, at = self._server.initial_camera, placed.positions[0]
         camera.look_at = tuple(at + np.array([0.12, 0.08, -0.06]))
         camera.position = tuple(at + VIEWS[int(np.argmin(hidden))])

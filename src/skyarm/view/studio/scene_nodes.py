@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.world.scene.scene import Line
 from skyarm.world.scene.shapes import RGBA, UPRIGHT, Shape, Solid, mesh_of
 from skyarm.world.scene.vehicle_shapes import quaternions_of, vehicle_shapes
 
@@ -35,6 +36,9 @@ SHORTEST = 0.01
 
 SEGMENTS, SUBDIVISIONS = 24, 2
 """Of round shapes."""
+
+LINE_WIDTH = 0.003
+"""m."""
 
 THIN = 1e-3
 """m: half the thickness of a plane's patch."""
@@ -153,10 +157,11 @@ class SolidNodes:
 
     Args:
         scene: of viser. name: beginning of the nodes' names.
+        paint: colours of solids that have none of their own.
     """
 
-    def __init__(self, scene: Any, name: str) -> None:
-        self._scene, self._name = scene, name
+    def __init__(self, scene: Any, name: str, paint: Paint) -> None:
+        self._scene, self._name, self._paint = scene, name, paint
         self.root = scene.add_frame(name, show_axes=False)
         self._nodes: dict[str, tuple[MovingNode, tuple[float, ...]]] = {}
 
@@ -168,13 +173,46 @@ class SolidNodes:
             shape, name = solid.shape, solid.shape.name
             if name not in self._nodes or self._nodes[name][1] != shape.size:
                 upright = replace(shape, position=(0.0, 0.0, 0.0), rotation=UPRIGHT)
-                node = add_shape(self._scene, f"{self._name}/{name}", upright, solid.rgba)
+                node = add_shape(self._scene, f"{self._name}/{name}", upright, solid.rgba or self._paint(shape.role))
                 self._nodes[name] = MovingNode(node), shape.size
             self._nodes[name][0].put(solid.position[k], solid.rotation[k])
 
     def remove(self) -> None:
         """Take them out of the scene."""
         self.root.remove()
+
+
+class LineNodes:
+    """Lines through places of the world.
+
+    Args:
+        scene: of viser. name: beginning of the nodes' names.
+    """
+
+    def __init__(self, scene: Any, name: str) -> None:
+        self._scene, self._name = scene, name
+        self._nodes: dict[str, tuple[Any, npt.NDArray[np.float32]]] = {}
+
+    def place(self, lines: Sequence[Line], k: int = 0) -> None:
+        """Draw these lines as they are at instant ``k``, and no others; one that is no number is hidden."""
+        drawn = {each.name: each for each in lines if np.isfinite(each.places[k]).all()}
+        for name in set(self._nodes) - set(drawn):
+            self._nodes.pop(name)[0].remove()
+        for name, line in drawn.items():
+            places = np.round(line.places[k], DIGITS)
+            points = np.stack([places[:-1], places[1:]], axis=1).astype(np.float32)
+            if name not in self._nodes:
+                color = bytes_of(line.rgba)
+                node = self._scene.add_line_segments(f"{self._name}/{name}", points, color, thickness=LINE_WIDTH)
+                self._nodes[name] = node, points
+            elif (self._nodes[name][1] != points).any():
+                node = self._nodes[name][0]
+                node.points = points
+                self._nodes[name] = node, points
+
+    def remove(self) -> None:
+        """Take them out of the scene."""
+        self.place(())
 
 
 class Arrows:

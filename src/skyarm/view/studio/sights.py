@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.algebra import ZERO3, Vec3
+from skyarm.algebra import Vec3
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.surroundings import Surroundings, wind_at
 from skyarm.reference import Reference
 from skyarm.simulate.session import Session
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.world import TimedPayload
 from skyarm.world.scene.shapes import floats
 from skyarm.world.scene.vehicle_shapes import Placed, place
 
@@ -70,21 +69,6 @@ class Touching:
     force: Array
 
 
-@dataclass(frozen=True, slots=True)
-class Load:
-    """A payload that is held now.
-
-    Attributes:
-        mass: kg. frame: that holds it; empty for the tip. com: m, axes of the frame.
-        hangs: (3,) m, world axes, its place on a cord; None of one that the frame holds itself.
-    """
-
-    mass: float
-    frame: str = ""
-    com: Vec3 = ZERO3
-    hangs: Array | None = None
-
-
 def sight(session: Session) -> Sight:
     """Quantities of a session now."""
     scenario, now, time = session.scenario, session.now, session.time
@@ -108,21 +92,6 @@ def sight(session: Session) -> Sight:
         pushed=np.array(floats(outside.force_W)),
         touching=touching(scenario.components, now.components, PointMotion(vehicle, state)) if scenario.worlds else (),
     )
-
-
-def held_loads(components: Sequence[Any], memories: Sequence[Any]) -> tuple[Load, ...]:
-    """Payloads that are held.
-
-    Args:
-        components: of the scenario.
-        memories: one for each.
-    """
-    found = []
-    for each, memory in zip(components, memories, strict=True):
-        if isinstance(each, TimedPayload) and float(memory.held) > 0.5:
-            hangs = None if each.rigid else np.array(floats(memory.position))
-            found.append(Load(float(each.mass), each.frame, each.com, hangs))
-    return tuple(found)
 
 
 def touching(components: Sequence[Any], memories: Sequence[Any], motion: PointMotion) -> tuple[Touching, ...]:

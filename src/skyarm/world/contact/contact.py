@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar, data, exp, logical_and, maximum, minimum, neg, sqrt
@@ -31,6 +31,9 @@ from skyarm.world.contact.material import LIGHTEST, RECOVERY
 from skyarm.world.contact.mechanism import Mechanism
 from skyarm.world.contact.surface import Surface
 
+if TYPE_CHECKING:
+    from skyarm.world.scene.scene import Instants, Scene
+
 NEAR, SWIFT = 0.005, 400.0
 """m that a point stays away from a surface at least while longer steps are taken, and m/s^2 that it may accelerate by
 meanwhile: both are the same in 5 ms, longer periods ask for more."""
@@ -44,6 +47,9 @@ LOGGED = (
     ("depth", "m", "penetration of a point into a surface"),
 )
 """Numbers of a surface and a point in a log: array, unit, meaning."""
+
+MUCH_SHORTER = 2.0
+"""Steps of the vehicle alone over those of the contact from which on a warning says so."""
 
 VERLET_SHARE = 0.75
 """Of a semi-implicit Euler step in one of the Stoermer-Verlet method. An elastic bounce of a limp vehicle on its tip
@@ -451,6 +457,23 @@ class Contact(Force):
         for carrier, held in zip(self.carriers, memory.carried, strict=True):
             numbers += carrier.logged(held)
         return (*numbers, *self.grasps.logged(memory, motion))
+
+    def shapes(self, seen: Instants) -> Scene:
+        """Surfaces, bodies, points and forces."""
+        from skyarm.world.contact.contact_scene import contact_scene
+
+        return contact_scene(self, seen)
+
+    def warnings(self, vehicle: Vehicle, step: float) -> Sequence[str]:
+        """A part that needs much shorter integration steps than the vehicle."""
+        what, bound = min(self.steps, key=lambda each: float(each[1]))
+        least = float(bound)
+        if not MUCH_SHORTER * least < step:
+            return ()
+        return (
+            f"{what} asks for integration steps of {1e3 * least:.2g} ms in contact; they are taken by themselves, "
+            f"about {step / least:.0f} in place of each of rates.physics, and cost that much more",
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -66,13 +66,15 @@ class Solid:
     Attributes:
         shape: kind and size.
         position: (N, 3) of its origin in the world, m. rotation: (N, 3, 3), its axes to the world's.
-        rgba: colour.
+        rgba: colour; None for that of its role.
+        fixed: whether it never moves, by structure.
     """
 
     shape: Shape
     position: Array
     rotation: Array
-    rgba: RGBA = SURFACE
+    rgba: RGBA | None = None
+    fixed: bool = False
 
     @property
     def moves(self) -> bool:

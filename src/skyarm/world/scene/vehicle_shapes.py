@@ -122,6 +122,9 @@ def _mesh_shape(number: int, look: Look) -> Shape:
 
 Array = npt.NDArray[np.float64]
 
+Poses = dict[int, tuple[Array, Array]]
+"""Number of a body -> its rotations (N, 3, 3) and positions (N, 3)."""
+
 
 @dataclass(frozen=True, slots=True)
 class Placed:
@@ -168,7 +171,7 @@ def place(vehicle: Vehicle, position: Sequence[Any], quaternion: Sequence[Any], 
     return Placed(table[:, :9].reshape(-1, 3, 3), table[:, 9:], out[-3:])
 
 
-def body_poses(vehicle: Vehicle, position: Array, quaternion: Array, joints: Array) -> dict[int, tuple[Array, Array]]:
+def body_poses(vehicle: Vehicle, position: Array, quaternion: Array, joints: Array) -> Poses:
     """Poses of all bodies at N instants.
 
     Args:

@@ -17,18 +17,9 @@ from skyarm.reference.signals import Constant, Sine
 from skyarm.world.contact import Contact, ContactPoint, Material, Surface
 from skyarm.world.contact.free_object import FreeObject
 from skyarm.world.contact.mechanism import Mechanism, MechanismMotion
+from skyarm.world.scene.scene import PATCH, Instants, Scene, hidden_share, instant_of, scene_in_log, scene_now
 from skyarm.world.scene.shapes import AROUND, mesh_of
 from skyarm.world.scene.vehicle_shapes import body_poses, disc_name, rotor_turns, shape_rotation, vehicle_shapes
-from skyarm.world.scene.world_shapes import (
-    PATCH,
-    ground_height,
-    held_poses,
-    hidden_share,
-    logged_poses,
-    point_shapes,
-    touch_arrows,
-    world_shapes,
-)
 from skyarm.world.signal_vector import SignalVector
 
 SIZES: dict[str, tuple[float, ...]] = {
@@ -39,6 +30,21 @@ SIZES: dict[str, tuple[float, ...]] = {
     "hole": (0.1, 0.3, 0.05, 0.4, 0.5),
 }
 MOTION = SignalVector(x=Sine(amplitude=0.3, frequency_hz=0.4), y=Constant(value=0.1), z=Constant(value=0))
+
+
+VEHICLE = load_vehicle("hummingbird_arm2")
+
+
+def scene_of(contact: Contact, times: np.ndarray, about: tuple[float, ...] = (0.0, 0.0, 0.0), patch: float = PATCH,
+             **logged: np.ndarray) -> Scene:  # fmt: skip
+    """The scene of a contact about a vehicle at rest."""
+    count = len(times)
+    seen = Instants(
+        vehicle=VEHICLE, times=times, position=np.zeros((count, 3)), quaternion=np.eye(4)[[0] * count],
+        joints=np.zeros((count, VEHICLE.n)), around=np.array(about), patch=patch,
+    )  # fmt: skip
+    nothing = np.zeros((count, contact.logged_pairs))
+    return scene_in_log([contact], seen, lambda name: logged.get(name, nothing))
 
 
 def a_surface(shape: str, **fields: Any) -> Surface:
@@ -58,8 +64,8 @@ def on_faces(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 def test_a_drawn_surface_is_where_the_contact_has_its_skin(shape: str, moving: bool) -> None:
     surface = a_surface(shape, **({"motion": MOTION} if moving else {}))
     times = np.array([0.0, 0.3, 1.7])
-    (solid,) = world_shapes([Contact(surfaces=(surface,))], times, (3.0, 1.0, 0.5))
-    assert solid.moves == moving
+    (solid,) = scene_of(Contact(surfaces=(surface,)), times, (3.0, 1.0, 0.5)).solids
+    assert (solid.moves, solid.fixed) == (moving, not moving)
     vertices, faces = mesh_of(solid.shape)
     flat = shape in ("plane", "box")  # of round shapes the mesh has its corners alone on the skin
     drawn = [on_faces(vertices, faces) if flat else vertices, mesh_of(solid.shape, 48)[0]]
@@ -84,16 +90,21 @@ def test_an_object_is_drawn_as_its_carrier_has_it_from_a_log_and_from_memory(sha
     frame, (skin,) = thing.frame(memory.carried[0]), thing.surfaces
     numbers = np.array([float(c) for c in thing.logged(memory.carried[0])])
     logged = {"object_position": numbers[None, :3], "object_quaternion": 1.7 * numbers[None, 3:7]}
-    logged["mechanism_position"] = np.zeros((1, 0))
-    for carried in (
-        logged_poses([contact], logged.__getitem__),
-        held_poses([contact], [memory]),
+    logged |= {"object_velocity": np.zeros((1, 3)), "object_rate": np.zeros((1, 3))}
+    state = State(
+        position=Vec3(0.0, 0.0, 0.0), quaternion=Quaternion(1.0, 0.0, 0.0, 0.0), velocity=Vec3(0.0, 0.0, 0.0),
+        rate=Vec3(0.0, 0.0, 0.0), joints=(0.0, 0.0), joint_rates=(0.0, 0.0), rotor_speeds=(0.0,) * 4,
+    )  # fmt: skip
+    motion = PointMotion(VEHICLE, state)
+    for scene in (
+        scene_of(contact, np.zeros(1), **logged),
+        scene_now([contact], [memory], instant_of(motion, 0.0, np.zeros(3)), motion),
     ):
-        (solid,) = world_shapes([contact], np.zeros(1), carried=carried)
-        assert solid.shape.role == "object"
+        (solid,) = scene.solids
+        assert (solid.shape.role, solid.fixed) == ("object", False)
         world = solid.position[0] + mesh_of(solid.shape)[0] @ solid.rotation[0].T
         np.testing.assert_allclose(frame.depth(skin, Vec3(*world.T), 0)[0], 0.0, atol=1e-12)
-    assert world_shapes([contact], np.zeros(1)) == ()
+    assert scene_of(contact, np.zeros(1)) == Scene(), "its columns are not in the log"
 
 
 @pytest.mark.parametrize("kind", ["door", "drawer", "valve"])
@@ -104,9 +115,8 @@ def test_a_mechanism_is_drawn_as_its_carrier_has_it_at_every_coordinate(kind: st
         position=Vec3(1.0, 2.0, 0.5), angles=Vec3(0.1, 0.2, 0.7),
     )  # fmt: skip
     contact, coordinates = Contact(surfaces=(), mechanisms=(thing,)), np.array([[0.0], [0.3], [-0.8]])
-    logged = {name: np.zeros((3, 0)) for name in ("object_position", "object_quaternion")}
-    logged["mechanism_position"] = coordinates
-    drawn = world_shapes([contact], np.zeros(3), carried=logged_poses([contact], logged.__getitem__))
+    logged = {column[0]: coordinates for column in contact.columns}
+    drawn = scene_of(contact, np.zeros(3), **logged).solids
     assert [each.shape.name for each in drawn] == [f"world/{each.name}" for each in thing.surfaces]
     assert all(each.shape.role == "object" and each.moves for each in drawn)
     for k, (coordinate,) in enumerate(coordinates):
@@ -119,7 +129,7 @@ def test_a_mechanism_is_drawn_as_its_carrier_has_it_at_every_coordinate(kind: st
 def test_a_patch_is_about_the_nearest_point_of_its_plane_and_goes_with_it() -> None:
     plane = a_surface("plane", motion=MOTION)
     away = np.array([3.0, 1.0, 0.5])
-    (solid,) = world_shapes([Contact(surfaces=(plane,))], np.array([0.0, 0.5]), tuple(away), 2.5)
+    (solid,) = scene_of(Contact(surfaces=(plane,)), np.array([0.0, 0.5]), tuple(away), 2.5).solids
     assert solid.shape.size == (2.5, 2.5)
     from_patch = away - solid.position[0]
     assert np.linalg.norm(np.cross(from_patch, solid.rotation[0, :, 2])) < 1e-12
@@ -131,13 +141,12 @@ def test_the_ground_is_the_highest_level_plane_at_rest_and_no_patch() -> None:
     low, high = (Surface(name=name, position=Vec3(5.0, 0.0, z)) for name, z in (("low", -1.0), ("high", -0.4)))
     ceiling = Surface(name="ceiling", position=Vec3(0, 0, 3.0), angles=Vec3(np.pi, 0, 0))
     deck = Surface(name="deck", position=Vec3(0, 0, 0.5), motion=MOTION)
-    contacts = [Contact(surfaces=(low, high, ceiling, deck))]
-    assert ground_height(contacts) == -0.4
-    assert [each.shape.name for each in world_shapes(contacts, np.zeros(1))] == [
-        "world/low", "world/ceiling", "world/deck",
-    ]  # fmt: skip
-    assert ground_height([Contact(surfaces=(ceiling, deck))]) == 0.0
-    assert world_shapes([Contact(surfaces=(deck,))], np.zeros(1))[0].shape.size == (PATCH, PATCH)
+    scene = scene_of(Contact(surfaces=(low, high, ceiling, deck)), np.zeros(1))
+    assert scene.ground == -0.4
+    assert [each.shape.name for each in scene.solids] == ["world/low", "world/ceiling", "world/deck"]
+    scene = scene_of(Contact(surfaces=(ceiling, deck)), np.zeros(1))
+    assert scene.ground is None
+    assert scene.solids[1].shape.size == (PATCH, PATCH)
 
 
 def touching_world() -> tuple[Contact, State, Any]:
@@ -169,15 +178,13 @@ def touching_world() -> tuple[Contact, State, Any]:
 def test_arrows_are_the_forces_on_the_points() -> None:
     contact, state, vehicle = touching_world()
     memory, motion = contact.start(0.005, ()), PointMotion(vehicle, state)
-    normal = np.array([[float(each) for each in contact.logged(memory, motion)[0 : 3 * contact.logged_pairs : 3]]])
-    assert (normal > 0.0).sum() >= 3
-    q = state.quaternion
-    where = ([*state.position], [q.w, q.x, q.y, q.z], [*state.joints])
-    poses = body_poses(vehicle, *(np.array([each]) for each in where))
-    arrows = touch_arrows(contact, vehicle, poses, np.zeros(1), normal, held_poses([contact], [memory]))
-    assert {each.surface for each in arrows} == {"tilted", "box"}
+    scene = scene_now([contact], [memory], instant_of(motion, 0.0, np.zeros(3)), motion)
+    assert len(scene.arrows) == contact.logged_pairs
+    arrows = [each for each in scene.arrows if each.force.any()]
+    assert len(arrows) >= 3
+    assert {each.name.split("/")[1] for each in arrows} == {"tilted", "box"}
     for arrow in arrows:
-        (point,) = (each for each in contact.points if each.name == arrow.point)
+        (point,) = (each for each in contact.points if each.name == arrow.name.split("/")[2])
         middle = np.array([float(c) for c in motion.position(*point.place(vehicle))])
         along = arrow.force[0] / np.linalg.norm(arrow.force[0])
         np.testing.assert_allclose(arrow.spot[0], middle - float(point.radius) * along, atol=1e-12)
@@ -193,7 +200,9 @@ def test_arrows_are_the_forces_on_the_points() -> None:
 
 def test_points_are_marked_where_the_contact_has_them_and_the_tip_has_no_second_mark() -> None:
     contact, state, vehicle = touching_world()
-    shapes = {each.name: each for each in point_shapes([contact], vehicle)}
+    motion = PointMotion(vehicle, state)
+    memory, seen = contact.start(0.005, ()), instant_of(motion, 0.0, np.zeros(3))
+    shapes = {each.name: each for each in scene_now([contact], [memory], seen, motion).attached}
     assert set(shapes) == {"point/ball", "stalk/ball", "point/elbow", "stalk/elbow"}
     assert shapes["point/ball"].size == (0.05,)
     q = state.quaternion
@@ -206,13 +215,12 @@ def test_points_are_marked_where_the_contact_has_them_and_the_tip_has_no_second_
         np.testing.assert_allclose(p[0] + R[0] @ np.array(shape.position), expected, atol=1e-12)
         end = np.array(stalk.position) + 0.5 * stalk.size[1] * np.array(stalk.rotation)[:, 2]
         np.testing.assert_allclose(end, shape.position, atol=1e-12)
-    assert point_shapes([], vehicle) == ()
 
 
 def test_a_tip_that_is_a_ball_has_its_ball() -> None:
     vehicle = load_vehicle("hummingbird_arm2")
     ball = ContactPoint(name="tip", frame=vehicle.end_effector, radius=0.03)
-    (shape, _stalk) = point_shapes([Contact(surfaces=(a_surface("plane"),), points=(ball,))], vehicle)
+    (shape, _stalk) = scene_of(Contact(surfaces=(a_surface("plane"),), points=(ball,)), np.zeros(1)).attached
     assert shape.size == (0.03,)
 
 
@@ -243,7 +251,7 @@ def test_a_surface_hides_what_is_behind_it_and_nothing_beside_it(shape: str) -> 
         position=Vec3(1.0, 0.0, 0.2 if shape == "hole" else 0.0),
         angles=Vec3(0.0, -0.5 * np.pi if shape == "plane" else 0, 0),
     )
-    (solid,) = world_shapes([Contact(surfaces=(surface,))], np.zeros(1))
+    (solid,) = scene_of(Contact(surfaces=(surface,)), np.zeros(1)).solids
     for way, hidden in (
         ((1.0, 0.0, 0.0), 1.0),
         ((-1.0, 0.0, 0.0), 0.0),

@@ -1,0 +1,128 @@
+"""The scene of a contact: surfaces, bodies that move, the vehicle's contact points and the forces on them.
+
+A plane has no end: it is drawn as a square patch about the place of the flight, or as the ground where it is level and
+at rest.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.algebra import Vec3
+from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.world.contact.contact import Contact
+from skyarm.world.contact.surface import Surface
+from skyarm.world.scene.scene import PATCH, Arrow, Instants, Scene
+from skyarm.world.scene.shapes import OBJECT, SURFACE, Shape, Solid, floats, shape_between
+from skyarm.world.scene.vehicle_shapes import Poses, longest_boom, matrices, rotations_of, vectors
+
+Array = npt.NDArray[np.float64]
+
+POINT = 0.03
+"""Radius of the mark of a point that touches, as a share of the longest boom; a ball has its own."""
+
+LEVEL = 1e-9
+"""Largest share of a level plane's normal that is not upwards."""
+
+
+def contact_scene(contact: Contact, seen: Instants) -> Scene:
+    """Shapes of a contact with concrete numbers."""
+    poses, ground = _carrier_poses(contact, seen), ground_of(contact.surfaces)
+    solids = [_surface_solid(each, seen) for each in contact.surfaces if each is not ground]
+    for i, carrier in enumerate(contact.carriers):
+        solids += [_carrier_solid(surface, *poses[i]) for surface in carrier.surfaces]
+    return Scene(
+        solids=tuple(solids),
+        arrows=tuple(_touch_arrows(contact, seen, poses)),
+        attached=tuple(_point_shapes(contact, seen.vehicle)),
+        ground=None if ground is None else float(ground.position.z),
+    )
+
+
+def ground_of(surfaces: Iterable[Surface]) -> Surface | None:
+    """The highest plane that is level and at rest, which a picture draws as its ground; None without one."""
+    level = [
+        each
+        for each in surfaces
+        if each.shape == "plane" and not each.moves and float(each.rotation.rows[2][2]) >= 1.0 - LEVEL
+    ]
+    return max(level, key=lambda each: float(each.position.z), default=None)
+
+
+def surface_shape(surface: Surface, patch: float = PATCH) -> Shape:
+    """A surface as a shape about its own middle, in its own axes; ``patch`` is half the width of a plane's, m."""
+    size = tuple(float(each) for each in surface.size)
+    if surface.shape == "plane":
+        return Shape(f"world/{surface.name}", "surface", "patch", BASE, (patch, patch))
+    halves = tuple(0.5 * each for each in size) if surface.shape == "box" else size
+    return Shape(f"world/{surface.name}", "surface", surface.shape, BASE, halves, mesh=surface.mesh)
+
+
+def _carrier_poses(contact: Contact, seen: Instants) -> Poses:
+    """Number of a carrier -> rotations (N, 3, 3) and positions (N, 3) of its axes: objects, then mechanisms."""
+    poses, count = Poses(), len(seen.times)
+    for i in range(len(contact.objects)):
+        quaternion = seen.numbers["object_quaternion"][:, 4 * i : 4 * i + 4]
+        poses[i] = rotations_of(quaternion), seen.numbers["object_position"][:, 3 * i : 3 * i + 3]
+    for i, mechanism in enumerate(contact.mechanisms):
+        frame = mechanism.frame_at(seen.numbers["mechanism_position"][:, i])
+        poses[len(contact.objects) + i] = matrices(frame.rotation, count), vectors(frame.position, count)
+    return poses
+
+
+def _surface_solid(surface: Surface, seen: Instants) -> Solid:
+    """A surface at every instant; a patch keeps the point of its plane that was nearest at first."""
+    count = len(seen.times)
+    rotation, place = matrices(surface.rotation, count), vectors(surface.place(seen.times)[0], count)
+    if surface.shape == "plane" and count:
+        normal, away = rotation[0, :, 2], seen.around - place[0]
+        place = place + (away - normal * (normal @ away))
+    return Solid(surface_shape(surface, seen.patch), place, rotation, SURFACE, fixed=not surface.moves)
+
+
+def _carrier_solid(surface: Surface, rotation: Array, position: Array) -> Solid:
+    """A surface that a carrier carries, of its poses (N, 3, 3) and (N, 3)."""
+    shape = replace(surface_shape(surface), role="object")
+    place = np.array(floats(surface.position))
+    return Solid(shape, position + rotation @ place, rotation @ matrices(surface.rotation, 1)[0], OBJECT)
+
+
+def _point_shapes(contact: Contact, vehicle: Vehicle) -> Iterator[Shape]:
+    """A mark at every contact point, on a stalk from its body's origin; the tip has its own shape."""
+    least = POINT * longest_boom(vehicle)
+    for point in contact.points:
+        radius = float(point.radius)
+        if radius == 0.0 and point.frame and point.frame == vehicle.end_effector:
+            continue
+        at, body = point.place(vehicle)
+        place = floats(at)
+        yield Shape(f"point/{point.name}", "point", "sphere", body, (radius or least,), place)
+        if math.hypot(*place) > 2.0 * least:
+            ends = (0.0, 0.0, 0.0), place
+            yield shape_between(f"stalk/{point.name}", "boom", "capsule", body, 0.4 * least, *ends)
+
+
+def _touch_arrows(contact: Contact, seen: Instants, poses: Poses) -> Iterator[Arrow]:
+    """Normal force of every surface on every point, in the order of the log: the world's surfaces, then carriers'."""
+    still = np.eye(3)[None], np.zeros((1, 3))
+    carried = [(each, *poses[i]) for i, carrier in enumerate(contact.carriers) for each in carrier.surfaces]
+    surfaces = [*((each, *still) for each in contact.surfaces), *carried]
+    pairs = [(*surface, point) for surface in surfaces for point in contact.points]
+    for i, (surface, turn, origin, point) in enumerate(pairs):
+        force = seen.numbers["contact_force"][:, i]
+        name = f"touch/{surface.name}/{point.name}"
+        at, body = point.place(seen.vehicle)
+        middle = seen.place(at, body)
+        if not np.any(force > 0.0):
+            yield Arrow(name, middle, np.zeros_like(middle))
+            continue
+        local = np.einsum("nij,ni->nj", np.broadcast_to(turn, (len(middle), 3, 3)), middle - origin)
+        normal = vectors(surface.depth(Vec3(*local.T), point.radius, seen.times)[1], len(middle))
+        normal = np.einsum("nij,nj->ni", np.broadcast_to(turn, (len(middle), 3, 3)), normal)
+        yield Arrow(name, middle - float(point.radius) * normal, force[:, None] * normal)

@@ -1,0 +1,34 @@
+"""The scene of a payload: a ball where it is taken, held and left, on its cord where it hangs on one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from skyarm.world.scene.scene import Instants, Line, Scene
+from skyarm.world.scene.shapes import Solid
+from skyarm.world.scene.vehicle_shapes import payload_shape
+from skyarm.world.timed_payload import TimedPayload
+
+HELD = 0.5
+"""Share of the mass from which on it counts as held, between two instants of a log."""
+
+
+def payload_scene(payload: TimedPayload, seen: Instants) -> Scene:
+    """Shapes of a payload with concrete numbers; none where it is not held at any of the instants."""
+    masses = seen.numbers["payload_mass"][:, 0]
+    held = masses > HELD * float(payload.mass)
+    if not held.any() or not (payload.frame or seen.vehicle.end_effector):
+        return Scene()
+    (instants,) = np.nonzero(held)
+    # the last instant at which it was held, and before the first that one
+    at = instants[np.maximum(np.searchsorted(instants, np.arange(len(held)), side="right") - 1, 0)]
+    shape = payload_shape(seen.vehicle, float(payload.mass), payload.frame, payload.com)
+    ending, holder = f"/{payload.name}" if payload.name else "", seen.place(shape.position, shape.body)
+    named, rotation = replace(shape, name=f"payload{ending}"), seen.poses[shape.body][0]
+    if payload.rigid:
+        return Scene(solids=(Solid(named, holder[at], rotation[at]),))
+    places = seen.numbers["payload_position"]
+    cord = np.where(held[:, None, None], np.stack([holder, places], axis=1), np.nan)
+    return Scene(solids=(Solid(named, places[at], rotation[at]),), lines=(Line(f"cord{ending}", cord),))

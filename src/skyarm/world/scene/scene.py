@@ -1,0 +1,233 @@
+"""The scene about a vehicle: what the parts of its scenario look like at some instants.
+
+Films, recordings, the studio, figures, environments and files for viewers draw it. Every part of a scenario answers
+for itself (:meth:`skyarm.world.component.Component.shapes`), from the numbers that it logs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.dynamics.point_motion import PointMotion
+from skyarm.records.files.names import distinct
+from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.world.component import Component
+from skyarm.world.scene.shapes import RGBA, Shape, Solid
+from skyarm.world.scene.vehicle_shapes import Poses, body_poses
+
+Array = npt.NDArray[np.float64]
+
+PATCH = 1.0
+"""m: half the width of the patch that stands for a plane."""
+
+LINE: RGBA = (0.25, 0.25, 0.28, 1.0)
+
+OBSTACLES = ("surface", "object")
+"""Roles of what stands about the vehicle."""
+
+WAY = np.linspace(0.03, 3.0, 100)
+"""m from a place towards the eye at which something may be in the way."""
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A line through places of the world at N instants: a rope, a cable, a path.
+
+    Attributes:
+        name: unique in the scene. places: (N, K, 3) m.
+    """
+
+    name: str
+    places: Array
+    rgba: RGBA = LINE
+
+
+@dataclass(frozen=True, slots=True)
+class Arrow:
+    """A force on the vehicle at N instants.
+
+    Attributes:
+        name: unique in the scene. spot: (N, 3) m, where it acts. force: (N, 3) N. World axes.
+    """
+
+    name: str
+    spot: Array
+    force: Array
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Scene:
+    """Shapes of one part, or of all, at N instants.
+
+    Attributes:
+        solids: in the world. lines, arrows: in the world. attached: shapes on the vehicle's bodies.
+        ground: height of the ground, m; None where nothing says it.
+    """
+
+    solids: tuple[Solid, ...] = ()
+    lines: tuple[Line, ...] = ()
+    arrows: tuple[Arrow, ...] = ()
+    attached: tuple[Shape, ...] = ()
+    ground: float | None = None
+
+    @property
+    def obstacles(self) -> tuple[Solid, ...]:
+        """Solids that may hide the vehicle from an eye."""
+        return tuple(each for each in self.solids if each.shape.role in OBSTACLES)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Instants:
+    """Instants of a flight at which its parts are drawn.
+
+    Attributes:
+        vehicle: the plant's, with concrete numbers.
+        times: (N,) s.
+        position, quaternion, joints: (N, 3) m, (N, 4) wxyz and (N, n) of the vehicle.
+        numbers: array -> (N, k), the columns that the asked part declares and logs.
+        around: (3,) m, place of what happens. patch: half the width of what stands for a plane without an end, m.
+    """
+
+    vehicle: Vehicle
+    times: Array
+    position: Array
+    quaternion: Array
+    joints: Array
+    numbers: Mapping[str, Array] = field(default_factory=dict)
+    around: Array = field(default_factory=lambda: np.zeros(3))
+    patch: float = PATCH
+
+    @cached_property
+    def poses(self) -> Poses:
+        """Body -> R_WB (N, 3, 3) and p_WB (N, 3); ``BASE`` is the base."""
+        return body_poses(self.vehicle, self.position, self.quaternion, self.joints)
+
+    def place(self, point: Iterable[Any] = (0.0, 0.0, 0.0), body: int = BASE) -> Array:
+        """A point (m, axes of a body) in the world, (N, 3) m."""
+        R, p = self.poses[body]
+        return np.asarray(p + R @ np.array([float(c) for c in point]))
+
+
+def scene_in_log(components: Sequence[Component], seen: Instants, logged: Callable[[str], Array]) -> Scene:
+    """The scene of a flight at some instants of its log.
+
+    Args:
+        components: of the scenario, with concrete numbers.
+        seen: the instants, without numbers of a part.
+        logged: array -> its columns (N, k) of all parts at these instants; (N, 0) of one that there is not.
+    """
+    return _scene((part, replace(seen, numbers=own)) for part, own in _own_columns(components, logged))
+
+
+def scene_now(components: Sequence[Component], memories: Sequence[Any], seen: Instants, motion: PointMotion) -> Scene:
+    """The scene at one instant of a flight that goes on.
+
+    Args:
+        components: of the scenario.
+        memories: one for each.
+        seen: the instant.
+        motion: of the vehicle then.
+    """
+    parts = []
+    for part, memory in zip(components, memories, strict=True):
+        if has_shapes(part):
+            own: dict[str, list[float]] = {}
+            for column, number in zip(part.columns, part.logged(memory, motion), strict=True):
+                own.setdefault(column[0], []).append(float(number))
+            parts.append((part, replace(seen, numbers={name: np.array([row]) for name, row in own.items()})))
+    return _scene(parts)
+
+
+def instant_of(motion: PointMotion, time: float, around: Array) -> Instants:
+    """The instant (s) of a motion; planes are drawn about a place (3,), m."""
+    state = motion.state
+    position, quaternion, joints = (
+        np.array([[float(c) for c in each]]) for each in (state.position, state.quaternion, state.joints)
+    )
+    return Instants(
+        vehicle=motion.vehicle, times=np.array([time]), position=position, quaternion=quaternion, joints=joints,
+        around=around,
+    )  # fmt: skip
+
+
+def first_memories(components: Sequence[Component], period: float) -> list[Any]:
+    """Memories before the first period (s), of random numbers in the middle of their range."""
+    return [part.start(period, [0.5] * (2 * part.uniforms)) for part in components]
+
+
+def has_shapes(part: Component) -> bool:
+    """Return True if a part is drawn; all others cost nothing."""
+    return type(part).shapes is not Component.shapes
+
+
+def _own_columns(
+    components: Sequence[Component], logged: Callable[[str], Array]
+) -> Iterator[tuple[Component, Mapping[str, Array]]]:
+    """Parts that are drawn, each with its own columns; one whose columns the log lacks is left out."""
+    begins: dict[str, int] = {}
+    for part in components:
+        own: dict[str, int] = {}
+        for column in part.columns:
+            own[column[0]] = own.get(column[0], 0) + 1
+        if has_shapes(part):
+            found = {name: logged(name)[:, begins.get(name, 0) :][:, :count] for name, count in own.items()}
+            if all(found[name].shape[1] == count for name, count in own.items()):
+                yield part, found
+        for name, count in own.items():
+            begins[name] = begins.get(name, 0) + count
+
+
+def _scene(parts: Iterable[tuple[Component, Instants]]) -> Scene:
+    """The shapes of all parts together; the highest ground counts."""
+    scenes = [part.shapes(seen) for part, seen in parts]
+    solids = [solid for each in scenes for solid in each.solids]
+    lines = [line for each in scenes for line in each.lines]
+    of_solids, of_lines = (distinct(names) for names in ([s.shape.name for s in solids], [s.name for s in lines]))
+    return Scene(
+        solids=tuple(replace(s, shape=replace(s.shape, name=name)) for s, name in zip(solids, of_solids, strict=True)),
+        lines=tuple(replace(line, name=name) for line, name in zip(lines, of_lines, strict=True)),
+        arrows=tuple(arrow for each in scenes for arrow in each.arrows),
+        attached=tuple(shape for each in scenes for shape in each.attached),
+        ground=max((each.ground for each in scenes if each.ground is not None), default=None),
+    )
+
+
+def hidden_share(solids: Iterable[Solid], places: Array, towards: Array) -> float:
+    """Share of the instants at which a place is hidden from an eye.
+
+    Args:
+        solids: at N instants.
+        places: (N, 3) m, world axes.
+        towards: (3,) unit vector from the place to the eye.
+    """
+    ways = places[:, None] + WAY[:, None] * towards
+    behind = np.zeros(len(places), bool)
+    for solid in solids:
+        local = np.einsum("kwi,kij->kwj", ways - solid.position[:, None], solid.rotation)
+        behind |= inside(solid, local).any(axis=1)
+    return float(behind.mean())
+
+
+def inside(solid: Solid, places: Array) -> npt.NDArray[np.bool_]:
+    """Return True for places (..., 3) inside a solid, in its axes; of a patch, below it; a hole counts as filled."""
+    kind, size, height = solid.shape.kind, np.array(solid.shape.size), places[..., 2]
+    across = np.linalg.norm(places[..., :2], axis=-1)
+    found: Any
+    if kind == "patch":
+        found = (np.abs(places[..., :2]) < size).all(axis=-1) & (height < 0.0)
+    elif kind == "box":
+        found = (np.abs(places) < size).all(axis=-1)
+    elif kind == "hole":
+        found = (across < size[3]) & (height < 0.0) & (height > -size[4])
+    elif kind == "cylinder":
+        found = (across < size[0]) & (np.abs(height) < 0.5 * size[1])
+    else:
+        found = np.linalg.norm(places, axis=-1) < size[0]
+    return np.asarray(found)
