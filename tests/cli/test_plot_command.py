@@ -94,7 +94,7 @@ def test_a_sweep_is_drawn_over_an_expression(folder: Path) -> None:
 
     fly(folder / "rows", episodes=12, duration=0.3, windows={"steady": [0.1, 0.3]})
     drawn = ("plot", "rows", "-o", "a.png", "--metric", "ee_error_mean", "--over")
-    done = skyarm(*drawn, f"push = {WIND} / {MASS}", "--by", "sensors.position")
+    done = skyarm(*drawn, f"push = {WIND} / {MASS}")
     assert done.code == 0, done.err
     assert (folder / "a.png").read_bytes().startswith(b"\x89PNG")
     refused(skyarm(*drawn, f"{WIND}("), "over = ", "must not be called")

@@ -34,7 +34,6 @@ def check(
     ],
     payload: Annotated[float, typer.Option(help="kg held at the tip")] = 0.0,
     poses: Annotated[int, typer.Option("--arm-poses", help="sampled arm poses")] = 1024,
-    seed: Annotated[int, typer.Option(help="of the poses")] = 0,
     gravity: Annotated[float | None, typer.Option(help="m/s^2, for a vehicle; 9.81 if left out")] = None,
 ) -> None:
     """Check whether a vehicle can fly, and why not.
@@ -42,7 +41,7 @@ def check(
     Thrust, torques, joint limits, workspace, largest payload and wind, units that look wrong; of a scenario also its
     reference against limits. Exit code 1 if a fault was found.
     """
-    options: dict[str, Any] = {"payload": payload, "poses": poses, "seed": seed}
+    options: dict[str, Any] = {"payload": payload, "poses": poses}
     with waiting(f"{what}: checking"):
         if not is_scenario(what):
             found = assess_vehicle(load_vehicle(what), gravity=9.81 if gravity is None else gravity, **options)

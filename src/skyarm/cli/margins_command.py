@@ -24,16 +24,15 @@ if TYPE_CHECKING:
     from skyarm.studies.stability.along import Evidence, Instant, Locus
     from skyarm.studies.stability.disk_margins import LoopMargin
 
-GAINS = {"rotor_gain": "rotors", "one_rotor": "one rotor", "joint_gain": "joints", "one_joint": "one joint"}
+GAINS = {"rotor_gain": "rotors", "joint_gain": "joints"}
 """Field of the margins -> head of its column."""
 
 NOTE = """\
 max |z|: spectral radius; slowest: largest real part of a rate, 1/s; delay:
 further dead time it bears, ms; rotors, joints: factors on the actuators'
-effect it bears, common to all of them, or (one) on that of any single rotor
-or joint, the others as they are. The worse of two linearisations, with the
-rotors' time constant upward and with that downward. Instants along a flight
-are frozen in time, and no proof that it is stable."""
+effect it bears, common to all of them. The worse of two linearisations, with
+the rotors' time constant upward and with that downward. Instants along a
+flight are frozen in time, and no proof that it is stable."""
 
 LOOP_HEAD = ("weakest loop", "disk", "gain", "phase", "rad/s", "delay", "together")
 

@@ -35,7 +35,6 @@ def plot(
     over: Annotated[
         str | None, typer.Option(metavar="NUMBER", help="of a sweep: a varied number, or an expression")
     ] = None,
-    by: Annotated[str | None, typer.Option(metavar="NUMBER", help="of a sweep: curves for each of its values")] = None,
 ) -> None:
     """Draw flights, or curves of a sweep's metrics.
 
@@ -45,7 +44,7 @@ def plot(
     folders = [name for name in flights if name and Path(name).is_dir()]
     if folders and len(flights) > 1:
         raise ValueError(f"folder = {shown(folders[0])}: must stand alone; a picture is of one sweep, or of flights")
-    of_sweeps = {"--metric": metric, "--over": over, "--by": by}
+    of_sweeps = {"--metric": metric, "--over": over}
     for option, value in ({"--kind": kind, "--window": window} if folders else of_sweeps).items():
         if value is not None:
             where = "logs of flights, and this is a folder" if folders else "a folder that 'skyarm sweep' wrote"
@@ -60,7 +59,7 @@ def plot(
         from skyarm.view.figures.study_figures import plot_sweep
 
         target = picture_file(file, "--out")
-        plot_sweep(folders[0], metric, over, target, by=by)
+        plot_sweep(folders[0], metric, over, target)
     give(picture=target)
     tell(f"picture: {target}")
 

@@ -37,9 +37,9 @@ def test_an_arm_takes_some_of_it(highest):
     """Two links on a planar arm: centres of mass by hand. Slow rotors come to their highest speed before they stop."""
     rotors = tuple(dataclasses.replace(rotor, max_speed=highest) for rotor in HEXA.rotors)
     vehicle = lopsided(dataclasses.replace(ARM, rotors=rotors)).with_payload(0.3)
-    (worst,) = sideways_reach(arm_poses(vehicle, 16, 0))
+    (worst,) = sideways_reach(arm_poses(vehicle, 16))
     here = np.array([[0.9, -0.4]])
-    (found,) = sideways_reach(dataclasses.replace(arm_poses(vehicle, 16, 0), joints=here))
+    (found,) = sideways_reach(dataclasses.replace(arm_poses(vehicle, 16), joints=here))
     assert worst.value < found.value
     assert found.joints == (0.9, -0.4)
     total, point, angle = np.array([0.0, 0.0, 0.0]), np.zeros(2), 0.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from skyarm.studies.stability import OpenLoop
+from skyarm.studies.stability.closed_loop import OpenLoop
 
 KP, KD, T = 160.0, 18.0, 0.005
 

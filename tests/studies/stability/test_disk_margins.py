@@ -11,8 +11,8 @@ import pytest
 from hand_made import double_integrator
 from scipy import linalg, optimize
 
-from skyarm.studies.stability import OpenLoop, margins
-from skyarm.studies.stability.closed_loop import close_loop, gains
+from skyarm.studies.stability import margins
+from skyarm.studies.stability.closed_loop import OpenLoop, close_loop, gains
 from skyarm.studies.stability.disk_margins import upper_bound
 from skyarm.studies.stability.loop_channels import numbered_channels
 

@@ -25,7 +25,7 @@ def test_a_loop_that_is_unstable_as_it_is_has_no_margin_to_either_side(factor):
     loop = with_gain(factor)
     assert radius(loop) > EDGE
     found = margins(loop)
-    assert (found.rotor_gain, found.one_rotor, found.delay) == ((1.0, 1.0), (1.0, 1.0), 0.0)
+    assert (found.rotor_gain, found.joint_gain, found.delay) == ((1.0, 1.0), (1.0, 1.0), 0.0)
 
 
 @pytest.mark.parametrize("factor", [0.999 * HIGHEST, 0.5 * HIGHEST, 1.0])

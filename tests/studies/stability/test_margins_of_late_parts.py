@@ -59,8 +59,8 @@ def test_a_further_delay_is_of_both_and_the_later_axis_has_the_smaller_margin():
         assert margins(apart(rotors, joints)).delay == pytest.approx(bare - 0.012, abs=1e-5)
     found = margins(apart(0.012, 0.0))
     alone = margins(double_integrator(delay=0.012))
-    assert found.one_rotor[1] == pytest.approx(alone.rotor_gain[1], rel=3e-4)
-    assert found.one_joint[1] == pytest.approx(margins(double_integrator()).rotor_gain[1], rel=3e-4)
+    assert found.rotor_gain[1] == pytest.approx(alone.rotor_gain[1], rel=3e-4)
+    assert found.joint_gain[1] == pytest.approx(margins(double_integrator()).rotor_gain[1], rel=3e-4)
     assert T == 0.005
 
 

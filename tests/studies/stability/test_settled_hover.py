@@ -39,7 +39,7 @@ def test_each_set_has_the_margins_of_a_controller_made_with_it(scenario, hovers)
         assert one is not None
         assert one.delay == pytest.approx(alone.delay, rel=1e-6)
         assert one.swings == pytest.approx(alone.swings, rel=1e-6)
-        assert one.gain("one_joint") == pytest.approx(alone.gain("one_joint"), rel=1e-6)
+        assert one.gain("joint_gain") == pytest.approx(alone.gain("joint_gain"), rel=1e-6)
         several = [next(e for e in each.by_lag["up"].together if e.name == "all commands") for each in (one, alone)]
         assert several[0].disk == pytest.approx(several[1].disk, rel=1e-6)
     assert found[0].delay != pytest.approx(found[1].delay, rel=1e-3)
@@ -49,7 +49,7 @@ def test_a_hover_that_diverges_has_no_margins(hovers):
     values = {PATHS[0]: np.array([math.nan, -50.0]), PATHS[1]: np.array([1.0, -900.0])}
     none, unstable = hovers.margins(values)
     assert none is None
-    assert (unstable.delay, unstable.gain("one_joint")) == (0.0, (1.0, 1.0))
+    assert (unstable.delay, unstable.gain("joint_gain")) == (0.0, (1.0, 1.0))
 
 
 @pytest.mark.thorough

@@ -16,8 +16,6 @@ from skyarm.studies.sweep.banded_curves import (
     PER_CELL,
     BandedCurve,
     BandedCurves,
-    Variable,
-    _classes,
     _curve,
     banded_curves,
     variable,
@@ -89,44 +87,11 @@ def test_an_expression_is_a_variable(folder: Path) -> None:
     assert (variable(there, MASS, "over").words, variable(there, MASS, "over").unit) == ("base mass (plant)", "kg")
 
 
-def test_classes_are_values_or_thirds(folder: Path) -> None:
-    there, rows = Rows(folder), read(folder)["paper_ct"]
-    by_value = banded_curves(there, METRIC, MASS, by=LOADS)
-    assert [curve.by for curve in by_value.curves[:3]] == ["0", "0.05", "0.1"]
-    assert [int(curve.episodes.sum()) for curve in by_value.curves[:3]] == [
-        int((rows[LOADS] == value).sum()) for value in (0.0, 0.05, 0.1)
-    ]
-    thirds = banded_curves(there, METRIC, LOADS, by=WIND).curves[:3]
-    assert [int(curve.episodes.sum()) for curve in thirds] == [40, 40, 40]
-    low, high = np.quantile(rows[WIND], (1 / 3, 2 / 3))
-    assert thirds[1].by == f"{low:.3g} to {high:.3g}"
-
-
-@pytest.mark.parametrize("scale", [1.0, 1e-6], ids=["far apart", "alike in four digits"])
-def test_classes_whose_values_are_alike_are_told_apart(folder: Path, scale: float) -> None:
-    there = Rows(folder)
-    few = banded_curves(there, METRIC, MASS, by=f"1 + {scale} * {LOADS}").curves[:3]
-    assert len({curve.by for curve in few}) == 3
-    assert sum(int(curve.episodes.sum()) for curve in few) == there.episodes
-    assert [float(curve.by) for curve in few] == pytest.approx([1.0, 1.0 + 0.05 * scale, 1.0 + 0.1 * scale], rel=1e-9)
-    wind = f"1000 + {scale} * {WIND}"
-    thirds = [curve for curve in banded_curves(there, METRIC, MASS, by=wind).curves if curve.controller == "paper_ct"]
-    assert len({curve.by for curve in thirds}) == 3
-    assert sum(int(curve.episodes.sum()) for curve in thirds) == there.episodes
-
-
-def test_a_third_in_which_nothing_lies_has_no_curve() -> None:
-    values = np.array([0.0] * 60 + [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0])
-    classes = _classes(Variable(words="load", values=values))
-    assert list(classes) == ["0 to 7"]
-    assert all(inside.all() for inside in classes.values())
-
-
 @pytest.mark.parametrize(("count", "banded"), [(1, False), (FEWEST_OF_BAND - 1, False), (FEWEST_OF_BAND, True)])
 def test_few_flights_have_a_middle_and_no_band(count: int, banded: bool) -> None:
     columns = {"m": np.arange(count) + 1.0, "status": np.array(["completed"] * count)}
     rows: Any = SimpleNamespace(of=lambda _law, name: columns[name])
-    curve = _curve(rows, "m", "law", "", np.ones(count, dtype=bool), np.full(count, 3.0))
+    curve = _curve(rows, "m", "law", np.full(count, 3.0))
     cells = np.isfinite(curve.low)
     assert np.isfinite(curve.middle).all()
     assert cells.all() if banded else not cells.any()
@@ -166,22 +131,10 @@ def test_the_picture_shows_the_curves_and_the_lost_ones(folder: Path, tmp_path: 
     assert words == ["paper_ct", "paper_pd", "median of completed, band 5 to 95 %"]
 
 
-def test_several_laws_by_a_number_stand_side_by_side_and_one_law_in_one_panel(folder: Path) -> None:
-    figure = plot_sweep(folder, METRIC, MASS, by=LOADS)
-    titles = [ax.get_title() for ax in figure.axes[:3]]
-    assert titles == [f"payload mass (plant)\n{value} kg" for value in ("0", "0.05", "0.1")]
-    found = banded_curves(Rows(folder), METRIC, MASS, by=LOADS)
-    kept = [curve for curve in found.curves if curve.controller == "paper_ct"]
-    one = metric_figure([_with(found, kept)])
-    assert len(one.axes) == 2
-    assert list(lines(one.axes[0])) == [f"payload mass (plant) = {value} kg" for value in ("0", "0.05", "0.1")]
-
-
 def _with(found: BandedCurves, curves: list[BandedCurve]) -> BandedCurves:
     return BandedCurves(
         metric=found.metric,
         over=found.over,
-        by=found.by,
         curves=tuple(curves),
     )
 
@@ -191,7 +144,6 @@ def test_where_nothing_was_lost_no_panel_says_so(folder: Path) -> None:
     whole = [
         BandedCurve(
             controller=c.controller,
-            by="",
             x=c.x,
             middle=c.middle - 1.0,
             low=c.low - 1.0,
@@ -215,7 +167,7 @@ def test_where_nothing_was_lost_no_panel_says_so(folder: Path) -> None:
         ({"over": f"x = {MASS} / 0"}, "must not divide by zero"),
         ({"over": f"sqrt({LOADS} - 1)"}, "must take the root of a number of at least 0"),
         ({"over": f"x = {MASS}.__class__"}, "must be a named number"),
-        ({"by": "eval(1)"}, "by = 'eval(1)': at 1: 'eval' must not be called"),
+        ({"over": "eval(1)"}, "over = 'eval(1)': at 1: 'eval' must not be called"),
         ({"metrics": []}, "metrics = 0: must be 1 to 6 in one picture"),
         ({"file": "curves.txt"}, "file = 'curves.txt': suffix 'txt': must be one of png, svg, pdf"),
     ],

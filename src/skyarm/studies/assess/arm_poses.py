@@ -167,7 +167,7 @@ class ArmPoses:
         vehicle: with what it holds. held: that in words, as " with 0.3 kg"; empty without a load.
         low, high: (n,) rad or m: the limits; at most one turn, and 1 m to either side where there is none.
         joints: (count, n) the poses: zero (or the nearest within limits), corners, and Sobol points.
-        gravity: m/s^2. seed: of the points' random shift and of the local search.
+        gravity: m/s^2.
         searched: whether the search may leave the sampled poses.
     """
 
@@ -176,7 +176,6 @@ class ArmPoses:
     high: Array
     joints: Array
     gravity: float
-    seed: int = 0
     held: str = ""
     searched: bool = True
 
@@ -214,7 +213,7 @@ class ArmPoses:
         least, best = values[np.arange(len(values)), at], self.joints[at]
         if not self.searched or not self.joints.shape[1] or self.joints.shape[0] < 2:
             return least, best
-        rng, spread, count = np.random.default_rng(self.seed), 0.1, len(values)
+        rng, spread, count = np.random.default_rng(0), 0.1, len(values)
         for _ in range(ROUNDS):
             steps = spread * (self.high - self.low) * rng.normal(size=(AROUND, len(self.low)))
             near = np.clip(best[:, None] + steps, self.low, self.high)
@@ -236,32 +235,29 @@ def in_parts(quantities: Quantities, joints: Array) -> Array:
     return np.concatenate(parts, axis=1)
 
 
-def arm_poses(vehicle: Vehicle, count: int = POSES, seed: int = 0, gravity: float = GRAVITY) -> ArmPoses:
+def arm_poses(vehicle: Vehicle, count: int = POSES, gravity: float = GRAVITY) -> ArmPoses:
     """Poses of a vehicle's arm; a vehicle without joints has one.
 
     Args:
         vehicle: its joints' limits.
         count: sampled poses beside zero and the corners.
-        seed: shifts the points (Cranley and Patterson 1976).
         gravity: m/s^2.
 
     Raises:
-        ValueError: one line: a count or a seed outside of what is allowed.
+        ValueError: one line: a count outside of what is allowed.
     """
     if not 1 <= count <= MOST_POSES:
         raise ValueError(f"--arm-poses = {count}: must be from 1 to {MOST_POSES}")
-    if not 0 <= seed < 2**32:
-        raise ValueError(f"--seed = {seed}: must be from 0 to 2**32 - 1")
     ranges = np.array([joint_range(link.joint) for link in vehicle.links]).reshape(-1, 2)
     low, high = ranges[:, 0], ranges[:, 1]
     n = vehicle.n
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     joints = np.clip(np.zeros((1, n)), low, high)
     if n:
         unit = np.stack([_coordinates(count, i, rng) for i in range(n)], axis=1)
         corners = np.array(np.meshgrid(*[(0.0, 1.0)] * n)).reshape(n, -1).T if n <= CORNERS else np.zeros((0, n))
         joints = np.vstack([joints, low + (high - low) * np.vstack([corners, unit])])
-    return ArmPoses(vehicle=vehicle, low=low, high=high, joints=joints, gravity=gravity, seed=seed).of(vehicle)
+    return ArmPoses(vehicle=vehicle, low=low, high=high, joints=joints, gravity=gravity).of(vehicle)
 
 
 def joint_range(joint: Joint) -> tuple[float, float]:

@@ -84,7 +84,7 @@ class Assessment:
 
     Attributes:
         name: of what was asked about. vehicle: the one that flies. gravity: m/s^2. payload: kg at the tip.
-        poses: how many arm poses were sampled. seed: of them. findings: in the order of the questions.
+        poses: how many arm poses were sampled. findings: in the order of the questions.
     """
 
     name: str
@@ -92,7 +92,6 @@ class Assessment:
     gravity: float
     payload: float
     poses: int
-    seed: int
     findings: tuple[Finding, ...]
 
     @property
@@ -113,14 +112,11 @@ class Assessment:
             "gravity_m_s2": self.gravity,
             "payload_kg": self.payload,
             "arm_poses": self.poses,
-            "seed": self.seed,
             "findings": [each.plain() for each in self.findings],
         }
 
 
-def assess_vehicle(
-    vehicle: Vehicle, *, gravity: float = 9.81, payload: float = 0.0, poses: int = POSES, seed: int = 0
-) -> Assessment:
+def assess_vehicle(vehicle: Vehicle, *, gravity: float = 9.81, payload: float = 0.0, poses: int = POSES) -> Assessment:
     """Ask everything about a vehicle.
 
     Args:
@@ -128,7 +124,6 @@ def assess_vehicle(
         gravity: m/s^2.
         payload: kg, a point mass at the tip.
         poses: sampled arm poses.
-        seed: of the poses and the local search.
 
     Raises:
         ValueError: one line: an argument outside of what is allowed.
@@ -139,19 +134,17 @@ def assess_vehicle(
         raise ValueError(
             f"--payload = {payload:g}: must be left out: vehicle '{vehicle.name}' has no tip (end_effector)"
         )
-    findings = tuple(_of_vehicle(arm_poses(vehicle, poses, seed, gravity), payload))
-    return Assessment(vehicle.name, vehicle, gravity, payload, poses, seed, findings)
+    findings = tuple(_of_vehicle(arm_poses(vehicle, poses, gravity), payload))
+    return Assessment(vehicle.name, vehicle, gravity, payload, poses, findings)
 
 
-def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = POSES, seed: int = 0) -> Assessment:
+def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = POSES) -> Assessment:
     """Ask everything about the vehicle of a scenario's plant, and the reference against its limits.
 
     Raises:
         ValueError: as :func:`assess_vehicle`.
     """
-    about = assess_vehicle(
-        scenario.plant.vehicle, gravity=float(scenario.plant.gravity), payload=payload, poses=poses, seed=seed
-    )
+    about = assess_vehicle(scenario.plant.vehicle, gravity=float(scenario.plant.gravity), payload=payload, poses=poses)
     try:
         along = [*along_reference(scenario), *push_limits(scenario)]
     except AllocationError:  # said by the vehicle's own findings
@@ -160,7 +153,7 @@ def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = PO
     findings = (*about.findings, *warnings_of_scenario(scenario), *aloft, *along)
     if worst_level(findings) != FAULT:  # what cannot fly has no loop to ask about
         findings = (*findings, *delay_margin(scenario))
-    return Assessment(scenario.name, about.vehicle, about.gravity, payload, poses, seed, findings)
+    return Assessment(scenario.name, about.vehicle, about.gravity, payload, poses, findings)
 
 
 def _of_vehicle(poses: ArmPoses, payload: float) -> list[Finding]:

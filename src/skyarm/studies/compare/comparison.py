@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 from skyarm.studies.compare.cells import Cell, Flights
 from skyarm.studies.compare.comparison_report import TRACKING, comparison_report, value
 from skyarm.studies.compare.entrants import ENTRANTS, Entrant
-from skyarm.studies.compare.run_suite import DPI, Record, Refused, Suite
+from skyarm.studies.compare.run_suite import DPI, Document, Record, Refused, Suite
 from skyarm.studies.compare.suite import CASES, Condition, conditions
 from skyarm.studies.compare.summary import pairs, table
 from skyarm.view.figures.comparison_figures import Share, laws_figure
@@ -25,7 +24,7 @@ BRIEF, WIDEST = ("step", "part"), "case3_wind"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Comparison(Suite):
+class Comparison(Suite[Flights]):
     """The suite of all laws.
 
     Attributes:
@@ -40,7 +39,7 @@ class Comparison(Suite):
     name, file = SUITE, "results"
 
     @property
-    def options(self) -> dict[str, Any]:
+    def options(self) -> Document:
         """Laws, flights of each condition, seed and plant."""
         flights = {name: each.episodes for name, each in self.conditions.items()}
         return {"laws": list(self.entrants), "conditions": flights, "seed": self.seed, "plant": self.plant}
@@ -59,7 +58,7 @@ class Comparison(Suite):
         """Every cell; no law is refused."""
         return self.flights(), {}
 
-    def judge(self, todo: Sequence[Flights], cells: Sequence[Cell], refused: Refused) -> dict[str, Any]:
+    def judge(self, todo: Sequence[Flights], cells: Sequence[Cell], refused: Refused) -> Document:
         """Summaries, and differences from the first law."""
         named = {flights.name: cell for flights, cell in zip(todo, cells, strict=True)}
         return {"summaries": table(named), "paired": pairs(named)}

@@ -5,20 +5,18 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from skyarm.log.metrics.interaction import BAND
 from skyarm.records.files import versions
-from skyarm.studies.compare.cells import Cell
+from skyarm.studies.compare.cells import Array, Cell
 from skyarm.studies.compare.contact_tasks import Task
-from skyarm.studies.compare.run_suite import Record
+from skyarm.studies.compare.run_suite import Document, Record
 from skyarm.studies.sweep.intervals import wilson
 from skyarm.view.pages import DASH, Report, Section, Table, number
 
-Array = npt.NDArray[Any]
 Flags = npt.NDArray[np.bool_]
 
 HELD = 0.9
@@ -78,7 +76,7 @@ def lacks(task: Task, cell: Cell, weight: float, phases: int) -> dict[str, Flags
     return found
 
 
-def cell_record(task: Task, cell: Cell, weight: float, phases: int, delays: Array) -> dict[str, Any]:
+def cell_record(task: Task, cell: Cell, weight: float, phases: int, delays: Array) -> Document:
     """A cell as plain data: success with its interval, causes, and medians over flights that came to their end.
 
     Args:
@@ -95,7 +93,7 @@ def cell_record(task: Task, cell: Cell, weight: float, phases: int, delays: Arra
             causes[str(cell.status[k]) if word == "lost" and not cell.completed[k] else word] += 1
         bad |= flags
     count, good = len(bad), int((~bad).sum())
-    found: dict[str, Any] = {"flights": count, "successes": good, "success_rate": good / count}
+    found: Document = {"flights": count, "successes": good, "success_rate": good / count}
     found["success_interval"] = list(wilson(good, count))
     soon = np.asarray(delays) <= SOON
     found["soon"] = {"flights": int(soon.sum()), "successes": int((soon & ~bad).sum())}

@@ -6,23 +6,19 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.control.controller import ControllerError
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.compare.cells import ONE_BY_ONE, Cell, Flights
+from skyarm.studies.compare.cells import ONE_BY_ONE, Array, Cell, Flights
 from skyarm.studies.compare.contact_report import CONDITIONS, METRICS, cell_record, contact_report
 from skyarm.studies.compare.contact_tasks import FLAGSHIP, LAWS, TASKS, Task, flies_its_own, scenario_of
 from skyarm.studies.compare.contact_worlds import Worlds, draw_worlds
 from skyarm.studies.compare.entrants import Entrant
-from skyarm.studies.compare.run_suite import Record, Refused, Suite
+from skyarm.studies.compare.run_suite import Document, Record, Refused, Suite
 from skyarm.studies.compare.suite import Case, Condition
 from skyarm.view.pages import Report
-
-Array = npt.NDArray[Any]
 
 CONTACT = "contact-suite"
 
@@ -90,7 +86,7 @@ def worlds_of(task: str, count: int, seed: int) -> Worlds:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ContactSuite(Suite):
+class ContactSuite(Suite[ContactFlights]):
     """The suite of tasks in contact.
 
     Attributes:
@@ -107,7 +103,7 @@ class ContactSuite(Suite):
     name, file = CONTACT, "contact"
 
     @property
-    def options(self) -> dict[str, Any]:
+    def options(self) -> Document:
         """Worlds, seed and plant."""
         return {"worlds": self.worlds, "seed": self.seed, "plant": self.plant}
 
@@ -142,14 +138,13 @@ class ContactSuite(Suite):
                 refused[f"{each.entrant.name} in {each.case.name}"] = str(error)
         return flown, refused
 
-    def judge(self, todo: Sequence[Flights], cells: Sequence[Cell], refused: Refused) -> dict[str, Any]:
+    def judge(self, todo: Sequence[ContactFlights], cells: Sequence[Cell], refused: Refused) -> Document:
         """Success, causes and numbers by task, condition and law."""
-        tasks: dict[str, Any] = {}
+        tasks: Document = {}
         for flights, cell in zip(todo, cells, strict=True):
-            assert isinstance(flights, ContactFlights)
             condition, name, law = flights.name
             if name not in tasks:
-                empty: dict[str, Any] = {each: {} for each in CONDITIONS}
+                empty: Document = {each: {} for each in CONDITIONS}
                 tasks[name] = {"title": flights.task.title, **flights.worlds().plain(), "conditions": empty}
             scenario = flights.scenario()
             tasks[name]["conditions"][condition][law] = cell_record(

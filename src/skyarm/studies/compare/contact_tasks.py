@@ -17,8 +17,7 @@ from skyarm.records.registry.shipped import TUNED as TUNED_GAINS
 from skyarm.scenario.controller_table import controller_by_name
 from skyarm.scenario.scenario_file import LIBRARY, scenario_from
 from skyarm.scenario.scenario_record import Delays, Scenario
-from skyarm.studies.compare.suite import NOISE
-from skyarm.world import ForceWind
+from skyarm.studies.compare.suite import NOISE, force_wind
 
 Range = tuple[float, float]
 
@@ -160,10 +159,9 @@ def scenario_of(task: Task, law: str, *, noisy: bool, plant: str = "rigid_body",
     if task.push and not presses(found.controller.par):
         led = scenario_from(as_positions(task, document))
         found = led.with_words(controller=found.controller)
-    wind = found.wind if isinstance(found.wind, ForceWind) else ForceWind()
     return found.with_words(
         name=task.name,
-        wind=wind,
+        wind=force_wind(found),
         noise=NOISE if noisy else found.noise,
         delays=Delays(longest_command=DELAY),
         seed=seed,

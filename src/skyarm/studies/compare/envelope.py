@@ -8,16 +8,14 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.control.controller import ControllerError
 from skyarm.log.metrics.windows import Window, Windows
 from skyarm.scenario.controller_table import controller_by_name
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.compare.cells import ONE_BY_ONE, Cell, Flights
+from skyarm.studies.compare.cells import ONE_BY_ONE, Array, Cell, Flights
 from skyarm.studies.compare.entrants import Entrant
 from skyarm.studies.compare.envelope_axes import AXES, OUTSIDE, OVERSHOOT, PLANTS, Axis, plants_at
 from skyarm.studies.compare.envelope_report import (
@@ -27,11 +25,9 @@ from skyarm.studies.compare.envelope_report import (
     points_of,
 )
 from skyarm.studies.compare.envelope_setting import DURATION, PAPER, Setting, setting_of
-from skyarm.studies.compare.run_suite import Record, Refused, Suite
+from skyarm.studies.compare.run_suite import Document, Record, Refused, Suite
 from skyarm.studies.compare.suite import Case, Condition
 from skyarm.view.pages import Report
-
-Array = npt.NDArray[Any]
 
 ENVELOPE = "envelope-suite"
 
@@ -139,7 +135,7 @@ def axis_flights(
 
 
 @dataclass(frozen=True, kw_only=True)
-class Envelope(Suite):
+class Envelope(Suite[AxisFlights]):
     """The suite of trials along axes.
 
     Attributes:
@@ -157,7 +153,7 @@ class Envelope(Suite):
     name, file = ENVELOPE, "envelope"
 
     @property
-    def options(self) -> dict[str, Any]:
+    def options(self) -> Document:
         """All but laws and axes."""
         return {"vehicle": self.vehicle, "seed": self.seed, "plant": self.plant, "quick": self.quick}
 
@@ -190,11 +186,10 @@ class Envelope(Suite):
                 found = [each for each in found if each.entrant.name != law]
         return found, refused
 
-    def judge(self, todo: Sequence[Flights], cells: Sequence[Cell], refused: Refused) -> dict[str, Any]:
+    def judge(self, todo: Sequence[AxisFlights], cells: Sequence[Cell], refused: Refused) -> Document:
         """Points of every law along every axis."""
-        axes: dict[str, Any] = {name: axis_record(self.axis(name), self.setting) for name in self.flyable_axes}
+        axes: Document = {name: axis_record(self.axis(name), self.setting) for name in self.flyable_axes}
         for flights, cell in zip(todo, cells, strict=True):
-            assert isinstance(flights, AxisFlights)
             points = points_of(cell, flights.axis, len(flights.points))
             axes[flights.case.name]["laws"].setdefault(flights.entrant.name, []).extend(points)
         laws = [law for law in self.laws if law not in refused]

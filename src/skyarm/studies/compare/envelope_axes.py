@@ -9,8 +9,6 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-import numpy.typing as npt
-
 from skyarm.algebra import E_X, Vec3
 from skyarm.dynamics.actuators.drive import LaggedTorque
 from skyarm.records.leaves import walk
@@ -19,7 +17,7 @@ from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.paths import LATE
 from skyarm.scenario.scenario_record import PERFECT_SENSORS, Delays, JointDrive, Scenario
 from skyarm.studies.compare.envelope_setting import PAPER, Setting
-from skyarm.studies.compare.perturbed_plants import Spread, draw, fitted_damping, spread_of
+from skyarm.studies.compare.perturbed_plants import Array, Spread, draw, fitted_damping, spread_of
 from skyarm.studies.compare.suite import DELAY, NOISE
 from skyarm.vehicle.vehicle_records import BodyDrag
 from skyarm.world import AirSignals, Disturbance, ForceWind, MovingAir
@@ -65,7 +63,6 @@ WIND_STEPS = {"x": ((0.0, 3.0, 1.0), (9.0, 12.0, -1.0)), "y": ((6.0, 9.0, 1.0),)
 """World axis -> (start, stop, share): +x, 0, +y, -x, 0, +z, each for 3 s."""
 
 Numbers = Mapping[str, float]
-Array = npt.NDArray[Any]
 
 
 @dataclass(frozen=True, kw_only=True)

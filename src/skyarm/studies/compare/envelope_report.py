@@ -12,7 +12,7 @@ from skyarm.records.files import versions
 from skyarm.studies.compare.cells import Cell
 from skyarm.studies.compare.envelope_axes import OUTSIDE, OVERSHOOT, TIP, TIP_MAX, Axis
 from skyarm.studies.compare.envelope_setting import Setting
-from skyarm.studies.compare.run_suite import Record
+from skyarm.studies.compare.run_suite import Document, Record
 from skyarm.view.figures.comparison_figures import envelope_figure
 from skyarm.view.figures.style import image_bytes
 from skyarm.view.pages import DASH, Report, Section, Table, image, number
@@ -33,7 +33,7 @@ JUDGED = {TIP: "tip, mean / largest", OVERSHOOT: "overshoot of the base; time wi
 """What the numbers of an axis are, in words."""
 
 
-def points_of(cell: Cell, axis: Axis, values: int | None = None) -> list[dict[str, Any]]:
+def points_of(cell: Cell, axis: Axis, values: int | None = None) -> list[Document]:
     """One record for each lane of a cell: errors in m, tilt in rad, the ending, whether the vehicle was lost.
 
     Of an axis of plants one for each of so many ``values``.
@@ -45,7 +45,7 @@ def points_of(cell: Cell, axis: Axis, values: int | None = None) -> list[dict[st
     return [point_of_plants(found[k : k + count]) for k in range(0, len(found), count)]
 
 
-def _lanes(cell: Cell, axis: Axis) -> list[dict[str, Any]]:
+def _lanes(cell: Cell, axis: Axis) -> list[Document]:
     found = []
     for k, status in enumerate(cell.status):
         numbers = {
@@ -60,14 +60,14 @@ def _finite(value: Any) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def point_of_plants(flights: Sequence[Record]) -> dict[str, Any]:
+def point_of_plants(flights: Sequence[Record]) -> Document:
     """One point from those of a value's plants.
 
     It is judged by the largest mean error of the plants that fly to their end, and lost where one plant is. Its mean
     is the median of the plants' means, all else the largest of theirs. ``plants`` has them one by one.
     """
     kept = [each for each in flights if not each["lost"]]
-    found: dict[str, Any] = {key: _over(kept, key, max) for key in ("judged", "tip_max", "outside")}
+    found: Document = {key: _over(kept, key, max) for key in ("judged", "tip_max", "outside")}
     found |= {"tip_mean": _over(kept, "tip_mean", np.median), "tilt": _over(flights, "tilt", max)}
     gone = [each["status"] for each in flights if each["lost"]]
     held = sum(each["tip_max"] <= NEAR for each in kept)
@@ -82,7 +82,7 @@ def _over(flights: Sequence[Record], key: str, how: Any) -> float | None:
     return found if math.isfinite(found) else None
 
 
-def axis_record(axis: Axis, setting: Setting) -> dict[str, Any]:
+def axis_record(axis: Axis, setting: Setting) -> Document:
     """An axis without its flights; values in the unit that is shown."""
     return {
         "title": axis.title,

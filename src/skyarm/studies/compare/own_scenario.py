@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from skyarm.control.catalogue import require_different
 from skyarm.records.files import versions
@@ -17,7 +16,7 @@ from skyarm.simulate.draws import draws_needed
 from skyarm.studies.compare.cells import Cell, Flights
 from skyarm.studies.compare.comparison_report import BASE, JOINT, TOOL, title_of
 from skyarm.studies.compare.entrants import Entrant
-from skyarm.studies.compare.run_suite import Record, Refused, Suite
+from skyarm.studies.compare.run_suite import Document, Record, Refused, Suite
 from skyarm.studies.compare.suite import Case, Condition
 from skyarm.studies.compare.summary import pairs, table
 from skyarm.view.pages import DASH, Report, Section, Table, number
@@ -53,7 +52,7 @@ class GivenFlights(Flights):
 
 
 @dataclass(frozen=True, kw_only=True)
-class OwnScenario(Suite):
+class OwnScenario(Suite[GivenFlights]):
     """The suite of laws on one scenario.
 
     Attributes:
@@ -76,7 +75,7 @@ class OwnScenario(Suite):
         return self.plan_cells()[0][0].case.name
 
     @property
-    def options(self) -> dict[str, Any]:
+    def options(self) -> Document:
         """Seed and plant."""
         return {"seed": self.seed, "plant": self.plant}
 
@@ -95,11 +94,11 @@ class OwnScenario(Suite):
         title = "the scenario as its file describes it"
         episodes = self.seeds if by_chance else 1
         condition = Condition(name=AS_GIVEN, title=title, noisy=False, episodes=episodes, cases=(own.name,))
-        options: dict[str, Any] = {"case": case, "condition": condition, "plant": self.plant, "seed": self.seed}
+        options: Document = {"case": case, "condition": condition, "plant": self.plant, "seed": self.seed}
         entrants = [Entrant(name=name, group="own", law=name) for name in (OWN, *named)]
         return [GivenFlights(entrant=each, **options) for each in entrants], {}
 
-    def judge(self, todo: Sequence[Flights], cells: Sequence[Cell], refused: Refused) -> dict[str, Any]:
+    def judge(self, todo: Sequence[GivenFlights], cells: Sequence[Cell], refused: Refused) -> Document:
         """Summaries, and differences from the first law."""
         named = {flights.name: cell for flights, cell in zip(todo, cells, strict=True)}
         return {"summaries": table(named), "paired": pairs(named)}

@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import as_completed
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 from skyarm.compile.llvm.kernel import require_machine_code
 from skyarm.records.files import require_writable, write_atomically
@@ -33,11 +33,16 @@ SMALL, LEAST = 128, 4
 Record = Mapping[str, Any]
 """Plain data of a results file."""
 
+Document = dict[str, Any]
+"""The same while it is written."""
+
+F = TypeVar("F", bound=Flights)
+
 Refused = Mapping[str, str]
 """Law, or law and trial -> why it does not fly."""
 
 
-class Suite(ABC):
+class Suite(ABC, Generic[F]):
     """Flights of a study and their evaluation.
 
     Attributes:
@@ -49,15 +54,15 @@ class Suite(ABC):
 
     @property
     @abstractmethod
-    def options(self) -> dict[str, Any]:
+    def options(self) -> Document:
         """Plain options that fix the report, for its results and to distinguish two reports."""
 
     @abstractmethod
-    def plan_cells(self) -> tuple[Sequence[Flights], Refused]:
+    def plan_cells(self) -> tuple[Sequence[F], Refused]:
         """The flights of every cell, and why a law does not fly."""
 
     @abstractmethod
-    def judge(self, todo: Sequence[Flights], cells: Sequence[Cell], refused: Refused) -> dict[str, Any]:
+    def judge(self, todo: Sequence[F], cells: Sequence[Cell], refused: Refused) -> Document:
         """The results as plain data."""
 
     def pictures(self, found: Record) -> dict[str, bytes]:
@@ -69,7 +74,7 @@ class Suite(ABC):
         """The results for people."""
 
 
-def fly_suite(suite: Suite, folder: Path, *, threads: int = 1, progress: Progress | None = None) -> dict[str, Any]:
+def fly_suite(suite: Suite[F], folder: Path, *, threads: int = 1, progress: Progress | None = None) -> Document:
     """Fly the missing cells of a suite, write the folder's files, and return the content of its JSON file.
 
     Raises:
@@ -83,7 +88,7 @@ def fly_suite(suite: Suite, folder: Path, *, threads: int = 1, progress: Progres
         raise ValueError("; ".join(f"--laws: {law}: {why}" for law, why in refused.items()))
     prepare(folder)
     cells = fly_all(todo, folder / "cells", threads=threads, progress=progress)
-    found: dict[str, Any] = {"schema": 1, "suite": suite.name, **suite.options}
+    found: Document = {"schema": 1, "suite": suite.name, **suite.options}
     if identities():
         found["plugins"] = identities()
     found |= suite.judge(todo, cells, refused)
@@ -173,7 +178,7 @@ def _fly_piece(flights: Flights, episode: int | None) -> Cell | Flown:
     return fly(flights) if episode is None else fly_episode(flights, episode)
 
 
-def write_suite(suite: Suite, found: Record, pictures: dict[str, bytes], folder: Path) -> None:
+def write_suite(suite: Suite[F], found: Record, pictures: dict[str, bytes], folder: Path) -> None:
     """Write results and report of a suite."""
     report, results = suite.report(found, pictures), json.dumps(found, indent=1, allow_nan=False) + "\n"
     texts = {f"{suite.file}.json": results, "tables.md": report.markdown(), PAGE: report.html()}

@@ -46,11 +46,17 @@ class Case:
     def build(self) -> Scenario:
         """The scenario with perfect sensors; its controller is replaced by an entrant's."""
         found = load_scenario(self.scenario)
-        blowing = found.wind if isinstance(found.wind, ForceWind) else ForceWind()
         world = found.plant
         if self.payload:
             world = dataclasses.replace(world, vehicle=world.vehicle.with_payload(self.payload))
-        return found.with_words(name=self.name, wind=turn_wind(blowing, self.wind), plant=world, ground=GROUND)
+        return found.with_words(
+            name=self.name, wind=turn_wind(force_wind(found), self.wind), plant=world, ground=GROUND
+        )
+
+
+def force_wind(scenario: Scenario) -> ForceWind:
+    """The scenario's wind force; none where its wind is of another kind."""
+    return scenario.wind if isinstance(scenario.wind, ForceWind) else ForceWind()
 
 
 def turn_wind(wind: ForceWind, angle: float) -> ForceWind:

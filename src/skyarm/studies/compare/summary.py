@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from skyarm.studies.compare.cells import Array, Cell
+from skyarm.studies.compare.run_suite import Document
 from skyarm.studies.sweep.intervals import bootstrap_mean, quantiles, wilson
 
 SUCCESS_METRIC, SUCCESS_LIMIT = "ee_error_last_max_continuous", 0.020
 """A success flew to its end with the tip within 20 mm of its reference all through the last 5 s."""
 
 
-def summary(cell: Cell) -> dict[str, Any]:
+def summary(cell: Cell) -> Document:
     """Episodes, successes with Wilson's interval, and of each metric mean, its bootstrap interval, 95th percentile.
 
     Metrics are those of the episodes that flew to their end; null where none did. Peaks along an axis count by their
@@ -46,7 +46,7 @@ def successes(cell: Cell) -> npt.NDArray[np.bool_]:
         return cell.completed & (cell.metrics[SUCCESS_METRIC] < SUCCESS_LIMIT)
 
 
-def _spread(values: Array) -> dict[str, Any] | None:
+def _spread(values: Array) -> Document | None:
     finite = np.asarray(values, dtype=float)
     finite = finite[np.isfinite(finite)]
     if not finite.size:
@@ -71,22 +71,22 @@ def paired_difference(first: Cell, second: Cell, metric: str) -> dict[str, float
     return {"mean": float(difference.mean()), "low": low, "high": high, "first_smaller": float((difference < 0).mean())}
 
 
-def table(cells: Mapping[tuple[str, str, str], Cell]) -> dict[str, Any]:
+def table(cells: Mapping[tuple[str, str, str], Cell]) -> Document:
     """Summaries by condition, case, entrant."""
-    found: dict[str, Any] = {}
+    found: Document = {}
     for (condition, case, entrant), cell in cells.items():
         found.setdefault(condition, {}).setdefault(case, {})[entrant] = summary(cell)
     return found
 
 
-def pairs(cells: Mapping[tuple[str, str, str], Cell], metric: str = SUCCESS_METRIC) -> dict[str, Any]:
+def pairs(cells: Mapping[tuple[str, str, str], Cell], metric: str = SUCCESS_METRIC) -> Document:
     """Paired differences of every entrant from the first, by condition, case, entrant, where both flew the same."""
     firsts: dict[tuple[str, str], tuple[str, Cell]] = {}
-    found: dict[str, Any] = {}
+    found: Document = {}
     for (condition, case, entrant), cell in cells.items():
         against, other = firsts.setdefault((condition, case), (entrant, cell))
         if against != entrant and cell.completed.size == other.completed.size > 1:
             difference = paired_difference(cell, other, metric)
-            entry: dict[str, Any] | None = None if difference is None else {"from": against, **difference}
+            entry: Document | None = None if difference is None else {"from": against, **difference}
             found.setdefault(condition, {}).setdefault(case, {})[entrant] = entry
     return found

@@ -16,7 +16,6 @@ import dataclasses
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -67,8 +66,8 @@ class Lag:
     delay: Estimated
     up: Estimated
     down: Estimated
-    factor: tuple[float, float]
     explained: float
+    factor: tuple[float, float] = (math.nan, math.nan)
     reason: str = ""
     apart: bool = True
 
@@ -227,31 +226,16 @@ def rotor_lag(vehicle: Vehicle, log: Log, motion: Needed) -> Lag:
         predict,
         motion.wrench[:, rows],
         motion.period,
-        starts=[[d, x, x] for d in np.arange(0.0, 0.045, 0.005) for x in np.log([0.5, 1.0, 2.0, 4.0])],
-        low=[0.0, math.log(LOWEST_FACTOR), math.log(LOWEST_FACTOR)],
-        high=[LONGEST, math.log(HIGHEST_FACTOR), math.log(HIGHEST_FACTOR)],
-        steps=[DELAY_STEP, FACTOR_STEP, FACTOR_STEP],
+        starts=np.log([0.5, 1.0, 2.0, 4.0]),
+        bounds=(math.log(LOWEST_FACTOR), math.log(HIGHEST_FACTOR)),
+        constants=2,
     )
+    lag = _lag("rotors", found, motion.period, np.array([up.mean(), down.mean()]))
     has = [float(getattr(vehicle.rotors[0], f"time_constant_{way}")) > 0.0 for way in ("up", "down")]
-    factors = np.exp(found.values[1:3])
-    taus = factors * (up.mean(), down.mean())
-    # the rate in between is what a small swing meets
-    middle = 2.0 / (1.0 / taus[0] + 1.0 / taus[1])
-    weights = [1.0, *(0.5 * middle**2 / taus)]
-    total = float(found.values[0] + middle)
-    floor = INSTANT * motion.period + SHARE * total
-    return _with_verdict(
-        Lag(
-            name="rotors",
-            together=Estimated.of(total, math.hypot(_half(found, weights), floor)),
-            delay=Estimated.of(found.values[0], math.hypot(_half(found, [1.0]), floor)),
-            up=_constant(taus[0], _half(found, [0.0, 1.0]), floor),
-            down=_constant(taus[1], _half(found, [0.0, 0.0, 1.0]), floor),
-            factor=(factors[0] if has[0] else math.nan, factors[1] if has[1] else math.nan),
-            explained=found.explained,
-        ),
-        found,
-    )
+    factors = [
+        float(factor) if known else math.nan for factor, known in zip(np.exp(found.values[1:3]), has, strict=True)
+    ]
+    return dataclasses.replace(lag, factor=(factors[0], factors[1]))
 
 
 def joint_lag(name: str, log: Log, motion: Needed, joint: int) -> Lag:
@@ -271,28 +255,40 @@ def joint_lag(name: str, log: Log, motion: Needed, joint: int) -> Lag:
         predict,
         motion.efforts[:, joint : joint + 1],
         motion.period,
-        starts=[[d, x] for d in np.arange(0.0, 0.045, 0.005) for x in np.log([0.001, 0.01, 0.03, 0.08])],
-        low=[0.0, math.log(LEAST_LAG)],
-        high=[LONGEST, math.log(MOST_LAG)],
-        steps=[DELAY_STEP, FACTOR_STEP],
+        starts=np.log([0.001, 0.01, 0.03, 0.08]),
+        bounds=(math.log(LEAST_LAG), math.log(MOST_LAG)),
+        constants=1,
         friction=scale * rate,
     )
-    tau = math.exp(found.values[1])
-    total = float(found.values[0] + tau)
-    floor = INSTANT * motion.period + SHARE * total
-    constant = _constant(tau, _half(found, [0.0, 1.0]), floor)
-    return _with_verdict(
-        Lag(
-            name=name,
-            together=Estimated.of(total, math.hypot(_half(found, [1.0, tau]), floor)),
-            delay=Estimated.of(found.values[0], math.hypot(_half(found, [1.0]), floor)),
-            up=constant,
-            down=constant,
-            factor=(math.nan, math.nan),
-            explained=found.explained,
-        ),
-        found,
+    return _lag(name, found, motion.period, np.ones(1))
+
+
+def _lag(name: str, found: Fit, period: float, nominal: Array) -> Lag:
+    """A fitted lag with its intervals.
+
+    Args:
+        name: of the group.
+        found: its parameters are the dead time, then the logarithms of each time constant over the nominal one.
+        period: s, of the control.
+        nominal: time constants, s: one of a joint drive, that up and that down of rotors.
+    """
+    taus = np.exp(found.values[1 : 1 + len(nominal)]) * nominal
+    # the mean rate is what a small swing meets
+    middle = len(taus) / (1.0 / taus).sum()
+    weights = [1.0, *(middle**2 / (len(taus) * taus))]
+    total = float(found.values[0] + middle)
+    floor = INSTANT * period + SHARE * total
+    halves = [_half(found, row.tolist()) for row in np.eye(1 + len(taus))]
+    constants = [_constant(float(tau), half, floor) for tau, half in zip(taus, halves[1:], strict=True)]
+    lag = Lag(
+        name=name,
+        together=Estimated.of(total, math.hypot(_half(found, weights), floor)),
+        delay=Estimated.of(float(found.values[0]), math.hypot(halves[0], floor)),
+        up=constants[0],
+        down=constants[-1],
+        explained=found.explained,
     )
+    return _with_verdict(lag, found)
 
 
 def _fit(
@@ -300,10 +296,9 @@ def _fit(
     measured: Array,
     period: float,
     *,
-    starts: Any,
-    low: list[float],
-    high: list[float],
-    steps: list[float],
+    starts: Array,
+    bounds: tuple[float, float],
+    constants: int,
     friction: Array | None = None,
 ) -> Fit:
     """Fit dead time and lags, the strength of each row, and a viscous friction where there is one.
@@ -312,14 +307,12 @@ def _fit(
         predicted: (candidates, own parameters) -> (candidates, N, rows).
         measured: (N, rows).
         period: s.
-        starts: of the own parameters.
-        low: their lowest values.
-        high: their highest.
-        steps: of their differences.
+        starts: logarithms of the time constants at which the search may begin.
+        bounds: of these logarithms.
+        constants: how many time constants there are.
         friction: (N, 1) what a friction of 1 takes.
     """
-    own, rows = len(low), measured.shape[1]
-    more = 0 if friction is None else 1
+    own, rows, more = 1 + constants, measured.shape[1], int(friction is not None)
     aim = np.cumsum(measured, axis=0) * period
 
     def left(candidates: Array) -> Array:
@@ -333,13 +326,17 @@ def _fit(
     # a constant force explains a straight line: what is left of it is what commands could explain
     time = np.linspace(-1.0, 1.0, len(aim))[:, None]
     moved = aim - aim.mean(axis=0) - time * (time * aim).sum(axis=0) / (time**2).sum()
-    first = np.array([[*start, *np.zeros(rows + more)] for start in starts])
+    gains, (low, high) = [1.5] * rows + [3.0] * more, bounds
+    first = [[delay, *[x] * constants, *[0.0] * len(gains)] for delay in np.arange(0.0, 0.045, 0.005) for x in starts]
     return fit(
         left,
         moved,
-        first,
-        (np.array([*low, *[-1.5] * rows, *[-3.0] * more]), np.array([*high, *[1.5] * rows, *[3.0] * more])),
-        np.array([*steps, *[GAIN_STEP] * (rows + more)]),
+        np.array(first),
+        (
+            np.array([0.0, *[low] * constants, *(-each for each in gains)]),
+            np.array([LONGEST, *[high] * constants, *gains]),
+        ),
+        np.array([DELAY_STEP, *[FACTOR_STEP] * constants, *[GAIN_STEP] * len(gains)]),
         blocks_of(len(measured) * period),
         measured.std(axis=0) * period,
     )
@@ -377,14 +374,5 @@ def _stirring(commands: Array) -> bool:
 
 
 def _untold(name: str, reason: str) -> Lag:
-    nothing = Estimated(value=math.nan, low=math.nan, high=math.nan)
-    return Lag(
-        name=name,
-        together=nothing,
-        delay=nothing,
-        up=nothing,
-        down=nothing,
-        factor=(math.nan, math.nan),
-        explained=0.0,
-        reason=reason,
-    )
+    none = Estimated(value=math.nan, low=math.nan, high=math.nan)
+    return Lag(name=name, together=none, delay=none, up=none, down=none, explained=0.0, reason=reason)

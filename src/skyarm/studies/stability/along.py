@@ -52,7 +52,7 @@ class Instant:
         return max(each.radius for each in self.by_lag.values())
 
     def gain(self, field: str) -> tuple[float, float]:
-        """The narrower interval of "rotor_gain", "joint_gain", "one_rotor" or "one_joint"."""
+        """The narrower interval of "rotor_gain" or "joint_gain"."""
         lows, highs = zip(*(getattr(each, field) for each in self.by_lag.values()), strict=True)
         return max(lows), min(highs)
 

@@ -124,17 +124,9 @@ def close_loop(loop: OpenLoop, extra_delay: float = 0.0) -> Closed:
     return Closed(A[np.ix_(kept, kept)], enters[kept], sent[:, kept], seen[:, kept], shown[kept], loop.u_y)
 
 
-def gains(
-    loop: OpenLoop, *, rotor_gain: float = 1.0, joint_gain: float = 1.0, alone: tuple[int, float] | None = None
-) -> Array:
-    """Factor on the actuators' response to each command, not on the law's model of it (commands,).
-
-    ``alone`` is the place of one command, from 0 with the rotors first, and a further factor on it.
-    """
-    found = np.array([rotor_gain] * loop.rotors + [joint_gain] * (loop.u_m.shape[0] - loop.rotors))
-    if alone is not None:
-        found[alone[0]] *= alone[1]
-    return found
+def gains(loop: OpenLoop, *, rotor_gain: float = 1.0, joint_gain: float = 1.0) -> Array:
+    """Factor on the actuators' response to each command, not on the law's model of it (commands,)."""
+    return np.array([rotor_gain] * loop.rotors + [joint_gain] * (loop.u_m.shape[0] - loop.rotors))
 
 
 def closed_loop(loop: OpenLoop, *, extra_delay: float = 0.0, **modified: Any) -> Array:

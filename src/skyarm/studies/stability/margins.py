@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,8 +39,6 @@ class Margins:
         delay: s of further dead time of the commands that the loop bears; inf beyond 0.1 s, 0 if it is unstable.
         rotor_gain, joint_gain: (lower, upper) factors on the effect of all rotor commands, of all torques, between
             which the loop is stable; 0 and inf beyond a hundredfold. The factor is common to the group.
-        one_rotor, one_joint: the same of one actuator alone, the others as they are: the largest lower and the smallest
-            upper factor of any of them.
         loops: disk margins of each channel alone: rotors, their common pushes, joint drives, what is measured.
         together: disk margins of each group of channels under factors of their own, of all commands and of all that is
             measured.
@@ -52,8 +50,6 @@ class Margins:
     delay: float
     rotor_gain: tuple[float, float]
     joint_gain: tuple[float, float]
-    one_rotor: tuple[float, float]
-    one_joint: tuple[float, float]
     loops: tuple[LoopMargin, ...] = ()
     together: tuple[LoopMargin, ...] = ()
 
@@ -75,34 +71,31 @@ def margins(loop: OpenLoop, *, measured: bool = True) -> Margins:
     size = float(np.abs(z).max(initial=0.0))
     stable = size <= EDGE
     cut = cut_loops(loop, as_it_is, z, measured=measured, stable=stable)
-    rotors, joints = range(loop.rotors), range(loop.rotors, loop.u_m.shape[0])
     return Margins(
         z=z,
         s=s,
         radius=size,
         delay=delay_margin(loop),
-        rotor_gain=_gain(as_it_is, stable, [rotors]),
-        joint_gain=_gain(as_it_is, stable, [joints]),
-        one_rotor=_gain(as_it_is, stable, [[i] for i in rotors]),
-        one_joint=_gain(as_it_is, stable, [[i] for i in joints]),
+        rotor_gain=_gain(as_it_is, stable, slice(loop.rotors)),
+        joint_gain=_gain(as_it_is, stable, slice(loop.rotors, None)),
         loops=cut.loops(LONGEST),
         together=cut.together(),
     )
 
 
-def _gain(as_it_is: Closed, stable: bool, groups: Sequence[Sequence[int]]) -> tuple[float, float]:
-    """The narrowest interval of a factor that some commands have in common, of several groups of commands."""
+def _gain(as_it_is: Closed, stable: bool, group: slice) -> tuple[float, float]:
+    """Interval of a factor that the commands of a group have in common."""
     if not stable:
         return 1.0, 1.0
-    low, high = 1.0 / WIDEST, WIDEST
-    for places in filter(len, groups):
-        factors = np.ones(len(as_it_is.sent))
+    factors = np.ones(len(as_it_is.sent))
+    if not factors[group].size:
+        return 0.0, math.inf
 
-        def is_unstable(gain: float, factors: Array = factors, places: Sequence[int] = places) -> bool:
-            factors[list(places)] = gain
-            return spectral_radius(as_it_is.matrix(factors)) > EDGE
+    def is_unstable(gain: float) -> bool:
+        factors[group] = gain
+        return spectral_radius(as_it_is.matrix(factors)) > EDGE
 
-        low, high = gain_edge(is_unstable, 1.0 / STRIDE, low), gain_edge(is_unstable, STRIDE, high)
+    low, high = gain_edge(is_unstable, 1.0 / STRIDE, 1.0 / WIDEST), gain_edge(is_unstable, STRIDE, WIDEST)
     return 0.0 if low == 1.0 / WIDEST else low, math.inf if high == WIDEST else high
 
 

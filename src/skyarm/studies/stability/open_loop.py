@@ -43,7 +43,7 @@ from skyarm.simulate.loop_state import LoopState, Row, structure_of
 from skyarm.simulate.plant_steps import rigid_body_plant
 from skyarm.simulate.stages import Stages
 from skyarm.studies.stability.closed_loop import OpenLoop
-from skyarm.studies.stability.frozen_scenario import LAGS, SHARES, nominal, require_no_memory, with_lag
+from skyarm.studies.stability.frozen_scenario import SHARES, nominal, require_no_memory, with_lag
 from skyarm.studies.stability.loop_channels import Channel, vehicle_channels
 
 Array = npt.NDArray[np.float64]
@@ -162,9 +162,6 @@ def sizes_of(point: OpenPoint) -> list[int]:
     """Counts of a point's numbers: state with drives, old and new command, memory, measurement, battery."""
     parts = (point.old, point.new, point.memory, point.seen, point.power)
     return [len(leaves((point.state, point.drives))), *(len(leaves(part)) for part in parts)]
-
-
-__all__ = ["LAGS", "Differentiator", "OpenLoop", "carry_of", "nominal", "open_loop"]
 
 
 class Differentiator:
@@ -332,11 +329,6 @@ def _delays(scenario: Scenario) -> tuple[float, float]:
     """Delays of the rotors' and of the joints' part of a command, s."""
     delays = scenario.delays
     return float(delays.command) + float(delays.rotors), float(delays.command) + float(delays.joints)
-
-
-def open_loop(scenario: Scenario, carry: LoopState, row: Sequence[float], lag: str = "up") -> OpenLoop:
-    """The linearised open loop of a scenario at a carry of its flight; see :class:`Differentiator`."""
-    return Differentiator(scenario).at(carry, row, lag)
 
 
 def carry_of(template: LoopState, values: Sequence[float]) -> LoopState:

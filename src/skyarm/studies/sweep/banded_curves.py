@@ -28,11 +28,6 @@ FEWEST_CELLS, MOST_CELLS = 4, 30
 FEWEST_OF_BAND = 5
 """Episodes that must have flown to their end for a cell to have a band."""
 
-MOST_CLASSES = 6
-"""Values of ``by`` up to which each has curves of its own; more are put into THIRDS."""
-
-THIRDS = 3
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Variable:
@@ -54,7 +49,7 @@ class BandedCurve:
     """One metric of one controller over a variable.
 
     Attributes:
-        controller: that flew. by: class of the other variable in words, "" without one.
+        controller: that flew.
         x: (K,) value of the variable, of each cell the median.
         middle, low, high: (K,) median, and the ends of the band, of episodes that flew to their end; NaN where none
             did, or too few for a band.
@@ -62,7 +57,6 @@ class BandedCurve:
     """
 
     controller: str
-    by: str
     x: Array
     middle: Array
     low: Array
@@ -76,24 +70,21 @@ class BandedCurves:
     """Curves of one metric.
 
     Attributes:
-        metric: its name. over: the variable. by: the other one, None without.
-        curves: one for each controller and class.
+        metric: its name. over: the variable. curves: one for each controller.
     """
 
     metric: str
     over: Variable
-    by: Variable | None
     curves: tuple[BandedCurve, ...]
 
 
-def banded_curves(rows: Rows, metric: str, over: str, *, by: str | None = None) -> BandedCurves:
+def banded_curves(rows: Rows, metric: str, over: str) -> BandedCurves:
     """Curves of a metric over a varied number, over all other varied numbers and the noise.
 
     Args:
         rows: of a study.
         metric: one of its metrics.
         over: a varied number, an expression of some, or ``name = expression``.
-        by: the same; a curve for each of its values, or for its thirds where there are many.
 
     Raises:
         StudyError: one line: a metric or number that is not there.
@@ -103,19 +94,8 @@ def banded_curves(rows: Rows, metric: str, over: str, *, by: str | None = None) 
         there = f"{did_you_mean(metric, rows.metrics)}there are {', '.join(rows.metrics)}"
         raise StudyError(f"metric = {shown(metric)}: must be one of these rows; {there}")
     across = variable(rows, over, "over")
-    other = None if by is None else variable(rows, by, "by")
-    classes = {"": np.ones(rows.episodes, dtype=bool)} if other is None else _classes(other)
-    curves = tuple(
-        _curve(rows, metric, controller, name, inside, across.values)
-        for controller in rows.controllers
-        for name, inside in classes.items()
-    )
-    return BandedCurves(
-        metric=metric,
-        over=across,
-        by=other,
-        curves=curves,
-    )
+    curves = tuple(_curve(rows, metric, controller, across.values) for controller in rows.controllers)
+    return BandedCurves(metric=metric, over=across, curves=curves)
 
 
 def variable(rows: Rows, text: str, field: str) -> Variable:
@@ -153,41 +133,9 @@ def _cells(values: Array) -> npt.NDArray[np.int64]:
     return rank * cells // values.size
 
 
-def _classes(by: Variable) -> dict[str, npt.NDArray[np.bool_]]:
-    """Words -> episodes: each value where they are few, else thirds of the episodes."""
-    different = np.unique(by.values)
-    if different.size <= MOST_CLASSES:
-        return {word: by.values == value for word, value in zip(_told_apart(different, 4), different, strict=True)}
-    ends = np.quantile(by.values, (1 / 3, 2 / 3))
-    third = np.searchsorted(ends, by.values, side="right")
-    edges = [float(different[0]), *map(float, ends), float(different[-1])]
-    distinct = np.unique(edges)
-    words = dict(zip(distinct.tolist(), _told_apart(distinct, 3), strict=True))
-    # of a number that has one value in many episodes a third may be empty
-    filled = [i for i in range(THIRDS) if (third == i).any()]
-    return {f"{words[edges[i]]} to {words[edges[i + 1]]}": third == i for i in filled}
-
-
-def _told_apart(values: Array, digits: int) -> list[str]:
-    """Increasing numbers as text, with as many digits as distinguish them."""
-    for more in range(digits, 17):
-        found = [f"{value:.{more}g}" for value in values]
-        if len(set(found)) == len(found):
-            return found
-    return list(map(repr, values.tolist()))
-
-
-def _curve(
-    rows: Rows,
-    metric: str,
-    controller: str,
-    name: str,
-    inside: npt.NDArray[np.bool_],
-    over: Array,
-) -> BandedCurve:
-    over = over[inside]
-    column = np.asarray(rows.of(controller, metric), dtype=float)[inside]
-    flew = np.asarray(rows.of(controller, "status") == "completed")[inside]
+def _curve(rows: Rows, metric: str, controller: str, over: Array) -> BandedCurve:
+    column = np.asarray(rows.of(controller, metric), dtype=float)
+    flew = np.asarray(rows.of(controller, "status") == "completed")
     cells = _cells(over)
     table: list[Sequence[float]] = []
     for cell in np.unique(cells):
@@ -201,7 +149,6 @@ def _curve(
     x, middle, low, high, episodes, lost = np.array(table, dtype=float).reshape(-1, 6).T
     return BandedCurve(
         controller=controller,
-        by=name,
         x=x,
         middle=middle,
         low=low,

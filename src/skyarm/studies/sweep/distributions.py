@@ -78,6 +78,11 @@ class Values:
 Distribution = Uniform | LogUniform | Normal | Values
 
 
+def finite(vary: Mapping[str, Distribution]) -> dict[str, Values]:
+    """The grids and lists among distributions."""
+    return {path: each for path, each in vary.items() if isinstance(each, Values)}
+
+
 def _uniform(value: object, at: str) -> Uniform:
     return Uniform(*_interval(value, at))
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from skyarm.log.metrics.windows import Windows
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.sweep.distributions import Distribution, Values
+from skyarm.studies.sweep.distributions import Distribution, Values, finite
 from skyarm.studies.sweep.expressions import Expression, is_own_name
 
 DESIGNS = ("random", "grid", "sobol")
@@ -65,7 +65,7 @@ class Study:
     @property
     def axes(self) -> dict[str, Values]:
         """Paths whose values a grid design multiplies."""
-        return {path: d for path, d in self.vary.items() if isinstance(d, Values)} if self.design == "grid" else {}
+        return finite(self.vary) if self.design == "grid" else {}
 
     @property
     def chunks(self) -> int:

@@ -49,7 +49,7 @@ from skyarm.scenario.numbers import DERIVED, number_at, with_numbers
 from skyarm.scenario.scenario_file import list_scenarios, load_scenario
 from skyarm.scenario.scenario_record import Scenario, check_name, noise_key
 from skyarm.scenario.scenario_tables import require_plugins
-from skyarm.studies.sweep.distributions import Distribution, Values, distribution_from
+from skyarm.studies.sweep.distributions import Distribution, distribution_from, finite
 from skyarm.studies.sweep.expressions import derived_from, is_own_name
 from skyarm.studies.sweep.sobol import DIMENSIONS
 from skyarm.studies.sweep.study import (
@@ -124,7 +124,7 @@ def study_from(document: Mapping[str, Any], folder: str | os.PathLike[str] = "",
 
 def _study(top: Fields, folder: Path, source: str) -> Study:
     schema = top.take("schema")
-    if schema != 1 or isinstance(schema, bool):
+    if type(schema) is not int or schema != 1:
         raise ValueError(f"schema = {shown(schema)}: must be 1")
     require_plugins(top)
     name, title = top.take("name"), top.text("title", "")
@@ -173,7 +173,7 @@ def _study(top: Fields, folder: Path, source: str) -> Study:
 
 
 def _whole(at: str, value: Any, most: int) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= most:
+    if type(value) is not int or not 1 <= value <= most:
         raise ValueError(f"{at} = {shown(value)}: must be a whole number from 1 to {most}")
     return value
 
@@ -183,7 +183,7 @@ def _vary(table: Any, design: str) -> dict[str, Distribution]:
     vary = {path: distribution_from(value, f'vary."{path}"') for path, value in fields.table.items()}
     if design == "sobol" and not 1 <= len(vary) <= DIMENSIONS:
         raise ValueError(f"vary = {len(vary)} numbers: must be 1 to {DIMENSIONS} in a sobol design")
-    if design == "grid" and not any(isinstance(each, Values) for each in vary.values()):
+    if design == "grid" and not finite(vary):
         raise ValueError(f"design = {design!r}: must come with a grid or a list under vary")
     return vary
 
@@ -201,7 +201,7 @@ def _require_grid_design(top: Fields) -> None:
 def _episodes(top: Fields, design: str, vary: Mapping[str, Distribution]) -> int:
     if design != "grid":
         return _whole("episodes", top.take("episodes"), MOST_EPISODES)
-    cells = prod(len(each.values) for each in vary.values() if isinstance(each, Values))
+    cells = prod(len(each.values) for each in finite(vary).values())
     episodes = _whole("episodes", top.take("episodes", cells), MOST_EPISODES)
     if episodes % cells:
         raise ValueError(f"episodes = {episodes}: must be a multiple of the grid's {cells} cells")

@@ -154,7 +154,6 @@ def tune_page(found: Tuning) -> str:
         found=found,
         rule=RULE.replace("tip error", error_words(vehicle)),
         style=(resources.files("skyarm.studies.tune") / "tune_page.css").read_text("utf-8"),
-        plot=_plot((found.before, *found.points)),
         error=error_words(vehicle),
         joints=vehicle.n,
         gains=[gains_of(found, point) for point in found.points],
@@ -166,21 +165,3 @@ def tune_page(found: Tuning) -> str:
         key=toml_key,
     )
     return plain_page(f"{plan.label} for {vehicle.name}", facts, body)
-
-
-def _plot(points: Sequence[Point]) -> dict[str, Any]:
-    """Places of points in a picture of error (mm) over jitter on logarithmic axes, and the axes' ends."""
-    rows = [(each.jitter, 1e3 * each.error) for each in points]
-    jitters, errors = ([max(each, 1e-6) for each in column] for column in zip(*rows, strict=True))
-
-    def places(values: Sequence[float], low: float, high: float) -> list[float]:
-        logs = [math.log10(value) for value in values]
-        width = max(max(logs) - min(logs), 1e-6)
-        return [round(low + (high - low) * (0.04 + 0.92 * (each - min(logs)) / width), 1) for each in logs]
-
-    x, y = places(jitters, 56.0, 624.0), places(errors, 260.0, 16.0)
-    return {
-        "places": list(zip(x, y, strict=True)),
-        "across": [(min(jitters), min(x)), (max(jitters), max(x))],
-        "up": [(min(errors), max(y)), (max(errors), min(y))],
-    }

@@ -19,7 +19,7 @@ from skyarm.records.files.names import require_suffix
 from skyarm.scenario.numbers import axis_label
 from skyarm.studies.stability.along import Locus
 from skyarm.studies.stability.disk_margins import MOST
-from skyarm.studies.sweep.banded_curves import BAND, BandedCurve, BandedCurves, Variable, banded_curves
+from skyarm.studies.sweep.banded_curves import BAND, BandedCurve, BandedCurves, banded_curves
 from skyarm.studies.sweep.maps import RobustnessMap
 from skyarm.studies.sweep.stats import Rows
 from skyarm.studies.sweep.study import StudyError
@@ -43,7 +43,7 @@ MOST_PANELS = 6
 """Metrics of one picture."""
 
 LONGEST = 44
-"""Characters of a variable's words on an axis or above a panel."""
+"""Characters of a variable's words on an axis."""
 
 
 def plot_sweep(
@@ -51,8 +51,6 @@ def plot_sweep(
     metrics: str | Sequence[str],
     over: str,
     file: str | os.PathLike[str] | None = None,
-    *,
-    by: str | None = None,
 ) -> Picture:
     """Draw metrics of a sweep over a varied number, or over an expression of some.
 
@@ -61,7 +59,6 @@ def plot_sweep(
         metrics: one, or several above each other.
         over: a varied path, ``"sqrt(a * a + b * b)"`` or ``"length = sqrt(a * a + b * b)"``.
         file: written there too, as PNG, SVG or PDF by its suffix.
-        by: the same; curves for each of its values, or for its thirds.
 
     Raises:
         ValueError: one line. OSError: a file cannot be read or written.
@@ -72,7 +69,7 @@ def plot_sweep(
     names = [metrics] if isinstance(metrics, str) else list(dict.fromkeys(metrics))
     if not 1 <= len(names) <= MOST_PANELS:
         raise StudyError(f"metrics = {len(names)}: must be 1 to {MOST_PANELS} in one picture")
-    found = [banded_curves(rows, name, over, by=by) for name in names]
+    found = [banded_curves(rows, name, over) for name in names]
     figure = metric_figure(found)
     if file is not None:
         save_picture(figure, Path(file))
@@ -80,35 +77,28 @@ def plot_sweep(
 
 
 def metric_figure(found: Sequence[BandedCurves]) -> Picture:
-    """Draw curves of metrics over one variable: a row for each metric, a column for each class if laws are several."""
+    """Draw curves of metrics over one variable: a panel for each metric, a line for each law."""
     first = found[0]
-    laws = list(dict.fromkeys(curve.controller for curve in first.curves))
-    classes = list(dict.fromkeys(curve.by for curve in first.curves))
-    # several laws are told apart by their looks: classes then stand side by side
-    columns = classes if len(laws) > 1 else [None]
     lost = any(curve.lost.any() for curve in first.curves)
-    figure, grid = _grid(len(found), len(columns), lost)
+    heights = [2.0] * len(found) + [0.7] * lost
+    figure = PAPER.blank(PAPER.width, sum(heights) + 6.0 * PAPER.text / 72.0)
+    options = {"height_ratios": heights}
+    panels = figure.subplots(len(heights), 1, sharex=True, squeeze=False, gridspec_kw=options)[:, 0]
+    for ax in panels:
+        PAPER.dress(ax).xaxis.set_major_locator(MaxNLocator(nbins=7))
     handles: Handles = {}
-    for j, column in enumerate(columns):
-        for ax, each in zip(grid[:, j], found, strict=False):
-            curves = [curve for curve in each.curves if column is None or curve.by == column]
-            handles |= _draw(ax, curves, each, one_law=len(laws) == 1)
-        if lost:
-            curves = [curve for curve in first.curves if column is None or curve.by == column]
-            _draw_lost(grid[-1, j], curves)
-        if column:
-            title = _class_words(first.by, column, "\n")
-            grid[0, j].set_title(title, linespacing=1.0, **PAPER.small_words)
-        grid[-1, j].set_xlabel(axis_label(_short(first.over.words), first.over.unit), **PAPER.words)
-        if first.over.logarithmic:
-            grid[-1, j].set_xscale("log")
-    for i, each in enumerate(found):
-        words, unit = metric_words(each.metric)
-        PAPER.name_axis(grid[i, 0], words, unit)
-        grid[i, 0].set_ylim(*_ends(each))
+    for ax, each in zip(panels, found, strict=False):
+        for i, curve in enumerate(each.curves):
+            handles[curve.controller] = _draw_band(ax, curve, PAPER.look(i), curve.controller)
+        PAPER.name_axis(ax, *metric_words(each.metric))
+        ax.set_ylim(*_ends(each))
     if lost:
-        grid[-1, 0].set_ylabel("Lost", **PAPER.small_words)
-    figure.align_ylabels(list(grid[:, 0]))
+        _draw_lost(panels[-1], first.curves)
+        panels[-1].set_ylabel("Lost", **PAPER.small_words)
+    panels[-1].set_xlabel(axis_label(_short(first.over.words), first.over.unit), **PAPER.words)
+    if first.over.logarithmic:
+        panels[-1].set_xscale("log")
+    figure.align_ylabels(list(panels))
     shares = " to ".join(f"{100.0 * share:g}" for share in BAND)
     of = " of completed" if lost else ""
     handles[f"median{of}, band {shares} %"] = Patch(facecolor=PAPER.frame, alpha=0.25, edgecolor="none")
@@ -116,41 +106,13 @@ def metric_figure(found: Sequence[BandedCurves]) -> Picture:
     return figure
 
 
-def _grid(metrics: int, columns: int, lost: bool) -> tuple[Picture, npt.NDArray[np.object_]]:
-    heights = [2.0] * metrics + [0.7] * lost
-    width = PAPER.width if columns == 1 else PAPER.wide
-    figure = PAPER.blank(width, sum(heights) + 6.0 * PAPER.text / 72.0)
-    options = {"height_ratios": heights}
-    grid = figure.subplots(len(heights), columns, sharex=True, sharey="row", squeeze=False, gridspec_kw=options)
-    for ax in grid.flat:
-        PAPER.dress(ax).xaxis.set_major_locator(MaxNLocator(nbins=7 if columns == 1 else 4))
-    return figure, grid
-
-
-def _draw(ax: Axes, curves: Sequence[BandedCurve], each: BandedCurves, *, one_law: bool) -> Handles:
-    handles: Handles = {}
-    for i, curve in enumerate(curves):
-        look = PAPER.look(i)
-        label = curve.controller
-        if one_law and curve.by:
-            label = _class_words(each.by, curve.by, " = ")
-        handles[label] = _draw_band(ax, curve, look, label)
-    return handles
-
-
-def _class_words(by: Variable | None, values: str, between: str) -> str:
-    """A class in words: the other variable, and its value or values with their unit."""
-    return f"{_short(by.words)}{between}{values} {by.unit}".rstrip() if by is not None else values
-
-
 def _short(words: str) -> str:
     return words if len(words) <= LONGEST else f"{words[: LONGEST - 1]}\N{HORIZONTAL ELLIPSIS}"
 
 
-def _ends(*found: BandedCurves) -> tuple[float, float]:
+def _ends(found: BandedCurves) -> tuple[float, float]:
     """Ends of the value axis, which begins at zero where no curve is below."""
-    curves = [curve for each in found for curve in each.curves]
-    seen = np.concatenate([line for curve in curves for line in (curve.middle, curve.low, curve.high)])
+    seen = np.concatenate([line for curve in found.curves for line in (curve.middle, curve.low, curve.high)])
     return limits([seen], floor=not (seen < 0.0).any(), span=ROUNDING)
 
 
