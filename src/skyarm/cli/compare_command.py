@@ -94,7 +94,7 @@ def compare(
     if suite == ENVELOPE:
         folder, usual = "out/envelope", LAWS if vehicle == PAPER else TUNED_LAWS
         axes = chosen_names("--only", only, AXES)
-        asked: Suite = Envelope(
+        asked: Suite[Any] = Envelope(
             laws=_laws(laws, usual), axes=axes, vehicle=vehicle, quick=quick, seed=seed, plant=plant
         )
     elif suite == CONTACT:
@@ -127,7 +127,7 @@ def _require_effect(context: typer.Context, suite: str) -> None:
             require_left_out(context, [option], f" for {of}; it is of {' and '.join(readers)}")
 
 
-def _fly(suite: Suite, out: str, threads: int) -> None:
+def _fly(suite: Suite[Any], out: str, threads: int) -> None:
     """Fly what is missing of a suite's folder; one that was made here is gone where it is refused.
 
     Raises:

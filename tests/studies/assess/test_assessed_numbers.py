@@ -12,10 +12,9 @@ import skyarm
 from skyarm.algebra import Vec3
 from skyarm.dynamics.actuators import make_mixer, mix, motion_demand
 from skyarm.dynamics.actuators.hover import highest_thrust, hover_trim
-from skyarm.dynamics.array_front import center_of_mass as whole_center_of_mass
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.studies.assess import along_reference
-from skyarm.studies.assess.arm_poses import arm_poses, horizontal_center_of_mass, hover_efforts
+from skyarm.studies.assess.arm_poses import arm_poses
 from skyarm.studies.assess.assessment import Assessment, assess_scenario, assess_vehicle, delay_margin
 from skyarm.studies.assess.finding import Finding
 from skyarm.studies.assess.flight_loads import flight_parts
@@ -192,14 +191,6 @@ def test_a_reference_beyond_a_joint_and_one_beyond_the_rotors_are_faults():
     assert found.value > 0.99 * 1.09 * math.hypot(3.0 * math.pi**2, 9.81) / most > 1.0
 
 
-def test_the_moment_of_weight_gives_the_centre_of_mass():
-    vehicle, q = skyarm.load_vehicle("hexarotor_arm6"), np.array([[0.4, 0.9, -0.6, 0.3, 0.7, -1.0]])
-    x, y = horizontal_center_of_mass(hover_efforts(vehicle, 9.81, q), float(vehicle.mass), 9.81)
-    whole = whole_center_of_mass(vehicle, np.zeros(3), [1.0, 0.0, 0.0, 0.0], q[0])
-    assert (x[0], y[0]) == pytest.approx(tuple(whole[:2]), rel=1e-12)
-    assert abs(y[0]) > 1e-3
-
-
 def test_the_locked_inertia_is_that_of_the_bodies_by_steiner():
     # arm at zero: all centres of mass on one vertical
     heights, bodies = (0.0, 0.0, -0.15), ARM2.bodies
@@ -229,13 +220,6 @@ def test_a_servo_bounds_the_joint_at_rest():
     weak = dataclasses.replace(roll, drive=dataclasses.replace(roll.drive, voltage=1.2, torque_limit=math.inf))
     stall = 353.5 * 0.00704 * 0.716 * 1.2 / 5.22
     assert effort_limits(dataclasses.replace(vehicle, drives=(weak, pitch)))[0] == pytest.approx(stall, rel=1e-12)
-
-
-def test_the_dynamic_effort_of_one_joint_is_weight_and_inertia():
-    found = assess_vehicle(skyarm.load_vehicle("crazyflie_arm1"))
-    inertia, acceleration = 7.5e-7 + 0.0025 * 0.03**2, 10.0 / math.sqrt(3.0) / 4.0
-    expected = 9.81 * 0.0025 * 0.03 * math.sin(1.5) + inertia * acceleration
-    assert answer(found, "joints[swing] dynamic effort").value == pytest.approx(expected, rel=1e-9)
 
 
 def test_a_centre_of_mass_beside_the_middle_is_no_wrong_sense_of_rotation():

@@ -9,7 +9,6 @@ import pytest
 from swinging_flights import TABLE, hover, swings_from
 
 import skyarm
-from skyarm.control.catalogue import make_named
 from skyarm.studies.stability.hover_delay import ENOUGH, believed_delay, hover_delay
 
 
@@ -65,18 +64,3 @@ def test_one_and_a_half_times_the_believed_delay_is_enough(share, enough):
     # where none is believed: what a command of the next period takes
     found = HoverDelay(margin=share * 0.005, swings=0.1, believed=0.0, period=0.005)
     assert (found.enough, found.shortfall) == (enough, "" if enough else "below one control period, 5 ms")
-
-
-def test_the_margin_of_a_law_that_finds_a_lag_is_said_to_be_that_of_before():
-    from skyarm.control.safety.safety_layer import with_safety_layer
-    from skyarm.studies.stability.hover_delay import HoverDelay, finds_lag
-
-    model = skyarm.Model(vehicle=skyarm.load_vehicle("crazyflie_arm1"), gravity=9.81)
-    adaptive, robust = (make_named(name, model) for name in ("centroidal_tip", "centroidal_tip_robust"))
-    assert [finds_lag(each) for each in (adaptive, with_safety_layer(adaptive), robust)] == [True, True, False]
-    told = HoverDelay(margin=0.01, swings=0.02, believed=0.01, period=0.005, finds_lag=True)
-    words = "10 ms are believed; this is before the law finds a lag, for which it gives up bandwidth"
-    assert told.sentence("law").endswith(words)
-    assert told.before == ", before it finds a lag"
-    plain = dataclasses.replace(told, finds_lag=False)
-    assert (plain.sentence("law")[-18:], plain.before) == ("10 ms are believed", "")

@@ -30,19 +30,17 @@ def columns(joints: Array) -> tuple[Array, ...]:
     return tuple(joints[:, i] for i in range(joints.shape[1]))
 
 
-def hover_efforts(vehicle: Vehicle, gravity: float, joints: Array, accelerations: Array | None = None) -> Array:
+def hover_efforts(vehicle: Vehicle, gravity: float, joints: Array) -> Array:
     """Efforts of a level vehicle at rest, (4 + n, lanes): torque and force on the base, then the joints' efforts.
 
     Args:
         vehicle: the rigid bodies.
         gravity: m/s^2.
         joints: (lanes, n), rad or m.
-        accelerations: (n,) of the joints, rad/s^2 or m/s^2; at rest if left out.
     """
     still = (0.0,) * vehicle.n
-    moving = still if accelerations is None else tuple(float(a) for a in accelerations)
     level = Motion(ZERO3, E_Z * gravity)
-    force, efforts = dynamics.inverse_dynamics(vehicle, columns(joints), ZERO3, still, level, moving)
+    force, efforts = dynamics.inverse_dynamics(vehicle, columns(joints), ZERO3, still, level, still)
     rows = (*force.torque, force.force.z, *efforts)
     return np.stack([np.broadcast_to(np.asarray(row, dtype=float), len(joints)) for row in rows])
 
@@ -77,12 +75,6 @@ class Allocation:
             up, down = (self.highest[:, None] - squared) / change, -squared / change
         far = np.where(change > 0.0, up, np.where(change < 0.0, down, np.inf))
         return np.asarray(np.min(far, axis=0), dtype=float)
-
-
-def horizontal_center_of_mass(efforts: Array, mass: float, gravity: float) -> tuple[Array, Array]:
-    """Horizontal place (x, y) of the centre of mass against the base origin, m: the moment of weight over weight."""
-    weight = mass * gravity
-    return -efforts[1] / weight, efforts[0] / weight
 
 
 GRAVITY = 9.81

@@ -38,7 +38,7 @@ def delay_margin(scenario: Scenario) -> list[Finding]:
     if found.enough:
         return [Finding(QUESTION, OK, text, "", "", *numbers)]
     remedy = (
-        f"{found.shortfall}{found.before}: softer gains, faster motors or a shorter delay; "
+        f"{found.shortfall}: softer gains, faster motors or a shorter delay; "
         "skyarm margins shows which loop is short of it"
     )
     return [Finding(QUESTION, WARNING, text, "controller", remedy, *numbers)]

@@ -1,75 +1,49 @@
-"""Joints and servos: torques that hold and move the arm, speeds, stiffness, ranges and the workspace."""
+"""Joints and servos: torques that hold the arm, speeds, ranges and the workspace."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
 from skyarm.dynamics.actuators.servo import Servo
 from skyarm.dynamics.kinematics import Pose, link_poses
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.assess.arm_poses import WRENCH, ArmPoses, Array, columns, hover_efforts, in_parts
+from skyarm.studies.assess.arm_poses import WRENCH, ArmPoses, Array, columns
 from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding, at_most
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 
-SWEEP = {"rad": 1.0, "m": 0.1}
-"""rad or m that every joint is moved by in SECONDS, all at once, with least jerk."""
-
-SECONDS = 2.0
-
 NOTHING = 1e-12
 """N m or N: below it is rounding."""
 
-PEAK_ACCELERATION, PEAK_RATE = 10.0 / math.sqrt(3.0), 1.875
-"""Of a rest-to-rest motion of least jerk by 1 in 1 s (Flash and Hogan 1985)."""
-
 
 def joint_torques(poses: ArmPoses) -> list[Finding]:
-    """Largest static and dynamic effort of every joint against its limit, base level.
-
-    The dynamic effort is the largest that any signs of the joints' accelerations can ask for, with friction.
-    """
+    """Largest static effort of every joint against its limit, base level."""
     vehicle, held = poses.vehicle, poses.held
     if not vehicle.n:
         return []
-
-    def holding(joints: Array) -> Array:
-        return -np.abs(poses.efforts(joints)[WRENCH:])
-
-    least, at = poses.worst(holding)
+    least, at = poses.worst(lambda joints: -np.abs(poses.efforts(joints)[WRENCH:]))
     static = np.where(-least > NOTHING, -least, 0.0)
-    tried = np.vstack([at, poses.joints])
-    moving = _dynamic(vehicle, tried, poses.gravity)
-    dynamic, where = np.max(moving, axis=1), tried[np.argmax(moving, axis=1)]
     found = []
-    limits, servos = effort_limits(vehicle), servos_of(vehicle)
-    for i, link in enumerate(vehicle.links):
-        joint, limit = link.joint, float(limits[i])
-        length, unit = joint.units
-        name = f"joints[{joint.name}]"
+    servos = servos_of(vehicle)
+    for link, limit, value, pose in zip(vehicle.links, effort_limits(vehicle), static, at, strict=True):
+        joint, unit, name = link.joint, link.joint.units[1], f"joints[{link.joint.name}]"
+        question = f"{name} static effort{held}"
         if float(joint.effort_limit) == 0.0:
-            text = "passive: no drive holds it"
-            found.append(Finding(f"{name} static effort{held}", NOTE, text, name))
+            found.append(Finding(question, NOTE, "passive: no drive holds it", name))
             continue
-        servo = servos.get(joint.name)
-        field, stronger = f"{name}.effort_limit", f"{name}.effort_limit"
-        if servo is not None and limit < float(joint.effort_limit):
+        field = stronger = f"{name}.effort_limit"
+        if joint.name in servos and limit < float(joint.effort_limit):
             field = f"drives.{joint.name}"
             stronger = f"{field}: gear, torque_constant, voltage over resistance, current_limit"
-        by = f"{SWEEP[length]:g} {length} in {SECONDS:g} s"
+        stated = f" of {limit:g}" if limit < math.inf else ", no limit stated"
+        words = (f"up to {value:.3g} {unit}{stated} to hold the arm", field)
         remedy = f"a stronger drive ({stronger}) or a lighter, shorter arm"
-        for kind, value, bad, pose, why in (
-            ("static", float(static[i]), "fault", at[i], "to hold the arm"),
-            ("dynamic", float(dynamic[i]), "warning", where[i], f"to move it ({by})"),
-        ):
-            text = f"up to {value:.3g} {unit}" + (f" of {limit:g}" if limit < math.inf else ", no limit stated")
-            words = (f"{name} {kind} effort{held}", value, f"{text} {why}", field, remedy)
-            stated = limit if limit < math.inf else math.nan
-            bounds: Any = {bad: limit, "limit": stated}
-            found.append(at_most(*words, unit=unit, joints=pose, **bounds))
+        shown = float(limit) if limit < math.inf else math.nan
+        found.append(
+            at_most(question, float(value), *words, remedy, fault=float(limit), limit=shown, unit=unit, joints=pose)
+        )
     return found
 
 
@@ -85,25 +59,6 @@ def effort_limits(vehicle: Vehicle) -> Array:
     return np.array([
         min(limit, float(servos[name].largest_effort())) if name in servos else limit for name, limit in limits.items()
     ])  # fmt: skip
-
-
-def _dynamic(vehicle: Vehicle, joints: Array, gravity: float) -> Array:
-    """Upper bound of every joint's |effort| (n, lanes) while all joints move at once."""
-    still = in_parts(lambda q: hover_efforts(vehicle, gravity, q)[WRENCH:], joints)
-    total = np.abs(still)
-    for i, link in enumerate(vehicle.links):
-        unit = np.zeros(vehicle.n)
-        unit[i] = SWEEP[link.joint.units[0]] * PEAK_ACCELERATION / SECONDS**2
-
-        def efforts(q: Array, a: Array = unit) -> Array:
-            return hover_efforts(vehicle, gravity, q, a)[WRENCH:]
-
-        total += np.abs(in_parts(efforts, joints) - still)
-    rates = [SWEEP[link.joint.units[0]] * PEAK_RATE / SECONDS for link in vehicle.links]
-    friction = [
-        float(k.joint.damping) * rate + float(k.joint.coulomb) for k, rate in zip(vehicle.links, rates, strict=True)
-    ]
-    return np.asarray(total + np.array(friction)[:, None], dtype=float)
 
 
 OFTEN = 0.05

@@ -18,8 +18,6 @@ from skyarm.studies.assess.arm_poses import (
     ArmPoses,
     Array,
     hanging_joints,
-    horizontal_center_of_mass,
-    hover_efforts,
 )
 from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding, at_least
 from skyarm.studies.assess.joints import effort_limits
@@ -46,7 +44,7 @@ def thrust_margin(poses: ArmPoses) -> list[Finding]:
     text = f"the idlest rotor carries {share:.2g} of the mean in the worst arm pose"
     if share < 0.0:
         text = f"a rotor would have to pull down: {text}; the centre of mass lies too far from the rotors' middle"
-    field = field_of_mass(poses.vehicle, at[1])
+    field = "base.com, links.com" if poses.vehicle.n else "base.com"
     remedy = f"move mass towards the rotors' middle ({field}; m, not mm?)"
     words = (f"balance of the rotors{poses.held}", share, text, field, remedy)
     return [
@@ -65,23 +63,6 @@ def _margin(poses: ArmPoses, busiest: float, joints: Array) -> Finding:
     if not margin >= 1.0:
         text = f"cannot hover: {text} ({float(poses.vehicle.mass) * poses.gravity:.3g} N of weight)"
     return at_least(question, margin, text, field, remedy, fault=1.0, warning=ENOUGH, joints=joints)
-
-
-def field_of_mass(vehicle: Vehicle, joints: Array) -> str:
-    """Section that causes a centre of mass off the rotors' middle in a pose (n,): the base or the links.
-
-    It is the base's where its share of the whole moment is more than half.
-    """
-    if not vehicle.n:
-        return "base.com"
-    middle = np.mean([[float(rotor.position.x), float(rotor.position.y)] for rotor in vehicle.rotors], axis=0)
-    mass = float(vehicle.mass)
-    whole = (
-        np.ravel(horizontal_center_of_mass(hover_efforts(vehicle, 1.0, np.reshape(joints, (1, -1))), mass, 1.0))
-        - middle
-    )
-    own = np.array([float(vehicle.base.com.x), float(vehicle.base.com.y)]) - middle
-    return "base.com" if float(vehicle.base.mass) / mass * own @ whole > 0.5 * whole @ whole else "links.com"
 
 
 AXES = ("roll", "pitch", "yaw")

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from skyarm.compile.machine_code import NoMachineCodeError
-from skyarm.control.controller import Controller, ControllerError, innermost, part_of
+from skyarm.control.controller import ControllerError, innermost
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.studies.stability.along import frozen_instants, hovering
@@ -27,15 +27,12 @@ class HoverDelay:
         swings: s of further dead time from which on flights really swing.
         believed: s of delay that the law is told of, or the scenario has.
         period: s, of the control: a computer that sends its command in the next period is late by so much.
-        finds_lag: the law finds in flight how late its loop acts and gives up bandwidth for it; the margin is that of
-            before.
     """
 
     margin: float
     swings: float
     believed: float
     period: float = 0.0
-    finds_lag: bool = False
 
     @property
     def least_margin(self) -> float:
@@ -56,8 +53,7 @@ class HoverDelay:
         else:
             swings = "" if math.isinf(self.swings) else f" (flights swing from {1e3 * self.swings:.3g} ms on)"
             borne = f"{1e3 * self.margin:.3g} ms{swings}"
-        found = f"{law} in hover bears {borne} of further delay; {1e3 * self.believed:.3g} ms are believed"
-        return found + ("; this is before the law finds a lag, for which it gives up bandwidth" * self.finds_lag)
+        return f"{law} in hover bears {borne} of further delay; {1e3 * self.believed:.3g} ms are believed"
 
     @property
     def shortfall(self) -> str:
@@ -67,11 +63,6 @@ class HoverDelay:
         if self.least_margin > ENOUGH * self.believed:
             return f"below one control period, {1e3 * self.period:.3g} ms"
         return f"below {ENOUGH:g} times the believed delay"
-
-    @property
-    def before(self) -> str:
-        """Qualification of a shortfall for a law that estimates its lag; else empty."""
-        return ", before it finds a lag" if self.finds_lag else ""
 
 
 def hover_delay(scenario: Scenario) -> HoverDelay:
@@ -84,17 +75,11 @@ def hover_delay(scenario: Scenario) -> HoverDelay:
     found = next(frozen_instants(hovering(nominal(still)), 1), None)
     believed = believed_delay(scenario)
     period = 1.0 / scenario.rates.control
-    adapts = finds_lag(scenario.controller)
     if found is None:
-        return HoverDelay(margin=0.0, swings=0.0, believed=believed, period=period, finds_lag=adapts)
+        return HoverDelay(margin=0.0, swings=0.0, believed=believed, period=period)
     margin = min(delay_margin(found.open_loop(lag)) for lag in LAGS)
     swings = delay_margin(found.open_loop("between"))
-    return HoverDelay(margin=margin, swings=swings, believed=believed, period=period, finds_lag=adapts)
-
-
-def finds_lag(controller: Controller) -> bool:
-    """True if a law, under layers or not, adapts to a lag that it estimates in flight."""
-    return part_of(controller.par, "lag") is not None
+    return HoverDelay(margin=margin, swings=swings, believed=believed, period=period)
 
 
 def hover_delay_if_known(scenario: Scenario) -> HoverDelay | str:
