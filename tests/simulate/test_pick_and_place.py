@@ -11,7 +11,7 @@ import pytest
 import skyarm
 from skyarm.reference import Trajectory
 from skyarm.reference.task_records import Guard
-from skyarm.scenario.payload_tables import waiting_beliefs
+from skyarm.scenario.payload_tables import with_model_changes
 from skyarm.simulate.reference_clock import Waits
 from skyarm.world import TimedPayload
 from thorough import sampled
@@ -77,10 +77,12 @@ def test_a_guard_moves_the_instants_of_payloads_and_what_the_law_is_told():
 def test_only_a_payload_of_the_task_is_told_by_the_task():
     box, bag = (TimedPayload(name=name, mass=0.1, pick=1.0) for name in ("box", "bag"))
     trajectory = Trajectory(guards=(Guard(at=1.0, error=0.1, loads=("box",)),))
-    payloads, told = waiting_beliefs((box, bag, box), (True, True, False), trajectory)
+    believed = tuple(dataclasses.replace(each, believed=True) for each in (box, bag))
+    payloads, changes = with_model_changes((*believed, box), trajectory, 10.0, 200)
     assert [each.believed for each in payloads] == [True, False, False]
-    assert told == (False, True, False)
-    assert waiting_beliefs((box,), (True,), Trajectory()) == ((box,), (True,))
+    assert [(each.at, each.value) for each in changes] == [(1.0, 0.1)]
+    payloads, changes = with_model_changes(believed[:1], Trajectory(), 10.0, 200)
+    assert (payloads, len(changes)) == ((box,), 1)
 
 
 @pytest.mark.parametrize(

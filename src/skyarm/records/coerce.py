@@ -28,7 +28,7 @@ class RecordError(ValueError):
     """A field of a record is given what it cannot hold."""
 
 
-def refuse(field: str, value: Any, allowed: str) -> NoReturn:
+def refuse(field: str, value: object, allowed: str) -> NoReturn:
     """Raise with field, value and what is allowed, on one line."""
     raise RecordError(f"{field} = {shown(value)}: {allowed}")
 
@@ -41,7 +41,7 @@ def concrete(*values: Any) -> bool:
 _STRUCTURE = (-1, 0, 1)
 
 
-def accept(record: Any, where: str, rules: Mapping[str, Rule], error: type[ValueError] = RecordError) -> None:
+def accept(record: object, where: str, rules: Mapping[str, Rule], error: type[ValueError] = RecordError) -> None:
     """Convert the fields of a frozen record under construction to their stored types.
 
     Raises:
@@ -57,7 +57,7 @@ def accept(record: Any, where: str, rules: Mapping[str, Rule], error: type[Value
         raise error(str(refusal)) from None
 
 
-def number(field: str, value: Any) -> Any:
+def number(field: str, value: object) -> Any:
     """A scalar that is data."""
     if type(value) is float:
         return value
@@ -78,12 +78,12 @@ def number(field: str, value: Any) -> Any:
     return plain
 
 
-def coefficient(field: str, value: Any) -> Any:
+def coefficient(field: str, value: object) -> Any:
     """A scalar whose integer zero is structure: there is no such effect."""
     return 0 if type(value) is int and value == 0 else number(field, value)
 
 
-def vector(field: str, value: Any) -> Vec3:
+def vector(field: str, value: object) -> Vec3:
     """A vector, or three numbers whose exact 0, 1 and -1 become structure."""
     if isinstance(value, Vec3):
         held = [_entry(f"{field}.{axis}", each) for axis, each in zip("xyz", value, strict=True)]
@@ -91,14 +91,14 @@ def vector(field: str, value: Any) -> Vec3:
     return Vec3.of([_structural_number(field, each) for each in items(field, value, (3,), "must be three numbers")])
 
 
-def matrix(field: str, value: Any) -> Mat3:
+def matrix(field: str, value: object) -> Mat3:
     """A matrix, or three rows of three numbers."""
     if isinstance(value, Mat3):
         return Mat3(*(vector(field, row) for row in value.rows))
     return Mat3(*(vector(field, row) for row in items(field, value, (3,), "must be three rows of three numbers")))
 
 
-def inertia(field: str, value: Any) -> Sym3:
+def inertia(field: str, value: object) -> Sym3:
     """A symmetric matrix; xx yy zz; xx yy zz xy xz yz; or three rows that are symmetric."""
     if isinstance(value, Sym3):
         return Sym3(
@@ -113,7 +113,7 @@ def inertia(field: str, value: Any) -> Sym3:
     return Sym3(*(0 if type(each) is float and each == 0.0 else each for each in held))
 
 
-def _symmetric(field: str, rows: list[list[Any]], value: Any) -> list[Any]:
+def _symmetric(field: str, rows: list[list[Any]], value: object) -> list[Any]:
     """xx yy zz xy xz yz of three rows."""
     pairs = [(rows[i][j], rows[j][i]) for i, j in ((0, 1), (0, 2), (1, 2))]
     concrete = [each for row in rows for each in row if type(each) is float]
@@ -123,14 +123,14 @@ def _symmetric(field: str, rows: list[list[Any]], value: Any) -> list[Any]:
     return [rows[0][0], rows[1][1], rows[2][2], *(a for a, _ in pairs)]
 
 
-def text(field: str, value: Any) -> str:
+def text(field: str, value: object) -> str:
     """Text."""
     if not isinstance(value, str):
         refuse(field, value, "must be text")
     return str(value)
 
 
-def flag(field: str, value: Any) -> bool:
+def flag(field: str, value: object) -> bool:
     """True or false."""
     plain = plain_number(value)
     if not isinstance(plain, bool):
@@ -138,7 +138,7 @@ def flag(field: str, value: Any) -> bool:
     return plain
 
 
-def whole(field: str, value: Any) -> int:
+def whole(field: str, value: object) -> int:
     """A whole number: an index or a sign."""
     plain = plain_number(value)
     if isinstance(plain, bool) or not isinstance(plain, (int, float)) or plain != plain // 1:
@@ -149,7 +149,7 @@ def whole(field: str, value: Any) -> int:
 def one(kind: type) -> Rule:
     """Rule: a record of this kind."""
 
-    def rule(field: str, value: Any) -> Any:
+    def rule(field: str, value: object) -> Any:
         if not isinstance(value, kind):
             refuse(field, value, f"must be a {kind.__name__}")
         return value
@@ -168,13 +168,13 @@ def pairs(field: str, value: Any) -> tuple[tuple[str, str], ...]:
     return tuple((key, source) for key, source in held)
 
 
-def is_sequence(value: Any) -> bool:
+def is_sequence(value: object) -> bool:
     """True if a value is a sequence: no text, no table, no array without axes."""
     several = hasattr(value, "__iter__") and not isinstance(value, (str, bytes, Mapping, type))
     return several and bool(getattr(value, "ndim", 1))
 
 
-def plain_number(value: Any) -> Any:
+def plain_number(value: object) -> Any:
     """NumPy's scalars and arrays without axes as Python's own numbers; anything else as it is."""
     numpy = sys.modules.get("numpy")
     if numpy is not None and isinstance(value, (numpy.generic, numpy.ndarray)) and value.ndim == 0:
@@ -182,13 +182,13 @@ def plain_number(value: Any) -> Any:
     return value
 
 
-def _is_array(value: Any) -> bool:
+def _is_array(value: object) -> bool:
     """True for a NumPy array: lanes of a batch, or a row of a matrix."""
     numpy = sys.modules.get("numpy")
     return numpy is not None and isinstance(value, numpy.ndarray)
 
 
-def _many(value: Any) -> bool:
+def _many(value: object) -> bool:
     """True for what holds several numbers: a row of a matrix."""
     return isinstance(value, (list, tuple, Vec3)) or _is_array(value)
 
@@ -206,12 +206,12 @@ def items(field: str, value: Any, counts: tuple[int, ...] | None, allowed: str) 
     return found
 
 
-def _entry(field: str, value: Any) -> Any:
+def _entry(field: str, value: object) -> Any:
     """A component of a vector or matrix: integers 0, 1 and -1 are structure."""
     return value if type(value) is int and value in _STRUCTURE else number(field, value)
 
 
-def _structural_number(field: str, value: Any) -> Any:
+def _structural_number(field: str, value: object) -> Any:
     """A number of a description: exact 0, 1 and -1 become structure."""
     held = number(field, value)
     return structural(held) if type(held) is float else held
@@ -221,7 +221,7 @@ ROUNDING = 1e-12
 """What rounding leaves of a length that was made 1."""
 
 
-def near_unit_vector(field: str, value: Any) -> Vec3:
+def near_unit_vector(field: str, value: object) -> Vec3:
     """A vector; a length of 1 within TOLERANCE is made exact, any other is kept."""
     held = vector(field, value)
     length = math.sqrt(sum(c * c for c in held)) if concrete(*held) else 1.0
@@ -230,7 +230,7 @@ def near_unit_vector(field: str, value: Any) -> Vec3:
     return Vec3(*(c if type(c) is int else c / length for c in held))
 
 
-def unit_vector(field: str, value: Any) -> Vec3:
+def unit_vector(field: str, value: object) -> Vec3:
     """A vector of unit length."""
     held = near_unit_vector(field, value)
     if concrete(*held):
@@ -240,7 +240,7 @@ def unit_vector(field: str, value: Any) -> Vec3:
     return held
 
 
-def near_rotation(field: str, value: Any) -> Mat3:
+def near_rotation(field: str, value: object) -> Mat3:
     """A matrix; one whose columns are orthonormal within ten times TOLERANCE becomes the nearest rotation.
 
     Source: Higham 1986, Newton-Schulz iteration for the polar factor, R (3 I - R^T R) / 2.
@@ -271,7 +271,7 @@ def near_unit_quaternion(value: Quaternion) -> Quaternion:
     return Quaternion(*(c / length for c in value)) if ROUNDING < abs(length - 1.0) <= TOLERANCE else value
 
 
-def proper_rotation(field: str, value: Any) -> Mat3:
+def proper_rotation(field: str, value: object) -> Mat3:
     """A matrix of orthonormal columns and determinant +1."""
     held = near_rotation(field, value)
     rows = [list(row) for row in held.rows]

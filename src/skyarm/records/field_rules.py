@@ -30,7 +30,7 @@ WHOLE = 2**53
 """Integers below are floats to the last digit."""
 
 
-def accept_fields(record: Any, where: str, error: type[ValueError] = RecordError) -> None:
+def accept_fields(record: object, where: str, error: type[ValueError] = RecordError) -> None:
     """Convert every field of a frozen record under construction to its stored type.
 
     Args:
@@ -44,7 +44,7 @@ def accept_fields(record: Any, where: str, error: type[ValueError] = RecordError
     coerce.accept(record, where, rules(type(record)), error)
 
 
-def require_fields(record: Any, where: str, skipped: tuple[type, ...] = ()) -> None:
+def require_fields(record: object, where: str, skipped: tuple[type, ...] = ()) -> None:
     """Refuse a record in which, at any depth, a field holds what its annotation does not allow.
 
     Args:
@@ -125,7 +125,7 @@ def _choice(words: tuple[str, ...]) -> Rule:
 def _with_bounds(rule: Rule, unit: Unit) -> Rule:
     """A user-defined rule of a field, whose plain numbers are within its bounds."""
 
-    def check(field: str, value: Any) -> Any:
+    def check(field: str, value: object) -> Any:
         held = rule(field, value)
         if isinstance(held, Vec3):
             for axis, each in zip("xyz", held, strict=True):
@@ -138,13 +138,13 @@ def _with_bounds(rule: Rule, unit: Unit) -> Rule:
     return check
 
 
-def _is_record(wanted: Any) -> bool:
+def _is_record(wanted: object) -> bool:
     """True if the type is a class that ``isinstance`` can check."""
     said = isinstance(wanted, type) and wanted not in (Any, object, bool, str, *_NUMBERS)
     return said and not hasattr(wanted, "_is_protocol")
 
 
-def _number(field: str, value: Any, unit: Unit) -> Any:
+def _number(field: str, value: object, unit: Unit) -> Any:
     """A number that is data."""
     held = value if type(value) is float else coerce.number(field, value)
     if type(held) is float:
@@ -152,7 +152,7 @@ def _number(field: str, value: Any, unit: Unit) -> Any:
     return held
 
 
-def _scalar(field: str, value: Any, unit: Unit) -> Any:
+def _scalar(field: str, value: object, unit: Unit) -> Any:
     """A number whose integers are structure."""
     if type(value) is int and abs(value) < WHOLE:
         _within(field, value, unit)
@@ -160,7 +160,7 @@ def _scalar(field: str, value: Any, unit: Unit) -> Any:
     return _number(field, value, unit)
 
 
-def _whole(field: str, value: Any, unit: Unit) -> int:
+def _whole(field: str, value: object, unit: Unit) -> int:
     """A whole number: an index, a count."""
     held = coerce.whole(field, value)
     if abs(held) >= WHOLE:
@@ -188,12 +188,12 @@ def _numbers(field: str, value: Any, unit: Unit, kind: Any, letters: str, allowe
     return kind(*(0 if unit.folds and concrete(each) and each == 0.0 else each for each in entries))
 
 
-def _vector(field: str, value: Any, unit: Unit) -> Vec3:
+def _vector(field: str, value: object, unit: Unit) -> Vec3:
     found: Vec3 = _numbers(field, value, unit, Vec3, "xyz", "must be three numbers")
     return found
 
 
-def _quaternion(field: str, value: Any, unit: Unit) -> Quaternion:
+def _quaternion(field: str, value: object, unit: Unit) -> Quaternion:
     found: Quaternion = _numbers(field, value, unit, Quaternion, "wxyz", "must be four numbers (w x y z)")
     return found
 
@@ -217,7 +217,7 @@ def _one_of(options: tuple[Any, ...], unit: Unit) -> Rule | None:
     kinds = tuple(each for each in options if _is_record(each) and each is not type(None))
     names = " or ".join([*(each.__name__ for each in kinds), *(["None"] if type(None) in options else [])])
 
-    def rule(field: str, value: Any) -> Any:
+    def rule(field: str, value: object) -> Any:
         if value is None and type(None) in options:
             return None
         if len(kinds) == len(found):
@@ -277,7 +277,7 @@ _ALONE = (Vec3, Quaternion)
 """Records that can be iterated over, and are one thing."""
 
 
-def _callable(field: str, value: Any) -> Any:
+def _callable(field: str, value: object) -> Any:
     if not callable(value):
         refuse(field, value, "must be a function")
     return value

@@ -22,7 +22,7 @@ FOR_PEOPLE = ("title", "sources", *DRAWN)
 """Fields that change no flight."""
 
 
-def identity(record: Any) -> str:
+def identity(record: object) -> str:
     """Digest of a record's plain data, without titles and sources.
 
     Where plugins are loaded, or code of the record is the user's, their files are part of it: a file that has
@@ -32,7 +32,7 @@ def identity(record: Any) -> str:
     return digest({"record": content, "plugins": files} if files else content)
 
 
-def log_digest(written: Any, files: Mapping[str, str]) -> str:
+def log_digest(written: object, files: Mapping[str, str]) -> str:
     """Digest of the scenario that a log records.
 
     Args:
@@ -43,7 +43,7 @@ def log_digest(written: Any, files: Mapping[str, str]) -> str:
     return digest({"record": flown, "code": dict(files)} if files else flown)
 
 
-def _without(data: Any, names: tuple[str, ...]) -> Any:
+def _without(data: object, names: tuple[str, ...]) -> Any:
     """Plain data without the fields of these names."""
     if isinstance(data, dict):
         return {key: _without(value, names) for key, value in data.items() if key not in names}
@@ -87,7 +87,7 @@ def _pairs(things: Iterable[Any]) -> set[Pair]:
     return found
 
 
-def _sources(value: Any) -> set[Pair]:
+def _sources(value: object) -> set[Pair]:
     """Files of a function's or a class's own code."""
     if isinstance(value, type):
         return {pair for kind in value.__mro__ for pair in _of_class(kind)}
@@ -119,7 +119,7 @@ def _of_class(kind: type) -> set[Pair]:
     return {pair for code in codes if isinstance(code, types.CodeType) for pair in _of_code(code, kind.__module__)}
 
 
-def _parts(value: Any) -> list[Any]:
+def _parts(value: object) -> list[Any]:
     """Parts of a value, its class first."""
     if isinstance(value, Mapping):
         return [*value.values()]
@@ -138,7 +138,7 @@ def _parts(value: Any) -> list[Any]:
     return [type(value), *held, *([] if named_plant is None else [named_plant.target])]
 
 
-def _cells(function: Any) -> tuple[types.CellType, ...]:
+def _cells(function: object) -> tuple[types.CellType, ...]:
     return getattr(function, "__closure__", None) or ()
 
 

@@ -22,7 +22,7 @@ Place = tuple[str, ...]
 """Field names and item numbers that lead from one record to a part of it."""
 
 
-def _map(record: Any, visit: Callable[[Any], Any]) -> Any:
+def _map(record: object, visit: Callable[[Any], Any]) -> Any:
     if isinstance(record, tuple):
         return tuple(_map(item, visit) for item in record)
     names = field_names(type(record))
@@ -31,11 +31,11 @@ def _map(record: Any, visit: Callable[[Any], Any]) -> Any:
     return record if isinstance(record, _STRUCTURE) else visit(record)
 
 
-def leaves(record: Any) -> list[Any]:
+def leaves(record: object) -> list[Any]:
     """Scalars of a record in field order."""
     found: list[Any] = []
 
-    def visit(leaf: Any) -> Any:
+    def visit(leaf: object) -> Any:
         found.append(leaf)
         return leaf
 
@@ -43,7 +43,7 @@ def leaves(record: Any) -> list[Any]:
     return found
 
 
-def _visit_only(record: Any, visit: Callable[[Any], Any]) -> None:
+def _visit_only(record: object, visit: Callable[[Any], Any]) -> None:
     if isinstance(record, tuple):
         for item in record:
             _visit_only(item, visit)
@@ -62,24 +62,24 @@ field_names: Callable[[type], tuple[str, ...] | None] = cache(_field_names)
 """Fields of a dataclass; None for any other type. Laws that are called with floats ask at every step."""
 
 
-def is_record(value: Any) -> bool:
+def is_record(value: object) -> bool:
     """True if a value is a record with fields, not the class of one."""
     return field_names(type(value)) is not None
 
 
-def is_leaf(value: Any) -> bool:
+def is_leaf(value: object) -> bool:
     """True for a scalar that may vary; False for structure. For a value without parts."""
     return not isinstance(value, _STRUCTURE)
 
 
-def parts(record: Any) -> dict[str, Any]:
+def parts(record: object) -> dict[str, Any]:
     """Parts directly below a record, by field; below a tuple, by number; none below a scalar."""
     if isinstance(record, tuple):
         return {str(i): item for i, item in enumerate(record)}
     return {name: getattr(record, name) for name in field_names(type(record)) or ()}
 
 
-def walk(record: Any, place: Place = ()) -> Iterator[tuple[Place, Any]]:
+def walk(record: object, place: Place = ()) -> Iterator[tuple[Place, Any]]:
     """Place and value of everything below a record that has no parts itself, structure too, in field order.
 
     The leaves among them, which :func:`is_leaf` tells, come in the order of :func:`leaves`.
@@ -91,7 +91,7 @@ def walk(record: Any, place: Place = ()) -> Iterator[tuple[Place, Any]]:
         yield place, record
 
 
-def pairs(example: Any, record: Any, path: str) -> list[tuple[Any, Any, str]] | None:
+def pairs(example: object, record: object, path: str) -> list[tuple[Any, Any, str]] | None:
     """Pairs of parts at the same places directly below two records, with their paths; None if the structures differ."""
     if isinstance(example, tuple) and isinstance(record, tuple) and len(example) == len(record):
         return [(a, b, f"{path}[{i}]") for i, (a, b) in enumerate(zip(example, record, strict=True))]
@@ -100,7 +100,7 @@ def pairs(example: Any, record: Any, path: str) -> list[tuple[Any, Any, str]] | 
     return None
 
 
-def mismatch(example: Any, record: Any, path: str) -> str | None:
+def mismatch(example: object, record: object, path: str) -> str | None:
     """Describe where ``record`` has another structure than ``example``; None where they have the same."""
     below = pairs(example, record, path)
     if below is None:
@@ -111,12 +111,12 @@ def mismatch(example: Any, record: Any, path: str) -> str | None:
     return next((found for a, b, name in below if (found := mismatch(a, b, name))), None)
 
 
-def named_leaves(record: Any, where: str = "") -> Iterator[tuple[str, Any]]:
+def named_leaves(record: object, where: str = "") -> Iterator[tuple[str, Any]]:
     """Path and scalar of every leaf of a record, in the order of :func:`leaves`."""
     return ((path, value) for path, value in named_parts(record, where) if is_leaf(value))
 
 
-def named_parts(record: Any, where: str = "") -> Iterator[tuple[str, Any]]:
+def named_parts(record: object, where: str = "") -> Iterator[tuple[str, Any]]:
     """Path and value of everything below a record that has no parts itself, structure too, in field order."""
     for place, value in walk(record):
         yield f"{where}{''.join(f'[{i}]' if i.isdigit() else f'.{i}' for i in place)}".removeprefix("."), value
@@ -137,7 +137,7 @@ def shaped_like(template: Record, values: Sequence[Any]) -> Record:
     return rebuild(template, iterator)
 
 
-def part(record: Any, place: Place) -> Any:
+def part(record: object, place: Place) -> Any:
     """Part of a record at a place."""
     for name in place:
         record = record[int(name)] if isinstance(record, tuple) else getattr(record, name)
@@ -161,7 +161,7 @@ def replace_at(record: Any, values: Mapping[Place, Any]) -> Any:
     )
 
 
-def blend(condition: Any, new: Any, old: Any) -> Any:
+def blend(condition: object, new: object, old: object) -> Any:
     """``new`` where the condition holds, else ``old``, leaf by leaf; structure is the old record's."""
     values = (where(condition, a, b) for a, b in zip(leaves(new), leaves(old), strict=True))
     return rebuild(old, values)

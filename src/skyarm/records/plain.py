@@ -22,7 +22,7 @@ WRITTEN_IF_ANY = {"written_if_any": True}
 digest."""
 
 
-def plain(value: Any) -> Any:
+def plain(value: object) -> Any:
     """Any record as tables, lists, numbers, texts, true, false and null; :func:`skyarm.records.restore` reads it back.
 
     A record becomes a table of its fields with its class, by module and name, under ``type``. Functions, arrays, enums
@@ -32,16 +32,16 @@ def plain(value: Any) -> Any:
     return _plain(value, ())
 
 
-def digest(record: Any) -> str:
+def digest(record: object) -> str:
     """SHA-256 of plain data, in hexadecimal: the same for the same content, whatever the order of its tables."""
     return hashlib.sha256(_text(record).encode()).hexdigest()
 
 
-def _text(record: Any) -> str:
+def _text(record: object) -> str:
     return json.dumps(record, sort_keys=True, separators=(",", ":"), allow_nan=False)
 
 
-def _plain(value: Any, above: tuple[int, ...]) -> Any:
+def _plain(value: object, above: tuple[int, ...]) -> Any:
     """Plain data of a value; ``above`` are the ids of the objects that contain it."""
     if value is None or (isinstance(value, (bool, str)) and not isinstance(value, Enum)):
         return {"type": "text", "text": value} if value in NOT_FINITE else value
@@ -83,7 +83,7 @@ def dotted_name(named: Any) -> str:
     return f"{getattr(named, '__module__', '')}:{getattr(named, '__qualname__', named.__name__)}"
 
 
-def fields_of(value: Any) -> list[tuple[str, Any]]:
+def fields_of(value: object) -> list[tuple[str, Any]]:
     """Names and values of an object's fields."""
     names = field_names(type(value))
     if names is not None:
@@ -102,7 +102,7 @@ written_if_any: Callable[[type], tuple[str, ...]] = functools.cache(_written_if_
 """Fields of a dataclass that are written only where they are not empty."""
 
 
-def _bound(function: Any) -> list[Any]:
+def _bound(function: object) -> list[Any]:
     """Object a method is bound to, and values an inner function was closed over."""
     owner = getattr(function, "__self__", None)
     cells = getattr(function, "__closure__", None) or ()

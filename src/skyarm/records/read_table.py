@@ -106,7 +106,7 @@ def options_from(function: Callable[..., Any], fields: Fields) -> dict[str, Any]
     return values
 
 
-def _value(wanted: Any, unit: Unit, fields: Fields, name: str) -> Any:
+def _value(wanted: object, unit: Unit, fields: Fields, name: str) -> Any:
     """A field's value, of its annotated type."""
     if typing.get_origin(wanted) in (typing.Union, types.UnionType):
         wanted = next(each for each in typing.get_args(wanted) if each is not type(None))
@@ -138,7 +138,7 @@ def _value(wanted: Any, unit: Unit, fields: Fields, name: str) -> Any:
     raise ValueError(f"{at}: a field of type {wanted} cannot be read from a file")
 
 
-def _several(kind: Any, fields: Fields, name: str) -> tuple[Any, ...]:
+def _several(kind: object, fields: Fields, name: str) -> tuple[Any, ...]:
     """A tuple of numbers, of tuples of numbers, or of records."""
     if kind in (float, Scalar):
         return fields.numbers(name)

@@ -26,7 +26,7 @@ class RestoreError(ValueError):
     """Plain data that is no record's."""
 
 
-def restore(data: Any, plugins: Mapping[str, str] | None = None) -> Any:
+def restore(data: object, plugins: Mapping[str, str] | None = None) -> Any:
     """The record that :func:`skyarm.records.plain.plain` wrote; lists become tuples.
 
     Args:
@@ -43,7 +43,7 @@ def restore(data: Any, plugins: Mapping[str, str] | None = None) -> Any:
         raise RestoreError(f"record = {shown(data)}: must not be nested so deep") from None
 
 
-def _restore(data: Any, plugins: Mapping[str, str], where: str) -> Any:
+def _restore(data: object, plugins: Mapping[str, str], where: str) -> Any:
     if isinstance(data, str):
         return float(data) if data in NOT_FINITE else data
     if isinstance(data, list):

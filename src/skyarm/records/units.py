@@ -66,7 +66,7 @@ def declared_fields(kind: type) -> dict[str, tuple[Any, Unit]]:
     return {name: said[name] for name in field_names(kind) or () if name in said}
 
 
-def declared_units(of: Any) -> dict[str, tuple[Any, Unit]]:
+def declared_units(of: object) -> dict[str, tuple[Any, Unit]]:
     """Type and unit by name, as a class annotates its fields or a function its parameters.
 
     Empty if an annotation cannot be evaluated: a name that only type checkers import.
@@ -78,7 +78,7 @@ def declared_units(of: Any) -> dict[str, tuple[Any, Unit]]:
     return {name: (kind, _unit(full[name])) for name, kind in kinds.items()}
 
 
-def _unit(annotation: Any) -> Unit:
+def _unit(annotation: object) -> Unit:
     """The unit of an annotation, or of an option of a union."""
     options = typing.get_args(annotation)
     if typing.get_origin(annotation) is typing.Annotated:

@@ -111,7 +111,7 @@ def require_servos_said(fields: Fields, carrier: Vehicle, model: Model) -> None:
         )
 
 
-def _with_safety(found: Controller, safety: Any) -> Controller:
+def _with_safety(found: Controller, safety: object) -> Controller:
     """The controller with its safety layer: false, true, or a table of limits and the stowed pose."""
     if safety is False:
         return found
@@ -278,7 +278,7 @@ def _read(fields: Fields, law: str, option: str, word: str) -> Any:
     return dataclasses.replace(default.default, **numbers)
 
 
-def _terms(value: Any, at: str) -> Terms:
+def _terms(value: object, at: str) -> Terms:
     """Terms without those of a list."""
     allowed = tuple(parts(Terms()))
     if not isinstance(value, list) or any(name not in allowed for name in value):
@@ -289,7 +289,7 @@ def _terms(value: Any, at: str) -> Terms:
 SUFFIX = ".toml"
 
 
-def is_gains_file(name: Any) -> bool:
+def is_gains_file(name: object) -> bool:
     """True if the name of a controller is that of a file of gains."""
     return isinstance(name, str) and name.endswith(SUFFIX)
 
@@ -382,7 +382,7 @@ def _controller(top: Fields, model: Model, known: Mapping[str, Any]) -> Controll
     return with_gains(by_words(words, model, known, loaded=True), gains, "gains")
 
 
-def with_gains(controller: Controller, gains: Any, where: str) -> Controller:
+def with_gains(controller: Controller, gains: object, where: str) -> Controller:
     """The controller with other numbers at some paths of its constants.
 
     Raises:
@@ -396,7 +396,7 @@ def with_gains(controller: Controller, gains: Any, where: str) -> Controller:
     return dataclasses.replace(controller, par=replace_at(controller.par, numbers)) if numbers else controller
 
 
-def _numbers(controller: Controller, path: str, value: Any, field: str) -> dict[Place, float]:
+def _numbers(controller: Controller, path: str, value: object, field: str) -> dict[Place, float]:
     record: Any = controller.par
     place = tuple(path.split("."))
     for i, name in enumerate(place):

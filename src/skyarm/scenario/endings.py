@@ -36,7 +36,7 @@ class Ending:
     status: ClassVar[str]
     """One word for the log."""
 
-    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Any) -> Any:
+    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: object) -> Any:
         """True while the episode is not over; pure, over any scalar, and false for NaN.
 
         Args:
@@ -58,7 +58,7 @@ class Divergence(Ending):
 
     status: ClassVar[str] = "diverged"
 
-    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Any) -> Any:
+    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: object) -> Any:
         """Everything finite and near."""
         # any comparison with NaN is false, so that a state that is not finite is not fine
         fine = absolute(state.quaternion.w) < LONG
@@ -125,7 +125,7 @@ class LawUndefined(Ending):
 
     status: ClassVar[str] = "controller_undefined"
 
-    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Any) -> Any:
+    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: object) -> Any:
         """The law's own margin; a law without one is defined everywhere."""
         margin = scenario.controller.margin
         return True if margin is None else margin(state.quaternion) >= slack
@@ -141,7 +141,7 @@ class Ground(Ending):
 
     status: ClassVar[str] = "ground"
 
-    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Any) -> Any:
+    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: object) -> Any:
         """Every point above the ground."""
         planes = any(surface.shape == "plane" for each in scenario.worlds for surface in each.surfaces)
         return lowest_point(scenario.plant.vehicle, state) >= slack if scenario.ground and not planes else True
@@ -157,7 +157,7 @@ class RotorContact(Ending):
 
     status: ClassVar[str] = "rotor_contact"
 
-    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Any) -> Any:
+    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: object) -> Any:
         """Every disc clear of every surface."""
         fine: Any = True
         for clearance, _, _ in rotor_clearances(scenario, state):

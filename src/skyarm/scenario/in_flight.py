@@ -41,7 +41,7 @@ WHOLE_PARTS = (LAW, "controller", "reference", *OF_REFERENCE, *PARTS)
 """Paths of parts that a change replaces as a whole, in the words that a scenario file has for them."""
 
 
-def with_part(scenario: Scenario, path: str, value: Any) -> Scenario:
+def with_part(scenario: Scenario, path: str, value: object) -> Scenario:
     """The scenario with a part replaced as a whole.
 
     Args:
@@ -58,7 +58,7 @@ def with_part(scenario: Scenario, path: str, value: Any) -> Scenario:
         raise ValueError(f"model.vehicle = {scenario.controller.par.model.vehicle.name!r}: {error}") from None
 
 
-def _fields_of_part(scenario: Scenario, path: str, value: Any) -> dict[str, Any]:
+def _fields_of_part(scenario: Scenario, path: str, value: object) -> dict[str, Any]:
     """Fields of the scenario that a part, written as in a file, replaces."""
     if path in PARTS:
         place, read = PARTS[path]
@@ -82,7 +82,7 @@ def _fields_of_part(scenario: Scenario, path: str, value: Any) -> dict[str, Any]
     return {**given, "path_time": planned(scenario.with_words(**given, path_time=None)).path_time}
 
 
-def _law(scenario: Scenario, name: Any) -> Controller:
+def _law(scenario: Scenario, name: object) -> Controller:
     """A law by its name, under the safety layer if the one before it was."""
     if not isinstance(name, str):
         raise ValueError(f"{LAW} = {shown(name)}: must be the name of a preset, a law or LAW_tuned")
@@ -170,7 +170,7 @@ NONE = Overrides()
 """Nothing is other than it was at the start."""
 
 
-def is_part(path: str, value: Any) -> bool:
+def is_part(path: str, value: object) -> bool:
     """True if a part is replaced as a whole; a yaw that is given as a number is that number."""
     return path in WHOLE_PARTS and (path != "reference.yaw" or isinstance(value, (str, bool, list, tuple, Mapping)))
 

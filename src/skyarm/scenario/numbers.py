@@ -170,7 +170,7 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
     return result
 
 
-def _require_numbers(values: Any) -> None:
+def _require_numbers(values: object) -> None:
     """Refuse paths that are no texts, and values that are no scalars.
 
     Raises:
@@ -281,7 +281,7 @@ def declared_at(scenario: Scenario, path: str) -> Unit:
     return _declared(_with_start(scenario) if kind == "initial" else scenario, places[0])
 
 
-def _declared(record: Any, place: Place) -> Unit:
+def _declared(record: object, place: Place) -> Unit:
     """Declaration of the last field on the way to a place that has one."""
     found = Unit()
     for name in place:

@@ -76,7 +76,7 @@ def govern(scenario: Scenario, **options: float) -> Scenario:
         raise ScenarioError(str(error)) from None
 
 
-def planner_from(table: Any, setting: Setting) -> Callable[[Scenario], Scenario]:
+def planner_from(table: object, setting: Setting) -> Callable[[Scenario], Scenario]:
     """Planner of the time of a reference that is read for a setting.
 
     Args:

@@ -121,7 +121,7 @@ def _further(scenario: Scenario, path: str) -> list[str]:
     return [name.removeprefix(head) for name in roots(scenario) if name not in ROOTS and name.startswith(head)]
 
 
-def _with_heads(heads: tuple[Place, ...], found: Any) -> Any:
+def _with_heads(heads: tuple[Place, ...], found: object) -> Any:
     """Places relative to the scenario; a tree of more names is relative to the first head."""
     if isinstance(found, tuple):
         return tuple((*head, *tail) for head in heads for tail in found)
@@ -145,7 +145,7 @@ REGISTERED: Mapping[type, str] = {Air: "air", Force: "force", Ending: "ending"}
 """Items of lists that bear the name of their class."""
 
 
-def names(record: Any) -> dict[str, tuple[Place, ...] | Tree]:
+def names(record: object) -> dict[str, tuple[Place, ...] | Tree]:
     """Names that lead on from a record."""
     found: dict[str, tuple[Place, ...] | Tree] = {}
     if isinstance(record, tuple):
@@ -178,7 +178,7 @@ def names(record: Any) -> dict[str, tuple[Place, ...] | Tree]:
     return found
 
 
-def _name(item: Any) -> str | None:
+def _name(item: object) -> str | None:
     """An item's own name, or that under which its class is registered."""
     own = getattr(item, "name", None)
     if isinstance(own, str):
@@ -240,7 +240,7 @@ def _is_list(signal: Signal) -> bool:
     return False
 
 
-def _items(signal: Any) -> list[tuple[Signal, Place]]:
+def _items(signal: object) -> list[tuple[Signal, Place]]:
     """Terms of such a sum in the order of the file, with their places."""
 
     def backwards() -> Iterator[tuple[Signal, Place]]:
@@ -273,7 +273,7 @@ def _motion(axes: tuple[Signal, ...], places: tuple[Place, ...]) -> Tree:
     return found
 
 
-def _is_circle(signal: Any) -> bool:
+def _is_circle(signal: object) -> bool:
     """A centre and a windowed, shifted sine, as :func:`skyarm.reference.circle` makes them."""
     if not isinstance(signal, Sum) or len(signal.signals) != 2:
         return False

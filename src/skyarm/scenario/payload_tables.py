@@ -43,19 +43,18 @@ FIELD = {"pick": "pick", "place": "drop"}
 """Kind of a phase -> field of the payload."""
 
 
-def payloads_from(tables: Any, where: str = "payloads") -> tuple[tuple[TimedPayload, ...], tuple[bool, ...]]:
-    """(payloads of a list of tables, which of them the law's model takes).
+def payloads_from(tables: object, where: str = "payloads") -> tuple[TimedPayload, ...]:
+    """Payloads of a list of tables.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
     """
-    read = [_payload(fields) for fields in list_of_tables(tables, where)]
-    return tuple(payload for payload, _ in read), tuple(believed for _, believed in read)
+    return tuple(_payload(fields) for fields in list_of_tables(tables, where))
 
 
-def _payload(fields: Fields) -> tuple[TimedPayload, bool]:
-    believed = fields.flag("believed", False)
+def _payload(fields: Fields) -> TimedPayload:
     values: dict[str, Any] = {name: fields.take(name, "") for name in ("name", "frame")}
+    values["believed"] = believed = fields.flag("believed", False)
     values["mass"] = fields.number("mass", low=0.0)
     kind = fields.choice("kind", tuple(OF_KIND), "rigid")
     for name in OF_KIND[kind]:
@@ -66,7 +65,7 @@ def _payload(fields: Fields) -> tuple[TimedPayload, bool]:
     fields.done()
     if believed and (values["pick_place"] or values["drop_place"]) is not None:
         raise ValueError(f"{fields.at('believed')} = true: must be false where a place decides; its instant is unknown")
-    return make_at(fields.where, HangingPayload if kind == "hanging" else TimedPayload, **values), believed
+    return make_at(fields.where, HangingPayload if kind == "hanging" else TimedPayload, **values)
 
 
 def _instant(fields: Fields, name: str) -> tuple[float, Reach | None]:
@@ -80,30 +79,21 @@ def _instant(fields: Fields, name: str) -> tuple[float, Reach | None]:
     return after, reach
 
 
-def waiting_beliefs(
-    payloads: Sequence[TimedPayload], told: Sequence[bool], trajectory: Trajectory
-) -> tuple[tuple[TimedPayload, ...], tuple[bool, ...]]:
-    """Payloads, those of waiting phases marked as in the model, as their instant is unknown; flags of the others."""
-    waiting = {name for guard in trajectory.guards for name in guard.loads}
-    marked = [believed and each.name in waiting for each, believed in zip(payloads, told, strict=True)]
-    now = (
-        dataclasses.replace(each, believed=True) if wait else each for each, wait in zip(payloads, marked, strict=True)
-    )
-    return tuple(now), tuple(believed and not wait for believed, wait in zip(told, marked, strict=True))
+def with_model_changes(
+    payloads: Sequence[TimedPayload], trajectory: Trajectory, duration: float, rate: int
+) -> tuple[tuple[TimedPayload, ...], tuple[Change, ...]]:
+    """Payloads, and changes of the model's payload to the mass that is held at each frame.
 
-
-def belief_changes(
-    payloads: Sequence[TimedPayload], told: Sequence[bool], duration: float, rate: int
-) -> tuple[Change, ...]:
-    """Changes of the model's payload to the mass that is held at each frame.
+    Those of waiting phases, whose instants are unknown, keep ``believed``: the loop follows them.
 
     Args:
         payloads: of the flight.
-        told: True for each payload that the model includes.
-        duration: of the flight, s; what comes behind its end is left out.
+        trajectory: with its waiting phases.
+        duration: of the flight, s; changes after its end are left out.
         rate: of control, Hz.
     """
-    known = [payload for payload, believed in zip(payloads, told, strict=True) if believed]
+    waiting = {name for guard in trajectory.guards for name in guard.loads}
+    known = [each for each in payloads if each.believed and each.name not in waiting]
     found: list[Change] = []
     for frame in dict.fromkeys(payload.frame for payload in known):
         here = [payload for payload in known if payload.frame == frame]
@@ -114,7 +104,9 @@ def belief_changes(
             found.append(Change(at=t, path=path, value=mass))
     steps = duration * rate  # of an absurd duration, which is refused later, infinity
     last = round(steps) if math.isfinite(steps) else steps
-    return tuple(sorted((each for each in found if each.tick(rate) < last), key=lambda change: change.at))
+    changes = sorted((each for each in found if each.tick(rate) < last), key=lambda change: change.at)
+    marked = (dataclasses.replace(each, believed=False) if each in known else each for each in payloads)
+    return tuple(marked), tuple(changes)
 
 
 def _whole_period(time: float, rate: float) -> float:
@@ -122,7 +114,7 @@ def _whole_period(time: float, rate: float) -> float:
     return math.ceil(time * rate - 1e-9) / rate
 
 
-def with_instants(tables: Any, events: Sequence[TaskEvent], control_rate: float) -> Any:
+def with_instants(tables: object, events: Sequence[TaskEvent], control_rate: float) -> Any:
     """The tables of ``[[payloads]]`` with the instants at which phases pick and place them.
 
     Args:

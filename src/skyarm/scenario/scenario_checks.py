@@ -235,7 +235,7 @@ def _check_vehicles(scenario: Scenario) -> None:
             raise ValueError(f"controller.{field}: {len(values)} values, must be {count}")
 
 
-def _counts_of_law(par: Any, joints: int, rotors: int) -> Iterator[tuple[str, Sequence[Any], int]]:
+def _counts_of_law(par: object, joints: int, rotors: int) -> Iterator[tuple[str, Sequence[Any], int]]:
     """(field, values, how many there must be) of gains, mixer, and the recovery under the safety layer."""
     layer = par
     while getattr(layer, "recovery", None) is None and hasattr(layer, "inner"):
@@ -307,7 +307,7 @@ def check_quaternion(values: tuple[Any, ...]) -> None:
         )
 
 
-def require_flight(scenario: Any) -> None:
+def require_flight(scenario: object) -> None:
     """Require one scenario whose numbers are plain, not lanes, and whose vehicle starts outside of all surfaces.
 
     Raises:

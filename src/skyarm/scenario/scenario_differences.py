@@ -19,7 +19,7 @@ SEVERAL = (("environment", "air"), ("environment", "forces"), ("endings",))
 """Places of lists whose items are of several classes."""
 
 
-def scenario_differences(a: Any, b: Any) -> dict[str, tuple[Any, Any]]:
+def scenario_differences(a: object, b: object) -> dict[str, tuple[Any, Any]]:
     """Path -> values in two scenarios, where they differ.
 
     Args:
@@ -35,7 +35,7 @@ def scenario_differences(a: Any, b: Any) -> dict[str, tuple[Any, Any]]:
     return found
 
 
-def _leaves(data: Any, words: Words) -> Iterator[tuple[Words, Any]]:
+def _leaves(data: object, words: Words) -> Iterator[tuple[Words, Any]]:
     """Paths and values of all leaves of plain data."""
     inner = data.items() if isinstance(data, Mapping) else enumerate(data) if isinstance(data, list) else ()
     if not inner:

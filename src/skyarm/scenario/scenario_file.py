@@ -176,10 +176,10 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
         from skyarm.scenario import payload_tables as loads
 
         handled = [event for event in setting.events if not event.gripper]
-        payloads, believed = loads.payloads_from(loads.with_instants(flying, handled, rates.control))
-        payloads, believed = loads.waiting_beliefs(payloads, believed, reference["reference"])
-        reference["payloads"] = payloads
-        changes = loads.belief_changes(payloads, believed, chosen["duration"], rates.control)
+        payloads = loads.payloads_from(loads.with_instants(flying, handled, rates.control))
+        reference["payloads"], changes = loads.with_model_changes(
+            payloads, reference["reference"], chosen["duration"], rates.control
+        )
         contact = loads.with_commands(contact, [event for event in setting.events if event.gripper], rates.control)
     law = Fields(top.take("controller"), "controller")
     model = _model(top, plant, world, folder)
@@ -218,7 +218,7 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
     return planned(_at_start(scenario, initial))
 
 
-def _at_start(scenario: Scenario, initial: Any) -> Scenario:
+def _at_start(scenario: Scenario, initial: object) -> Scenario:
     """The scenario with objects and vehicle where they start."""
     if scenario.world is not None:
         from skyarm.world.contact.static_equilibrium import with_standing_objects

@@ -7,7 +7,7 @@ import math
 import numbers
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar, cos, data, minimum, sin
@@ -52,12 +52,14 @@ LATEST = 1e7
 
 PERFECT_SENSORS = SensorNoise()
 
+Held = TypeVar("Held")
+
 
 class ScenarioError(ValueError):
     """A scenario's description is wrong."""
 
 
-def whole(value: Any) -> int | None:
+def whole(value: object) -> int | None:
     """A whole number, NumPy's too, as Python's; None for anything else."""
     return int(value) if not isinstance(value, bool) and isinstance(value, numbers.Integral) else None
 
@@ -188,7 +190,7 @@ class Change:
         return _table(self.value)
 
 
-def _plain_value(field: str, value: Any, whole: bool = True) -> Any:
+def _plain_value(field: str, value: object, whole: bool = True) -> Any:
     """Value of a change: lists as tuples, a number as a float unless ``whole`` numbers stay, as within a list."""
     value = coerce.plain_number(value)
     if isinstance(value, Mapping):
@@ -209,7 +211,7 @@ def _plain_value(field: str, value: Any, whole: bool = True) -> Any:
     raise RecordError(f"{field} = {shown(value)}: must be a number, text, true, false, a list or a table")
 
 
-def _table(value: Any) -> Any:
+def _table(value: object) -> Any:
     if isinstance(value, Mapping):
         return {name: _table(each) for name, each in value.items()}
     return [_table(each) for each in value] if isinstance(value, tuple) else value
@@ -310,6 +312,20 @@ class Agent:
             object.__setattr__(self, "initial", _as_data(self.initial))
 
 
+class Word(Generic[Held]):
+    """Field of a group, as an attribute of the scenario: ``scenario.wind`` is ``scenario.environment.wind``."""
+
+    def __init__(self, group: str) -> None:
+        self._group = group
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    def __get__(self, scenario: Scenario, owner: type) -> Held:
+        found: Held = getattr(getattr(scenario, self._group), self._name)
+        return found
+
+
 GROUPS: Mapping[str, type] = {"solver": Solver, "agent": Agent, "environment": Environment}
 """Fields of a scenario that are records of several of a file's words."""
 
@@ -376,105 +392,26 @@ class Scenario:
         kept = tuple(each for each in self.changes if not each.of_law)
         return self.with_words(controller=controller, changes=kept)
 
-    @property
-    def kind(self) -> str:
-        """Kind of the solver."""
-        return self.solver.kind
-
-    @property
-    def integrator(self) -> str:
-        """Integrator of the solver."""
-        return self.solver.integrator
-
-    @property
-    def wind(self) -> Wind:
-        """Wind of the environment."""
-        return self.environment.wind
-
-    @property
-    def air(self) -> tuple[Component, ...]:
-        """Components of the air."""
-        return self.environment.air
-
-    @property
-    def forces(self) -> tuple[Component, ...]:
-        """External forces of the environment."""
-        return self.environment.forces
-
-    @property
-    def ground(self) -> bool:
-        """True if the environment has a ground at z = 0."""
-        return self.environment.ground
-
-    @property
-    def world(self) -> Contact | None:
-        """World of contact of the environment."""
-        return self.environment.world
-
-    @property
-    def plant(self) -> Truth:
-        """Plant of the agent."""
-        return self.agent.plant
-
-    @property
-    def controller(self) -> Controller:
-        """Control law of the agent."""
-        return self.agent.controller
-
-    @property
-    def reference(self) -> Trajectory:
-        """Reference of the agent."""
-        return self.agent.reference
-
-    @property
-    def tracking_start(self) -> Scalar:
-        """Start of tracking of the agent, s."""
-        return self.agent.tracking_start
-
-    @property
-    def path_time(self) -> PathTime | None:
-        """Planned time of the agent's reference."""
-        return self.agent.path_time
-
-    @property
-    def noise(self) -> SensorNoise:
-        """Measurement noise of the agent."""
-        return self.agent.noise
-
-    @property
-    def sensors(self) -> tuple[NamedSensor, ...]:
-        """Sensors of the agent."""
-        return self.agent.sensors
-
-    @property
-    def estimator(self) -> Estimator:
-        """Estimator of the agent."""
-        return self.agent.estimator
-
-    @property
-    def drives(self) -> tuple[JointDrive, ...]:
-        """Joint drives of the agent."""
-        return self.agent.drives
-
-    @property
-    def delays(self) -> Delays:
-        """Delays of the agent."""
-        return self.agent.delays
-
-    @property
-    def initial(self) -> State | None:
-        """Initial state of the agent."""
-        return self.agent.initial
-
-    @property
-    def faults(self) -> tuple[Fault, ...]:
-        """Faults of the agent."""
-        return self.agent.faults
-
-    @property
-    def payloads(self) -> tuple[TimedPayload, ...]:
-        """Payloads of the agent."""
-        return self.agent.payloads
+    kind = Word[str]("solver")
+    integrator = Word[str]("solver")
+    wind = Word[Wind]("environment")
+    air = Word[tuple[Component, ...]]("environment")
+    forces = Word[tuple[Component, ...]]("environment")
+    ground = Word[bool]("environment")
+    world = Word["Contact | None"]("environment")
+    plant = Word[Truth]("agent")
+    controller = Word[Controller]("agent")
+    reference = Word[Trajectory]("agent")
+    tracking_start = Word[Scalar]("agent")
+    path_time = Word["PathTime | None"]("agent")
+    noise = Word[SensorNoise]("agent")
+    sensors = Word[tuple[NamedSensor, ...]]("agent")
+    estimator = Word[Estimator]("agent")
+    drives = Word[tuple[JointDrive, ...]]("agent")
+    delays = Word[Delays]("agent")
+    initial = Word["State | None"]("agent")
+    faults = Word[tuple[Fault, ...]]("agent")
+    payloads = Word[tuple[TimedPayload, ...]]("agent")
 
     @property
     def steps(self) -> int:
@@ -565,7 +502,7 @@ def check_name(name: str) -> None:
         raise ScenarioError(f"name = {shown(name)}: {ALLOWED}")
 
 
-def noise_key(field: str, value: Any) -> int:
+def noise_key(field: str, value: object) -> int:
     """A key of the noise generator."""
     held = whole(value)
     if held is None or not 0 <= held < 2**32:

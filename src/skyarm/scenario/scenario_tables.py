@@ -40,12 +40,12 @@ if TYPE_CHECKING:
     from skyarm.world.contact.contact import Contact
 
 
-def _several(kind: str, base: type, tables: Any, where: str) -> tuple[Any, ...]:
+def _several(kind: str, base: type, tables: object, where: str) -> tuple[Any, ...]:
     """Records of a list of tables ``{ kind = NAME, numbers ... }``."""
     return tuple(registered_from(kind, base, each.table, each.where) for each in list_of_tables(tables, where))
 
 
-def _estimator(table: Any, where: str) -> Estimator:
+def _estimator(table: object, where: str) -> Estimator:
     """An estimator, or its kind alone."""
     found: Estimator = registered_from(
         "estimator", Estimator, {"kind": table} if isinstance(table, str) else table, where
@@ -53,7 +53,7 @@ def _estimator(table: Any, where: str) -> Estimator:
     return found
 
 
-def _ground(value: Any, where: str) -> bool:
+def _ground(value: object, where: str) -> bool:
     return Fields({"ground": value}, where.rpartition(".")[0]).flag("ground")
 
 
@@ -140,7 +140,7 @@ def gravity(fields: Fields) -> float:
     return fields.number("gravity", 9.81, low=0.0)
 
 
-def contact(table: Any, folder: Path) -> Contact | None:
+def contact(table: object, folder: Path) -> Contact | None:
     """[world]: surfaces, and points of the vehicle that touch them; files of meshes stand below a folder."""
     if table is None:
         return None
@@ -149,7 +149,7 @@ def contact(table: Any, folder: Path) -> Contact | None:
     return record_from(Contact, Fields(with_meshes(table, "world", folder), "world"))
 
 
-def with_meshes(table: Any, where: str, folder: Path) -> Any:
+def with_meshes(table: object, where: str, folder: Path) -> Any:
     """The tables of a world whose paths of meshes stand below a folder, as absolute paths.
 
     Args:
@@ -210,7 +210,7 @@ def feasibility_of(scenario: Scenario) -> Feasibility | None:
     return feasibility(scenario.reference, setting_of(scenario.plant, scenario.duration))
 
 
-def _in_folder(table: Any, folder: Path) -> Any:
+def _in_folder(table: object, folder: Path) -> Any:
     """A reference's table whose files of samples stand below a folder."""
     if isinstance(table, list):
         return [_in_folder(item, folder) for item in table]
@@ -228,7 +228,7 @@ def _as_commanded(scenario: Scenario) -> Scenario:
 
 
 def reference(
-    table: Any, world: Truth, setting: Setting, folder: Path = Path()
+    table: object, world: Truth, setting: Setting, folder: Path = Path()
 ) -> tuple[dict[str, Any], Callable[[Scenario], Scenario]]:
     """Trajectory and start of tracking of [reference], and the planner of its governor."""
     planned: Callable[[Scenario], Scenario] = _as_commanded

@@ -99,7 +99,7 @@ def unlikely_in_vehicle(vehicle: Vehicle) -> tuple[str, ...]:
     return (*heavy, *declared, *_inertias(vehicle), *_rotors(vehicle))
 
 
-def _unusual(record: Any, where: str) -> Iterator[str]:
+def _unusual(record: object, where: str) -> Iterator[str]:
     """Lines about the numbers below a record that are larger than their fields declare as usual; one for each field."""
     found: dict[tuple[type, str], list[str]] = {}
     for key, line in _unusual_fields(record, where):
@@ -109,7 +109,7 @@ def _unusual(record: Any, where: str) -> Iterator[str]:
         yield f"{lines[0]}{more}"
 
 
-def _unusual_fields(record: Any, where: str) -> Iterator[tuple[tuple[type, str], str]]:
+def _unusual_fields(record: object, where: str) -> Iterator[tuple[tuple[type, str], str]]:
     said, kind = units(type(record)), getattr(record, "kind", "")
     for name, value in parts(record).items():
         at = f"{where}[{getattr(value, 'name', name)}]" if isinstance(record, tuple) else f"{where}.{name}"

@@ -256,7 +256,7 @@ def _with_friction(leader: Joint, follower: Joint, ratio: float) -> Joint:
     return dataclasses.replace(leader, **values) if values else leader
 
 
-def _range_of_leader(leader: Joint, follower: Joint, ratio: Any, offset: Any) -> tuple[Any, Any] | None:
+def _range_of_leader(leader: Joint, follower: Joint, ratio: object, offset: object) -> tuple[Any, Any] | None:
     """Values of a leader with which both joints are within their limits; None where there are none."""
     if not concrete(leader.lower, leader.upper, follower.lower, follower.upper, ratio, offset):
         return leader.lower, leader.upper

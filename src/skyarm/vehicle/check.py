@@ -49,7 +49,7 @@ def accept_named(record: Any, kind: str) -> None:
     accept_fields(record, f"{kind}s[{name}]" if isinstance(name, str) and name else kind, VehicleError)
 
 
-def refuse(field: str, value: Any, allowed: str) -> NoReturn:
+def refuse(field: str, value: object, allowed: str) -> NoReturn:
     """Raise with field, value and what is allowed, on one line."""
     raise VehicleError(f"{field} = {shown(value)}: {allowed}")
 

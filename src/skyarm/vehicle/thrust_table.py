@@ -72,7 +72,7 @@ class ThrustTable:
         scale = self.thrust_coefficient * self.moment_coefficient
         return divide(curve(speed * speed, *self._points(self.torque)), scale)
 
-    def speed_of_push(self, push: Any) -> Any:
+    def speed_of_push(self, push: object) -> Any:
         """The inverse of ``push``, rad/s."""
         square = inverse_curve(push * self.thrust_coefficient, *self._points(self.thrust))
         return sqrt(maximum(square, 0.0))

@@ -18,7 +18,7 @@ class Fields:
     their names: ``links[arm].mass``.
     """
 
-    def __init__(self, table: Any, where: str, named: bool = False) -> None:
+    def __init__(self, table: object, where: str, named: bool = False) -> None:
         if not isinstance(table, dict):
             raise ValueError(f"{where} = {shown(table)}: must be a table")
         self.table, self.where, self._named = table, where, named
@@ -28,7 +28,7 @@ class Fields:
         """Name of a field as messages show it."""
         return f"{self.where}.{name}" if self.where else name
 
-    def take(self, name: str, default: Any = _REQUIRED) -> Any:
+    def take(self, name: str, default: object = _REQUIRED) -> Any:
         """Raw value of a field."""
         self._asked.append(name)
         if name in self.table:
@@ -43,7 +43,7 @@ class Fields:
     def number(
         self,
         name: str,
-        default: Any = _REQUIRED,
+        default: object = _REQUIRED,
         *,
         low: float = -math.inf,
         strict: bool = False,
@@ -52,7 +52,7 @@ class Fields:
         """Check a number: finite by default, not below ``low`` (above it if strict)."""
         return number(self.take(name, default), self.at(name), low=low, strict=strict, infinite=infinite)
 
-    def vector(self, name: str, default: Any = _REQUIRED) -> tuple[float, float, float]:
+    def vector(self, name: str, default: object = _REQUIRED) -> tuple[float, float, float]:
         """Three finite numbers."""
         value, at = self.take(name, default), self.at(name)
         if not isinstance(value, (list, tuple)) or len(value) != 3:
@@ -67,7 +67,7 @@ class Fields:
             raise ValueError(f"{at} = {shown(values)}: must be a list of numbers")
         return tuple(number(value, f"{at}[{i}]", low=low) for i, value in enumerate(values))
 
-    def choice(self, name: str, options: tuple[str, ...], default: Any = _REQUIRED) -> str:
+    def choice(self, name: str, options: tuple[str, ...], default: object = _REQUIRED) -> str:
         """One of several words."""
         value = self.take(name, default)
         if value not in options:
@@ -104,7 +104,7 @@ class Fields:
                 raise ValueError(f"{self.at(name)} = {shown(value)}: unknown field; {meant}allowed: {allowed}")
 
 
-def list_of_tables(value: Any, where: str, named: bool = False) -> list[Fields]:
+def list_of_tables(value: object, where: str, named: bool = False) -> list[Fields]:
     """Readers of a list of tables, in order."""
     if not isinstance(value, list):
         raise ValueError(f"{where} = {shown(value)}: must be a list of tables")
@@ -113,7 +113,7 @@ def list_of_tables(value: Any, where: str, named: bool = False) -> list[Fields]:
     return [Fields(table, f"{where}[{name}]", named) for table, name in zip(value, called, strict=True)]
 
 
-def number(value: Any, at: str, *, low: float = -math.inf, strict: bool = False, infinite: bool = False) -> float:
+def number(value: object, at: str, *, low: float = -math.inf, strict: bool = False, infinite: bool = False) -> float:
     """Check a number: finite by default, not below ``low`` (above it if strict)."""
     if isinstance(value, bool) or not isinstance(value, numbers.Real):  # NumPy's numbers are Real too
         raise ValueError(f"{at} = {shown(value)}: must be a {'number' if infinite else 'finite number'}")

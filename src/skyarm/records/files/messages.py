@@ -41,7 +41,7 @@ def comma_list(names: Iterable[Any]) -> str:
     return text if len(text) <= LONGEST_LIST else text[: LONGEST_LIST - 3] + "..."
 
 
-def shown(value: Any) -> str:
+def shown(value: object) -> str:
     """A value as messages show it: on one line, not for pages."""
     try:
         text = " ".join(repr(value).split())  # an array's text has several lines
@@ -58,7 +58,7 @@ NEAREST = 4
 """Names of a long list that a message shows."""
 
 
-def did_you_mean(word: Any, known: Iterable[str]) -> str:
+def did_you_mean(word: object, known: Iterable[str]) -> str:
     """Suggestion at the start of a message, such as ``did you mean 'case3'? ``; empty if no name is similar."""
     if not isinstance(word, str):
         return ""
@@ -70,12 +70,12 @@ def did_you_mean(word: Any, known: Iterable[str]) -> str:
     return f"did you mean {near[0]!r}? " if near else ""
 
 
-def nearest(word: Any, known: Iterable[str]) -> list[str]:
+def nearest(word: object, known: Iterable[str]) -> list[str]:
     """The ``NEAREST`` names that are most like a word, the most alike first."""
     return difflib.get_close_matches(str(word), list(known), n=NEAREST, cutoff=0.0)
 
 
-def must_be_one_of(known: Iterable[str], word: Any, see: str = "") -> str:
+def must_be_one_of(known: Iterable[str], word: object, see: str = "") -> str:
     """Allowed names in words, after a suggestion.
 
     Args:

@@ -19,7 +19,7 @@ NOT_THERE = (errno.ENOENT, errno.ENOTDIR, errno.ELOOP)
 """Reasons that are no more than that."""
 
 
-def file_name(value: Any, field: str) -> str:
+def file_name(value: object, field: str) -> str:
     """A name or path that was given, as text.
 
     Raises:
@@ -60,7 +60,7 @@ ALLOWED = (
 )
 
 
-def is_result_name(name: Any) -> bool:
+def is_result_name(name: object) -> bool:
     """True if a name is valid for a file on Linux, macOS and Windows."""
     return (
         isinstance(name, str)
@@ -123,7 +123,7 @@ def kind_of(document: Mapping[str, Any]) -> str:
     return "vehicle" if any(word in document for word in VEHICLES) else ""
 
 
-def require_kind(document: Any, wanted: str) -> None:
+def require_kind(document: object, wanted: str) -> None:
     """Refuse a file of another kind.
 
     Raises:

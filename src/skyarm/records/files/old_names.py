@@ -26,7 +26,7 @@ def warn_of_old_name(old: str, new: str, *, stacklevel: int = 2) -> None:
     warnings.warn(line, OldNameWarning, stacklevel=stacklevel + 1)
 
 
-def present_name(where: str, value: Any, old_names: Mapping[str, str]) -> Any:
+def present_name(where: str, value: object, old_names: Mapping[str, str]) -> Any:
     """The value that an old one is called now, with a warning; any other value as it is.
 
     Args:

@@ -70,7 +70,7 @@ _BARE = re.compile(r"[A-Za-z0-9_-]+")
 _ESCAPES = {"\\": "\\\\", '"': '\\"', "\b": "\\b", "\t": "\\t", "\n": "\\n", "\f": "\\f", "\r": "\\r"}
 
 
-def toml_value(value: Any) -> str:
+def toml_value(value: object) -> str:
     """A value on one line; tables are written inline.
 
     Raises:
@@ -117,7 +117,7 @@ def toml_text(document: Mapping[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _is_section(value: Any) -> bool:
+def _is_section(value: object) -> bool:
     listed = isinstance(value, (list, tuple)) and bool(value) and all(isinstance(each, Mapping) for each in value)
     return isinstance(value, Mapping) or listed
 

@@ -9,7 +9,6 @@ import os
 import types
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 PACKAGE = f"{os.path.dirname(os.path.dirname(os.path.dirname(__file__)))}{os.sep}"
 """Where the library's own code stands."""
@@ -24,7 +23,7 @@ DEPTH = 8
 """How far functions within functions are followed."""
 
 
-def own_code(thing: Any, depth: int = DEPTH) -> types.CodeType | None:
+def own_code(thing: object, depth: int = DEPTH) -> types.CodeType | None:
     """The first part of a function that is user code; None if all of it is the library's.
 
     Args:
@@ -90,7 +89,7 @@ def is_beside(file: str, folder: str) -> bool:
     return INSTALLED not in file and not file.startswith((PACKAGE, PYTHON))
 
 
-def place_of(thing: Any) -> str:
+def place_of(thing: object) -> str:
     """File and line at which a function, or an object's or a class's first method, begins; else its name."""
     code = own_code(thing) or getattr(thing, "__code__", None)
     if code is None:

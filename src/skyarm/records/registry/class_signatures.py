@@ -41,7 +41,7 @@ def class_mistake(kind: type) -> tuple[str, str] | None:
     return None
 
 
-def format_mistake(thing: Any) -> tuple[str, str] | None:
+def format_mistake(thing: object) -> tuple[str, str] | None:
     """Mistake of a log format: file and line, and words; None if there is none."""
     for name, call in (("write", "write(log, path)"), ("read", "read(path)")):
         held = getattr(thing, name, None)
@@ -56,7 +56,7 @@ def format_mistake(thing: Any) -> tuple[str, str] | None:
     return None
 
 
-def thing_mistake(kind: str, thing: Any) -> tuple[str, str] | None:
+def thing_mistake(kind: str, thing: object) -> tuple[str, str] | None:
     """Mistake of a registered thing: file and line, and words; None if none is found."""
     if isinstance(thing, str):
         return None  # where it is found, which nobody has read yet
@@ -75,7 +75,7 @@ def _members(bases: list[type]) -> Iterator[tuple[str, Any]]:
                 yield name, given
 
 
-def _number_mistake(name: str, held: Any) -> str | None:
+def _number_mistake(name: str, held: object) -> str | None:
     """Reason why a value cannot replace the base's number or text; None if it can."""
     if not isinstance(held, (staticmethod, classmethod)) and not inspect.isfunction(held):
         return None

@@ -210,7 +210,7 @@ def laws_of_files() -> tuple[str, ...]:
     return tuple(name for name in registrations("law") if is_law_of_file(name))
 
 
-def is_law_of_file(text: Any) -> bool:
+def is_law_of_file(text: object) -> bool:
     """True if a text is of the form FILE.py:make, which only the command line accepts."""
     return isinstance(text, str) and FROM_FILE.fullmatch(text) is not None
 

@@ -88,7 +88,7 @@ LETTERS = "_-.+"
 """Beside letters and digits, in names."""
 
 
-def add(kind: str, name: str, target: Any, title: str = "", source: str = "", letters: str = LETTERS) -> None:
+def add(kind: str, name: str, target: object, title: str = "", source: str = "", letters: str = LETTERS) -> None:
     """Register a name; ``letters`` are those that it may have beside letters and digits.
 
     Raises:
@@ -136,14 +136,14 @@ def names(kind: str) -> tuple[str, ...]:
     return tuple(registrations(kind))
 
 
-def canonical(kind: str, name: Any) -> Any:
+def canonical(kind: str, name: object) -> Any:
     """The registered name for an old name; any other value unchanged."""
     if not isinstance(name, str):
         return name
     return OLD_NAMES.get(kind, {}).get(name, name)
 
 
-def full_name(kind: str, name: Any) -> Any:
+def full_name(kind: str, name: object) -> Any:
     """As :func:`canonical`, with a warning that names the new name of an old one."""
     if isinstance(name, str) and name in OLD_NAMES.get(kind, {}):
         from skyarm.records.files.old_names import warn_of_old_name
@@ -152,7 +152,7 @@ def full_name(kind: str, name: Any) -> Any:
     return canonical(kind, name)
 
 
-def find(kind: str, name: Any, field: str = "") -> Any:
+def find(kind: str, name: object, field: str = "") -> Any:
     """The thing of a name.
 
     Args:
@@ -170,7 +170,7 @@ def find(kind: str, name: Any, field: str = "") -> Any:
     return known[name].load()
 
 
-def name_of(kind: str, thing: Any) -> str | None:
+def name_of(kind: str, thing: object) -> str | None:
     """The name under which a class is registered, or None; imports nothing."""
     if not hasattr(thing, "__qualname__"):
         return None
