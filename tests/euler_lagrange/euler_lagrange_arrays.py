@@ -100,7 +100,9 @@ def euler_angles(quaternion_wxyz: ArrayLike) -> Array:
     Raises:
         ValueError: wrong shape, not of unit length, or a pitch within 1e-6 rad of 90 degrees.
     """
-    angles = stack_leaves(list(euler_angles_of(unit_quaternion(quaternion_wxyz).rotation())), leading_axes(quaternion_wxyz))
+    angles = stack_leaves(
+        list(euler_angles_of(unit_quaternion(quaternion_wxyz).rotation())), leading_axes(quaternion_wxyz)
+    )
     refuse_singular_pitch(angles[..., 1])
     return angles
 

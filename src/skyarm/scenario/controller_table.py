@@ -236,12 +236,18 @@ def by_words(fields: Fields, model: Model, known: Mapping[str, Any], *, loaded: 
         word = WORDS.get(option, option)
         if word in fields.table:
             options[option] = _read(fields, law, option, word)
-    # constants contain the delay, counted in periods of the loop
-    period = fields.table.get("control_period", known.get("control_period"))
-    if period is not None and not math.isclose(number(period, "control_period"), known["control_period"], rel_tol=1e-6):
-        allowed = f"must be {known['control_period']:g} s, as rates.control has it"
-        raise ValueError(f"{fields.at('control_period')} = {period!r}: {allowed}")
+    _require_clock(fields, known)
     return (make_tuned if best else make_controller)(law, model, **options)
+
+
+def _require_clock(fields: Fields, known: Mapping[str, Any]) -> None:
+    """Refuse another control period than the loop's: constants contain the delay, counted in its periods."""
+    period, ticking = fields.table.get("control_period"), known.get("control_period")
+    if period is None:
+        return
+    at = fields.at("control_period")
+    if not math.isclose(number(period, at), ticking, rel_tol=1e-6):
+        raise ValueError(f"{at} = {period!r}: must be {ticking:g} s, as rates.control has it")
 
 
 def _preset_name(fields: Fields) -> Any:
