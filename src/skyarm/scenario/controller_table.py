@@ -242,10 +242,10 @@ def by_words(fields: Fields, model: Model, known: Mapping[str, Any], *, loaded: 
 
 def _require_clock(fields: Fields, known: Mapping[str, Any]) -> None:
     """Refuse another control period than the loop's: constants contain the delay, counted in its periods."""
-    period, ticking = fields.table.get("control_period"), known.get("control_period")
+    period = fields.table.get("control_period")
     if period is None:
         return
-    at = fields.at("control_period")
+    at, ticking = fields.at("control_period"), known["control_period"]
     if not math.isclose(number(period, at), ticking, rel_tol=1e-6):
         raise ValueError(f"{at} = {period!r}: must be {ticking:g} s, as rates.control has it")
 
