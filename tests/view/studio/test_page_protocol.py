@@ -116,59 +116,6 @@ def test_the_page_is_for_who_bears_the_token(shown: Open) -> None:
         assert TOKEN.encode() not in content
 
 
-WEBSOCKET = (
-    "Upgrade: websocket", "Connection: Upgrade", "Sec-WebSocket-Version: 13",
-    "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==",
-)  # fmt: skip
-
-
-def request(shown: Open, path: str = f"/?token={TOKEN}", *headers: str) -> bytes:
-    host = f"127.0.0.1:{shown.port}"
-    lines = [f"GET {path} HTTP/1.1", f"Host: {host}", *headers, *([f"Origin: http://{host}"] if headers else [])]
-    return ("\r\n".join(lines) + "\r\n\r\n").encode("latin-1")
-
-
-def answers(shown: Open, requests: list[bytes]) -> list[bytes]:
-    """First lines of what each is answered; empty of a connection that is closed, or that waits for more."""
-    sockets = [socket.create_connection(("127.0.0.1", shown.port), timeout=20.0) for _ in requests]
-    found = []
-    for each, sent in zip(sockets, requests, strict=True):
-        each.sendall(sent)
-    for each, sent in zip(sockets, requests, strict=True):
-        each.settimeout(20.0 if sent.endswith(b"\r\n\r\n") else 0.02)
-        try:
-            found.append(each.recv(200).split(b"\r\n")[0])
-        except OSError:
-            found.append(b"")
-        each.close()
-    return found
-
-
-def test_an_odd_request_is_refused_as_one(shown: Open) -> None:
-    odd = [
-        request(shown, "//["),  # no address
-        request(shown, "/?token=\xff"),  # no text
-        request(shown, f"/{'a' * 5000}?token={TOKEN}"),  # a name that no disk takes
-        request(shown, f"/?token={TOKEN}", "Upgrade: websocket", "Upgrade: websocket"),
-        request(shown, f"/?token={TOKEN}", *WEBSOCKET[:3], "Sec-WebSocket-Key: \xda"),
-    ]
-    assert answers(shown, odd) == [b"HTTP/1.1 400 Bad Request"] * len(odd)
-    assert answers(shown, [request(shown, f"/nothing?token={TOKEN}")]) == [b"HTTP/1.1 404 NOT FOUND"]
-
-
-def test_no_request_is_an_error_of_the_server(shown: Open) -> None:
-    rng, sent = random.Random(7), list[bytes]()
-    for _ in range(400):
-        made = bytearray(request(shown, f"/?token={TOKEN}", *rng.choice([(), WEBSOCKET])))
-        for _ in range(rng.randint(1, 5)):
-            at = rng.randrange(len(made))
-            made[at : at + rng.randint(0, 3)] = rng.randbytes(rng.randint(0, 4))
-        sent.append(bytes(made))
-    for begin in range(0, len(sent), 50):
-        assert not [each for each in answers(shown, sent[begin : begin + 50]) if b" 500 " in each]
-    assert shown.get(f"/?token={TOKEN}")[0] == 200
-
-
 @pytest.mark.parametrize(
     ("token", "origin"),
     [(None, "own"), ("0123456789abcdeF", "own"), (TOKEN, "https://evil.example"), (TOKEN, "null"), (TOKEN, None)],

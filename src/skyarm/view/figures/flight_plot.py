@@ -32,6 +32,9 @@ HATCHES = ("////", None, "\\\\\\\\", "....")
 DASHES = ("-", "--", "-.", ":")
 """Of intervals and of instants, in the order of the events."""
 
+HELD = "#c3d2e6"
+"""Of what sensors read: the first flight's colour, light."""
+
 OF_A_PAGE = 9
 """Panels one above the other where every kind is drawn."""
 
@@ -143,7 +146,7 @@ def _draw(ax: Axes, panel: Panel, named: Mapping[str, Log], span: tuple[float, f
 def _received(panel: Panel, log: Log, truth: Array) -> Iterator[tuple[str, Array | None, Style]]:
     """Label, curve and look of a panel's quantity as measured and as estimated."""
     first = PAPER.look(0)
-    held: Style = {"color": first.tint, "linewidth": first.width, "zorder": 2.5, "drawstyle": "steps-post"}
+    held: Style = {"color": HELD, "linewidth": first.width, "zorder": 2.5, "drawstyle": "steps-post"}
     looks = {MEASURED: held, ESTIMATED: PAPER.look(1).line}
     for word, received in measured_flights(log):
         values = panel.of(received)

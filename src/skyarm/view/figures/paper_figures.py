@@ -19,12 +19,18 @@ from skyarm.log.flight_log import Log
 from skyarm.simulate import Window
 from skyarm.view.figures.flight_facts import end_time, ending_of, gust_interval
 from skyarm.view.figures.flight_panels import MILLIMETRES, Panel, by_axis, column, distance
-from skyarm.view.figures.style import PAPER, Handles, Look, Style, limits, shade_gust, shade_window
+from skyarm.view.figures.style import PAPER, Handles, Look, Style, limits
 
 Array = npt.NDArray[np.float64]
 
 LARGEST_VALUE = {"m": 5.0, "rad": float(np.pi)}
 """Where an axis stops growing with a diverged episode."""
+
+WINDOW: Style = {"facecolor": "#f1f1f1", "edgecolor": "none", "zorder": 0.1}
+"""The interval over which the metrics are taken."""
+
+GUST: Style = {"facecolor": "#dcdcdc", "edgecolor": "#9a9a9a", "hatch": "////", "linewidth": 0.0, "zorder": 0.2}
+"""The interval in which the gust blows; hatched, so that it differs from the window without colour."""
 
 PLACES = {"CT": 0, "PD": 1}
 """Law -> place of its look; others take those behind."""
@@ -189,9 +195,9 @@ def _draw(number: int, spec: PaperFigure, logs: Mapping[str, Log], window: Windo
             seen.append(curve[1])
         if window:
             span = window.start, window.stop
-            handles[f"window [{window.start:g}, {window.stop:g}) s"] = shade_window(ax, span)
+            handles[f"window [{window.start:g}, {window.stop:g}) s"] = ax.axvspan(*span, **WINDOW)
         if gust:
-            handles["gust"] = shade_gust(ax, gust)
+            handles["gust"] = ax.axvspan(*gust, **GUST)
     for ax, panel in zip(axes, spec.panels, strict=True):
         fitted: Style = {"floor": panel.magnitude, "span": panel.span, "cap": LARGEST_VALUE[panel.unit]}
         ax.set_ylim(*limits(drawn[panel.scale or panel.label], **fitted))
@@ -226,7 +232,7 @@ def overview_figure(logs: Mapping[str, Mapping[str, Log]], steady: Window) -> Fi
     _curves(others[1], logs["case2_gust"], POSITION_ERRORS[0], (5.0, 17.0))
     gust = gust_interval(next(iter(logs["case2_gust"].values())))
     if gust:
-        handles["gust"] = shade_gust(others[1], gust)
+        handles["gust"] = others[1].axvspan(*gust, **GUST)
     titles = "Case 3: tip from above, 10 to 20 s", "Case 3: tip error [mm]", "Case 2, 2 N gust: base x error [mm]"
     for ax, title in zip((path, *others), titles, strict=True):
         ax.set_title(title, **PAPER.words)

@@ -23,7 +23,6 @@ from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
-from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from skyarm.records.files import write_atomically
@@ -42,8 +41,6 @@ DPI = 300.0
 
 NOTEBOOK_DPI = 110.0
 
-WINDOW_FILL, GUST_FILL, GUST_EDGE = "#f1f1f1", "#dcdcdc", "#9a9a9a"
-
 
 class Picture(Figure):
     """A figure that a notebook shows, whichever Matplotlib backend is loaded there."""
@@ -57,12 +54,11 @@ class Look:
     """Appearance of one line.
 
     Attributes:
-        color: hex. tint: light form, for ranges. dash: on-off lengths in line widths, empty for solid. width: pt.
+        color: hex. dash: on-off lengths in line widths, empty for solid. width: pt.
         layer: larger is nearer.
     """
 
     color: str
-    tint: str = "#e0e0e0"
     dash: tuple[float, ...] = ()
     width: float = 1.1
     layer: float = 3.3
@@ -87,21 +83,29 @@ class PictureStyle:
         shades: fills of events in their order.
     """
 
-    font: tuple[str, ...]
-    text: float
-    small: float
-    width: float
-    wide: float
-    panel: float
-    rows: int
-    face: str
-    ink: str
-    frame: str
-    grid: str
-    looks: tuple[Look, ...]
-    desired: Look
-    limit: Look
-    shades: tuple[str, ...]
+    font: tuple[str, ...] = ("STIXGeneral", "DejaVu Serif")
+    text: float = 8.0
+    small: float = 7.0
+    width: float = 3.5
+    wide: float = 7.16
+    panel: float = 0.95
+    rows: int = 8
+    face: str = "#ffffff"
+    ink: str = "#000000"
+    frame: str = "#333333"
+    grid: str = "#d9d9d9"
+    # the lighter, dashed line lies over the dark, solid one: both stay visible where they agree
+    looks: tuple[Look, ...] = (
+        Look(color="#08306b", layer=3.0),
+        Look(color="#e6762b", dash=(3.2, 1.3), layer=3.2),
+        Look(color="#1b7837", dash=(6.0, 1.5, 1.0, 1.5)),
+        Look(color="#762a83", dash=(6.0, 2.5)),
+        Look(color="#6b6b6b", dash=(2.0, 2.0)),
+        Look(color="#b2182b", dash=(5.0, 1.5, 1.0, 1.5, 1.0, 1.5)),
+    )
+    desired: Look = Look(color="#000000", dash=(1.0, 1.4), width=0.8, layer=3.6)
+    limit: Look = Look(color="#8c1a10", dash=(8.0, 2.0), width=0.8, layer=2.6)
+    shades: tuple[str, ...] = ("#dcdcdc", "#f3e3c3", "#f2d3d0", "#d7e6f2")
 
     @property
     def words(self) -> Style:
@@ -208,45 +212,11 @@ class PictureStyle:
             drawn.remove()
 
 
-PAPER = PictureStyle(
-    font=("STIXGeneral", "DejaVu Serif"),
-    text=8.0,
-    small=7.0,
-    width=3.5,
-    wide=7.16,
-    panel=0.95,
-    rows=8,
-    face="#ffffff",
-    ink="#000000",
-    frame="#333333",
-    grid="#d9d9d9",
-    # the lighter, dashed line lies over the dark, solid one: both stay visible where they agree
-    looks=(
-        Look(color="#08306b", tint="#c3d2e6", layer=3.0),
-        Look(color="#e6762b", tint="#f8dcc8", dash=(3.2, 1.3), layer=3.2),
-        Look(color="#1b7837", tint="#cfe3d5", dash=(6.0, 1.5, 1.0, 1.5)),
-        Look(color="#762a83", tint="#dfcde2", dash=(6.0, 2.5)),
-        Look(color="#6b6b6b", tint="#dddddd", dash=(2.0, 2.0)),
-        Look(color="#b2182b", tint="#eccdd1", dash=(5.0, 1.5, 1.0, 1.5, 1.0, 1.5)),
-    ),
-    desired=Look(color="#000000", dash=(1.0, 1.4), width=0.8, layer=3.6),
-    limit=Look(color="#8c1a10", dash=(8.0, 2.0), width=0.8, layer=2.6),
-    shades=("#dcdcdc", "#f3e3c3", "#f2d3d0", "#d7e6f2"),
-)
+PAPER = PictureStyle()
 """One column of a two-column paper (3.5 in), or both (7.16 in): IEEE's widths."""
 
 PAGE = replace(PAPER, font=("DejaVu Sans",), text=9.5, small=9.5, width=11.0, wide=11.0)
 """A figure as wide as a web page, in its font: 9.5 pt are about 14 px there."""
-
-
-def shade_window(ax: Axes, span: tuple[float, float]) -> Patch:
-    """Mark the interval over which the metrics are taken."""
-    return ax.axvspan(*span, facecolor=WINDOW_FILL, edgecolor="none", zorder=0.1)
-
-
-def shade_gust(ax: Axes, span: tuple[float, float]) -> Patch:
-    """Mark the interval in which the gust blows; hatched, so that it differs from the window without colour."""
-    return ax.axvspan(*span, facecolor=GUST_FILL, edgecolor=GUST_EDGE, hatch="////", linewidth=0.0, zorder=0.2)
 
 
 def limits(values: Iterable[Array], *, floor: bool, span: float, cap: float = np.inf) -> tuple[float, float]:

@@ -92,19 +92,11 @@ def _serving(module: Any, listening: socket.socket, guard: Guard) -> Iterator[No
         page = options.pop("process_request")
 
         def answer(connection: Any, request: Any) -> Any:
-            try:
-                return respond(connection, request)
-            except (ValueError, LookupError, OSError):  # no address, a header twice, no text, a name beyond the disk's
-                return connection.respond(http.HTTPStatus.BAD_REQUEST, "400: must be a request of a browser\n")
-
-        def respond(connection: Any, request: Any) -> Any:
-            websocket = request.headers.get("Upgrade", "").lower() == "websocket"
-            # of a name that stands twice no one is asked
-            first = {name: request.headers.get_all(name)[0] for name in request.headers}
-            refusal = guard.refusal(request.path, {k.title(): v for k, v in first.items()}, websocket=websocket)
+            headers = {name.title(): value for name, value in request.headers.raw_items()}
+            websocket = headers.get("Upgrade", "").lower() == "websocket"
+            refusal = guard.refusal(request.path, headers, websocket=websocket)
             if refusal is not None:
                 return connection.respond(http.HTTPStatus.FORBIDDEN, f"403: {refusal}\n")
-            request.headers.get("Sec-WebSocket-Key", "").encode("ascii")
             response = page(connection, request)
             if response is not None:
                 response.headers["Set-Cookie"] = guard.remember()
