@@ -1,8 +1,6 @@
 """The page over its own protocol, without a browser: who may speak, what a slider moves."""
 
 import http.client
-import random
-import socket
 import threading
 import time
 from collections.abc import Iterator
