@@ -177,7 +177,6 @@ def test_the_part_is_left_out_by_twice_zero_and_its_force_goes_with_the_bandwidt
     assert off.memory == make_centroidal(ARM).memory
     assert off.memory.observed.bias == ()
     assert on.par.observer.accelerometer == GAINS
-    assert "observer.accelerometer" in on.par.choices()
     # what the trend of the force adds: two poles of the velocity's observer, one of the accelerometer's
     assert lateness(off.par) == pytest.approx(2.0 / 27.0)
     assert lateness(on.par) == pytest.approx(1.0 / 40.0)

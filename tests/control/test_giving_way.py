@@ -232,7 +232,6 @@ def test_the_axes_of_a_surface_are_its_normal_a_level_tangent_and_the_one_across
 def test_a_law_that_gives_way_is_kept_and_told_of(scenario):
     par = scenario.controller.par
     assert restore(plain(par)) == par
-    assert "parts.admittance" in par.choices()
     assert par.parts.admittance.tip.lead == pytest.approx(2.0 / 34.0)
     late = make_centroidal(par.model, mode="tip", admittance=SOFT, delay=0.01)
     assert late.par.parts.admittance.tip.lead == pytest.approx(2.0 / 34.0 + 0.01)

@@ -188,7 +188,6 @@ def test_pressing_is_left_out_by_default_and_without_a_push_the_law_is_the_same(
     assert off.par.parts.interaction is None
     assert off.memory == make_centroidal(MODEL, mode="tip").memory
     assert off.memory.parts.interaction == ()
-    assert "parts.interaction" in on.par.choices()
     reading, reference = (
         blank_measurement(2, 4, 0),
         Reference(joints=(0.1, 0.2), joint_rates=(0.0,) * 2, joint_accelerations=(0.0,) * 2),

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, data
+from skyarm.algebra.scalars import Scalar
 from skyarm.compile import Node, TracedBranchError, leaves, rebuild
 from skyarm.compile.tracing.float_trial import OUTSIDE, PERIODS, compare_with_floats
 from skyarm.control.controller import Controller, ControllerError, Law
@@ -166,10 +166,7 @@ def _check_step(
     for field, count in counts.items():
         if mistake := _field_mistake(field, getattr(command, field), count):
             raise fault(mistake)
-    given = {field: getattr(command, field) for field in counts}
-    if any(type(value) is int for values in given.values() for value in values):
-        command = dataclasses.replace(command, **{field: tuple(map(data, values)) for field, values in given.items()})
-    return following, command
+    return following, command.dense()
 
 
 def _field_mistake(field: str, values: Any, count: int) -> str | None:

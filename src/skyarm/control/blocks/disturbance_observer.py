@@ -228,7 +228,7 @@ def observe(
         torque=choose(running, learned.torque, memory.torque),
         efforts=choose_each(running, learned.efforts, memory.efforts),
         rotor_speeds=choose_each(running, learned.rotor_speeds, memory.rotor_speeds),
-        bias=choose(running, base.bias, memory.bias) if isinstance(memory.bias, Vec3) else (),
+        bias=choose(running, base.bias, memory.bias) if memory.bias else (),
     )
     told = Told(angular=angular, joints=qdd, angular_correction=turning, joint_corrections=tuple(bending))
     return running_on, told

@@ -21,7 +21,7 @@ from skyarm.algebra.scalars import Scalar
 from skyarm.compile import Program, leaves, trace
 from skyarm.compile.c_source import Floats, StepFile, Struct, Units, make_struct
 from skyarm.compile.tracing.float_trial import PERIODS
-from skyarm.control.controller import Controller, innermost, learns_load, presses, senses_force
+from skyarm.control.controller import Controller, learns_load, presses, senses_force
 from skyarm.control.law_checks import check_controller, checked_law, level, try_law
 from skyarm.control.model import TORQUE_GAINS
 from skyarm.control.vectored_layer import turns_rotors
@@ -122,7 +122,7 @@ def first_estimated_memory(controller: Controller, estimator: ErrorStateFilter) 
         drives[link.joint.name].standing(effort, 0.0) if link.joint.name in drives else effort
         for link, effort in zip(model.vehicle.links, trim.efforts, strict=True)
     )
-    sent = as_data(Command(rotor_speeds=tuple(trim.speeds), efforts=efforts))
+    sent = Command(rotor_speeds=tuple(trim.speeds), efforts=efforts).dense()
     return EstimatedMemory(estimate=estimator.start(model.vehicle), law=controller.memory, sent=sent)
 
 
@@ -140,23 +140,10 @@ def estimated_law(controller: Controller) -> Callable[..., tuple[EstimatedMemory
         if readings.tip_force:
             measurement = dataclasses.replace(measurement, tip_force=readings.tip_force)
         following, command = law(memory.law, measurement, reference, constants.period, par=constants.parameters)
-        held = as_data(command)
+        held = command.dense()
         return EstimatedMemory(estimate=estimate, law=following, sent=held), held
 
     return step
-
-
-def as_data(command: Command) -> Command:
-    """A structural zero of a command as data, so that every command has its place."""
-
-    def number(value: Any) -> Any:
-        return float(value) if isinstance(value, int) else value
-
-    return Command(
-        rotor_speeds=tuple(number(w) for w in command.rotor_speeds),
-        efforts=tuple(number(e) for e in command.efforts),
-        tilts=tuple(number(a) for a in command.tilts),
-    )
 
 
 SHORTER = {"parameters": "", "model": "", "vehicle": "", "body": "", "links": "link", "frames": "frame"}
@@ -288,7 +275,7 @@ def _trace_step(controller: Controller, records: dict[str, Any], estimator: Erro
         following, command = law(memory, measurement, reference, constants.period, par=constants.parameters)
         if len(leaves(following)) != len(leaves(memory)):
             raise ValueError(f"law '{controller.name}': its memory must keep its structure to be written in C")
-        return following, as_data(command)
+        return following, command.dense()
 
     return trace(step, *records.values())
 
@@ -362,7 +349,6 @@ def _header(controller: Controller, file: StepFile, period: float, operations: i
             for line in part.split("\n")
         ),
         *([f"Not defined at: {controller.limit}"] if controller.limit else []),
-        f"Structure: {', '.join(_structure(controller))}.",
         "",
         f"Vehicle: {vehicle.title or vehicle.name}",
         *(
@@ -384,19 +370,4 @@ def _header(controller: Controller, file: StepFile, period: float, operations: i
         "",
         "Without contraction (GCC -std=c99, or -ffp-contract=off) doubles have the bits of the law in Python.",
         f"For the declarations alone: #define {name.upper()}_INTERFACE_ONLY, then #include this file.",
-    ]
-
-
-def _structure(controller: Controller) -> list[str]:
-    """Choices that are folded into the code, in words."""
-    par = controller.par
-    own = innermost(par)
-    if hasattr(own, "choices"):
-        return [f"mixer '{par.mixer.policy}'", *own.choices()]
-    terms, rate_error = getattr(own, "terms", None), getattr(own, "rate_error", None)
-    left_out = [name for name, kept in parts(terms).items() if not kept]
-    return [
-        f"mixer '{par.mixer.policy}'",
-        *([f"rate error '{rate_error}'"] if rate_error else []),
-        *([f"without {' and '.join(left_out)}"] if left_out else []),
     ]

@@ -100,19 +100,6 @@ def first_memory(controller: Controller) -> SafetyMemory:
     )
 
 
-def blend_dense(condition: Any, new: Any, old: Any) -> Any:
-    """``new`` where the condition holds, else ``old``, leaf by leaf; a command's structural zeros are data."""
-    return blend(condition, _dense(new), _dense(old))
-
-
-def _dense(record: Any) -> Any:
-    """A command with structural zeros as data, as a law with free joints sends them; other records as they are."""
-    if not isinstance(record, Command):
-        return record
-    data = (tuple(float(v) if type(v) is int else v for v in row) for row in (record.rotor_speeds, record.efforts))
-    return Command(**dict(zip(("rotor_speeds", "efforts"), data, strict=True)))
-
-
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Governed:
     """The governed reference of a law.
@@ -179,7 +166,7 @@ def arbitrate(
         joints=_kept(given_up, measurement.joints, governed.reference.joints),
         ramping=_kept(given_up, (0.0,) * len(governed.joints), governed.ramping),
         arm=hovering.joints,
-        sent=limit_command(par, memory, measurement, blend_dense(given_up, rescue, desired), dt),
+        sent=limit_command(par, memory, measurement, blend(given_up, rescue.dense(), desired.dense()), dt),
         confidence=confidence,
         hold=hold,
         yaw=yaw,
@@ -346,10 +333,10 @@ def _traced_law(
         failed = logical_or(failed, margin(measurement.quaternion) < 0.0)
     new = arbitrate(par, memory, measurement, governed, desired, failed, dt)
     # the law starts anew when it comes back
-    kept = blend_dense(new.confidence.given_up > 0.5, first, following)
+    kept = blend(new.confidence.given_up > 0.5, first, following)
     new = dataclasses.replace(new, inner=with_applied_command(kept, new.sent))
     seen = finite(measurement)
-    return blend_dense(seen, new, memory), blend_dense(seen, new.sent, memory.sent)
+    return blend(seen, new, memory), blend(seen, new.sent, memory.sent)
 
 
 def _called_law(

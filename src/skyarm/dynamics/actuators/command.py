@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra.scalars import Scalar, data
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
@@ -28,3 +28,9 @@ class Command:
         # made in every period: what holds tuples already is not looked at
         if not (type(self.rotor_speeds) is type(self.efforts) is type(self.tilts) is tuple):
             accept_fields(self, "command")
+
+    def dense(self) -> Command:
+        """The command with structural zeros as data, so that every number has its place in a memory."""
+        rows = ([data(value) for value in row] for row in (self.rotor_speeds, self.efforts, self.tilts))
+        rotor_speeds, efforts, tilts = map(tuple, rows)
+        return Command(rotor_speeds=rotor_speeds, efforts=efforts, tilts=tilts)

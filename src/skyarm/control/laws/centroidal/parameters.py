@@ -12,7 +12,7 @@ from skyarm.control.blocks.disturbance_observer import ObserverGains
 from skyarm.control.laws.centroidal.part import Part
 from skyarm.control.model import JointGains, Model
 from skyarm.dynamics.actuators import Mixer
-from skyarm.records.leaves import is_record, parts
+from skyarm.records.leaves import parts
 from skyarm.records.units import Unit
 
 MODES = ("joint", "tip")
@@ -128,23 +128,6 @@ class CentroidalParameters:
     delay_periods: int
     reference_period: Annotated[Scalar, Unit("s", "between samples of the reference")]
     parts: Parts
-
-    def choices(self) -> list[str]:
-        """Structure in words: mode, delay, and the path of each optional part that there is."""
-        kept = [f"mode '{self.mode}'", f"measurements {self.delay_periods} periods old"]
-        return [*kept, *(["joint_ends"] if self.joint_ends else []), *_options(self)]
-
-
-def _options(record: Any) -> list[str]:
-    """Paths of the fields that may be left out and are not."""
-    found = []
-    kinds = {field.name: field.type for field in dataclasses.fields(record)}
-    for name, value in parts(record).items():
-        if value is True or ("None" in str(kinds[name]) and value is not None):
-            found.append(name)
-        if is_record(value) and not isinstance(value, (Model, Mixer)):
-            found += [f"{name}.{each}" for each in _options(value)]
-    return found
 
 
 def at_shares(par: CentroidalParameters, rotors: Scalar, joints: Scalar) -> CentroidalParameters:
