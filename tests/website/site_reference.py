@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import inspect
 
+from api_examples import shown_example
+
 import skyarm
 
 ROOMS = {
@@ -58,7 +60,9 @@ def reference_pages() -> dict[str, str]:
             continue
         names = ", ".join(f"[`{path.rpartition('.')[2]}`]({room}.md#{path})" for path in rooms[room])
         listed.append(f"* [{title}]({room}.md): {names}")
-        parts = [f"# {title}", *(f"::: {path}" for path in rooms[room])]
-        pages[f"api/{room}.md"] = "\n\n".join(parts) + "\n"
+        parts = [f"# {title}"]
+        for path in rooms[room]:
+            parts += [f"::: {path}", shown_example(path.rpartition(".")[2])]
+        pages[f"api/{room}.md"] = "\n\n".join(part for part in parts if part) + "\n"
     pages["api/index.md"] = "\n".join(listed) + "\n"
     return pages

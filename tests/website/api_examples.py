@@ -1,0 +1,429 @@
+"""One example for each public name, as doctest: shown on its page of the API, and run by a test where it is cheap."""
+
+from __future__ import annotations
+
+import re
+
+PREPARED = """
+>>> import dataclasses
+>>> import numpy as np
+>>> import skyarm
+>>> vehicle = skyarm.load_vehicle("hummingbird_arm2_rotors")
+>>> scenario = skyarm.load_scenario("case3", controller="paper_ct", duration=0.1)
+>>> pose = [0, 0, 1], [1, 0, 0, 0], [0.3, 0.0]  # position, quaternion wxyz, joints
+>>> rates = [0, 0, 0, 0, 0, 0, 0.1, 0.0]  # velocity (world), body rate, joint rates
+"""
+"""Names that the examples use."""
+
+TEXT = """
+## Air
+>>> class Breeze(skyarm.Air):
+...     def velocity(self, memory, t, position_W):
+...         return skyarm.Vec3(2.0, 0.0, 0.0)  # m/s, world axes
+
+## Batch
+>>> batch = skyarm.Batch(scenario, ["plant.payload.mass"], metrics=["ee_error_mean"])  # doctest: +SKIP
+>>> outcome = batch.fly({"plant.payload.mass": np.linspace(0.0, 0.1, 64)})  # doctest: +SKIP
+
+## Body
+>>> skyarm.Body(mass=0.7, inertia=[0.007, 0.007, 0.012]).mass
+0.7
+
+## Change
+>>> change = skyarm.Change(at=0.05, path="environment.wind.force.x", value=2.0)
+>>> dataclasses.replace(skyarm.load_scenario("case3_wind"), changes=(change,)).changes[0].at
+0.05
+
+## Command
+>>> skyarm.Command(rotor_speeds=(480.0,) * 4, efforts=(0.0, 0.0)).efforts  # rad/s; N m or N
+(0.0, 0.0)
+
+## Constant
+>>> skyarm.Constant(value=0.3).derivatives(2.0)[0]
+0.3
+
+## Contact
+>>> world = skyarm.Contact(surfaces=(skyarm.Surface(name="ground"),), points=())
+>>> world.surfaces[0].shape
+'plane'
+
+## ContactPoint
+>>> skyarm.ContactPoint(name="front", body="base", position=[0.15, 0, -0.12]).radius
+0
+
+## Controller
+>>> scenario.controller.name
+'hybrid_computed_torque'
+
+## Delays
+>>> dataclasses.replace(scenario, delays=skyarm.Delays(command=0.003)).delays.command  # s
+0.003
+
+## Drive
+>>> class Spring(skyarm.Drive):
+...     def effort(self, memory, setpoint, position, rate):
+...         return 8.0 * (setpoint - position) - 0.1 * rate  # N m
+
+## Ending
+>>> class TooHigh(skyarm.Ending):
+...     status = "too_high"
+...     def fine(self, scenario, state, goal, slack):
+...         return state.position.z <= 3.0 - slack
+
+## Estimator
+>>> class Raw(skyarm.Estimator):
+...     def start(self, vehicle):
+...         return ()
+...     def step(self, memory, readings, command, dt):
+...         return memory, readings["state"]
+
+## Fault
+>>> fault = skyarm.Fault(rotor="front", effectiveness=0.9, start=5.0)
+>>> fault.effectiveness
+0.9
+
+## Force
+>>> class Pull(skyarm.Force):
+...     def wrenches(self, memory, t, motion, rotor_speeds):
+...         tip, link = motion.frame()
+...         return (skyarm.Wrench(force_W=skyarm.Vec3(0.0, 0.0, -1.0), point=tip, body=link),)
+
+## ForceWind
+>>> windy = dataclasses.replace(scenario, wind=skyarm.ForceWind(force_W=[2.0, 0.0, 0.0]))  # N, world axes
+
+## Frame
+>>> skyarm.Frame(name="tip", link=0, position=[0, 0, -0.2]).name
+'tip'
+
+## Gust
+>>> gust = skyarm.Gust(peak=[2.0, 0.0, 0.0], start=3.0, duration=2.0, shape="one_minus_cosine")
+>>> float(gust.at(4.0).x)
+2.0
+
+## HangingPayload
+>>> skyarm.HangingPayload(mass=0.2, pick=1.0, drop=3.0, cord=0.5).cord  # m
+0.5
+
+## Joint
+>>> skyarm.Joint(name="shoulder", axis=[0, 1, 0], position=[0, 0, -0.02], effort_limit=0.5).kind
+'revolute'
+
+## JointDrive
+>>> skyarm.JointDrive(joint="joint2", drive=skyarm.Drive()).joint
+'joint2'
+
+## Link
+>>> joint = skyarm.Joint(name="shoulder", axis=[0, 1, 0], position=[0, 0, 0])
+>>> skyarm.Link(name="arm", parent=-1, joint=joint, body=skyarm.Body(mass=0.05)).parent  # -1: the base
+-1
+
+## Log
+>>> log = skyarm.run(scenario)
+>>> log.position.shape, log.units["position"].unit  # a row a control period
+((20, 3), 'm')
+
+## LogFormat
+>>> def write(log, path):
+...     np.savetxt(path, log.position)
+...     return path
+>>> text = skyarm.LogFormat(write)
+
+## Mat3
+>>> np.array(skyarm.Quaternion(1.0, 0.0, 0.0, 0.0).rotation()).shape
+(3, 3)
+
+## Material
+>>> skyarm.Material(stiffness=5000.0, friction=0.6).friction
+0.6
+
+## Measurement
+>>> session = skyarm.Session(scenario)
+>>> len(session.measurement.joints)
+2
+
+## Metric
+>>> class Highest(skyarm.Metric):
+...     def start(self):
+...         return (0.0,)
+...     def count(self, memory, now):
+...         return (skyarm.algebra.scalars.maximum(memory[0], now.state.position.z),)
+...     def result(self, memory, instants, period):
+...         return memory[0]
+
+## Model
+>>> skyarm.Model(vehicle=vehicle, gravity=9.81).gravity  # m/s^2
+9.81
+
+## MovingAir
+>>> breeze = dataclasses.replace(scenario, wind=skyarm.MovingAir(velocity_W=[3.0, 0.0, 0.0]))  # m/s, world axes
+
+## NamedSensor
+>>> class Clock(skyarm.Sensor):
+...     pass
+>>> skyarm.NamedSensor(name="clock", sensor=Clock()).name
+'clock'
+
+## Payload
+>>> loaded = dataclasses.replace(scenario.plant, vehicle=vehicle.with_payload(0.05))  # kg at the tip
+>>> round(float(loaded.vehicle.mass - vehicle.mass), 3)
+0.05
+
+## Quaternion
+>>> q = skyarm.Quaternion(1.0, 0.0, 0.0, 0.0)  # wxyz, body to world
+>>> np.array(q).tolist()
+[1.0, 0.0, 0.0, 0.0]
+
+## Ramp
+>>> skyarm.Ramp(start=1.0, duration=2.0, height=0.5).derivatives(9.0)[0]
+0.5
+
+## Rates
+>>> skyarm.Rates(physics=1000, control=200, reference=50).control  # Hz
+200
+
+## Reach
+>>> bool(skyarm.Reach(within=0.05, of=[0.0, 0.0, 0.5]).holds(skyarm.Vec3(0.0, 0.02, 0.5)))
+True
+
+## Reference
+>>> np.array(scenario.reference.at(0.0).position).shape  # m, world axes
+(3,)
+
+## Rotor
+>>> skyarm.Rotor(name="front", position=[0.17, 0, 0], direction=-1, thrust_coefficient=8.5e-6,
+...              moment_coefficient=0.016).direction  # -1: clockwise seen against the axis
+-1
+
+## Scenario
+>>> dataclasses.replace(scenario, seed=7, duration=1.0).seed
+7
+
+## ScenarioError
+>>> skyarm.load_scenario("case9")
+Traceback (most recent call last):
+skyarm.scenario.scenario_record.ScenarioError: ...
+
+## Sensor
+>>> class Height(skyarm.Sensor):
+...     frequency = 20.0  # Hz
+...     def measure(self, memory, t, state, specific_force, draws, dt):
+...         return memory, state.position.z
+
+## SensorNoise
+>>> noisy = dataclasses.replace(scenario, noise=skyarm.SensorNoise(position=0.002))  # m, standard deviation
+
+## Session
+>>> session = skyarm.Session(scenario)
+>>> while session.step():
+...     pass
+>>> session.run().status
+'completed'
+
+## Sine
+>>> skyarm.Sine(amplitude=0.4, frequency_hz=0.5).derivatives(0.5)[0]
+0.4
+
+## State
+>>> np.array(skyarm.Session(scenario).state.position).shape  # m, world axes
+(3,)
+
+## StudyError
+>>> skyarm.load_study("nothing")
+Traceback (most recent call last):
+skyarm.studies.sweep.study.StudyError: ...
+
+## Surface
+>>> skyarm.Surface(name="wall", shape="box", size=[0.1, 2.0, 0.9], position=[0.3, 0.0, 0.45]).shape
+'box'
+
+## TimedPayload
+>>> load = skyarm.TimedPayload(name="parcel", mass=0.3, pick=8.0, drop=14.0)  # kg, s
+>>> dataclasses.replace(scenario, payloads=(load,)).payloads[0].mass
+0.3
+
+## Trajectory
+>>> skyarm.hover([0, 0, 1], joints=[0.3, 0.0]).at(1.0).joints
+(0.3, 0.0)
+
+## Truth
+>>> skyarm.Truth(vehicle=vehicle, gravity=9.8).gravity  # the simulated plant
+9.8
+
+## Vec3
+>>> v = skyarm.Vec3(1.0, 2.0, 2.0)
+>>> float(v.norm())
+3.0
+
+## Vehicle
+>>> vehicle.n, len(vehicle.rotors), round(float(vehicle.mass), 5)
+(2, 4, 0.82103)
+
+## VehicleError
+>>> skyarm.load_vehicle("nothing")
+Traceback (most recent call last):
+skyarm.vehicle.check.VehicleError: ...
+
+## Windows
+>>> skyarm.Windows(last=5.0).last  # s
+5.0
+
+## Wrench
+>>> skyarm.Wrench(force_W=skyarm.Vec3(0.0, 0.0, -1.0)).body  # -1: the base
+-1
+
+## center_of_mass
+>>> skyarm.center_of_mass(vehicle, *pose).shape  # m, world axes
+(3,)
+
+## check_law
+>>> model = skyarm.Model(vehicle=vehicle)
+>>> skyarm.check_law(lambda model: skyarm.make_controller("decoupled_pd", model))  # doctest: +SKIP
+
+## circle
+>>> path = skyarm.circle(radius=0.3, frequency_hz=0.08, center=[0, 0, 1])
+>>> np.array(path.at(0.0).position).round(3).tolist()
+[0.3, 0.0, 1.0]
+
+## energy
+>>> bool(skyarm.energy(vehicle, *pose, rates) > 0.0)  # J
+True
+
+## fly_sweep
+>>> rows = skyarm.fly_sweep("robustness", "out/robustness")  # doctest: +SKIP
+
+## forward_dynamics
+>>> tau = skyarm.inverse_dynamics(vehicle, *pose, rates, [0] * 8)
+>>> bool(np.allclose(skyarm.forward_dynamics(vehicle, *pose, rates, tau), 0.0, atol=1e-9))
+True
+
+## frame_jacobian
+>>> skyarm.frame_jacobian(vehicle, *pose).shape[-1]  # of [v_W, w_B, joint rates]
+8
+
+## frame_pose_world
+>>> tip, R = skyarm.frame_pose_world(vehicle, *pose)
+>>> np.round(tip, 3).tolist()  # m, world axes
+[-0.089, 0.0, 0.713]
+
+## govern
+>>> calmer = skyarm.govern(scenario, tilt=0.3)  # doctest: +SKIP
+
+## hover
+>>> skyarm.hover([0, 0, 1], joints=[0.0, 0.0]).at(0.0).joints
+(0.0, 0.0)
+
+## hover_delay
+>>> skyarm.hover_delay(scenario).enough  # doctest: +SKIP
+True
+
+## inverse_dynamics
+>>> skyarm.inverse_dynamics(vehicle, *pose, rates, [0] * 8).shape  # N, N m; dual of [v_W, w_B, joint rates]
+(8,)
+
+## list_scenarios
+>>> "case3" in skyarm.list_scenarios()
+True
+
+## list_studies
+>>> "robustness" in skyarm.list_studies()
+True
+
+## list_vehicles
+>>> "hexarotor_arm6" in skyarm.list_vehicles()
+True
+
+## load_controller
+>>> skyarm.load_controller("tuned.toml", skyarm.Model(vehicle=vehicle))  # doctest: +SKIP
+
+## load_log
+>>> log = skyarm.load_log("out/run/case3.npz")  # doctest: +SKIP
+
+## load_plugin
+>>> module = skyarm.load_plugin("examples/own_wind.py")  # doctest: +SKIP
+
+## load_scenario
+>>> skyarm.load_scenario("case3", plant="mujoco", duration=2.0).kind
+'mujoco'
+
+## load_study
+>>> skyarm.load_study("robustness").episodes
+4000
+
+## load_vehicle
+>>> skyarm.load_vehicle("hexarotor_arm6").n  # joints
+6
+
+## make_controller
+>>> skyarm.make_controller("indi", skyarm.Model(vehicle=vehicle), cutoff=20.0).par.cutoff  # Hz
+20.0
+
+## margins
+>>> hover = skyarm.margins(scenario, instants=1).instants[0]  # doctest: +SKIP
+>>> hover.delay  # doctest: +SKIP
+
+## mass_matrix
+>>> skyarm.mass_matrix(vehicle, *pose).shape  # of [v_W, w_B, joint rates]; kg, kg m, kg m^2
+(8, 8)
+
+## momentum
+>>> skyarm.momentum(vehicle, *pose, rates).shape  # N s; N m s about the centre of mass, world axes
+(6,)
+
+## normals
+>>> len(skyarm.normals([0.2, 0.7, 0.4, 0.9]))  # as many as uniform numbers
+4
+
+## plot
+>>> figure = skyarm.plot(skyarm.run(scenario), "flight.png", kind="tip")  # doctest: +SKIP
+
+## plot_sweep
+>>> figure = skyarm.plot_sweep("out/robustness", "ee_error_mean", "plant.vehicle.base.mass")  # doctest: +SKIP
+
+## preset
+>>> skyarm.preset("paper_pd", skyarm.Model(vehicle=vehicle)).name
+'decoupled_pd'
+
+## register
+>>> @skyarm.register.air("calm_breeze")  # doctest: +SKIP
+... class Calm(skyarm.Air):
+...     pass
+
+## replay
+>>> log = skyarm.run(scenario)
+>>> bool((skyarm.replay(log).position == log.position).all())
+True
+
+## reproduce
+>>> skyarm.reproduce("out/paper")  # doctest: +SKIP
+
+## run
+>>> skyarm.run(scenario).status
+'completed'
+
+## save_log
+>>> skyarm.save_log(skyarm.run(scenario), "flight.csv")  # doctest: +SKIP
+
+## scenario_from
+>>> skyarm.scenario_from({"name": "x", "duration": 1.0, "plant": {"vehicle": "hummingbird"},
+...                       "controller": {"law": "rotors_sim_position"}}).duration
+1.0
+
+## score
+>>> sorted(skyarm.score(skyarm.run(scenario), ["rotor_jitter"]))
+['rotor_jitter']
+
+## vehicle_drawing
+>>> figure = skyarm.vehicle_drawing(vehicle, (0.3, -0.6))  # doctest: +SKIP
+
+## with_numbers
+>>> heavier = skyarm.with_numbers(scenario, {"plant.payload.mass": 0.05})
+"""
+
+EXAMPLES: dict[str, str] = dict(re.findall(r"^## (\w+)\n(.*?)\n(?=\n## |\Z)", TEXT, re.M | re.S))
+"""Public name -> its example."""
+
+
+def shown_example(name: str) -> str:
+    """Markdown of the example of a public name; empty without one."""
+    text = re.sub(r" *# doctest: \+SKIP", "", EXAMPLES.get(name, ""))
+    return f"**Example**\n\n```python\n{text}\n```" if text else ""
