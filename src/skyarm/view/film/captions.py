@@ -117,7 +117,7 @@ class Captions:
         return box.width - round(min(wide * self._layout.scale, share * box.width))
 
     def _plot(self) -> Strip | None:
-        """The forces that are asked for and applied, if every flight has them; else the errors."""
+        """The desired and applied forces, if every flight has them; else the errors."""
         box = self._layout.plot
         if box is None:
             return None
