@@ -8,13 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from skyarm.algebra import ZERO3, Vec3
-from skyarm.dynamics.actuators import AllocationError, make_mixer, rotor_forces
+from skyarm.dynamics.actuators import rotor_forces
 from skyarm.dynamics.actuators.hover import highest_thrust
-from skyarm.dynamics.actuators.tilting import as_pairs
-from skyarm.dynamics.array_front import center_of_mass, mass_matrix
+from skyarm.dynamics.array_front import mass_matrix
 from skyarm.studies.assess.arm_poses import (
     WRENCH,
-    Allocation,
     ArmPoses,
     Array,
     hanging_joints,
@@ -112,39 +110,6 @@ def locked_inertia(vehicle: Vehicle, joints: Array) -> Array:
         turned = M[:, free, 3:6]
         return np.asarray(M[:, 3:6, 3:6] - turned.swapaxes(1, 2) @ np.linalg.solve(M[:, free][:, :, free], turned))
     return np.asarray(M[:, 3:6, 3:6] - M[:, 3:6, :3] @ M[:, :3, 3:6] / M[:, :1, :1], dtype=float)
-
-
-def sideways_reach(poses: ArmPoses) -> list[Finding]:
-    """The force at the centre of mass, in the direction of least, in the worst arm pose; nothing of flat rotors.
-
-    A direction's force is found as the centroidal law gives it: with the rotors' least squares, which for more than
-    six rotors is less than they could.
-    """
-    vehicle = poses.vehicle
-    try:
-        mixer = make_mixer(as_pairs(vehicle), "priority", sideways=True)
-    except AllocationError:
-        return []
-    allocation, across = Allocation.of(mixer), np.array(mixer.across, dtype=float)
-
-    def quantities(joints: Array) -> Array:
-        squared = allocation.squared_speeds(poses.efforts(joints))
-        still, level = np.zeros((len(joints), 3)), np.tile([1.0, 0.0, 0.0, 0.0], (len(joints), 1))
-        com = center_of_mass(vehicle, still, level, joints)
-        # a force through the centre of mass turns about the base's origin by com x force
-        turning = np.cross(allocation.inverse[:, None, :3], com[None, :, :])
-        sizes = np.hypot(across[:, None, 0] + turning[:, :, 0], across[:, None, 1] + turning[:, :, 1])
-        room = np.minimum(squared, allocation.highest[:, None] - squared)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(np.min(room / sizes, axis=0))[None]
-
-    (least,), at = poses.worst(quantities)
-    force, weight = max(float(least), 0.0), float(vehicle.mass) * poses.gravity
-    text = (
-        f"rotors give up to {force:.3g} N sideways at a level hover in any direction, as a tilt of "
-        f"{math.degrees(math.atan2(force, weight)):.3g} deg would; option sideways of law centroidal uses it"
-    )
-    return [Finding("sideways force", OK, text, "rotors.axis", "", force, unit="N", joints=at[0])]
 
 
 NOTHING = 1e-9

@@ -57,6 +57,19 @@ class Instant:
         return max(lows), min(highs)
 
 
+def instant_at(open_loop: Callable[[str], OpenLoop], *, hover: bool, time: float, measured: bool = True) -> Instant:
+    """Margins at one time of a flight.
+
+    Args:
+        open_loop: the loop with the rotors' time constant upward, downward or between.
+        hover: whether the flight only hovers.
+        time: s.
+        measured: cut the loop at the measurement too.
+    """
+    by_lag = {lag: margins_of_loop(open_loop(lag), measured=measured) for lag in LAGS}
+    return Instant(hover=hover, time=time, by_lag=by_lag, swings=delay_margin(open_loop("between")))
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Evidence:
     """Margins of one controller and scenario.
@@ -156,9 +169,7 @@ def _along(
     """Instants of one flight, and True if it was completed; reports progress with those ``before``."""
     found: list[Instant] = []
     for frozen in frozen_instants(flight, count):
-        by_lag = {lag: margins_of_loop(frozen.open_loop(lag)) for lag in LAGS}
-        swings = delay_margin(frozen.open_loop("between"))
-        found.append(Instant(hover=hover, time=frozen.time, by_lag=by_lag, swings=swings))
+        found.append(instant_at(frozen.open_loop, hover=hover, time=frozen.time))
         told(before + len(found))
     return found, len(found) == count
 

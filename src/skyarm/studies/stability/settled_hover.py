@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,10 +16,9 @@ from skyarm.scenario.in_flight import stretches
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.batch_leg import Leg, LegOptions
 from skyarm.simulate.inputs import episode_inputs
-from skyarm.studies.stability.along import Instant, hovering
+from skyarm.studies.stability.along import Instant, hovering, instant_at
 from skyarm.studies.stability.closed_loop import OpenLoop
-from skyarm.studies.stability.frozen_scenario import LAGS, nominal, without_adaptation
-from skyarm.studies.stability.margins import delay_margin, margins
+from skyarm.studies.stability.frozen_scenario import nominal, without_adaptation
 from skyarm.studies.stability.open_loop import Differentiator
 
 Array = npt.NDArray[np.float64]
@@ -64,9 +64,8 @@ class SettledHover:
             if settled is None:
                 found.append(None)
                 continue
-            by_lag = {lag: margins(self.open_loop(settled, numbers, lag), measured=measured) for lag in LAGS}
-            swings = delay_margin(self.open_loop(settled, numbers, "between"))
-            found.append(Instant(hover=True, time=self._time, by_lag=by_lag, swings=swings))
+            loops = partial(self.open_loop, settled, numbers)
+            found.append(instant_at(loops, hover=True, time=self._time, measured=measured))
         return found
 
     def settle(self, values: Mapping[str, Array], threads: int = 1) -> list[Any]:
