@@ -34,7 +34,7 @@ def test_folder_entries_size_and_limit_are_told(cache: Path) -> None:
 
 def test_all_entries_are_removed() -> None:
     object_cache.store("a", bytes(1_500_000))
-    assert skyarm("doctor", "--cache", "--clear").out.startswith("removed: 1 entries, 1.5 MB\n")
+    assert skyarm("doctor", "--clear").out.startswith("removed: 1 entries, 1.5 MB\n")
     assert object_cache.load("a") is None
 
 

@@ -101,16 +101,6 @@ def test_margins_say_which_weather_of_ones_own_they_leave_out(folder: Path) -> N
     assert json.loads((folder / "m.json").read_text())["instants"] == found["instants"], "both hover in calm air"
 
 
-def test_every_loop_is_listed_where_asked(folder: Path) -> None:
-    assert folder.exists()
-    ended = skyarm("margins", "short.toml", "--controller", "paper_ct", "--instants", "0", "--loops")
-    names = ("rotor front", "yaw torque", "thrust", "drive joint2", "attitude z", "rate of joint1", "all measurements")
-    lines = ended.out.splitlines()
-    for name in names:
-        assert [line for line in lines if line.startswith(f"{name} ")], name
-    assert max(len(line) for line in lines) <= 78
-
-
 def test_margins_say_how_far_they_are(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert folder.exists()
     told: list[tuple[int, int]] = []

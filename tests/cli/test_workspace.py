@@ -10,7 +10,6 @@ import pytest
 
 import skyarm
 from skyarm.algebra import Vec3
-from skyarm.cli.lines import say_if_many
 from skyarm.cli.output import Terminal
 from skyarm.cli.show_command import _sheet, vehicle_facts
 from skyarm.dynamics import workspace
@@ -134,9 +133,3 @@ def test_a_vehicle_of_more_joints_than_llvm_bears_is_not_flown() -> None:
     arm = long_arm(MOST_JOINTS + 1)
     with pytest.raises(ValueError, match=r"plant\.vehicle = '\w+': has 257 joints, must have at most 256 to fly$"):
         dataclasses.replace(scenario, plant=dataclasses.replace(scenario.plant, vehicle=arm))
-
-
-@pytest.mark.parametrize(("joints", "lines"), [(50, 0), (51, 1)])
-def test_long_equations_are_announced(joints: int, lines: int, capsys: pytest.CaptureFixture[str]) -> None:
-    say_if_many("arm", joints)
-    assert capsys.readouterr().err.count("\n") == lines

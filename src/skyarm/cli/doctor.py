@@ -65,7 +65,6 @@ class Part:
 
 
 def doctor(
-    only_cache: Annotated[bool, typer.Option("--cache", help="only the cache of machine code")] = False,
     clear: Annotated[
         bool, typer.Option("--clear", help="remove all entries of the cache of machine code first")
     ] = False,
@@ -81,13 +80,13 @@ def doctor(
         give(removed={"entries": removed.entries, "bytes": removed.size})
         tell(f"removed: {removed.entries} entries, {removed.size / MB:.1f} MB")
     with waiting("looking"):
-        parts = [_cache()] if only_cache or clear else examine()
+        parts = [_cache()] if clear else examine()
     cached = object_cache.contents()
     cache = {"folder": cache_folder(), "entries": cached.entries, "bytes": cached.size, "most_bytes": limit}
     give(works=works(parts), parts=[asdict(part) for part in parts], cache=cache)
     tell(table_of(("", "", ""), [(part.state, part.name, part.found) for part in parts], left=3))
     tell(*(f"{part.name}: {part.remedy}" for part in parts if part.state != WORKS and part.remedy))
-    if not (only_cache or clear):
+    if not clear:
         tell("all that flights need works" if works(parts) else "something that flights need does not work")
     if not works(parts):
         raise typer.Exit(DIFFERENT)

@@ -11,7 +11,6 @@ import typer
 
 from skyarm import __version__
 from skyarm.cli.arguments import is_scenario, kind_of_file, require_left_out, shipped_names
-from skyarm.cli.lines import say_if_many
 from skyarm.cli.output import give, tell, waiting
 from skyarm.control.catalogue import is_named, must_be_named
 from skyarm.control.model import Model
@@ -168,7 +167,6 @@ def _law(
             note = f"; the law as {controller} begins, without its changes in flight"
         control_rate = asked or float(planned.rates.control)
     believed = chosen.par.model.vehicle
-    say_if_many(title, believed.n)
     identifier = re.sub(r"[^A-Za-z0-9_]", "_", title)
     exported = export_c(
         chosen,

@@ -9,7 +9,6 @@ from typing import Annotated, Any, cast
 import typer
 
 from skyarm.cli.arguments import chosen_names, require_left_out, words_of
-from skyarm.cli.lines import say_if_many
 from skyarm.cli.output import bar, give, tell
 from skyarm.log.flight_log import Log
 from skyarm.log.formats import load_log
@@ -125,6 +124,5 @@ def _fly(name: str, law: str | None, stop: float | None) -> Log:
     planned = load_scenario(name, controller=law)
     if stop is not None and stop < planned.duration:
         planned = load_scenario(name, controller=law, duration=stop)
-    say_if_many(planned.name, planned.plant.vehicle.n)
     with bar(f"{planned.name} {law or ''}".strip()) as advance:
         return run(planned, advance)

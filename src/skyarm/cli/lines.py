@@ -16,9 +16,6 @@ WRONG_INPUT, NOT_COMPLETED, DIFFERENT, INTERRUPTED = 2, 3, 1, 130
 """Exit codes: wrong input; a flight that ended before its time; a difference or a fault found; after Ctrl-C as shells
 count it (128 and the signal's number)."""
 
-MANY_JOINTS = 50
-"""A flight of so many needs code that takes some seconds to make; the time grows with their number."""
-
 MOST_WARNINGS = 8
 """Lines about one file: a vehicle that is wrong throughout needs no more."""
 
@@ -30,12 +27,6 @@ def say(message: str, code: int = 0) -> int:
     return code
 
 
-def say_if_many(name: str, joints: int) -> None:
-    """Say before long equations are made into code that this takes its time."""
-    if joints > MANY_JOINTS:
-        say(f"{name}: {joints} joints; its equations are being made into code, which may take minutes")
-
-
 def say_unlikely(name: str, lines: Sequence[str]) -> None:
     """Warn of numbers that are probably in other units; nothing is refused."""
     for line in lines[:MOST_WARNINGS]:
@@ -45,10 +36,9 @@ def say_unlikely(name: str, lines: Sequence[str]) -> None:
 
 
 def say_suspicious(scenario: Scenario) -> None:
-    """Lines before a scenario flies: many joints, numbers that are probably in other units."""
+    """Warn, before a scenario flies, of numbers that are probably in other units."""
     from skyarm.scenario.unlikely_numbers import unlikely_numbers
 
-    say_if_many(scenario.name, scenario.plant.vehicle.n)
     say_unlikely(scenario.name, unlikely_numbers(scenario))
 
 

@@ -57,7 +57,6 @@ def margins(
     instants: Annotated[int, typer.Option(help="looked at along the scenario, beside hover")] = 4,
     safety: Safety = False,
     file: Annotated[str | None, typer.Option("--out", help="write eigenvalues and margins there, as JSON")] = None,
-    loops: Annotated[bool, typer.Option("--loops", help="list every loop, not the weakest of each kind")] = False,
     page: Annotated[
         str | None, typer.Option("--html", metavar="PAGE", help="write a page with Nyquist diagrams there, too (.html)")
     ] = None,
@@ -86,7 +85,7 @@ def margins(
         least = min(each.swings for each in found.instants)
         tolerated = "more than 100" if math.isinf(least) else _number(1e3 * least)
         tell(f"small swings grow in flight from {tolerated} ms of further dead time on")
-    tell("", *aligned_lines(loop_rows(found, every=loops)), LOOP_NOTE)
+    tell("", *aligned_lines(loop_rows(found, every=False)), LOOP_NOTE)
     if frozen is not planned:
         tell("the law's slow adaptation of load and friction is held")
     if found.left_out:

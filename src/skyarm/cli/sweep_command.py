@@ -18,7 +18,7 @@ from skyarm.cli.arguments import (
     words_of,
     workers,
 )
-from skyarm.cli.lines import say_if_many, say_unlikely
+from skyarm.cli.lines import say_unlikely
 from skyarm.cli.output import bar, give, json_text, tell, waiting
 from skyarm.records.files import require_no_link, require_writable, taken_back, write_inside
 
@@ -73,7 +73,6 @@ def _fly(study: str, controllers: list[str] | None, out: str | None, threads: in
     require_not_another(study, "study")
     loaded = load_study(study, controllers)
     folder = Path("out") / loaded.name if out is None else Path(out)
-    say_if_many(loaded.name, max(each.plant.vehicle.n for each in loaded.scenarios.values()))
     say_unlikely(loaded.name, unlikely_numbers(next(iter(loaded.scenarios.values()))))
     begin = time.perf_counter()
     before: list[int] = []

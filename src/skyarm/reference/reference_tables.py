@@ -68,17 +68,18 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import itertools
+import math
 from typing import Any
 
 import numpy as np
 
 from skyarm.records.files import Fields, shown
-from skyarm.records.read_table import options_from, takes_table
+from skyarm.records.read_table import options_from, record_from, takes_table
 from skyarm.records.registry import find
 from skyarm.reference.signal_tables import signal_from, window_of
 from skyarm.reference.signals import Signal
 from skyarm.reference.task_records import Setting
-from skyarm.reference.tip_motion import FASTEST, SPEED, STRONGEST, TipPush
+from skyarm.reference.tip_motion import FASTEST, STRONGEST, TipPush
 from skyarm.reference.trajectory import Trajectory, circle, hover
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -174,23 +175,17 @@ def push_from(table: Any, where: str, duration: float = 0.0) -> TipPush:
         ValueError: one line with field, value and what is allowed.
     """
     fields = Fields(table, where)
-    force = signal_from(fields.take("force"), fields.at("force"))
-    normal = fields.vector("normal")
-    if sum(c * c for c in normal) < SHORTEST * SHORTEST:
-        raise ValueError(f"{fields.at('normal')} = {shown(list(normal))}: must point out of the surface")
-    speed = fields.number("speed", SPEED, low=0.0, strict=True)
-    if speed > FASTEST:
-        raise ValueError(f"{fields.at('speed')} = {speed:g}: must be from 0 to {FASTEST:g}")
-    found = TipPush(force=force, normal=normal, speed=speed)
-    # each is read, so that the message for a misspelt one lists all
-    if fields.take("grip", None) is not None:
-        found = dataclasses.replace(found, grip=signal_from(fields.take("grip"), fields.at("grip")))
-    if fields.take("pivot", None) is not None:
-        found = dataclasses.replace(found, pivot=_vector(fields, "pivot", found))
-    if fields.take("axis", None) is not None:
-        found = dataclasses.replace(found, axis=_vector(fields, "axis", found))
-    fields.done()
-    _require_force(force, fields.at("force"), duration, pulls=found.grip is not None)
+    for name, needed in (("pivot", "grip"), ("axis", "pivot")):
+        if name in fields.table and needed not in fields.table:
+            raise ValueError(f"{fields.at(name)} = {shown(fields.table[name])}: must be left out without {needed}")
+    vectors = {name: fields.vector(name) for name in ("normal", "pivot", "axis") if name in fields.table}
+    found = record_from(TipPush, fields)
+    for name, words in (("normal", "out of the surface"), ("axis", "along the axis")):
+        if name in vectors and math.hypot(*vectors[name]) < SHORTEST:
+            raise ValueError(f"{fields.at(name)} = {shown(list(vectors[name]))}: must point {words}")
+    if not 0.0 < float(found.speed) <= FASTEST:
+        raise ValueError(f"{fields.at('speed')} = {found.speed:g}: must be above 0 and at most {FASTEST:g}")
+    _require_force(found.force, fields.at("force"), duration, pulls=found.grip is not None)
     return found
 
 
@@ -207,18 +202,6 @@ def _require_force(force: Signal, at: str, duration: float, *, pulls: bool) -> N
     if not pulls and found[least] < -ROUNDING:
         allowed = "must be at least 0 without grip; what only presses cannot pull"
         raise ValueError(f"{at} = {found[least]:g} N at {looks[least]:.4g} s: {allowed}")
-
-
-def _vector(fields: Fields, name: str, push: TipPush) -> tuple[float, float, float]:
-    """Pivot or axis of what the tip grips."""
-    given = fields.take(name)
-    needed = "grip" if name == "pivot" else "pivot"
-    if getattr(push, needed) is None:
-        raise ValueError(f"{fields.at(name)} = {shown(given)}: must be left out without {needed}")
-    held = Fields({name: given}, fields.where).vector(name)
-    if name == "axis" and sum(c * c for c in held) < SHORTEST * SHORTEST:
-        raise ValueError(f"{fields.at(name)} = {shown(list(held))}: must point along the axis")
-    return held
 
 
 def reference_from(table: Any, n_joints: int, where: str, setting: Setting) -> Trajectory:

@@ -28,8 +28,8 @@ from typing import Any
 from skyarm.algebra.scalars import Scalar
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import Fields, number, shown
+from skyarm.records.read_table import record_from
 from skyarm.reference.signals import (
-    MOST_PULSES,
     SHAPES,
     Constant,
     Product,
@@ -51,7 +51,8 @@ def signal_from(entry: Any, where: str) -> Signal:
     if not isinstance(entry, dict):
         return Constant(number(entry, where))
     fields = Fields(entry, where)
-    signal = _SIGNALS[fields.choice("kind", tuple(_SIGNALS))](fields)
+    make = _SIGNALS[fields.choice("kind", tuple(_SIGNALS))]
+    signal = record_from(make, fields) if isinstance(make, type) else make(fields)
     fields.done()
     return signal
 
@@ -102,24 +103,6 @@ def _windowed_signal(fields: Fields) -> Signal:
     return _clip_to_window(signal_from(fields.take("signal"), f"{fields.where}.signal"), *window_of(fields))
 
 
-def _shifted_signal(fields: Fields) -> Signal:
-    return Shifted(signal_from(fields.take("signal"), f"{fields.where}.signal"), fields.number("delay"))
-
-
-def _product(fields: Fields) -> Signal:
-    signal, factor = (signal_from(fields.take(name), fields.at(name)) for name in ("signal", "factor"))
-    return Product(signal, factor)
-
-
-def _pulses(fields: Fields) -> Signal:
-    period = fields.number("period", low=0.0, strict=True)
-    width, height = fields.number("width", low=0.0), fields.number("height", 1.0)
-    count = fields.take("count")
-    if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= MOST_PULSES:
-        raise ValueError(f"{fields.at('count')} = {shown(count)}: must be a whole number from 1 to {MOST_PULSES}")
-    return Pulses(start=fields.number("start", 0.0), period=period, width=width, height=height, count=count)
-
-
 def window_of(fields: Fields) -> tuple[float, float]:
     """Start and stop, infinite if absent."""
     start = fields.number("start", -math.inf, infinite=True)
@@ -140,19 +123,20 @@ def _of_waypoints(kind: str, fields: Fields) -> Signal:
     return waypoints.spline_signal(fields) if kind == "spline" else waypoints.samples_signal(fields)
 
 
-_SIGNALS: dict[str, Callable[[Fields], Signal]] = {
+_SIGNALS: dict[str, type[Signal] | Callable[[Fields], Signal]] = {
     "constant": _constant,
     "sine": _sine,
     "ramp": _ramp,
     "sequence": _sequence,
     "sum": _sum,
     "windowed": _windowed_signal,
-    "shifted": _shifted_signal,
-    "product": _product,
-    "pulses": _pulses,
+    "shifted": Shifted,
+    "product": Product,
+    "pulses": Pulses,
     "spline": lambda fields: _of_waypoints("spline", fields),
     "samples": lambda fields: _of_waypoints("samples", fields),
 }
+"""Kind -> the record whose fields are the keys of its table, or the function that reads it."""
 
 
 @dataclass(frozen=True, slots=True)

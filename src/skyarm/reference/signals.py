@@ -47,6 +47,13 @@ class Signal(ABC):
         """Sum."""
         return Sum((self, other))
 
+    @classmethod
+    def from_table(cls, entry: object, where: str) -> Signal:
+        """Signal of a number, a list or a table of a file."""
+        from skyarm.reference.signal_tables import signal_from
+
+        return signal_from(entry, where)
+
 
 def with_signals(record: Record, change: Callable[[Signal], Signal]) -> Record:
     """The record with each of its signals changed, at any depth."""
@@ -95,14 +102,12 @@ class Ramp(Signal):
     """
 
     start: Annotated[Scalar, Unit("s")]
-    duration: Annotated[Scalar, Unit("s", "above 0")]
+    duration: Annotated[Scalar, Unit("s", low=0.0, strict=True)]
     height: Annotated[Scalar, Unit("", "in the unit of the signal")]
     shape: str = "linear"
 
     def __post_init__(self) -> None:
         accept_fields(self, "ramp")
-        if concrete(self.duration) and not self.duration > 0.0:
-            raise ValueError(f"ramp.duration = {self.duration!r}: must be above 0 s")
         check_shape("ramp.shape", self.shape)
 
     def derivatives(self, t: Scalar) -> Derivatives:
@@ -281,15 +286,13 @@ class Pulses(Signal):
     """
 
     start: Annotated[Scalar, Unit("s")] = 0.0
-    period: Annotated[Scalar, Unit("s", "above 0")]
+    period: Annotated[Scalar, Unit("s", low=0.0, strict=True)]
     width: Annotated[Scalar, Unit("s", "of a pulse", low=0.0)]
     height: Annotated[Scalar, Unit("", "in the unit of the signal")] = 1.0
     count: int
 
     def __post_init__(self) -> None:
         accept_fields(self, "pulses")
-        if concrete(self.period) and not self.period > 0.0:
-            raise ValueError(f"pulses.period = {self.period!r}: must be above 0 s")
         if not 1 <= self.count <= MOST_PULSES:
             raise ValueError(f"pulses.count = {self.count!r}: must be from 1 to {MOST_PULSES}")
 
