@@ -74,7 +74,7 @@ class Actions:
         """Number of components of an action."""
         return len(vehicle.rotors) + vehicle.n
 
-    def command(self, action: tuple[Any, ...], now: Turn) -> tuple[Any, Command]:
+    def command(self, action: tuple[Scalar, ...], now: Turn) -> tuple[Any, Command]:
         """The law's memory and the command of a period, over any scalar.
 
         Args:
@@ -83,21 +83,21 @@ class Actions:
         """
         raise NotImplementedError(f"{type(self).__name__} must say its command")
 
-    def efforts(self, action: tuple[Scalar, ...], now: Turn) -> tuple[Any, ...]:
+    def efforts(self, action: tuple[Scalar, ...], now: Turn) -> tuple[Scalar, ...]:
         """Setpoints of the joints from the last numbers of an action."""
         return tuple(middle + a * half for a, (middle, half) in self._spans(action, now))
 
-    def effort_increments(self, action: tuple[Any, ...], now: Turn) -> tuple[Any, ...]:
+    def effort_increments(self, action: tuple[Scalar, ...], now: Turn) -> tuple[Scalar, ...]:
         """Increments of the joint setpoints from the last numbers of an action."""
         return tuple(a * half for a, (_, half) in self._spans(action, now))
 
-    def _spans(self, action: tuple[Scalar, ...], now: Turn) -> list[tuple[Any, tuple[Any, Any]]]:
+    def _spans(self, action: tuple[Scalar, ...], now: Turn) -> list[tuple[Any, tuple[Scalar, Scalar]]]:
         """For each joint the action's number, the setpoint at no action, and what a full action adds."""
         links = now.model.vehicle.links
         spans = [self._span(link.joint, each) for link, each in zip(links, now.told, strict=True)]
         return list(zip(action[len(action) - len(links) :], spans, strict=True))
 
-    def _span(self, joint: Any, told: bool) -> tuple[Any, Any]:
+    def _span(self, joint: Any, told: bool) -> tuple[Scalar, Scalar]:
         if self.joints is not None:
             return 0.0, self.joints
         if told:
@@ -139,7 +139,7 @@ class RatesAndThrust(Actions):
         """Three rates, thrust, the joints."""
         return 4 + vehicle.n
 
-    def command(self, action: tuple[Any, ...], now: Turn) -> tuple[Any, Command]:
+    def command(self, action: tuple[Scalar, ...], now: Turn) -> tuple[Any, Command]:
         """Torque J (desired rate - rate) bandwidth, thrust about the weight, mixed."""
         model = now.model
         missing = Vec3(*(self.rate * a for a in action[:3])) - now.measurement.rate
@@ -169,7 +169,7 @@ class References(Actions):
         """Three, and the joints."""
         return 3 + vehicle.n
 
-    def command(self, action: tuple[Any, ...], now: Turn) -> tuple[Any, Command]:
+    def command(self, action: tuple[Scalar, ...], now: Turn) -> tuple[Any, Command]:
         """The law's command for the displaced reference; its derivatives stay."""
         reference = now.reference
         position = reference.position + Vec3(*(self.position * a for a in action[:3]))
@@ -193,7 +193,7 @@ class Residual(Actions):
 
     asks_law = True
 
-    def command(self, action: tuple[Any, ...], now: Turn) -> tuple[Any, Command]:
+    def command(self, action: tuple[Scalar, ...], now: Turn) -> tuple[Any, Command]:
         """The law's command plus the action's, within what rotors and joints can do."""
         following, own = now.law(now.memory, now.measurement, now.reference)
         pairs = zip(own.rotor_speeds, _hover(now.model), action, strict=False)
@@ -212,7 +212,7 @@ ACTIONS: dict[str, type[Actions]] = {
 """Kinds of actions by the name that stands for one with its usual numbers."""
 
 
-def middle_and_half(lower: Any, upper: Any) -> tuple[Any, Any]:
+def middle_and_half(lower: Scalar, upper: Scalar) -> tuple[Scalar, Scalar]:
     """Middle and half of a joint's range; an end that is missing stands as far off as without a range."""
     if _free(-lower) and _free(upper):
         return 0.0, USUAL_EFFORT
@@ -221,7 +221,7 @@ def middle_and_half(lower: Any, upper: Any) -> tuple[Any, Any]:
     return (low + high) * 0.5, (high - low) * 0.5
 
 
-def within_limits(now: Turn, speeds: tuple[Scalar, ...], efforts: tuple[Any, ...]) -> Command:
+def within_limits(now: Turn, speeds: tuple[Scalar, ...], efforts: tuple[Scalar, ...]) -> Command:
     """A command within the rotors' speeds and the joints' efforts; setpoints of drives pass as they are."""
     vehicle = now.model.vehicle
     turned = tuple(clip(w, 0.0, rotor.max_speed) for w, rotor in zip(speeds, vehicle.rotors, strict=True))
@@ -240,7 +240,7 @@ def _as_kept(memory: Any, sent: Command) -> Command:
     return sent if getattr(newest, "tilts", ()) else dataclasses.replace(sent, tilts=())
 
 
-def _free(limit: Any) -> bool:
+def _free(limit: Scalar) -> bool:
     return concrete(limit) and limit == math.inf
 
 

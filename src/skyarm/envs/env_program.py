@@ -51,8 +51,8 @@ class EnvState:
     """
 
     loop: LoopState
-    seen: tuple[Any, ...]
-    action: tuple[Any, ...]
+    seen: tuple[Scalar, ...]
+    action: tuple[Scalar, ...]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -65,10 +65,10 @@ class Outcome:
             the command was not finite.
     """
 
-    observation: tuple[Any, ...]
-    reward: Any
-    truncated: Any
-    ending: Any
+    observation: tuple[Scalar, ...]
+    reward: Scalar
+    truncated: Scalar
+    ending: Scalar
 
 
 class EnvProgram:
@@ -108,8 +108,8 @@ class EnvProgram:
         return trace_loop(self.step, self.first, values, (), self.uniforms, loops=self._loops, own_seeds=True)
 
     def start(
-        self, numbers: Sequence[Any], draws: Sequence[Scalar], started: Sequence[Sequence[Any]] | None = None
-    ) -> tuple[EnvState, tuple[Any, ...]]:
+        self, numbers: Sequence[Scalar], draws: Sequence[Scalar], started: Sequence[Sequence[Scalar]] | None = None
+    ) -> tuple[EnvState, tuple[Scalar, ...]]:
         """State and observation that an episode begins with.
 
         Args:
@@ -122,7 +122,9 @@ class EnvProgram:
         state = EnvState(loop=now, seen=self._select_numbers(measurement), action=action)
         return state, self._observe(Stages(self._lane_scenario(numbers)), measurement, told, action)
 
-    def _begin(self, numbers: Sequence[Any], draws: Sequence[Any], started: Any) -> tuple[LoopState, Any, Reference]:
+    def _begin(
+        self, numbers: Sequence[Scalar], draws: Sequence[Scalar], started: Any
+    ) -> tuple[LoopState, Any, Reference]:
         """Loop, measurement and the law's reference in the first period of an episode."""
         stages = Stages(self._lane_scenario(numbers))
         first = first_loop_state(stages.scenario, started)
@@ -131,7 +133,7 @@ class EnvProgram:
         row = own_row(stages.scenario, first.ticks)
         return (*self._measure_next(stages, first, row, draws), stages.law_reference(row))
 
-    def step(self, now: EnvState, values: Any, _fed: Any, draws: Sequence[Any]) -> tuple[EnvState, Outcome]:
+    def step(self, now: EnvState, values: Any, _fed: Any, draws: Sequence[Scalar]) -> tuple[EnvState, Outcome]:
         """Fly one control period by an action, and measure."""
         numbers, given = values
         stages = Stages(self._lane_scenario(numbers))
@@ -163,7 +165,7 @@ class EnvProgram:
             ended=ended,
         )
         # term by term: what one of them makes of a number that is none takes nothing from the others
-        reward: Any = 0.0
+        reward: Scalar = 0.0
         sound = absolute(ending - self._diverged) > 0.5
         for term in self.task.reward:
             value = _finite(term.value(result) * term.weight)
@@ -177,7 +179,7 @@ class EnvProgram:
         )
         return EnvState(loop=following, seen=self._select_numbers(measurement), action=action), outcome
 
-    def _lane_scenario(self, numbers: Sequence[Any]) -> Scenario:
+    def _lane_scenario(self, numbers: Sequence[Scalar]) -> Scenario:
         return with_numbers(self.task.scenario, dict(zip(self.paths, numbers, strict=True)))
 
     def _goal(self, scenario: Scenario, ticks: Scalar) -> Vec3:
@@ -203,13 +205,13 @@ class EnvProgram:
         memories = {"components": found.components, "sensors": found.read.sensors, "estimate": found.read.estimate}
         return dataclasses.replace(now, **memories), found.read.measurement
 
-    def _select_numbers(self, measurement: Any) -> tuple[Any, ...]:
+    def _select_numbers(self, measurement: Any) -> tuple[Scalar, ...]:
         numbers = leaves(measurement)
         return tuple(numbers[i] for i in self._kept)
 
     def _observe(
         self, stages: Stages, measurement: Any, told: Reference, action: tuple[Scalar, ...]
-    ) -> tuple[Any, ...]:
+    ) -> tuple[Scalar, ...]:
         model = stages.scenario.controller.par.model
         return observation_of(self.task, Sight(measurement=measurement, reference=told, action=action, model=model))
 

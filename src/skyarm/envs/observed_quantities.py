@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar
@@ -15,7 +15,7 @@ from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
-from skyarm.simulate.tip_and_goal import goal_of, tool_of
+from skyarm.simulate.tip_and_goal import goal_of, tip_at
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Metres = Annotated[float, Unit("m", low=0.0, strict=True)]
@@ -36,7 +36,7 @@ class Sight:
 
     measurement: Measurement
     reference: Reference
-    action: tuple[Any, ...]
+    action: tuple[Scalar, ...]
     model: Model
 
 
@@ -54,10 +54,10 @@ class Result:
     state: State
     reference: Reference
     vehicle: Vehicle
-    action: tuple[Any, ...]
-    action_before: tuple[Any, ...]
+    action: tuple[Scalar, ...]
+    action_before: tuple[Scalar, ...]
     command: Command
-    ended: Any
+    ended: Scalar
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +67,7 @@ class Observed:
     def __post_init__(self) -> None:
         accept_fields(self, type(self).__name__)
 
-    def numbers(self, sight: Sight) -> Sequence[Any]:
+    def numbers(self, sight: Sight) -> Sequence[Scalar]:
         """The numbers, over any scalar."""
         raise NotImplementedError(f"{type(self).__name__} must say its numbers")
 
@@ -78,7 +78,7 @@ class PositionError(Observed):
 
     scale: Metres = 1.0
 
-    def numbers(self, sight: Sight) -> Sequence[Any]:
+    def numbers(self, sight: Sight) -> Sequence[Scalar]:
         """Three."""
         return _divide(sight.reference.position - sight.measurement.position, self.scale)
 
@@ -89,7 +89,7 @@ class VelocityError(Observed):
 
     scale: Annotated[float, Unit("m/s", low=0.0, strict=True)] = 1.0
 
-    def numbers(self, sight: Sight) -> Sequence[Any]:
+    def numbers(self, sight: Sight) -> Sequence[Scalar]:
         """Three."""
         return _divide(sight.reference.velocity - sight.measurement.velocity, self.scale)
 
@@ -98,7 +98,7 @@ class VelocityError(Observed):
 class Attitude(Observed):
     """Rotation matrix from base to world axes, row by row: no jump and no second form of the same attitude."""
 
-    def numbers(self, sight: Sight) -> Sequence[Any]:
+    def numbers(self, sight: Sight) -> Sequence[Scalar]:
         """Nine."""
         R = sight.measurement.quaternion.rotation()
         return [*R.r0, *R.r1, *R.r2]
@@ -110,7 +110,7 @@ class BodyRate(Observed):
 
     scale: RadPerSecond = 5.0
 
-    def numbers(self, sight: Sight) -> Sequence[Any]:
+    def numbers(self, sight: Sight) -> Sequence[Scalar]:
         """Three."""
         return _divide(sight.measurement.rate, self.scale)
 
@@ -121,7 +121,7 @@ class SpecificForce(Observed):
 
     scale: Annotated[float, Unit("m/s^2", low=0.0, strict=True)] = 10.0
 
-    def numbers(self, sight: Sight) -> Sequence[Any]:
+    def numbers(self, sight: Sight) -> Sequence[Scalar]:
         """Three."""
         return _divide(sight.measurement.specific_force, self.scale)
 
@@ -132,7 +132,7 @@ class JointErrors(Observed):
 
     scale: JointTravel = 1.0
 
-    def numbers(self, sight: Sight) -> Sequence[Any]:
+    def numbers(self, sight: Sight) -> Sequence[Scalar]:
         """One a joint."""
         pairs = zip(sight.reference.joints, sight.measurement.joints, strict=True)
         return [(wanted - now) / self.scale for wanted, now in pairs]
@@ -144,7 +144,7 @@ class JointAngles(Observed):
 
     scale: JointTravel = 1.0
 
-    def numbers(self, sight: Sight) -> Sequence[Any]:
+    def numbers(self, sight: Sight) -> Sequence[Scalar]:
         """One a joint."""
         return [now / self.scale for now in sight.measurement.joints]
 
@@ -155,7 +155,7 @@ class JointRates(Observed):
 
     scale: Annotated[float, Unit("rad/s or m/s", low=0.0, strict=True)] = 5.0
 
-    def numbers(self, sight: Sight) -> Sequence[Any]:
+    def numbers(self, sight: Sight) -> Sequence[Scalar]:
         """One a joint."""
         return [rate / self.scale for rate in sight.measurement.joint_rates]
 
@@ -166,17 +166,17 @@ class TipError(Observed):
 
     scale: Metres = 0.1
 
-    def numbers(self, sight: Sight) -> Sequence[Any]:
+    def numbers(self, sight: Sight) -> Sequence[Scalar]:
         """Three."""
         vehicle, seen = sight.model.vehicle, sight.measurement
-        return _divide(tip_error(vehicle, _state(seen), sight.reference), self.scale)
+        return _divide(tip_error(vehicle, seen, sight.reference), self.scale)
 
 
 @dataclass(frozen=True, kw_only=True)
 class LastAction(Observed):
     """The action before."""
 
-    def numbers(self, sight: Sight) -> Sequence[Any]:
+    def numbers(self, sight: Sight) -> Sequence[Scalar]:
         """One a number of the action."""
         return sight.action
 
@@ -202,23 +202,9 @@ USUAL = (
 """The observation where none is given."""
 
 
-def tip_error(vehicle: Vehicle, state: State, reference: Reference) -> Vec3:
+def tip_error(vehicle: Vehicle, state: State | Measurement, reference: Reference) -> Vec3:
     """Desired minus actual position of the tip, world axes, m."""
-    return goal_of(vehicle, reference).tool - tool_of(vehicle, state)
-
-
-def _state(seen: Any) -> State:
-    """A measurement as a state."""
-    return State(
-        position=seen.position,
-        quaternion=seen.quaternion,
-        velocity=seen.velocity,
-        rate=seen.rate,
-        joints=seen.joints,
-        joint_rates=seen.joint_rates,
-        rotor_speeds=seen.rotor_speeds,
-        tilts=seen.tilts,
-    )
+    return goal_of(vehicle, reference).tool - tip_at(vehicle, state.position, state.quaternion, state.joints)
 
 
 def _divide(vector: Vec3, scale: float) -> list[Scalar]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, exp, sqrt
@@ -33,7 +33,7 @@ class RewardTerm:
     def __post_init__(self) -> None:
         accept_fields(self, type(self).__name__)
 
-    def value(self, result: Result) -> Any:
+    def value(self, result: Result) -> Scalar:
         """Its value before the weight, over any scalar."""
         raise NotImplementedError(f"{type(self).__name__} must say its value")
 
@@ -44,7 +44,7 @@ class TipNear(RewardTerm):
 
     scale: Metres = 0.1
 
-    def value(self, result: Result) -> Any:
+    def value(self, result: Result) -> Scalar:
         """Between 0 and 1."""
         return _nearness(tip_error(result.vehicle, result.state, result.reference), self.scale)
 
@@ -55,7 +55,7 @@ class TipDistance(RewardTerm):
 
     scale: Metres = 1.0
 
-    def value(self, result: Result) -> Any:
+    def value(self, result: Result) -> Scalar:
         """At most 0."""
         return -_length(tip_error(result.vehicle, result.state, result.reference)) / self.scale
 
@@ -66,7 +66,7 @@ class PositionNear(RewardTerm):
 
     scale: Metres = 0.5
 
-    def value(self, result: Result) -> Any:
+    def value(self, result: Result) -> Scalar:
         """Between 0 and 1."""
         return _nearness(result.reference.position - result.state.position, self.scale)
 
@@ -77,7 +77,7 @@ class PositionDistance(RewardTerm):
 
     scale: Metres = 1.0
 
-    def value(self, result: Result) -> Any:
+    def value(self, result: Result) -> Scalar:
         """At most 0."""
         return -_length(result.reference.position - result.state.position) / self.scale
 
@@ -86,7 +86,7 @@ class PositionDistance(RewardTerm):
 class Upright(RewardTerm):
     """Cosine of the tilt: 1 level, -1 upside down."""
 
-    def value(self, result: Result) -> Any:
+    def value(self, result: Result) -> Scalar:
         """Between -1 and 1."""
         return result.state.quaternion.rotation().r2.z
 
@@ -97,7 +97,7 @@ class Spin(RewardTerm):
 
     scale: RadPerSecond = 10.0
 
-    def value(self, result: Result) -> Any:
+    def value(self, result: Result) -> Scalar:
         """At most 0."""
         return -_squares(result.state.rate) / (self.scale * self.scale)
 
@@ -108,7 +108,7 @@ class JointDistance(RewardTerm):
 
     scale: JointTravel = 1.0
 
-    def value(self, result: Result) -> Any:
+    def value(self, result: Result) -> Scalar:
         """At most 0."""
         pairs = zip(result.reference.joints, result.state.joints, strict=True)
         return -_mean_square([(a - b) / self.scale for a, b in pairs])
@@ -120,7 +120,7 @@ class ActionSize(RewardTerm):
 
     of_state = False
 
-    def value(self, result: Result) -> Any:
+    def value(self, result: Result) -> Scalar:
         """Between -1 and 0."""
         return -_mean_square(result.action)
 
@@ -131,7 +131,7 @@ class ActionChange(RewardTerm):
 
     of_state = False
 
-    def value(self, result: Result) -> Any:
+    def value(self, result: Result) -> Scalar:
         """Between -4 and 0."""
         return -_mean_square([a - b for a, b in zip(result.action, result.action_before, strict=True)])
 
@@ -142,7 +142,7 @@ class Alive(RewardTerm):
 
     of_state = False
 
-    def value(self, result: Result) -> Any:
+    def value(self, result: Result) -> Scalar:
         """1 or 0."""
         return 1.0 - result.ended
 
@@ -153,7 +153,7 @@ class Lost(RewardTerm):
 
     of_state = False
 
-    def value(self, result: Result) -> Any:
+    def value(self, result: Result) -> Scalar:
         """-1 or 0."""
         return 0.0 - result.ended
 
@@ -183,8 +183,9 @@ USUAL_REWARD: tuple[RewardTerm, ...] = (
 """The reward where none is given."""
 
 
-def _squares(vector: Vec3) -> Any:
-    return vector.dot(vector)
+def _squares(vector: Vec3) -> Scalar:
+    square: Scalar = vector.dot(vector)
+    return square
 
 
 def _length(vector: Vec3) -> Scalar:

@@ -142,9 +142,14 @@ def _several(kind: object, fields: Fields, name: str) -> tuple[Any, ...]:
     """A tuple of numbers, of tuples of numbers, or of records."""
     if kind in (float, Scalar):
         return fields.numbers(name)
+    at = fields.at(name)
+    if hasattr(kind, "from_table"):
+        values = fields.take(name)
+        if not isinstance(values, list):
+            raise ValueError(f"{at} = {shown(values)}: must be a list")
+        return tuple(kind.from_table(each, f"{at}[{i}]") for i, each in enumerate(values))
     if isinstance(kind, type) and field_names(kind) is not None:
         return tuple(record_from(kind, table) for table in fields.tables(name))
-    at = fields.at(name)
     if typing.get_origin(kind) is not tuple:
         raise ValueError(f"{at}: a field of several {kind} cannot be read from a file")
     lists = fields.take(name)

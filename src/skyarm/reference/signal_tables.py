@@ -92,13 +92,6 @@ def _sequence(fields: Fields) -> Signal:
     return sequence(start, segments, initial=initial, shape=shape)
 
 
-def _sum(fields: Fields) -> Signal:
-    entries = fields.take("signals")
-    if not isinstance(entries, list):
-        raise ValueError(f"{fields.where}.signals = {entries!r}: must be a list of signals")
-    return signal_from(entries, f"{fields.where}.signals")
-
-
 def _windowed_signal(fields: Fields) -> Signal:
     return _clip_to_window(signal_from(fields.take("signal"), f"{fields.where}.signal"), *window_of(fields))
 
@@ -128,7 +121,7 @@ _SIGNALS: dict[str, type[Signal] | Callable[[Fields], Signal]] = {
     "sine": _sine,
     "ramp": _ramp,
     "sequence": _sequence,
-    "sum": _sum,
+    "sum": Sum,
     "windowed": _windowed_signal,
     "shifted": Shifted,
     "product": Product,

@@ -50,7 +50,7 @@ from typing import Any
 
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import AllocationError
-from skyarm.log.metrics.windows import windows_from
+from skyarm.log.metrics.windows import Windows
 from skyarm.plant.interface import Truth
 from skyarm.records.files import (
     Fields,
@@ -197,7 +197,7 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
         drives=tables.drives(plant),
         delays=delays,
         episode=top.take("episode", 0),
-        windows=windows_from(top.inner("windows")),
+        windows=record_from(Windows, top.inner("windows")),
         world=contact,
         changes=(*_changes(top, replaced), *changes),
         **tables.parts_from({"": top, "environment": environment}),

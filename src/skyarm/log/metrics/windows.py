@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import Fields, number, shown
+from skyarm.records.read_table import record_from
+from skyarm.records.units import Unit
 
 if TYPE_CHECKING:
     from skyarm.log.flight_log import Log
@@ -40,6 +42,16 @@ class Window:
             object.__setattr__(self, name, number(getattr(self, name), f"window.{name}", low=0.0))
         if not self.start < self.stop:
             raise ValueError(f"window = [{self.start:g}, {self.stop:g}]: must start before it stops")
+
+    @classmethod
+    def from_table(cls, value: object, where: str) -> Window:
+        """Window of a list [start, stop], s."""
+        if not isinstance(value, list) or len(value) != 2:
+            raise ValueError(f"{where} = {shown(value)}: must be [start, stop] in s")
+        start, stop = (number(item, f"{where}[{i}]", low=0.0) for i, item in enumerate(value))
+        if not start < stop:
+            raise ValueError(f"{where} = {shown(value)}: must start before it stops")
+        return cls(start, stop)
 
     def of(self, log: Log) -> Mask:
         """Mask over the log's instants."""
@@ -95,12 +107,10 @@ class Windows:
     gust: Window | None = None
     hover: Window | None = None
     holds: tuple[Window, ...] | None = None
-    last: float | None = None
+    last: Annotated[float | None, Unit("s", low=0.0, strict=True)] = None
 
     def __post_init__(self) -> None:
         accept_fields(self, "windows")
-        if self.last is not None:
-            object.__setattr__(self, "last", number(self.last, "windows.last", low=0.0, strict=True))
 
     def of_flight(self, duration: float, own: Windows | None = None) -> FlightWindows:
         """Windows of a flight: these, else the scenario's ``own`` as far as they lie within it, else general ones.
@@ -144,41 +154,10 @@ class Windows:
         return self.of_flight(duration).masks(time)
 
 
-def windows_from(fields: Fields) -> Windows:
-    """Windows of a table: steady, transient, gust, hover as [start, stop]; holds, a list of such; last.
-
-    Raises:
-        ValueError: one line.
-    """
-    found: dict[str, Any] = {}
-    for name in NAMES:
-        if name in fields.table:
-            found[name] = _window(fields.take(name), fields.at(name))
-    if "holds" in fields.table:
-        holds = fields.take("holds")
-        if not isinstance(holds, list):
-            raise ValueError(f"{fields.at('holds')} = {shown(holds)}: must be a list of [start, stop] in s")
-        found["holds"] = tuple(_window(each, f"{fields.at('holds')}[{i}]") for i, each in enumerate(holds))
-    if "last" in fields.table:
-        found["last"] = fields.number("last", low=0.0, strict=True)
-    fields.done()
-    return Windows(**found)
-
-
 def windows_of(log: Log) -> Windows:
     """Windows that the scenario of a log's flight had; none of logs from before 0.2, which did not keep them."""
-    fields = Fields(dict(log.info.get("windows", {})), "windows")
-    fields.table.pop("duration", None)
-    return windows_from(fields)
-
-
-def _window(value: Any, at: str) -> Window:
-    if not isinstance(value, list) or len(value) != 2:
-        raise ValueError(f"{at} = {shown(value)}: must be [start, stop] in s")
-    start, stop = (number(item, f"{at}[{i}]", low=0.0) for i, item in enumerate(value))
-    if not start < stop:
-        raise ValueError(f"{at} = {shown(value)}: must start before it stops")
-    return Window(start, stop)
+    stated = {name: value for name, value in log.info.get("windows", {}).items() if name != "duration"}
+    return record_from(Windows, Fields(stated, "windows"))
 
 
 def _pair(window: Window) -> list[float]:

@@ -34,7 +34,7 @@ from typing import Any
 
 from skyarm.control.catalogue import require_different
 from skyarm.log.metrics.metric_catalogue import metric_names
-from skyarm.log.metrics.windows import windows_from
+from skyarm.log.metrics.windows import Windows
 from skyarm.records.files import (
     Fields,
     did_you_mean,
@@ -44,6 +44,7 @@ from skyarm.records.files import (
     shown,
 )
 from skyarm.records.files.names import names_in, read_named
+from skyarm.records.read_table import record_from
 from skyarm.records.registry.plugins import is_law_of_file
 from skyarm.scenario.numbers import DERIVED, number_at, with_numbers
 from skyarm.scenario.scenario_file import list_scenarios, load_scenario
@@ -141,7 +142,7 @@ def _study(top: Fields, folder: Path, source: str) -> Study:
         "seed": seed,
         "chunk": _whole("chunk", top.take("chunk", 4096), LARGEST_CHUNK),
         "precision": top.choice("precision", PRECISIONS, "double"),
-        "windows": windows_from(Fields(top.take("windows", {}), "windows")),
+        "windows": record_from(Windows, Fields(top.take("windows", {}), "windows")),
     }
     if chosen["episodes"] > MOST_CHUNKS * chosen["chunk"]:
         least = -(-chosen["episodes"] // MOST_CHUNKS)
