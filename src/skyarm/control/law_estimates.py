@@ -35,7 +35,7 @@ def lags_found(memory: Any) -> tuple[Scalar, ...]:
     return found if isinstance(found, tuple) else ()
 
 
-def numbers_found(memory: Any) -> tuple[Any, ...]:
+def numbers_found(memory: Any) -> tuple[Scalar, ...]:
     """The same numbers in a row."""
     return tuple(number for numbers in found_by_law(memory).values() for number in numbers)
 

@@ -152,7 +152,7 @@ def _lead(rotor: Rotor, tilt: Tilt) -> float:
     return min(max(1.0, float(tilt.time_constant) / float(_motor_lag(rotor))), MOST_LEAD)
 
 
-def _motor_lag(rotor: Rotor) -> Any:
+def _motor_lag(rotor: Rotor) -> Scalar:
     """Mean of a rotor's two time constants, s."""
     return mul(0.5, add(rotor.time_constant_up, rotor.time_constant_down))
 

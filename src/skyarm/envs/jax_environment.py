@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from skyarm.algebra.scalars import Scalar
 from skyarm.compile import rebuild, trace
 from skyarm.compile.machine_code import missing_extra
 from skyarm.dynamics import State
@@ -148,7 +149,7 @@ class JaxEnvironment:
         now: Any = rebuild(self._program.first, iter(state.carry))
         return now.loop.state  # type: ignore[no-any-return]
 
-    def _numbers(self, params: Any) -> tuple[Any, ...]:
+    def _numbers(self, params: Any) -> tuple[Scalar, ...]:
         """The numbers of the params.
 
         Raises:
@@ -186,13 +187,13 @@ class JaxEnvironment:
         return jnp.stack(found[len(carry) :]), JaxState(carry, drawn, words, episode, jnp.uint32(1))
 
 
-def _normal(given: Normal, unit: Any) -> Any:
+def _normal(given: Normal, unit: Any) -> Scalar:
     # the largest number below 1: a unit of single precision may be rounded up
     below = jnp.nextafter(jnp.ones_like(unit), jnp.zeros_like(unit))
     return given.mean + given.std * ndtri(jnp.minimum(unit, below))
 
 
-def _value(given: Values, unit: Any) -> Any:
+def _value(given: Values, unit: Any) -> Scalar:
     index = jnp.minimum((unit * len(given.values)).astype(np.int32), len(given.values) - 1)
     return jnp.asarray(given.values, unit.dtype)[index]
 
@@ -206,12 +207,12 @@ QUANTILES: dict[type, Callable[[Any, Any], Any]] = {
 """Quantile functions of the distributions of sweeps, on JAX scalars."""
 
 
-def quantile(distribution: Any, unit: Any) -> Any:
+def quantile(distribution: Any, unit: Any) -> Scalar:
     """Value of a distribution at a number uniform in (0, 1), a JAX scalar."""
     return jnp.asarray(QUANTILES[type(distribution)](distribution, unit), unit.dtype)
 
 
-def _words(key: Any) -> Any:
+def _words(key: Any) -> Scalar:
     """High and low word of a key, old style or new."""
     if isinstance(key, jax.Array) and jnp.issubdtype(key.dtype, jax.dtypes.prng_key):
         key = jax.random.key_data(key)

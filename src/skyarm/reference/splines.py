@@ -82,7 +82,7 @@ def _polynomial(c: Sequence[Scalar], s: Scalar, order: int) -> Scalar:
     return total
 
 
-def _select_row(t: Any, rows: list[tuple[Any, ...]], knots: Sequence[float]) -> list[Any]:
+def _select_row(t: Any, rows: list[tuple[Any, ...]], knots: Sequence[float]) -> list[Scalar]:
     """The row that holds at a traced time: a tree of comparisons, as deep as the logarithm of their number."""
     if len(rows) == 1:
         return [float(c) if isinstance(c, int) else c for c in rows[0]]

@@ -225,7 +225,7 @@ def out_of_axis(tip: Vec3, pivot: Vec3, axis: Vec3, grips: bool, normal: Vec3) -
     return Vec3(*(where(turns, data(a), data(b)) for a, b in zip(unit, normal, strict=True)))
 
 
-def _unit(v: tuple[Scalar, Scalar, Scalar]) -> tuple[Any, Any, Any]:
+def _unit(v: tuple[Scalar, Scalar, Scalar]) -> tuple[Scalar, Scalar, Scalar]:
     x, y, z = v
     length = divide(1.0, sqrt(x * x + y * y + z * z))
     return x * length, y * length, z * length

@@ -298,7 +298,7 @@ def joined_reference(scenario: Scenario, going: Reference, time: Scalar) -> Refe
     return Reference(**fields)
 
 
-def _resting(resting: Any, still: Any, going: Any) -> Any:
+def _resting(resting: Any, still: Any, going: Any) -> Scalar:
     return going if type(going) is int else where(resting, still, going)
 
 

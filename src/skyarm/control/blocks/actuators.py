@@ -32,12 +32,12 @@ def all_follow(applied: Sequence[Scalar]) -> Any:
     return found
 
 
-def joints_follow(vehicle: Vehicle, efforts: Sequence[Scalar]) -> list[Any]:
+def joints_follow(vehicle: Vehicle, efforts: Sequence[Scalar]) -> list[Scalar]:
     """For each joint, True while its desired effort lies within its limit."""
     return [absolute(e) <= link.joint.effort_limit for e, link in zip(efforts, vehicle.links, strict=True)]
 
 
-def limit_efforts(par: Parameters, efforts: Any) -> tuple[Any, ...]:
+def limit_efforts(par: Parameters, efforts: Any) -> tuple[Scalar, ...]:
     """Joint torques within the model's effort limits."""
     limits = [link.joint.effort_limit for link in par.model.vehicle.links]
     return tuple(clip(effort, -limit, limit) for effort, limit in zip(efforts, limits, strict=True))

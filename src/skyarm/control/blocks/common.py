@@ -6,7 +6,7 @@ from typing import Any
 
 from skyarm import dynamics
 from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Vec3
-from skyarm.algebra.scalars import divide
+from skyarm.algebra.scalars import Scalar, divide
 from skyarm.control.blocks.actuators import limit_efforts
 from skyarm.control.blocks.geometric import attitude_loop, downward_acceleration
 from skyarm.control.model import Parameters
@@ -43,7 +43,7 @@ def turn_towards(par: Parameters, measurement: Measurement, reference: Reference
     )
 
 
-def arm_alone(par: Parameters, R: Mat3, joints: Any, joint_accelerations: Any) -> tuple[Any, ...]:
+def arm_alone(par: Parameters, R: Mat3, joints: Any, joint_accelerations: Any) -> tuple[Scalar, ...]:
     """Joint torques of an arm on a base that does not move: inertia and weight by the true attitude."""
     vehicle = par.model.vehicle
     weight = Motion(ZERO3, R.apply_T(E_Z * par.model.gravity))
@@ -71,6 +71,6 @@ def rotor_thrust(vehicle: Vehicle, speeds: Any) -> tuple[Vec3, Vec3]:
     return torque, force
 
 
-def inverse_mass(vehicle: Vehicle) -> Any:
+def inverse_mass(vehicle: Vehicle) -> Scalar:
     """1 / m."""
     return divide(1.0, vehicle.mass)

@@ -18,7 +18,7 @@ def low_pass(old: Any, new: Any, bandwidth: Scalar, dt: Scalar) -> Any:
     return old + (new - old) * low_pass_share(bandwidth, dt)
 
 
-def low_pass_share(bandwidth: Any, dt: Scalar) -> Any:
+def low_pass_share(bandwidth: Any, dt: Scalar) -> Scalar:
     """The share of a difference that a first-order low-pass makes good in one period; bandwidth in rad/s, dt in s."""
     return 1.0 - exp(-(bandwidth * dt))
 

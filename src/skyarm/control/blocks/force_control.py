@@ -22,7 +22,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import (
@@ -138,7 +138,7 @@ def touches(
     return where(asked, found, 0.0), losing
 
 
-def ramp_share(gains: InteractionGains, share: Scalar, touching: Scalar, dt: Scalar) -> Any:
+def ramp_share(gains: InteractionGains, share: Scalar, touching: Scalar, dt: Scalar) -> Scalar:
     """The share of the desired force one period later."""
     return clip(share + where(touching > 0.5, dt / gains.rise, -dt / gains.fall), 0.0, 1.0)
 
@@ -153,7 +153,7 @@ def integrate_force_error(
     relieved: Scalar,
     dt: Scalar,
     signed: bool = False,
-) -> Any:
+) -> Scalar:
     """The bounded integral of the force's error, N: still while the ramp runs, none without contact.
 
     With ``relieved`` (0 to 1, at an actuator's limit) the order does not grow.
@@ -191,7 +191,7 @@ def update_bias(
     return bias.blend_towards(unexplained, share, wind)
 
 
-def contact_cleared(gains: InteractionGains, memory: InteractionMemory) -> Any:
+def contact_cleared(gains: InteractionGains, memory: InteractionMemory) -> Scalar:
     """1 where nothing of a contact is left in what is observed, else 0."""
     return where(maximum(memory.free - gains.rest, 0.0) > 0.0, 1.0, 0.0)
 

@@ -103,12 +103,12 @@ def attitude_loop(
     return angular_acceleration(gains, inertia, attitude_error(R_WB, R_d), e_w)
 
 
-def body_thrust(mass: Scalar, a_d: Vec3, R_WB: Mat3) -> Any:
+def body_thrust(mass: Scalar, a_d: Vec3, R_WB: Mat3) -> Scalar:
     """Thrust along the present body z, N: -m a_d . (R e_3); negative when the vehicle is on its back."""
     return mul(-mass, a_d.dot(R_WB.column(2)))
 
 
-def yaw_of(quaternion: Quaternion) -> Any:
+def yaw_of(quaternion: Quaternion) -> Scalar:
     """Heading of a unit quaternion, rad: atan2(2(wz + xy), 1 - 2(y^2 + z^2)), as RotorS reads a reference's."""
     w, x, y, z = quaternion
     return atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))

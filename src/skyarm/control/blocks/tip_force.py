@@ -34,7 +34,7 @@ class ForceErrors:
     sliding: Annotated[Scalar, Unit("N", "of a joint that slides, as much as 1 N of the base's force")] = 0.02
     base: Annotated[Scalar, Unit("N m", "of the base's torque, as much as 1 N of its force")] = 0.055
 
-    def weight_of(self, link: Link) -> Any:
+    def weight_of(self, link: Link) -> Scalar:
         """Weight of a joint's effort against the base's force."""
         error = self.turning if link.joint.turns else self.sliding
         return divide(1.0, error * error)
@@ -113,5 +113,5 @@ class LeastSquares:
         return tuple(ldl_solve(self.A, self.b))
 
 
-def _product(a: Any, b: Any) -> Any:
+def _product(a: Any, b: Any) -> Scalar:
     return a.dot(b) if isinstance(a, Vec3) else mul(a, b)

@@ -120,7 +120,7 @@ def level_joint_gravity(model: Model, joints: tuple[Scalar, ...]) -> tuple[Scala
     return dynamics.inverse_dynamics(model.vehicle, joints, ZERO3, still, level, still)[1]
 
 
-def joint_accelerations(par: Parameters, measurement: Measurement, reference: Reference) -> tuple[Any, ...]:
+def joint_accelerations(par: Parameters, measurement: Measurement, reference: Reference) -> tuple[Scalar, ...]:
     """etadd_d of (92): PD on acceleration, and the reference's acceleration if it is fed forward."""
     pd = _joint_pd(par, measurement, reference)
     if not par.terms.feedforward:

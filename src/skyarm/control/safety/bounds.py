@@ -86,7 +86,7 @@ def govern_base(
     )
 
 
-def _length(v: Vec3) -> Any:
+def _length(v: Vec3) -> Scalar:
     return sqrt(v.x * v.x + v.y * v.y + v.z * v.z)
 
 
@@ -210,7 +210,7 @@ def limit_slew(
 ) -> Command:
     """Return the command no farther from the last one than the slew limits allow; the first one is free."""
 
-    def near(value: Any, before: Any, slew: Scalar) -> Any:
+    def near(value: Any, before: Any, slew: Scalar) -> Scalar:
         step = mul(slew, dt)
         return where(started > 0.5, clip(value, sub(before, step), add(before, step)), value)
 

@@ -71,7 +71,7 @@ def finite(record: Any) -> Any:
     return fine
 
 
-def not_finite(record: Any) -> Any:
+def not_finite(record: Any) -> Scalar:
     """True where any number of a record is infinite or NaN."""
     return where(finite(record), False, True)
 

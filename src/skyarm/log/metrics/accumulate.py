@@ -192,7 +192,7 @@ def advance_totals(
     return tuple(following)
 
 
-def _with_one_more(kind: str, total: Scalar, value: Scalar) -> Any:
+def _with_one_more(kind: str, total: Scalar, value: Scalar) -> Scalar:
     if kind == "sum":
         return total + value
     if kind == "square":

@@ -236,12 +236,12 @@ def _ripple(held: PushMemory) -> Any:
     return np.sqrt(np.maximum(_share(held.square, held.count) - mean * mean, 0.0))
 
 
-def _met(held: PushMemory, number: Any) -> Any:
+def _met(held: PushMemory, number: Any) -> Scalar:
     """A number of a contact; NaN where there was none."""
     return np.where(np.asarray(held.first) < NOT_YET, number, np.nan)
 
 
-def _gripped(memory: Any, number: Any) -> Any:
+def _gripped(memory: Any, number: Any) -> Scalar:
     """A number of a grasp; NaN where none was held."""
     return np.where(np.asarray(memory.held) > 0, number, np.nan)
 

@@ -47,7 +47,7 @@ class Measure:
     unit: str = ""
 
 
-def _or_nan(_n: Any, _dt: Scalar, total: Any) -> Any:
+def _or_nan(_n: Any, _dt: Scalar, total: Any) -> Scalar:
     """An extreme or last value; NaN where no instant had the quantity."""
     return np.where(np.abs(total) < HUGE, total, np.nan)
 

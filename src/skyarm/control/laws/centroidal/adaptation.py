@@ -45,7 +45,7 @@ FOLLOWING = 2.0
 """1/s, of the mean squares of a joint's planned rate and of what its own is off."""
 
 
-def _towards(old: Scalar, new: Scalar, share: Scalar) -> Any:
+def _towards(old: Scalar, new: Scalar, share: Scalar) -> Scalar:
     return add(old, mul(share, sub(new, old)))
 
 
@@ -91,7 +91,7 @@ class JointLearned:
             off=_towards(self.off, mul(off, off), slow),
         )
 
-    def trust(self, slow: Scalar) -> Any:
+    def trust(self, slow: Scalar) -> Scalar:
         """1 for a joint that keeps its planned rate, 0 for one that is off by 0.7 of it, in the mean square."""
         return maximum(0.0, sub(1.0, divide(mul(2.0, self.off), add(self.moving, slow))))
 

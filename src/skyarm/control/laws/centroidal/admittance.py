@@ -155,7 +155,7 @@ class AdmittanceGains(Part):
         step.isolate(self.force_cleared(memory))
         return memory
 
-    def force_cleared(self, memory: AdmittanceMemory) -> Any:
+    def force_cleared(self, memory: AdmittanceMemory) -> Scalar:
         """1 where nothing of an external force is left in what is observed, else 0."""
         return where(memory.quiet > self.rest, 1.0, 0.0)
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, add, maximum, minimum, mul, sqrt, sub
@@ -278,7 +277,7 @@ def within_limits(
     return tuple(found)
 
 
-def towards(limit: Scalar, reference: Taylor, share: Scalar, pole: Scalar) -> Any:
+def towards(limit: Scalar, reference: Taylor, share: Scalar, pole: Scalar) -> Scalar:
     """q'' + 2 k q' + k^2 q (rad/s^2 or m/s^2) of a joint at rest in its allowed position."""
     told, square, twice = reference.derivative(0), mul(pole, pole), mul(2.0, pole)
     # the place where it may go moves with the reference, the limit does not

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, divide, exp, maximum, minimum, mul
@@ -120,7 +120,7 @@ def _advance_delay(chain: tuple[Vec3, ...], value: Vec3, share: Scalar) -> tuple
     return tuple(found)
 
 
-def rate_weight(gains: TrendGains, memory: ForceTrend) -> Any:
+def rate_weight(gains: TrendGains, memory: ForceTrend) -> Scalar:
     """Weight of the rate, 0 to 1: the share confirmed by its past predictions."""
     slope = divide(memory.agreement, memory.size + gains.noise)
     believed = minimum(maximum((slope - CHANCE) * (1.0 / (1.0 - CHANCE)), 0.0), 1.0)
@@ -133,7 +133,7 @@ def weighted_rate(gains: TrendGains, memory: ForceTrend) -> Vec3:
     return rate
 
 
-def lateness(par: CentroidalParameters) -> Any:
+def lateness(par: CentroidalParameters) -> Scalar:
     """By how long the observed force is late where it changes steadily, s."""
     accelerometer = par.observer.accelerometer
     if accelerometer is None:
@@ -141,7 +141,7 @@ def lateness(par: CentroidalParameters) -> Any:
     return divide(1.0, maximum(accelerometer.force, AHEAD))
 
 
-def _no_step(gains: TrendGains, rate: Vec3) -> Any:
+def _no_step(gains: TrendGains, rate: Vec3) -> Scalar:
     """1 for a rate well below that of a step, 0 far beyond."""
     square = rate.dot(rate) * divide(1.0, gains.steep * gains.steep)
     return divide(1.0, square * square + 1.0)

@@ -130,7 +130,7 @@ def learn_load(
     )
 
 
-def _step(pace: Scalar, bandwidth: Scalar, holds: Scalar, learns: Scalar, dt: Scalar) -> Any:
+def _step(pace: Scalar, bandwidth: Scalar, holds: Scalar, learns: Scalar, dt: Scalar) -> Scalar:
     """The share of an error that is learned in one period."""
     return where(holds, low_pass_share(mul(pace, bandwidth), dt), 0.0) * learns
 

@@ -26,7 +26,7 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar, divide, exp, maximum, minimum, where
@@ -251,13 +251,13 @@ def path_step(
     return x, y
 
 
-def square_of_pace(axis: AxisShift, per: Scalar) -> Any:
+def square_of_pace(axis: AxisShift, per: Scalar) -> Scalar:
     """w^2, (rad/s)^2; ``per`` is l / g in s^2."""
     most = divide(BELOW, maximum(maximum(per, per * (-BELOW / ABOVE)), LEAST))
     return minimum(divide(maximum(axis.change, 0.0), maximum(axis.size, 0.0) + STILL), most)
 
 
-def _per(level: Posture, gravity: Scalar) -> Any:
+def _per(level: Posture, gravity: Scalar) -> Scalar:
     return divide(levers(level)[0], gravity)
 
 

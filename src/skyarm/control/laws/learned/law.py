@@ -84,7 +84,7 @@ class Network:
         )
 
 
-def _affine(row: Sequence[Scalar], values: Sequence[Scalar], offset: Scalar) -> Any:
+def _affine(row: Sequence[Scalar], values: Sequence[Scalar], offset: Scalar) -> Scalar:
     total = offset
     for w, x in zip(row, values, strict=True):
         total = add(total, mul(w, x))

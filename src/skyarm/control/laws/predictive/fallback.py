@@ -142,7 +142,7 @@ class Stabiliser:
         return Command(rotor_speeds=tuple(values[: self.rotors]), efforts=tuple(values[self.rotors :]))
 
 
-def _computed_torque(par: Parameters, reading: Measurement, unknown: Disturbance, signals: Any) -> tuple[Any, ...]:
+def _computed_torque(par: Parameters, reading: Measurement, unknown: Disturbance, signals: Any) -> tuple[Scalar, ...]:
     """Rotor speeds and efforts: the paper's law, which leans no further than it can climb, less what already pushes."""
     model, (values, rates, accelerations) = par.model, signals
     vehicle, R = model.vehicle, reading.quaternion.rotation()
@@ -164,7 +164,7 @@ def _computed_torque(par: Parameters, reading: Measurement, unknown: Disturbance
     return (*speeds, *limit_efforts(par, efforts))
 
 
-def _near(yaw: Scalar, heading: Scalar) -> Any:
+def _near(yaw: Scalar, heading: Scalar) -> Scalar:
     """A yaw (rad) no further than :data:`TURN` from the heading, on its shorter side.
 
     The attitude error is the sine of the turn: a nose that points backwards would take the torque from the tilt.

@@ -103,7 +103,7 @@ def rate_matrix_rate(phi: Scalar, theta: Scalar, rates: Vec3) -> Mat3:
     return changed
 
 
-def _margin(quaternion: Any) -> Any:
+def _margin(quaternion: Any) -> Scalar:
     cosine = cos(euler_angles(quaternion.rotation())[1])
     return cosine * cosine - SINGULAR
 

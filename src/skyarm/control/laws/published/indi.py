@@ -96,7 +96,7 @@ def indi(
     joint_rates, efforts = signals[12 : 12 + n], signals[12 + n :]
     per_period = divide(1.0, dt)
 
-    def slope(now: Any, past: Any) -> Any:
+    def slope(now: Any, past: Any) -> Scalar:
         return where(first, 0.0, (now - past) * per_period)
 
     alpha_f = Vec3(*(slope(a, b) for a, b in zip(rate, memory.rate, strict=True)))

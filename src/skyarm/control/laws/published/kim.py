@@ -109,7 +109,7 @@ def kim_sliding_mode(
     unchanged = all_follow(memory.applied)
     free = logical_and(rotors_follow(par.mixer, squares), unchanged)
 
-    def adapt(delta: Scalar, s: Scalar, group: int, inside: Any) -> Any:
+    def adapt(delta: Scalar, s: Scalar, group: int, inside: Any) -> Scalar:
         moved = clip(delta + par.adaptation[group] * s * dt, -par.limit[group], par.limit[group])
         return where(inside, moved, delta)
 

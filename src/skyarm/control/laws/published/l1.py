@@ -154,7 +154,7 @@ def _predictor_rates(par: L1Parameters) -> tuple[Scalar, ...]:
     return (*(linear,) * 3, *(angular,) * 3, *(joints,) * par.model.vehicle.n)
 
 
-def predict_velocities(par: L1Parameters, memory: L1Memory, dt: Scalar) -> tuple[Any, ...]:
+def predict_velocities(par: L1Parameters, memory: L1Memory, dt: Scalar) -> tuple[Scalar, ...]:
     """Zhat one period after the memory's measurement, by Euler's step as the authors take it."""
     vehicle, was, sent = par.model.vehicle, memory.measured, memory.sent
     speeds = [minimum(speed, rotor.max_speed) for speed, rotor in zip(sent.rotor_speeds, vehicle.rotors, strict=True)]
