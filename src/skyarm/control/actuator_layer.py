@@ -118,7 +118,7 @@ def with_actuators(controller: Controller, model: Model, control_period: float, 
     )
 
 
-def _first_memories(drives: Sequence[Any], control_period: float) -> tuple[Scalar, ...]:
+def _first_memories(drives: Sequence[Any], control_period: float) -> tuple[Any, ...]:
     """Memories of the modelled drives, which settle where the joints are in the first period."""
     return tuple(drive.begin(0.0, 0.0, control_period) for drive in drives)
 
@@ -201,7 +201,9 @@ def _angles(vehicle: Vehicle, memory: ActuatorMemory, measurement: Measurement) 
     return angles_seen(measurement, inner.angles if isinstance(inner, VectoredMemory) else (0.0,) * len(vehicle.tilts))
 
 
-def _accelerations(model: Model, measurement: Measurement, angles: Sequence[Any], efforts: Any) -> tuple[Scalar, ...]:
+def _accelerations(
+    model: Model, measurement: Measurement, angles: Sequence[Scalar], efforts: Any
+) -> tuple[Scalar, ...]:
     """Joint accelerations of the model under torques and the thrust of its rotors, in calm air."""
     vehicle, rates = model.vehicle, measurement.joint_rates
     torque, force = rotor_thrust(turn_rotors(vehicle, angles), measurement.rotor_speeds)

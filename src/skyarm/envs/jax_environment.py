@@ -212,7 +212,7 @@ def quantile(distribution: Any, unit: Any) -> Scalar:
     return jnp.asarray(QUANTILES[type(distribution)](distribution, unit), unit.dtype)
 
 
-def _words(key: Any) -> Scalar:
+def _words(key: Any) -> Any:
     """High and low word of a key, old style or new."""
     if isinstance(key, jax.Array) and jnp.issubdtype(key.dtype, jax.dtypes.prng_key):
         key = jax.random.key_data(key)

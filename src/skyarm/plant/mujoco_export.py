@@ -16,7 +16,6 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from skyarm.algebra.scalars import Scalar
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.dynamics.actuators.rotor import push
@@ -95,7 +94,7 @@ def _finish_joint(joint: Any, vehicle: Vehicle) -> None:
     joint.range = [low, high]
 
 
-def _like(held: Any, value: float) -> Scalar:
+def _like(held: Any, value: float) -> Any:
     """A value as a field holds it: a number, or the first of several coefficients."""
     if np.ndim(held) == 0:
         return value

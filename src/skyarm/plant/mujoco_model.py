@@ -7,9 +7,9 @@ from typing import Any
 
 import mujoco
 import numpy as np
+import numpy.typing as npt
 
 from skyarm.algebra import Mat3, Vec3
-from skyarm.algebra.scalars import Scalar
 from skyarm.vehicle.linkage import BASE, Body, Joint
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.scene.vehicle_shapes import vehicle_shapes
@@ -20,6 +20,8 @@ INTEGRATORS = {
     "rk4_staged": mujoco.mjtIntegrator.mjINT_RK4,
 }
 """MuJoCo's own of each of ours; in "rk4_staged" MuJoCo only tells accelerations."""
+
+Array = npt.NDArray[np.float64]
 
 BASE_NAME = "base"
 """Body and free joint of the airframe; a link may have any name of its own."""
@@ -184,21 +186,21 @@ def _add_shapes(vehicle: Vehicle, bodies: dict[int, Any]) -> None:
         )
 
 
-def _array(v: Vec3) -> Scalar:
+def _array(v: Vec3) -> Array:
     return np.array([float(c) for c in v])
 
 
-def _quaternion(R: Mat3) -> Scalar:
+def _quaternion(R: Mat3) -> Array:
     return _mat2quat(np.array([_array(row) for row in R.rows]))
 
 
-def _mat2quat(R: Any) -> Scalar:
+def _mat2quat(R: Array) -> Array:
     quaternion = np.zeros(4)
     mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(R).ravel())
     return quaternion
 
 
-def _along(axis: Vec3) -> Scalar:
+def _along(axis: Vec3) -> Array:
     """Quaternion that turns z onto the axis."""
     quaternion = np.zeros(4)
     mujoco.mju_quatZ2Vec(quaternion, _array(axis))

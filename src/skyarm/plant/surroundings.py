@@ -62,7 +62,7 @@ class Surroundings:
         """Indices of the components whose memories advance with the plant."""
         return tuple(i for i, component in enumerate(self.components) if component.coupled)
 
-    def coupled_memories(self) -> tuple[Scalar, ...]:
+    def coupled_memories(self) -> tuple[Any, ...]:
         """Their memories."""
         return tuple(self.memories[i] for i in self.coupled)
 
@@ -76,7 +76,7 @@ class Surroundings:
             held[place] = memory
         return replace(self, memories=tuple(held))
 
-    def slopes(self, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> tuple[Scalar, ...]:
+    def slopes(self, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> tuple[Any, ...]:
         """Rates of their memories, 1/s."""
         return tuple(self.components[i].slope(self.memories[i], self.time, motion, rotor_speeds) for i in self.coupled)
 

@@ -59,7 +59,7 @@ class PathTime:
         """Planned duration, s."""
         return float(self.step) * (len(self.points) - FEWEST + 1)
 
-    def derivatives(self, t: Any) -> Derivatives:
+    def derivatives(self, t: Scalar) -> Derivatives:
         """s and ds/dt to d4s/dt4 at times t (s), a number or an array; held before its beginning and after its end."""
         points, step = np.asarray(self.points, dtype=float), float(self.step)
         # sums and products alone, so that every machine finds the same bits
@@ -109,7 +109,7 @@ class PathTime:
         return high
 
 
-def governed_reference(trajectory: Trajectory, path_time: PathTime, t: Any) -> Reference:
+def governed_reference(trajectory: Trajectory, path_time: PathTime, t: Scalar) -> Reference:
     """The time-scaled reference at a time of the flight, s: the trajectory at s(t), its derivatives by t."""
     s = path_time.derivatives(t)
     return by_flight_time(trajectory.at(s[0]), s)
@@ -164,7 +164,7 @@ VECTORS = ("position", "velocity", "acceleration", "jerk", "snap")
 
 
 def offset_reference(
-    reference: Reference, offset: Vec3, returns: Sequence[tuple[float, float]], since: Any, time: Any
+    reference: Reference, offset: Vec3, returns: Sequence[tuple[float, float]], since: Any, time: Scalar
 ) -> Reference:
     """The reference of base and tip, moved by what is left of an offset.
 

@@ -36,7 +36,7 @@ class Signal(ABC):
     __slots__ = ()
 
     @abstractmethod
-    def derivatives(self, t: Any) -> Derivatives:
+    def derivatives(self, t: Scalar) -> Derivatives:
         """Value and derivatives one to four at time t (s)."""
 
     @abstractmethod
@@ -261,7 +261,7 @@ class Product(Signal):
     def __post_init__(self) -> None:
         accept_fields(self, "product")
 
-    def derivatives(self, t: Any) -> Derivatives:
+    def derivatives(self, t: Scalar) -> Derivatives:
         """Value and derivatives by Leibniz's rule, (f g)^(k) = sum_i C(k, i) f^(i) g^(k - i)."""
         f, g = self.signal.derivatives(t), self.factor.derivatives(t)
         found: list[Any] = []
@@ -296,7 +296,7 @@ class Pulses(Signal):
         if not 1 <= self.count <= MOST_PULSES:
             raise ValueError(f"pulses.count = {self.count!r}: must be from 1 to {MOST_PULSES}")
 
-    def derivatives(self, t: Any) -> Derivatives:
+    def derivatives(self, t: Scalar) -> Derivatives:
         """Height or 0, and zeros."""
         number = floor((t - self.start) / self.period)
         within = (t - self.start) - number * self.period < self.width
@@ -335,7 +335,7 @@ def sequence(
     return Sum(tuple(signals))
 
 
-def _equal(a: Any, b: Any) -> bool:
+def _equal(a: Scalar, b: Scalar) -> bool:
     """Return True if both are concrete and the same number."""
     return concrete(a, b) and a == b
 

@@ -44,7 +44,7 @@ class Polynomials(Signal):
                 f"polynomials.knots: {len(self.knots)}, must be one more than the {len(self.coefficients)} polynomials"
             )
 
-    def derivatives(self, t: Any) -> Derivatives:
+    def derivatives(self, t: Scalar) -> Derivatives:
         """Value and derivatives; zero derivatives where the signal is held."""
         numbers = [float(knot) for knot in self.knots]
         first, last = numbers[0], numbers[-1]
@@ -82,7 +82,7 @@ def _polynomial(c: Sequence[Scalar], s: Scalar, order: int) -> Scalar:
     return total
 
 
-def _select_row(t: Any, rows: list[tuple[Any, ...]], knots: Sequence[float]) -> list[Scalar]:
+def _select_row(t: Scalar, rows: list[tuple[Any, ...]], knots: Sequence[float]) -> list[Scalar]:
     """The row that holds at a traced time: a tree of comparisons, as deep as the logarithm of their number."""
     if len(rows) == 1:
         return [float(c) if isinstance(c, int) else c for c in rows[0]]

@@ -180,7 +180,7 @@ class TipPush:
         found = (*found, self.grip.derivatives(t)[0])
         return found if self.pivot is None else (*found, *self.pivot, *_unit(self.axis))
 
-    def across(self, away: Vec3, t: Any, tip: Vec3) -> Vec3:
+    def across(self, away: Vec3, t: Scalar, tip: Vec3) -> Vec3:
         """Counted part of an error of the tip (m, world axes) at time t (s): see :func:`counted_error`."""
         return counted_error(away, self.at(t), tip)
 

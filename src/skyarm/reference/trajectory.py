@@ -278,7 +278,7 @@ PASSED = 1e-6
 """s of the reference beyond a phase's end from which on the phase is done: at its end the reference may wait."""
 
 
-def phase_numbers(trajectory: Trajectory, path_time: Any) -> Array:
+def phase_numbers(trajectory: Trajectory, path_time: Scalar) -> Array:
     """Number of the phase that is flown at times of the reference (s); one more than the last once all are done."""
     ends = np.array([phase.end + PASSED for phase in trajectory.phases])
     return np.searchsorted(ends, np.asarray(path_time), side="left").astype(float)

@@ -183,7 +183,7 @@ class Dropouts:
         """True if readings are lost at all."""
         return self.random or bool(self.intervals)
 
-    def lost(self, before: Any, draw: Any, dt: float) -> Any:
+    def lost(self, before: Any, draw: Scalar, dt: float) -> Any:
         """State of the link at a reading after the first: 1.0 where it is lost at random, else 0.0.
 
         Args:

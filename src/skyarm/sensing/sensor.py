@@ -63,7 +63,7 @@ class Sensor:
         return ()
 
     def measure(
-        self, memory: Any, t: Any, state: State, specific_force: Vec3, draws: Sequence[Any], dt: float
+        self, memory: Any, t: Scalar, state: State, specific_force: Vec3, draws: Sequence[Scalar], dt: float
     ) -> tuple[Any, Any]:
         """One reading.
 
@@ -80,7 +80,7 @@ class Sensor:
         """
         raise NotImplementedError(f"{type(self).__name__} must say what it measures")
 
-    def feel(self, memory: Any, t: Any, push: Push, draws: Sequence[Any], dt: float) -> tuple[Any, Any]:
+    def feel(self, memory: Any, t: Scalar, push: Push, draws: Sequence[Scalar], dt: float) -> tuple[Any, Any]:
         """One reading of a force sensor, in place of ``measure``; ``push`` is the truth at its frame."""
         raise NotImplementedError(f"{type(self).__name__} must say what it feels")
 

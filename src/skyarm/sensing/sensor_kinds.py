@@ -333,7 +333,7 @@ class TactileSwitch(FramedSensor):
         """State of the low pass, and whether the switch is closed."""
         return Switched(push=NO_PUSH, closed=0.0)
 
-    def feel(self, memory: ChannelMemory, t: Scalar, push: Push, draws: Sequence[Any], dt: float) -> tuple[Any, Any]:
+    def feel(self, memory: ChannelMemory, t: Scalar, push: Push, draws: Sequence[Scalar], dt: float) -> tuple[Any, Any]:
         """One reading: the low pass before the switch."""
         before = memory.own
         behind = self.filter_push(memory, before.push, push, dt)

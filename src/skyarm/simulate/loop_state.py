@@ -121,7 +121,7 @@ def carry_over(first: LoopState, now: LoopState, groups: Sequence[tuple[int, int
     return LoopState(**fields)
 
 
-def _carry_groups(new: tuple[Any, ...], old: tuple[Any, ...], groups: Sequence[tuple[int, int]]) -> tuple[Scalar, ...]:
+def _carry_groups(new: tuple[Any, ...], old: tuple[Any, ...], groups: Sequence[tuple[int, int]]) -> tuple[Any, ...]:
     """Memories of components, group by group."""
     kept: list[Any] = []
     for many, few in groups:

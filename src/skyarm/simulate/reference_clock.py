@@ -269,7 +269,7 @@ class Waits:
         *moved, since = offset
         return offset_reference(found, Vec3(*moved), self._trajectory.returns, since / self._rate, time)
 
-    def with_task_loads(self, par: Any, path_time: Scalar) -> Any:
+    def with_task_loads(self, par: Any, path_time: Any) -> Any:
         """The law's constants, with the payloads in its model that the task carries at a time of the reference (s)."""
         vehicle = par.model.vehicle
         for payload in self._believed:

@@ -18,7 +18,6 @@ from importlib import import_module
 from types import CellType, CodeType, FunctionType
 from typing import Any
 
-from skyarm.algebra.scalars import Scalar
 from skyarm.records.files.user_code import OwnCodeError, own_failure
 from skyarm.records.registry import RegistryError
 from skyarm.records.registry.plugins import Plugin, laws_of_files, load_again, loaded_plugins, register_law_of_file
@@ -51,7 +50,7 @@ class _Pickler(pickle.Pickler):
         return _empty, (code, value.__module__, value.__qualname__, len(cells)), held, None, None, _fill
 
 
-def _content(cell: CellType) -> tuple[Scalar, ...]:
+def _content(cell: CellType) -> tuple[Any, ...]:
     """Content of a closure's cell, if it has any yet."""
     try:
         return (cell.cell_contents,)

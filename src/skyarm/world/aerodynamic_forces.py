@@ -42,7 +42,7 @@ class GroundEffect(Force):
     def __post_init__(self) -> None:
         accept_fields(self, "ground_effect")
 
-    def wrenches(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
+    def wrenches(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Sequence[Wrench]:
         """Forces of the rotors in addition to their thrust."""
         found, rotors = [], motion.vehicle.rotors
         for i, (rotor, speed) in enumerate(zip(rotors, rotor_speeds, strict=True)):
@@ -77,12 +77,12 @@ class LinkDrag(Force):
     def __post_init__(self) -> None:
         accept_fields(self, "link_drag")
 
-    def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Any) -> None:
+    def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Scalar) -> None:
         """Refuse a vehicle with another number of links than of areas."""
         if len(self.area) != vehicle.n:
             raise ValueError(f"area: {len(self.area)} numbers, must be {vehicle.n}, one for each link")
 
-    def wrenches(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
+    def wrenches(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Sequence[Wrench]:
         """A force on every link."""
         found = []
         for i, (link, area) in enumerate(zip(motion.vehicle.links, self.area, strict=True)):
@@ -108,7 +108,7 @@ class RotorDrag(Force):
     def __post_init__(self) -> None:
         accept_fields(self, "rotor_drag")
 
-    def wrenches(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
+    def wrenches(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Sequence[Wrench]:
         """A force at each hub."""
         found = []
         for rotor, speed in zip(motion.vehicle.rotors, rotor_speeds, strict=True):

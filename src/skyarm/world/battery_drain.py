@@ -31,7 +31,7 @@ class BatteryDrain(Component):
         power = self.battery.power(self.rotors, state.rotor_speeds)
         return self.battery.discharge(memory[0], power, dt), self.battery.voltage(memory[0], power)
 
-    def rotor_commands(self, memory: Any, rotors: Sequence[Rotor], commands: Sequence[Any]) -> Sequence[Scalar]:
+    def rotor_commands(self, memory: Any, rotors: Sequence[Rotor], commands: Sequence[Scalar]) -> Sequence[Scalar]:
         """Speeds that the voltage allows (governed), or that a throttle of these commands gives at it (open)."""
         supply = memory[1] / self.battery.reference_voltage
         pairs = zip(commands, rotors, strict=True)

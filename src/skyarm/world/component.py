@@ -140,7 +140,7 @@ class Component:
         """Memory for the period that begins at ``t`` (s) and takes ``dt`` (s); ``state`` is the vehicle's at ``t``."""
         return memory
 
-    def act(self, memory: Any, t: Any, dt: float, motion: PointMotion) -> Any:
+    def act(self, memory: Any, t: Scalar, dt: float, motion: PointMotion) -> Any:
         """The memory after the discrete events of a control instant, after ``advance``: take hold, let go.
 
         Args:
@@ -170,18 +170,18 @@ class Component:
         """Speeds (rad/s) that rotors follow where these are commanded."""
         return commands
 
-    def slope(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Any:
+    def slope(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Any:
         """Rate of each number of a coupled component's memory, 1/s, as a record of its kind; arguments as above."""
         raise NotImplementedError(f"{type(self).__name__} is coupled and must say the slope of its memory")
 
-    def before_euler_step(self, memory: Any, slope: Any, dt: Any) -> Any:
+    def before_euler_step(self, memory: Any, slope: Any, dt: Scalar) -> Any:
         """A coupled component's memory with which a step (s) of the semi-implicit Euler method takes forces.
 
         What velocities bend and has no inertia goes on here, by the velocities that the last step left.
         """
         return memory
 
-    def euler_step(self, memory: Any, slope: Any, dt: Any) -> Any:
+    def euler_step(self, memory: Any, slope: Any, dt: Scalar) -> Any:
         """A coupled component's memory after a step (s) of the semi-implicit Euler method.
 
         Velocities go before what they move, or springs gain energy; a memory without velocities goes on straight.

@@ -121,7 +121,7 @@ class AirSignals(Air):
         """Noise of the period."""
         return memory if self.noise is None else self.noise.next(memory, dt, draws)
 
-    def velocity(self, memory: Any, t: Any, position_W: Vec3) -> Vec3:
+    def velocity(self, memory: Any, t: Scalar, position_W: Vec3) -> Vec3:
         """Signals and noise."""
         found = self.velocity_W.at(t)
         return found if self.noise is None else found + scale_noise(self.noise.velocity, memory)

@@ -90,7 +90,7 @@ class ColouredNoise:
         """Stationary from the start: that many unit normal numbers."""
         return tuple(normals(draws)[:count])
 
-    def next(self, memory: Sequence[Any], dt: Any, draws: Sequence[Any]) -> tuple[Any, ...]:
+    def next(self, memory: Sequence[Any], dt: Scalar, draws: Sequence[Scalar]) -> tuple[Any, ...]:
         """Unit noise of the next period."""
         left = exp(-2.0 * math.pi * self.bandwidth_hz * dt)
         fresh = sqrt(1.0 - left * left)

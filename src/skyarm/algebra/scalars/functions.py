@@ -52,7 +52,7 @@ def _casadi_namespace(casadi: Any) -> SimpleNamespace:
     return SimpleNamespace(divide=lambda a, b: a / b, **functions)
 
 
-def _discover(kind: type) -> Scalar:
+def _discover(kind: type) -> SimpleNamespace:
     """Namespace of an array type, from the library its class or a base class comes from."""
     for base in kind.__mro__:
         root = base.__module__.split(".")[0]

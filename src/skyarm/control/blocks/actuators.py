@@ -43,7 +43,7 @@ def limit_efforts(par: Parameters, efforts: Any) -> tuple[Scalar, ...]:
     return tuple(clip(effort, -limit, limit) for effort, limit in zip(efforts, limits, strict=True))
 
 
-def command_for(rotor: Rotor, speed: Scalar, wanted: Any, dt: Scalar, share: Scalar) -> Any:
+def command_for(rotor: Rotor, speed: Scalar, wanted: Scalar, dt: Scalar, share: Scalar) -> Any:
     """Speed command (rad/s) after which the rotor's speed at the end of the period is ``wanted``.
 
     Args:

@@ -68,7 +68,11 @@ def com_columns(vehicle: Vehicle, poses: Sequence[Pose]) -> list[Vec3]:
 
 
 def arm_reaction(
-    vehicle: Vehicle, joints: Sequence[Any], rate: Vec3, joint_rates: Sequence[Any], joint_accelerations: Sequence[Any]
+    vehicle: Vehicle,
+    joints: Sequence[Scalar],
+    rate: Vec3,
+    joint_rates: Sequence[Scalar],
+    joint_accelerations: Sequence[Any],
 ) -> Force:
     """Force and torque at the base origin that the arm's motion and the velocity products need, base axes.
 
@@ -81,9 +85,9 @@ def arm_reaction(
 
 def forces_under_thrust(
     vehicle: Vehicle,
-    joints: Sequence[Any],
+    joints: Sequence[Scalar],
     rate: Vec3,
-    joint_rates: Sequence[Any],
+    joint_rates: Sequence[Scalar],
     *,
     applied: Vec3,
     angular: Vec3,

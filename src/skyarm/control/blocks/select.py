@@ -23,6 +23,6 @@ def choose(condition: Any, a: Vec3, b: Vec3) -> Vec3:
     return Vec3(*(where(condition, data(x), data(y)) for x, y in zip(a, b, strict=True)))
 
 
-def choose_each(condition: Any, a: tuple[Scalar, ...], b: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
+def choose_each(condition: Scalar, a: tuple[Scalar, ...], b: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
     """Entries of ``a`` where the condition holds, else those of ``b``."""
     return tuple(where(condition, data(x), data(y)) for x, y in zip(a, b, strict=True))

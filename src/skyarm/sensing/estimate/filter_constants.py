@@ -96,7 +96,7 @@ class FilterMemory:
         return self.inertial[0].time
 
 
-def in_turn(queue: Sequence[Any], after: Scalar, until: Scalar) -> tuple[Scalar, Scalar]:
+def in_turn(queue: Sequence[Any], after: Scalar, until: Scalar) -> tuple[Any, Any]:
     """The reading of a queue that was taken after one instant and not after another; a condition, and the reading."""
     reading, found = queue[0], due_between(queue[0].time, after, until)
     for each in queue[1:]:

@@ -39,7 +39,7 @@ class CarriedFrame:
         """Velocity (m/s, world axes) of the carrier where it is at a place in the world (m)."""
         return self.velocity + self.turning.cross(place_W - self.position)
 
-    def depth(self, surface: Surface, point_W: Vec3, radius: Any) -> tuple[Any, Vec3]:
+    def depth(self, surface: Surface, point_W: Vec3, radius: Scalar) -> tuple[Any, Vec3]:
         """:meth:`skyarm.world.contact.surface.Surface.depth` of a surface that is described in the carrier's axes."""
         depth, normal = surface.depth(self.rotation.apply_T(point_W - self.position), radius, 0.0)
         return depth, self.rotation.apply(normal)
@@ -75,7 +75,7 @@ class Carrier:
         """The same of the semi-implicit Euler method."""
         return self.largest_step
 
-    def mobility_at(self, reach: Any) -> Any:
+    def mobility_at(self, reach: Scalar) -> Any:
         """1/kg, of a place in its axes that is at most so far (m) from its skin."""
         return self.mobility
 
@@ -101,7 +101,7 @@ class Carrier:
         """Pose and motion of its axes."""
         raise NotImplementedError
 
-    def slope(self, memory: Any, force_W: Vec3, torque_W: Vec3, gravity: Any) -> Any:
+    def slope(self, memory: Any, force_W: Vec3, torque_W: Vec3, gravity: Scalar) -> Any:
         """Rate of each number of the memory, 1/s, as a record of its kind.
 
         Args:
@@ -112,11 +112,11 @@ class Carrier:
         """
         raise NotImplementedError
 
-    def before_euler_step(self, memory: Any, slope: Any, dt: Any) -> Any:
+    def before_euler_step(self, memory: Any, slope: Any, dt: Scalar) -> Any:
         """Memory with which a semi-implicit Euler step takes forces: bristles of its own have moved."""
         return memory
 
-    def kick(self, memory: Any, slope: Any, dt: Any) -> Any:
+    def kick(self, memory: Any, slope: Any, dt: Scalar) -> Any:
         """Memory after a push: velocities change by their rates times dt (s)."""
         raise NotImplementedError
 
@@ -124,7 +124,7 @@ class Carrier:
         """Memory after a time (s) in which velocities stay: places move by them."""
         raise NotImplementedError
 
-    def after_push(self, memory: Any, force_W: Vec3, torque_W: Vec3, gravity: Any, dt: Any) -> Any:
+    def after_push(self, memory: Any, force_W: Vec3, torque_W: Vec3, gravity: Scalar, dt: Scalar) -> Any:
         """Memory after force (N) and torque (N m) of a time (s); own torques are those of the velocities in its middle.
 
         By one iteration of the implicit midpoint rule, which is of second order.
@@ -133,7 +133,7 @@ class Carrier:
         middle = self.kick(memory, slope, 0.5 * dt)
         return self.kick(memory, self.slope(middle, force_W, torque_W, gravity), dt)
 
-    def euler_step(self, memory: Any, slope: Any, dt: Any) -> Any:
+    def euler_step(self, memory: Any, slope: Any, dt: Scalar) -> Any:
         """Memory after a semi-implicit Euler step: velocities first, then places with the new velocities."""
         return self.drift(self.kick(memory, slope, dt), dt)
 
@@ -154,7 +154,7 @@ class Carrier:
         return ()
 
 
-def untouched_after(carrier: Carrier, memory: Any, dt: Any, rounds: int, gravity: Any) -> Any:
+def untouched_after(carrier: Carrier, memory: Any, dt: Scalar, rounds: int, gravity: Scalar) -> Any:
     """Memory of a carrier that nothing touches after some steps (s) of the classical Runge-Kutta method."""
 
     def slope(at: Any) -> Any:

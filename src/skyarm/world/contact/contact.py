@@ -219,7 +219,7 @@ class Contact(Force):
         """Surfaces that do not move."""
         return tuple(surface for surface in self.surfaces if not surface.moves)
 
-    def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Any) -> None:
+    def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Scalar) -> None:
         """Refuse a vehicle without the points and grippers, ones that cannot touch, and steps that are too short."""
         carriers = self.carriers
         if not self.surfaces and not carriers:

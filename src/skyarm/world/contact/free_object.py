@@ -134,7 +134,7 @@ class FreeObject(Carrier):
         """1/kg: of the face, rim or place that is the easiest to move."""
         return largest_mobility(self.shape, self.size, self.com, self.mass, self.moments)
 
-    def mobility_at(self, reach: Any) -> Any:
+    def mobility_at(self, reach: Scalar) -> Any:
         """Mobility of a grasp that holds the attitude, too: its stiffness there has at most that of one more place."""
         lever = self.surfaces[0].farthest + sqrt(self.com.dot(self.com) + 1e-24) + reach
         return (2.0 + lever * lever / self.gyration) / self.mass
@@ -177,7 +177,7 @@ class FreeObject(Carrier):
             position=memory.position - arm, rotation=R, velocity=memory.velocity - turning.cross(arm), turning=turning
         )
 
-    def slope(self, memory: ObjectMotion, force_W: Vec3, torque_W: Vec3, gravity: Any) -> ObjectMotion:
+    def slope(self, memory: ObjectMotion, force_W: Vec3, torque_W: Vec3, gravity: Scalar) -> ObjectMotion:
         """Newton's and Euler's equations."""
         R, w, moments = memory.attitude.rotation(), memory.rate, self.moments
         torque = R.apply_T(torque_W - R.apply(self.com).cross(force_W)) - w.cross(w.hadamard(moments))
@@ -188,7 +188,7 @@ class FreeObject(Carrier):
             rate=Vec3(*(data(divide(t, i)) for t, i in zip(torque, moments, strict=True))),
         )
 
-    def kick(self, memory: ObjectMotion, slope: ObjectMotion, dt: Any) -> ObjectMotion:
+    def kick(self, memory: ObjectMotion, slope: ObjectMotion, dt: Scalar) -> ObjectMotion:
         """Both velocities."""
         velocity, rate = memory.velocity + slope.velocity * dt, memory.rate + slope.rate * dt
         return ObjectMotion(position=memory.position, attitude=memory.attitude, velocity=velocity, rate=rate)
@@ -245,7 +245,7 @@ def _data(vector: Vec3) -> Vec3:
     return Vec3(*(data(c) for c in vector))
 
 
-def uniform_moments(shape: str, size: Sequence[Any], mass: Any) -> Vec3:
+def uniform_moments(shape: str, size: Sequence[Scalar], mass: Scalar) -> Vec3:
     """Principal moments of a box, cylinder or sphere of uniform density about its middle, kg m^2."""
     if shape == "sphere":
         moment = 0.4 * mass * size[0] * size[0]

@@ -135,7 +135,7 @@ class Gripper:
             *pull,
         )
 
-    def step_of(self, mass: Any, moved: Any, *, euler: bool = False) -> Scalar:
+    def step_of(self, mass: Scalar, moved: Any, *, euler: bool = False) -> Scalar:
         """Longest integration step (s) of a grasp.
 
         Args:
@@ -151,7 +151,7 @@ class Gripper:
             bound = BRISTLE_STEP / fastest
         return minimum(NORMAL_STEP * sqrt(mass / self.stiffness), bound)
 
-    def damping(self, mass: Any) -> Scalar:
+    def damping(self, mass: Scalar) -> Scalar:
         """N s/m of a grasp that moves a mass (kg)."""
         return 2.0 * self.damping_ratio * sqrt(self.stiffness * mass)
 
@@ -244,7 +244,7 @@ def is_taken(taken: Any, number: float) -> Scalar:
     return logical_and(taken > number - 0.5, taken < number + 0.5)
 
 
-def _not(condition: Any) -> Scalar:
+def _not(condition: Scalar) -> Scalar:
     """The opposite of a condition."""
     return not condition if isinstance(condition, bool) else where(condition, 0.0, 1.0) > 0.5
 
@@ -254,12 +254,12 @@ def _both(a: Any, b: Any) -> Any:
     return b if a is True else a if b is True else logical_and(a, b)
 
 
-def _any(a: Any, b: Any) -> Any:
+def _any(a: Scalar, b: Scalar) -> Any:
     """Either condition; what never holds folds away."""
     return b if a is False else a if b is False else logical_or(a, b)
 
 
-def _select(condition: Any, a: Vec3, b: Vec3) -> Vec3:
+def _select(condition: Scalar, a: Vec3, b: Vec3) -> Vec3:
     return Vec3(*(where(condition, x, y) for x, y in zip(a, b, strict=True)))
 
 
@@ -390,6 +390,6 @@ def _skin(carrier: Carrier, body: CarriedFrame, place: Vec3) -> tuple[Any, Vec3]
     return -deepest, normal
 
 
-def _scale_hold(hold: Hold, share: Any) -> Hold:
+def _scale_hold(hold: Hold, share: Scalar) -> Hold:
     """A part of what a grasp does."""
     return Hold(force=hold.force * share, torque=hold.torque * share, place=hold.place)

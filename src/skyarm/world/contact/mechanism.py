@@ -156,7 +156,7 @@ class Mechanism(Carrier):
         """1/kg, of the place of its surfaces that is farthest from the axis."""
         return self.mobility_at(0)
 
-    def mobility_at(self, reach: Any) -> Any:
+    def mobility_at(self, reach: Scalar) -> Any:
         """Mobility of a place that is so much farther from the axis."""
         if not self.turns:
             return 1.0 / self.mass
@@ -197,7 +197,7 @@ class Mechanism(Carrier):
         """Its axes: a hinge's turn about their origin, a slide's move."""
         return self.frame_at(memory.coordinate, memory.rate)
 
-    def frame_at(self, coordinate: Any, rate: Any = 0.0) -> CarriedFrame:
+    def frame_at(self, coordinate: Any, rate: Scalar = 0.0) -> CarriedFrame:
         """The same of a coordinate (rad or m) and its rate."""
         R = rotation_of(self.angles)
         axis = R.apply(self.along)
@@ -206,7 +206,7 @@ class Mechanism(Carrier):
             return CarriedFrame(position=self.position, rotation=turned, velocity=ZERO3, turning=axis * rate)
         return CarriedFrame(position=self.position + axis * coordinate, rotation=R, velocity=axis * rate, turning=ZERO3)
 
-    def slope(self, memory: MechanismMotion, force_W: Vec3, torque_W: Vec3, gravity: Any) -> MechanismMotion:
+    def slope(self, memory: MechanismMotion, force_W: Vec3, torque_W: Vec3, gravity: Scalar) -> MechanismMotion:
         """Newton's or Euler's equation about the axis."""
         frame, rate = self.frame(memory), memory.rate
         axis, weight = rotation_of(self.angles).apply(self.along), Vec3(0, 0, neg(mul(self.mass, gravity)))
@@ -217,12 +217,12 @@ class Mechanism(Carrier):
         own, bristle = inner_effort(self, memory)
         return MechanismMotion(coordinate=rate, rate=(applied + own) / self.generalized_inertia, bristle=bristle)
 
-    def before_euler_step(self, memory: MechanismMotion, slope: MechanismMotion, dt: Any) -> MechanismMotion:
+    def before_euler_step(self, memory: MechanismMotion, slope: MechanismMotion, dt: Scalar) -> MechanismMotion:
         """The bristle of dry friction has moved."""
         bristle = tuple(z + change * dt for z, change in zip(memory.bristle, slope.bristle, strict=True))
         return replace(memory, bristle=bristle)
 
-    def kick(self, memory: MechanismMotion, slope: MechanismMotion, dt: Any) -> MechanismMotion:
+    def kick(self, memory: MechanismMotion, slope: MechanismMotion, dt: Scalar) -> MechanismMotion:
         """The rate."""
         return replace(memory, rate=memory.rate + slope.rate * dt)
 

@@ -241,7 +241,7 @@ _SMALL = 1e-24
 """m^2 under a root: on the axis, and at a corner, a direction is zero instead of NaN."""
 
 
-def require_hole(size: Sequence[Any]) -> None:
+def require_hole(size: Sequence[Scalar]) -> None:
     """Refuse lengths between which no material is left; raises RecordError with one line."""
     if not concrete(*size):
         return
@@ -257,7 +257,7 @@ def require_hole(size: Sequence[Any]) -> None:
         raise RecordError(f"{said}: length must be above depth; the hole has a bottom")
 
 
-def from_plate(size: Sequence[Any], p: Vec3) -> tuple[Any, Vec3]:
+def from_plate(size: Sequence[Scalar], p: Vec3) -> tuple[Any, Vec3]:
     """Height of a point above the plate (m, negative inside) and the outward normal, axes of the plate.
 
     Args:
@@ -294,7 +294,7 @@ def from_plate(size: Sequence[Any], p: Vec3) -> tuple[Any, Vec3]:
     return sign * distance, Vec3(n * divide(p.x, away), n * divide(p.y, away), z)
 
 
-def _outside(size: Sequence[Any], away: Any, z: Any) -> Scalar:
+def _outside(size: Sequence[Scalar], away: Any, z: Any) -> Scalar:
     """Return True if a point of the section is outside of the material: in the hole, or beyond the plate."""
     radius, depth, chamfer, outer, length = size
     beyond = maximum(maximum(away - outer, z), -length - z) > 0.0

@@ -145,7 +145,7 @@ def _program(vehicle: Vehicle) -> Program:
     """Rows of R_WB and p_WB of every body, and the tip, as one program."""
     frame = vehicle.frame() if vehicle.end_effector else None
 
-    def poses(position: Vec3, quaternion: Quaternion, joints: tuple[Any, ...]) -> tuple[Scalar, ...]:
+    def poses(position: Vec3, quaternion: Quaternion, joints: tuple[Scalar, ...]) -> tuple[Any, ...]:
         q = quaternion
         length = sqrt(q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z)
         R_WB = Quaternion(*(divide(c, length) for c in q)).rotation()

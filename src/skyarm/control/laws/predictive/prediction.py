@@ -174,7 +174,7 @@ def command_for(lags: Motors, speed: Scalar, acceleration: Scalar, dt: Scalar) -
     return maximum(0.0, minimum(wanted, lags.most))
 
 
-def speeds_under(lags: Motors, speed: Any, command: Any) -> Any:
+def speeds_under(lags: Motors, speed: Scalar, command: Any) -> Any:
     """Speeds (rad/s) of lagging rotors after the period of the lags under commanded speeds."""
     change = np.minimum(np.maximum(command, 0.0), lags.most) - speed
     return speed + change * np.where(change > 0.0, lags.up, lags.down)

@@ -139,7 +139,7 @@ def _filter_signals(
     memory: IndiMemory,
     measurement: Measurement,
     R: Mat3,
-    speeds: tuple[Any, ...],
+    speeds: tuple[Scalar, ...],
     hold: tuple[Scalar, ...],
     dt: Scalar,
     par: IndiParameters,
