@@ -169,7 +169,7 @@ def test_points_of_the_vehicle_feel_what_ours_feel():
     found = plant.advance(flat(state), (0.0,) * 6, leaves(around), 1e-3)
     rows = np.reshape(found[len(flat(state)) :], (-1, 9))
     (state,) = states(state, np.array([found[: len(flat(state))]]))
-    touches = contact.touches(contact.start(0.005, ()), PointMotion(BIRD, state))
+    touches = contact.on_points(contact.start(0.005, ()), PointMotion(BIRD, state))
     assert sum(float(each.depth) > 0.0 for each in touches) == 2
     for row, touch in zip(rows, touches, strict=True):
         depth = max(float(touch.depth), 0.0)

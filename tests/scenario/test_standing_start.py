@@ -41,7 +41,7 @@ def test_it_stands_on_a_slope_with_neither_force_nor_moment_left():
     uneven = (dataclasses.replace(SKIDS[0], position=Vec3(0.1, 0.1, -0.1201)), *SKIDS[1:])
     contact, state = set_down(0.3, points=uneven)
     motion, weight = PointMotion(BIRD, state), float(BIRD.mass) * GRAVITY
-    touches = contact.touches(contact.start(0.005, ()), motion)
+    touches = contact.on_points(contact.start(0.005, ()), motion)
     forces = np.array([float(touch.force.z) for touch in touches])
     places = np.array([[float(c) for c in motion.position(point.position)] for point in uneven])
     assert forces.sum() == pytest.approx(weight, rel=1e-10)

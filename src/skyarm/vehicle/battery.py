@@ -85,15 +85,7 @@ class Battery:
 
         A table's current is that at the reference voltage; without one the drag torque's power over the efficiency.
         """
-        total: Any = self.standing_power
-        for rotor, speed in zip(rotors, speeds, strict=True):
-            if rotor.table is not None and rotor.table.current:
-                total = add(total, rotor.table.current_at(speed) * self.reference_voltage)
-                continue
-            square = speed * speed if rotor.table is None else rotor.table.twist(speed)
-            torque = mul(mul(rotor.thrust_coefficient, rotor.moment_coefficient), square)
-            total = add(total, divide(mul(torque, speed), self.efficiency))
-        return total
+        return rotor_power(rotors, speeds, self.efficiency, self.reference_voltage, self.standing_power)
 
     def voltage(self, charge: Any, power: Any) -> Any:
         """Voltage of the pack under a load (W), V: V = V_0 - R P / V; beyond its greatest power, that at it.
@@ -110,3 +102,26 @@ class Battery:
         current = divide(power, where(voltage > 0.0, voltage, 1.0))
         spent = divide(current * seconds, HOUR * self.capacity)
         return maximum(where(voltage > 0.0, charge - spent, 0.0), 0.0)
+
+
+def rotor_power(
+    rotors: Sequence[Rotor], speeds: Sequence[Any], efficiency: Any, voltage: Any, standing: Any = 0.0
+) -> Any:
+    """Electrical power of rotors, and of all other loads, W.
+
+    Args:
+        rotors: of a vehicle.
+        speeds: theirs, rad/s.
+        efficiency: of motor and ESC, from electrical to mechanical power, for rotors without a table of currents.
+        voltage: V, at which such a table was measured.
+        standing: power of all other loads, W.
+    """
+    total = standing
+    for rotor, speed in zip(rotors, speeds, strict=True):
+        if rotor.table is not None and rotor.table.current:
+            total = add(total, rotor.table.current_at(speed) * voltage)
+            continue
+        square = speed * speed if rotor.table is None else rotor.table.twist(speed)
+        torque = mul(mul(rotor.thrust_coefficient, rotor.moment_coefficient), square)
+        total = add(total, divide(mul(torque, speed), efficiency))
+    return total

@@ -85,7 +85,7 @@ def test_the_force_acts_where_the_ball_touches_and_its_power_is_that_of_the_spot
             position=state.position + state.velocity * h,
             quaternion=state.quaternion.plus(state.quaternion.derivative(state.rate), h).normalized(),
         )
-        for touch in CONTACT.touches(memory, motion)[1::2]:
+        for touch in CONTACT.on_points(memory, motion)[1::2]:
             at, body = CONTACT.points[1].place(BIRD)
             # the spot as a point of the base
             spot = at + state.quaternion.rotation().apply_T(touch.spot)
@@ -97,7 +97,7 @@ def test_the_force_acts_where_the_ball_touches_and_its_power_is_that_of_the_spot
 def test_what_sticks_on_a_ball_turns_with_its_normal():
     """A bristle has no part along the normal, whatever its memory says."""
     memory = dataclasses.replace(MEMORY, bristles=tuple(Vec3(1e-4, 1e-4, 1e-4) for _ in MEMORY.bristles))
-    for touch in CONTACT.touches(memory, PointMotion(BIRD, START)):
+    for touch in CONTACT.on_points(memory, PointMotion(BIRD, START)):
         assert abs(float(touch.friction.dot(touch.axis))) < 1e-12
         assert float(touch.axis.dot(touch.axis)) == pytest.approx(1.0)
 
@@ -107,7 +107,7 @@ def test_one_surface_that_moves_is_where_the_clock_says():
     assert CONTACT.slope(MEMORY, 0.0, PointMotion(BIRD, START), ()).clock == (1.0,)
     assert CONTACT.advance(MEMORY, 0.35, 0.005, START, ()).clock == (0.35,)
     later = dataclasses.replace(MEMORY, clock=(0.25,))
-    before, after = (CONTACT.touches(each, PointMotion(BIRD, START)) for each in (MEMORY, later))
+    before, after = (CONTACT.on_points(each, PointMotion(BIRD, START)) for each in (MEMORY, later))
     assert float(after[0].depth) == float(before[0].depth)
     assert float(after[2].depth) > float(before[2].depth) + 0.005
 
@@ -119,7 +119,7 @@ def touch_of_ball(**motion):
         points=(ContactPoint(name="ball", body="base", radius=0.1),),
     )
     state = dataclasses.replace(START, position=Vec3(0.0, 0.0, 0.09), **motion)
-    (touch,) = ball.touches(ball.start(0.005, ()), PointMotion(BIRD, state))
+    (touch,) = ball.on_points(ball.start(0.005, ()), PointMotion(BIRD, state))
     return touch
 
 

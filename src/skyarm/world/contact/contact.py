@@ -198,11 +198,6 @@ class Contact(Force):
         return replace(self, points=(ContactPoint(name=TIP, frame=vehicle.end_effector),))
 
     @property
-    def pairs(self) -> tuple[tuple[Surface, ContactPoint], ...]:
-        """Every surface of the world with every point, in the order of the bristles."""
-        return tuple((surface, point) for surface in self.surfaces for point in self.points)
-
-    @property
     def logged_pairs(self) -> int:
         """Number of pairs of a surface and a point of the vehicle."""
         carried = sum(len(carrier.surfaces) for carrier in self.carriers)
@@ -331,10 +326,6 @@ class Contact(Force):
                     at = _Place(place, own.velocity_at(place), own.turning, radius, masses[by])
                     touch(surface, of, by, index, at)
         return found
-
-    def touches(self, memory: ContactMemory, motion: PointMotion) -> list[Touch]:
-        """Touch of every surface of the world and every point of the vehicle now."""
-        return [each.touch for each in self.meetings(memory, motion)[: len(self.pairs)]]
 
     def on_points(self, memory: ContactMemory, motion: PointMotion) -> Sequence[Touch]:
         """Contact of every surface with every point of the vehicle now, in the order of a log."""
