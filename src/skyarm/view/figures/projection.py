@@ -65,7 +65,7 @@ def hull(points: Array) -> Array:
     return np.asarray(points[farthest[np.append(True, np.diff(farthest) != 0)]])
 
 
-def arc(centre: Array, axis: Array, start: Array, angle: float, points: int = AROUND) -> Array:
+def arc(centre: Array, axis: Array, start: Array, angle: float) -> Array:
     """Points (N, 3) of an arc about an axis: from centre + start by an angle, positive by the right-hand rule.
 
     Args:
@@ -73,9 +73,8 @@ def arc(centre: Array, axis: Array, start: Array, angle: float, points: int = AR
         axis: unit vector (3,).
         start: (3,) perpendicular to the axis, m.
         angle: rad.
-        points: how many.
     """
-    turned = np.linspace(0.0, angle, points)[:, None]
+    turned = np.linspace(0.0, angle, AROUND)[:, None]
     return np.asarray(centre + np.cos(turned) * start + np.sin(turned) * np.cross(axis, start))
 
 

@@ -150,13 +150,13 @@ class PictureStyle:
         return ax
 
     def tiles(
-        self, count: int, across: int, size: tuple[float, float], extra: float = 0.0, *, sharey: bool = False
+        self, count: int, across: int, size: tuple[float, float], extra: float = 0.0
     ) -> tuple[Picture, list[Axes]]:
         """A figure of so many panels of one size (in), row by row, with ``extra`` height."""
         columns = min(across, count)
         rows = -(-count // columns)
         figure = self.blank(size[0] * columns, size[1] * rows + extra)
-        axes = list(figure.subplots(rows, columns, sharey=sharey, squeeze=False).flat)
+        axes = list(figure.subplots(rows, columns, squeeze=False).flat)
         for ax in axes[count:]:
             ax.set_axis_off()
         return figure, [self.dress(ax) for ax in axes[:count]]

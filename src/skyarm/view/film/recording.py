@@ -198,10 +198,10 @@ class _Recorded:
     def put(self, k: int) -> None:
         """Move it to frame k; what has not moved is not recorded again."""
         flight = self._flight
-        for nodes, rotations, positions in self._bodies:
-            nodes.place(rotations[k], positions[k])
-        # nothing is wanted of the servos: the desired pose has them at rest
-        self._bodies[0][0].tilt({name: turn[k] for name, turn in self._turns.items()})
+        turned = {name: turn[k] for name, turn in self._turns.items()}
+        for i, (nodes, rotations, positions) in enumerate(self._bodies):
+            # nothing is wanted of the servos: the desired pose has them at rest
+            nodes.place(rotations[k], positions[k], {} if i else turned)
         if k % self._every == 0:
             self._words.text = self._text(k)
         force, air = flight.force[k], flight.air[k]

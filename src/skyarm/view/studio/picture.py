@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.scenario.scenario_record import Scenario, first_state
+from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.studio.fleet import Flight
 from skyarm.view.studio.scene_nodes import STILL, Arrows, LineNodes, Paint, SolidNodes, VehicleNodes
 from skyarm.view.studio.sights import goal_of
@@ -82,7 +84,7 @@ class FlightNodes:
         touches = [TOUCH] * len(first.arrows)
         self._touches = Arrows(scene, f"{STAGE}/touches{end}", touches, TOUCH_SHAFT, at) if touches else None
         self._place_scene(first)
-        self.draw_bodies(placed, rotor_turns(vehicle, _row(first_state(scenario).tilts)))
+        self.vehicle.place(placed.rotations, placed.positions, _turns_now(vehicle, first_state(scenario)))
 
     def _place_scene(self, scene: Scene, more: Sequence[Solid] = ()) -> None:
         """Draw what the parts look like; of other flights than the first what is not common to all."""
@@ -92,17 +94,12 @@ class FlightNodes:
         if self._touches is not None:
             self._touches.point(touch_arrows(scene.arrows))
 
-    def draw_bodies(self, placed: Placed, turns: dict[str, Array]) -> None:
-        """Move the bodies and the discs of rotors that tilt."""
-        self.vehicle.place(placed.rotations, placed.positions)
-        self.vehicle.tilt({name: turn[0] for name, turn in turns.items()})
-
     def draw(self, flight: Flight, *, slow: bool) -> Placed:
         """Show the flight as it is now, the world, trail and label only if ``slow``; returns its poses."""
         session, placed = flight.session, flight.poses()
         state = session.state
-        speeds, turns = np.array([float(w) for w in state.rotor_speeds]), rotor_turns(self._vehicle, _row(state.tilts))
-        self.draw_bodies(placed, turns if session.running else {})
+        speeds, turns = np.array([float(w) for w in state.rotor_speeds]), _turns_now(self._vehicle, state)
+        self.vehicle.place(placed.rotations, placed.positions, turns if session.running else {})
         self._place_scene(flight.scene(self._around), self._hung(flight, placed))
         self._forces.point(force_arrows(flight, placed, speeds, turns))
         if slow:
@@ -138,7 +135,7 @@ def force_arrows(flight: Flight, placed: Placed, speeds: Array, turns: dict[str,
     ends = []
     for rotor, speed in zip(vehicle.rotors, speeds, strict=True):
         hub, axis = p + R @ np.array(floats(rotor.position)), np.array(floats(rotor.axis))
-        turn = turns.get(disc_name(rotor.name), np.eye(3)[None])[0]
+        turn = turns.get(disc_name(rotor.name), np.eye(3))
         ends.append((hub, hub + NEWTON * float(rotor.thrust_coefficient) * speed**2 * (R @ turn @ axis)))
     above = p + np.array([0.0, 0.0, 0.22])
     ends += [(above - NEWTON * last.air, above), (p - NEWTON * last.pushed, p)]
@@ -164,8 +161,10 @@ def trail(tips: Sequence[Array]) -> Array:
     return segments
 
 
-def _row(values: Sequence[Any]) -> Array:
-    return np.array([[float(each) for each in values]])
+def _turns_now(vehicle: Vehicle, state: State) -> dict[str, Array]:
+    """Name of a disc -> R_BB (3, 3) of a state."""
+    angles = np.array([[float(each) for each in state.tilts]])
+    return {name: turn[0] for name, turn in rotor_turns(vehicle, angles).items()}
 
 
 class Picture:

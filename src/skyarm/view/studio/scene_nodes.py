@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,8 @@ Paint = Callable[[str], RGBA]
 """Role of a shape -> its colour."""
 
 GREY = (90, 96, 105)
+
+NO_TURNS: Mapping[str, Array] = MappingProxyType({})
 
 DIGITS = 4
 """Decimals of places (0.1 mm) and of quaternions that are sent: more would not be seen, and packs worse."""
@@ -108,16 +111,7 @@ class VehicleNodes:
         points: marks on its bodies.
     """
 
-    def __init__(
-        self,
-        scene: Any,
-        name: str,
-        vehicle: Vehicle,
-        paint: Paint,
-        *,
-        points: Sequence[Shape] = (),
-    ) -> None:
-        self._vehicle = vehicle
+    def __init__(self, scene: Any, name: str, vehicle: Vehicle, paint: Paint, *, points: Sequence[Shape] = ()) -> None:
         # every body hangs on the base: what stands still against it need not be sent
         self._base = MovingNode(scene.add_frame(name, show_axes=False))
         scene.add_frame(f"{name}/{BASE}", show_axes=False)
@@ -129,15 +123,18 @@ class VehicleNodes:
         ]
         self._discs = {shape.name: (MovingNode(node), shape) for node, shape in self._meshes if shape.role == "rotor"}
 
-    def place(self, rotations: Array, positions: Array) -> None:
-        """Move the bodies: R_WB (bodies, 3, 3) and p_WB (bodies, 3), the base first."""
+    def place(self, rotations: Array, positions: Array, turns: Mapping[str, Array] = NO_TURNS) -> None:
+        """Move the bodies and turn discs.
+
+        Args:
+            rotations: (bodies, 3, 3) R_WB, the base first.
+            positions: (bodies, 3) p_WB.
+            turns: name of a disc -> R_BB (3, 3).
+        """
         R, p = rotations[0], positions[0]
         self._base.put(p, R)
         for node, rotation, position in zip(self._links, rotations[1:], positions[1:], strict=True):
             node.put(R.T @ (position - p), R.T @ rotation)
-
-    def tilt(self, turns: Mapping[str, Array]) -> None:
-        """Turn discs: name of a disc -> R_BB (3, 3)."""
         for name, turn in turns.items():
             disc, shape = self._discs[name]
             disc.put(np.array(shape.position), turn @ np.array(shape.rotation))
