@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar
+from skyarm.records.coerce import whole
 from skyarm.records.files import Fields, shown
 from skyarm.records.leaves import field_names
 from skyarm.records.registry import find
@@ -114,12 +115,7 @@ def _value(wanted: object, unit: Unit, fields: Fields, name: str) -> Any:
         infinite = unit.infinite and unit is not NUMBER
         return fields.number(name, low=unit.low, strict=unit.strict, infinite=infinite)
     if wanted is int:
-        number = fields.take(name)
-        if isinstance(number, float) and number.is_integer():
-            return int(number)
-        if isinstance(number, bool) or not isinstance(number, int):
-            raise ValueError(f"{fields.at(name)} = {shown(number)}: must be a whole number")
-        return number
+        return whole(fields.at(name), fields.take(name))
     if wanted is Vec3:
         return Vec3(*fields.vector(name))
     if wanted is str:

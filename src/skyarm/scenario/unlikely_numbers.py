@@ -21,8 +21,7 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.scenario.scenario_tables import feasibility_of
 from skyarm.vehicle.check import TURN
 from skyarm.vehicle.linkage import Body
-from skyarm.vehicle.undriven import undriven_joints
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle.vehicle_records import Vehicle, undriven_joints
 from skyarm.world import MovingAir
 from skyarm.world.wind import all_gusts
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
@@ -258,3 +259,10 @@ class Vehicle:
         """Vehicle with fields of every joint replaced, for example ``with_joints(damping=0.005)``."""
         links = tuple(dataclasses.replace(k, joint=dataclasses.replace(k.joint, **values)) for k in self.links)
         return dataclasses.replace(self, links=links)
+
+
+def undriven_joints(vehicle: Vehicle, driven: Collection[str] = ()) -> tuple[str, ...]:
+    """Names of passive joints: ``effort_limit = 0``, and no drive of the vehicle or of ``driven`` moves them."""
+    driven = {*driven, *(each.name for each in vehicle.drives)}
+    joints = (link.joint for link in vehicle.links)
+    return tuple(joint.name for joint in joints if joint.name not in driven and float(joint.effort_limit) == 0.0)

@@ -16,7 +16,7 @@ from skyarm.scenario.unlikely_numbers import unlikely_numbers
 from skyarm.studies.assess.arm_poses import arm_poses, rest_of_hanging
 from skyarm.studies.assess.assessment import assess_vehicle
 from skyarm.studies.assess.thrust import locked_inertia
-from skyarm.vehicle.undriven import undriven_joints
+from skyarm.vehicle.vehicle_records import undriven_joints
 from thorough import sampled
 
 CARRIER = skyarm.load_vehicle("pelican_arm2")

@@ -16,8 +16,7 @@ from skyarm.dynamics.actuators import make_mixer
 from skyarm.dynamics.actuators.mixer import Mixer
 from skyarm.studies.sweep.sobol import BITS, DIMENSIONS, sobol
 from skyarm.vehicle.linkage import Joint
-from skyarm.vehicle.undriven import undriven_joints
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle.vehicle_records import Vehicle, undriven_joints
 
 Array = npt.NDArray[np.float64]
 
