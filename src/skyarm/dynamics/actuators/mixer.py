@@ -240,32 +240,26 @@ def _prioritize(mixer: Mixer, torque: Vec3, thrust: Scalar) -> tuple[Scalar, ...
     1. Roll and pitch are scaled down together if no thrust at all leaves room for them. 2. Thrust moves just enough to
     leave that room. 3. Yaw takes the largest share of what remains.
     """
-    per_newton = [row[3] for row in mixer.inverse]
+    per_newton, per_turn = [row[3] for row in mixer.inverse], [row[2] for row in mixer.inverse]
     tilt = [add(mul(row[0], torque.x), mul(row[1], torque.y)) for row in mixer.inverse]
     share = _tilt_share(tilt, per_newton, mixer.highest)
     tilt = [mul(each, share) for each in tilt]
+
+    def with_thrust(held: Scalar) -> list[Scalar]:
+        return [add(mul(each, held), turn) for each, turn in zip(per_newton, tilt, strict=True)]
+
     if mixer.policy == "thrust_before_yaw":
-        return _thrust_before_yaw(mixer, tilt, torque.z, thrust)
-    yaw = [mul(row[2], torque.z) for row in mixer.inverse]
-    low, high = _thrust_range(tilt, per_newton, mixer.highest)
-    held = minimum(maximum(thrust, low), high)
-    kept = [add(mul(each, held), turn) for each, turn in zip(per_newton, tilt, strict=True)]
-    yaw_share = _largest_share(kept, yaw, mixer.highest)
-    wanted = [add(a, mul(b, yaw_share)) for a, b in zip(kept, yaw, strict=True)]
-    return tuple(minimum(maximum(w, 0.0), top) for w, top in zip(wanted, mixer.highest, strict=True))
-
-
-def _thrust_before_yaw(mixer: Mixer, tilt: Sequence[Scalar], yaw: Scalar, thrust: Scalar) -> tuple[Scalar, ...]:
-    """Squared speeds within [0, highest] in addition to roll and pitch: thrust first, then yaw torque."""
-    per_newton, per_turn = [row[3] for row in mixer.inverse], [row[2] for row in mixer.inverse]
-    room = yaw_bounds(tilt, per_newton, per_turn, mixer.highest, yaw, mixer.yaw_slack)
-    held = nearest_thrust(room, thrust)
-    turn = nearest_yaw(room, held, yaw)
-    wanted = [
-        add(add(value, mul(slope, held)), mul(turning, turn))
-        for value, slope, turning in zip(tilt, per_newton, per_turn, strict=True)
-    ]
-    return tuple(minimum(maximum(w, 0.0), top) for w, top in zip(wanted, mixer.highest, strict=True))
+        room = yaw_bounds(tilt, per_newton, per_turn, mixer.highest, torque.z, mixer.yaw_slack)
+        held = nearest_thrust(room, thrust)
+        turn = nearest_yaw(room, held, torque.z)
+        kept, yaw = with_thrust(held), [mul(each, turn) for each in per_turn]
+    else:
+        low, high = _thrust_range(tilt, per_newton, mixer.highest)
+        kept, yaw = with_thrust(minimum(maximum(thrust, low), high)), [mul(each, torque.z) for each in per_turn]
+        yaw_share = _largest_share(kept, yaw, mixer.highest)
+        yaw = [mul(each, yaw_share) for each in yaw]
+    rows = zip(kept, yaw, mixer.highest, strict=True)
+    return tuple(minimum(maximum(add(a, b), 0.0), top) for a, b, top in rows)
 
 
 def _tilt_share(tilt: Sequence[Scalar], per_newton: Sequence[Scalar], highest: Sequence[Scalar]) -> Scalar:
