@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from skyarm import dynamics
-from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Vec3
-from skyarm.algebra.scalars import Scalar, divide
+from skyarm.algebra import E_Z, ZERO3, Force, Mat3, Motion, Vec3
+from skyarm.algebra.scalars import Scalar, divide, minimum
 from skyarm.control.blocks.actuators import limit_efforts
 from skyarm.control.blocks.geometric import attitude_loop, downward_acceleration
-from skyarm.control.model import Parameters
+from skyarm.control.model import Model, Parameters
 from skyarm.dynamics.actuators import Command, mix
+from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -59,6 +61,22 @@ def make_command(par: Parameters, torque: Vec3, thrust: Any, efforts: Any) -> tu
 def no_command(vehicle: Vehicle) -> Command:
     """Placeholder of the previous command in an initial memory."""
     return Command(rotor_speeds=(0.0,) * len(vehicle.rotors), efforts=(0.0,) * vehicle.n)
+
+
+def standing_command(model: Model) -> Command:
+    """Command of a level hover with the joints at zero, as the model sees it."""
+    vehicle = model.vehicle
+    trim = hover_trim(vehicle, (0.0,) * vehicle.n, model.gravity)
+    speeds = tuple(minimum(w, rotor.max_speed) for w, rotor in zip(trim.speeds, vehicle.rotors, strict=True))
+    return Command(rotor_speeds=speeds, efforts=tuple(trim.efforts)).dense()
+
+
+def coupled_forces(
+    par: Parameters, measurement: Measurement, base: Motion, joint_accelerations: Sequence[Scalar]
+) -> tuple[Force, tuple[Scalar, ...]]:
+    """Inverse dynamics of base and arm at the measured state: force on the base and joint torques."""
+    vehicle, joints, rate, rates = par.model.vehicle, measurement.joints, measurement.rate, measurement.joint_rates
+    return dynamics.inverse_dynamics(vehicle, joints, rate, rates, base, joint_accelerations)
 
 
 def rotor_thrust(vehicle: Vehicle, speeds: Any) -> tuple[Vec3, Vec3]:

@@ -24,7 +24,7 @@ from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.actuators import command_for, joints_follow, limit_efforts, rotors_follow
 from skyarm.control.blocks.attitude import attitude, reachable
 from skyarm.control.blocks.center_of_mass import arm_reaction, forces_under_thrust
-from skyarm.control.blocks.common import turn_towards, wanted_specific_force
+from skyarm.control.blocks.common import standing_command, turn_towards, wanted_specific_force
 from skyarm.control.blocks.disturbance_observer import (
     Observed,
     ObserverGains,
@@ -36,12 +36,10 @@ from skyarm.control.blocks.disturbance_observer import (
 from skyarm.control.blocks.extrapolation import Channel, extrapolate, samples
 from skyarm.control.blocks.geometric import angular_acceleration, attitude_error
 from skyarm.control.blocks.prediction import Disturbance, with_side
-from skyarm.control.blocks.select import data
 from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.paper import joint_accelerations
 from skyarm.control.model import Parameters
 from skyarm.dynamics.actuators import Command, friction, mix
-from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
@@ -260,12 +258,10 @@ def _forces(
 def first_memory(par: StepParameters) -> StepMemory:
     """Memory before the first measurement: a level hover with the joints at zero."""
     vehicle, steps = par.model.vehicle, par.steps
-    trim = hover_trim(vehicle, (0.0,) * vehicle.n, par.model.gravity)
-    speeds = tuple(data(minimum(w, r.max_speed)) for w, r in zip(trim.speeds, vehicle.rotors, strict=True))
-    standing = Command(rotor_speeds=speeds, efforts=tuple(data(effort) for effort in trim.efforts))
+    standing = standing_command(par.model)
     return StepMemory(
         started=0.0,
-        observed=first_observed(vehicle.n, speeds) if steps >= OBSERVER else (),
+        observed=first_observed(vehicle.n, standing.rotor_speeds) if steps >= OBSERVER else (),
         sent=(standing,) * (par.delay_periods + 1) if steps >= OBSERVER else (),
         free=(1.0,) * (1 + vehicle.n) if steps >= OBSERVER else (),
         age=0.0,

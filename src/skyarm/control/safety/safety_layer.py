@@ -12,6 +12,7 @@ from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar, absolute, logical_or, where
 from skyarm.compile import leaves, rebuild
 from skyarm.control.blocks.geometric import yaw_of
+from skyarm.control.blocks.select import choose, choose_each
 from skyarm.control.controller import Controller, ControllerError, Law, with_applied_command
 from skyarm.control.law_checks import LawError, check_controller, checked_law, wrong
 from skyarm.control.law_maker import default_gains, default_joint_gains
@@ -119,7 +120,7 @@ def govern(
 ) -> Governed:
     """Return the governed reference."""
     limits = par.limits
-    joints = _kept(memory.started > 0.5, memory.joints, measurement.joints)
+    joints = choose_each(memory.started > 0.5, memory.joints, measurement.joints)
     base = govern_base(
         reference,
         measurement,
@@ -157,14 +158,14 @@ def arbitrate(
     confidence = update_confidence(par.limits, memory.confidence, measurement, governed.joints, failed, dt)
     given_up, before = confidence.given_up > 0.5, memory.confidence.given_up > 0.5
     hold, yaw = _place(before, memory, measurement)
-    arm = _kept(before, memory.arm, measurement.joints)
+    arm = choose_each(before, memory.arm, measurement.joints)
     hovering = _hold_reference(par, measurement, hold, yaw, arm, dt)
     rescue = recover(par.recovery, par.model, par.mixer, measurement, hovering)
     return SafetyMemory(
         inner=memory.inner,
         started=memory.started * 0.0 + 1.0,
-        joints=_kept(given_up, measurement.joints, governed.reference.joints),
-        ramping=_kept(given_up, (0.0,) * len(governed.joints), governed.ramping),
+        joints=choose_each(given_up, measurement.joints, governed.reference.joints),
+        ramping=choose_each(given_up, (0.0,) * len(governed.joints), governed.ramping),
         arm=hovering.joints,
         sent=limit_command(par, memory, measurement, blend(given_up, rescue.dense(), desired.dense()), dt),
         confidence=confidence,
@@ -173,13 +174,9 @@ def arbitrate(
     )
 
 
-def _kept(condition: Any, a: tuple[Scalar, ...], b: tuple[Scalar, ...]) -> tuple[Any, ...]:
-    return tuple(where(condition, x, y) for x, y in zip(a, b, strict=True))
-
-
 def _place(before: Any, memory: SafetyMemory, measurement: Measurement) -> tuple[Vec3, Scalar]:
     """Hover position and heading of the recovery: measured while the law flies, held since it was given up."""
-    hold = Vec3(*_kept(before, tuple(memory.hold), tuple(measurement.position)))
+    hold = choose(before, memory.hold, measurement.position)
     return hold, where(before, memory.yaw, yaw_of(measurement.quaternion))
 
 

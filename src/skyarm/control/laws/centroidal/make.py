@@ -9,13 +9,12 @@ from typing import Any, TypeVar
 
 from skyarm import dynamics
 from skyarm.algebra import Mat3, Vec3
-from skyarm.algebra.scalars import minimum
 from skyarm.control.blocks.attitude import BaseGains
+from skyarm.control.blocks.common import standing_command
 from skyarm.control.blocks.disturbance_observer import AccelerometerGains, ObserverGains, first_observed
 from skyarm.control.blocks.extrapolation import Channel
 from skyarm.control.blocks.force_control import SENSING, require_thresholds
 from skyarm.control.blocks.prediction import pushes_across
-from skyarm.control.blocks.select import data
 from skyarm.control.controller import Controller, ControllerError, all_applied
 from skyarm.control.laws.centroidal.adaptation import adaptation_gains
 from skyarm.control.laws.centroidal.admittance import admittance_gains
@@ -50,8 +49,7 @@ from skyarm.control.laws.centroidal.presets import (
 from skyarm.control.laws.centroidal.shift_motion import GustMemory, first_following, gust_gains
 from skyarm.control.model import JointGains, Model
 from skyarm.control.vectored_layer import pairs_model, with_tilting
-from skyarm.dynamics.actuators import AllocationError, Command, Mixer, make_mixer
-from skyarm.dynamics.actuators.hover import hover_trim
+from skyarm.dynamics.actuators import AllocationError, Mixer, make_mixer
 from skyarm.vehicle.vehicle_records import Vehicle
 
 __all__ = ["ENTRIES", "make_centroidal"]
@@ -221,10 +219,8 @@ def _mixer(vehicle: Vehicle, sideways: bool, yaw_slack: float, given: bool) -> M
 def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMemory:
     """Memory before the first step: a level hover with the joints at zero, as the model sees it."""
     model, vehicle, moves = par.model, par.model.vehicle, par.tip.shift
-    trim = hover_trim(vehicle, (0.0,) * vehicle.n, model.gravity)
-    speeds = tuple(data(minimum(w, r.max_speed)) for w, r in zip(trim.speeds, vehicle.rotors, strict=True))
-    zero = Vec3(0.0, 0.0, 0.0)
-    standing = Command(rotor_speeds=speeds, efforts=tuple(data(effort) for effort in trim.efforts))
+    zero, standing = Vec3(0.0, 0.0, 0.0), standing_command(model)
+    speeds = standing.rotor_speeds
     return CentroidalMemory(
         started=0.0,
         age=0.0,

@@ -25,10 +25,9 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from skyarm import dynamics
 from skyarm.algebra import E_Z, ZERO3, Force, Motion, Vec3
 from skyarm.algebra.scalars import Scalar, add, clip, divide, exp, mul, sub, tanh, where
-from skyarm.control.blocks.common import make_command, no_command, turn_towards, wanted_specific_force
+from skyarm.control.blocks.common import coupled_forces, make_command, no_command, turn_towards, wanted_specific_force
 from skyarm.control.controller import ControllerError
 from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.paper import joint_accelerations
@@ -286,9 +285,7 @@ def compensate(
     alpha = turn_towards(par, measurement, reference, R, thrust)
     base = Motion(alpha, R.apply_T(specific))
     wanted = joint_accelerations(par, measurement, reference)
-    force, torques = dynamics.inverse_dynamics(
-        vehicle, measurement.joints, measurement.rate, measurement.joint_rates, base, wanted
-    )
+    force, torques = coupled_forces(par, measurement, base, wanted)
     efforts = tuple(sub(t, u) for t, u in zip(torques, unknown[6:], strict=True))
     return make_command(par, force.torque - torque_B, force.force.z - force_B.z, efforts)[0]
 

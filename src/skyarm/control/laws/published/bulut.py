@@ -18,11 +18,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from skyarm import dynamics
 from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Vec3
 from skyarm.algebra.quaternion import euler_angles
 from skyarm.algebra.scalars import Scalar, atan2, clip, cos, divide, maximum, mul, neg, sin
-from skyarm.control.blocks.common import make_command, wanted_specific_force
+from skyarm.control.blocks.common import coupled_forces, make_command, wanted_specific_force
 from skyarm.control.blocks.geometric import angular_acceleration
 from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.paper import joint_accelerations
@@ -50,14 +49,8 @@ def bulut_computed_torque(
     wanted = wanted_specific_force(par, measurement, reference)
     alpha = _angular(par, measurement, reference, wanted)
     weight = R.apply_T(E_Z * par.model.gravity)
-    force, torques = dynamics.inverse_dynamics(
-        par.model.vehicle,
-        measurement.joints,
-        measurement.rate,
-        measurement.joint_rates,
-        Motion(alpha, weight),
-        joint_accelerations(par, measurement, reference),
-    )
+    wanted_joints = joint_accelerations(par, measurement, reference)
+    force, torques = coupled_forces(par, measurement, Motion(alpha, weight), wanted_joints)
     upright = maximum(R.r2.z, FLATTEST)
     thrust = divide(par.model.vehicle.mass * wanted.z, upright)
     command, _ = make_command(par, force.torque, thrust, torques)

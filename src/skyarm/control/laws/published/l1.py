@@ -33,6 +33,7 @@ from skyarm import dynamics
 from skyarm.algebra import ZERO3, Force, Mat3, Motion, Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar, clip, divide, exp, minimum, where
 from skyarm.control.blocks.common import (
+    coupled_forces,
     inverse_mass,
     make_command,
     no_command,
@@ -193,20 +194,13 @@ def _advance_filters(memory: L1Memory, R: Mat3, force: Force, efforts: Any, dt: 
 
 def _command(filtered: L1Memory, measurement: Measurement, reference: Reference, R: Mat3, par: L1Parameters) -> Command:
     """u_b + u_ad."""
-    vehicle = par.model.vehicle
     wanted = up = wanted_specific_force(par, measurement, reference)
     b3 = R.column(2)
     if par.lateral:
         # only the attitude leans against it: the base accelerates as wanted, so this is an input of the arm
-        up = wanted - (filtered.force - b3 * filtered.force.dot(b3)) * inverse_mass(vehicle)
-    force, efforts = dynamics.inverse_dynamics(
-        vehicle,
-        measurement.joints,
-        measurement.rate,
-        measurement.joint_rates,
-        Motion(turn_towards(par, measurement, reference, R, up), R.apply_T(wanted)),
-        joint_accelerations(par, measurement, reference),
-    )
+        up = wanted - (filtered.force - b3 * filtered.force.dot(b3)) * inverse_mass(par.model.vehicle)
+    base = Motion(turn_towards(par, measurement, reference, R, up), R.apply_T(wanted))
+    force, efforts = coupled_forces(par, measurement, base, joint_accelerations(par, measurement, reference))
     held = [a - b for a, b in zip(efforts, filtered.efforts_twice, strict=True)]
     return make_command(par, force.torque - filtered.torque_twice, force.force.z - filtered.thrust, held)[0]
 
