@@ -337,7 +337,7 @@ def test_the_base_stands_for_the_order_and_the_plan_finds_the_force_itself():
     sample = preview.Sample(np.zeros((3, 6)), still, 0.0, still, still)
     state, *_ = examples(2, 4)
     par = dataclasses.replace(make_controller("nmpc", MODEL).par, interaction=GAINS)
-    problem = problem_at(engine, np.array(leaves(state)), np.full(8, 9.0), sample, 0.0, 0.0, par, touch)
+    problem = problem_at(engine, np.array(leaves(state)), np.full(8, 9.0), sample, 0.0, par, touch)
     np.testing.assert_array_equal(problem.disturbance, touch.free)
     s, rate, bend = shift_ahead(GAINS, touch, np.array([0.0, 0.1, 0.2, 0.3]))
     constant = np.array([0.0, 0.0, 9.81]) - np.array([3.0, 0.0, 0.0]) / float(VEHICLE.mass)
