@@ -23,9 +23,9 @@ from skyarm.control.model import JointGains, Model
 from skyarm.dynamics import array_front as arrays
 
 
-def test_an_unknown_law_is_refused_with_the_choices():
+def test_an_unknown_law_is_refused_with_the_nearest_choices():
     with pytest.raises(
-        ControllerError, match=r"controller\.law = 'pid': must be one of .*decoupled_pd, hybrid_computed_torque, "
+        ControllerError, match=r"controller\.law = 'pid': must be one of .*; 'skyarm show' shows all \d+$"
     ):
         make_controller("pid", MODEL)
 

@@ -10,9 +10,9 @@ import pytest
 import skyarm
 from flying_vehicles import steady_wind
 from shared_programs import fly
-from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra import ZERO3, Quaternion, Vec3
 from skyarm.dynamics import State
-from skyarm.dynamics.actuators import rotor_force
+from skyarm.dynamics.actuators.rotor import rotor_forces
 from skyarm.plant.loads import applied_force
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate import run
@@ -51,7 +51,10 @@ def test_a_rotor_loses_its_share_of_thrust_and_of_drag_torque():
 
 def test_hub_drag_does_not_ask_for_the_fault():
     rotor, across = ARM2.rotors[0], Vec3(2.0, 0.0, 0.0)
-    assert rotor_force(rotor, 400.0, across, 0.5).force.x == rotor_force(rotor, 400.0, across).force.x
+    whole = rotor_forces((rotor,), (400.0,), across, ZERO3)
+    half = rotor_forces((rotor,), (400.0,), across, ZERO3, (0.5,))
+    assert half.force.x == whole.force.x
+    assert half.force.z < whole.force.z
 
 
 def test_a_drive_loses_its_share_of_the_limited_effort_and_keeps_its_friction():

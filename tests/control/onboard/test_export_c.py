@@ -487,9 +487,9 @@ def test_a_scenario_is_exported_as_it_flies(tmp_path, monkeypatch, capsys):
 ERRORS = [
     (
         ("nope", "--vehicle", "hummingbird_arm2"),
-        ("controller = 'nope'", "paper_ct", "'skyarm show' shows all", "case3"),
+        ("controller = 'nope'", "nmpc", "'skyarm show' shows all"),
     ),
-    (("nope",), ("controller = 'nope'", "paper_ct")),
+    (("nope",), ("controller = 'nope'", "nmpc")),
     (("gone.toml",), ("gone.toml",)),
     (("paper_ct",), ("--vehicle", "is missing", "'paper_ct'")),
     (("paper_ct", "--vehicle", "nope"), ("vehicle = 'nope'", "hexarotor_arm6")),
