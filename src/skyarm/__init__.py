@@ -250,7 +250,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Import a public name, or a room, when it is first used, so that ``import skyarm`` stays light."""
+    """Import a public name or subpackage on first use, so that ``import skyarm`` stays fast."""
     from importlib import import_module
     from importlib.util import find_spec
 

@@ -1,4 +1,4 @@
-"""``python -m skyarm``."""
+"""Entry point of ``python -m skyarm``: the command line."""
 
 from skyarm.cli.main import main
 

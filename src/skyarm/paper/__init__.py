@@ -1,1 +1,1 @@
-"""The paper's experiments: cases, published numbers, tables, report."""
+"""Reproduction of the paper's experiments: cases, published numbers, tables, report."""

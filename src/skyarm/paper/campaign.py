@@ -1,4 +1,4 @@
-"""Flights of the reproduction on several processes: the paper's, their variations, and those with inferred settings."""
+"""Parallel simulation of the reproduction's flights: as published, varied, and with inferred settings."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Sensitivity = dict[str, dict[str, dict[str, dict[str, Metrics]]]]
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """One flight, by values that can be sent to another process.
+    """One flight to simulate, described by plain values that can be sent to another process.
 
     Attributes:
         flight: case, law and plant. group, value: of a variation. kind, settings: inferred or predicted settings.
@@ -35,7 +35,7 @@ class Job:
 
     @property
     def label(self) -> str:
-        """In words, for a progress bar."""
+        """Description of the flight for a progress bar."""
         words = f"{self.flight.case} {self.flight.controller} {self.flight.plant}"
         more = [f"{self.group} {self.value}" if self.group else "", self.kind and f"{self.kind} settings"]
         return ", ".join([words, *filter(None, more)])
@@ -43,7 +43,7 @@ class Job:
 
 @dataclass(slots=True)
 class Campaign:
-    """Results of all flights.
+    """Results of all flights of the reproduction.
 
     Attributes:
         logs: plant -> case -> law -> log of the paper's flights. sensitivity: metrics under variations.
@@ -55,7 +55,7 @@ class Campaign:
     found: dict[str, dict[tuple[str, str, str], Metrics]] = field(default_factory=dict)
 
     def metrics_by_cell(self) -> dict[tuple[str, str, str], Metrics]:
-        """Metrics by (case, controller, plant)."""
+        """(case, controller, plant) -> metrics of the paper's flights."""
         return {
             (case, controller, plant): metrics(case, log)
             for plant, cases in self.logs.items()
@@ -64,7 +64,7 @@ class Campaign:
         }
 
     def all_logs(self) -> list[Log]:
-        """Every log of the paper's flights."""
+        """Logs of all of the paper's flights."""
         return [log for cases in self.logs.values() for pair in cases.values() for log in pair.values()]
 
     def keep(self, job: Job, result: Any) -> None:
@@ -79,7 +79,7 @@ class Campaign:
 
 
 def perform(job: Job) -> Log | Metrics:
-    """Fly one job: the log of a plain flight, the metrics of any other."""
+    """Simulate one job; returns the log of a flight as published, the metrics of any other."""
     if job.kind:
         return measure_inferred(job.flight, dict(job.settings))
     if not job.group:
@@ -89,7 +89,7 @@ def perform(job: Job) -> Log | Metrics:
 
 
 def inferred_jobs(plants: Sequence[str], evidence: Record) -> list[Job]:
-    """Every flight of the paper with the inferred settings; with the predicted ones on the first plant."""
+    """Jobs of all flights with inferred settings, and on the first plant with predicted settings."""
     return [
         Job(flight, kind=kind, settings=tuple(settings_in(evidence, kind).items()))
         for kind, flown in ((INFERRED, plants), (PREDICTED, plants[:1]))
@@ -106,7 +106,7 @@ def run_campaign(
     workers: int = 1,
     progress: Progress | None = None,
 ) -> Campaign:
-    """Fly everything. Results do not depend on the number of workers.
+    """Simulate all flights; results do not depend on the number of workers.
 
     Args:
         plants: "rigid_body", "mujoco" or both; variations are flown on the first.
@@ -140,7 +140,7 @@ def run_campaign(
 
 
 def _perform_all(jobs: Sequence[Job], workers: int, progress: Progress | None) -> dict[Job, Any]:
-    """Results in the order of the jobs."""
+    """Simulate all jobs, in parallel if there are several workers; results in the order of the jobs."""
     done: dict[Job, Any] = {}
 
     def note(job: Job, result: Any) -> None:

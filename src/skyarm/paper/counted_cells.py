@@ -1,4 +1,4 @@
-"""Agreement with the paper: number of its cells that each column comes near, and those that no settings explain."""
+"""Agreement with the paper: number of table cells that each column reproduces, and cells that no settings explain."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Column = Callable[[Record], Any]
 
 @lru_cache(maxsize=1)
 def published_cells() -> tuple[Cell, ...]:
-    """The paper's numeric cells but for the settling times."""
+    """Numeric cells of the paper's tables, without settling times."""
     return tuple(
         Cell(f"{case} {law}", name, name, value, rounding(case, law, name))
         for case, laws in PAPER.items()
@@ -36,17 +36,17 @@ def published_cells() -> tuple[Cell, ...]:
 
 
 def stated_value(plant: str) -> Column:
-    """A plant's value with the settings that the paper states."""
+    """Function from a table cell to a plant's value under the settings that the paper states."""
     return lambda cell: cell.get(plant)
 
 
 def inferred_value(plant: str) -> Column:
-    """A plant's value with the inferred settings."""
+    """Function from a table cell to a plant's value under the inferred settings."""
     return lambda cell: cell.get("inferred", {}).get(plant)
 
 
 def column_values(experiments: Record, column: Column, cells: Sequence[Cell]) -> Any:
-    """(cells,) numbers of a column; NaN where there is none."""
+    """Values (cells,) of a column; NaN where there is none."""
     found = []
     for cell in cells:
         case, _, law = cell.flight.rpartition(" ")
@@ -56,7 +56,7 @@ def column_values(experiments: Record, column: Column, cells: Sequence[Cell]) ->
 
 
 def counts(experiments: Record, column: Column, fits: Callable[[Cell], bool] | None = None) -> dict[str, Any]:
-    """Loss and counts of a column over the cells that fit; all of them if left out. {} where none was flown."""
+    """Loss and agreement counts of a column over selected cells (default all); {} if none was simulated."""
     cells = [cell for cell in published_cells() if fits is None or fits(cell)]
     values, shape = column_values(experiments, column, cells), unstated_study()["loss"]
     if np.isnan(values).all():
@@ -66,19 +66,19 @@ def counts(experiments: Record, column: Column, fits: Callable[[Cell], bool] | N
 
 
 def in_group(group: str) -> Callable[[Cell], bool]:
-    """True if a cell belongs to a group of the study."""
+    """True if a cell belongs to a given group of the study."""
     cells = published_cells()
     chosen = {cells[i] for i in group_places(unstated_study()["groups"][group], cells)}
     return lambda cell: cell in chosen
 
 
 def in_case(case: str) -> Callable[[Cell], bool]:
-    """True if a cell belongs to a case."""
+    """True if a cell belongs to a given case."""
     return lambda cell: cell.flight.rpartition(" ")[0] == case
 
 
 def sentence(results: Record) -> str:
-    """The counts of all columns, in words."""
+    """Sentence with the agreement counts of all columns."""
     experiments = results.get("experiments", {})
     by_plant = {plant: counts(experiments, stated_value(plant)) for plant in PLANTS}
     found = {plant: counts(experiments, inferred_value(plant)) for plant in PLANTS}
@@ -93,7 +93,7 @@ def sentence(results: Record) -> str:
 
 
 def _several(by_plant: Mapping[str, Record]) -> str:
-    """Counts on the first plant in words, on the second as numbers."""
+    """Text of the agreement counts: first plant in words, other plants in brackets."""
     flown = [(plant, [each[f"within_{share}%"] for share in (25, 10, 5)]) for plant, each in by_plant.items() if each]
     if not flown:
         return "none were flown"

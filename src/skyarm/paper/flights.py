@@ -1,4 +1,4 @@
-"""Fly the paper's five experiments with both controllers and measure them as the paper does."""
+"""Simulation of the paper's five experiments with both controllers, measured as in the paper."""
 
 from __future__ import annotations
 
@@ -48,25 +48,25 @@ class Flight:
 
 
 def flights(plants: Sequence[str] = PLANTS) -> list[Flight]:
-    """All episodes of the paper on the given plants."""
+    """All episodes of the paper for the given plants."""
     return [Flight(case, controller, plant) for plant in plants for case in CASES for controller in CONTROLLERS]
 
 
 def scenario(flight: Flight) -> Scenario:
-    """The scenario of a flight; nothing but plant and controller is chosen here."""
+    """Scenario of an episode: the shipped case with the episode's plant and controller."""
     return load_scenario(
         flight.case, plant=flight.plant, controller=CONTROLLERS.get(flight.controller, flight.controller)
     )
 
 
 def fly(flight: Flight, change: Callable[[Scenario], Scenario] | None = None) -> Log:
-    """Fly it, optionally with a changed scenario."""
+    """Simulate an episode, optionally with a changed scenario."""
     planned = scenario(flight)
     return run(change(planned) if change else planned)
 
 
 def metrics(case: str, log: Log, holds: tuple[Window, ...] = HOLDS) -> Metrics:
-    """Metrics of a case, each against the held and (suffix ``_continuous``) the continuous reference.
+    """Metrics of a case against the sampled-and-held reference and (suffix ``_continuous``) the continuous one.
 
     ``holds`` are the windows in which Case 1 holds its arm.
 
@@ -85,7 +85,7 @@ def metrics(case: str, log: Log, holds: tuple[Window, ...] = HOLDS) -> Metrics:
 
 
 def _metrics_by_name(case: str, joints: int) -> dict[str, str]:
-    """Name in the paper's table -> metric, in the order of the table."""
+    """Name in the paper's table -> name of the metric, in the order of the table."""
     efforts = (f"tau{i + 1}_rms" for i in range(joints))
     always = {name: name for name in ("pitch_rms", "roll_rms", *efforts, "hover_offset")}
     if case == "case2_gust":
@@ -99,7 +99,7 @@ def _metrics_by_name(case: str, joints: int) -> dict[str, str]:
 
 
 def _twin(metric: str, suffix: str) -> str:
-    """The metric against the other form of the reference, where it is against one."""
+    """Name of the metric against another form of the reference; unchanged if it does not depend on a reference."""
     return metric + suffix if metric in REFERRED or metric == "settling_time" else metric
 
 
@@ -108,7 +108,7 @@ Measured = Mapping[tuple[str, str, str], Metrics]
 
 
 def results(measured: Measured, settings: dict[str, Any], inferred: Measured | None = None) -> dict[str, Any]:
-    """The table of all cells: paper, rigid_body, mujoco; a plant that was not flown is null.
+    """Table of all cells: columns paper, rigid_body, mujoco; None for a plant that was not simulated.
 
     Args:
         measured: metrics by (case, controller, plant).
@@ -133,7 +133,7 @@ def results(measured: Measured, settings: dict[str, Any], inferred: Measured | N
 
 
 def first_plant(results: Record) -> str:
-    """The plant that flew first: the one of differences, reasons and figures."""
+    """Plant that was simulated first, used for differences, reasons and figures."""
     named = results.get("settings", {}).get("plants")
     if named:
         return str(named[0])
@@ -142,7 +142,7 @@ def first_plant(results: Record) -> str:
 
 
 def settings(logs: Sequence[Log]) -> dict[str, Any]:
-    """Dependencies of the results: rates, windows, vehicles, seeds, versions, how episodes ended."""
+    """Settings behind the results: rates, windows, vehicles, seeds, versions, and flights that ended early."""
     info = logs[0].info
     same = ("plant_vehicle", "plant_gravity", "model_vehicle", "model_gravity", "rates_hz", "duration", "seed")
     windows = {"steady": STEADY, "transient": TRANSIENT, "gust": GUST, "hover": HOVER}
@@ -169,6 +169,6 @@ def settings(logs: Sequence[Log]) -> dict[str, Any]:
 
 
 def with_damping(planned: Scenario, damping: float) -> Scenario:
-    """The scenario with another viscous damping (N m s/rad) on every joint of the truth."""
+    """Scenario with another viscous damping (N m s/rad) on every joint of the simulated vehicle."""
     world = dataclasses.replace(planned.plant, vehicle=planned.plant.vehicle.with_joints(damping=damping))
     return planned.with_words(plant=world)

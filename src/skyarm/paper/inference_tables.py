@@ -1,4 +1,4 @@
-"""The evidence for the inferred settings as plain tables: for the terminal, Markdown and the report alike."""
+"""Evidence for the inferred settings as plain tables, for terminal, Markdown and report."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ GROUPS = {
 
 
 def number(value: float) -> str:
-    """A setting as written: at most six digits."""
+    """Format a setting with at most six digits."""
     return f"{value:.6g}"
 
 
 def settings_table(evidence: Record) -> Table:
-    """Inferred settings: each free number with the range in which the loss grows by less than 1, and each choice."""
+    """Table of the inferred settings: numbers with the range of nearly equal loss, and choices."""
     study, stages = unstated_study(), evidence["stages"]
     settings = stages["fit"]["settings"]
     rows = []
@@ -41,7 +41,7 @@ def settings_table(evidence: Record) -> Table:
 
 
 def ladder_table(evidence: Record) -> Table:
-    """One setting after the other."""
+    """Table of the loss as settings are added one after the other."""
     rows = [
         (each["name"], str(each["numbers"]), str(each["choices"]), *_loss_cells(each), *_laws(each))
         for each in evidence["stages"]["ladder"]["rungs"]
@@ -51,7 +51,7 @@ def ladder_table(evidence: Record) -> Table:
 
 
 def choices_table(evidence: Record) -> Table:
-    """Each choice taken otherwise, the numbers fitted again."""
+    """Table of the loss with each choice changed and the numbers fitted again."""
     rows = []
     for name, stage in evidence["stages"].items():
         if name.startswith("choice "):
@@ -63,7 +63,7 @@ def choices_table(evidence: Record) -> Table:
 
 
 def profile_tables(evidence: Record) -> list[Table]:
-    """Loss over each free number."""
+    """Tables of the loss against each inferred number."""
     study, found = unstated_study(), []
     for name in study["fit"]["free"]:
         stage, each = evidence["stages"][f"profile {name}"], named(study["parameters"], name)
@@ -75,7 +75,7 @@ def profile_tables(evidence: Record) -> list[Table]:
 
 
 def rivals_table(evidence: Record) -> Table:
-    """Every alternative alone on the steady cells of Cases 2 and 3, and on top of the fit."""
+    """Table of alternative explanations, each alone on some cells and in addition to the fit."""
     study, rows = unstated_study(), []
     for rival in study["rivals"]:
         stage = evidence["stages"][f"rival {rival['name']}"]
@@ -95,7 +95,7 @@ def rivals_table(evidence: Record) -> Table:
 
 
 def prediction_table(results: Record, predicted: Record, plant: str) -> Table:
-    """Out of sample, flown live: as stated, as predicted from Cases 2 and 3, as fitted to everything.
+    """Table of out-of-sample results: as stated, predicted from Cases 2 and 3, fitted to all cases.
 
     ``predicted`` are the experiments of results whose inferred column has the predicted settings.
     """
@@ -118,13 +118,13 @@ def prediction_table(results: Record, predicted: Record, plant: str) -> Table:
 
 
 def evidence_tables(evidence: Record) -> list[Table]:
-    """Everything that a search prints."""
+    """All tables of the search for inferred settings."""
     before = [settings_table(evidence), ladder_table(evidence), choices_table(evidence)]
     return [*before, *profile_tables(evidence), rivals_table(evidence)]
 
 
 def markdown_of(tables: Sequence[Table]) -> str:
-    """Tables as Markdown."""
+    """Convert tables to Markdown."""
     return "\n\n".join([RULE, *(f"## {each.caption}\n\n{each.markdown(each.caption)}" for each in tables)]) + "\n"
 
 
@@ -149,7 +149,7 @@ def _share(found: Record, within: str) -> str:
 
 
 def inferred_facts(evidence: Record) -> dict[str, Any]:
-    """Dependencies of the inferred column, for ``settings`` of the results."""
+    """Settings behind the inferred column, for ``settings`` of the results."""
     fit, settings = unstated_study()["fit"], evidence["stages"]["fit"]["settings"]
     facts = {"numbers": len(fit["free"]), "choices": len(fit["choices"]), "settings": settings}
     return {"inferred": facts | {"found_by": evidence["version"], "study": evidence["study_digest"][:16]}}

@@ -1,4 +1,4 @@
-"""The paper's cases with settings inferred from its published numbers by a search."""
+"""The paper's cases with settings that a search inferred from its published numbers."""
 
 from __future__ import annotations
 
@@ -32,31 +32,31 @@ PREDICTION = "from_cases_2_and_3"
 
 @lru_cache(maxsize=1)
 def unstated_study() -> Tables:
-    """The study of what the paper leaves open, as its file has it."""
+    """Study of the settings that the paper does not state, as in its file."""
     return read_toml((LIBRARY / STUDY).read_bytes())
 
 
 def shipped_evidence() -> dict[str, Any]:
-    """Shipped evidence of the search (``research/infer.py`` of the source makes it anew)."""
+    """Read the shipped results of the search, made by ``research/infer.py`` of the source."""
     found: dict[str, Any] = json.loads((LIBRARY / FOUND).read_text(encoding="utf-8"))
     return found
 
 
 def is_of_this_study(evidence: Record) -> bool:
-    """True if evidence was found with the study as it is now."""
+    """True if the search results belong to the current version of the study."""
     study = unstated_study()
     flights = {each["name"]: stated_tables(study, each["name"]) for each in study["flights"]}
     return bool(evidence.get("study_digest") == study_digest(study, flights))
 
 
 def settings_in(evidence: Record, kind: str) -> dict[str, Any]:
-    """Settings of a kind: inferred, or predicted."""
+    """Settings of one kind: inferred or predicted."""
     stage = "fit" if kind == INFERRED else f"prediction {PREDICTION}"
     return dict(evidence["stages"][stage]["settings"])
 
 
 def inferred_scenario(flight: Flight, settings: Record) -> Scenario:
-    """The scenario of a flight under settings of the study."""
+    """Scenario of a flight with settings of the study."""
     study, name = unstated_study(), f"{flight.case} {flight.controller}"
     tables = scenario_tables(study, stated_tables(study, name), name, settings)
     planned = scenario_from(tables, replaced={"plant": flight.plant})
@@ -66,7 +66,7 @@ def inferred_scenario(flight: Flight, settings: Record) -> Scenario:
 
 
 def measure_inferred(flight: Flight, settings: Record) -> Metrics:
-    """Fly and measure a flight of the paper under inferred settings."""
+    """Simulate a flight of the paper with inferred settings and compute its metrics."""
     planned = inferred_scenario(flight, settings)
     # the arm of Case 1 is held as long after the law has joined as it is after 6 s where all is as stated
     later = float(planned.tracking_start) - MOTION if flight.case == "case1" and planned.tracking_start else 0.0

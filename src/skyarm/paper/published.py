@@ -1,4 +1,4 @@
-"""The paper's numbers (``library/published.toml`` has them with their sources), and how ours are compared with them."""
+"""The paper's published numbers (``library/published.toml``, with sources), and their comparison with ours."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ PAPER: Mapping[str, Mapping[str, Cells]] = {
 
 
 def rounding(case: str, controller: str, metric: str) -> float:
-    """Half a unit of the last printed digit."""
+    """Rounding uncertainty of a printed number: half a unit of its last digit."""
     _, _, decimals = PRINTED[case][controller][metric].partition(".")
     return 0.5 * 10.0 ** -len(decimals)
 
@@ -52,13 +52,13 @@ def printed_number(case: str, controller: str, metric: str) -> str:
 
 
 def published_number(case: str, controller: str, metric: str) -> str:
-    """The published number as printed, or as given in the text; "" where there is none."""
+    """Published number as printed, or as stated in the text; "" if there is none."""
     return printed_number(case, controller, metric) or _TABLES["said"].get(case, {}).get(controller, {}).get(metric, "")
 
 
 @dataclass(frozen=True, slots=True)
 class Metric:
-    """A row of a table.
+    """Row of a table of the paper: a metric with its label.
 
     Attributes:
         label: words. unit: SI. definition: one sentence. bound: the paper states an upper bound only.
@@ -74,24 +74,24 @@ METRICS = {name: Metric(**row) for name, row in _TABLES["metrics"].items()}
 
 
 def metric(name: str) -> Metric:
-    """Find a metric; a name not listed describes itself."""
+    """Find a metric by name; an unlisted one gets its name as label."""
     base = name.removesuffix(CONTINUOUS)
     found = METRICS.get(base, Metric(base.replace("_", " ")))
     return found if base == name else replace(found, label=f"{found.label}, continuous reference")
 
 
 def finite_or_none(value: Number) -> float | None:
-    """Return the value as a float; None if it is missing or not finite."""
+    """Convert a value to a float; None if it is missing or not finite."""
     return float(value) if value is not None and math.isfinite(value) else None
 
 
 def digits(value: Number) -> str:
-    """Three significant digits, trailing zeros included; a dash for nothing."""
+    """Format with three significant digits, trailing zeros included; a dash for None."""
     return "-" if value is None else "0" if value == 0.0 else f"{value:#.3g}".removesuffix(".")
 
 
 def relative(ours: Number, paper: Number) -> float | None:
-    """Relative difference from the paper, measured along the paper's sign.
+    """Relative difference from the paper, positive for a larger magnitude.
 
     A magnitude that is too large is positive, for negative numbers too; another sign than the paper's is below -1.
     None where either is missing or the paper's is zero.
@@ -101,14 +101,14 @@ def relative(ours: Number, paper: Number) -> float | None:
 
 
 def percent(ours: Number, paper: Number) -> str:
-    """Relative difference in whole percent with its sign; a rounded zero has none, "" where there is none."""
+    """Format a relative difference in whole percent with sign; no sign for zero, "" for None."""
     found = relative(ours, paper)
     rounded = 0 if found is None else round(100.0 * found)
     return "" if found is None else f"{rounded:+d} %" if rounded else "0 %"
 
 
 def reversed_orders(experiments: Record, plant: str) -> list[tuple[str, str]]:
-    """(case, metric) pairs in which the controller that is better in the paper is the worse one here.
+    """(case, metric) pairs in which the controller that is better in the paper is worse here.
 
     Only metrics that are better when smaller in magnitude and that the paper gives for both controllers; numbers within
     1 % of each other have no order.
@@ -127,5 +127,5 @@ def reversed_orders(experiments: Record, plant: str) -> list[tuple[str, str]]:
 
 
 def _order(a: float, b: float) -> int:
-    """-1 if a is the smaller, 1 if b is, 0 within 1 % of the larger."""
+    """Compare two numbers: -1 if a is smaller, 1 if b is, 0 if within 1 % of each other."""
     return 0 if abs(a - b) <= 0.01 * max(a, b) else 1 if a > b else -1

@@ -1,4 +1,4 @@
-"""Causes of a cell that differs from the paper, given only where a measured variation supports them.
+"""Explanations of cells that differ from the paper, given only if a simulated variation supports them.
 
 Reasons are alternatives: each variation was flown alone, and no two of them are claimed to be true at once.
 """
@@ -27,12 +27,12 @@ Compared = list[tuple[float, float, float]]
 
 
 def agrees(paper: float, ours: float, rounding: float) -> bool:
-    """Within 5 % or the rounding of the published number."""
+    """True if a value is within 5 % or the rounding of the published number."""
     return abs(ours - paper) <= max(AGREEMENT * abs(paper), rounding)
 
 
 def reasons(results: Record, sensitivity: Sensitivity) -> Reasons:
-    """One line for every cell that has a published number and does not agree with it."""
+    """Explanation of every cell that differs from its published number, one line each."""
     plant = first_plant(results)
     flown = [each for each in variations() if not each.is_assumption]
     found: Reasons = {}
@@ -63,7 +63,7 @@ def _values_of(among: Sequence[Variation], metric: str, measured: Measured) -> T
 
 
 def _nameable(flown: Sequence[Variation], cells: Record, plant: str, measured: Measured) -> list[Variation]:
-    """Variations that may be named for a flight: credible ones, and of the bag's alignments the best one only."""
+    """Variations allowed as explanation: credible ones, and only the best time alignment of the recording."""
     compared = {each: _comparison(cells, plant, measured[each.group, each.value]) for each in flown}
     aligned = [each for each in flown if each.group in ALIGNMENTS and compared[each]]
     best = max(aligned, key=lambda each: score(compared[each]), default=None)
@@ -71,7 +71,7 @@ def _nameable(flown: Sequence[Variation], cells: Record, plant: str, measured: M
 
 
 def _comparison(cells: Record, plant: str, varied: Mapping[str, float | None]) -> Compared:
-    """Cells that all three numbers have; the paper's rule for settling is unknown, so settling times stay out."""
+    """(paper, ours, varied) of every cell with all three numbers, without settling times."""
     found = []
     for metric, cell in cells.items():
         paper, ours, value = cell["paper"], cell[plant], varied.get(metric)
@@ -81,7 +81,7 @@ def _comparison(cells: Record, plant: str, varied: Mapping[str, float | None]) -
 
 
 def score(compared: Compared) -> float:
-    """Share of the summed relative distance to the paper that a variation removes.
+    """Share of the summed relative distance from the paper that a variation removes.
 
     Each cell's distance is clipped to [0, 1], so that one cell of nearly zero does not outweigh the flight.
     """
@@ -95,7 +95,7 @@ def _distance(value: float, paper: float) -> float:
 
 
 def _credible(compared: Compared) -> bool:
-    """True if a variation moves at least as many of its flight's cells towards the paper as away from it.
+    """True if a variation moves at least as many cells of its flight towards the paper as away from it.
 
     The best of a dozen variations for each cell by itself would find coincidences.
     """
@@ -131,7 +131,7 @@ def _settling(metric: str, paper: float, ours: float | None) -> str:
 
 
 def _support(paper: float, ours: float, slack: float, tried: Tried, named: Tried) -> str:
-    """The variation that comes nearest, if the cell agrees with it or a good part of the difference goes."""
+    """Text that names the closest variation, if it explains the cell or much of the difference."""
     if not tried:
         return "no variation was flown"
     low, high = min(value for _, value in tried), max(value for _, value in tried)

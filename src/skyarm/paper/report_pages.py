@@ -1,4 +1,4 @@
-"""The report of the reproduction: a page with the verdict, and a page for each case; HTML that needs no network."""
+"""HTML report of the reproduction: a page with the verdict and a page per case, usable offline."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ CIRCLE = (7.5, 21.0)
 
 @dataclass(frozen=True, kw_only=True)
 class _Page:
-    """A page: title, lead and facts as text; opening and sections (name, title, HTML)."""
+    """Content of an HTML page: title, lead and facts as text; opening and sections (name, title, HTML)."""
 
     title: str
     lead: str
@@ -70,7 +70,7 @@ def report_pages(
     inferred: str = "",
     opening: str = "",
 ) -> dict[str, str]:
-    """Write the report.
+    """Write the HTML report.
 
     Args:
         results: as in ``results.json``: "experiments" and "settings".
@@ -113,12 +113,12 @@ def report_pages(
 
 
 def page_script() -> str:
-    """The script of a page: it unfolds everything for the printer."""
+    """JavaScript of a page, which unfolds all blocks before printing."""
     return (resources.files("skyarm.paper") / "report_print.js").read_text("utf-8")
 
 
 def case_files(cases: Iterable[str]) -> dict[str, str]:
-    """Case -> the file of its page, beside :data:`MAIN`."""
+    """Case -> file name of its page, which is next to :data:`MAIN`."""
     named = file_names([MAIN.removesuffix(".html"), *cases], "", ".html")
     return {case: file for case, file in named.items() if file != MAIN}
 
@@ -131,7 +131,7 @@ def _case_page(
     figures: Mapping[int, bytes],
     plant: str,
 ) -> _Page:
-    """The page of a case: its flights as curves, its numbers, the paper's figures."""
+    """Page of a case: plots of its flights, table of its numbers, and the paper's figures."""
     flown = {each: cases[case] for each, cases in logs.items() if cases.get(case)}
     numbers = paragraph(prose.LEGEND, "note") + experiment_table(case, laws, reasons)
     sections = [
@@ -143,7 +143,7 @@ def _case_page(
 
 
 def _flights(case: str, flown: Mapping[str, Mapping[str, Log]]) -> str:
-    """Base, joints and tip of the first plant over time; of the circle also the path."""
+    """Plots of base, joints and tip of the first plant over time; for the circle also the path."""
     plant, laws = next(iter(flown.items()))
     kinds = {"tracking": "base and joints", "tip": "tip and its error"}
     if case == "case3":
@@ -157,7 +157,7 @@ def _flights(case: str, flown: Mapping[str, Mapping[str, Log]]) -> str:
 
 
 def _paper_figures(figures: Mapping[int, bytes], plant: str) -> str:
-    """The paper's figures as drawn from our flights."""
+    """Section with the paper's figures, redrawn from our flights."""
     parts = []
     for number, png in sorted(figures.items()):
         caption = f"Figure {number}. {PAPER_CATALOGUE[number].caption}"
@@ -200,7 +200,7 @@ def _settings(settings: Record) -> str:
 
 
 def _flat(settings: Record, prefix: str) -> Iterable[tuple[str, str]]:
-    """Nested settings as dotted names."""
+    """Flatten nested settings to dotted names with text values."""
     for name, value in settings.items():
         if isinstance(value, Mapping) and value:
             yield from _flat(value, f"{prefix}{name}.")
@@ -209,7 +209,7 @@ def _flat(settings: Record, prefix: str) -> Iterable[tuple[str, str]]:
 
 
 def inferred_section(results: Record, predicted: Record, evidence: Record, plant: str) -> str:
-    """Settings and what they say of flights that were not seen; ladder, choices, profiles, rivals, open ends folded."""
+    """Section on the inferred settings and their predictions, with the evidence tables folded."""
     opened = [settings_table(evidence), prediction_table(results, predicted, plant)]
     folded = {
         "Ladder: one setting after the other": [ladder_table(evidence)],

@@ -1,4 +1,4 @@
-"""The tables of the reproduction: paper and ours, with their differences and what they may come from."""
+"""HTML tables of the reproduction: paper and ours, differences and their explanations."""
 
 from __future__ import annotations
 
@@ -47,12 +47,12 @@ TELLING = 0.02
 
 
 def typographic(written: str) -> str:
-    """A written number with a typographic minus."""
+    """Replace the hyphen of a negative number by a typographic minus."""
     return written.replace("-", MINUS)
 
 
 def number_cell(value: Number, *, written: str = "", strong: bool = False) -> Mark:
-    """A number as written, or rounded for reading; whole for machines. A dash if it is missing or not finite."""
+    """Table cell of a number as written or rounded, with the full value as data; a dash if missing."""
     finite = finite_or_none(value)
     if finite is None:
         return Mark(text=DASH, grade="none")
@@ -65,7 +65,7 @@ def _mark(text: str, grade: str, words: str = "") -> Mark:
 
 
 def difference_cell(ours: Number, paper: Number) -> Mark:
-    """A relative difference in percent, graded by how near it is."""
+    """Table cell of a relative difference in percent, graded by its size."""
     size = relative(ours, paper)
     if size is None:
         return Mark(text=DASH, grade="none")
@@ -74,7 +74,7 @@ def difference_cell(ours: Number, paper: Number) -> Mark:
 
 
 def bound_cell(ours: Number, paper: Number) -> Mark:
-    """The verdict on a number of which the paper states an upper bound only."""
+    """Table cell for a number of which the paper states an upper bound only."""
     value, bound = finite_or_none(ours), finite_or_none(paper)
     if value is None or bound is None:
         return Mark(text=DASH, grade="none")
@@ -82,7 +82,7 @@ def bound_cell(ours: Number, paper: Number) -> Mark:
 
 
 def _paper_cell(case: str, controller: str, name: str, paper: Any) -> Cell:
-    """The published number with the digits it was printed with."""
+    """Table cell of the published number with its printed digits."""
     if paper is None and published_number(case, controller, name):
         return typographic(published_number(case, controller, name))
     written = printed_number(case, controller, name)
@@ -90,19 +90,19 @@ def _paper_cell(case: str, controller: str, name: str, paper: Any) -> Cell:
 
 
 def title_of(case: str) -> str:
-    """The title of a case; its name for a case outside the paper."""
+    """Title of a case; its name for a case outside the paper."""
     return TITLES.get(case, case)
 
 
 def not_reproduced(experiments: Experiments, plant: str) -> str:
-    """Metrics in which the better law of the paper is the worse one here."""
+    """Metrics in which the controller that is better in the paper is worse here."""
     pairs = reversed_orders(experiments, plant)
     named = "; ".join(f"{title_of(case).split(':')[0]} {name}" for case, name in pairs) or "nothing"
     return f"Not reproduced, the better controller of the paper is the worse one here ({plant}): {named}."
 
 
 def summary_table(experiments: Experiments, files: Mapping[str, str]) -> str:
-    """Number of the paper's cells that each column comes near; each case leads to its page, which ``files`` names."""
+    """Table of agreement counts by column; cases link to their pages, by ``files``."""
     columns = {
         f">{title}: {plant}": column(plant)
         for title, column in (("as stated", stated_value), ("inferred", inferred_value))
@@ -119,7 +119,7 @@ def summary_table(experiments: Experiments, files: Mapping[str, str]) -> str:
 
 
 def experiment_table(case: str, controllers: Mapping[str, Cells], reasons: Mapping[str, Mapping[str, str]]) -> str:
-    """Everything measured in one experiment against the held reference."""
+    """Table of all metrics of one experiment against the sampled-and-held reference."""
     head = [
         *("Metric", "Unit", ">Paper", ">as stated: rigid_body", ">mujoco", ">rigid_body - paper", ">mujoco - paper"),
         *(">inferred: rigid_body", ">mujoco", ">inferred rigid_body - paper", HEADING.capitalize()),
@@ -154,7 +154,7 @@ def _metric_row(case: str, controller: str, name: str, cell: Record, why: str) -
 
 
 def sensitivity_tables(sensitivity: Mapping[str, Variants], experiments: Experiments, plant: str) -> str:
-    """A folded table for each assumption varied on a plant."""
+    """Folded tables of the results on a plant, one for each varied assumption."""
     parts = []
     assumed = {(each.group, each.value) for each in variations() if each.is_assumption}
     for group, variants in sensitivity.items():
@@ -196,13 +196,13 @@ def _variant_row(case: str, controller: str, name: str, variants: Variants, expe
 
 
 def definitions_table() -> str:
-    """Definitions of every metric."""
+    """Table of the definitions of all metrics."""
     rows = [(m.label, name, m.unit, m.definition) for name, m in METRICS.items()]
     return table(("Metric", "Name", "Unit", "Definition"), rows, "Definitions; windows are half-open", "text")
 
 
 def markdown_tables(results: Record, reasons: Reasons) -> str:
-    """All experiments, one table each."""
+    """Markdown tables of all experiments."""
     plant = first_plant(results)
     columns = [f"{which}: {each}" for which in ("as stated", "inferred") for each in PLANTS]
     head = ["metric", "unit", "", "paper", *columns, "as stated - paper", "inferred - paper", HEADING]

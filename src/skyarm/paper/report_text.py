@@ -1,4 +1,4 @@
-"""The prose of the report."""
+"""Prose of the report on the reproduction."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The paper reproduced: fly, measure, draw, write."""
+"""Reproduction of the paper: simulate, measure, draw, write."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def reproduce(
     progress: Progress | None = None,
     note: Note | None = None,
 ) -> dict[str, Any]:
-    """Fly the paper's five experiments with both controllers and write everything that comes of it.
+    """Simulate the paper's five experiments with both controllers, and write results, figures and report.
 
     Writes ``results.json``, ``sensitivity.json``, ``table2.md``, ``inference.md``, ``report.html`` and a page for each
     case beside it (``case1.html`` ...), ``figures/figure_03.png`` ... ``figure_18.png`` and ``overview.png`` (first
@@ -97,7 +97,7 @@ def reproduce(
 
 
 def prepare_folder(out: str | os.PathLike[str], plants: Sequence[str]) -> Path:
-    """The folder, in which every file of the reproduction can be written.
+    """Create the output folder, and check that every file of the reproduction can be written.
 
     Raises:
         ValueError: an unknown plant.
@@ -116,7 +116,7 @@ def prepare_folder(out: str | os.PathLike[str], plants: Sequence[str]) -> Path:
 
 
 def _files(folder: Path, plants: Sequence[str]) -> list[Path]:
-    """Every file that will be written."""
+    """Paths of all files that the reproduction writes."""
     names = ["results.json", "sensitivity.json", "table2.md", "inference.md", MAIN, *case_files(CASES).values()]
     names += [f"figures/{name}.png" for name in NAMED]
     names += [f"logs/{each.plant}/{each.case}_{each.controller}.npz" for each in flights(plants)]

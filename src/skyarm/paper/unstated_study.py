@@ -1,4 +1,4 @@
-"""Settings that the paper leaves open, as plain tables of a file: measured cells, parameters, choices and their fields.
+"""Study of settings that the paper does not state: measured cells, parameters, choices and their fields, as tables.
 
 The grammar is that of ``research/inference/study.py`` of the source, which searches. A study is its file's tables;
 settings are parameter -> number and choice -> option, and what they do not name stays as the scenarios have it.
@@ -29,7 +29,7 @@ WORST = 1e6
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """One measured number.
+    """Published number of one metric of one flight.
 
     Attributes:
         flight: of which. name: as tables call it. metric: of :mod:`skyarm.log.metrics.metric_catalogue`.
@@ -44,7 +44,7 @@ class Cell:
 
 
 def named(tables: Iterable[Tables], name: str) -> Tables:
-    """The table of this name."""
+    """Find the table with a given name."""
     return next(each for each in tables if each["name"] == name)
 
 
@@ -54,17 +54,17 @@ def digest_of(facts: Tables) -> str:
 
 
 def study_digest(study: Tables, flights: Tables) -> str:
-    """Digest of a study and of the scenarios of its flights, as plain tables by name."""
+    """Digest of a study and of the scenarios of its flights, given as plain tables by name."""
     return digest_of({"study": study, "flights": flights})
 
 
 def fits(patterns: Iterable[str], flight: str) -> bool:
-    """True if one of the patterns fits a flight's name."""
+    """True if a flight's name matches one of the patterns."""
     return any(fnmatchcase(flight, pattern) for pattern in patterns)
 
 
 def laid_over(below: Tables, above: Tables) -> dict[str, Any]:
-    """Plain tables with others over them: tables merge, else the upper counts; an empty table takes a field away."""
+    """Merge nested tables, the upper one overriding; an empty upper table removes a field."""
     found = dict(below)
     for name, value in above.items():
         stored = found.get(name)
@@ -76,7 +76,7 @@ def laid_over(below: Tables, above: Tables) -> dict[str, Any]:
 
 
 def stated_tables(study: Tables, flight: str) -> dict[str, Any]:
-    """The shipped scenario of a flight, with the study's tables over it."""
+    """Shipped scenario of a flight, merged with the study's overrides."""
     entry = named(study["flights"], flight)
     found = dict(read_toml((LIBRARY / f"{entry['scenario']}.toml").read_bytes()))
     for name in entry.get("over", ()):
@@ -85,7 +85,7 @@ def stated_tables(study: Tables, flight: str) -> dict[str, Any]:
 
 
 def scenario_tables(study: Tables, stated: Tables, flight: str, settings: Tables) -> dict[str, Any]:
-    """The tables of a flight with those of the chosen options over them."""
+    """Tables of a flight, merged with the overrides of the chosen options."""
     found = dict(stated)
     for option in _options(study, settings):
         for each in option.get("tables", ()):
@@ -95,7 +95,7 @@ def scenario_tables(study: Tables, stated: Tables, flight: str, settings: Tables
 
 
 def numbers(study: Tables, flight: str, settings: Tables) -> dict[str, Any]:
-    """Path -> number of a flight under settings; a later entry of the study overrides an earlier one."""
+    """Parameter path -> number of a flight for given settings; later entries of the study override earlier ones."""
 
     def acts(target: Tables) -> bool:
         chosen = all(settings.get(choice) == option for choice, option in target.get("when", {}).items())
@@ -112,13 +112,13 @@ def numbers(study: Tables, flight: str, settings: Tables) -> dict[str, Any]:
 
 
 def _options(study: Tables, settings: Tables) -> list[Tables]:
-    """Options of the choices that settings name."""
+    """Option tables that the settings choose."""
     choices = [each for each in study.get("choices", ()) if each["name"] in settings]
     return [named(each["options"], settings[each["name"]]) for each in choices]
 
 
 def group_places(patterns: Iterable[str], cells: Sequence[Cell]) -> tuple[int, ...]:
-    """Places of the cells that patterns fit as FLIGHT/CELL; one with "!" takes away what came before it."""
+    """Indices of the cells that match FLIGHT/CELL patterns; a pattern with "!" removes earlier matches."""
     chosen: set[int] = set()
     for pattern in patterns:
         found = {i for i, c in enumerate(cells) if fnmatchcase(f"{c.flight}/{c.name}", pattern.removeprefix("!"))}
@@ -127,14 +127,14 @@ def group_places(patterns: Iterable[str], cells: Sequence[Cell]) -> tuple[int, .
 
 
 def slack_distance(ours: Array, cells: Sequence[Cell]) -> Array:
-    """|ours - measured| less half a unit of the last digit, at least 0; (lanes, cells), infinite where missing."""
+    """|ours - measured| beyond rounding, at least 0; (lanes, cells), infinite where missing."""
     measured, half = _columns(cells)
     apart = np.maximum(np.abs(ours - measured) - half, 0.0)
     return np.where(np.isfinite(ours), apart, np.inf)
 
 
 def within(ours: Array, cells: Sequence[Cell], share: float) -> npt.NDArray[np.bool_]:
-    """True where a cell is within a share of its measurement, rounding allowed for; (lanes, cells)."""
+    """True (lanes, cells) where a cell is within a relative share of its measurement, beyond rounding."""
     measured, _ = _columns(cells)
     # 1e-9: a number on the very edge is within
     found: npt.NDArray[np.bool_] = slack_distance(ours, cells) <= share * np.abs(measured) * (1.0 + 1e-9)
@@ -142,7 +142,7 @@ def within(ours: Array, cells: Sequence[Cell], share: float) -> npt.NDArray[np.b
 
 
 def losses(ours: Array, cells: Sequence[Cell], width: float, knee: float) -> Array:
-    """Loss of each cell, (lanes, cells): u^2 / (1 + u^2 / knee^2) with u = ln(ours / measured) / width.
+    """Robust loss of each cell (lanes, cells): u^2 / (1 + u^2 / knee^2), u = ln(ours / measured) / width.
 
     Quadratic near the measured number, at most knee^2 however far, so that one cell that a model cannot make does not
     decide over the others (Geman, McClure 1987). The rounding of the measured number is taken off the difference
@@ -163,6 +163,6 @@ def _columns(cells: Sequence[Cell]) -> tuple[Array, Array]:
 
 
 def tally(ours: Array, cells: Sequence[Cell], shares: Sequence[float] = (0.05, 0.10, 0.25)) -> dict[str, Any]:
-    """Counts of one lane: how many cells, and how many within each share."""
+    """Agreement counts of one lane: number of cells, and number within each share."""
     lane = np.asarray(ours, dtype=float).reshape(1, -1)
     return {"cells": len(cells)} | {f"within_{share:.0%}": int(within(lane, cells, share).sum()) for share in shares}

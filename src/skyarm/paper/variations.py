@@ -1,4 +1,4 @@
-"""Sensitivity to unpublished assumptions: each is varied alone, and the whole table is measured again.
+"""Sensitivity to assumptions that the paper does not state: each varied alone, with all metrics computed again.
 
 The variations are the evidence behind the reasons in the report; none of them enters the table itself.
 """
@@ -52,7 +52,7 @@ ALIGNMENTS = ("time_shift", "bag_start")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Variation:
-    """One assumption changed.
+    """One changed assumption.
 
     Attributes:
         group, value: how tables name it. label: in words.
@@ -70,12 +70,12 @@ class Variation:
 
     @property
     def is_assumption(self) -> bool:
-        """True for what the table itself assumes: flown and measured as it is."""
+        """True for the baseline value, with which the main table was simulated."""
         return self.change is None and self.measure is metrics
 
 
 def reshaped_ramps(planned: Scenario, shape: str) -> Scenario:
-    """Case 1 with other ramps, same times and heights: quintic blends, or steps (only their ends published)."""
+    """Case 1 with other ramp shapes at equal times and heights: quintic blends or steps."""
     heights = (0.3, 0.3, 0.0, -0.3, -0.3, 0.0)
     rise = 1.0 if shape == "quintic" else STEP_RISE
     segments: list[tuple[float, float]] = []
@@ -88,7 +88,7 @@ def reshaped_ramps(planned: Scenario, shape: str) -> Scenario:
 
 
 def damped_first_joint(planned: Scenario) -> Scenario:
-    """0.05 N m s/rad on joint 1 only, what the published torques of joint 1 ask for."""
+    """Scenario with damping of 0.05 N m s/rad on joint 1 only, as its published torques suggest."""
     truth = planned.plant.vehicle
     first = dataclasses.replace(truth.links[0], joint=dataclasses.replace(truth.links[0].joint, damping=DAMPINGS[-1]))
     vehicle = dataclasses.replace(truth, links=(first, *truth.links[1:]))
@@ -96,12 +96,12 @@ def damped_first_joint(planned: Scenario) -> Scenario:
 
 
 def delay_commands(planned: Scenario) -> Scenario:
-    """Every command 3 ms late."""
+    """Scenario with a delay of 3 ms on every command."""
     return planned.with_words(delays=Delays(command=LATENCY))
 
 
 def shifted_bag(case: str, log: Log, shift: float) -> Metrics:
-    """Metrics of a log whose recorded reference is ``shift`` seconds late against the response."""
+    """Metrics of a log with its reference shifted later by ``shift`` seconds against the response."""
     rate = log.info["rates_hz"]["control"]
     rows = np.clip(np.arange(log.time.size) - round(shift * rate), 0, log.time.size - 1)
     names = [
@@ -111,7 +111,7 @@ def shifted_bag(case: str, log: Log, shift: float) -> Metrics:
 
 
 def earlier_bag(case: str, log: Log, seconds: float) -> Metrics:
-    """Metrics of a log whose recording began ``seconds`` before t = 0: every window lies that much earlier."""
+    """Metrics of a log with all windows moved earlier by ``seconds``."""
     return metrics(case, dataclasses.replace(log, time=log.time + seconds))
 
 
@@ -143,7 +143,7 @@ def _begun(seconds: float) -> Variation:
 
 
 def variations() -> list[Variation]:
-    """All of them."""
+    """List of all variations."""
     ramps = [Variation(group="ramp_shape", value="linear", label="linear ramps", cases=("case1",))]
     for shape, label in (("quintic", "quintic ramps"), ("step", "ramps published as steps")):
         change = functools.partial(reshaped_ramps, shape=shape)
@@ -166,5 +166,5 @@ def variations() -> list[Variation]:
 
 
 def variation(group: str, value: str) -> Variation:
-    """A variation by its names."""
+    """Find a variation by its names."""
     return next(each for each in variations() if (each.group, each.value) == (group, value))

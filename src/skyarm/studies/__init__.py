@@ -1,1 +1,1 @@
-"""Studies of many flights: sweeps, comparisons, gains, identification, margins, assessment."""
+"""Studies of many flights: sweeps, controller comparison, gain tuning, identification, margins, feasibility."""

@@ -1,1 +1,1 @@
-"""Checks of a vehicle's ability to fly: one file per question, each answer a finding."""
+"""Feasibility checks of a vehicle and a scenario: one file per question, each answer a finding."""

@@ -1,4 +1,4 @@
-"""Along a scenario's reference: demand on rotors and joints, with all loads, against their limits."""
+"""Feasibility along a scenario's reference: demand on rotors and joints against their limits, with all loads."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ LEFT = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class Followed:
-    """A flight that follows its reference exactly.
+    """Actuator demand of a flight that tracks its reference exactly.
 
     Attributes:
         demand: of rotors and joints. rotors, joints: their shares (rotors or n, K) of what they give.
@@ -47,7 +47,7 @@ class Followed:
 
 
 def along_reference(scenario: Scenario) -> list[Finding]:
-    """Reference against joint limits, and instants at which rotors or joints would saturate.
+    """Check the reference against joint limits, and find when rotors or joints would saturate.
 
     The plant follows its reference exactly, with the loads that it holds, in still air; what the control adds is left
     out.
@@ -66,7 +66,7 @@ def along_reference(scenario: Scenario) -> list[Finding]:
 
 
 def follow(parts: Sequence[FlightPart]) -> Followed:
-    """Rotor speeds and joint efforts that follow a scenario's reference exactly, and their shares of the limits."""
+    """Rotor speeds and joint efforts for exact tracking of a scenario's reference, as shares of their limits."""
     with np.errstate(over="ignore", invalid="ignore"):  # a demand that is no number becomes a fault, not a warning
         pieces = [_stretch(part, time) for part in parts for time in _stretches(part, parts[-1].stop)]
     names = field_names(Demand) or ()
@@ -79,7 +79,7 @@ def follow(parts: Sequence[FlightPart]) -> Followed:
 
 
 def _hovers_with_loads(parts: Sequence[FlightPart]) -> list[Finding]:
-    """Thrust and balance of a level hover with what is held, in the poses of the reference meanwhile.
+    """Check thrust margins in level hover with each held load, in the arm poses of the reference at that time.
 
     Of several loads each question is answered for the worst, of equal ones for the heaviest.
     """
@@ -95,7 +95,7 @@ def _hovers_with_loads(parts: Sequence[FlightPart]) -> list[Finding]:
 
 
 def _effort_shares(part: FlightPart, demand: Demand) -> Array:
-    """Efforts (n, K) over what joints and servos give at the reference's own rates."""
+    """Joint efforts (n, K) as shares of the limits of joints and servos at the reference's joint rates."""
     vehicle = part.scenario.plant.vehicle
     limits = np.repeat(effort_limits(vehicle)[:, None], len(demand.time), axis=1)
     for i, servo in servos(part.scenario):
@@ -108,7 +108,7 @@ def _effort_shares(part: FlightPart, demand: Demand) -> Array:
 
 
 def _stretches(part: FlightPart, end: float) -> list[Array]:
-    """Instants of a part between the reference's jumps, (K,) each, right-hand ends left out.
+    """Sample instants (K,) of each interval between the reference's jumps.
 
     Args:
         part: of a flight.
@@ -125,7 +125,7 @@ def _stretches(part: FlightPart, end: float) -> list[Array]:
 
 
 def _switches(scenario: Scenario) -> list[float]:
-    """Times of the flight at which the reference that the law receives may jump, in order, s."""
+    """Times, s, at which the reference may jump, in order."""
     path, times = scenario.path_time, scenario.reference.switch_times()
     return list(times) if path is None else [path.instant_of(t) for t in times if t > 0.0]
 
@@ -164,7 +164,7 @@ def _joint_limits(scenario: Scenario, demand: Demand) -> list[Finding]:
 def _saturation(
     question: str, demand: Demand, share: Array, parts: list[tuple[str, str]], reversed_: Any = None
 ) -> Finding:
-    """One finding for all rotors or all joints: when the first saturates, which, and for how much of the flight."""
+    """One finding for all rotors or all joints: first saturation, its actuator, and share of the flight saturated."""
     within = share <= 1.0  # false for what is no number
     outside = ~within if reversed_ is None else ~within | reversed_
     at_any = np.any(outside, axis=0)

@@ -1,4 +1,4 @@
-"""Arm poses: level hovers in many poses at once, joints at rest, and a search for the worst pose."""
+"""Arm poses: level hovers sampled over the joint space, and a search for the worst pose."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ WRENCH = 4
 
 
 def columns(joints: Array) -> tuple[Array, ...]:
-    """Joint values (lanes, n) as one array a joint."""
+    """Columns of the joint values (lanes, n): one array per joint."""
     return tuple(joints[:, i] for i in range(joints.shape[1]))
 
 
 def hover_efforts(vehicle: Vehicle, gravity: float, joints: Array) -> Array:
-    """Efforts of a level vehicle at rest, (4 + n, lanes): torque and force on the base, then the joints' efforts.
+    """Generalized forces (4 + n, lanes) of a static level hover: base torque and thrust, then joint efforts.
 
     Args:
         vehicle: the rigid bodies.
@@ -46,7 +46,7 @@ def hover_efforts(vehicle: Vehicle, gravity: float, joints: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Allocation:
-    """The mixer as arrays.
+    """Control allocation as arrays: wrench to squared rotor speeds, with their limits.
 
     Attributes:
         inverse: (rotors, 4) squared speed per wrench. highest: (rotors,) largest squared speed, (rad/s)^2.
@@ -57,15 +57,15 @@ class Allocation:
 
     @classmethod
     def of(cls, mixer: Mixer) -> Allocation:
-        """From a mixer with concrete numbers."""
+        """Create the allocation from a mixer whose entries are plain numbers."""
         return cls(np.array(mixer.inverse, dtype=float), np.array(mixer.highest, dtype=float))
 
     def squared_speeds(self, efforts: Array) -> Array:
-        """Squared rotor speeds (rotors, lanes) of wrenches (4 ..., lanes), before any limit."""
+        """Squared rotor speeds (rotors, lanes) that produce wrenches (4 ..., lanes); not limited."""
         return np.asarray(self.inverse @ efforts[:WRENCH], dtype=float)
 
     def room(self, squared: Array, direction: Array) -> Array:
-        """Largest step from squared speeds (rotors, lanes) along a wrench (4,) within all limits, (lanes,).
+        """Largest step (lanes,) along a wrench (4,) from squared speeds (rotors, lanes) within the rotor limits.
 
         Negative where a rotor is outside its limits already and the direction takes it further out.
         """
@@ -87,14 +87,14 @@ NOTHING = 1e-9
 
 
 def hanging_joints(vehicle: Vehicle) -> tuple[int, ...]:
-    """Indices of the joints that no drive holds and that weight alone moves; those that lead others are left out."""
+    """Indices of undriven joints, which hang under gravity; joints that lead a coupled joint are left out."""
     leaders = {each.leader for each in vehicle.followers}
     free = undriven_joints(vehicle)
     return tuple(i for i, link in enumerate(vehicle.links) if link.joint.name in free and i not in leaders)
 
 
 def rest_of_hanging(vehicle: Vehicle, joints: Array) -> Array:
-    """Joints (lanes, n) with the hanging ones where the potential energy is least, base level, within their limits.
+    """Joint values (lanes, n) with undriven joints at their lowest potential energy within limits, base level.
 
     The energy of weight is a single sine of each joint that turns while the others stay, so that two torques give its
     lowest point exactly; the joints take turns until none moves.
@@ -111,7 +111,7 @@ def rest_of_hanging(vehicle: Vehicle, joints: Array) -> Array:
 
 
 def _lowest(vehicle: Vehicle, joints: Array, i: int) -> Array:
-    """Values (lanes,) of joint i with the least energy while the other joints stay."""
+    """Values (lanes,) of joint i that minimize the potential energy with all other joints fixed."""
     joint = vehicle.links[i].joint
     low, high = float(joint.lower), float(joint.upper)
 
@@ -152,7 +152,7 @@ ROUNDS, AROUND, CLOSER = 16, 24, 0.65
 
 @dataclass(frozen=True, kw_only=True)
 class ArmPoses:
-    """Level hovers of a vehicle in sampled poses of its arm; joints that nothing drives hang at rest.
+    """Level hovers of a vehicle in sampled arm poses; undriven joints hang at rest.
 
     Attributes:
         vehicle: with what it holds. held: that in words, as " with 0.3 kg"; empty without a load.
@@ -172,30 +172,30 @@ class ArmPoses:
 
     @classmethod
     def only(cls, vehicle: Vehicle, joints: Array, gravity: float, held: str) -> ArmPoses:
-        """Poses (count, n) of a vehicle and no others."""
+        """Create from given arm poses (count, n), without a search for worse ones."""
         none = np.zeros(vehicle.n)
         poses = cls(vehicle=vehicle, low=none, high=none, joints=joints, gravity=gravity, searched=False)
         return poses.of(vehicle, held)
 
     def of(self, vehicle: Vehicle, held: str = "") -> ArmPoses:
-        """The same poses of the vehicle under another load."""
+        """The same arm poses with another load on the vehicle."""
         return replace(self, joints=rest_of_hanging(vehicle, self.joints), vehicle=vehicle, held=held)
 
     @cached_property
     def allocation(self) -> Allocation:
-        """Allocation of the rotors; they must span torque and thrust."""
+        """Control allocation of the rotors, which must span the torque axes and thrust."""
         return Allocation.of(make_mixer(self.vehicle))
 
     def efforts(self, joints: Array) -> Array:
-        """Efforts (4 + n, lanes) of level hovers."""
+        """Generalized forces (4 + n, lanes) of level hovers: base torque and thrust, then joint efforts."""
         return hover_efforts(self.vehicle, self.gravity, joints)
 
     def squared_speeds(self, joints: Array) -> Array:
-        """Squared rotor speeds (rotors, lanes) of level hovers, before any limit."""
+        """Squared rotor speeds (rotors, lanes) of level hovers; not limited."""
         return self.allocation.squared_speeds(self.efforts(joints))
 
     def worst(self, quantities: Quantities) -> tuple[Array, Array]:
-        """Smallest value of each quantity (count,), and the pose (count, n) in which it was found.
+        """Minimum of each quantity (count,) over all arm poses, and the poses (count, n) of the minima.
 
         A random search with shrinking steps starts from the worst sample; each quantity has lanes of its own.
         """
@@ -221,13 +221,13 @@ class ArmPoses:
 
 
 def in_parts(quantities: Quantities, joints: Array) -> Array:
-    """Quantities of many poses, some thousand poses at a time."""
+    """Evaluate quantities for many arm poses, in batches of a few thousand."""
     parts = [quantities(joints[i : i + LANES]) for i in range(0, len(joints), LANES)]
     return np.concatenate(parts, axis=1)
 
 
 def arm_poses(vehicle: Vehicle, count: int = POSES, gravity: float = GRAVITY) -> ArmPoses:
-    """Poses of a vehicle's arm; a vehicle without joints has one.
+    """Sample the arm poses of a vehicle; a vehicle without joints has a single pose.
 
     Args:
         vehicle: its joints' limits.
@@ -252,7 +252,7 @@ def arm_poses(vehicle: Vehicle, count: int = POSES, gravity: float = GRAVITY) ->
 
 
 def joint_range(joint: Joint) -> tuple[float, float]:
-    """Values of a joint that are looked at: between its limits; of a joint that turns further, the turn about zero."""
+    """Range of a joint to sample: its limits, or one turn about zero for a joint that turns further."""
     free = math.pi if joint.turns else 1.0
     low, high = float(joint.lower), float(joint.upper)
     if math.isinf(low):
@@ -266,7 +266,7 @@ def joint_range(joint: Joint) -> tuple[float, float]:
 
 
 def _coordinates(count: int, dimension: int, rng: np.random.Generator) -> Array:
-    """One coordinate of shifted Sobol points; random ones beyond the dimensions that have direction numbers."""
+    """One coordinate of randomly shifted Sobol points; random numbers in dimensions beyond the Sobol table."""
     if dimension >= DIMENSIONS:
         return rng.random(count)
     points = sobol(np.arange(count), dimension).astype(float) / 2.0**BITS

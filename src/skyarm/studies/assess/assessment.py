@@ -1,4 +1,4 @@
-"""Every question about a vehicle or a scenario, and the answers."""
+"""Feasibility assessment of a vehicle or a scenario: all checks and their findings."""
 
 from __future__ import annotations
 
@@ -49,13 +49,13 @@ UNITS, PLAN, LAW = "units", "plan of the reference", "law for this vehicle"
 
 
 def units_of_vehicle(vehicle: Vehicle) -> list[Finding]:
-    """Lines of :func:`unlikely_in_vehicle` as faults: suspicious values that make a flight meaningless."""
+    """Report suspicious values of the vehicle (see :func:`unlikely_in_vehicle`) as faults."""
     found = [_finding(line, UNITS, FAULT) for line in unlikely_in_vehicle(vehicle)]
     return found or [Finding(UNITS, OK, "every number of the vehicle is of a likely size")]
 
 
 def warnings_of_scenario(scenario: Scenario) -> list[Finding]:
-    """Units of a scenario's other numbers, the plan of its reference, and its law on this vehicle, as warnings."""
+    """Warnings on a scenario: suspicious values, the plan of its reference, and the controller on this vehicle."""
     units = [_finding(line, UNITS, WARNING) for line in unlikely_units(scenario)]
     good = Finding(UNITS, OK, "every number of the scenario is of a likely size")
     return [
@@ -80,7 +80,7 @@ def _finding(line: str, question: str, level: str) -> Finding:
 
 @dataclass(frozen=True, slots=True)
 class Assessment:
-    """Findings about a vehicle, or about a scenario and the vehicle that flies it.
+    """Findings of all checks of a vehicle or of a scenario.
 
     Attributes:
         name: of what was asked about. vehicle: the one that flies. gravity: m/s^2. payload: kg at the tip.
@@ -96,15 +96,15 @@ class Assessment:
 
     @property
     def flies(self) -> bool:
-        """True if no fault was found."""
+        """True if no finding is a fault."""
         return worst_level(self.findings) != FAULT
 
     def alarms(self) -> list[Finding]:
-        """Faults, then warnings."""
+        """Faults, then warnings, without the findings that are ok."""
         return [each for level in (FAULT, WARNING) for each in self.findings if each.level == level]
 
     def plain(self) -> dict[str, Any]:
-        """The assessment as plain data."""
+        """The assessment as plain data, for a file."""
         return {
             "name": self.name,
             "vehicle": self.vehicle.name,
@@ -117,7 +117,7 @@ class Assessment:
 
 
 def assess_vehicle(vehicle: Vehicle, *, gravity: float = 9.81, payload: float = 0.0, poses: int = POSES) -> Assessment:
-    """Ask everything about a vehicle.
+    """Run all checks of a vehicle.
 
     Args:
         vehicle: with concrete numbers.
@@ -139,7 +139,7 @@ def assess_vehicle(vehicle: Vehicle, *, gravity: float = 9.81, payload: float = 
 
 
 def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = POSES) -> Assessment:
-    """Ask everything about the vehicle of a scenario's plant, and the reference against its limits.
+    """Run all checks of a scenario: its vehicle, and its reference against the vehicle's limits.
 
     Raises:
         ValueError: as :func:`assess_vehicle`.
@@ -157,7 +157,7 @@ def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = PO
 
 
 def _of_vehicle(poses: ArmPoses, payload: float) -> list[Finding]:
-    """Every question about a vehicle; those about rotors only where it has some."""
+    """Findings of all checks of a vehicle; rotor checks only if it has rotors."""
     vehicle, gravity = poses.vehicle, poses.gravity
     found = [*units_of_vehicle(vehicle), *disc_loading(vehicle, gravity)]
     if vehicle.rotors:
@@ -178,7 +178,7 @@ def _of_vehicle(poses: ArmPoses, payload: float) -> list[Finding]:
 
 
 def _can_turn(vehicle: Vehicle) -> bool:
-    """True if the rotors span torque and thrust; else :func:`rotor_layout` has a fault."""
+    """True if the rotors span all torque axes and thrust; otherwise :func:`rotor_layout` reports a fault."""
     try:
         make_mixer(vehicle)
     except AllocationError:

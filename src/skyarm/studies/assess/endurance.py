@@ -1,4 +1,4 @@
-"""The time that a vehicle can stay aloft on its battery."""
+"""Endurance: time in hover on the battery."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SHORTEST = 120.0
 
 
 def time_aloft(vehicle: Vehicle, gravity: float, held: str = "") -> list[Finding]:
-    """Time in a level hover, arm at zero; a note where the vehicle's file describes no battery."""
+    """Finding on the time in level hover with the arm at zero; a note if the vehicle has no battery."""
     question = f"time aloft{held}"
     if vehicle.battery is None:
         return [Finding(question, NOTE, "not known: the vehicle's file describes no battery", "battery")]
@@ -36,7 +36,7 @@ def time_aloft(vehicle: Vehicle, gravity: float, held: str = "") -> list[Finding
 
 
 def aloft_for(vehicle: Vehicle, gravity: float, duration: float) -> list[Finding]:
-    """A fault where a flight takes longer than the battery holds a hover; nothing without a battery."""
+    """Finding on the battery over a flight: a fault if hover endurance is below the flight's duration."""
     if vehicle.battery is None or not vehicle.rotors or not _hovers(vehicle, gravity):
         return []
     try:
@@ -50,7 +50,7 @@ def aloft_for(vehicle: Vehicle, gravity: float, duration: float) -> list[Finding
 
 
 def _hovers(vehicle: Vehicle, gravity: float) -> bool:
-    """True if the rotors hold the vehicle level at the voltage of their highest speed; else other findings say why."""
+    """True if a level hover is possible within the rotors' highest speeds."""
     try:
         trim = hover_trim(vehicle, (0.0,) * vehicle.n, gravity)
     except AllocationError:
@@ -66,7 +66,7 @@ STEPS = 2000
 
 @dataclass(frozen=True, slots=True)
 class HoverTime:
-    """Endurance: a hover down to the battery's limit.
+    """Endurance in hover, down to the battery's limit.
 
     Attributes:
         seconds: until then. power: W, of the hover.
@@ -81,7 +81,7 @@ class HoverTime:
 
 
 def hover_time(vehicle: Vehicle, gravity: float = 9.81, joints: Sequence[float] = ()) -> HoverTime:
-    """Endurance of a level, motionless vehicle in hover on its battery with its arm at ``joints`` (zero if left out).
+    """Endurance of a vehicle in level, motionless hover on its battery, arm at ``joints`` (default zero).
 
     The load is constant power P, so that the charge q falls by dq/dt = -P / (V(q) capacity); it is summed over the
     charge by the midpoint rule, until the battery is empty, cannot give P (V_0^2 < 4 R P), or its voltage lets a rotor
@@ -99,7 +99,7 @@ def hover_time(vehicle: Vehicle, gravity: float = 9.81, joints: Sequence[float] 
     least = share * float(battery.reference_voltage)
 
     def voltage_at(charge: float) -> float | None:
-        """Voltage at a charge; None where the battery cannot hold the hover."""
+        """Battery voltage, V, in hover at a state of charge; None where the battery cannot supply the hover."""
         voltage, idle = float(battery.voltage(charge, power)), float(battery.open_circuit_voltage(charge))
         gives = idle * idle >= 4.0 * float(battery.resistance) * power
         return voltage if charge > 0.0 and gives and voltage >= least else None

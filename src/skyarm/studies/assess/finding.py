@@ -1,4 +1,4 @@
-"""A finding: the answer to one question about a vehicle, with its number, its limit and the field it comes from."""
+"""Finding of a check: its value, its limit, its severity and the field of the file that it concerns."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LEVELS = (OK, NOTE, WARNING, FAULT)
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """A finding answers one question.
+    """Answer of one check, with its severity.
 
     Attributes:
         question: in a few words.
@@ -39,7 +39,7 @@ class Finding:
     joints: Any = ()
 
     def __post_init__(self) -> None:
-        """Plain numbers; no remedy where all is well."""
+        """Convert the numbers to floats and clear the remedy of an ok finding."""
         object.__setattr__(self, "value", float(self.value))
         object.__setattr__(self, "joints", tuple(map(float, self.joints)))
         if self.level == OK:
@@ -51,7 +51,7 @@ class Finding:
 
 
 def worst_level(findings: Iterable[Finding]) -> str:
-    """The worst level among findings; ok without any."""
+    """The most severe level among findings; ok if there are none."""
     return max((each.level for each in findings), key=LEVELS.index, default=OK)
 
 
@@ -66,7 +66,7 @@ def at_least(
     warning: float = -math.inf,
     **more: Any,
 ) -> Finding:
-    """A finding on a number that should be large.
+    """Finding on a value that must not fall below its limits.
 
     Args:
         question: that it answers.
@@ -85,6 +85,6 @@ def at_least(
 
 def at_most(question: str, value: float, *words: str, fault: float = math.inf, warning: float = math.inf,
             **more: Any) -> Finding:  # fmt: skip
-    """A finding on a number that should be small, as :func:`at_least`."""
+    """Finding on a value that must not exceed its limits; arguments as of :func:`at_least`."""
     found = at_least(question, -value, *words, fault=-fault, warning=-warning, **more)
     return replace(found, value=value, limit=more.get("limit", -found.limit))

@@ -1,4 +1,4 @@
-"""Loads along a flight: payloads and scheduled changes."""
+"""Loads along a flight: payloads and scheduled changes over time."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ OF_THE_LAW = ("model", "controller", "estimator", "sensors", "endings")
 
 @dataclass(frozen=True, slots=True)
 class Load:
-    """A load that the vehicle holds for a part of the flight. One on a cord counts as a point mass at its frame.
+    """Payload that the vehicle holds for part of the flight; a slung one counts as a point mass at its frame.
 
     Attributes:
         name: of the payload. start, stop: s. mass: kg. body: (link, body) of it on a vehicle.
@@ -47,7 +47,7 @@ class Load:
 
 @dataclass(frozen=True, slots=True)
 class FlightPart:
-    """A part of the flight in which scheduled changes and loads stay the same.
+    """Part of the flight with constant payloads and constant scheduled changes.
 
     Attributes:
         start, stop: s. scenario: with the changes so far. vehicle: the plant with its loads.
@@ -62,7 +62,7 @@ class FlightPart:
 
 
 def flight_parts(scenario: Scenario) -> list[FlightPart]:
-    """The parts of a scenario's flight, in order."""
+    """Divide a scenario's flight into parts of constant load, in order."""
     of_the_world = tuple(c for c in scenario.changes if c.path.split(".", maxsplit=1)[0] not in OF_THE_LAW)
     scenario = dataclasses.replace(scenario, changes=of_the_world)
     loads = _payloads(scenario)
@@ -82,7 +82,7 @@ def flight_parts(scenario: Scenario) -> list[FlightPart]:
 
 
 def _payloads(scenario: Scenario) -> list[Load]:
-    """Payloads, held from the first control period after their instants, or where the reference comes to a place."""
+    """Payloads with the times between which each is held, by time or by the reference's arrival at a place."""
     found = []
     for i, payload in enumerate(scenario.payloads):
         start = stop = math.inf
@@ -99,7 +99,7 @@ def _payloads(scenario: Scenario) -> list[Load]:
 
 
 def _control_instants(scenario: Scenario) -> Iterator[Array]:
-    """Beginnings of the flight's control periods, s, (K,) at a time: the instants at which loads are taken and left."""
+    """Start times of the flight's control periods, s, in blocks (K,)."""
     rate = scenario.rates.control
     count = math.ceil(scenario.duration * rate - 1e-9)
     for first in range(0, count, AT_ONCE):
@@ -107,18 +107,18 @@ def _control_instants(scenario: Scenario) -> Iterator[Array]:
 
 
 def _first(times: Array, found: npt.NDArray[np.bool_]) -> float:
-    """First of the times at which something holds; inf for none."""
+    """First time at which a condition is true; inf if it never is."""
     return float(times[np.argmax(found)]) if np.any(found) else math.inf
 
 
 def reference_at(scenario: Scenario, time: Array) -> Reference:
-    """The reference that the law follows, at many instants."""
+    """Reference of the controller at many instants."""
     path = scenario.path_time
     return scenario.reference.at(time) if path is None else governed_reference(scenario.reference, path, time)
 
 
 def _along(scenario: Scenario, frame: str, time: Array) -> Array:
-    """Places (3, K) of a frame with the base level on its reference, m, world axes."""
+    """Positions (3, K) of a frame along the reference with the base level, m, world axes."""
     reference, vehicle = reference_at(scenario, time), scenario.plant.vehicle
     half = 0.5 * np.asarray(reference.yaw, dtype=float)
     state = State(
@@ -134,6 +134,6 @@ def _along(scenario: Scenario, frame: str, time: Array) -> Array:
 
 
 def lanes(values: Iterable[Any], count: int) -> Array:
-    """Numbers or arrays as rows (..., K)."""
+    """Stack numbers and arrays as rows (..., K), broadcast to equal length."""
     rows = [np.broadcast_to(np.asarray(v, dtype=float), count) for v in values]
     return np.stack(rows) if rows else np.zeros((0, count))

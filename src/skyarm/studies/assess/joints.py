@@ -1,4 +1,4 @@
-"""Joints and servos: torques that hold the arm, speeds, ranges and the workspace."""
+"""Joint and servo checks: holding torques, servo speeds, joint ranges and workspace."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NOTHING = 1e-12
 
 
 def joint_torques(poses: ArmPoses) -> list[Finding]:
-    """Largest static effort of every joint against its limit, base level."""
+    """Finding on each joint's largest static effort against its limit, base level, over all arm poses."""
     vehicle, held = poses.vehicle, poses.held
     if not vehicle.n:
         return []
@@ -48,12 +48,12 @@ def joint_torques(poses: ArmPoses) -> list[Finding]:
 
 
 def servos_of(vehicle: Vehicle) -> dict[str, Servo]:
-    """Servos by the names of their joints."""
+    """Joint name -> servo."""
     return {each.name: each.drive for each in vehicle.drives if isinstance(each.drive, Servo)}
 
 
 def effort_limits(vehicle: Vehicle) -> Array:
-    """Largest effort (n,) of each joint, N m or N: its own, or what its servo gives at rest; infinite if passive."""
+    """Effort limit (n,) of each joint, N m or N: of the joint or its servo at rest; infinite if passive."""
     servos = servos_of(vehicle)
     limits = {link.joint.name: float(link.joint.effort_limit) or math.inf for link in vehicle.links}
     return np.array([
@@ -66,14 +66,14 @@ OFTEN = 0.05
 
 
 def servos(scenario: Scenario) -> list[tuple[int, Servo]]:
-    """Indices of the joints with servos, and these."""
+    """(joint index, servo) of each joint that a servo drives."""
     given = {each.joint: each.drive for each in scenario.joint_drives}
     named = [(i, given.get(link.joint.name)) for i, link in enumerate(scenario.plant.vehicle.links)]
     return [(i, drive) for i, drive in named if isinstance(drive, Servo)]
 
 
 def servo_speeds(scenario: Scenario, time: Array, every_rate: Array) -> list[Finding]:
-    """Fastest reference rate of each servo against its own limit and the motor's speed without load.
+    """Finding on the fastest reference rate of each servo against its rate limit and no-load speed.
 
     Args:
         scenario: whose reference is followed exactly.
@@ -98,7 +98,7 @@ def servo_speeds(scenario: Scenario, time: Array, every_rate: Array) -> list[Fin
 
 
 def arm_workspace(poses: ArmPoses) -> list[Finding]:
-    """Box of the tip's places over all poses, and limits that look wrong."""
+    """Finding on the bounding box of the tip's workspace, and on suspicious joint limits."""
     vehicle = poses.vehicle
     found = _ranges(vehicle)
     if vehicle.end_effector and vehicle.frame().link != BASE:
@@ -110,7 +110,7 @@ def arm_workspace(poses: ArmPoses) -> list[Finding]:
 
 
 def tip_places(vehicle: Vehicle, joints: Array) -> Array:
-    """Tip (lanes, 3) in base axes, m."""
+    """Tip positions (lanes, 3) in base axes, m."""
     frame = vehicle.frame()
     place = link_poses(vehicle, columns(joints))[frame.link] @ Pose(frame.rotation, frame.position)
     return np.stack([np.broadcast_to(np.asarray(c, dtype=float), len(joints)) for c in place.p], axis=1)

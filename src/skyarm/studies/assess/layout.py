@@ -1,4 +1,4 @@
-"""Mass and rotors: weight, inertia, and senses and coefficients of the rotors."""
+"""Mass and rotor layout checks: disc loading, senses of rotation, thrust and moment coefficients."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ DISC_LOADING = 2.0, 1000.0
 
 
 def disc_loading(vehicle: Vehicle, gravity: float) -> list[Finding]:
-    """Weight over the area of the rotors' discs, against what flies."""
+    """Finding on the disc loading, weight over rotor disc area, against the range of real multirotors."""
     if not vehicle.rotors:
         return []
     radius = disc_radius(vehicle)
@@ -37,13 +37,13 @@ STAGGERED = 0.1
 
 
 def disc_radius(vehicle: Vehicle) -> float:
-    """Radius of the largest disc that fits between rotors at one height that are not above each other, m."""
+    """Radius, m, of the largest rotor discs that do not overlap; rotors above each other are not compared."""
     least = float(_beside(vehicle).min(initial=np.inf))
     return 0.5 * least if least < np.inf else 0.1
 
 
 def _beside(vehicle: Vehicle) -> Array:
-    """Distances (rotors, rotors) of hubs seen from above, m; infinite of those above each other, or staggered."""
+    """Horizontal distances (rotors, rotors) of hubs, m; infinite for coaxial or staggered pairs."""
     hubs = np.array([[float(c) for c in rotor.position] for rotor in vehicle.rotors])
     apart = np.linalg.norm(hubs[:, None, :2] - hubs[None, :, :2], axis=2)
     most = float(apart.max(initial=0.0))
@@ -70,7 +70,7 @@ EVENER = 0.25
 
 
 def rotor_layout(vehicle: Vehicle, gravity: float) -> list[Finding]:
-    """Rank of the allocation, senses of rotation, thrust and moment coefficients."""
+    """Findings on allocation rank, senses of rotation, and thrust and moment coefficients."""
     found = [*_axes(vehicle), *_coefficients(vehicle)]
     try:
         make_mixer(vehicle)
@@ -83,7 +83,7 @@ def rotor_layout(vehicle: Vehicle, gravity: float) -> list[Finding]:
 
 
 def _axes(vehicle: Vehicle) -> list[Finding]:
-    """Rotors whose thrust pulls down: the laws turn every rotor one way, and want its thrust up."""
+    """Faults for rotors whose positive thrust points down."""
     found = []
     for rotor in vehicle.rotors:
         up, name = float(rotor.axis.z), f"rotors[{rotor.name}].axis"
@@ -95,7 +95,7 @@ def _axes(vehicle: Vehicle) -> list[Finding]:
 
 
 def _coefficients(vehicle: Vehicle) -> list[Finding]:
-    """Thrust and moment coefficients, each of the rotor whose is furthest from the middle of what is allowed."""
+    """Findings on thrust and moment coefficients: the rotor furthest from the plausible range decides."""
     radius, found = disc_radius(vehicle), []
     thrusts = [thrust_number(rotor, radius) for rotor in vehicle.rotors]
     arms = [float(rotor.moment_coefficient) / radius for rotor in vehicle.rotors]
@@ -121,13 +121,13 @@ def _coefficients(vehicle: Vehicle) -> list[Finding]:
 
 
 def thrust_number(rotor: Rotor, radius: float) -> float:
-    """C_T = thrust / (rho n^2 D^4), n in turns a second, of a rotor on a disc of this radius."""
+    """Thrust coefficient C_T = thrust / (rho n^2 D^4) of a rotor, n in 1/s, for a disc of this radius."""
     turns = 4.0 * math.pi**2
     return float(rotor.thrust_coefficient) * turns / (AIR * (2.0 * radius) ** 4)
 
 
 def _directions(vehicle: Vehicle, gravity: float) -> Finding:
-    """Finding if the hover would be more even with one rotor turning the other way."""
+    """Finding on the senses of rotation: a fault if reversing one rotor would balance the hover."""
     own = _spread(vehicle, gravity)
     question = "senses of rotation"
     tried = []
@@ -157,7 +157,7 @@ def _with_rotor_flipped(vehicle: Vehicle, at: int) -> Vehicle:
 
 
 def _spread(vehicle: Vehicle, gravity: float) -> float:
-    """Standard deviation of the rotors' hover thrusts over their mean, centre of mass and arm aside."""
+    """Relative standard deviation of the rotors' hover thrusts, without the offset of the centre of mass."""
     try:
         allocation = Allocation.of(make_mixer(vehicle))
     except AllocationError:

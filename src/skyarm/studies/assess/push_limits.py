@@ -1,4 +1,4 @@
-"""Limits of a commanded push: a law that presses, joint torques and yaw torque."""
+"""Checks of a commanded push: controller with force control, joint torques and yaw torque."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ WARNS, HALF = 0.8, 0.5
 
 
 def push_limits(scenario: Scenario) -> list[Finding]:
-    """The commanded push against joints and rotors, of a level base on its reference; none without one.
+    """Findings on the commanded push against joint and rotor limits, base level; empty without a push.
 
     The base is taken as level; friction along the surface is left out at the joints, and at the rotors it is that of
     the roughest surface, in the direction along the surface in which it turns the vehicle most.
@@ -50,7 +50,7 @@ def _law(scenario: Scenario) -> list[Finding]:
 
 
 def _force(at: Reference) -> Array:
-    """Force of the surface on the tip, N, axes of the level base."""
+    """Contact force of the surface on the tip, N, axes of the level base."""
     force, _, *normal = (float(c) for c in at.push[:5])
     x, y, z = normal
     c, s = math.cos(float(at.yaw)), math.sin(float(at.yaw))
@@ -58,7 +58,7 @@ def _force(at: Reference) -> Array:
 
 
 def pushing_efforts(scenario: Scenario, joints: tuple[float, ...], force: Array) -> Array:
-    """Joint efforts (N m or N) that hold the arm of a level base at rest against a force on its tip.
+    """Static joint efforts (N m or N) of a level base's arm against a force on its tip.
 
     Args:
         scenario: vehicle and gravity.
@@ -73,7 +73,7 @@ def pushing_efforts(scenario: Scenario, joints: tuple[float, ...], force: Array)
 
 
 def yaw_room(scenario: Scenario, joints: tuple[float, ...]) -> float:
-    """Yaw torque that the rotors have left in level hover, the smaller of both senses, N m."""
+    """Yaw torque reserve of the rotors in level hover, N m: the smaller of both senses."""
     vehicle = scenario.plant.vehicle
     allocation = Allocation.of(make_mixer(vehicle))
     hover = allocation.squared_speeds(hover_efforts(vehicle, float(scenario.plant.gravity), np.array([joints])))
@@ -81,7 +81,7 @@ def yaw_room(scenario: Scenario, joints: tuple[float, ...]) -> float:
 
 
 def yaw_torques(scenario: Scenario, joints: tuple[float, ...], push: Array) -> tuple[float, float]:
-    """Yaw torque of a push on the tip, and most that friction of coefficient 1 across it adds, N m.
+    """Yaw torque of a push on the tip, and the largest of tangential friction with coefficient 1, N m.
 
     A force f at r turns about z by f.(z x r).
     """

@@ -1,4 +1,4 @@
-"""Thrust and torque reserves of a level hover: margins, authority, payload and wind."""
+"""Thrust and torque reserves in level hover: margins, control authority, payload and wind."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ LEAST_SHARE = 0.05
 
 
 def thrust_margin(poses: ArmPoses) -> list[Finding]:
-    """Thrust margin of the busiest rotor and share of the idlest, over all arm poses."""
+    """Findings on the thrust margin of the most loaded rotor and the share of the least loaded, over all poses."""
 
     def quantities(joints: Array) -> Array:
         squared = poses.squared_speeds(joints)
@@ -70,7 +70,7 @@ FAULTS, WARNINGS = (1.0, 1.0, 0.05), (5.0, 5.0, 0.2)
 
 
 def torque_authority(poses: ArmPoses) -> list[Finding]:
-    """Angular acceleration that the rotors can add to hover about each axis, either way, in the worst arm pose.
+    """Finding on the angular acceleration available in hover about each axis and sense, worst arm pose.
 
     The worst pose is that of the least acceleration: an arm that is stretched out adds inertia and takes no torque.
     """
@@ -98,7 +98,7 @@ def torque_authority(poses: ArmPoses) -> list[Finding]:
 
 
 def locked_inertia(vehicle: Vehicle, joints: Array) -> Array:
-    """Inertia (lanes, 3, 3) about the whole centre of mass with the joints (lanes, n) held, base axes, kg m^2.
+    """Locked inertia (lanes, 3, 3) about the whole centre of mass at joints (lanes, n), base axes, kg m^2.
 
     Joints that hang give way: they add the inertia that is felt while no torque acts about them.
     """
@@ -117,7 +117,7 @@ NOTHING = 1e-9
 
 
 def largest_payload(poses: ArmPoses, payload: float = 0.0) -> list[Finding]:
-    """Largest point mass at the tip with which hover is possible in every pose, with ENOUGH thrust left.
+    """Finding on the largest point mass at the tip that allows hover with thrust margin ENOUGH in every pose.
 
     Wrench and efforts of a level hover are linear in the mass at the tip, so that each pose has its largest mass in
     closed form; the least of them is sought over the poses.
@@ -149,7 +149,7 @@ def largest_payload(poses: ArmPoses, payload: float = 0.0) -> list[Finding]:
 
 
 def _largest_by_part(poses: ArmPoses, loaded: ArmPoses, joints: Array) -> Array:
-    """Largest payload (parts, lanes) that each rotor and joint allows, kg; negative where it cannot hold itself."""
+    """Largest payload (parts, lanes) for each rotor and joint, kg; negative if overloaded without payload."""
     allocation, bare = poses.allocation, poses.efforts(joints)
     per_kilogram = loaded.efforts(joints) - bare
     squared, more = allocation.squared_speeds(bare), allocation.inverse @ per_kilogram[:WRENCH]
@@ -176,7 +176,7 @@ SPEEDS, REFINED, ITERATIONS = 31, 4, 30
 
 
 def largest_wind(vehicle: Vehicle, gravity: float, payload: float = 0.0) -> list[Finding]:
-    """Largest steady horizontal wind, from the worst side, in which tilted thrust balances weight and drag.
+    """Finding on the largest steady horizontal wind, from the worst side, in which hover is possible.
 
     The drag is that of the airframe and the rotors of the vehicle's file; the arm has none there.
     """
@@ -199,7 +199,7 @@ def largest_wind(vehicle: Vehicle, gravity: float, payload: float = 0.0) -> list
 
 
 def _largest_speed(vehicle: Vehicle, weight: float, top: float) -> float:
-    """Wind (m/s) from the worst side at which the thrust that holds against it reaches ``top``."""
+    """Wind speed, m/s, from the worst side at which the required thrust reaches ``top``."""
     headings = 2.0 * math.pi * np.arange(HEADINGS) / HEADINGS
     low, high = 0.0, STRONGEST
     for _ in range(REFINED):
@@ -215,7 +215,7 @@ def _largest_speed(vehicle: Vehicle, weight: float, top: float) -> float:
 
 
 def thrust_in_wind(vehicle: Vehicle, speed: Array, heading: Array, weight: float) -> tuple[Array, Array]:
-    """Thrust (N) and tilt (rad) with which a vehicle stays in horizontal winds, found by iterating on the tilt.
+    """Thrust (N) and tilt (rad) of hover in horizontal wind, by fixed-point iteration on the tilt.
 
     Args:
         vehicle: its drag.
@@ -234,7 +234,7 @@ def thrust_in_wind(vehicle: Vehicle, speed: Array, heading: Array, weight: float
 
 
 def drag_in_wind(vehicle: Vehicle, speed: Array, heading: Array, tilt: Array, thrust: Array) -> tuple[Array, Array]:
-    """Drag of airframe and rotors along the wind and up, N, of a vehicle tilted into it; rotors share the thrust."""
+    """Drag of airframe and rotors along the wind and upward, N, of a vehicle tilted against the wind."""
     c, s, cos, sin = np.cos(heading), np.sin(heading), np.cos(tilt), np.sin(tilt)
     # the world's axes along the wind and up, in those of a base whose thrust leans against the wind
     along, up = Vec3(c * cos, s * cos, -sin), Vec3(c * sin, s * sin, cos)

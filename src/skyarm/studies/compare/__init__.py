@@ -1,1 +1,1 @@
-"""All laws compared: the same cases, the same noise, the same perturbed plants, one table."""
+"""Comparison of controllers: same cases, same noise and same perturbed plants for all."""

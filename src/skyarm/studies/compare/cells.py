@@ -1,4 +1,4 @@
-"""Cells of a suite: flights of a law in a case under a condition, their metrics, and the files that hold them.
+"""Cells of a comparison: all episodes of one controller in one case under one condition, stored as a file.
 
 A law that can be traced flies all episodes of a cell as one batch; others, and every law on MuJoCo's plant, fly one
 episode after the other, about a thousand times slower.
@@ -64,7 +64,7 @@ FEW = 16
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """Metrics of an entrant's flights of a case under a condition, one entry per episode.
+    """Metrics of all episodes of one controller in one case under one condition.
 
     Attributes:
         metrics: by name; NaN where the episode ended before their window.
@@ -76,31 +76,31 @@ class Cell:
 
     @classmethod
     def of(cls, flown: Sequence[Flown]) -> Cell:
-        """Single flights in a row; NaN where a flight lacks a metric."""
+        """Combine single flights into a cell; metrics that a flight lacks become NaN."""
         names = dict.fromkeys(name for row, _ in flown for name in row)
         metrics = {name: np.array([row.get(name, np.nan) for row, _ in flown]) for name in names}
         return cls(metrics, np.array([status for _, status in flown]))
 
     @property
     def completed(self) -> npt.NDArray[np.bool_]:
-        """True for episodes that flew to their end."""
+        """True for each episode that reached its planned end."""
         return np.asarray(self.status == "completed")
 
     @property
     def upright(self) -> npt.NDArray[np.bool_]:
-        """True for episodes that never tilted over."""
+        """True for each episode in which the vehicle never tipped over."""
         return np.asarray(self.metrics["tilt_max"] <= TILTED)
 
     @property
     def tracked_to_end(self) -> npt.NDArray[np.bool_]:
-        """True for episodes that flew to their end, upright, with a small mean tip error in the last seconds."""
+        """True for each completed, upright episode with a small mean tip error in its last seconds."""
         near = self.metrics["ee_error_last_mean_continuous"] <= LARGEST_ERROR
         return np.asarray(self.completed & self.upright & near)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Flights:
-    """The flights of a cell, as names that can be sent to another process.
+    """Description of a cell's flights by names, small enough to send to another process.
 
     Attributes:
         entrant, case, condition: who flies what. plant: that flies. seed: of plants and noise.
@@ -120,50 +120,50 @@ class Flights:
 
     @property
     def name(self) -> tuple[str, str, str]:
-        """Condition, case, entrant."""
+        """Names of condition, case and controller."""
         return self.condition.name, self.case.name, self.entrant.name
 
     @property
     def label(self) -> str:
-        """Name of the cell's file, and of its line of progress; a law may be called by the path of a file."""
+        """File name of the cell without suffix, also its name in progress output."""
         plant = "" if self.plant == "rigid_body" else f"_{self.plant}"
         return re.sub(r"[^\w.() -]+", "-", "__".join(self.name) + plant)
 
     def scenario(self) -> Scenario:
-        """The scenario that every episode starts from."""
+        """Base scenario of all episodes."""
         built = self.condition.apply(self.case.build())
         controller = self.entrant.controller(built.controller.par.model, noisy=self.condition.noisy)
         return built.with_words(controller=controller, kind=self.plant, seed=self.seed)
 
     def values(self, scenario: Scenario) -> dict[str, Array]:
-        """Numbers that differ from episode to episode, by path."""
+        """Parameter path -> values of the episodes."""
         spread = self.condition.spread
         # drawn about the case as it is, whatever flies: every law meets the same plants
         return draw(scenario, spread, self.episodes(scenario), seed=self.seed) if spread else {}
 
     def alone(self, scenario: Scenario) -> bool:
-        """True if the episodes fly one by one."""
+        """True if the episodes are simulated one by one, not as a batch."""
         return self.plant != "rigid_body" or not is_traceable(scenario)
 
     def episodes(self, scenario: Scenario) -> int:
-        """Number of episodes: of perturbed plants the first ones, if they fly one by one."""
+        """Number of episodes; fewer perturbed plants if they are simulated one by one."""
         every = self.condition.episodes
         return min(ONE_BY_ONE, every) if self.condition.spread and self.alone(scenario) else every
 
     def keys_of_noise(self, count: int) -> Array:
-        """Key of each episode's noise, (count,)."""
+        """Noise seed of each episode (count,)."""
         return np.zeros(count, dtype=int) if self.same_noise else np.arange(count)
 
     def trials(self, count: int) -> Array:
-        """Number of each episode's trial, (count,): the plant, world or seed."""
+        """Index of each episode's plant, world or seed (count,)."""
         return np.arange(count, dtype=float)
 
     def stiffest(self, values: Mapping[str, Array]) -> dict[str, float]:
-        """Numbers of the episodes that fix the integration steps of all, by path."""
+        """Parameter path -> value that requires the shortest integration step of all episodes."""
         return {path: float(column.max()) for path, column in values.items() if path.endswith(".damping")}
 
     def metric_names(self, setpoints: Sequence[bool]) -> tuple[str, ...]:
-        """Metrics of a flight, registered ones and torques included.
+        """Names of all metrics to compute, with registered ones and torques.
 
         Args:
             setpoints: joint by joint, whether its command is a setpoint of its drive: its torque is then not counted.
@@ -173,7 +173,7 @@ class Flights:
 
 
 def fly(flights: Flights, threads: int = 1) -> Cell:
-    """Fly a cell."""
+    """Simulate all episodes of a cell and compute their metrics."""
     scenario = flights.scenario()
     values, episodes = flights.values(scenario), flights.episodes(scenario)
     if flights.alone(scenario):
@@ -191,14 +191,14 @@ def fly(flights: Flights, threads: int = 1) -> Cell:
 
 
 def fly_episode(flights: Flights, episode: int) -> Flown:
-    """Fly one episode of a cell by itself."""
+    """Simulate a single episode of a cell."""
     log = run(episode_scenario(flights, episode))
     names = flights.metric_names([unit is not None for unit in names_of(log).setpoints])
     return score(log, names, flights.case.windows), str(log.status)
 
 
 def episode_scenario(flights: Flights, episode: int) -> Scenario:
-    """One episode of a batch as a flight of its own, whose command delay becomes whole physics steps."""
+    """Scenario of a single episode of a batch, with its command delay rounded to whole physics steps."""
     scenario = flights.scenario()
     numbers = {path: float(column[episode]) for path, column in flights.values(scenario).items()}
     late, rate = numbers.pop(LATE, None), scenario.rates.physics
@@ -211,7 +211,7 @@ def episode_scenario(flights: Flights, episode: int) -> Scenario:
 
 
 class Cells:
-    """A folder of cells as NPZ files; a present one of the same scenario is not flown again.
+    """Folder of cells as NPZ files; cells with an unchanged scenario are reused.
 
     Args:
         folder: made if missing.
@@ -221,7 +221,7 @@ class Cells:
         self.folder = folder
 
     def get(self, flights: Flights) -> Cell | None:
-        """The cell, if it is there, whole, and belongs to the flights as they would be flown today."""
+        """Read a stored cell; None if it is missing, damaged or of an outdated scenario."""
         try:
             stored = self._path(flights).read_bytes()
             held = npz_arrays(stored[32:]) if hashlib.sha256(stored[32:]).digest() == stored[:32] else {}
@@ -233,7 +233,7 @@ class Cells:
         return Cell(held, status)
 
     def put(self, flights: Flights, cell: Cell) -> None:
-        """Keep a cell behind its checksum."""
+        """Write a cell with a checksum."""
         stream = io.BytesIO()
         arrays: dict[str, Any] = {"identity": np.array(key(flights)), "status": cell.status, **cell.metrics}
         np.savez_compressed(stream, **arrays)
@@ -245,7 +245,7 @@ class Cells:
 
 
 def key(flights: Flights) -> str:
-    """Digest of everything that the numbers of a cell depend on."""
+    """Digest of everything that determines a cell's numbers."""
     scenario = flights.scenario()
     facts = {
         "versions": versions("numpy", "llvmlite"),
@@ -263,7 +263,7 @@ def key(flights: Flights) -> str:
 
 @lru_cache(maxsize=1)
 def _source() -> str:
-    """Digest of the library's own code: a formula that changed is flown again."""
+    """Digest of the library's source code, so that changed code invalidates stored cells."""
     package = Path(skyarm_files.__file__).parents[2]
     found = hashlib.sha256()
     for path in sorted([*package.rglob("*.py"), *package.rglob("*.toml"), *package.rglob("*.json")]):

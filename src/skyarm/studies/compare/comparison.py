@@ -1,4 +1,4 @@
-"""The comparison: every law through the paper's cases and harder ones, from perfect state to perturbed plants."""
+"""Comparison of controllers on the paper's cases and harder ones, with perfect state to perturbed plants."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ BRIEF, WIDEST = ("step", "part"), "case3_wind"
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison(Suite[Flights]):
-    """The suite of all laws.
+    """Suite that compares all controllers.
 
     Attributes:
         entrants: in order. conditions: in order. seed: of plants and noise. plant: "rigid_body" or "mujoco".
@@ -40,12 +40,12 @@ class Comparison(Suite[Flights]):
 
     @property
     def options(self) -> Document:
-        """Laws, flights of each condition, seed and plant."""
+        """Controllers, episodes per condition, seed and plant, as plain data."""
         flights = {name: each.episodes for name, each in self.conditions.items()}
         return {"laws": list(self.entrants), "conditions": flights, "seed": self.seed, "plant": self.plant}
 
     def flights(self) -> list[Flights]:
-        """Every cell, entrant by entrant."""
+        """Flights of all cells, controller by controller."""
         return [
             Flights(entrant=entrant, case=CASES[case], condition=condition, seed=self.seed, plant=self.plant)
             for entrant in self.entrants.values()
@@ -55,25 +55,25 @@ class Comparison(Suite[Flights]):
         ]
 
     def plan_cells(self) -> tuple[list[Flights], Refused]:
-        """Every cell; no law is refused."""
+        """Flights of all cells; no controller is excluded."""
         return self.flights(), {}
 
     def judge(self, todo: Sequence[Flights], cells: Sequence[Cell], refused: Refused) -> Document:
-        """Summaries, and differences from the first law."""
+        """Summaries of all cells, and paired differences from the first controller."""
         named = {flights.name: cell for flights, cell in zip(todo, cells, strict=True)}
         return {"summaries": table(named), "paired": pairs(named)}
 
     def pictures(self, found: Record) -> dict[str, bytes]:
-        """Errors and successes of all laws."""
+        """Pictures of the report: errors and success rates of all controllers."""
         return {"laws.png": comparison_picture(found, list(self.entrants))}
 
     def report(self, found: Record, pictures: Mapping[str, bytes] | None = None) -> Report:
-        """Tables of every condition."""
+        """Report with a table for each condition."""
         return comparison_report(found, self.entrants, self.conditions, (pictures or {}).get("laws.png"))
 
 
 def comparison_picture(found: Record, names: Sequence[str]) -> bytes:
-    """PNG of the tip's errors and of the successes of every law."""
+    """PNG of the tip errors and success rates of all controllers."""
     summaries = found["summaries"]
     errors = {
         title: [value(summaries.get(condition, {}), WIND_TIP, name) for name in names]

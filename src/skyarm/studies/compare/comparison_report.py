@@ -1,4 +1,4 @@
-"""The comparison's tables: errors of every law in every case, and successes on perturbed plants."""
+"""Tables of the controller comparison: errors in every case, and success rates on perturbed plants."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from skyarm.view.pages import DASH, Report, Section, Table, image, number
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column: its head, the case and metric, and the factor from SI to the unit of the head."""
+    """Table column: head, case and metric, and the factor from SI to the head's unit."""
 
     head: str
     case: str
@@ -83,14 +83,14 @@ GROUPS = {
 
 
 def value(summaries: Record, column: Column, entrant: str) -> float | None:
-    """Mean of a column's metric for an entrant, in the unit of its head; None where no flight came to its end."""
+    """Mean of a column's metric for a controller, in the column's unit; None if no flight was completed."""
     found = summaries.get(column.case, {}).get(entrant)
     spread = found["metrics"].get(column.metric) if found else None
     return None if spread is None else spread["mean"] * column.factor
 
 
 def title_of(laws: Sequence[str]) -> str:
-    """Title of a comparison of these laws: of two "A against B"."""
+    """Title of a comparison of these controllers; for two of them "A against B"."""
     if len(laws) == 2:
         return f"{laws[0]} against {laws[1]}"
     if set(ENTRANTS) <= set(laws):
@@ -104,7 +104,7 @@ def comparison_report(
     conditions: Mapping[str, Condition],
     picture: bytes | None = None,
 ) -> Report:
-    """The report of a comparison.
+    """Build the report of a comparison.
 
     Args:
         found: ``summaries`` by condition, case, entrant.
@@ -127,7 +127,7 @@ def comparison_report(
 
 
 def main_sections(found: Record, entrants: Mapping[str, Entrant], conditions: Mapping[str, Condition]) -> list[Section]:
-    """Tables of every condition that flew."""
+    """Sections with a table for each condition that was simulated."""
     sections = []
     for name, condition in conditions.items():
         summaries = found["summaries"].get(name)
@@ -163,13 +163,13 @@ def _tables(summaries: Record, entrants: Mapping[str, Entrant], condition: Condi
 
 
 def _table_by_kind(head: list[str], rows: list[list[str]], entrants: Mapping[str, Entrant], caption: str) -> Table:
-    """A table whose rows stand under the kinds of their laws on a page."""
+    """Table with its rows grouped by kind of controller."""
     found = [(title, [row for row in rows if entrants[row[0]].group == group]) for group, title in GROUPS.items()]
     return Table(head=head, rows=rows, caption=caption, groups=[(title, some) for title, some in found if some])
 
 
 def truth_rows(summaries: Record, entrants: Mapping[str, Entrant], columns: Sequence[Column]) -> list[list[str]]:
-    """One row per entrant that flew any of the columns."""
+    """Table rows: one per controller with results in any of the columns."""
     return [
         [name, *(number(value(summaries, column, name)) for column in columns)]
         for name in entrants
@@ -178,7 +178,7 @@ def truth_rows(summaries: Record, entrants: Mapping[str, Entrant], columns: Sequ
 
 
 def plants_rows(summaries: Record, entrants: Mapping[str, Entrant], cases: Sequence[str]) -> list[list[str]]:
-    """One row per entrant: success with its interval, and tip error over 10 to 20 s (mean, 95th percentile)."""
+    """Table rows: success rate with interval and tip error over 10 to 20 s (mean, 95th percentile) per controller."""
     rows = []
     for name in entrants:
         cells = []

@@ -1,4 +1,4 @@
-"""Judgement and report of the contact suite: successes, what each flight lacked, medians, and tables."""
+"""Evaluation and report of the contact suite: success rates, causes of failure, medians, tables."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ NUMBERS: Mapping[str, tuple[str, str, float, float]] = {
 
 
 def lacks(task: Task, cell: Cell, weight: float, phases: int) -> dict[str, Flags]:
-    """Failed criterion of each flight, by a word, in the order of the checks.
+    """Failure criterion -> True for each flight that fails it, in the order of the checks.
 
     Args:
         task: says what counts.
@@ -77,7 +77,7 @@ def lacks(task: Task, cell: Cell, weight: float, phases: int) -> dict[str, Flags
 
 
 def cell_record(task: Task, cell: Cell, weight: float, phases: int, delays: Array) -> Document:
-    """A cell as plain data: success with its interval, causes, and medians over flights that came to their end.
+    """Results of a cell as plain data: success rate with interval, failure causes, medians of completed flights.
 
     Args:
         task: as of :func:`lacks`; a flight that lacks several things counts under the first.
@@ -134,7 +134,7 @@ MEDIANS = (
 
 
 def contact_report(found: Record) -> Report:
-    """The report of the suite's results."""
+    """Build the report of the contact suite's results."""
     drawn = [f"{name} {task['discarded']} of {task['drawn']}" for name, task in found["tasks"].items()]
     discarded = f"Worlds discarded, in which physics does not let the task be done: {', '.join(drawn)}."
     refused = [f"{law} does not fly: {why}" for law, why in found["not_flown"].items()]
@@ -157,13 +157,13 @@ def contact_report(found: Record) -> Report:
 
 
 def laws_of(found: Record, condition: str) -> list[str]:
-    """Laws that flew any task under a condition, in order."""
+    """Controllers with results in any task under a condition, in order."""
     flown = {law for task in found["tasks"].values() for law in task["conditions"][condition]}
     return [law for law in found["laws"] if law in flown]
 
 
 def success_rows(found: Record, condition: str) -> list[list[str]]:
-    """One row per task: successes of each law."""
+    """Table rows: success rates of all controllers, one row per task."""
     return [
         [task["title"], *(_successes(task["conditions"][condition].get(law)) for law in laws_of(found, condition))]
         for task in found["tasks"].values()
@@ -171,7 +171,7 @@ def success_rows(found: Record, condition: str) -> list[list[str]]:
 
 
 def number_rows(found: Record, condition: str) -> list[list[str]]:
-    """One row per task and law: medians, and what was lacked."""
+    """Table rows: medians and failure causes, one row per task and controller."""
     return [
         [
             task["title"], law, _successes(cell), _successes(cell["soon"]),

@@ -1,4 +1,4 @@
-"""The contact suite: laws do tasks that touch the world, each in many perturbed worlds."""
+"""Contact suite: controllers perform tasks in contact with the world, each in many perturbed worlds."""
 
 from __future__ import annotations
 
@@ -28,36 +28,36 @@ WORLDS, QUICK = 200, 16
 
 @dataclass(frozen=True, kw_only=True)
 class ContactFlights(Flights):
-    """Flights of a law in the perturbed worlds of a task, a lane a world."""
+    """Flights of one controller in the perturbed worlds of a task, simulated as a batch."""
 
     further_metrics = METRICS
 
     @property
     def task(self) -> Task:
-        """The task of the flights."""
+        """Task of these flights."""
         return TASKS[self.case.name]
 
     def scenario(self) -> Scenario:
-        """The task as the law flies it."""
+        """Scenario of the task for this controller."""
         noisy = self.condition.noisy
         return scenario_of(self.task, self.entrant.law, noisy=noisy, plant=self.plant, seed=self.seed)
 
     def worlds(self) -> Worlds:
-        """Worlds of the whole condition, the same for every law."""
+        """Perturbed worlds of the condition, the same for every controller."""
         return worlds_of(self.case.name, self.condition.episodes, self.seed)
 
     def values(self, scenario: Scenario) -> dict[str, Array]:
-        """Numbers of every world, by path."""
+        """Parameter path -> values in the worlds."""
         count = self.episodes(scenario)
         return {path: column[:count] for path, column in self.worlds().values.items()}
 
     def episodes(self, scenario: Scenario) -> int:
-        """One for each world; the first ones of a law that flies one by one."""
+        """Number of episodes: one per world; fewer if they are simulated one by one."""
         every = self.condition.episodes
         return min(ONE_BY_ONE, every) if self.alone(scenario) else every
 
     def stiffest(self, values: Mapping[str, Array]) -> dict[str, float]:
-        """The hardest surface, the stiffest friction and the lightest object: all need short steps.
+        """Parameters that require the shortest steps: hardest surface, stiffest friction, lightest object.
 
         Stiffness k and friction mu need steps by k and by k mu. With the largest k, the mu that makes the largest k mu
         of any world needs the shortest step of all worlds, and none that is shorter.
@@ -78,7 +78,7 @@ class ContactFlights(Flights):
 
 @lru_cache(maxsize=64)
 def worlds_of(task: str, count: int, seed: int) -> Worlds:
-    """Worlds of a task about the scenario as it is shipped."""
+    """Draw the perturbed worlds of a task around its shipped scenario."""
     found = draw_worlds(TASKS[task], scenario_of(TASKS[task], FLAGSHIP, noisy=False), count, seed=seed)
     for column in found.values.values():
         np.asarray(column).setflags(write=False)
@@ -87,7 +87,7 @@ def worlds_of(task: str, count: int, seed: int) -> Worlds:
 
 @dataclass(frozen=True, kw_only=True)
 class ContactSuite(Suite[ContactFlights]):
-    """The suite of tasks in contact.
+    """Suite of contact tasks.
 
     Attributes:
         laws: names, in order. tasks: names, in order. worlds: of each task. seed: of worlds and noise. plant: that
@@ -104,11 +104,11 @@ class ContactSuite(Suite[ContactFlights]):
 
     @property
     def options(self) -> Document:
-        """Worlds, seed and plant."""
+        """Number of worlds, seed and plant, as plain data."""
         return {"worlds": self.worlds, "seed": self.seed, "plant": self.plant}
 
     def flights(self) -> list[ContactFlights]:
-        """Every cell, task by task."""
+        """Flights of all cells, task by task."""
         conditions = [
             Condition(name=name, title=title, noisy=name == "noisy", episodes=self.worlds, cases=self.tasks)
             for name, title in CONDITIONS.items()
@@ -128,7 +128,7 @@ class ContactSuite(Suite[ContactFlights]):
         ]
 
     def plan_cells(self) -> tuple[list[ContactFlights], dict[str, str]]:
-        """Every cell, and why a law does not fly a task."""
+        """Flights of all cells, and reasons why a controller is excluded from a task."""
         flown, refused = list[ContactFlights](), dict[str, str]()
         for each in self.flights():
             try:
@@ -139,7 +139,7 @@ class ContactSuite(Suite[ContactFlights]):
         return flown, refused
 
     def judge(self, todo: Sequence[ContactFlights], cells: Sequence[Cell], refused: Refused) -> Document:
-        """Success, causes and numbers by task, condition and law."""
+        """Success rates, failure causes and metrics by task, condition and controller."""
         tasks: Document = {}
         for flights, cell in zip(todo, cells, strict=True):
             condition, name, law = flights.name
@@ -157,5 +157,5 @@ class ContactSuite(Suite[ContactFlights]):
         return {"laws": list(self.laws), "not_flown": dict(refused), "tasks": tasks}
 
     def report(self, found: Record, pictures: Mapping[str, bytes] | None = None) -> Report:
-        """Successes and numbers."""
+        """Report with success rates and metrics."""
         return contact_report(found)

@@ -1,4 +1,4 @@
-"""Tasks of the contact suite (``library/contact_tasks.toml``), bounds of its worlds, and each task as a law flies it.
+"""Tasks of the contact suite (``library/contact_tasks.toml``): their worlds' bounds, and a scenario per controller.
 
 A law that presses flies the scenario as it is shipped. One that follows positions is led to the same places, 1 cm
 behind the believed surface, and its press waits for no force; all else is the same.
@@ -49,7 +49,7 @@ DELAY = 0.010
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Task:
-    """A task of the suite.
+    """Task of the contact suite.
 
     Attributes:
         name: of the shipped scenario. title: in a few words.
@@ -89,7 +89,7 @@ class Task:
 
 
 def _plain(value: Any) -> Any:
-    """An array of a file as a tuple."""
+    """Convert an array read from a file to a tuple; return other values unchanged."""
     return tuple(value) if isinstance(value, list) else value
 
 
@@ -127,12 +127,12 @@ PAPER = "hummingbird_arm2_rotors"
 
 
 def document_of(task: Task) -> dict[str, Any]:
-    """The shipped scenario of a task as plain data."""
+    """Shipped scenario of a task as plain data."""
     return tomllib.loads((LIBRARY / f"{task.name}.toml").read_text("utf-8"))
 
 
 def flies_its_own(task: Task, law: str) -> bool:
-    """True if a law has flights of its own in a task.
+    """True if a controller's flights in a task differ from those of the reference controller.
 
     Without a push the flagship has no interaction to leave out, without an object no load to learn.
     """
@@ -140,7 +140,7 @@ def flies_its_own(task: Task, law: str) -> bool:
 
 
 def scenario_of(task: Task, law: str, *, noisy: bool, plant: str = "rigid_body", seed: int = 0) -> Scenario:
-    """A task as a law flies it, in the world as it is shipped.
+    """Scenario of a task for one controller, in the shipped world.
 
     Raises:
         ControllerError: no such law, or one that does not fit the vehicle.
@@ -169,7 +169,7 @@ def scenario_of(task: Task, law: str, *, noisy: bool, plant: str = "rigid_body",
 
 
 def as_positions(task: Task, document: dict[str, Any]) -> dict[str, Any]:
-    """The task's document for a law that follows positions: the path goes ``BEHIND`` the nominal surface."""
+    """Scenario document for a controller without force control: path offset by ``BEHIND`` into the surface."""
     path = document["reference"]["tip"]["path"]
     way = [-(task.face + BEHIND) * n for n in task.normal]
     start, at, phases = list(path["position"]), list(path["position"]), list[dict[str, Any]]()

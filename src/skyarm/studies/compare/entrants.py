@@ -1,4 +1,4 @@
-"""Laws of the comparison with their gains, in the order of the tables."""
+"""Controllers of the comparison with their gains, in the order of the tables."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ PAPER_GAINS: Mapping[str, Any] = {"gains": HUMMINGBIRD, "joint_gains": ACCELERAT
 
 @dataclass(frozen=True, kw_only=True)
 class Entrant:
-    """A law as it enters the comparison.
+    """Controller in the comparison, with its gains.
 
     Attributes:
         name: short name. group: "paper", "step" (the paper's law made better), "published", "centroidal" or "part"
@@ -49,7 +49,7 @@ class Entrant:
     told: bool = True
 
     def controller(self, model: Model, *, noisy: bool) -> Controller:
-        """The law with its nominal model; a law that can use a known delay receives it."""
+        """Make the controller with its nominal model and, if it uses one, the known delay."""
         if self.law in PRESETS:
             return preset(self.law, model)
         options = {**self.options, **(self.noisy if noisy else self.perfect)}
@@ -59,12 +59,12 @@ class Entrant:
 
     @property
     def title(self) -> str:
-        """The law in one line."""
+        """One-line description of the controller."""
         return LAWS[PRESETS[self.law].law if self.law in PRESETS else self.law].title
 
 
 def own_entrant(law: str) -> Entrant | None:
-    """A registered user-defined law as an entrant, with its own gains; None for any other name."""
+    """Comparison entry for a registered user-defined controller; None for any other name."""
     row = registrations("law").get(law)
     if row is None or row.source == SHIPPED:
         return None
@@ -72,7 +72,7 @@ def own_entrant(law: str) -> Entrant | None:
 
 
 def _entrant(row: dict[str, Any]) -> Entrant:
-    """A row of the file; an array is a tuple."""
+    """Create a comparison entry from a row of the file."""
     options = {key: tuple(each) if isinstance(each, list) else each for key, each in row.pop("options", {}).items()}
     if "without" in options:
         options["terms"] = Terms(**dict.fromkeys(options.pop("without"), False))

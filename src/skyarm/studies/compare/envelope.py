@@ -1,4 +1,4 @@
-"""The envelope: trials made harder step by step along axes, until each law is lost.
+"""Performance envelope: trials of increasing difficulty along axes, until each controller crashes.
 
 A law flies an axis as one batch where the axis' values are data of one scenario, value by value where they are not.
 """
@@ -46,7 +46,7 @@ QUICK = 10.0
 
 @dataclass(frozen=True, kw_only=True)
 class AxisFlights(Flights):
-    """Flights of a law along an axis, a lane a value; all meet the same noise.
+    """Flights of one controller along an axis: a batch over its values, all with the same noise.
 
     Attributes:
         points: values that fly, SI. vehicle: name or file. duration: s, of every flight.
@@ -61,27 +61,27 @@ class AxisFlights(Flights):
 
     @property
     def axis(self) -> Axis:
-        """The trial that is made harder."""
+        """Axis along which the trial becomes harder."""
         return AXES[self.case.name]
 
     @property
     def setting(self) -> Setting:
-        """The vehicle in hover."""
+        """Vehicle in hover, with the scales of its trials."""
         return setting_of(self.vehicle, self.duration, self.plant)
 
     @property
     def label(self) -> str:
-        """Name of its file, of a single value with the value."""
+        """File name of the cell; with the value if there is a single one."""
         return super().label + (f"_{self.points[0]:g}" if len(self.points) == 1 else "")
 
     def scenario(self) -> Scenario:
-        """The trial at the easiest value of the axis, or where values are no data at the one that flies."""
+        """Base scenario: the trial at its easiest value, or at the single value to be simulated."""
         value = self.points[0] if self.axis.numbers is None else self.axis.of(self.setting)[0]
         built = dataclasses.replace(self.axis.scenario(self.setting, value), seed=self.seed, name=self.case.name)
         return built.with_words(controller=controller_by_name(built, self.entrant.law))
 
     def values(self, scenario: Scenario) -> dict[str, Array]:
-        """Numbers of every value, by path."""
+        """Parameter path -> values of the episodes."""
         if self.axis.plants:
             count = self.episodes(scenario) // len(self.points)
             drawn = [plants_at(self.setting, scenario, value, count, seed=self.seed) for value in self.points]
@@ -90,20 +90,20 @@ class AxisFlights(Flights):
         return {path: np.array([row[path] for row in rows]) for path in rows[0]}
 
     def episodes(self, scenario: Scenario) -> int:
-        """One for each value; of an axis of plants as many as a law meets, value after value."""
+        """Number of episodes: one per value, or several plants per value on an axis of perturbed plants."""
         if not self.axis.plants:
             return len(self.points)
         return len(self.points) * (min(PLANTS, ONE_BY_ONE) if self.alone(scenario) else PLANTS)
 
     def trials(self, count: int) -> Array:
-        """The value of each episode, SI."""
+        """Axis value of each episode, SI."""
         return np.repeat(self.points, count // len(self.points))
 
 
 def axis_flights(
     law: str, axis: Axis, setting: Setting, *, seed: int = 0, plant: str = "rigid_body"
 ) -> list[AxisFlights]:
-    """Cells of a law along an axis: one where its values fly in a batch, else one for each value.
+    """Cells of a controller along an axis: one for a batch of all values, otherwise one per value.
 
     Args:
         law: preset or law.
@@ -136,7 +136,7 @@ def axis_flights(
 
 @dataclass(frozen=True, kw_only=True)
 class Envelope(Suite[AxisFlights]):
-    """The suite of trials along axes.
+    """Suite that measures performance envelopes.
 
     Attributes:
         laws: presets or laws, in order. axes: names. vehicle: name or file. seed: of the noise. plant: that flies.
@@ -154,27 +154,27 @@ class Envelope(Suite[AxisFlights]):
 
     @property
     def options(self) -> Document:
-        """All but laws and axes."""
+        """Vehicle, seed, plant and length of the suite, as plain data."""
         return {"vehicle": self.vehicle, "seed": self.seed, "plant": self.plant, "quick": self.quick}
 
     @property
     def setting(self) -> Setting:
-        """The vehicle in hover."""
+        """Vehicle in hover, with the scales of its trials."""
         return setting_of(self.vehicle, QUICK if self.quick else DURATION, self.plant)
 
     @property
     def flyable_axes(self) -> tuple[str, ...]:
-        """Axes that the vehicle can fly."""
+        """Axes that are possible for the vehicle."""
         servos = bool(self.setting.truth.drives)
         return tuple(name for name in self.axes if not (servos and AXES[name].torques))
 
     def axis(self, name: str) -> Axis:
-        """An axis with the values that fly."""
+        """Axis with the values to be simulated."""
         axis = AXES[name]
         return dataclasses.replace(axis, values=(axis.values[0], axis.values[-1])) if self.quick else axis
 
     def plan_cells(self) -> tuple[list[AxisFlights], dict[str, str]]:
-        """Cells, law by law, and why a law does not fly this vehicle."""
+        """Flights of all cells, controller by controller, and reasons why a controller is excluded."""
         found: list[AxisFlights] = []
         refused: dict[str, str] = {}
         for law in self.laws:
@@ -187,7 +187,7 @@ class Envelope(Suite[AxisFlights]):
         return found, refused
 
     def judge(self, todo: Sequence[AxisFlights], cells: Sequence[Cell], refused: Refused) -> Document:
-        """Points of every law along every axis."""
+        """Results of every controller at every value of every axis."""
         axes: Document = {name: axis_record(self.axis(name), self.setting) for name in self.flyable_axes}
         for flights, cell in zip(todo, cells, strict=True):
             points = points_of(cell, flights.axis, len(flights.points))
@@ -196,9 +196,9 @@ class Envelope(Suite[AxisFlights]):
         return {"laws": laws, "not_flown": dict(refused), "axes": axes}
 
     def pictures(self, found: Record) -> dict[str, bytes]:
-        """Every axis."""
+        """Pictures of the report: one with all axes."""
         return {"envelope.png": envelope_picture(found)}
 
     def report(self, found: Record, pictures: Mapping[str, bytes] | None = None) -> Report:
-        """Summary, and a table for each axis."""
+        """Report with a summary and a table for each axis."""
         return envelope_report(found, (pictures or {}).get("envelope.png"))

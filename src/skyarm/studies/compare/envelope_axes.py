@@ -1,4 +1,4 @@
-"""Axes of the envelope: trials made harder value by value, and the metrics by which they are judged."""
+"""Axes of the performance envelope: trials of increasing difficulty, and the metric of each."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ Numbers = Mapping[str, float]
 
 @dataclass(frozen=True, kw_only=True)
 class Axis:
-    """An axis is one trial at several values, the easiest first.
+    """Axis of the envelope: one trial at several values, the easiest first.
 
     Attributes:
         name: short name. title: one line. unit: of the values as they are shown.
@@ -97,12 +97,12 @@ class Axis:
     torques: bool = False
 
     def of(self, setting: Setting) -> tuple[float, ...]:
-        """Values for a vehicle, SI."""
+        """Values of the axis for a vehicle, SI."""
         share = self.share(setting)
         return tuple(float(f"{value * share:.3g}") for value in self.values)
 
     def scenario(self, setting: Setting, value: float) -> Scenario:
-        """The trial at a value, with the sensors of the axis; one that has noise of its own keeps it."""
+        """Scenario of the trial at a value, with the sensors of the axis unless the trial has its own noise."""
         built = self.build(setting, value) if self.numbers is None else self.build(setting)
         if self.noisy and built.noise == PERFECT_SENSORS:
             delays = dataclasses.replace(built.delays, measurement=built.delays.measurement or DELAY)
@@ -111,17 +111,17 @@ class Axis:
 
 
 def sine_from_rest(amplitude: float, frequency_hz: float = 1.0, phase: float = 0.0) -> Signal:
-    """A sine that grows from rest; its numbers stand under ``signal``."""
+    """Sine signal that fades in from rest; its parameters are at the path ``signal``."""
     return Product(Sine(amplitude=amplitude, frequency_hz=frequency_hz, phase=phase), EASE)
 
 
 def along(setting: Setting, **signals: Any) -> Scenario:
-    """The setting's vehicle on signals of base and joints."""
+    """Scenario with these reference signals for base and joints, on the setting's vehicle."""
     return setting.hover.with_words(reference=dataclasses.replace(setting.hover.reference, **signals))
 
 
 def swings(setting: Setting, amplitudes: tuple[float, ...], frequency_hz: float, phase: float) -> tuple[Signal, ...]:
-    """Joints about their middles, one amplitude after the other, each later than the one before by ``phase``."""
+    """Sine references of all joints about mid-range, each ``phase`` behind the one before."""
     return tuple(
         Sum((Constant(middle), sine_from_rest(amplitudes[j % len(amplitudes)] * unit, frequency_hz, phase * j)))
         for j, (middle, unit) in enumerate(zip(setting.middle, setting.swing, strict=True))
@@ -129,38 +129,38 @@ def swings(setting: Setting, amplitudes: tuple[float, ...], frequency_hz: float,
 
 
 def swinging(setting: Setting, amplitude: float = 1.0) -> Scenario:
-    """All joints swing in hover at 1 Hz, rad."""
+    """Trial: all joints swing in hover at 1 Hz, amplitude in rad."""
     return along(setting, joints=swings(setting, (amplitude,), 1.0, SWING_PHASE))
 
 
 def moving_base(setting: Setting, **axes: Any) -> Scenario:
-    """The base along signals, the arm swinging gently."""
+    """Trial: the base follows signals while the arm swings gently."""
     return along(setting, joints=swings(setting, ARM, ARM_HZ, ARM_PHASE), **axes)
 
 
 def circle(setting: Setting, radius: float = 1.0, speed: float = 1.0) -> Scenario:
-    """A horizontal circle, m and m/s."""
+    """Trial: horizontal circle, radius in m and speed in m/s."""
     f = speed / (2.0 * math.pi * radius)
     return moving_base(setting, x=sine_from_rest(radius, f, 0.5 * math.pi), y=sine_from_rest(radius, f))
 
 
 def slow_circle(setting: Setting, **words: Any) -> Scenario:
-    """Circle on which delays, lags, payloads and noise are flown."""
+    """Trial: slow circle, used for delays, lags, payloads and noise."""
     return circle(setting, *SLOW).with_words(**words)
 
 
 def vertical(setting: Setting) -> Scenario:
-    """A vertical sine of 0.2 m."""
+    """Trial: vertical sine of 0.2 m."""
     return moving_base(setting, z=Sum((setting.hover.reference.z, sine_from_rest(0.2 * setting.climb))))
 
 
 def pushed_hover(setting: Setting, **force: Any) -> Scenario:
-    """Hover under a disturbance."""
+    """Trial: hover under a disturbance."""
     return setting.hover.with_words(forces=(Disturbance(**force),))
 
 
 def turning_wind(setting: Setting) -> Scenario:
-    """Hover in a force of 2 N and an air speed of 2 m/s that turn about the vertical."""
+    """Trial: hover in a wind that rotates about the vertical: force of 2 N, air speed of 2 m/s."""
     force, air = (
         SignalVector(**{axis: Sine(amplitude=size, frequency_hz=1.0, phase=phase)
                         for axis, phase in (("x", 0.5 * math.pi), ("y", 0.0))})
@@ -170,7 +170,7 @@ def turning_wind(setting: Setting) -> Scenario:
 
 
 def turbulence(setting: Setting, mean: float) -> Scenario:
-    """Hover in turbulent air along x, m/s, its standard deviation half the mean; the hull has drag."""
+    """Trial: hover in turbulence along x, m/s, standard deviation half the mean; the hull has drag."""
     drag = BodyDrag(area=Vec3(*(2.0 * HULL * setting.weight / 1.225,) * 3), air_density=1.225)
     sigma, length = Vec3(*(0.5 * mean,) * 3), Vec3(*(SCALE_LENGTH,) * 3)
     gusts = Dryden(intensity=sigma, scale_length=length, airspeed=mean, direction_W=E_X)
@@ -179,7 +179,7 @@ def turbulence(setting: Setting, mean: float) -> Scenario:
 
 
 def wind_steps(setting: Setting) -> Scenario:
-    """Hover under a force on the base that steps from axis to axis."""
+    """Trial: hover under a step force on the base, along one axis after another."""
     vector = {
         axis: Product(Constant(1.0), Sum(tuple(Windowed(Constant(sign), a, b) for a, b, sign in windows)))
         for axis, windows in WIND_STEPS.items()
@@ -188,27 +188,27 @@ def wind_steps(setting: Setting) -> Scenario:
 
 
 def pushes(axis: str, setting: Setting) -> Scenario:
-    """Hover under a force at the tip along a world axis, on for the first half of every second from 4 s on."""
+    """Trial: hover under a pulsed tip force along a world axis: from 4 s on, first half of every second."""
     pulses = Pulses(count=max(1, math.ceil(setting.duration)), start=4.0, period=1.0, width=0.5)
     force = SignalVector(**{axis: Product(Constant(1.0), pulses)})
     return pushed_hover(setting, frame=setting.truth.end_effector, force=force)
 
 
 def lagging_joints(setting: Setting) -> Scenario:
-    """Joint torques that follow their setpoints with a lag."""
+    """Trial: slow circle with a first-order lag on the joint torques."""
     lagged = LaggedTorque(time_constant=LONGEST)
     drives = tuple(JointDrive(joint=link.joint.name, drive=lagged) for link in setting.truth.links)
     return slow_circle(setting, drives=drives)
 
 
 def wrong_plants(setting: Setting, times: float) -> Scenario:
-    """Joints swing by 0.5 rad; the plant is drawn, its commands late by a delay that no law models."""
+    """Trial: joints swing by 0.5 rad on a perturbed plant with an unmodelled command delay."""
     delays = Delays(longest_command=WIDEST * Spread().delay)
     return swinging(setting, 0.5).with_words(wind=ForceWind(), delays=delays)
 
 
 def plants_at(setting: Setting, scenario: Scenario, times: float, count: int, *, seed: int) -> dict[str, Array]:
-    """Numbers of the plants of a value, by path; the first ones do not depend on how many there are.
+    """Parameter path -> values of the perturbed plants at an axis value; a larger count only appends plants.
 
     Args:
         setting: vehicle.
@@ -224,24 +224,24 @@ def plants_at(setting: Setting, scenario: Scenario, times: float, count: int, *,
 
 
 def widen(spread: Spread, times: float) -> Spread:
-    """A spread so many times as wide."""
+    """Scale the width of a spread of plants."""
     low, high = spread.thrust
     shares = {place[0]: value * times for place, value in walk(spread) if place[0] != "thrust"}
     return Spread(**shares, thrust=(low * times, high * times))
 
 
 def same(*paths: str, factor: float = 1.0) -> Callable[[Setting, float], Numbers]:
-    """The same number at several places."""
+    """Function from an axis value to path -> number: the same number at several paths."""
     return lambda setting, value: dict.fromkeys(paths, value * factor)
 
 
 def frequencies(*axes: str) -> Callable[[Setting, float], Numbers]:
-    """The same frequency of eased sines of the reference."""
+    """Function from an axis value to path -> frequency: the same for several sine references."""
     return same(*(f"reference.{axis}.signal.frequency_hz" for axis in axes))
 
 
 def rotor_lags(setting: Setting, times: float) -> Numbers:
-    """Time constants of every rotor, rising and falling, s."""
+    """Path -> time constant of every rotor, rising and falling, s."""
     falling = 1.0 + FALLING * (times - 1.0) / 3.0
     return {
         f"plant.vehicle.rotors.{i}.time_constant_{way}": float(getattr(rotor, f"time_constant_{way}")) * factor
@@ -251,7 +251,7 @@ def rotor_lags(setting: Setting, times: float) -> Numbers:
 
 
 def by_weight(setting: Setting) -> float:
-    """Forces and payloads go with the weight."""
+    """Scale of forces and payloads: the vehicle's weight."""
     return setting.weight
 
 

@@ -1,4 +1,4 @@
-"""Judgement and report of the envelope: where each law is good, and where it is lost."""
+"""Evaluation and report of the performance envelope: error levels, and the value at which each controller crashes."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ JUDGED = {TIP: "tip, mean / largest", OVERSHOOT: "overshoot of the base; time wi
 
 
 def points_of(cell: Cell, axis: Axis, values: int | None = None) -> list[Document]:
-    """One record for each lane of a cell: errors in m, tilt in rad, the ending, whether the vehicle was lost.
+    """Results per episode of a cell: errors in m, tilt in rad, status, and whether the vehicle was lost.
 
     Of an axis of plants one for each of so many ``values``.
     """
@@ -61,7 +61,7 @@ def _finite(value: Any) -> float | None:
 
 
 def point_of_plants(flights: Sequence[Record]) -> Document:
-    """One point from those of a value's plants.
+    """Combine the results of all plants at one axis value into one point.
 
     It is judged by the largest mean error of the plants that fly to their end, and lost where one plant is. Its mean
     is the median of the plants' means, all else the largest of theirs. ``plants`` has them one by one.
@@ -83,7 +83,7 @@ def _over(flights: Sequence[Record], key: str, how: Any) -> float | None:
 
 
 def axis_record(axis: Axis, setting: Setting) -> Document:
-    """An axis without its flights; values in the unit that is shown."""
+    """Description of an axis as plain data, without results; values in display units."""
     return {
         "title": axis.title,
         "unit": axis.unit,
@@ -96,7 +96,7 @@ def axis_record(axis: Axis, setting: Setting) -> Document:
 
 
 def within(points: Sequence[Record], level: float) -> int:
-    """Number of the first values that the law flies with an error within a level, m."""
+    """Number of leading axis values that a controller completes with an error below a level, m."""
     count = 0
     for point in points:
         if point["lost"] or point["judged"] > level:
@@ -106,7 +106,7 @@ def within(points: Sequence[Record], level: float) -> int:
 
 
 def lost_at(points: Sequence[Record]) -> list[int]:
-    """Numbers of the values at which the law is lost."""
+    """Indices of the axis values at which the vehicle is lost."""
     return [k for k, point in enumerate(points) if point["lost"]]
 
 
@@ -129,12 +129,12 @@ HOW = (
 
 
 def envelope_picture(found: Record) -> bytes:
-    """PNG of every axis."""
+    """PNG of the results on all axes."""
     return image_bytes(envelope_figure(found["axes"], found["laws"]), dpi=DPI)
 
 
 def envelope_report(found: Record, picture: bytes | None = None) -> Report:
-    """Summary, and a table for each axis."""
+    """Build the report: summary, and a table for each axis."""
     axes, laws = found["axes"], found["laws"]
     seconds = " and ".join(f"{each:g} s" for each in sorted({axis["window_s"][1] for axis in axes.values()}))
     counted = [f"{len(each)} {one if len(each) == 1 else many}" for each, one, many in
@@ -157,7 +157,7 @@ def envelope_report(found: Record, picture: bytes | None = None) -> Report:
 
 
 def summary_section(found: Record, picture: bytes | None = None) -> Section:
-    """The range of every law along every axis."""
+    """Summary of the range of every controller along every axis."""
     axes, laws = found["axes"], found["laws"]
     words = [f"{law} does not fly: {why}" for law, why in found["not_flown"].items()]
     return Section(
@@ -169,7 +169,7 @@ def summary_section(found: Record, picture: bytes | None = None) -> Section:
 
 
 def cell_text(point: Record, judged: str) -> str:
-    """Mean and largest error in mm; of a step overshoot in mm and time away in s; or that the vehicle was lost.
+    """Table cell: mean and largest error in mm, step overshoot in mm and time outside in s, or loss of the vehicle.
 
     Of perturbed plants how many keep the tip and how many are lost, the median of their means and the largest error.
     """
@@ -188,22 +188,22 @@ def cell_text(point: Record, judged: str) -> str:
 
 
 def axis_head(axis: Record) -> list[str]:
-    """Names of the columns of an axis."""
+    """Column heads of an axis table: controller, then values with their unit."""
     return ["law", *(f">{value:g} {axis['unit']}" for value in axis["values"])]
 
 
 def axis_rows(axis: Record) -> list[list[str]]:
-    """A row for each law."""
+    """Rows of an axis table, one per controller."""
     return [[law, *(cell_text(point, axis["judged"]) for point in points)] for law, points in axis["laws"].items()]
 
 
 def axis_title(name: str, axis: Record) -> str:
-    """Name, what is flown, and with which sensors."""
+    """Title of an axis: its name, trial and sensors."""
     return f"{name.replace('_', ' ')}: {axis['title']}{', with noise' if axis['noisy'] else ''} ({axis['judged']}, mm)"
 
 
 def reach_text(axis: Record, points: Sequence[Record]) -> str:
-    """Values up to which a law stays within each level, and where it is lost if anywhere."""
+    """Values up to which a controller stays within each error level, and the value at which the vehicle is lost."""
     values, gone = axis["values"], lost_at(points)
     counts = [within(points, level) for level in LEVELS]
     good = " / ".join(f"{values[count - 1]:g}" if count else DASH for count in counts)
@@ -211,7 +211,7 @@ def reach_text(axis: Record, points: Sequence[Record]) -> str:
 
 
 def summary_rows(axes: Record, laws: Sequence[str]) -> list[list[str]]:
-    """A row for each axis: its meaning and range, and the range and limit of each law."""
+    """Rows of the summary table: meaning and range of each axis, with the limits of each controller."""
     rows = []
     for name, axis in axes.items():
         values, unit = axis["values"], axis["unit"]
@@ -222,6 +222,6 @@ def summary_rows(axes: Record, laws: Sequence[str]) -> list[list[str]]:
 
 
 def summary_head(laws: Sequence[str]) -> list[str]:
-    """Names of its columns."""
+    """Column heads of the summary table."""
     levels = " / ".join(f"{1e3 * level:g}" for level in LEVELS)
     return [f"within {levels} mm up to", *(f">{law}" for law in laws)]

@@ -1,4 +1,4 @@
-"""Vehicle of an envelope: its hover, and the amplitude scale of each trial.
+"""Vehicle of a performance envelope: its hover scenario, and the scale of each trial.
 
 Amplitudes are stated for the paper's vehicle. Another vehicle is asked for as much as it can be asked for:
 
@@ -44,7 +44,7 @@ DURATION = 20.0
 
 @dataclass(frozen=True, kw_only=True)
 class Setting:
-    """A vehicle in hover, ready for a trial.
+    """Vehicle in hover, with the scales of its trials.
 
     Attributes:
         vehicle: name or file. hover: scenario that every trial is made from.
@@ -63,13 +63,13 @@ class Setting:
 
     @property
     def truth(self) -> Vehicle:
-        """The vehicle that is simulated."""
+        """Simulated vehicle, as opposed to the controller's nominal model."""
         return self.hover.plant.vehicle
 
 
 @lru_cache(maxsize=8)
 def setting_of(vehicle: str = PAPER, duration: float = DURATION, plant: str = "rigid_body") -> Setting:
-    """The setting of a vehicle by name or file.
+    """Setting of a vehicle given by name or file.
 
     Raises:
         VehicleError: no such vehicle.
@@ -99,7 +99,7 @@ def _require_arm(name: str, truth: Vehicle) -> None:
 
 
 def _hover(vehicle: str, truth: Vehicle, duration: float, plant: str) -> Scenario:
-    """A hover of the vehicle; the paper's with the nominal model and the gravities of the paper's cases."""
+    """Hover scenario of the vehicle; for the paper's vehicle, its nominal model and gravity constants."""
     if vehicle == PAPER:
         found = load_scenario("case3", plant=plant, duration=duration)
         return dataclasses.replace(found, name="hover", title="hover")
@@ -122,13 +122,13 @@ def _weight(vehicle: Vehicle) -> float:
 
 
 def _spare(vehicle: Vehicle) -> float:
-    """Largest thrust over weight, less one; of rotors without a highest speed as of three times the weight."""
+    """Thrust-to-weight ratio minus one; a ratio of 3 is assumed for rotors without a speed limit."""
     most = float(highest_thrust(vehicle)) / (9.81 * _weight(vehicle))
     return (most if math.isfinite(most) else 3.0) - 1.0
 
 
 def _joint_room(joint: Any) -> tuple[float, float]:
-    """Middle and unit amplitude of a joint's swing."""
+    """Middle and unit amplitude of a joint's swing within its limits."""
     low, high = float(joint.lower), float(joint.upper)
     middle = 0.0 if low < 0.0 < high or not math.isfinite(low + high) else 0.5 * (low + high)
     room = min(middle - low, high - middle)

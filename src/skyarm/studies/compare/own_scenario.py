@@ -1,4 +1,4 @@
-"""Laws side by side on a user's scenario, flown as its file describes it, on any plant."""
+"""Comparison of controllers on a user's scenario."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ COLUMNS: Sequence[tuple[str, str, float]] = (
 
 @dataclass(frozen=True, kw_only=True)
 class GivenFlights(Flights):
-    """Flights of a scenario as ``skyarm run FILE --controller LAW`` flies it, one for each number of its noise."""
+    """Flights of a scenario as with ``skyarm run FILE --controller LAW``, one per noise seed."""
 
     def scenario(self) -> Scenario:
-        """The scenario that every episode starts from."""
+        """Base scenario of all episodes."""
         law = None if self.entrant.name == OWN else self.entrant.law
         found = load_scenario(self.case.scenario, plant=self.plant, controller=law)
         return dataclasses.replace(found, seed=self.seed)
@@ -53,7 +53,7 @@ class GivenFlights(Flights):
 
 @dataclass(frozen=True, kw_only=True)
 class OwnScenario(Suite[GivenFlights]):
-    """The suite of laws on one scenario.
+    """Suite of several controllers on one scenario.
 
     Attributes:
         scenario: file or name of a shipped one. laws: that fly after the scenario's own, any controllers.
@@ -76,11 +76,11 @@ class OwnScenario(Suite[GivenFlights]):
 
     @property
     def options(self) -> Document:
-        """Seed and plant."""
+        """Seed and plant, as plain data."""
         return {"seed": self.seed, "plant": self.plant}
 
     def plan_cells(self) -> tuple[list[GivenFlights], Refused]:
-        """A cell for each law.
+        """One cell per controller, and reasons why a controller is excluded.
 
         Raises:
             ScenarioError: no such scenario, or a law that is none.
@@ -99,12 +99,12 @@ class OwnScenario(Suite[GivenFlights]):
         return [GivenFlights(entrant=each, **options) for each in entrants], {}
 
     def judge(self, todo: Sequence[GivenFlights], cells: Sequence[Cell], refused: Refused) -> Document:
-        """Summaries, and differences from the first law."""
+        """Summaries of all cells, and paired differences from the first controller."""
         named = {flights.name: cell for flights, cell in zip(todo, cells, strict=True)}
         return {"summaries": table(named), "paired": pairs(named)}
 
     def report(self, found: Record, pictures: Mapping[str, bytes] | None = None) -> Report:
-        """One table: a row per law, means over the flights that came to their end."""
+        """Report with one table: a row per controller, means over completed flights."""
         (case, laws), *_ = found["summaries"][AS_GIVEN].items()
         columns = [*COLUMNS, *((name, name, 1.0) for name in names("metric"))]
         rows = []

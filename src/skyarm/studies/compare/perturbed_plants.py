@@ -1,4 +1,4 @@
-"""Perturbed plants, drawn once and flown by every law; the spread for any vehicle by its mass, arm and thrust."""
+"""Perturbed plants for robustness tests, the same for every controller, with a spread scaled to the vehicle."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ CHANNEL_MASS, CHANNEL_COM, CHANNEL_INERTIA, CHANNEL_ROTORS, CHANNEL_WORLD, CHANN
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Spread:
-    """Bounds of the model mismatch of a plant; every number is uniform and drawn for each body separately.
+    """Bounds of the model mismatch; each parameter is drawn uniformly and for each body separately.
 
     Attributes:
         mass: share of each body's mass. com: m, each axis of each body. inertia: share of each body's inertia tensor
@@ -47,7 +47,7 @@ class Spread:
 
 
 def draw(scenario: Scenario, spread: Spread, count: int, *, seed: int) -> dict[str, Array]:
-    """Values of ``count`` plants by dotted path; the same for every law, whatever else flies.
+    """Draw perturbed plants: parameter path -> (count,) values, independent of the controllers compared.
 
     Args:
         scenario: its truth is the middle of the spread.
@@ -91,7 +91,7 @@ def draw(scenario: Scenario, spread: Spread, count: int, *, seed: int) -> dict[s
 
 
 def _directions(square: Array) -> Array:
-    """Points of the unit sphere from points of the square [-1, 1]^2, uniform by area.
+    """Map points of the square [-1, 1]^2 to the unit sphere, uniform by area.
 
     Source: Archimedes: height and azimuth of a uniform point are uniform and independent.
     """
@@ -111,7 +111,7 @@ RESERVE = 0.9
 
 
 def spread_of(vehicle: Vehicle, gravity: float, delay: float) -> tuple[Spread, float]:
-    """The comparison's spread for a vehicle, and the share of payload and wind that it its thrust allows.
+    """Scale the standard spread to a vehicle; returns it with the share of payload and wind that its thrust allows.
 
     Masses, inertias, thrust and delay keep their shares; the centre of mass goes with the arm's length, payload and
     wind with the weight, joint damping with the arm's inertia. Payload and wind shrink together where the thrust in a
@@ -134,7 +134,7 @@ def spread_of(vehicle: Vehicle, gravity: float, delay: float) -> tuple[Spread, f
 
 
 def arm_length(vehicle: Vehicle) -> float:
-    """m: from base to tip along the stretched arm; without one, the widest distance of a rotor from the base."""
+    """Length from base to tip of the stretched arm, m; without an arm, the largest rotor distance from the base."""
     links = [math.sqrt(float(link.joint.position.dot(link.joint.position))) for link in vehicle.links]
     tip = next((frame for frame in vehicle.frames if frame.name == vehicle.end_effector), None)
     if tip is not None and links:
@@ -147,14 +147,14 @@ def _length(v: Vec3) -> float:
 
 
 def thrust_margin(vehicle: Vehicle, gravity: float) -> float:
-    """Largest thrust over that of a hover, of the rotor with the least."""
+    """Smallest ratio of maximum to hover thrust over all rotors."""
     trim = hover_trim(vehicle, (0.0,) * vehicle.n, gravity)
     shares = [(float(r.max_speed) / max(float(w), 1e-9)) ** 2 for w, r in zip(trim.speeds, vehicle.rotors, strict=True)]
     return min(shares, default=math.inf)
 
 
 def fitted_damping(scenario: Scenario, spread: Spread, values: dict[str, Array]) -> dict[str, Array]:
-    """Drawn values with the damping of every joint from none to a limit by its inertia, or to twice its own.
+    """Rescale the drawn joint damping: from zero to a limit set by the joint's inertia or nominal damping.
 
     Args:
         scenario: its truth is the middle of the spread.

@@ -1,4 +1,4 @@
-"""Suites of flights: trials by laws under conditions, flown into a folder, judged, and written as one report.
+"""Suites of flights: run trials with several controllers into a folder, evaluate them, write one report.
 
 A suite says what flies and how it is judged; the rest is here. Each cell is a file of its own from the moment it has
 flown, so that a suite that was killed continues; ``flights.parquet`` holds every flight of all cells in a row.
@@ -43,7 +43,7 @@ Refused = Mapping[str, str]
 
 
 class Suite(ABC, Generic[F]):
-    """Flights of a study and their evaluation.
+    """Suite: flights of a study and their evaluation.
 
     Attributes:
         name: of the suite. file: name of its results, without the suffix.
@@ -55,27 +55,27 @@ class Suite(ABC, Generic[F]):
     @property
     @abstractmethod
     def options(self) -> Document:
-        """Plain options that fix the report, for its results and to distinguish two reports."""
+        """Options that determine the report, as plain data."""
 
     @abstractmethod
     def plan_cells(self) -> tuple[Sequence[F], Refused]:
-        """The flights of every cell, and why a law does not fly."""
+        """Flights of all cells, and reasons why a controller is excluded."""
 
     @abstractmethod
     def judge(self, todo: Sequence[F], cells: Sequence[Cell], refused: Refused) -> Document:
-        """The results as plain data."""
+        """Evaluate all cells; returns the results as plain data."""
 
     def pictures(self, found: Record) -> dict[str, bytes]:
-        """File in the folder -> PNG of the page."""
+        """File name in the folder -> PNG of a picture of the report."""
         return {}
 
     @abstractmethod
     def report(self, found: Record, pictures: Mapping[str, bytes] | None = None) -> Report:
-        """The results for people."""
+        """Build the report of the results."""
 
 
 def fly_suite(suite: Suite[F], folder: Path, *, threads: int = 1, progress: Progress | None = None) -> Document:
-    """Fly the missing cells of a suite, write the folder's files, and return the content of its JSON file.
+    """Simulate the missing cells of a suite, write its files, and return the content of its JSON file.
 
     Raises:
         ValueError: no law flies any trial.
@@ -99,7 +99,7 @@ def fly_suite(suite: Suite[F], folder: Path, *, threads: int = 1, progress: Prog
 
 
 def prepare(folder: Path) -> None:
-    """Make the folders of a suite.
+    """Create the folders of a suite.
 
     Raises:
         OSError: one of them cannot be written.
@@ -109,7 +109,7 @@ def prepare(folder: Path) -> None:
 
 
 def fly_all(todo: Sequence[Flights], folder: Path, *, threads: int = 1, progress: Progress | None = None) -> list[Cell]:
-    """Cells in order; those that the folder holds are not flown again.
+    """Simulate all cells in order, except for those already in the folder.
 
     Args:
         todo: flights of each cell.
@@ -152,7 +152,7 @@ def fly_all(todo: Sequence[Flights], folder: Path, *, threads: int = 1, progress
 
 
 def _pieces(flights: Flights) -> list[int | None]:
-    """Work of a cell that processes share: its episodes, a whole small batch (None), or nothing of a large one."""
+    """Split a cell into parallel jobs: its episodes, one small batch (None), or none for a large batch."""
     scenario = flights.scenario()
     count = flights.episodes(scenario)
     return list(range(count)) if flights.alone(scenario) else [None] if count <= SMALL else []
@@ -187,7 +187,7 @@ def write_suite(suite: Suite[F], found: Record, pictures: dict[str, bytes], fold
 
 
 def write_flights(todo: Sequence[Flights], cells: Sequence[Cell], folder: Path) -> None:
-    """Write every flight of all cells as a row of ``flights.parquet``, where pyarrow is installed."""
+    """Write every flight of all cells as a row of ``flights.parquet`` if pyarrow is installed."""
     if find_spec("pyarrow") is None:
         return
     import pyarrow as pa

@@ -1,4 +1,4 @@
-"""Flights of the comparison: the paper's five cases and harder ones, from perfect to all conditions perturbed."""
+"""Cases and conditions of the comparison: the paper's five cases and harder ones, perfect to perturbed."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ GROUND = False
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Case:
-    """A scenario of the suite.
+    """Case of the comparison: a scenario.
 
     Attributes:
         name: short name. title: one line. scenario: shipped scenario it starts from.
@@ -44,7 +44,7 @@ class Case:
     windows: Windows = Windows()
 
     def build(self) -> Scenario:
-        """The scenario with perfect sensors; its controller is replaced by an entrant's."""
+        """Scenario of the case with perfect sensors and a placeholder controller."""
         found = load_scenario(self.scenario)
         world = found.plant
         if self.payload:
@@ -55,12 +55,12 @@ class Case:
 
 
 def force_wind(scenario: Scenario) -> ForceWind:
-    """The scenario's wind force; none where its wind is of another kind."""
+    """Wind force of a scenario; a zero one if its wind is of another kind."""
     return scenario.wind if isinstance(scenario.wind, ForceWind) else ForceWind()
 
 
 def turn_wind(wind: ForceWind, angle: float) -> ForceWind:
-    """The wind turned about the vertical; its gust stays where it was."""
+    """Rotate the wind about the vertical; the gust keeps its times."""
     if not angle:
         return wind
     c, s = math.cos(angle), math.sin(angle)
@@ -95,7 +95,7 @@ PAPER_CASES = ("case1", "case2", "case2_gust", "case3", "case3_wind")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Condition:
-    """Sensors, delays and plants under which a case is flown.
+    """Condition of a case: sensors, delays and plants.
 
     Attributes:
         name: short name. title: one line. noisy: sensor noise and :data:`DELAY`; entrants use their gains for it.
@@ -111,7 +111,7 @@ class Condition:
     spread: Spread | None = None
 
     def apply(self, scenario: Scenario) -> Scenario:
-        """The scenario under this condition, except for its controller."""
+        """Scenario of a case under this condition."""
         # a spread has a delay of its own, from none at all
         delays = Delays(measurement=DELAY if self.noisy and not self.spread else 0.0)
         if self.spread and self.spread.delay:
@@ -120,7 +120,7 @@ class Condition:
 
 
 def conditions(plants: int = 1000, seeds: int = 8) -> dict[str, Condition]:
-    """The columns of the suite.
+    """All conditions, in the order of the tables.
 
     Args:
         plants: perturbed plants.

@@ -1,4 +1,4 @@
-"""Summary of a cell: means, tails, successes, with intervals."""
+"""Statistics of a cell: means, tail quantiles and success rates, with confidence intervals."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SUCCESS_METRIC, SUCCESS_LIMIT = "ee_error_last_max_continuous", 0.020
 
 
 def summary(cell: Cell) -> Document:
-    """Episodes, successes with Wilson's interval, and of each metric mean, its bootstrap interval, 95th percentile.
+    """Statistics of a cell: success rate (Wilson interval), and mean (bootstrap interval) and tail of each metric.
 
     Metrics are those of the episodes that flew to their end; null where none did. Peaks along an axis count by their
     size: of two flights that swing either way the mean is no small peak.
@@ -36,12 +36,12 @@ def summary(cell: Cell) -> Document:
 
 
 def magnitudes(name: str, values: Array) -> Array:
-    """Values of a metric, peaks along an axis without their sign."""
+    """Values of a metric, absolute for signed peaks along an axis."""
     return np.abs(values) if "peak" in name else values
 
 
 def successes(cell: Cell) -> npt.NDArray[np.bool_]:
-    """True for episodes that are a success."""
+    """True for each successful episode."""
     with np.errstate(invalid="ignore"):
         return cell.completed & (cell.metrics[SUCCESS_METRIC] < SUCCESS_LIMIT)
 
@@ -61,7 +61,7 @@ def _spread(values: Array) -> Document | None:
 
 
 def paired_difference(first: Cell, second: Cell, metric: str) -> dict[str, float] | None:
-    """Difference of a metric between two entrants on the same episodes, over those that both flew to the end."""
+    """Paired difference of a metric between two controllers, over episodes that both completed."""
     both = first.completed & second.completed
     difference = (np.asarray(first.metrics[metric]) - np.asarray(second.metrics[metric]))[both]
     difference = difference[np.isfinite(difference)]
@@ -72,7 +72,7 @@ def paired_difference(first: Cell, second: Cell, metric: str) -> dict[str, float
 
 
 def table(cells: Mapping[tuple[str, str, str], Cell]) -> Document:
-    """Summaries by condition, case, entrant."""
+    """Nested table of summaries by condition, case and controller."""
     found: Document = {}
     for (condition, case, entrant), cell in cells.items():
         found.setdefault(condition, {}).setdefault(case, {})[entrant] = summary(cell)
@@ -80,7 +80,7 @@ def table(cells: Mapping[tuple[str, str, str], Cell]) -> Document:
 
 
 def pairs(cells: Mapping[tuple[str, str, str], Cell], metric: str = SUCCESS_METRIC) -> Document:
-    """Paired differences of every entrant from the first, by condition, case, entrant, where both flew the same."""
+    """Paired differences of every controller from the first, by condition and case with equal episodes."""
     firsts: dict[tuple[str, str], tuple[str, Cell]] = {}
     found: Document = {}
     for (condition, case, entrant), cell in cells.items():

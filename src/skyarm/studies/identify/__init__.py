@@ -1,4 +1,4 @@
-"""Identification of a scenario's numbers from measurements, and of delays and lags from a log.
+"""System identification: scenario parameters from measurements, delays and lags from a log.
 
 Parameters by path, cells by metric, a loss, a search, profiles; inverse dynamics, lagged commands, a whitened fit.
 """

@@ -1,4 +1,4 @@
-"""Models of a logged flight: forces that its motion needed, and forces that lagged commands make.
+"""Regression models for lag identification: forces from logged motion, and forces from lagged commands.
 
 Needed forces follow from the model's inverse dynamics. Rotors and joint drives make means over control periods of
 logged commands, for many delays and lags at once. A log is cut into stretches that are followed side by side, each from
@@ -32,7 +32,7 @@ UNEVEN = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Needed:
-    """Means over the N - 1 control periods of a log.
+    """Inverse dynamics of a log: mean wrench and joint efforts over each of its N - 1 control periods.
 
     Attributes:
         period: s. wrench: (N - 1, 6) force and torque at the base origin, base axes, N and N m.
@@ -46,7 +46,7 @@ class Needed:
 
 
 def control_period(log: Log) -> float:
-    """Time between two instants of a log, s.
+    """Control period of a log, s.
 
     Raises:
         ValueError: it is too short, or its instants are not evenly spaced.
@@ -62,7 +62,7 @@ def control_period(log: Log) -> float:
 
 
 def model_forces(vehicle: Vehicle, log: Log, gravity: float) -> Needed:
-    """Forces by the model, from differences of the logged velocities.
+    """Wrench and joint efforts by inverse dynamics, from finite differences of the logged velocities.
 
     Args:
         vehicle: the model, without friction.
@@ -99,12 +99,12 @@ def model_forces(vehicle: Vehicle, log: Log, gravity: float) -> Needed:
 
 
 def _middle(rows: Array) -> Array:
-    """(N - 1, ...) between two rows."""
+    """Mean of each pair of consecutive rows (N - 1, ...)."""
     return 0.5 * (rows[1:] + rows[:-1])
 
 
 def to_base(quaternion: Array, vectors: Array) -> Array:
-    """Vectors (N, 3) of world axes in base axes; quaternion (N, 4) wxyz, base to world."""
+    """Rotate vectors (N, 3) from world axes to base axes; quaternion (N, 4) wxyz, base to world."""
     w, axis = quaternion[:, :1], -quaternion[:, 1:]
     turned = 2.0 * np.cross(axis, vectors)
     found: Array = vectors + w * turned + np.cross(axis, turned)
@@ -123,7 +123,7 @@ USUAL = 0.02
 
 @dataclass(frozen=True, slots=True)
 class Followed:
-    """Commands in stretches, oldest first.
+    """Commands cut into overlapping time blocks, to simulate their lag in parallel.
 
     Attributes:
         commands: (steps + 2, stretches, columns) commands of the periods of each stretch, shifted by nothing.
@@ -137,7 +137,7 @@ class Followed:
 
     @classmethod
     def of(cls, commands: Array, period: float, longest: float, slowest: float) -> Followed:
-        """Cut commands (N, columns), one a control instant, into stretches.
+        """Cut commands (N, columns), one per control period, into time blocks.
 
         Args:
             commands: as sent; before the first, that one is taken to have been sent for ever.
@@ -153,13 +153,13 @@ class Followed:
         return cls(commands[np.clip(places, 0, periods)], before, periods, late)
 
     def in_periods(self, means: Array) -> Array:
-        """(candidates, periods, columns) of means (steps, candidates, stretches, columns)."""
+        """Reorder block means (steps, candidates, stretches, columns) to (candidates, periods, columns)."""
         kept = means[self.before :]
         joined = kept.transpose(1, 2, 0, 3).reshape(kept.shape[1], -1, kept.shape[3])
         return joined[:, : self.periods]
 
     def means(self, period: float, delay: Array, up: Array, down: Array, *, squared: bool) -> Array:
-        """Means over every period of what follows the commands with a dead time and a first-order lag.
+        """Mean response per period to the commands with a dead time and a first-order lag.
 
         The approach to a held command is monotonic: one time constant holds for it, and its mean is exact.
 
@@ -201,20 +201,20 @@ class Followed:
 
 
 def believed_lags(rotors: Sequence[Rotor]) -> tuple[Array, Array]:
-    """Nominal time constants of each rotor up and down, s; a usual one where the model has none."""
+    """Nominal time constants of each rotor, rising and falling, s; default values where the model has none."""
     pairs = np.array([[float(r.time_constant_up), float(r.time_constant_down)] for r in rotors])
     pairs = np.where(pairs > 0.0, pairs, USUAL)
     return pairs[:, 0], pairs[:, 1]
 
 
 def pushes_of(rotors: Sequence[Rotor], squares: Array) -> Array:
-    """Thrust over thrust coefficient of mean squared speeds (..., rotors); a table is read at the root of the mean."""
+    """Thrust over thrust coefficient, (rad/s)^2, of rotors with mean squared speeds (..., rotors)."""
     columns = [squares[..., i] if r.table is None else push(r, np.sqrt(squares[..., i])) for i, r in enumerate(rotors)]
     return np.stack(columns, axis=-1)
 
 
 def wrench_of_pushes(rotors: Sequence[Rotor]) -> Array:
-    """(6, rotors): force, then torque at the base origin, base axes, of a push of 1 (rad/s)^2 of each rotor."""
+    """Allocation matrix (6, rotors): force and torque at the base origin, base axes, per (rad/s)^2 of each rotor."""
     found = []
     for i in range(len(rotors)):
         force = rotor_forces(rotors, [float(k == i) for k in range(len(rotors))], ZERO3, ZERO3)

@@ -1,4 +1,4 @@
-"""Delays of a vehicle's loops, identified from a flight's log: of commands, with lags of rotors and joint drives.
+"""Identification of command delays and of rotor and joint drive lags from a flight log.
 
 Motion gives by inverse dynamics the forces that acted; commands, a dead time and a first-order lag give those that
 should have. The dead time and the time constants by which both agree best are found by least squares
@@ -37,7 +37,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Estimated:
-    """A number with the interval that holds it in 95 of 100 flights; SI."""
+    """Estimate with its 95 % confidence interval, SI units."""
 
     value: float
     low: float
@@ -45,13 +45,13 @@ class Estimated:
 
     @classmethod
     def of(cls, value: float, half: float, *, least: float = 0.0) -> Estimated:
-        """Within half a width, and not below what it can be."""
+        """Create an estimate with a symmetric interval of a half-width, cut at the least possible value."""
         return cls(value=value, low=max(least, value - half), high=value + half)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Lag:
-    """Lag of a group of actuators.
+    """Identified delay and time constants of a group of actuators.
 
     Attributes:
         name: "rotors", or the joint's. together: s, dead time and lag, as a small swing meets them.
@@ -73,13 +73,13 @@ class Lag:
 
     @property
     def is_known(self) -> bool:
-        """True if the flight determines the lag."""
+        """True if the log determines the lag."""
         return not self.reason
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LoopLags:
-    """Loop lags identified from a log.
+    """Delays and lags identified from a log.
 
     Attributes:
         period: s, of the control. seconds: of the log.
@@ -99,7 +99,7 @@ PHYSICS_STEP = 0.001
 
 
 def lag_tables(found: LoopLags, measured: float = 0.0) -> str:
-    """TOML to paste: delays of plant and law, the rotors' time constants, the joints' drives; empty if none is known.
+    """TOML tables of the identified delays, rotor time constants and joint drives; empty if none was identified.
 
     Args:
         found: in a log.
@@ -174,7 +174,7 @@ DELAY_STEP, FACTOR_STEP, GAIN_STEP = 2.5e-4, 0.03, 0.02
 
 
 def loop_lags(log: Log, vehicle: Vehicle, gravity: float = 9.81) -> LoopLags:
-    """Find delays and lags in the log of a flight.
+    """Identify delays and lags from the log of a flight.
 
     Args:
         log: of one flight, a row a control period.
@@ -205,7 +205,7 @@ def loop_lags(log: Log, vehicle: Vehicle, gravity: float = 9.81) -> LoopLags:
 
 
 def rotor_lag(vehicle: Vehicle, log: Log, motion: Needed) -> Lag:
-    """Delay of the rotors' commands, and their time constants."""
+    """Identify the delay of the rotor commands and the rotors' time constants."""
     up, down = believed_lags(vehicle.rotors)
     limits = np.array([float(rotor.max_speed) for rotor in vehicle.rotors])
     commands = np.clip(log.rotor_commands, 0.0, limits)
@@ -239,7 +239,7 @@ def rotor_lag(vehicle: Vehicle, log: Log, motion: Needed) -> Lag:
 
 
 def joint_lag(name: str, log: Log, motion: Needed, joint: int) -> Lag:
-    """Delay of a joint's commands, and the lag of its drive."""
+    """Identify the delay of a joint's commands and the lag of its drive."""
     commands = log.efforts[:, joint : joint + 1]
     if not _stirring(commands):
         return _untold(name, "the commands hardly change")
@@ -264,7 +264,7 @@ def joint_lag(name: str, log: Log, motion: Needed, joint: int) -> Lag:
 
 
 def _lag(name: str, found: Fit, period: float, nominal: Array) -> Lag:
-    """A fitted lag with its intervals.
+    """Convert a fit to a lag with its intervals.
 
     Args:
         name: of the group.
@@ -301,7 +301,7 @@ def _fit(
     constants: int,
     friction: Array | None = None,
 ) -> Fit:
-    """Fit dead time and lags, the strength of each row, and a viscous friction where there is one.
+    """Fit dead time, time constants, a gain per row, and optionally viscous friction.
 
     Args:
         predicted: (candidates, own parameters) -> (candidates, N, rows).
@@ -347,13 +347,13 @@ def _half(found: Fit, weights: list[float]) -> float:
 
 
 def _constant(value: float, half: float, floor: float) -> Estimated:
-    """A time constant, s, whose logarithm has an interval, no narrower than what sampling and model leave, s."""
+    """Time constant, s, with an interval from the half-width of its logarithm and a least half-width, s."""
     width = math.hypot(min(half, 5.0), floor / value)
     return Estimated(value=value, low=value * math.exp(-width), high=value * math.exp(width))
 
 
 def _with_verdict(lag: Lag, found: Fit) -> Lag:
-    """The identified lag, with a reason where the flight does not determine it."""
+    """Lag with the reason why the log does not determine it, if it does not."""
     half = lag.together.high - lag.together.value
     alone = lag.delay.high - lag.delay.value
     reason = ""
@@ -369,7 +369,7 @@ def _with_verdict(lag: Lag, found: Fit) -> Lag:
 
 
 def _stirring(commands: Array) -> bool:
-    """True if commands (N, columns) change between instants by more than rounding and settling explain."""
+    """True if commands (N, columns) vary enough between control periods to excite the dynamics."""
     return bool(np.std(np.diff(commands, axis=0)) > STIRRING * np.sqrt(np.mean(commands**2)))
 
 

@@ -1,4 +1,4 @@
-"""Least squares of impulses whose residuals are white: parameters, intervals, and how much they explain.
+"""Least squares with prewhitened residuals: parameters, confidence intervals, explained variance.
 
 A residual is what a candidate's prediction leaves of an impulse, summed up over time: what the law saw as noise of the
 rates is white in it, what disturbs is slow. Each row is whitened by an autoregressive filter that is found from its own
@@ -53,13 +53,13 @@ class Fit:
     beyond: npt.NDArray[np.bool_]
 
     def half_width(self, direction: Sequence[float] | Array) -> float:
-        """Half-width of the interval of a sum of parameters with these weights."""
+        """Half-width of the confidence interval of a weighted sum of the parameters."""
         weights = np.asarray(direction, dtype=float)
         return self.quantile * float(np.sqrt(max(float(weights @ self.covariance @ weights), 0.0)))
 
 
 def scipy_parts() -> tuple[Any, Any]:
-    """SciPy's least squares, and quantiles of Student's t.
+    """SciPy's ``least_squares`` and Student's t distribution.
 
     Raises:
         ValueError: it is not installed.
@@ -75,7 +75,7 @@ def scipy_parts() -> tuple[Any, Any]:
 def fit(
     left: Left, nothing: Array, starts: Array, bounds: tuple[Array, Array], steps: Array, blocks: int, size: Array
 ) -> Fit:
-    """Find the parameters whose predictions leave the least.
+    """Fit parameters by nonlinear least squares on whitened residuals.
 
     Args:
         left: what candidates leave.
@@ -98,7 +98,7 @@ def fit(
         return np.stack([_white(each, filters, scales) for each in left(parameters)])
 
     def around(x: Array) -> tuple[Array, Array]:
-        """Residual at some parameters, and its slopes: neighbours on both sides are followed in one go."""
+        """Residual at the parameters, and its Jacobian by central differences in one batch."""
         low, high = np.maximum(x - steps, bounds[0]), np.minimum(x + steps, bounds[1])
         every = np.repeat(x[None, :], 2 * len(x) + 1, axis=0)
         index = np.arange(len(x))
@@ -110,7 +110,7 @@ def fit(
     last: dict[bytes, tuple[Array, Array]] = {}
 
     def once(x: Array) -> tuple[Array, Array]:
-        """The last place is kept: slopes are computed with the residual."""
+        """Residual at the parameters, with the result of the last call cached."""
         if x.tobytes() not in last:
             last.clear()
             last[x.tobytes()] = around(x)
@@ -141,7 +141,7 @@ def fit(
 
 
 def _jackknife_scores(slope: Array, error: Array, curvature: Array, blocks: int) -> Array:
-    """(blocks, parameters) scores of every block, of residuals of the fit without it.
+    """Block jackknife scores (blocks, parameters): each block by residuals of the fit without it.
 
     A fit comes closest to the blocks that tell most, so that their own residuals are too small: of the block b,
     with G_b = S_b^T S_b of its slopes and A the inverse of the whole, (I - G_b A)^-1 S_b^T e_b is the score of what
@@ -156,12 +156,12 @@ def _jackknife_scores(slope: Array, error: Array, curvature: Array, blocks: int)
 
 
 def blocks_of(seconds: float) -> int:
-    """Blocks of a flight of so many seconds."""
+    """Number of jackknife blocks of a flight of given duration, s."""
     return max(FEWEST, int(seconds / BLOCK))
 
 
 def _filter(left: Array, ridge: float) -> Array:
-    """Coefficients that predict a residual (N,) from those before it."""
+    """Coefficients of an autoregressive model of a residual (N,)."""
     centred = left - left.mean()
     past = np.stack([centred[ORDER - 1 - i : len(centred) - 1 - i] for i in range(ORDER)], axis=1)
     square = past.T @ past + len(past) * ridge**2 * np.eye(ORDER)
@@ -169,7 +169,7 @@ def _filter(left: Array, ridge: float) -> Array:
 
 
 def _white(left: Array, filters: Sequence[Array], scales: Array) -> Array:
-    """(N - order, rows) what is left, less what its past foretells of it, over its size."""
+    """Whitened residual (N - order, rows): autoregressive prediction error over its scale."""
     found = left[ORDER:].copy()
     for i, coefficients in enumerate(filters):
         for k, c in enumerate(coefficients):

@@ -1,4 +1,4 @@
-"""Evidence of stability: the linearised sampled loop with its margins."""
+"""Stability analysis: linearised sampled-data loop and its margins."""
 
 from skyarm.studies.stability.margins import Margins, margins
 

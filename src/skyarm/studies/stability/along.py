@@ -1,4 +1,4 @@
-"""Margins in hover and at instants along a flight, and Nyquist loci of the loops in hover."""
+"""Stability margins in hover and along a flight, and Nyquist loci of the loops in hover."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SETTLING = 5.0
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Instant:
-    """Margins at one time of a flight, for each of ``LAGS``.
+    """Stability margins at one time of a flight, for each rotor lag of ``LAGS``.
 
     Attributes:
         hover: True for the flight that only hovers. time: s.
@@ -43,22 +43,22 @@ class Instant:
 
     @property
     def delay(self) -> float:
-        """The smaller delay margin, s."""
+        """Delay margin, s: the smaller one of the rotor lags."""
         return min(each.delay for each in self.by_lag.values())
 
     @property
     def radius(self) -> float:
-        """The larger spectral radius."""
+        """Spectral radius of the closed loop: the larger one of the rotor lags."""
         return max(each.radius for each in self.by_lag.values())
 
     def gain(self, field: str) -> tuple[float, float]:
-        """The narrower interval of "rotor_gain" or "joint_gain"."""
+        """Gain margin as an interval, intersected over the rotor lags; field "rotor_gain" or "joint_gain"."""
         lows, highs = zip(*(getattr(each, field) for each in self.by_lag.values()), strict=True)
         return max(lows), min(highs)
 
 
 def instant_at(open_loop: Callable[[str], OpenLoop], *, hover: bool, time: float, measured: bool = True) -> Instant:
-    """Margins at one time of a flight.
+    """Compute the stability margins at one time of a flight.
 
     Args:
         open_loop: the loop with the rotors' time constant upward, downward or between.
@@ -72,7 +72,7 @@ def instant_at(open_loop: Callable[[str], OpenLoop], *, hover: bool, time: float
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Evidence:
-    """Margins of one controller and scenario.
+    """Stability margins of one controller on one scenario.
 
     Attributes:
         completed: False where the nominal flight ended early.
@@ -87,7 +87,7 @@ class Evidence:
 
 
 def hovering(scenario: Scenario) -> Scenario:
-    """The scenario's first reference held in calm air, long enough to settle; nothing fails."""
+    """Scenario that holds the initial reference in calm air without faults, long enough to settle."""
     start = scenario.reference.at(0.0)
 
     def constant(value: Any) -> Constant:
@@ -113,7 +113,7 @@ def hovering(scenario: Scenario) -> Scenario:
 
 
 def margins(scenario: Scenario, instants: int = 4, progress: Callable[[int, int], object] | None = None) -> Evidence:
-    """Margins of a scenario's loop, as ``skyarm margins`` prints them; what the law adapts slowly is held.
+    """Stability margins of a scenario's loop, as printed by ``skyarm margins``, with slow adaptation frozen.
 
     Args:
         scenario: on any plant; the rigid-body plant is linearised.
@@ -127,7 +127,7 @@ def margins(scenario: Scenario, instants: int = 4, progress: Callable[[int, int]
 
 
 def evidence(scenario: Scenario, instants: int = 4, progress: Callable[[int, int], object] | None = None) -> Evidence:
-    """Margins in hover and at ``instants`` times along the scenario, equally far apart, the last at its end.
+    """Stability margins in hover and at ``instants`` equally spaced times of the scenario, the last at its end.
 
     Noise, disturbances that remember, as turbulence, and what is scheduled in flight are left out, on the rigid-body
     plant. Along a flight each instant is linearised as if time stood still: that every one is stable is no proof that
@@ -166,7 +166,7 @@ def evidence(scenario: Scenario, instants: int = 4, progress: Callable[[int, int
 def _along(
     flight: Scenario, count: int, hover: bool, told: Callable[[int], None], before: int
 ) -> tuple[list[Instant], bool]:
-    """Instants of one flight, and True if it was completed; reports progress with those ``before``."""
+    """Margins along one flight, and True if it was completed; progress counts on from ``before``."""
     found: list[Instant] = []
     for frozen in frozen_instants(flight, count):
         found.append(instant_at(frozen.open_loop, hover=hover, time=frozen.time))
@@ -176,7 +176,7 @@ def _along(
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Frozen:
-    """A flight at one instant.
+    """State of a flight at one instant, for linearisation.
 
     Attributes:
         time: s. differentiator: of the flight. carry: its loop state. row: leaves of what the instant is fed.
@@ -188,12 +188,12 @@ class Frozen:
     row: list[float]
 
     def open_loop(self, lag: str) -> OpenLoop:
-        """The linearised open loop, with the rotors' time constant upward, downward or between."""
+        """Linearised open loop with the rotors' rising, falling or intermediate time constant."""
         return self.differentiator.at(self.carry, self.row, lag)
 
 
 def frozen_instants(flight: Scenario, count: int) -> Iterator[Frozen]:
-    """A flight at ``count`` times, equally far apart, the last at its end; fewer where it ends early."""
+    """Iterate over ``count`` equally spaced instants of a flight, the last at its end; fewer if it ends early."""
     flight = flight.with_words(kind="rigid_body")
     engine = Engine(EpisodeCode(flight, commands=False, effort=0))
     inputs, differentiator = engine.inputs, Differentiator(flight)
@@ -220,7 +220,7 @@ POINTS = 500
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Locus:
-    """One loop of those that are cut.
+    """Nyquist locus of one loop.
 
     Attributes:
         margin: its disk margin. L: its open-loop response under negative feedback, by ascending frequency.
@@ -231,13 +231,13 @@ class Locus:
 
 
 def hover_loci(scenario: Scenario) -> list[Locus]:
-    """The weakest loop of each kind in hover, with the rotors' time constant downward; none where it is lost."""
+    """Nyquist loci in hover, falling rotor time constant: the weakest loop of each kind; none if hover is lost."""
     found = next(frozen_instants(hovering(nominal(without_adaptation(scenario))), 1), None)
     return [] if found is None else loci(found.open_loop("down"))
 
 
 def loci(loop: OpenLoop) -> list[Locus]:
-    """The weakest loop of each kind; none of an unstable one.
+    """Nyquist locus of the weakest loop of each kind; none if the closed loop is unstable.
 
     With T from what is added to a channel to the channel itself, closed, the loop under negative feedback is
     -T / (1 + T).

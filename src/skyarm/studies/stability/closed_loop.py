@@ -1,4 +1,4 @@
-"""The sampled loop at an instant: cut open at the commands, and closed over its delays."""
+"""Linearised sampled-data loop at an instant: open at the commands, and closed over its delays."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class OpenLoop:
-    """Jacobians at an instant; x state (attitude as a rotation vector), u command, m memory, y measurement.
+    """Open-loop Jacobians; x: state (attitude as a rotation vector), u: command, m: memory, y: measurement.
 
     Attributes:
         period: s. rotors: how many entries of u are rotor speeds; they come first.
@@ -53,7 +53,7 @@ class OpenLoop:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Closed:
-    """A loop closed over some dead time, for any gains of its actuators: the matrix is ``fixed + enters @ (k sent)``.
+    """Closed loop for given dead time and variable actuator gains k: matrix ``fixed + enters @ (k sent)``.
 
     Attributes:
         fixed: (n, n) what no command passes. enters: (n, commands) where commands enter the next period.
@@ -70,12 +70,12 @@ class Closed:
     answered: Array
 
     def matrix(self, gains: Array) -> Array:
-        """Matrix of one period with a gain k for each command (commands,)."""
+        """State-transition matrix of one control period for gains k of the commands (commands,)."""
         return np.asarray(self.fixed + self.enters @ (self.sent * gains[:, None]))
 
 
 def close_loop(loop: OpenLoop, extra_delay: float = 0.0) -> Closed:
-    """One period: [state, memory, measurements on their way, commands on their way] to the next.
+    """Closed loop over [state, controller memory, delayed measurements, delayed commands].
 
     ``extra_delay`` (s, with the loop's own a multiple of its ``lates``) joins the commands' own, the rotors' and the
     joints' alike.
@@ -125,17 +125,17 @@ def close_loop(loop: OpenLoop, extra_delay: float = 0.0) -> Closed:
 
 
 def gains(loop: OpenLoop, *, rotor_gain: float = 1.0, joint_gain: float = 1.0) -> Array:
-    """Factor on the actuators' response to each command, not on the law's model of it (commands,)."""
+    """Gain factors (commands,) on the actuators' response; the controller's model is not changed."""
     return np.array([rotor_gain] * loop.rotors + [joint_gain] * (loop.u_m.shape[0] - loop.rotors))
 
 
 def closed_loop(loop: OpenLoop, *, extra_delay: float = 0.0, **modified: Any) -> Array:
-    """Matrix of one period, with a delay as :func:`close_loop` and gains as :func:`gains` say."""
+    """State-transition matrix of one period, with extra delay and modified rotor or joint gain."""
     return close_loop(loop, extra_delay).matrix(gains(loop, **modified))
 
 
 def _split(loop: OpenLoop, delay: float) -> tuple[int, int]:
-    """Whole periods of a delay, and which of ``lates`` the rest is."""
+    """Split a delay into whole control periods and an index into ``lates`` for the remainder."""
     step = loop.period / len(loop.lates)
     count = round(delay / step)
     if abs(delay - count * step) > 1e-6 * step + 1e-12:
@@ -144,7 +144,7 @@ def _split(loop: OpenLoop, delay: float) -> tuple[int, int]:
 
 
 def _in_loop(A: Array, enters: Array, sent: Array, states: int) -> npt.NDArray[np.bool_]:
-    """Entries that the state acts on and that act on the state: clocks and bookkeeping are no loop."""
+    """Mask of the entries inside the feedback loop; clocks and bookkeeping are excluded."""
     links = (A != 0.0) | (((enters != 0.0).astype(float) @ (sent != 0.0).astype(float)) > 0.0)
     first = np.zeros(len(A), dtype=bool)
     first[:states] = True
@@ -152,7 +152,7 @@ def _in_loop(A: Array, enters: Array, sent: Array, states: int) -> npt.NDArray[n
 
 
 def _reachable(links: npt.NDArray[np.bool_], first: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """States reachable from ``first``, in any number of periods."""
+    """Mask of the states reachable from ``first`` in any number of periods."""
     found = first
     while True:
         more = found | (links[:, found].any(axis=1))
@@ -162,12 +162,12 @@ def _reachable(links: npt.NDArray[np.bool_], first: npt.NDArray[np.bool_]) -> np
 
 
 def radius(loop: OpenLoop, **modified: Any) -> float:
-    """Spectral radius of the closed loop, changed as in :func:`closed_loop`; inf where it is not finite."""
+    """Spectral radius of the closed loop, modified as in :func:`closed_loop`; inf if not finite."""
     return spectral_radius(closed_loop(loop, **modified))
 
 
 def spectral_radius(A: Array) -> float:
-    """Largest magnitude of an eigenvalue; inf where the matrix is not finite."""
+    """Spectral radius of a matrix; inf if it is not finite."""
     if not np.isfinite(A).all():
         return math.inf
     return float(np.abs(np.linalg.eigvals(A)).max(initial=0.0))

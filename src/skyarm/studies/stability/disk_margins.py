@@ -1,4 +1,4 @@
-"""Disk margins of a sampled loop, cut at its channels: frequency responses, and the margins that are read from them.
+"""Disk margins of a sampled loop, from the frequency responses at its channels.
 
 A channel is multiplied by f = (1 + d / 2) / (1 - d / 2) with any complex d, also one that varies with frequency, of
 magnitude below a: the disk margin a is the largest for which the loop stays stable. With S the sensitivity it is 1 over
@@ -33,7 +33,7 @@ MOST = 2.0
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LoopMargin:
-    """Margin of one channel, or of several with independent factors.
+    """Disk margin of one channel, or of several channels with independent perturbations.
 
     Attributes:
         name: of the channel or of the group. group: of the channel. port: "commands" or "measurements".
@@ -52,24 +52,24 @@ class LoopMargin:
 
     @property
     def gain(self) -> tuple[float, float]:
-        """Factors between which the gain may lie, with no change of phase."""
+        """Gain margin: (lower, upper) factor at unchanged phase."""
         return (2.0 - self.disk) / (2.0 + self.disk), (
             (2.0 + self.disk) / (2.0 - self.disk) if self.disk < MOST else math.inf
         )
 
     @property
     def phase(self) -> float:
-        """Radians by which the phase may move either way, with no change of gain."""
+        """Phase margin, rad, in both directions at unchanged gain."""
         return 2.0 * math.atan(0.5 * self.disk)
 
 
 def disk_of(size: float) -> float:
-    """The disk margin where |S - 1/2|, or its structured singular value, is ``size`` at its largest."""
+    """Disk margin from the peak ``size`` of |S - 1/2|, or of its structured singular value."""
     return min(MOST, 1.0 / size) if size > 0.0 else MOST
 
 
 def delay_of(T: Complex, frequencies: Array, longest: float) -> float:
-    """Least dead time, s, in one channel at which the loop reaches the edge of stability; inf beyond ``longest``.
+    """Delay margin of one channel, s; inf if above ``longest``.
 
     Args:
         T: response (frequencies,) from what is added to a channel to the channel itself.
@@ -107,7 +107,7 @@ AT_ONCE = 96
 
 
 def frequency_grid(z: Complex, period: float) -> Array:
-    """Frequencies of a loop, rad/s, ascending up to that of Nyquist, dense around the resonances of its eigenvalues.
+    """Frequency grid, rad/s, ascending up to Nyquist, refined around the resonances of the eigenvalues.
 
     Args:
         z: eigenvalues per control period.
@@ -159,7 +159,7 @@ SMALLEST = 1e-12
 
 
 def upper_bound(M: Complex) -> Array:
-    """Bound of mu of each matrix (count, n, n); the largest of them is as low as a descent gets it, to ``CLOSE``.
+    """Upper bound of the structured singular value of each matrix (count, n, n), to ``CLOSE`` at the largest one.
 
     Others are bounds, too, though looser ones than they could be.
     """
@@ -176,7 +176,7 @@ def upper_bound(M: Complex) -> Array:
 
 
 def _perron_scaled(M: Complex) -> Complex:
-    """D M D^-1 with D the root of the left over the right Perron vector of |M|."""
+    """Perron scaling D M D^-1, D the root of the left over the right Perron vector of |M|."""
     size = np.abs(M)
     size = size + SMALLEST * size.max(axis=(1, 2), keepdims=True, initial=1e-300)
     right, left = np.ones(M.shape[:2]), np.ones(M.shape[:2])
@@ -189,7 +189,7 @@ def _perron_scaled(M: Complex) -> Complex:
 
 
 def _descend(M: Complex) -> float:
-    """The largest singular value, made smaller by diagonal scalings along its gradient with halved steps."""
+    """Minimise the largest singular value over diagonal scalings by gradient descent with step halving."""
     value, slope = _slope(M)
     step = 0.5
     for _ in range(STEPS):
@@ -206,7 +206,7 @@ def _descend(M: Complex) -> float:
 
 
 def _slope(M: Complex) -> tuple[float, Array]:
-    """The largest singular value and its slope by the logarithms of D: value (|u_i|^2 - |v_i|^2)."""
+    """Largest singular value and its gradient in the logarithms of D: value (|u_i|^2 - |v_i|^2)."""
     U, sizes, Vh = np.linalg.svd(M)
     return float(sizes[0]), np.asarray(sizes[0] * (np.abs(U[:, 0]) ** 2 - np.abs(Vh[0]) ** 2))
 
@@ -220,7 +220,7 @@ ALL = {COMMANDS: "all commands", MEASUREMENTS: "all measurements"}
 
 @dataclass(eq=False)
 class CutLoops:
-    """Responses of a closed loop from what is added to each channel to each channel.
+    """Closed-loop frequency responses from an injection at each channel to every channel.
 
     Attributes:
         ports: of each port its channels, frequencies (rad/s) and responses (frequencies, channels, channels), and what
@@ -232,11 +232,11 @@ class CutLoops:
     stable: bool
 
     def loops(self, longest: float) -> tuple[LoopMargin, ...]:
-        """Disk and delay margin of every channel alone; delays up to ``longest``, s."""
+        """Disk and delay margin of every channel separately; delays up to ``longest``, s."""
         return tuple(each for name, port in self.ports.items() for each in port.alone(name, longest, self.stable))
 
     def together(self) -> tuple[LoopMargin, ...]:
-        """Disk margin of every group of two and more channels, and of all commands and of all measurements."""
+        """Simultaneous disk margins of each channel group, of all commands and of all measurements."""
         found: list[LoopMargin] = []
         for name, port in self.ports.items():
             groups = {group: port.places(group) for group in dict.fromkeys(c.group for c in port.channels)}
@@ -253,7 +253,7 @@ class CutLoops:
 
 @dataclass(slots=True, eq=False)
 class _Port:
-    """Channels of one port with their responses."""
+    """Channels at one port (commands or measurements) with their frequency responses."""
 
     channels: tuple[Channel, ...]
     frequencies: Array
@@ -261,15 +261,15 @@ class _Port:
     response: Response
 
     def at(self, frequencies: Array) -> Complex:
-        """Responses at other frequencies, rad/s."""
+        """Frequency responses at given frequencies, rad/s."""
         return self.response.at(frequencies)
 
     def places(self, group: str) -> list[int]:
-        """Numbers of a group's channels."""
+        """Indices of the channels of a group."""
         return [i for i, channel in enumerate(self.channels) if channel.group == group]
 
     def alone(self, port: str, longest: float, stable: bool) -> list[LoopMargin]:
-        """Margins of each channel."""
+        """Margins of each channel separately."""
         sizes = np.abs(np.diagonal(self.T, axis1=1, axis2=2) + 0.5)
         found = []
         for i, channel in enumerate(self.channels):
@@ -287,7 +287,7 @@ class _Port:
         return found
 
     def disk_of_several(self, places: Sequence[int]) -> tuple[float, float]:
-        """Disk margin of channels with independent factors, and the frequency where it is smallest."""
+        """Simultaneous disk margin of several channels, and the frequency of its minimum."""
         part = self.T[:, places][:, :, places] + 0.5 * np.eye(len(places))
         sizes = upper_bound(part)
         k = int(np.argmax(sizes))
@@ -295,7 +295,7 @@ class _Port:
 
 
 def cut_loops(loop: OpenLoop, as_it_is: Closed, z: Complex, *, measured: bool, stable: bool) -> CutLoops:
-    """Responses of a loop between its channels.
+    """Compute the frequency responses between a loop's channels.
 
     Args:
         loop: linearised.
@@ -327,7 +327,7 @@ def cut_loops(loop: OpenLoop, as_it_is: Closed, z: Complex, *, measured: bool, s
 
 
 def _refine(found: Response, grid: Array) -> tuple[Array, Complex]:
-    """A grid with more frequencies around the most delicate one of each channel, and the responses there."""
+    """Refine a grid around the critical frequency of each channel; returns it with the responses."""
     T = found.at(grid)
     if not T.size:
         return grid, T

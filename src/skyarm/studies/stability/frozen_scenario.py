@@ -1,4 +1,4 @@
-"""The scenario that is linearised: no noise, no disturbances that remember, one time constant of each rotor."""
+"""Scenario for linearisation: no noise, no disturbances with memory, a single time constant per rotor."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SHARES = {"up": 0.0, "down": 1.0, "between": 0.5}
 
 
 def nominal(scenario: Scenario) -> Scenario:
-    """The scenario without noise, schedule and :func:`disturbances`, which have no place in a linearisation.
+    """Scenario for linearisation, without noise, scheduled changes and :func:`disturbances`.
 
     Nor has the rounding of an encoder in a servo, which is flat but for its steps: it is left out, as its mean is.
     Rotors that tilt stay at rest under a law that does not turn them.
@@ -49,7 +49,7 @@ def nominal(scenario: Scenario) -> Scenario:
 
 
 def disturbances(scenario: Scenario) -> tuple[str, ...]:
-    """Fields of the disturbances that :func:`nominal` leaves out: turbulence, and air and forces with a memory.
+    """Fields of the disturbances that :func:`nominal` removes: turbulence, and air and forces with memory.
 
     Air and forces without a memory, as ground effect, are kept.
     """
@@ -58,7 +58,7 @@ def disturbances(scenario: Scenario) -> tuple[str, ...]:
 
 
 def _split(scenario: Scenario, field: str) -> tuple[tuple[Any, ...], list[str]]:
-    """Air or forces without a memory, and the fields of the others, whose memory follows nothing of the vehicle.
+    """Memoryless components of air or forces, and field names of the others; refuses coupled memories.
 
     Raises:
         ScenarioError: a memory moves with the plant or follows its state: the loop without it is another.
@@ -76,7 +76,7 @@ def _split(scenario: Scenario, field: str) -> tuple[tuple[Any, ...], list[str]]:
 
 
 def _follows_state(part: Component, memory: Any, scenario: Scenario) -> bool:
-    """True if a component's next memory depends on the vehicle's state, by the program of its ``advance``."""
+    """True if a component's memory update depends on the vehicle's state."""
     period, vehicle = 1.0 / scenario.rates.control, scenario.plant.vehicle
     state = example_state(*vehicle.sizes)
 
@@ -102,7 +102,7 @@ def _without_tilts(scenario: Scenario) -> Scenario:
 
 
 def without_adaptation(scenario: Scenario) -> Scenario:
-    """The scenario with what a law adapts held: at the bound of its projection a derivative means nothing.
+    """Scenario with the controller's adaptation frozen; its projection is not differentiable at the bounds.
 
     Of a law under layers, its own constants are looked at.
     """
@@ -116,7 +116,7 @@ def without_adaptation(scenario: Scenario) -> Scenario:
 
 
 def with_lag(scenario: Scenario, share: Any) -> Scenario:
-    """The scenario with rotors of one time constant, in plant and model: up (share 0), down (1) or between.
+    """Scenario with one time constant per rotor, in plant and model: rising (share 0), falling (1) or between.
 
     Between, the rate 1 / tau is between both. In a small swing rotors rise half of the time and fall the other half: at
     one half it grows or dies out as the swing of the vehicle itself does.
@@ -140,7 +140,7 @@ def with_lag(scenario: Scenario, share: Any) -> Scenario:
 
 
 def require_no_memory(scenario: Scenario, first: LoopState) -> None:
-    """Refuse a nominal loop with more memories than those of the law and of joint drives.
+    """Raise if the nominal loop has memory other than that of the controller and the joint drives.
 
     Raises:
         ScenarioError: a payload, a sensor or an estimator remembers something, or there is a sensor beside the full

@@ -36,16 +36,16 @@ class HoverDelay:
 
     @property
     def least_margin(self) -> float:
-        """Least margin without a warning, s: ``ENOUGH`` times the nominal delay, and one control period."""
+        """Required delay margin, s: ``ENOUGH`` times the nominal delay, at least one control period."""
         return max(ENOUGH * self.believed, self.period)
 
     @property
     def enough(self) -> bool:
-        """True if the margin is at least the required one; never for an unstable loop."""
+        """True if the delay margin is at least the required one; False for an unstable loop."""
         return self.margin > 0.0 and self.margin >= self.least_margin
 
     def sentence(self, law: str) -> str:
-        """The margin, the delay at which flights begin to oscillate, and the nominal delay, in words."""
+        """Text with the delay margin, the delay at which flights begin to oscillate, and the nominal delay."""
         if not self.margin > 0.0:
             return f"the loop of {law} is unstable in hover as it is"
         if math.isinf(self.margin):
@@ -57,7 +57,7 @@ class HoverDelay:
 
     @property
     def shortfall(self) -> str:
-        """The requirement that the margin misses, in words; empty where it is met or where there is none."""
+        """Text of the unmet delay margin requirement; empty if it is met or the loop is unstable."""
         if self.enough or not self.margin > 0.0:
             return ""
         if self.least_margin > ENOUGH * self.believed:
@@ -66,7 +66,7 @@ class HoverDelay:
 
 
 def hover_delay(scenario: Scenario) -> HoverDelay:
-    """The delay margin of a scenario's loop in a settled hover; zero where the hover is lost.
+    """Delay margin of a scenario's loop in settled hover; zero if the hover is lost.
 
     Raises:
         ScenarioError: the loop has a memory that its linearisation does not know.
@@ -83,7 +83,7 @@ def hover_delay(scenario: Scenario) -> HoverDelay:
 
 
 def hover_delay_if_known(scenario: Scenario) -> HoverDelay | str:
-    """The delay margin of a scenario's hover, or in words why there is none."""
+    """Delay margin of a scenario's hover, or a text with the reason why there is none."""
     try:
         return hover_delay(scenario)
     except (ScenarioError, ControllerError, AllocationError, NoMachineCodeError) as error:
@@ -91,7 +91,7 @@ def hover_delay_if_known(scenario: Scenario) -> HoverDelay | str:
 
 
 def believed_delay(scenario: Scenario) -> float:
-    """Nominal delay of the loop before flight, s: the controller's, and the scenario's stated delays."""
+    """Nominal loop delay, s: the controller's and the scenario's stated delays."""
     told = float(getattr(innermost(scenario.controller.par), "delay_periods", 0)) / scenario.rates.control
     stated = float(scenario.delays.measurement) + float(scenario.delays.command)
     return max(told, stated) if math.isfinite(told) else stated

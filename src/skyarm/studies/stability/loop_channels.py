@@ -1,4 +1,4 @@
-"""Channels at which a loop is cut, one at a time: a rotor, a body torque, a joint drive, a measurement."""
+"""Channels at which the loop is cut one at a time: rotors, body torques, joint drives, measurements."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ NAMES = {"quaternion": "attitude", "specific_force": "acceleration"}
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Channel:
-    """One direction in which a loop is cut: ``reads @ enters`` is 1.
+    """Direction in which the loop is cut: output row ``reads``, input column ``enters``, with product 1.
 
     Attributes:
         name: of the direction. group: of those that are cut together. port: "commands" or "measurements".
@@ -43,7 +43,7 @@ class Channel:
 
 
 def single(names: Sequence[str], group: str, port: str, size: int, first: int = 0) -> list[Channel]:
-    """Channels of consecutive numbers, one each; ``first`` is the place of the first among ``size``."""
+    """Channels of consecutive entries of a vector of length ``size``, starting at index ``first``."""
     one = np.eye(size)
     return [
         Channel(name=name, group=group, port=port, reads=one[first + i], enters=one[first + i])
@@ -52,7 +52,7 @@ def single(names: Sequence[str], group: str, port: str, size: int, first: int = 
 
 
 def numbered_channels(rotors: int, joints: int, measurements: int) -> tuple[Channel, ...]:
-    """Channels of a loop of which only the sizes are known."""
+    """Default channels of a loop with known sizes only, named by number."""
     size = rotors + joints
     found = single([f"rotor {i + 1}" for i in range(rotors)], "rotors", COMMANDS, size)
     found += single([f"joint {i + 1}" for i in range(joints)], "joints", COMMANDS, size, rotors)
@@ -61,7 +61,7 @@ def numbered_channels(rotors: int, joints: int, measurements: int) -> tuple[Chan
 
 
 def vehicle_channels(vehicle: Vehicle, speeds: Sequence[float], attitude: Quaternion) -> tuple[Channel, ...]:
-    """Channels of a vehicle: rotors, directions of their common push, joint drives, and what is measured.
+    """Channels of a vehicle: rotors, body torques and thrust, joint drives, measurements.
 
     Args:
         vehicle: rotors and joints.
@@ -77,7 +77,7 @@ def vehicle_channels(vehicle: Vehicle, speeds: Sequence[float], attitude: Quater
 
 
 def wrenches(rotors: Sequence[Rotor]) -> Array:
-    """Torque x, y, z about the base origin, force z, x, y in base axes, per squared speed of each rotor (6, rotors)."""
+    """Allocation matrix (6, rotors) per squared speed: torque xyz about base origin, force z, x, y, base axes."""
     columns = []
     for rotor in rotors:
         force = np.array([float(c) for c in rotor.axis]) * float(rotor.thrust_coefficient)
@@ -88,7 +88,7 @@ def wrenches(rotors: Sequence[Rotor]) -> Array:
 
 
 def _pushes(rotors: Sequence[Rotor], speeds: Array, size: int) -> list[Channel]:
-    """Channels of torque about each axis and thrust, and of the forces sideways where the rotors make them freely."""
+    """Channels of body torque and thrust; also of lateral force if the rotors span all six axes."""
     B = wrenches(rotors)
     lengths = np.linalg.norm(B, axis=1, keepdims=True)
     lengths[lengths == 0.0] = 1.0
@@ -112,7 +112,7 @@ def _pushes(rotors: Sequence[Rotor], speeds: Array, size: int) -> list[Channel]:
 
 
 def _measured_channels(joints: Sequence[str], rotors: Sequence[str], attitude: Quaternion) -> list[Channel]:
-    """Channels of a measurement, in the order of its leaves, time left out."""
+    """Channels of a measurement, one per entry except for time."""
     size = 1 + sum(VECTORS.values()) + 2 * len(joints) + len(rotors)
     found: list[Channel] = []
     place = 1
@@ -135,7 +135,7 @@ def _measured_channels(joints: Sequence[str], rotors: Sequence[str], attitude: Q
 
 
 def _rotations(names: Sequence[str], group: str, size: int, place: int, attitude: Quaternion) -> list[Channel]:
-    """Channels of small rotations about the base's axes: q (1, v / 2) moves q by Q v, with Q^T Q = 1 / 4."""
+    """Tangent map Q of a quaternion: q (1, v / 2) moves q by Q v, with Q^T Q = 1 / 4."""
     w, x, y, z = (float(c) for c in attitude)
     Q = 0.5 * np.array([[-x, -y, -z], [w, -z, y], [z, w, -x], [-y, x, w]])
     found = []

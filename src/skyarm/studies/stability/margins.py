@@ -1,4 +1,4 @@
-"""Eigenvalues and margins of a sampled loop: delay margin, gain margin and disk margin."""
+"""Eigenvalues, delay margin, gain margin and disk margin of a sampled loop."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ HALVINGS = 20
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Margins:
-    """Margins of one linearised loop.
+    """Stability margins of one linearised loop.
 
     Attributes:
         z: eigenvalues per control period, largest first. s: the same as rates, 1/s, log(z) / period.
@@ -55,7 +55,7 @@ class Margins:
 
 
 def margins(loop: OpenLoop, *, measured: bool = True) -> Margins:
-    """Eigenvalues and margins of a loop.
+    """Compute eigenvalues and stability margins of a loop.
 
     Args:
         loop: the linearised loop.
@@ -84,7 +84,7 @@ def margins(loop: OpenLoop, *, measured: bool = True) -> Margins:
 
 
 def _gain(as_it_is: Closed, stable: bool, group: slice) -> tuple[float, float]:
-    """Interval of a factor that the commands of a group have in common."""
+    """Gain margin: interval of a common factor on all commands of a group."""
     if not stable:
         return 1.0, 1.0
     factors = np.ones(len(as_it_is.sent))
@@ -100,7 +100,7 @@ def _gain(as_it_is: Closed, stable: bool, group: slice) -> tuple[float, float]:
 
 
 def gain_edge(is_unstable: Callable[[float], bool], stride: float, limit: float) -> float:
-    """First gain from 1 on, in strides, at which a loop is unstable; ``limit`` if there is none before it."""
+    """Gain at the stability boundary, searched from 1 in factors of ``stride``; ``limit`` if still stable there."""
     nearer = min if limit > 1.0 else max
     good, gain = 1.0, nearer(stride, limit)
     while not is_unstable(gain):
@@ -114,7 +114,7 @@ def gain_edge(is_unstable: Callable[[float], bool], stride: float, limit: float)
 
 
 def delay_margin(loop: OpenLoop) -> float:
-    """Extra dead time, s, at which the spectral radius passes 1, between two steps of ``lates`` on a line."""
+    """Delay margin, s: extra dead time at which the spectral radius reaches 1, linearly interpolated."""
     step = loop.period / len(loop.lates)
     before = radius(loop)
     if before > EDGE:

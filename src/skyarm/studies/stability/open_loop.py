@@ -1,4 +1,4 @@
-"""One control period of a scenario, cut open at the commands and differentiated at an instant of a flight.
+"""Open-loop linearisation of one control period by finite differences at an instant of a flight.
 
 Differentiated is the machine code of one control period itself, by central differences of fourth order: four steps in
 each direction, all lanes of one call. The attitude moves by rotation vectors, in and out; everything else is a number.
@@ -56,7 +56,7 @@ STENCIL = ((-2.0, 1.0 / 12.0), (-1.0, -2.0 / 3.0), (1.0, 2.0 / 3.0), (2.0, -1.0 
 
 
 def stencil_points(base: Array, attitude: Quaternion) -> tuple[Array, Array]:
-    """Every point of the stencils, (leaves, directions * 4), and the step of each direction (directions,).
+    """Finite-difference points (leaves, directions * 4), and the step of each direction (directions,).
 
     Args:
         base: the point (leaves,): three of position, four of attitude (wxyz), then plain numbers.
@@ -80,7 +80,7 @@ def stencil_points(base: Array, attitude: Quaternion) -> tuple[Array, Array]:
 
 
 def derivatives(result: Array, still: Array, widths: Array, outs: list[int]) -> list[Array]:
-    """Jacobians of next state, measurement, memory and command by every direction.
+    """Jacobians of next state, measurement, memory and command in every direction.
 
     Args:
         result: outputs at the points of :func:`stencil_points` (outputs, directions * 4).
@@ -98,7 +98,7 @@ def derivatives(result: Array, still: Array, widths: Array, outs: list[int]) -> 
 
 
 def _rotate(q: Quaternion, half: Sequence[float]) -> Quaternion:
-    """q times the rotation of twice the vector ``half``, first order with unit length to 1e-16."""
+    """Rotate q by twice the vector ``half``; first order, normalised."""
     x, y, z = half
     w = float(np.sqrt(1.0 - x * x - y * y - z * z))
     turned: Quaternion = Quaternion(*(float(c) for c in q)) * Quaternion(w, x, y, z)
@@ -106,7 +106,7 @@ def _rotate(q: Quaternion, half: Sequence[float]) -> Quaternion:
 
 
 def _tangent(states: Array, still: Array) -> Array:
-    """Differences of states (leaves, lanes) from one; the attitude's as twice the vector part of q0^-1 q."""
+    """Differences (leaves, lanes) of states from one state; attitude as twice the vector part of q0^-1 q."""
     w, x, y, z = still[3:7]
     a, b, c, d = states[3:7]
     turn = 2.0 * np.array([w * b - x * a - y * d + z * c, w * c + x * d - y * a - z * b, w * d - x * c + y * b - z * a])
@@ -115,7 +115,7 @@ def _tangent(states: Array, still: Array) -> Array:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class OpenPoint:
-    """Inputs of the open period; the battery's memory is a constant here, not a stepped state."""
+    """Operating point of one open-loop control period; the battery's memory is constant."""
 
     state: State
     drives: tuple[Any, ...]
@@ -127,7 +127,7 @@ class OpenPoint:
 
 
 def open_point(carry: LoopState, ages: tuple[int, int] | None = None, batteries: int = 0) -> OpenPoint:
-    """Operating point of the linearisation, from the carry.
+    """Operating point of the linearisation, from the loop state.
 
     Args:
         carry: of the flight.
@@ -159,13 +159,13 @@ def open_point(carry: LoopState, ages: tuple[int, int] | None = None, batteries:
 
 
 def sizes_of(point: OpenPoint) -> list[int]:
-    """Counts of a point's numbers: state with drives, old and new command, memory, measurement, battery."""
+    """Leaf counts of an operating point: state with drives, old and new command, memory, measurement, battery."""
     parts = (point.old, point.new, point.memory, point.seen, point.power)
     return [len(leaves((point.state, point.drives))), *(len(leaves(part)) for part in parts)]
 
 
 class Differentiator:
-    """One control period of a scenario as an open loop, in machine code for finite differences about a point.
+    """Compiled open-loop control period of a scenario, with finite differences about an operating point.
 
     Args:
         scenario: on the rigid-body plant; noise and turbulence are left out.
@@ -204,7 +204,7 @@ class Differentiator:
         self._row = len(leaves(row))
 
     def _outputs(self, point: OpenPoint, given: tuple[Any, ...], row: Row) -> tuple[Any, ...]:
-        """Next state, measurement now, next memory, command; given when rotors (and joints) hear, lag, numbers."""
+        """Next state, measurement, memory and command; ``given``: command arrival times, lag, numbers."""
         (*lates, lag), numbers = given
         own = self.scenario
         if self._paths:
@@ -248,7 +248,7 @@ class Differentiator:
         return repeat(count, lambda x: step(scenario.plant, x, command, air, seconds / count), state)
 
     def at(self, carry: LoopState, row: Sequence[float], lag: str, numbers: Sequence[float] | None = None) -> OpenLoop:
-        """The linearised open loop where the flight is at ``carry``.
+        """Linearise the open loop at the loop state ``carry``.
 
         Args:
             carry: of the nominal flight.
@@ -291,7 +291,7 @@ class Differentiator:
         )
 
     def _channels(self, point: OpenPoint, base: Array) -> tuple[Channel, ...]:
-        """Channels at which the loop is cut, at the command and the measurement of the instant."""
+        """Channels at which the loop is cut, at the instant's command and measurement."""
         at: OpenPoint = rebuild(point, iter(base.tolist()))
         speeds = [float(speed) for speed in at.new.rotor_speeds]
         return vehicle_channels(self.scenario.plant.vehicle, speeds, at.seen.quaternion)
@@ -299,7 +299,7 @@ class Differentiator:
     def _complete(
         self, carry: LoopState, point: OpenPoint, sizes: list[int], row: Sequence[float], given: Sequence[float]
     ) -> Array:
-        """Numbers of the point, with what the period itself makes: the measurement now, and the command it leads to."""
+        """Leaves of the operating point, with measurement and command computed within the period."""
         base = np.array([float(leaf) for leaf in leaves(point)])
         ends = np.cumsum([sizes[0], sizes[4], sizes[3], sizes[1]])
         if not carry.sensors[0].waiting:
@@ -314,7 +314,7 @@ class Differentiator:
         return base
 
     def _outputs_of(self, points: Array, row: Sequence[float], late: int, numbers: Sequence[float]) -> Array:
-        """Outputs of points, (numbers, lanes), where the command arrives at one of ``lates``, by its number.
+        """Outputs (numbers, lanes) at many points, with the command arrival time by its index in ``lates``.
 
         ``numbers`` are the lag's share and those of the paths.
         """
@@ -326,12 +326,12 @@ class Differentiator:
 
 
 def _delays(scenario: Scenario) -> tuple[float, float]:
-    """Delays of the rotors' and of the joints' part of a command, s."""
+    """Delays of the rotor and joint commands, s."""
     delays = scenario.delays
     return float(delays.command) + float(delays.rotors), float(delays.command) + float(delays.joints)
 
 
 def carry_of(template: LoopState, values: Sequence[float]) -> LoopState:
-    """A carry from its numbers."""
+    """Rebuild a loop state from its leaf values."""
     found: LoopState = rebuild(template, iter([float(value) for value in values]))
     return found

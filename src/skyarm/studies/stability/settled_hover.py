@@ -1,4 +1,4 @@
-"""The loop in hover for many sets of a scenario's numbers, as gains are: code is made once, numbers are data."""
+"""Stability margins in settled hover for many parameter sets, such as gains, compiled once."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SPEED = 1e3
 
 
 class SettledHover:
-    """Margins of a scenario's loop in a settled hover, for other numbers each time.
+    """Stability margins of a scenario in settled hover, as a function of its parameters.
 
     What a law adapts slowly is held, as in all margins.
 
@@ -52,7 +52,7 @@ class SettledHover:
         self._time = float(self._row[0])
 
     def margins(self, values: Mapping[str, Array], *, measured: bool = False, threads: int = 1) -> list[Instant | None]:
-        """Margins of each set of numbers; None where its hover diverged.
+        """Stability margins for each parameter set; None if its hover diverged.
 
         Args:
             values: path -> (sets,); every path.
@@ -69,7 +69,7 @@ class SettledHover:
         return found
 
     def settle(self, values: Mapping[str, Array], threads: int = 1) -> list[Any]:
-        """Fly the hovers of all sets; the loop state each ends in, None where it diverged or ended early."""
+        """Simulate the hover of each parameter set; returns final loop states, None if it diverged or ended."""
         columns = [np.asarray(values[path], dtype=float) for path in self.paths]
         count = len(columns[0])
         parameters = self._leg.parameters(columns, count)
@@ -82,7 +82,7 @@ class SettledHover:
         return [each if _is_hover(each) else None for each in settled]
 
     def open_loop(self, settled: Any, numbers: Sequence[float], lag: str) -> OpenLoop:
-        """The open loop where a hover has settled, with these numbers of the paths."""
+        """Linearised open loop in the settled hover of one parameter set."""
         return self._differentiator.at(settled, self._row, lag, numbers)
 
     def _sets(self, values: Mapping[str, Array]) -> list[list[float]]:
@@ -91,7 +91,7 @@ class SettledHover:
 
 
 def _is_hover(settled: Any) -> bool:
-    """True for the loop state of a flight that did not end early and is at rest."""
+    """True if a flight's loop state is at rest and the flight did not end early."""
     if not settled.alive > 0.5:
         return False
     state = settled.state

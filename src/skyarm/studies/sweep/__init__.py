@@ -1,4 +1,4 @@
-"""Sweeps: many episodes of one scenario with other numbers, their rows on disk, and statistics of them."""
+"""Parameter sweeps: many episodes of one scenario with varied parameters, stored rows, statistics."""
 
 from skyarm.studies.sweep.runner import Summary, run_sweep
 from skyarm.studies.sweep.study import Study, StudyError

@@ -1,4 +1,4 @@
-"""Curves of metrics over a varied number or an expression of several: middle, and a band over all else that varies."""
+"""Curves of metrics against a varied parameter: median, with a band over all other variation."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ FEWEST_OF_BAND = 5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Variable:
-    """A number of each episode.
+    """Abscissa of a curve: a varied parameter, or an expression of several.
 
     Attributes:
         words: its name for people. unit: SI, "" if unknown.
@@ -46,7 +46,7 @@ class Variable:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BandedCurve:
-    """One metric of one controller over a variable.
+    """Curve of one metric of one controller against a variable, with its band.
 
     Attributes:
         controller: that flew.
@@ -67,7 +67,7 @@ class BandedCurve:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BandedCurves:
-    """Curves of one metric.
+    """Curves of one metric for all controllers.
 
     Attributes:
         metric: its name. over: the variable. curves: one for each controller.
@@ -79,7 +79,7 @@ class BandedCurves:
 
 
 def banded_curves(rows: Rows, metric: str, over: str) -> BandedCurves:
-    """Curves of a metric over a varied number, over all other varied numbers and the noise.
+    """Curves of a metric against a variable, with bands over all other parameters and the noise.
 
     Args:
         rows: of a study.
@@ -99,7 +99,7 @@ def banded_curves(rows: Rows, metric: str, over: str) -> BandedCurves:
 
 
 def variable(rows: Rows, text: str, field: str) -> Variable:
-    """A varied number by its name, or an expression of some; ``name = expression`` names it.
+    """Find a varied parameter by name, or evaluate an expression; ``name = expression`` names it.
 
     Raises:
         StudyError, ExpressionError: one line.
@@ -118,12 +118,12 @@ def variable(rows: Rows, text: str, field: str) -> Variable:
 
 
 def _column(rows: Rows, path: str) -> Array:
-    """A varied number of each episode: the same for every controller."""
+    """Values of a varied parameter in each episode; they must be the same for every controller."""
     return np.asarray(rows.of(rows.controllers[0], path), dtype=float)
 
 
 def _cells(values: Array) -> npt.NDArray[np.int64]:
-    """The cell of each value: one for each where they are few, else cells of equally many, in their order."""
+    """Bin index of each value: one bin per value if there are few, otherwise bins of equal count."""
     different, place = np.unique(values, return_inverse=True)
     if different.size <= LISTED and values.size >= 2 * different.size:
         return np.asarray(place, dtype=np.int64)

@@ -1,4 +1,4 @@
-"""Distributions of a varied number, each as its quantile function: one uniform number in, one value out.
+"""Probability distributions of varied parameters, as quantile functions.
 
 Random and Sobol designs differ only in where the uniform numbers come from. ``grid`` and ``list`` are finite: a grid
 design takes their Cartesian product, any other design picks among their values with equal chances.
@@ -25,37 +25,37 @@ MOST_VALUES = 100_000
 
 @dataclass(frozen=True, slots=True)
 class Uniform:
-    """Every value of [low, high] alike."""
+    """Uniform distribution on [low, high]."""
 
     low: float
     high: float
 
     def quantile(self, u: Array) -> Array:
-        """Value below which the share ``u`` lies."""
+        """Quantile at probability ``u``."""
         return self.low + (self.high - self.low) * u
 
 
 @dataclass(frozen=True, slots=True)
 class LogUniform:
-    """Every ratio alike: the logarithm is uniform over [low, high], both above 0."""
+    """Log-uniform distribution on [low, high], both positive."""
 
     low: float
     high: float
 
     def quantile(self, u: Array) -> Array:
-        """Value below which the share ``u`` lies."""
+        """Quantile at probability ``u``."""
         return np.asarray(self.low * np.exp(math.log(self.high / self.low) * u))
 
 
 @dataclass(frozen=True, slots=True)
 class Normal:
-    """Gaussian."""
+    """Normal distribution."""
 
     mean: float
     std: float
 
     def quantile(self, u: Array) -> Array:
-        """Value below which the share ``u`` lies.
+        """Quantile at probability ``u``.
 
         Source: Wichura 1988, AS 241, as the standard library has it.
         """
@@ -65,12 +65,12 @@ class Normal:
 
 @dataclass(frozen=True, slots=True)
 class Values:
-    """Finitely many values with equal chances: a list, or a grid from its start to its stop."""
+    """Discrete uniform distribution over a list or an evenly spaced grid."""
 
     values: tuple[float, ...]
 
     def quantile(self, u: Array) -> Array:
-        """One of the values."""
+        """Quantile at probability ``u``: one of the values."""
         index = np.minimum((u * len(self.values)).astype(int), len(self.values) - 1)
         return np.asarray(np.array(self.values)[index])
 
@@ -79,7 +79,7 @@ Distribution = Uniform | LogUniform | Normal | Values
 
 
 def finite(vary: Mapping[str, Distribution]) -> dict[str, Values]:
-    """The grids and lists among distributions."""
+    """Select the discrete distributions (grids and lists) by path."""
     return {path: each for path, each in vary.items() if isinstance(each, Values)}
 
 
@@ -126,7 +126,7 @@ def _require_ascending(ends: tuple[float, float], at: str, value: object) -> Non
 
 
 def _numbers(value: object, at: str, counts: tuple[int, int], wanted: str) -> tuple[float, ...]:
-    """Numbers of a list that has from so many to so many."""
+    """Read a list of numbers and check its length."""
     if not isinstance(value, list) or not counts[0] <= len(value) <= counts[1]:
         raise ValueError(f"{at} = {shown(value)}: must be a list of {wanted}")
     return tuple(number(item, f"{at}[{i}]") for i, item in enumerate(value))
@@ -142,7 +142,7 @@ KINDS: Mapping[str, Callable[[object, str], Distribution]] = {
 
 
 def distribution_from(table: Any, at: str) -> Distribution:
-    """Distribution of a table with one field that names its kind, such as ``{ uniform = [0.5, 1.5] }``.
+    """Distribution from a table with one field, such as ``{ uniform = [0.5, 1.5] }``.
 
     Raises:
         ValueError: one line with field, value and what is allowed.

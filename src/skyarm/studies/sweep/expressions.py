@@ -1,4 +1,4 @@
-"""Expressions of named numbers, and numbers of a study that follow others by them.
+"""Arithmetic expressions of named parameters, and parameters derived by them.
 
     [vary]
     arm = { uniform = [0.10, 0.20] }                              # a name of the study: a word without a dot
@@ -59,12 +59,12 @@ GRAMMAR = f"must be of finite numbers, names, + - * / ( ) and {FUNCTION}( )"
 
 
 class ExpressionError(ValueError):
-    """An expression that cannot be read, or that has no value."""
+    """Invalid expression, or one without a value."""
 
 
 @dataclass(frozen=True, slots=True)
 class Expression:
-    """A parsed expression.
+    """Parsed arithmetic expression.
 
     Attributes:
         text: as given. names: that it needs, each once, in order. field: its name in messages.
@@ -78,7 +78,7 @@ class Expression:
     field: str = "expression"
 
     def value(self, numbers: Mapping[str, Any]) -> Array:
-        """Its value for numbers or arrays by name, which broadcast.
+        """Evaluate for numbers or arrays by name, which broadcast.
 
         Raises:
             ExpressionError: one line: a division by zero, the root of a negative number, or a result that is too large.
@@ -107,7 +107,7 @@ class Expression:
 
 
 def read_expression(text: Any, known: Collection[str], field: str = "expression") -> Expression:
-    """Read an expression.
+    """Parse an expression.
 
     Args:
         text: of the expression.
@@ -125,7 +125,7 @@ def read_expression(text: Any, known: Collection[str], field: str = "expression"
     words: dict[str, str] = {}
 
     def word(found: re.Match[str]) -> str:
-        """A word of Python's grammar as long as the name, so that places stay."""
+        """Placeholder identifier for a name, of the same length, so that error positions stay correct."""
         name, call = found["quoted"] or found["plain"], found["call"] or ""
         if call and name != FUNCTION:
             why = f"{shown(name)} must not be called; the one function is {FUNCTION}"
@@ -155,7 +155,7 @@ def read_expression(text: Any, known: Collection[str], field: str = "expression"
 
 
 def _operands(node: ast.expr) -> list[ast.expr]:
-    """Expressions below an operation, without the name of a function."""
+    """Operand nodes of an operation, without the function's name."""
     below = [each for each in ast.iter_child_nodes(node) if isinstance(each, ast.expr)]
     return below[1:] if isinstance(node, ast.Call) else below
 
@@ -169,12 +169,12 @@ def _wrong(field: str, text: str, at: int, why: str) -> ExpressionError:
 
 
 def is_own_name(text: str) -> bool:
-    """True if this names a number of the study, not one of its scenario: every path of a scenario has a dot."""
+    """True for a parameter name without a dot, which is the study's and not a path of its scenario."""
     return NAME.fullmatch(text) is not None
 
 
 def derived_from(table: Any, varied: Collection[str]) -> dict[str, Expression]:
-    """Read the expressions of the table ``derived``, in its order.
+    """Parse the expressions of the table ``derived``, in its order.
 
     Args:
         table: path or name -> expression.
@@ -202,7 +202,7 @@ def derived_from(table: Any, varied: Collection[str]) -> dict[str, Expression]:
 
 
 def with_derived(drawn: Mapping[str, Array], derived: Mapping[str, Expression]) -> dict[str, Array]:
-    """Numbers of episodes, each (episodes,), with those that are derived from them.
+    """Add the derived parameters to the episodes' values, (episodes,) each.
 
     Raises:
         ExpressionError: one line that names the number: a division by zero, the root of a negative number.

@@ -1,4 +1,4 @@
-"""Intervals of shares, quantiles and means: what a finite number of episodes lets one say."""
+"""Confidence intervals of proportions, quantiles and means from finitely many episodes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ BLOCK = 2**18
 
 
 def wilson(successes: int, count: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Score interval of a share.
+    """Wilson score interval of a proportion.
 
     Args:
         successes: of the trials.
@@ -44,7 +44,7 @@ def wilson(successes: int, count: int, confidence: float = 0.95) -> tuple[float,
 
 
 def quantiles(values: Array, shares: Sequence[float]) -> list[float]:
-    """Quantiles as order statistics: of each, the smallest value that has at least this share at or below it."""
+    """Quantiles as order statistics: smallest value with at least this share of values at or below it."""
     ordered = np.sort(values)
     return [float(ordered[_rank(share, ordered.size) - 1]) for share in shares]
 
@@ -97,7 +97,7 @@ def _percentile(resampled: Array, confidence: float) -> tuple[float, float]:
 
 
 def _group_means(values: Array) -> Array:
-    """The values, or means of neighbours; their spread of the mean is the same where neighbours are independent."""
+    """Values, or means of consecutive groups if there are many, for a faster bootstrap of the mean."""
     size = -(-values.size // GROUPS)
     if size == 1:
         return values

@@ -1,4 +1,4 @@
-"""Robustness maps: the share of successes over two varied numbers."""
+"""Robustness maps: success rate over two varied parameters."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ LISTED = 100
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Axis:
-    """One side of a map: the varied path, edges of its cells, whether they are even in the logarithm, its words."""
+    """Axis of a map: parameter path, bin edges, logarithmic or linear spacing, label."""
 
     path: str
     edges: Array
@@ -34,7 +34,7 @@ class Axis:
 
     @property
     def centers(self) -> Array:
-        """Middle of each cell."""
+        """Centre of each bin."""
         if self.logarithmic:
             return np.asarray(np.sqrt(self.edges[:-1] * self.edges[1:]))
         return np.asarray(0.5 * (self.edges[:-1] + self.edges[1:]))
@@ -42,7 +42,7 @@ class Axis:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RobustnessMap:
-    """Success over two numbers.
+    """Success rate over two parameters, in bins.
 
     Attributes:
         controller: that flew. across, upward: the axes.
@@ -58,13 +58,13 @@ class RobustnessMap:
 
     @property
     def constant(self) -> float | None:
-        """The share of successes where it is the same in all cells with episodes, for a sentence in place of a map."""
+        """Success rate if it is equal in all bins with episodes, else None; replaces the map by a sentence."""
         low, high = float(np.nanmin(self.rate)), float(np.nanmax(self.rate))
         return low if low == high else None
 
 
 def robustness_maps(rows: Rows, paths: tuple[str, str] | None = None) -> list[RobustnessMap]:
-    """A map for each controller; none where fewer than two numbers vary.
+    """Robustness map of each controller; none if fewer than two parameters vary.
 
     Args:
         rows: of the study.
@@ -97,7 +97,7 @@ def robustness_maps(rows: Rows, paths: tuple[str, str] | None = None) -> list[Ro
 
 
 def axis(path: str, values: Array, *, logarithmic: bool = False, label: str = "") -> Axis:
-    """Cells for these values: one around each where they are few, else even ones, as many as the episodes allow."""
+    """Bins of a parameter: one per value if there are few, otherwise evenly spaced ones, more for more episodes."""
     different = np.unique(values)
     if 2 <= different.size <= LISTED and values.size > 2 * different.size:
         middle = 0.5 * (different[:-1] + different[1:])
@@ -115,7 +115,7 @@ def axis(path: str, values: Array, *, logarithmic: bool = False, label: str = ""
 def success_map(
     controller: str, across: Axis, upward: Axis, x: Array, y: Array, won: npt.NDArray[np.bool_]
 ) -> RobustnessMap:
-    """Count episodes and successes cell by cell; a value on the last edge belongs to the last cell."""
+    """Count episodes and successes in each bin; the last edge belongs to the last bin."""
     edges = (upward.edges, across.edges)
     count = np.histogram2d(y, x, bins=edges)[0].astype(np.int64)
     wins = np.histogram2d(y, x, bins=edges, weights=won)[0]

@@ -1,4 +1,4 @@
-"""A study checked and compiled: what is known before the first episode flies."""
+"""Checked and compiled study, before its first episode is simulated."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ PLANT = ("plant.vehicle.", "plant.joints.", "plant.payload.")
 
 @dataclass(frozen=True)
 class Plan:
-    """A study whose every extreme was checked.
+    """Study whose extreme parameter values were all checked.
 
     Attributes:
         study: as read.
@@ -44,7 +44,7 @@ class Plan:
     manifest: Manifest
 
     def batches(self) -> dict[str, Batch]:
-        """The closed loop of each controller in machine code."""
+        """Compiled closed loop of each controller."""
         study = self.study
         return {
             label: Batch(
@@ -62,14 +62,14 @@ class Plan:
 
 @dataclass(frozen=True, slots=True)
 class _Setting:
-    """Numbers that an episode may take: their path, their place in messages, all that come with them."""
+    """Parameter values of an episode, with their path and their location for error messages."""
 
     path: str
     where: str
     numbers: Mapping[str, float]
 
     def of(self, scenario: Scenario) -> Scenario:
-        """The scenario with these numbers.
+        """Scenario with these parameter values.
 
         Raises:
             StudyError: a vehicle that cannot be.
@@ -81,7 +81,7 @@ class _Setting:
 
 
 def prepare(study: Study) -> Plan:
-    """Check the extremes that episodes of the study take.
+    """Check the extreme parameter values of a study, and plan its batches.
 
     Raises:
         StudyError: a vehicle that cannot be, with the path and the value that make it so.
@@ -112,7 +112,7 @@ def prepare(study: Study) -> Plan:
 
 
 def _unit(scenario: Scenario, path: str) -> str:
-    """Unit of a number; empty for one that is no field of a record."""
+    """Unit of a parameter; empty if it is not a field of a record."""
     try:
         return unit_at(scenario, path)
     except ValueError:
@@ -120,7 +120,7 @@ def _unit(scenario: Scenario, path: str) -> str:
 
 
 def _code_and_endings(study: Study) -> dict[str, Any]:
-    """Further facts on which rows depend: files of code, and words of user-defined endings."""
+    """Further facts that determine the rows: files of user code, and user-defined terminations."""
     own = dict.fromkeys(ending.status for scenario in study.scenarios.values() for ending in scenario.endings)
     rows = [row.load() for name, row in registrations("metric").items() if name in study.metrics]
     code = all_files(study.scenarios, rows)
@@ -130,7 +130,7 @@ def _code_and_endings(study: Study) -> dict[str, Any]:
 
 
 def _singles(source: str, ends: Mapping[str, tuple[float, float]]) -> list[_Setting]:
-    """Each number alone at each of its ends."""
+    """Settings with one parameter at one of its ends, for every parameter and both ends."""
     return [
         _Setting(path, f'{source}: vary."{path}" reaches {value:.6g}', {path: value})
         for path, pair in ends.items()
@@ -139,7 +139,7 @@ def _singles(source: str, ends: Mapping[str, tuple[float, float]]) -> list[_Sett
 
 
 def _derived_settings(study: Study) -> list[_Setting]:
-    """All numbers of the episodes in which a derived path is smallest and largest: they only fit together."""
+    """Settings of the episodes in which a derived parameter is smallest or largest, with all their values."""
     found = []
     for path, episodes in derived_extremes(study).items():
         for episode in dict.fromkeys(episodes):
@@ -151,7 +151,7 @@ def _derived_settings(study: Study) -> list[_Setting]:
 
 
 def fastest_plant(scenario: Scenario, ends: Mapping[str, tuple[float, float]]) -> Scenario:
-    """The scenario that requires the shortest integration steps over all values of each number between its ends.
+    """Scenario that requires the shortest integration steps within the ranges of the varied parameters.
 
     Args:
         scenario: as it is.
@@ -164,7 +164,7 @@ def fastest_plant(scenario: Scenario, ends: Mapping[str, tuple[float, float]]) -
 
 
 def _stiffest(source: str, scenario: Scenario, singles: Sequence[_Setting], derived: Sequence[_Setting]) -> Scenario:
-    """The plant with the fastest joint friction, and the shortest step that air, forces and drives state.
+    """Scenario with the fastest joint friction and the shortest required step of air, forces and drives.
 
     Each number is at the end that makes friction faster; derived numbers count as they come together in the episodes of
     their ends. One end for each number is exact where friction grows or falls with each of them, as it does with
@@ -206,11 +206,11 @@ def _rate(where: str, scenario: Scenario) -> float:
 
 
 def _fastest_friction(scenario: Scenario) -> float:
-    """Largest friction rate of the plant's joints, 1/s, over the whole flight."""
+    """Largest rate constant of joint friction over the flight, 1/s."""
     return max(joint_rate(stretch.overrides.of(scenario).plant.vehicle) for stretch in stretches(scenario))
 
 
 def at_episode(study: Study, label: str, values: Mapping[str, float], episode: int) -> Scenario:
-    """One episode of a study as a scenario of its own, for a single run that keeps its log."""
+    """Scenario of a single episode of a study, to run it alone and store its log."""
     scenario = with_numbers(study.scenarios[label], {path: float(values[path]) for path in study.paths})
     return dataclasses.replace(scenario, seed=study.seed, episode=episode)

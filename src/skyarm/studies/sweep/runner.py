@@ -1,4 +1,4 @@
-"""Fly a study chunk by chunk into its folder."""
+"""Execution of a study, chunk by chunk, into its folder."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Summary:
-    """Result of a sweep: its folder, rows there, episodes flown now and reused, seconds of wall clock."""
+    """Result of a sweep: folder, number of rows, episodes simulated and reused, wall-clock time in s."""
 
     folder: Path
     rows: int
@@ -46,7 +46,7 @@ def fly_sweep(
     part: str | None = None,
     progress: Progress | None = None,
 ) -> Rows:
-    """Fly a study, or what is missing of it, into a folder, and read its rows.
+    """Simulate the missing episodes of a study into a folder, and read all its rows.
 
     Args:
         study: the tables of a study's file (:mod:`skyarm.studies.sweep.study_file`), the path of one, the name of a
@@ -80,7 +80,7 @@ def run_sweep(
     part: str | None = None,
     progress: Progress | None = None,
 ) -> Summary:
-    """Fly what is missing of a study; the content of the folder does not depend on how often it was interrupted.
+    """Simulate the missing episodes of a study; interruptions do not change the folder's final content.
 
     Args:
         study: from :func:`skyarm.studies.sweep.load_study`.
@@ -122,7 +122,7 @@ def run_sweep(
 
 
 def _part(text: str | None) -> tuple[int, int]:
-    """First chunk and stride of a part."""
+    """First chunk and stride of one part of a study that is divided among machines."""
     found = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text or "1/1")
     if not found or not 1 <= int(found[1]) <= int(found[2]):
         raise StudyError(f"--part = {shown(text)}: must be K/N with K from 1 to N, such as 3/16")
@@ -130,7 +130,7 @@ def _part(text: str | None) -> tuple[int, int]:
 
 
 def fly_chunk(plan: Plan, batches: Mapping[str, Batch], index: int, threads: int = 1) -> bytes:
-    """Fly one chunk with every controller and return its Parquet file.
+    """Simulate one chunk with every controller, and return its Parquet file.
 
     The bytes depend on study and index only: not on threads, nor on what flew before.
     """
@@ -157,5 +157,5 @@ def fly_chunk(plan: Plan, batches: Mapping[str, Batch], index: int, threads: int
 
 
 def _words(pa: Any, indices: Any, words: list[str]) -> Any:
-    """A column of words, each stored once."""
+    """Dictionary-encoded column of strings."""
     return pa.DictionaryArray.from_arrays(pa.array(indices, type=pa.int8()), pa.array(words))

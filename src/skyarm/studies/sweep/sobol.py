@@ -1,4 +1,4 @@
-"""Sobol points by their number, so that any chunk of a sequence can be made alone."""
+"""Sobol sequence with random access by point number."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ DIMENSIONS = 1 + len(_JOE_KUO)
 
 
 def direction_numbers(dimension: int) -> npt.NDArray[np.uint64]:
-    """The ``BITS`` direction numbers of a dimension, counted from 0, as whole numbers below 2**BITS.
+    """Direction numbers of a dimension (from 0): ``BITS`` integers below 2**BITS.
 
     Source: Joe, Kuo 2008, "Constructing Sobol sequences with better two-dimensional projections", eq. 2 and the
         authors' table new-joe-kuo-6.
@@ -56,7 +56,7 @@ def direction_numbers(dimension: int) -> npt.NDArray[np.uint64]:
 
 
 def sobol(indices: npt.ArrayLike, dimension: int) -> npt.NDArray[np.uint64]:
-    """One coordinate of the points with these numbers, as whole numbers below 2**BITS.
+    """One coordinate of the Sobol points with these indices, as integers below 2**BITS.
 
     The order is that of the Gray code, in which the points are usually generated one after the other.
 

@@ -1,4 +1,4 @@
-"""Statistics of a study's rows: success, quantiles, and what one controller gains over another on the same draws."""
+"""Statistics of a study: success rates, quantiles, and paired differences between controllers."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SHARES = (0.05, 0.25, 0.5, 0.75, 0.95)
 
 
 class Rows:
-    """A study's rows, read column by column; each column is ordered by episode.
+    """Rows of a study's folder, read column by column; each column is ordered by episode.
 
     Only files count that are whole and of this study.
 
@@ -69,19 +69,19 @@ class Rows:
 
     @property
     def deterministic(self) -> bool:
-        """True if nothing was drawn at random: a grid of given numbers, flown without noise."""
+        """True if the study has no random values: a grid without noise."""
         study = self.manifest.study
         kinds = [kind for distribution in (study["vary"] or {}).values() for kind in distribution]
         given = study["design"] == "grid" and all(kind in ("list", "grid") for kind in kinds)
         return given and not self.manifest.noise
 
     def label(self, path: str) -> str:
-        """Words and unit of a varied number."""
+        """Label of a varied parameter, with its unit."""
         return axis_label(words_of(path), self.manifest.units.get(path, ""))
 
     @property
     def complete(self) -> bool:
-        """True if all rows of the study are there."""
+        """True if the folder has all rows of the study."""
         return self.count == self.planned
 
     def _column(self, name: str) -> Array:
@@ -95,11 +95,11 @@ class Rows:
             raise StudyError(f"{self.folder}: column {name!r}: must be readable ({first})") from None
 
     def of(self, controller: str, name: str) -> Array:
-        """A column of one controller's rows."""
+        """Column of one controller's rows."""
         return np.asarray(self._column(name)[self._chosen[controller]])
 
     def succeeded(self, controller: str) -> npt.NDArray[np.bool_]:
-        """True where the episode flew to its end within the limits."""
+        """True for each episode that was completed within the success limits."""
         found = np.asarray(self.of(controller, "status") == "completed")
         for name, limit in self.limits.items():
             found = found & (self.of(controller, name) <= limit)
@@ -107,7 +107,7 @@ class Rows:
 
 
 def parse_limits(texts: list[str]) -> dict[str, float]:
-    """Limits of success from ``metric=value`` texts.
+    """Parse success limits from ``metric=value`` texts.
 
     Raises:
         StudyError: a text of another form.
@@ -125,7 +125,7 @@ def parse_limits(texts: list[str]) -> dict[str, float]:
 
 
 def statistics(rows: Rows, *, seed: int = 0, confidence: float = 0.95) -> dict[str, Any]:
-    """All statistics of a study, as plain values.
+    """All statistics of a study, as plain data.
 
     Args:
         rows: of the study.
@@ -180,7 +180,7 @@ def statistics(rows: Rows, *, seed: int = 0, confidence: float = 0.95) -> dict[s
 
 
 def _without_intervals(found: Any) -> Any:
-    """The same with null for every interval: of what is not drawn there is none."""
+    """Set every confidence interval in the statistics to None, for studies without random values."""
     if not isinstance(found, dict):
         return found
     return {
@@ -201,7 +201,7 @@ def _spread(values: Array, seed: int, confidence: float) -> dict[str, Any] | Non
 
 
 def _difference_statistics(difference: Array, seed: int, confidence: float) -> dict[str, Any] | None:
-    """Mean and median of a difference, and how often the first is smaller (ties by half)."""
+    """Mean and median of paired differences, and share of negative ones (ties count half)."""
     if not difference.size:
         return None
     smaller = int((difference < 0.0).sum()) + int((difference == 0.0).sum()) // 2

@@ -1,4 +1,4 @@
-"""The folder of a study: Parquet files of rows that appear whole, each marked as the study's, and a manifest.
+"""Folder of a study: a manifest, and Parquet files of rows, each written atomically and marked with the study.
 
 A file counts if its metadata has the study's digest and its own number and its pages fit their checksums; any other is
 flown again.
@@ -44,7 +44,7 @@ CHUNK = re.compile(r"chunk_(\d{7})\.parquet")
 
 
 def arrow() -> Any:
-    """The Parquet library.
+    """Import pyarrow, with an error that names it if it is not installed.
 
     Raises:
         ValueError: it is not installed; names the extra that brings it.
@@ -59,7 +59,7 @@ def arrow() -> Any:
 
 @dataclass(frozen=True, kw_only=True)
 class Manifest:
-    """Facts of a study's rows.
+    """Manifest of a study's folder: the facts that determine its rows.
 
     Attributes:
         study: its document, plain values. scenarios: label of the controller -> digest of the scenario.
@@ -83,7 +83,7 @@ class Manifest:
 
     @cached_property
     def facts(self) -> str:
-        """The facts on which rows depend, in the order of the study's file, which chooses the channels of the draws."""
+        """Facts that determine the rows, in the order of the study's file, which sets the random streams."""
         return json.dumps({"study": self.study, "scenarios": self.scenarios, "version": self.versions["skyarm"]})
 
     @cached_property
@@ -93,35 +93,35 @@ class Manifest:
 
     @property
     def chunks(self) -> int:
-        """Number of files."""
+        """Number of Parquet files."""
         return -(-int(self.study["episodes"]) // int(self.study["chunk"]))
 
     @property
     def rows(self) -> int:
-        """Rows of the whole study."""
+        """Number of rows of the whole study."""
         return int(self.study["episodes"]) * len(self.scenarios)
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Paths and names that vary, derived ones last."""
+        """Paths and names of the varied parameters, derived ones last."""
         return (*(self.study["vary"] or {}), *(self.study.get("derived") or {}))
 
     @property
     def statuses(self) -> tuple[str, ...]:
-        """Statuses of an episode, in the order of their numbers in the files."""
+        """Names of the episode statuses, in the order of their codes in the files."""
         return tuple(dict.fromkeys((*STATUSES, *self.study.get("endings", ()))))
 
     def span(self, index: int) -> range:
-        """Episodes of a chunk."""
+        """Range of episode numbers of a chunk."""
         size, episodes = self.study["chunk"], self.study["episodes"]
         return range(index * size, min((index + 1) * size, episodes))
 
     def mark(self, index: int) -> bytes:
-        """Identity of a chunk."""
+        """Identity of a chunk: digest of the study and chunk number."""
         return f"{self.digest}/{index}".encode()
 
     def parquet(self, table: Any, index: int) -> bytes:
-        """The file of a chunk's rows."""
+        """Build the Parquet file of a chunk's rows, with its mark."""
         sink = io.BytesIO()
         version = self.versions["skyarm"].encode()
         marked = table.replace_schema_metadata({MARK: self.mark(index), FACTS: self.facts.encode(), VERSION: version})
@@ -131,7 +131,7 @@ class Manifest:
         return sink.getvalue()
 
     def differences(self, there: Manifest) -> Iterator[tuple[str, Any, Any]]:
-        """(field, this study's, the folder's) of everything in which rows would differ."""
+        """(field, value of this study, value of the folder) for each difference that changes rows."""
         ours, theirs = (each._rows_depend_on() for each in (self, there))
         names = dict.fromkeys([*ours, *theirs])
         # the most telling first
@@ -141,7 +141,7 @@ class Manifest:
                 yield name, ours.get(name), theirs.get(name)
 
     def _rows_depend_on(self) -> dict[str, Any]:
-        """Field -> value."""
+        """Field -> value for all fields that determine the rows."""
         study, vary = self.study, self.study["vary"] or {}
         return {
             **{name: value for name, value in study.items() if name not in ("vary", "plugins")},
@@ -154,7 +154,7 @@ class Manifest:
 
 
 def read_manifest(folder: str | os.PathLike[str]) -> Manifest | None:
-    """Manifest of a study's folder; None if there is none, or one that was cut off.
+    """Read the manifest of a study's folder; None if it is missing or truncated.
 
     Raises:
         StudyError: it is no manifest.
@@ -178,12 +178,12 @@ def read_manifest(folder: str | os.PathLike[str]) -> Manifest | None:
 
 
 def chunk_path(folder: str | os.PathLike[str], index: int) -> Path:
-    """File of a chunk in a study's folder."""
+    """Path of a chunk's file in a study's folder."""
     return Path(folder) / ROWS / f"chunk_{index:07d}.parquet"
 
 
 def chunks_there(folder: str | os.PathLike[str]) -> list[int]:
-    """Numbers of the chunks that have a file, in order; folders and pipes of such names are none.
+    """Numbers of the chunks that have a regular file, in order.
 
     Raises:
         OSError: the folder cannot be listed.
@@ -196,7 +196,7 @@ def chunks_there(folder: str | os.PathLike[str]) -> list[int]:
 
 
 def _mark(path: Path) -> bytes | None:
-    """The mark of a file of rows, b"" without one; None if the file is damaged."""
+    """Mark of a Parquet file of rows, b"" if it has none; None if the file is damaged."""
     pa = arrow()
     try:
         table = pa.parquet.ParquetFile(path, page_checksum_verification=True).read()
@@ -206,7 +206,7 @@ def _mark(path: Path) -> bytes | None:
 
 
 def whole_chunks(folder: str | os.PathLike[str], manifest: Manifest) -> tuple[list[int], tuple[str, ...]]:
-    """Numbers of the chunks of a study whose files are whole, and names of the files that do not count.
+    """Numbers of the chunks with valid files, and names of the files that are ignored.
 
     Raises:
         OSError: the folder cannot be read.
@@ -217,12 +217,12 @@ def whole_chunks(folder: str | os.PathLike[str], manifest: Manifest) -> tuple[li
 
 
 def not_counted(names: Sequence[str]) -> list[str]:
-    """A line on files of rows that are not counted; none where all are."""
+    """Message that names ignored files of rows; empty list without any."""
     return [f"not counted, since they are damaged or of another study: {', '.join(names)}"] if names else []
 
 
 class StudyFolder:
-    """A study's folder, opened to write.
+    """Folder of a study, opened for writing.
 
     Args:
         folder: made if missing. manifest: of the rows that it takes.
@@ -253,7 +253,7 @@ class StudyFolder:
 
     @property
     def episodes(self) -> int:
-        """Number of episodes that are there."""
+        """Number of episodes already in the folder."""
         return sum(len(self.manifest.span(index)) for index in self.done)
 
     def put(self, index: int, content: bytes) -> None:

@@ -1,4 +1,4 @@
-"""A study: which numbers of a scenario vary, how, and how many episodes fly."""
+"""Definition of a study: varied parameters of a scenario, their distributions, number of episodes."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ LARGEST_CHUNK, MOST_EPISODES = 2**20, 2**32
 
 
 class StudyError(ValueError):
-    """An invalid study, or a folder that holds another one."""
+    """Error of an invalid study, or of a folder that holds another one."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Study:
-    """Everything that fixes the rows of a sweep.
+    """Definition of a sweep: everything that determines its rows.
 
     Attributes:
         name: short name. title: one line for people. source: what messages call it.
@@ -59,19 +59,19 @@ class Study:
 
     @property
     def paths(self) -> tuple[str, ...]:
-        """Dotted paths that vary, in order, the derived ones last."""
+        """Paths of the varied parameters, in order, derived ones last."""
         return tuple(name for name in (*self.vary, *self.derived) if not is_own_name(name))
 
     @property
     def axes(self) -> dict[str, Values]:
-        """Paths whose values a grid design multiplies."""
+        """Paths of the parameters whose values form the grid."""
         return finite(self.vary) if self.design == "grid" else {}
 
     @property
     def chunks(self) -> int:
-        """Number of files that the rows take."""
+        """Number of files for all rows."""
         return -(-self.episodes // self.chunk)
 
     def span(self, index: int) -> range:
-        """Episodes of a chunk."""
+        """Range of episode numbers of a chunk."""
         return range(index * self.chunk, min((index + 1) * self.chunk, self.episodes))

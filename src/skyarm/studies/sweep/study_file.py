@@ -74,7 +74,7 @@ def list_studies() -> tuple[str, ...]:
 
 
 def load_study(name_or_path: str | os.PathLike[str], controllers: Sequence[str] | None = None) -> Study:
-    """Study from the library by name or from a .toml file.
+    """Load a study from the library by name or from a .toml file.
 
     Args:
         name_or_path: a name of :func:`list_studies`, or the path of a .toml file.
@@ -100,14 +100,14 @@ def load_study(name_or_path: str | os.PathLike[str], controllers: Sequence[str] 
 
 
 def _require_no_file_law(controllers: Any) -> None:
-    """A file that is read names no file of code."""
+    """Refuse controllers from code files in a study file."""
     for name in controllers if isinstance(controllers, list) else ():
         if is_law_of_file(name):
             raise ValueError(f"controllers = {shown(name)}: must not be a file's; only --controller takes FILE.py:make")
 
 
 def study_from(document: Mapping[str, Any], folder: str | os.PathLike[str] = "", *, source: str = "study") -> Study:
-    """Study that a TOML document describes.
+    """Study from a TOML document.
 
     Args:
         document: plain tables, as read from TOML.
@@ -190,7 +190,7 @@ def _vary(table: Any, design: str) -> dict[str, Distribution]:
 
 
 def _require_grid_design(top: Fields) -> None:
-    """Refuse a grid without its design or a number of episodes: the grid's product is what is meant."""
+    """Refuse a grid of values if neither the grid design nor a number of episodes is given."""
     paths = [path for path, value in top.table["vary"].items() if "grid" in value] if "vary" in top.table else []
     if not paths or top.table.get("design", "random") == "grid":
         return
@@ -210,7 +210,7 @@ def _episodes(top: Fields, design: str, vary: Mapping[str, Distribution]) -> int
 
 
 def _metrics(top: Fields, scenario: Scenario) -> tuple[str, ...]:
-    """Names of the metrics of the rows."""
+    """Names of the metrics to store in the rows."""
     wanted = top.take("metrics", ["standard"])
     if not isinstance(wanted, list) or not wanted:
         raise ValueError(f"metrics = {shown(wanted)}: must be a list of names")
@@ -218,7 +218,7 @@ def _metrics(top: Fields, scenario: Scenario) -> tuple[str, ...]:
 
 
 def _scenarios(top: Fields, folder: Path, paths: list[str], derived: Collection[str]) -> dict[str, Scenario]:
-    """The scenario as each controller flies it, its varied numbers made data."""
+    """Controller name -> scenario with that controller, its varied parameters as batch data."""
     named = top.take("scenario")
     if not isinstance(named, str):
         raise ValueError(f"scenario = {shown(named)}: must be the name of a shipped scenario or a path")
@@ -238,14 +238,14 @@ def _scenarios(top: Fields, folder: Path, paths: list[str], derived: Collection[
 
 
 def _require_numbered_alike(scenario: Scenario, own: Scenario) -> None:
-    """Refuse to vary changes by their numbers where another controller flies without some of them."""
+    """Refuse to vary scheduled changes by index if a controller removes some of them."""
     if scenario.changes != own.changes:
         words = "must be left out with vary.changes, since the scenario changes numbers of its own controller in flight"
         raise ValueError(f"controllers: {words}")
 
 
 def _controllers(top: Fields) -> list[str] | None:
-    """Own names of the controllers of a study, so that an alias is the same study."""
+    """Canonical names of a study's controllers, so that aliases give the same study."""
     given = top.take("controllers", None)
     if given is None:
         return None
@@ -257,7 +257,7 @@ def _controllers(top: Fields) -> list[str] | None:
 
 
 def _ready(scenario: Scenario, paths: list[str], derived: Collection[str]) -> Scenario:
-    """The scenario with every varied number made data, so that it may also be varied from zero."""
+    """Scenario with every varied parameter as batch data, even where it is zero."""
     if scenario.kind != "rigid_body":
         raise ValueError(f"scenario: plant.kind = {scenario.kind!r}: must be rigid_body, whose episodes fly in batches")
     for path in paths:

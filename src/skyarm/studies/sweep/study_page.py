@@ -1,4 +1,4 @@
-"""Statistics of a study's folder as a page and as pictures."""
+"""Report of a study's folder: statistics as a page, and pictures."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Pictures:
     constant: Mapping[str, float] = field(default_factory=dict)
 
     def write(self, folder: Path) -> list[str]:
-        """Write them; returns the names of their files."""
+        """Write the pictures; returns their file names."""
         written = []
         for label, name in file_names(self.maps, "map_", ".png").items():
             write_inside(folder / name, self.maps[label])
@@ -37,7 +37,7 @@ class Pictures:
 
 
 def page(found: Mapping[str, Any], manifest: Manifest, pictures: Pictures) -> str:
-    """HTML of statistics and maps: one file that needs nothing else.
+    """HTML page of statistics and maps, in one self-contained file.
 
     Args:
         found: from :func:`skyarm.studies.sweep.stats.statistics`.
@@ -63,7 +63,7 @@ def page(found: Mapping[str, Any], manifest: Manifest, pictures: Pictures) -> st
 
 
 def summary(found: Mapping[str, Any]) -> list[str]:
-    """Lines of success and what is not complete, for a terminal."""
+    """Lines with success rates and missing rows, for a terminal."""
 
     def interval(pair: Any, form: str) -> str:
         return "" if pair is None else f" [{pair[0]:{form}}, {pair[1]:{form}}]"
@@ -85,5 +85,5 @@ def summary(found: Mapping[str, Any]) -> list[str]:
 
 
 def metric_label(metric: str) -> str:
-    """Words and unit of a metric."""
+    """Label of a metric, with its unit."""
     return axis_label(*metric_words(metric))

@@ -1,1 +1,1 @@
-"""Gains from one recorded procedure."""
+"""Automatic gain tuning by one recorded procedure."""

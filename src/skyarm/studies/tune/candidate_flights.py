@@ -1,4 +1,4 @@
-"""Flights of many candidates of a law's gains through perturbed plants, one lane each, and their scores."""
+"""Batched flights of gain candidates through perturbed plants, and their scores."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ LATEST, LOOKED_AT = 10.0, 5.0
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Flown:
-    """Results of flights, (candidates, plants) each.
+    """Results of flights as arrays (candidates, plants).
 
     Attributes:
         error: m, of what the law tracks: of the tip; a law that does not track the tip on its own is charged the mean
@@ -71,7 +71,7 @@ class Flown:
 
 
 def shorten(own: Scenario) -> Scenario:
-    """The flight along the scenario's own motion for a search: until enough of its steady window is over.
+    """Shorten a scenario's flight for the search: it ends once enough of its steady window is over.
 
     Args:
         own: as :func:`skyarm.studies.tune.excitation.tuning_flight` makes it.
@@ -84,14 +84,14 @@ def shorten(own: Scenario) -> Scenario:
 
 
 def with_own(plants: Plants) -> Plants:
-    """Plants every fourth of which flies the scenario's own motion; what was drawn of theirs is not flown."""
+    """Assign the scenario's own motion, instead of a drawn one, to every fourth plant."""
     kinds = plants.kinds.copy()
     kinds[EVERY - 1 :: EVERY] = OWN
     return dataclasses.replace(plants, kinds=kinds)
 
 
 class CandidateFlights:
-    """Flies candidates; the machine code is made once.
+    """Simulator of gain candidates, compiled once.
 
     Gains that are good on drawn motions alone may be worse on the user's flight. The scenario's own motion is therefore
     one more kind; its reference may be of any shape, so that the plants that fly it are a batch of their own.
@@ -143,7 +143,7 @@ class CandidateFlights:
         )
 
     def fly(self, logs: Array, plants: int | None = None, others: Plants | None = None) -> Flown:
-        """Fly every candidate through the first so many plants.
+        """Simulate every candidate on the first plants, up to a given number.
 
         Args:
             logs: (candidates, knobs) logarithms of factors.
@@ -191,7 +191,7 @@ class CandidateFlights:
         )
 
     def _tracking_error(self, errors: Mapping[str, Array]) -> Array:
-        """Error of what the law tracks, in one window."""
+        """Mean error of the tracked quantity in one time window."""
         posture = errors["position"] + self._arm * errors["joint"]
         if self._keeps_tip:
             return errors["ee"]
@@ -206,7 +206,7 @@ class CandidateFlights:
 
 
 def of_drawn(flown: Flown) -> Flown:
-    """Tables of the flights along drawn motions."""
+    """Results restricted to plants with drawn motions."""
     which = flown.kinds != OWN
     return Flown(**{name: table[..., which] for name, table in parts(flown).items()})
 
@@ -217,7 +217,7 @@ def _without_motions(plants: Plants) -> Plants:
 
 
 def _join(mine: npt.NDArray[np.bool_], drawn: Flown, own: Flown) -> Flown:
-    """Tables of all plants, of which some flew the scenario's own motion."""
+    """Merge results along drawn motions and along the scenario's own motion into one table of all plants."""
     tables = {}
     for name, some in parts(drawn).items():
         tables[name] = np.empty((*some.shape[:-1], len(mine)), dtype=some.dtype)
@@ -226,7 +226,7 @@ def _join(mine: npt.NDArray[np.bool_], drawn: Flown, own: Flown) -> Flown:
 
 
 def _error(window: str, name: str) -> str:
-    """Name of a metric: mean error against the continuous reference."""
+    """Name of the metric for the mean error against the continuous reference."""
     return f"{window}{name}_error_mean_continuous"
 
 
@@ -249,7 +249,7 @@ SMALLEST = 1e-5
 
 @dataclass(frozen=True, slots=True)
 class Scores:
-    """Scores of each candidate (candidates,).
+    """Scores of all candidates (candidates,).
 
     Attributes:
         error, tip: m, 90 % quantiles over the plants, of kinds of motion the geometric mean.
@@ -265,11 +265,11 @@ class Scores:
     short: Array
 
     def part(self, which: slice | Sequence[int]) -> Scores:
-        """Scores of some of the candidates."""
+        """Scores of a subset of the candidates."""
         return Scores(**{name: values[which] for name, values in parts(self).items()})
 
     def cost(self, weight: float) -> Array:
-        """ln error + weight (ln jitter + ln effort) + losses + what the margins are short of; smaller is better.
+        """Cost, to minimise: ln error + weight (ln jitter + ln effort) + penalties for losses and missing margin.
 
         Logarithms make every ratio of improvement count alike, whatever the vehicle's size.
         """
@@ -279,7 +279,7 @@ class Scores:
 
 
 def scores(flown: Flown) -> Scores:
-    """Scores of candidates over the plants that they flew."""
+    """Compute the candidates' scores over the plants of their flights."""
     return Scores(
         error=_quantile(flown.error, flown.kinds),
         tip=_quantile(flown.tip, flown.kinds),
@@ -291,7 +291,7 @@ def scores(flown: Flown) -> Scores:
 
 
 def _quantile(errors: Array, kinds: npt.NDArray[np.int_]) -> Array:
-    """The smallest error that at least nine of ten plants do not exceed; of several kinds their geometric mean.
+    """90 % quantile of the error over plants; geometric mean over several kinds of motion.
 
     One quantile over all would be that of the hardest kind alone.
     """

@@ -1,4 +1,4 @@
-"""The flight by which gains are tuned, its motions, and the perturbed plants that fly it.
+"""Flight for gain tuning: its reference motions, and the perturbed plants.
 
 Gains belong to the loop (vehicle, delay, noise, model mismatch), not to a path: every vehicle flies the same motions,
 scaled to its arm, base, heading and arm at once through a wind with a gust, then a step. The scenario keeps its plant,
@@ -60,7 +60,7 @@ SPEED = (0.2, 0.8)
 
 
 def motion(vehicle: Vehicle) -> Trajectory:
-    """The trajectory whose numbers :func:`draw_motions` replaces; as it stands, a lemniscate with a swinging arm."""
+    """Template trajectory of the tuning flight, a lemniscate with a swinging arm; see :func:`draw_motions`."""
     return Trajectory(
         x=Sum((sine_from_rest(0.45, 0.2), Windowed(Constant(STEP), start=STEPPED))),
         y=sine_from_rest(0.15, 0.4),
@@ -71,7 +71,7 @@ def motion(vehicle: Vehicle) -> Trajectory:
 
 
 def unseen_motion(vehicle: Vehicle) -> Trajectory:
-    """A path of other shapes that no choice is made by.
+    """Validation trajectory with other shapes, not used in tuning.
 
     A spiral with two sines an axis, heading turned on, joints on two sines each; no step.
     """
@@ -93,7 +93,7 @@ def unseen_motion(vehicle: Vehicle) -> Trajectory:
 
 
 def draw_motions(vehicle: Vehicle, count: int, *, seed: int) -> tuple[dict[str, Array], npt.NDArray[np.int_]]:
-    """Numbers of the motions of ``count`` plants by path of the scenario, and each one's kind (count,).
+    """Draw the motions of ``count`` plants: scenario path -> values, and kind of each motion (count,).
 
     Args:
         vehicle: whose joints swing.
@@ -138,12 +138,12 @@ def draw_motions(vehicle: Vehicle, count: int, *, seed: int) -> tuple[dict[str, 
 
 
 def sine_from_rest(amplitude: float, frequency: float, phase: float = 0.0) -> Signal:
-    """A sine that grows from rest."""
+    """Sine signal that fades in from rest."""
     return Product(Sine(amplitude=amplitude, frequency_hz=frequency, phase=phase), EASE)
 
 
 def _sine(path: str, amplitude: Array, frequency: Array, phase: Array | None = None) -> dict[str, Array]:
-    """Numbers of an eased sine by path."""
+    """Path -> values of a sine signal that fades in from rest."""
     at = f"{path}.signal"
     return {
         f"{at}.amplitude": amplitude,
@@ -158,7 +158,7 @@ def _joint(joint: Joint, joints: int, frequency: float) -> Signal:
 
 
 def rest_and_size(joint: Joint, joints: int) -> tuple[float, float]:
-    """Middle and amplitude of a joint's swing.
+    """Middle and amplitude of a joint's swing within its limits.
 
     Args:
         joint: whose.
@@ -190,7 +190,7 @@ GUST, GUST_SHARE = Vec3(0.75, 0.5, 0.43), 0.15
 
 
 def of_vehicle(vehicle: Vehicle, law: str | None = None, *, gravity: float = 9.81) -> Scenario:
-    """A scenario for a vehicle whose law has an exact model of it.
+    """Tuning scenario of a vehicle, with a controller whose nominal model is exact.
 
     Args:
         vehicle: plant and belief.
@@ -215,7 +215,7 @@ def of_vehicle(vehicle: Vehicle, law: str | None = None, *, gravity: float = 9.8
 def tuning_flight(
     scenario: Scenario, law: str | None = None, *, own_motion: bool = False, unseen: bool = False
 ) -> Scenario:
-    """The flight by which a scenario's gains are judged.
+    """Tuning flight of a scenario, on which its gains are scored.
 
     Args:
         scenario: whose plant, belief, clocks, sensors and air it keeps.
@@ -257,7 +257,7 @@ def _gust(scenario: Scenario) -> Gust:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Plants:
-    """Plants perturbed against the law's model.
+    """Perturbed plants that differ from the controller's nominal model.
 
     Attributes:
         spread: model mismatch. eased: share of the comparison's payload and wind for which the spare thrust suffices.
@@ -276,13 +276,13 @@ class Plants:
         return len(next(iter(self.values.values())))
 
     def select(self, which: npt.NDArray[np.int_]) -> Plants:
-        """The plants with these numbers."""
+        """Subset of the plants by index."""
         values = {path: numbers[which] for path, numbers in self.values.items()}
         return Plants(spread=self.spread, eased=self.eased, values=values, kinds=self.kinds[which])
 
 
 def draw_plants(scenario: Scenario, count: int, *, seed: int, mixed: bool = False) -> Plants:
-    """Plants for a flight that :func:`skyarm.studies.tune.excitation.tuning_flight` made.
+    """Draw perturbed plants for a tuning flight.
 
     Args:
         scenario: its truth is the middle of the spread; its last force is the wind that is drawn.
@@ -312,7 +312,7 @@ def draw_plants(scenario: Scenario, count: int, *, seed: int, mixed: bool = Fals
 
 
 def with_lost(pool: Plants, count: int, lost: npt.NDArray[np.bool_]) -> Plants:
-    """The first plants of a pool, up to half of them replaced by others that were lost.
+    """First plants of a pool, up to half of them replaced by plants on which candidates crashed.
 
     Those come first that some candidates lost and some flew: they tell one from another. Then those that all lost.
 

@@ -1,4 +1,4 @@
-"""From a search's archive to a front from calm to stiff, and the pick from it by a stated rule."""
+"""Pareto front of tuning candidates from calm to stiff, and the rule that selects the final gains."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ RULE = (
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Required:
-    """Margins that a pick must have; delay in s, gains as one factor up, and down."""
+    """Required stability margins: delay in s, gain as one factor for increase and decrease."""
 
     delay: float
     gain: float
@@ -40,7 +40,7 @@ class Required:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LoopMargins:
-    """Margins in hover: delay, s; (lower, upper) factors on all rotors and all joints. Why there are none, else ""."""
+    """Margins in hover: delay, s, and gain intervals of rotors and joints; or the reason why there are none."""
 
     delay: float
     rotors: tuple[float, float]
@@ -48,7 +48,7 @@ class LoopMargins:
     why_none: str = ""
 
     def meet(self, required: Required) -> bool:
-        """True if they are wide enough; margins that cannot be computed are not required."""
+        """True if the margins meet the requirement, or could not be computed."""
         if self.why_none:
             return True
         lows, highs = zip(self.rotors, self.joints, strict=True)
@@ -56,7 +56,7 @@ class LoopMargins:
         return self.delay >= required.delay and most >= required.gain and least <= 1.0 / required.gain
 
     def shortness(self, required: Required) -> float:
-        """Shortfall of the tightest margin against the required one, as a factor: above 1 it is violated."""
+        """Largest ratio of required to actual margin; above 1 the requirement is violated."""
         if self.why_none:
             return 0.0
         worst = max(required.delay / max(self.delay, 1e-9), 0.0)
@@ -67,7 +67,7 @@ class LoopMargins:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Point:
-    """A point of the front, flown on plants that the search has not seen.
+    """Point of the Pareto front, evaluated on plants that the search did not use.
 
     Attributes:
         logs: (knobs,) logarithms of factors.
@@ -87,17 +87,17 @@ class Point:
 
     @property
     def activity(self) -> float:
-        """ln jitter + ln effort: what calm means."""
+        """Control activity ln jitter + ln effort; low is calm."""
         return activity(self.jitter, self.effort)
 
 
 def activity(jitter: float, effort: float) -> float:
-    """ln jitter + ln effort, of what there is of both."""
+    """Control activity ln jitter + ln effort; zero terms are left out."""
     return math.log(jitter + SMALLEST) + (math.log(effort + SMALLEST) if effort > 0.0 else 0.0)
 
 
 def finalists(found: Sequence[Scores], count: int = POINTS) -> list[int]:
-    """Numbers of candidates that may be the front, up to ``count`` of them, from calm to stiff.
+    """Indices of up to ``count`` candidates for the Pareto front, from calm to stiff.
 
     The cheapest of each weight, and between them those of the archive that nothing beats in both error and activity,
     as far apart in activity as may be. Only candidates that meet the margins count there.
@@ -126,7 +126,7 @@ def finalists(found: Sequence[Scores], count: int = POINTS) -> list[int]:
 
 
 def pareto_front(points: Sequence[Point]) -> list[Point]:
-    """Points that no other beats in error and activity at once, from calm to stiff; lost plants come first."""
+    """Pareto front in error and control activity of the points with fewest lost plants, from calm to stiff."""
     fewest = min(point.lost for point in points)
     left = sorted((point for point in points if point.lost <= fewest), key=lambda point: (point.activity, point.error))
     found: list[Point] = []
@@ -137,7 +137,7 @@ def pareto_front(points: Sequence[Point]) -> list[Point]:
 
 
 def front_of(starts: Sequence[Point], found: Sequence[Point], required: Required) -> tuple[list[Point], int]:
-    """The Pareto front of all points, and the number of the pick, which is no worse than the starts.
+    """Pareto front of all points, and index of the selected one, which is no worse than the initial gains.
 
     Where a start meets the constraints, the best of them is the measure: points whose error is above its own, or their
     tip's more than 5 % above, are not picked, though they stay on the front; where none is left, the start is picked.
@@ -162,7 +162,7 @@ def front_of(starts: Sequence[Point], found: Sequence[Point], required: Required
 
 
 def pick(points: Sequence[Point], required: Required) -> int:
-    """Number of the point that :data:`RULE` picks; where none meets the constraints, the one that is least short."""
+    """Index of the point selected by :data:`RULE`; if none meets the constraints, of the least violating one."""
     allowed = [i for i, point in enumerate(points) if is_allowed(point, required)]
     if not allowed:
 
@@ -177,5 +177,5 @@ def pick(points: Sequence[Point], required: Required) -> int:
 
 
 def is_allowed(point: Point, required: Required) -> bool:
-    """True if a point loses no plant, stays below saturation and meets the margins."""
+    """True if a point loses no plant, stays below saturation and meets the required margins."""
     return point.lost <= 0.0 and not point.saturated > SATURATED and point.margins.meet(required)

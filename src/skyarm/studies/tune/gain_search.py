@@ -1,4 +1,4 @@
-"""Search for gains: a scatter about a centre, then several CMA-ES in parallel, from calm to stiff.
+"""Gain search: random scatter about a centre, then several parallel CMA-ES runs from calm to stiff.
 
 One covariance matrix adaptation (Hansen, Ostermeier 2001; the package ``cmaes``) for each weight of
 :data:`skyarm.studies.tune.candidate_flights.WEIGHTS`; all of them ask at once, so that their candidates fly in one
@@ -45,7 +45,7 @@ REACHES = (0.15, 0.3, 0.6)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Effort:
-    """Number of flights of a search.
+    """Size of a search: numbers of candidates, rounds and plants.
 
     Attributes:
         scatter: candidates of the first round. population: of each CMA-ES in each round. rounds: of them.
@@ -60,11 +60,11 @@ class Effort:
 
     @property
     def candidates(self) -> int:
-        """All of them."""
+        """Total number of candidates."""
         return self.scatter + self.rounds * self.population * len(WEIGHTS)
 
     def scale(self, candidates: int, plants: int) -> Effort:
-        """About so many candidates, on so many plants."""
+        """Scale the search to about this number of candidates, each on a given number of plants."""
         share = candidates / self.candidates
         scatter = max(LINE + 8, round(self.scatter * share))
         rounds = max(2, round((candidates - scatter) / (self.population * len(WEIGHTS))))
@@ -90,7 +90,7 @@ NOT_LOOKED_AT = 3.0
 def search(
     knobs: Sequence[Knob], effort: Effort, judge: Judge, *, seed: int, starts: Array | None = None
 ) -> tuple[Array, list[Scores]]:
-    """Look for gains.
+    """Run the gain search.
 
     Args:
         knobs: what may change.
@@ -125,7 +125,7 @@ def search(
 
 
 def with_margins(scores: Scores, asked: Array, groups: Sequence[tuple[float, slice, int]], short: Shortness) -> Scores:
-    """Scores with what candidates fall short of the margins, looked at only where it may change who leads.
+    """Add the margin penalty to the scores, computed only for candidates that may lead.
 
     Args:
         scores: of a round, margins not looked at.
@@ -149,12 +149,12 @@ def _leaders(cost: Array, which: slice, count: int) -> list[int]:
 
 
 def costs(found: Sequence[Scores], weight: float) -> Array:
-    """Costs of all candidates of an archive for a weight."""
+    """Cost of every candidate of an archive for a weight."""
     return np.concatenate([scores.cost(weight) for scores in found])
 
 
 def _best(logs: Array, found: Sequence[Scores], weight: float) -> Array:
-    """The cheapest candidate; of those that flew all plants, once there are any."""
+    """Candidate of least cost; among those simulated on all plants, if there are any."""
     every = costs(found, weight)
     first = len(found[0].error) if len(found) > 1 else 0
     best: Array = logs[first + int(every[first:].argmin())]
@@ -162,7 +162,7 @@ def _best(logs: Array, found: Sequence[Scores], weight: float) -> Array:
 
 
 def scatter(knobs: Sequence[Knob], count: int, seed: int, starts: Array | None = None) -> Array:
-    """The first candidates: the starts, one bandwidth for all, Sobol points about the starts.
+    """First candidates: initial gains, gains scaled by bandwidth, and Sobol points about the initial gains.
 
     The first start are the gains that were given. They may be off by any factor: where others are known, nothing is
     scattered about them; where none are, the line goes through them twice, by bandwidth and by one factor for all.
@@ -185,13 +185,13 @@ def scatter(knobs: Sequence[Knob], count: int, seed: int, starts: Array | None =
 
 
 def exponent(knob: Knob) -> float:
-    """Power of a loop's bandwidth with which a knob grows: 2 for a stiffness, 1 for a damping or a filter."""
+    """Exponent of a gain's scaling with loop bandwidth: 2 for a stiffness, 1 for a damping or a filter."""
     stiff = ("1/s^2", "N/m", "N m/rad")
     return 2.0 if knob.unit.startswith(stiff) else 1.0
 
 
 def _bounds(knobs: Sequence[Knob]) -> Array:
-    """Least and largest logarithm of each factor (knobs, 2); a share of one stays one at most."""
+    """Bounds on the logarithm of each gain factor (knobs, 2); a fraction stays at most one."""
     highs = [min(BOX, -math.log(max(knob.values(1.0)))) if _is_share(knob) else BOX for knob in knobs]
     return np.array([[-BOX, high + 1e-9] for high in highs])
 

@@ -1,4 +1,4 @@
-"""Margins of a loop in hover: those that gains must have, the cost of lacking them, and measured ones."""
+"""Stability margins in hover for tuning: required margins, penalty for missing them, measured margins."""
 
 from __future__ import annotations
 
@@ -49,18 +49,18 @@ RESERVE = 1.04
 
 
 def one_blas_thread() -> Any:
-    """Context in which linear algebra has one thread: matrices of a loop are small, more would wait for each other."""
+    """Context manager that limits BLAS to one thread, faster for the small matrices of a loop."""
     return threadpool_limits(1, user_api="blas")
 
 
 def required_margins(scenario: Scenario) -> Required:
-    """Margins that a scenario's gains must have."""
+    """Stability margins that a scenario's gains must have."""
     known = float(scenario.delays.measurement) + float(scenario.delays.command)
     return Required(delay=max(DELAY_SHARE * known, PERIODS / scenario.rates.control), gain=GAIN)
 
 
 def with_gains(controller: Controller, knobs: Sequence[Knob], logs: Sequence[float]) -> Controller:
-    """The controller with every knob's numbers times its factor."""
+    """Controller with the numbers of each knob multiplied by its factor."""
     numbers = {
         place: value * math.exp(log) for knob, log in zip(knobs, logs, strict=True) for place, value in knob.numbers
     }
@@ -68,20 +68,20 @@ def with_gains(controller: Controller, knobs: Sequence[Knob], logs: Sequence[flo
 
 
 def calm(flight: Scenario) -> Scenario:
-    """The flight of candidates without the drawn wind, and with known delays only."""
+    """Tuning flight without the drawn wind and without unmodelled delay."""
     delays = dataclasses.replace(flight.delays, longest_command=None)
     return flight.with_words(forces=flight.forces[:-1], delays=delays)
 
 
 def margins_of(hover: Instant | None) -> LoopMargins:
-    """The margins of a hover that count in a tuning; none of one that did not settle."""
+    """Margins of a hover as used in tuning; none if it did not settle."""
     if hover is None:
         return LoopMargins(delay=0.0, rotors=(1.0, 1.0), joints=(1.0, 1.0))
     return LoopMargins(delay=hover.delay, rotors=hover.gain("rotor_gain"), joints=hover.gain("joint_gain"))
 
 
 class HoverMargins:
-    """Margins of candidates in hover; nothing is required of a loop that cannot be linearised.
+    """Hover margins of candidates; no requirement if the loop cannot be linearised.
 
     Args:
         scenario: flight of the candidates. knobs: what they change.
@@ -106,7 +106,7 @@ class HoverMargins:
         return dict(zip(loops.paths, self._numbers[:, None] * np.exp(logs.T[self._knob]), strict=True))
 
     def costs(self, logs: Array) -> Array:
-        """Cost of falling short of the required margins (candidates,): 0 where all tests pass.
+        """Penalty (candidates,) for missing the required margins: 0 if all tests pass.
 
         A test is cheap: the loop with the required extra delay, and with all rotors or all joints that much stronger or
         weaker, must have its eigenvalues inside the unit circle, with the rotors' time constant upward and downward.
@@ -126,14 +126,14 @@ class HoverMargins:
             return np.array(list(pool.map(cost, *lanes)))
 
     def measure(self, logs: Array) -> list[LoopMargins]:
-        """Margins of each candidate, the worse of both linearisations."""
+        """Hover margins of each candidate: the worse of both linearisations."""
         if self._loops is None:
             return [dataclasses.replace(margins_of(None), why_none=self._why_none)] * len(logs)
         return [margins_of(hover) for hover in self._loops.margins(self._values(self._loops, logs))]
 
 
 def failed_tests(loop: OpenLoop, delay: float, gain: float) -> float:
-    """Cost of the tests that a loop does not pass."""
+    """Penalty for the margin tests that a loop fails."""
     tests = [{"extra_delay": delay}]
     tests += [{name: k} for name in ("rotor_gain", "joint_gain") for k in (gain, 1.0 / gain)]
     total = 0.0

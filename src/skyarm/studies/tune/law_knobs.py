@@ -1,4 +1,4 @@
-"""The gains of a law that tuning may change, and those that the catalogue has for it.
+"""Tunable gains of a controller, and their values in the catalogue.
 
 A knob is one factor on all numbers below a path of the law's constants, which keep their ratios. For a law with tuned
 gains (:func:`skyarm.control.catalogue.tuned_factors`) they are the paths there. For any other law, a user-defined one
@@ -49,12 +49,12 @@ LARGEST_FACTOR = 30.0
 
 
 class KnobError(ValueError):
-    """A law has no such knob, or none at all."""
+    """Error of an unknown tunable gain, or of a controller without any."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Knob:
-    """A knob is one factor on some numbers of a law's constants.
+    """Tunable gain: one factor on several numbers of a controller's parameters.
 
     Attributes:
         path: of the constants. unit: of the numbers, or nothing. numbers: place among the constants -> value.
@@ -65,12 +65,12 @@ class Knob:
     numbers: tuple[tuple[Place, float], ...]
 
     def values(self, factor: float) -> tuple[float, ...]:
-        """The numbers times a factor."""
+        """Numbers multiplied by a factor."""
         return tuple(factor * number for _, number in self.numbers)
 
 
 def inner_place(controller: Controller) -> Place:
-    """Path of the law's own constants: under layers of safety or actuators, in ``inner``."""
+    """Parameter path of the innermost controller, below layers of safety and actuators."""
     place: Place = ()
     par = controller.par
     while is_record(inner := getattr(par, "inner", None)):
@@ -79,7 +79,7 @@ def inner_place(controller: Controller) -> Place:
 
 
 def find_knobs(controller: Controller, law: str = "", chosen: Sequence[str] | None = None) -> tuple[Knob, ...]:
-    """Knobs of a controller.
+    """Find the tunable gains of a controller.
 
     Args:
         controller: whose constants are looked through, below its layers.
@@ -128,7 +128,7 @@ def _knob_at(par: Any, path: str) -> Knob | None:
 
 
 def _found(record: Any, place: Place, unit: Unit, fixed: bool) -> Iterator[Knob]:
-    """Knobs below a part of the constants, whose own field states ``unit``."""
+    """Tunable gains in a part of the parameters; ``unit`` is the unit of the enclosing field."""
     if is_record(record) and not isinstance(record, Vec3):
         declared = declared_fields(type(record))
         for name, value in parts(record).items():
@@ -149,7 +149,7 @@ def _found(record: Any, place: Place, unit: Unit, fixed: bool) -> Iterator[Knob]
 
 
 def _fixed_length(kind: Any) -> bool:
-    """True if a field is a tuple of fixed length by its annotation."""
+    """True if a field's annotation is a tuple of fixed length."""
     return typing.get_origin(kind) is tuple and Ellipsis not in typing.get_args(kind)
 
 
@@ -160,7 +160,7 @@ def _is_gain(unit: Unit) -> bool:
 
 
 def _knob(place: Place, record: Any, unit: Unit) -> Knob | None:
-    """One factor on every positive number of a record; None where there is none."""
+    """Tunable gain over every positive number of a record; None if there is none."""
     numbers = tuple((at, value) for at, value in walk(record, place) if type(value) is float and value > 0.0)
     return Knob(path=".".join(place), unit=unit.unit, numbers=numbers) if numbers else None
 
@@ -176,7 +176,7 @@ GIVEN = "before"
 
 @dataclass(frozen=True, kw_only=True)
 class Centred:
-    """A flight whose law has the gains at the centre of a search.
+    """Tuning flight with the gains at the centre of the search.
 
     Attributes:
         flight: with them. knobs: their factors are 1 there.
@@ -189,12 +189,12 @@ class Centred:
 
     @property
     def rows(self) -> Array:
-        """The starts (starts, knobs)."""
+        """Initial gain vectors (starts, knobs), logarithms of factors."""
         return np.array(list(self.starts.values()))
 
 
 def with_catalogue_gains(flight: Scenario, knobs: tuple[Knob, ...], label: str) -> Centred:
-    """The flight with the catalogue's gains where there are any, those of its label first; else as it is.
+    """Tuning flight centred at the catalogue's gains if there are any, else at its own.
 
     Args:
         flight: with the given gains.
@@ -229,12 +229,12 @@ def with_catalogue_gains(flight: Scenario, knobs: tuple[Knob, ...], label: str) 
 
 
 def values(knob: Knob) -> tuple[float, ...]:
-    """A knob's numbers."""
+    """Numbers of a tunable gain."""
     return knob.values(1.0)
 
 
 def _catalogue_gains(scenario: Scenario, knobs: tuple[Knob, ...]) -> dict[str, Numbers]:
-    """Numbers of every knob by name of the catalogue: a law's own, its tuned ones, those of its presets.
+    """Catalogue name -> numbers of every gain: default, tuned and preset values of the controller.
 
     None for a law that the catalogue does not know; no numbers of a knob that a preset does not have.
     """
@@ -262,7 +262,7 @@ def _catalogue_gains(scenario: Scenario, knobs: tuple[Knob, ...]) -> dict[str, N
 
 
 def _make(name: str, model: object, facts: Mapping[str, object]) -> Controller | None:
-    """A law of the catalogue; None where it does not fit this vehicle."""
+    """Make a controller of the catalogue; None if it does not fit the vehicle."""
     try:
         return make_named(name, model, facts)  # type: ignore[arg-type]
     except (ControllerError, AllocationError):
@@ -270,7 +270,7 @@ def _make(name: str, model: object, facts: Mapping[str, object]) -> Controller |
 
 
 def _same_shares(knob: Knob, numbers: tuple[float, ...]) -> bool:
-    """True if one common factor maps a knob's numbers to others."""
+    """True if the numbers are a common multiple of the gain's own numbers."""
     if not numbers:
         return False
     factors = np.array(numbers) / np.array(values(knob))
@@ -278,7 +278,7 @@ def _same_shares(knob: Knob, numbers: tuple[float, ...]) -> bool:
 
 
 def _row(numbers: Numbers, middle: Numbers) -> tuple[float, ...]:
-    """Logarithms of factors; where the numbers of a knob differ among themselves, their geometric mean counts."""
+    """Logarithmic factor of each gain, from the geometric mean of its numbers."""
     return tuple(_mean(at) - _mean(base) if at else 0.0 for at, base in zip(numbers, middle, strict=True))
 
 

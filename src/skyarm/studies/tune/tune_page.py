@@ -1,4 +1,4 @@
-"""Results of a tuning: files of gains that scenarios name, and a page with a slider from calm to stiff."""
+"""Results of a tuning: gain files for scenarios, and a page with a slider from calm to stiff."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ DIGITS = 6
 
 
 def front_name(number: int) -> str:
-    """File of a point of the front, counted from calm to stiff."""
+    """File name of a point of the front, numbered from calm to stiff."""
     return f"front_{number + 1}.toml"
 
 
 def words_of(name: str) -> dict[str, Any]:
-    """Description of a controller in a [law] table, by its name in the catalogue."""
+    """[law] table of a controller given by its catalogue name."""
     if name in PRESETS:
         return {"preset": name}
     return {"law": name.removesuffix(TUNED), "tuned": True} if name.endswith(TUNED) else {"law": name}
 
 
 def gains_of(tuning: Tuning, point: Point) -> dict[str, float | list[float]]:
-    """The numbers below the path of every knob, as a file of gains has them."""
+    """Parameters of all tunable gains, in the form of a gain file."""
     controller = tuning.plan.flight.controller
     tuned = with_gains(controller, tuning.plan.knobs, point.logs)
     below, found = inner_place(controller), {}
@@ -48,7 +48,7 @@ def gains_of(tuning: Tuning, point: Point) -> dict[str, float | list[float]]:
 
 
 def gains_text(tuning: Tuning, point: Point, words: Mapping[str, Any], kept: Mapping[str, Any]) -> str:
-    """A file of gains.
+    """Text of a gain file.
 
     Args:
         tuning: what was found.
@@ -81,7 +81,7 @@ def gains_text(tuning: Tuning, point: Point, words: Mapping[str, Any], kept: Map
 
 
 def about(tuning: Tuning) -> dict[str, Any]:
-    """Source of the gains."""
+    """Description of the gains' origin."""
     plan = tuning.plan
     return {
         **plan.facts(),
@@ -98,7 +98,7 @@ def about(tuning: Tuning) -> dict[str, Any]:
 
 
 def plain_point(point: Point) -> dict[str, Any]:
-    """Scores and margins of a point."""
+    """Scores and margins of a point, as plain data."""
     return {
         "error_m": _short(point.error),
         "tip_m": _short(point.tip),
@@ -111,13 +111,13 @@ def plain_point(point: Point) -> dict[str, Any]:
 
 
 def plain_aside(aside: Aside) -> dict[str, float | bool]:
-    """Scores on plants and a path by which nothing was chosen."""
+    """Validation scores, as plain data."""
     scores = {"tip_m": aside.tip, "jitter_rad_s": aside.jitter, "lost": aside.lost}
     return {**{name: _short(value) for name, value in scores.items()}, "meets_constraints": aside.meets}
 
 
 def plain_margins(margins: LoopMargins) -> dict[str, Any]:
-    """Margins; values beyond the examined range are left out."""
+    """Margins as plain data, without values beyond the examined range."""
     if margins.why_none:
         return {"no_margins": margins.why_none}
     delay = {"delay_margin_s": _short(margins.delay)} if math.isfinite(margins.delay) else {}
@@ -138,12 +138,12 @@ def _short(value: float) -> float:
 
 
 def error_words(vehicle: Vehicle) -> str:
-    """Name of the error of a flight: of the tip, or of the base where there is no tip."""
+    """Label of a flight's error: of the tip, or of the base if there is no tip."""
     return "tip error" if vehicle.end_effector else "base error"
 
 
 def tune_page(found: Tuning) -> str:
-    """HTML of a tuning's results; one file that needs nothing else."""
+    """HTML page of a tuning's results, in one self-contained file."""
     plan, vehicle = found.plan, found.plan.flight.plant.vehicle
     facts = (
         f"{plan.effort.candidates} candidates on {plan.effort.plants} wrong plants; the front on {plan.unseen} plants "

@@ -1,4 +1,4 @@
-"""Tuning of a law's gains for one vehicle and its loop, from a scenario to a front and a pick.
+"""Gain tuning for one vehicle and its loop: from a scenario to a Pareto front and the selected gains.
 
 The search flies :func:`skyarm.studies.tune.excitation.tuning_flight` through perturbed plants, each with its own
 motion, every fourth with the scenario's where there is one; its best candidates from calm to stiff fly further plants,
@@ -59,7 +59,7 @@ PICKED = "pick"
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """Plan of a tuning.
+    """Settings of a tuning.
 
     Attributes:
         flight: that judges candidates. check: that judges the front; the same but for its motion. aside: the same along
@@ -79,7 +79,7 @@ class Plan:
     unseen: int = UNSEEN
 
     def facts(self) -> dict[str, Any]:
-        """Plain values on which the result depends, next to scenario and law."""
+        """Settings that determine the result besides scenario and controller, as plain data."""
         return {
             **{name: text for name, text in versions("cmaes").items() if name != "python"},
             "motions": [*KINDS, *(["own"] if self.own else [])],
@@ -93,7 +93,7 @@ class Plan:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Aside:
-    """Scores on plants and a path by which nothing was chosen.
+    """Validation scores: on plants and a path not used in tuning.
 
     Attributes:
         tip: m, 90 % quantile. jitter: rad/s, median. lost: share.
@@ -127,12 +127,12 @@ class Tuning:
 
     @property
     def pick(self) -> Point:
-        """The point that the rule picks."""
+        """Selected point of the front."""
         return self.points[self.picked]
 
     @property
     def meets(self) -> bool:
-        """True if the pick meets all constraints."""
+        """True if the selected point meets all constraints."""
         return is_allowed(self.pick, self.required)
 
 
@@ -141,7 +141,7 @@ Progress = Callable[[int, int, str], object]
 
 
 class Tuner:
-    """Flies candidates: rounds of the search, the best again, the front.
+    """Evaluator of gain candidates: search rounds, re-evaluation of the best, final front.
 
     Args:
         plan: of the tuning. plants: of the search.
@@ -171,7 +171,7 @@ class Tuner:
         return HoverMargins(self._plan.flight, self._plan.knobs, self._threads)
 
     def judge(self, number: int, asked: Array, plants: int) -> Scores:
-        """Scores of a round."""
+        """Scores of one search round."""
         flown = scores(self._flights.fly(asked, plants, others=self._telling if number else None))
         found = with_margins(flown, asked, self._groups(number, len(asked)), self._margins.costs)
         if number == 0:
@@ -182,7 +182,7 @@ class Tuner:
 
     @cached_property
     def _telling(self) -> Plants:
-        """The plants of all rounds but the first: its leaders fly more of them, and those that they lose are included.
+        """Plants of all later rounds: those on which the leaders of the first round crash are included.
 
         A search that loses one plant in fifty does not see it on two dozen.
         """
@@ -197,14 +197,14 @@ class Tuner:
         return with_own(plants) if self._plan.own else plants
 
     def _groups(self, number: int, count: int) -> list[tuple[float, slice, int]]:
-        """Candidates whose margins count: the best of the scatter for each weight, later half of each strategy's."""
+        """Candidates whose margins are computed: best of the scatter per weight, then half of each CMA-ES."""
         if number == 0:
             return [(weight, slice(0, count), LEADERS) for weight in WEIGHTS]
         each = self._plan.effort.population
         return [(weight, slice(i * each, (i + 1) * each), (each + 1) // 2) for i, weight in enumerate(WEIGHTS)]
 
     def again(self, asked: Array) -> tuple[Scores, Scores]:
-        """Scores of semifinalists on further plants, each with its margins: of all motions, and of those drawn."""
+        """Scores of semifinalists on further plants with margins: over all motions, and over drawn motions."""
         self._progress(self._done, self._total, "the best once more")
         flown = self._flights.fly(asked, others=self._drawn(FURTHER, self._plan.seed + 2))
         short = self._margins.costs(asked)
@@ -213,7 +213,7 @@ class Tuner:
         return every, drawn
 
     def check(self, rows: Array, again: Scores) -> list[Point]:
-        """The beginning and the finalists on unseen plants, with margins; ``again`` is of drawn motions."""
+        """Evaluate initial gains and finalists on unseen plants, with margins."""
         plan = self._plan
         mixed = plan.check.reference == plan.flight.reference
         flown = self._flown_once(plan.check, plan.unseen, 1, rows, mixed=mixed, saturation=True)
@@ -234,7 +234,7 @@ class Tuner:
         ]
 
     def fly_aside(self, points: dict[str, Point]) -> dict[str, Aside]:
-        """The pick and every start, by name, on plants and a path by which nothing was chosen."""
+        """Validate the selected gains and every initial set on plants and a path not used in tuning."""
         wanted = required_margins(self._plan.flight)
         self._progress(self._total, self._total, "plants and a path kept aside")
         flown = scores(self._flown_once(self._plan.aside, ASIDE, 3, np.array([each.logs for each in points.values()])))
@@ -254,7 +254,7 @@ class Tuner:
         mixed: bool = False,
         saturation: bool = False,
     ) -> Flown:
-        """Flights of some candidates along another path, on plants and noise that the search has not seen."""
+        """Simulate some candidates along another path, on plants and noise not used in the search."""
         seed = self._plan.seed + further
         plants = draw_plants(scenario, count, seed=seed, mixed=mixed)
         flights = CandidateFlights(
@@ -264,7 +264,7 @@ class Tuner:
 
 
 def tune(plan: Plan, *, threads: int = 1, progress: Progress | None = None) -> Tuning:
-    """Tune a law.
+    """Tune the gains of a controller.
 
     Args:
         plan: what is tuned.
