@@ -1,4 +1,4 @@
-"""From traceable functions to programs: tracing, then straight-line code. Independent of flying."""
+"""Compilation of traceable functions into straight-line programs, independent of simulation."""
 
 from skyarm.compile.tracing.program import Program, trace
 from skyarm.compile.tracing.tracer import Graph, Node, TracedBranchError

@@ -1,4 +1,4 @@
-"""C99 of a traced program: straight-line statements, structs of records, a file with one function on structs.
+"""C99 source of a traced program: statements, structs of records, and a file with one step function.
 
 One assignment an operation, nothing of the library but math.h. Compiled without contraction (GCC: ``-std=c99`` or
 ``-ffp-contract=off``) a double program has the bits of the Python floats; with it, a * b + c becomes one rounding.
@@ -88,13 +88,13 @@ END_IEEE = f"""\
 
 @dataclass(frozen=True, slots=True)
 class Floats:
-    """The floating-point numbers of a file: double, or float if ``single``."""
+    """C floating-point type of a generated file: double, or float if ``single``."""
 
     single: bool = False
 
     @property
     def kind(self) -> str:
-        """C type."""
+        """Name of the C type."""
         return "float" if self.single else "double"
 
     def function(self, name: str) -> str:
@@ -102,7 +102,7 @@ class Floats:
         return f"{name}f" if self.single else name
 
     def literal(self, value: float) -> str:
-        """A number that reads back as itself, rounded to the type; negative ones in parentheses."""
+        """C literal of a number, exact after rounding to the type; negative numbers in parentheses."""
         if self.single:
             try:
                 value = struct.unpack("<f", struct.pack("<f", value))[0]
@@ -123,7 +123,7 @@ class Floats:
 
 
 def helpers(program: Lowered, floats: Floats, prefix: str) -> str:
-    """Definitions of the functions the program's statements call, named ``prefix`` and the operation."""
+    """C definitions of the helper functions that a program's statements call, each named ``prefix_operation``."""
     used = {node.op for node in program.nodes}
     numbers = {"zero": 0.0, "one": 1.0, "two": 2.0, "low": -1100.0, "high": 1100.0}
     words = {name: floats.literal(value) for name, value in numbers.items()}
@@ -137,7 +137,7 @@ def helpers(program: Lowered, floats: Floats, prefix: str) -> str:
 def statements(
     program: Lowered, floats: Floats, prefix: str, inputs: Sequence[str], outputs: Sequence[str]
 ) -> list[str]:
-    """Lines of a function's body: inputs are read, then operations in order, then outputs are written.
+    """C statements of a function body: read the inputs, evaluate the operations in order, write the outputs.
 
     Args:
         program: basic operations.
@@ -197,7 +197,7 @@ Units = Mapping[Place, Mapping[str, Unit]]
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """A field of a record that holds scalars.
+    """Field of a record that contains scalars.
 
     Attributes:
         path: where it stands, for example ("links", "0", "body", "mass").
@@ -213,7 +213,7 @@ class Field:
 
 @dataclass(frozen=True, slots=True)
 class Member:
-    """A member of a struct: name, array sizes, comment, values."""
+    """Member of a C struct: name, array sizes, comment, values."""
 
     name: str
     shape: tuple[int, ...]
@@ -223,7 +223,7 @@ class Member:
 
 @dataclass(frozen=True, slots=True)
 class Struct:
-    """Members, and for each leaf of the record its member's C name (None: the struct does not have it)."""
+    """C struct of a record: its members, and the C name of each leaf of the record (None if it is left out)."""
 
     members: tuple[Member, ...]
     places: tuple[str | None, ...]
@@ -243,7 +243,7 @@ def fields(record: Any, others: Units = MappingProxyType({}), path: Place = (), 
 
 
 def _grid(value: Any) -> bool:
-    """A tuple of scalars, or of equally long tuples of scalars; structure among them is sorted out by the caller."""
+    """True for a tuple of scalars or of equally long tuples of scalars."""
     if not isinstance(value, tuple):
         return False
     rows = [item if isinstance(item, tuple) else (item,) for item in value]
@@ -260,7 +260,7 @@ def _shape(value: Any) -> tuple[int, ...]:
 def make_struct(
     record: Any, name: Callable[[Place], str], keep: Sequence[bool], others: Units = MappingProxyType({})
 ) -> Struct:
-    """Struct of a record; comments are what its fields say of their units.
+    """C struct of a record, with the units of its fields as comments.
 
     Args:
         record: its leaves give the values.
@@ -301,7 +301,7 @@ def _indices(shape: tuple[int, ...]) -> list[str]:
 
 
 def declaration(name: str, struct: Struct, floats: Floats) -> str:
-    """``struct name { ... };``; C99 has no empty struct, so one without members gets a reserved one."""
+    """C declaration ``struct name { ... };``; a struct without members gets a reserved one."""
     members = struct.members or (Member("reserved", (), "not used: C99 knows no empty struct", (0.0,)),)
     lines = [f"struct {name} {{"]
     for member in members:
@@ -312,7 +312,7 @@ def declaration(name: str, struct: Struct, floats: Floats) -> str:
 
 
 def initialiser(struct: Struct, floats: Floats) -> str:
-    """``{ ... }`` with the record's values, one member a line."""
+    """C initialiser ``{ ... }`` with the values of a struct, one member a line."""
     if not struct.members:
         return f"{{{floats.literal(0.0)}}}"
     lines = [
@@ -330,14 +330,14 @@ def _in_braces(values: list[float], shape: tuple[int, ...], floats: Floats) -> s
 
 
 def comment(text: str) -> str:
-    """Text of a C comment: one line of plain characters, none that ends or opens one."""
+    """Text that is safe inside a C comment: one line of printable ASCII characters."""
     plain = re.sub(r"[^ -~]|[?\\]", "_", " ".join(text.split()))
     return re.sub(r"\*(?=/)|/(?=\*)", "_", plain)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class StepFile:
-    """Parts of the generated file.
+    """Contents of the generated C file.
 
     Attributes:
         name: begins every name that others see, a C identifier.
@@ -357,7 +357,7 @@ class StepFile:
     output: str
 
     def text(self, opening: Sequence[str]) -> str:
-        """The whole file; ``opening`` are the lines of its first comment."""
+        """Text of the whole C file; ``opening``: lines of its first comment."""
         return "\n".join([_comment(opening), self._interface(), self._implementation()])
 
     def _interface(self) -> str:

@@ -1,4 +1,4 @@
-"""Error for a machine without machine code: one for every cause, with the remedy.
+"""Error and warning for machine code that is not available, with cause and remedy.
 
 The causes: llvmlite is missing, too old for our assembly, broken, or its LLVM does not know this processor.
 """
@@ -25,7 +25,7 @@ class SlowFlightWarning(RuntimeWarning):
 
 @contextmanager
 def llvm_needed() -> Iterator[None]:
-    """Raise NoMachineCodeError in place of whatever the compiler raises inside.
+    """Turn any exception of the LLVM compiler into NoMachineCodeError.
 
     Only around calls of llvmlite: all that a broken library may raise is taken for a missing one.
     """
@@ -38,13 +38,13 @@ def llvm_needed() -> Iterator[None]:
 
 
 def require_floor(version: str) -> None:
-    """Raise RuntimeError for an llvmlite whose LLVM cannot read our assembly, which otherwise fills the terminal."""
+    """Raise RuntimeError if the installed llvmlite is too old for the generated assembly."""
     if below_floor({NAME: version}):
         raise RuntimeError("its LLVM is too old")
 
 
 def _words(error: Exception) -> str:
-    """The cause, what is needed and what is installed, in one line."""
+    """One-line error message: the cause, the required version and the installed version."""
     lines = str(error).strip().splitlines()
     cause = lines[0] if lines else type(error).__name__
     version = getattr(sys.modules.get(NAME), "__version__", None) or installed_versions([NAME]).get(NAME)
@@ -56,5 +56,5 @@ def _words(error: Exception) -> str:
 
 
 def missing_extra(extra: str) -> ImportError:
-    """Error for a library that is not installed; names the extra that brings it."""
+    """ImportError for an optional library that is not installed; names the extra that installs it."""
     return ImportError(needs_extra(extra))

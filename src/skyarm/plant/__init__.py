@@ -1,1 +1,1 @@
-"""Plants: simulated vehicles. They share rotors, wind and joint friction, and no rigid-body code."""
+"""Simulated plants; they share the models of rotors, wind and joint friction, but no rigid-body code."""

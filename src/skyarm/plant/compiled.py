@@ -1,4 +1,4 @@
-"""The rigid-body plant traced into straight-line programs."""
+"""Rigid-body plant compiled into straight-line programs."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from skyarm.vehicle.check import require_plant
 
 
 def example_state(joints: int, rotors: int, tilts: int = 0) -> State:
-    """A state with the right number of leaves; its values are not used."""
+    """Example state with the right number of leaves; its values are not used."""
     return State(
         position=Vec3(0.0, 0.0, 0.0),
         quaternion=Quaternion(1.0, 0.0, 0.0, 0.0),
@@ -47,12 +47,12 @@ def example_state(joints: int, rotors: int, tilts: int = 0) -> State:
 
 
 def example_command(joints: int, rotors: int, tilts: int = 0) -> Command:
-    """A command with the right number of leaves."""
+    """Example command with the right number of leaves."""
     return Command(rotor_speeds=(0.0,) * rotors, efforts=(0.0,) * joints, tilts=(0.0,) * tilts)
 
 
 class Steps(int):
-    """Integration steps of an interval, and how many are enough while the coupled components are far from acting.
+    """Number of integration steps of an interval, and a smaller number for inactive coupled components.
 
     Attributes:
         far: steps of the plant's integrator where the coupled components are far.
@@ -65,7 +65,7 @@ class Steps(int):
     verlet: bool
 
     def __new__(cls, near: int, far: int, *, verlet: int = 0) -> Self:
-        """Steps near and far of the integrator; ``verlet`` steps of the Stoermer-Verlet method replace those near."""
+        """Make from step counts for active (``near``) or inactive coupled components; ``verlet`` replaces ``near``."""
         made = super().__new__(cls, verlet or near)
         made.far, made.rounds, made.verlet = far, math.ceil(near / far), verlet > 0
         return made
@@ -86,7 +86,7 @@ class Steps(int):
 def hold(
     world: Truth, integrator: str, count: int, now: Moved, command: Command, around: Surroundings, seconds: Any
 ) -> Moved:
-    """State and coupled memories after an interval (s) of held command and surroundings, cut into ``count`` steps."""
+    """Integrate state and coupled memories over an interval (s) with constant inputs, in ``count`` steps."""
     near = VERLET if isinstance(count, Steps) and count.verlet else integrator
 
     def step(both: Moved) -> Moved:
@@ -106,7 +106,7 @@ def hold(
 
 
 class RigidBodyPlant:
-    """Our own multibody plant, one traced program per length of an interval.
+    """Rigid-body plant of this library, one traced program per length of an interval.
 
     Args:
         world: true vehicle and gravity. A planar model is refused: no real body has its inertia.
@@ -144,7 +144,7 @@ class RigidBodyPlant:
         return Vec3(*(number(c) for c in base.linear))
 
     def substeps(self, seconds: float) -> int:
-        """Integration steps of an interval; :class:`Steps` where fewer will do far from what is coupled."""
+        """Number of integration steps; :class:`Steps` if fewer suffice while coupled components are inactive."""
         near, far = (self._count(seconds, largest) for largest in (self._largest, self._largest_far))
         if near == far:
             return near
@@ -160,7 +160,7 @@ class RigidBodyPlant:
         return whole_steps(seconds, self._physics_step) * divisions(self._physics_step, largest)
 
     def advance(self, state: Flat, command: Flat, around: Flat, seconds: float) -> tuple[float, ...]:
-        """State after ``seconds`` of held command and surroundings, then the coupled memories."""
+        """State after ``seconds`` with constant command and surroundings, followed by the coupled memories."""
         if seconds not in self._programs:
 
             def interval(_: Any, __: Any, given: Any, ___: Any) -> tuple[tuple[()], Moved]:
@@ -179,7 +179,7 @@ class RigidBodyPlant:
         return trace(impact, self._examples[0], self.around)
 
     def after_impact(self, state: Flat, around: Flat) -> tuple[float, ...]:
-        """State right after the grasps and the joints that get stuck in a period."""
+        """State right after the impacts of grasps and of joints that get stuck in this period."""
         found: tuple[float, ...] = self._impact.flat((*state, *around))
         return found
 

@@ -1,4 +1,4 @@
-"""The protocol of a plant: flat numbers in, flat numbers out."""
+"""Protocol of a plant: flat sequences of numbers in and out."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Flat = Sequence[float]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Truth:
-    """Simulated truth: the true vehicle and gravity (m/s^2)."""
+    """True vehicle and gravity (m/s^2) of the simulation."""
 
     vehicle: Vehicle
     gravity: Annotated[Scalar, Unit("m/s^2", low=0.0, rule=coerce.number, usual=25.0)] = 9.81
@@ -32,29 +32,29 @@ class Truth:
 
 
 class Plant(Protocol):
-    """A simulated vehicle without memory: its whole state is an argument."""
+    """Protocol of a simulated vehicle without memory: its whole state is an argument."""
 
     vehicle: Vehicle
 
     def advance(self, state: Flat, command: Flat, around: Flat, seconds: float) -> tuple[float, ...]:
-        """State after ``seconds`` (whole physics steps, or one control period) of held command and surroundings.
+        """State after ``seconds`` (whole physics steps, or one control period) with constant inputs.
 
         Behind its numbers stand those of the coupled memories (:mod:`skyarm.plant.surroundings`), if there are any.
         """
         ...
 
     def specific_force(self, state: Flat, command: Flat, around: Flat) -> tuple[float, float, float]:
-        """Reading of an ideal accelerometer at the base origin now, base axes, m/s^2."""
+        """Reading of an ideal accelerometer at the base origin, base axes, m/s^2."""
         ...
 
 
 def flat(state: State) -> tuple[float, ...]:
-    """A state's numbers in the order plants use."""
+    """Flat numbers of a state, in the order that plants use."""
     return tuple(float(value) for value in leaves(state))
 
 
 def number(value: Scalar) -> Any:
-    """A structural integer as data, so that every output of a traced program has its place among its leaves."""
+    """Convert a structural integer to a float, so that a traced program keeps it as an output."""
     return float(value) if type(value) is int else value
 
 
@@ -69,7 +69,7 @@ def whole_steps(seconds: float, physics_step: float) -> int:
 
 
 def make_plant(scenario: Any, around: Any) -> Plant:
-    """The plant of a scenario; ``around`` is an example of its inputs over one period."""
+    """Plant of a scenario; ``around`` is an example of its surroundings over one period."""
     kind = find("plant", scenario.kind, "plant.kind")
     plant: Plant = kind(scenario.plant, around, scenario.integrator, 1.0 / scenario.rates.physics)
     return plant

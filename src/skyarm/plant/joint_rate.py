@@ -1,4 +1,4 @@
-"""Rates of joints under friction and against their stops, which bound the integration step of both plants.
+"""Fastest rates of joints under friction and at their stops, which limit the integration step.
 
 The mass matrix is our own, for MuJoCo's plant too: its numbers choose how long a step is, no force comes from them.
 """
@@ -51,7 +51,7 @@ def friction_rate(vehicle: Vehicle) -> float:
 
 
 def fastest_mode(vehicle: Vehicle, root: Array) -> tuple[float, Array]:
-    """Largest eigenvalue over the configurations, 1/s, and its mode; ``root`` is the root of D's diagonal."""
+    """Largest eigenvalue (1/s) of the joint friction dynamics over sampled configurations, and its eigenvector."""
     still = np.array([1.0, 0.0, 0.0, 0.0])
     none = 0.0, np.zeros(vehicle.n)
     try:
@@ -67,12 +67,12 @@ def fastest_mode(vehicle: Vehicle, root: Array) -> tuple[float, Array]:
 
 
 def _steepest(joint: Joint) -> float:
-    """Slope of the smooth Coulomb law at rest, N m s/rad or N s/m."""
+    """Slope of the smoothed Coulomb friction law at zero rate, N m s/rad or N s/m."""
     return float(joint.coulomb) / float(joint.coulomb_rate)
 
 
 def _configurations(joints: list[Joint]) -> Array:
-    """Joint values to look at (SAMPLES + 1, n): zero, or what is nearest to it, then any within limits and reach."""
+    """Sampled joint positions (SAMPLES + 1, n) within limits; the first is the one nearest to zero."""
     middle = np.array([min(max(0.0, float(j.lower)), float(j.upper)) for j in joints])
     reach = np.array([REACH[j.kind] for j in joints])
     low = np.maximum(middle - reach, [float(j.lower) for j in joints])
@@ -82,7 +82,7 @@ def _configurations(joints: list[Joint]) -> Array:
 
 
 def _blame(joint: Joint, rate: float) -> str:
-    """Message about the joint that moves most in the fastest mode."""
+    """Error message about a joint whose friction is too stiff, with field and remedy."""
     field, remedy = "damping", "lower damping, or state the armature"
     if _steepest(joint) > joint.damping:
         field, remedy = "coulomb", "raise coulomb_rate or lower coulomb, or state the armature"
@@ -102,7 +102,7 @@ STIFFEST = 3e4
 
 
 def joint_rate(vehicle: Vehicle) -> float:
-    """Rate (1/s) by which integrators choose their step: that of friction, or the equivalent one of stops.
+    """Rate (1/s) that sets the integration step: that of joint friction, or an equivalent one of joint stops.
 
     Raises:
         VehicleError: friction or stops so stiff that no explicit integrator can afford them; names joint and field.
@@ -137,6 +137,6 @@ def _stiffness(joint: Joint) -> float:
 
 
 def _damping(joint: Joint) -> float:
-    """N m s/rad or N s/m of a stop at the depth to which the drive presses it."""
+    """Damping of a joint stop at the penetration under full drive effort, N m s/rad or N s/m."""
     effort = float(joint.effort_limit)
     return effort * float(joint.stop_damping) if joint.has_stops and math.isfinite(effort) else 0.0

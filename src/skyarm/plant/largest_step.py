@@ -1,4 +1,4 @@
-"""Integrators of the plants by name, and the longest step that air, forces and drives state."""
+"""Longest integration steps of air, forces and joint drives, and names of the integrators."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ STAGES = 4
 
 
 def largest_step(around: Surroundings, *, coupled: bool = True, euler: bool = False) -> float | None:
-    """The smallest ``largest_step`` (s) of the air, forces and drives of a period; None if none has one.
+    """Smallest ``largest_step`` (s) of air, forces and joint drives in a period; None if none states one.
 
     ``coupled`` says whether components count whose memories go on with the plant: far from acting they bear any step.
     ``euler`` asks for the steps of the semi-implicit Euler method.
@@ -46,7 +46,7 @@ def largest_step(around: Surroundings, *, coupled: bool = True, euler: bool = Fa
 
 
 def largest_stable_step(record: Any, *, euler: bool) -> Any:
-    """The longest stable step (s) of a record over the methods that may move it; None if there is no bound."""
+    """Longest stable step (s) of a component or drive over the integrators that may be used; None if unlimited."""
     verlet = getattr(record, "largest_verlet_step", None)
     if not euler and verlet is None:
         return record.largest_step
@@ -55,13 +55,13 @@ def largest_stable_step(record: Any, *, euler: bool) -> Any:
 
 
 def lanes_step(around: Surroundings, *, euler: bool) -> float | None:
-    """The smallest :func:`largest_stable_step` (s) of the air, forces and drives of a batch; None if none has one."""
+    """Smallest :func:`largest_stable_step` (s) of air, forces and joint drives in a batch; None if none states one."""
     own = [largest_stable_step(each, euler=euler) for each in around.components]
     return min((float(step) for step in (*own, _least(around.drives)) if step is not None), default=None)
 
 
 def verlet_step(around: Surroundings) -> float | None:
-    """Longest step (s) of the Stoermer-Verlet method near to what is coupled; None where Runge-Kutta's method is kept.
+    """Longest Stoermer-Verlet step (s) with active coupled components; None if Runge-Kutta is used instead.
 
     That is so where anything else asks for short steps: loops of drives and damped air bear fewer of Verlet's.
     """
@@ -73,7 +73,7 @@ def verlet_step(around: Surroundings) -> float | None:
 
 
 def drives_step(around: Surroundings) -> float | None:
-    """The same of the drives alone."""
+    """Smallest ``largest_step`` (s) of the joint drives; None if none states one."""
     return _least(around.drives)
 
 
@@ -87,19 +87,19 @@ STATED = ("plant.drives.", "plant.vehicle.drives.", "environment.air.", "environ
 
 
 def stated_step(scenario: Any) -> float | None:
-    """The same of a scenario, before anything of it is built."""
+    """Smallest ``largest_step`` (s) of a scenario's air, forces and joint drives; None if none states one."""
     around = Surroundings(components=scenario.components, drives=scenario.all_drives)
     return largest_step(around, euler=scenario.integrator == "euler")
 
 
 def divisions(seconds: float, largest: float | None) -> int:
-    """The smallest whole number by which ``seconds`` must be divided to be at most ``largest``."""
+    """Smallest whole number that divides ``seconds`` into parts of at most ``largest``."""
     # 0.005 / 0.001 is five up to rounding
     return 1 if largest is None else max(1, math.ceil(seconds / largest - 1e-9))
 
 
 def check_largest_step(records: Iterable[tuple[str, Any]], period: float) -> None:
-    """Refuse a largest step that is none, or far below the control period.
+    """Refuse a largest step that is not positive, or far below the control period.
 
     Args:
         records: (where it stands, air, force or drive).

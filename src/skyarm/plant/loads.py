@@ -1,4 +1,4 @@
-"""The vehicle in a control period, with its loads, and the forces on it without gravity."""
+"""Loads on the vehicle in a control period: carried bodies, and all forces except gravity."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ rounding leaves of a joint's angle, and both plants solve for the other accelera
 
 
 def rigid_loads(around: Surroundings) -> list[tuple[Any, Any]]:
-    """Rigid loads with a time, and what has become of each."""
+    """Rigid payloads with their memories."""
     pairs = zip(around.components, around.memories, strict=True)
     return [(each, memory) for each, memory in pairs if each.rigid]
 
 
 def stuck_of(around: Surroundings) -> Sequence[Scalar]:
-    """1 for each joint that is stuck, 0 for one that may become so, a structural 0 for every other; empty for none."""
+    """Flag per joint: 1 stuck, 0 may get stuck, structural 0 never; () without such faults."""
     return () if around.effectiveness is None else around.effectiveness.stuck
 
 
 def changes_inertia(around: Surroundings) -> bool:
-    """Return True if a period may change the inertia of the moving bodies; by structure."""
+    """True if the inertia of the moving bodies may change between periods, by structure."""
     return bool(rigid_loads(around)) or bool(stuck_of(around))
 
 
 def loaded_vehicle(vehicle: Vehicle, around: Surroundings) -> Vehicle:
-    """The vehicle with what it holds now; itself, at no cost, where nothing can be held or stuck."""
+    """Vehicle with the payloads that it holds and its stuck joints; the same object if it can have neither."""
     for load, memory in rigid_loads(around):
         vehicle = vehicle.with_body(*load.body(vehicle, memory.held))
     stuck = stuck_of(around)
@@ -62,7 +62,7 @@ def applied_force(
     commands: Sequence[Scalar] = (),
     step: Scalar | None = None,
 ) -> tuple[Force, tuple[Any, ...]]:
-    """Force on the base (torque about and force at its origin, base axes) and joint torques.
+    """Force and torque on the base (about its origin, base axes) and joint torques, without gravity.
 
     Args:
         vehicle: the truth.
@@ -92,7 +92,7 @@ def applied_force(
 
 
 def _outside(wrenches: Sequence[Wrench], motion: PointMotion) -> tuple[Force, Sequence[Scalar]]:
-    """Wrenches on bodies as force on the base and joint torques."""
+    """Sum of wrenches on bodies, as force and torque on the base and joint torques."""
     total = Force(ZERO3, ZERO3)
     pushed: list[Scalar] = [0] * motion.vehicle.n
     for wrench in wrenches:
@@ -109,7 +109,7 @@ STEADY = Surroundings()
 def rotor_speeds_after(
     vehicle: Vehicle, state: State, command: Command, dt: Scalar, around: Surroundings = STEADY
 ) -> tuple[Scalar, ...]:
-    """Rotor speeds after ``dt`` seconds of a held command under the period's supply."""
+    """Rotor speeds after ``dt`` seconds of a constant command, under the present supply voltage."""
     return speeds_after(
         vehicle.rotors,
         state.rotor_speeds,
@@ -119,5 +119,5 @@ def rotor_speeds_after(
 
 
 def tilts_after(vehicle: Vehicle, state: State, command: Command, dt: Scalar) -> tuple[Scalar, ...]:
-    """Angles of rotors that tilt after ``dt`` seconds of a held command."""
+    """Rotor tilt angles after ``dt`` seconds of a constant command."""
     return angles_after(vehicle, state.tilts, command.tilts, dt) if vehicle.tilts else ()

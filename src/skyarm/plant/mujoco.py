@@ -1,4 +1,4 @@
-"""The second plant: MuJoCo's rigid bodies under the same rotors, wind and joint drives; no shared rigid-body code.
+"""Second plant: MuJoCo's rigid-body dynamics with this library's rotors, wind and joint drives.
 
 Only the length of a step where joint friction is stiff comes from our own mass matrix
 (:mod:`skyarm.plant.joint_rate`).
@@ -43,7 +43,7 @@ LARGEST_FRICTION_STEP = {"rk4": HELD_FRICTION_STEP, "rk4_staged": FRICTION_STEP}
 
 
 class _Quiet:
-    """Suppress MuJoCo's warnings during steps: they print, and write a log file into the user's folder.
+    """Context that suppresses MuJoCo's warnings, which print and write a log file into the user's folder.
 
     An episode that diverges says so itself. MuJoCo has one handler for all threads; the caller's comes back.
     """
@@ -73,7 +73,7 @@ QUIET = _Quiet()
 
 
 def _with_loads_at_stages(integrator: str, vehicle: Vehicle, around: Surroundings) -> str:
-    """Integrator for a vehicle with springs: stops of joints, loops of servos, coupled components.
+    """Integrator name, "rk4_staged" in place of "rk4" for joint stops, servo loops or coupled components.
 
     With its force held for a step h an undamped oscillator of frequency w grows by sqrt(1 + (w h)^2 / 2) each step of
     "rk4"; in "euler", which moves positions with the new velocities, it does not grow.
@@ -88,7 +88,7 @@ NOTHING = (None, None)
 
 
 class MujocoPlant:
-    """MuJoCo moves the bodies; forces are those of :mod:`skyarm.plant.loads`.
+    """Plant whose rigid bodies MuJoCo integrates; forces come from :mod:`skyarm.plant.loads`.
 
     MuJoCo's own integrators hold forces for each physics step, which makes both methods of first order in it. With
     "rk4_staged" forces are evaluated at each stage, and the method is of fourth order. A spring whose force is held for
@@ -166,7 +166,7 @@ class MujocoPlant:
         angles: Any,
         around: Surroundings,
     ) -> tuple[Scalar, ...]:
-        """Generalised forces in MuJoCo's order, then after one physics step rotor speeds, tilts, coupled memories."""
+        """Generalised forces in MuJoCo's order; rotor speeds, tilt angles and coupled memories after a physics step."""
         state, command = self._layout.state(x), Command(rotor_speeds=commanded, efforts=setpoints, tilts=angles)
         if self._euler:
             around = before_euler_step(self._world, state, state.rotor_speeds, around, self._physics_step)
@@ -178,7 +178,7 @@ class MujocoPlant:
         return tuple(number(value) for value in (*forces, *turned, *leaning, *memories))
 
     def advance(self, state: Flat, command: Flat, around: Flat, seconds: float) -> tuple[float, ...]:
-        """State after ``seconds`` (whole physics steps), inputs held, then the coupled memories.
+        """State after ``seconds`` (whole physics steps) with constant inputs, followed by the coupled memories.
 
         A diverged state stays diverged.
         """
@@ -210,7 +210,7 @@ class MujocoPlant:
     def _in_stages(
         self, staged: StagedRungeKutta, state: Flat, command: Flat, around: Flat, count: int
     ) -> tuple[float, ...]:
-        """State after ``count`` steps with loads at each stage."""
+        """State after ``count`` Runge-Kutta steps with loads evaluated at each stage."""
         self._loads.step()
         with QUIET:
             held = [around[place] for place in self._coupled]
@@ -218,7 +218,7 @@ class MujocoPlant:
         return (*self._layout.to_ours(x), *memory)
 
     def _set(self, state: Flat, command: Flat, around: Flat) -> None:
-        """Numbers of an instant to where MuJoCo and the loads read them.
+        """Write state, command and surroundings into MuJoCo's data and the inputs of the loads.
 
         A step begins where the accelerometer was read: of the same tuples only the command is written again.
         """
@@ -233,7 +233,7 @@ class MujocoPlant:
         self._loads.inputs[:] = (*x, *command, *around)
 
     def after_impact(self, state: Flat, around: Flat) -> tuple[float, ...]:
-        """State right after the grasps and the joints that get stuck in a period."""
+        """State right after the impacts of grasps and of joints that get stuck in this period."""
         if self._carried is None:
             return tuple(state)
         x, nq, nv = self._layout.to_mujoco(state), self._layout.nq, self._layout.nv

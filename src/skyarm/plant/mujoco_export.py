@@ -1,4 +1,4 @@
-"""A vehicle as a self-contained MuJoCo model: with actuators, limits, lights and a camera that see it.
+"""Export of a vehicle as a self-contained MuJoCo model with actuators, limits, lights and a camera.
 
 Bodies, joints and looks are those of the plant (:mod:`skyarm.plant.mujoco_model`). Within the joints' limits, in still
 air, at steady rotor speeds and without Coulomb friction the model moves as the plant does: thrust and drag torque of a
@@ -77,7 +77,7 @@ def mjcf_text(vehicle: Vehicle, gravity: float, start: State | None = None, *, t
 
 
 def _finish_joint(joint: Any, vehicle: Vehicle) -> None:
-    """Friction and limits, which the plant applies from outside."""
+    """Set friction and limits of a joint in the exported model; the plant itself applies them as forces."""
     ours = next((link.joint for link in vehicle.moving if link.joint.name == joint.name), None)
     if ours is None or joint.type == mujoco.mjtJoint.mjJNT_FREE:
         return
@@ -95,7 +95,7 @@ def _finish_joint(joint: Any, vehicle: Vehicle) -> None:
 
 
 def _like(held: Any, value: float) -> Any:
-    """A value as a field holds it: a number, or the first of several coefficients."""
+    """Value in the shape of a field: a number, or the first of several coefficients."""
     if np.ndim(held) == 0:
         return value
     found = np.zeros(np.shape(held))
@@ -112,7 +112,7 @@ def _tie(spec: Any, follower: str, leader: str, offset: float, ratio: float) -> 
 
 
 def _add_actuators(spec: Any, vehicle: Vehicle) -> tuple[str, ...]:
-    """One for each rotor (control: thrust, N) and for each joint that has a drive (N m or N); their names."""
+    """Add actuators for rotors (control: thrust, N) and driven joints (N m or N); return their names."""
     names: list[str] = []
     for rotor, site in zip(vehicle.rotors, site_of_rotor(vehicle), strict=True):
         actuator = spec.add_actuator(name=rotor.name, trntype=mujoco.mjtTrn.mjTRN_SITE, target=site)
@@ -134,7 +134,7 @@ def _add_actuators(spec: Any, vehicle: Vehicle) -> tuple[str, ...]:
 
 
 def _thrust(rotor: Rotor, speed: float) -> float:
-    """N at a speed, rad/s, along the axis in still air."""
+    """Rotor thrust (N) at a speed (rad/s) in still air."""
     return float(rotor.thrust_coefficient) * float(push(rotor, speed)) if math.isfinite(speed) else math.inf
 
 
@@ -145,7 +145,7 @@ def _bound(actuator: Any, low: float, high: float) -> None:
 
 
 def _add_start(spec: Any, vehicle: Vehicle, model: Any, start: State | None, gravity: float) -> None:
-    """A keyframe: the first state, each rotor at the thrust that hovers with the joints there; its qpos."""
+    """Add a keyframe of the initial state with hover thrusts."""
     joints = tuple(float(each) for each in start.joints) if start is not None else _next_to_zero(vehicle)
     qpos, qvel, ctrl = np.array(model.qpos0), np.zeros(model.nv), np.zeros(model.nu)
     qpos[:7] = (0.0, 0.0, HEIGHT, 1.0, 0.0, 0.0, 0.0)
@@ -162,7 +162,7 @@ def _add_start(spec: Any, vehicle: Vehicle, model: Any, start: State | None, gra
 
 
 def _hover_speeds(vehicle: Vehicle, joints: tuple[float, ...], gravity: float) -> list[float]:
-    """Rotor speeds that hold the vehicle level, rad/s; zeros where no speeds do."""
+    """Rotor speeds for level hover, rad/s; zeros if hover is impossible."""
     still = [0.0] * len(vehicle.rotors)
     try:
         trim = hover_trim(vehicle, joints, gravity)
@@ -172,5 +172,5 @@ def _hover_speeds(vehicle: Vehicle, joints: tuple[float, ...], gravity: float) -
 
 
 def _next_to_zero(vehicle: Vehicle) -> tuple[float, ...]:
-    """Joint values: zero, or the limit next to it."""
+    """Joint positions nearest to zero within the limits."""
     return tuple(min(max(0.0, float(each.joint.lower)), float(each.joint.upper)) for each in vehicle.links)

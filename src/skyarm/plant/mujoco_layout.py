@@ -1,4 +1,4 @@
-"""Layout of a vehicle's numbers in MuJoCo's: states and generalised forces in both orders."""
+"""Conversion of states and generalised forces between the library's order and MuJoCo's."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 
 class Layout:
-    """Orders of a vehicle's numbers: ours, and MuJoCo's [qpos, qvel, rotor speeds, tilt angles], joints depth first.
+    """Orders of a vehicle's numbers: the library's, and MuJoCo's [qpos, qvel, rotor speeds, tilt angles].
 
     Attributes:
         nq, nv, rotors, tilts: how many numbers of each kind. end: of all.
@@ -43,7 +43,7 @@ class Layout:
         self.to_ours: Any = itemgetter(*ours)
 
     def _with_followers(self, numbers: Sequence[Any]) -> Any:
-        """A state's numbers in MuJoCo's order, with joints of the followers."""
+        """Numbers of a state in MuJoCo's order, including the follower joints."""
         n = self.vehicle.n
         joints = every_joint(self.vehicle, numbers[13 : 13 + n])
         rates = every_rate(self.vehicle, numbers[13 + n : 13 + 2 * n])
@@ -64,13 +64,13 @@ class Layout:
         )
 
     def accelerations(self, qacc: Sequence[Scalar]) -> tuple[Vec3, Vec3, tuple[Any, ...]]:
-        """Accelerations of the base (world axes), of its rotation (base axes) and of the joints, from MuJoCo's."""
+        """Base acceleration (world axes), angular acceleration (base axes) and joint accelerations, from MuJoCo's."""
         return Vec3.of(qacc[0:3]), Vec3.of(qacc[3:6]), tuple(qacc[i] for i in self._dofs)
 
     def generalized_forces(
         self, state: State, setpoints: Sequence[Scalar], around: Surroundings, commands: Sequence[Scalar] = ()
     ) -> list[Scalar]:
-        """Generalised forces on a state without gravity, in MuJoCo's order.
+        """Generalised forces at a state without gravity, in MuJoCo's order.
 
         The dual of a free joint's velocity is the force at the base origin in world axes and the torque in base axes.
         """

@@ -1,4 +1,4 @@
-"""Followers, loads with a time and stuck joints on MuJoCo's plant, and its equations of motion state by state.
+"""Follower joints, payloads and stuck joints of the MuJoCo plant, and its equations of motion.
 
 Joints that follow others are held by forces that are found exactly, not by soft constraints. MuJoCo moves every joint
 by itself. With M and h its mass matrix and bias, G q the joints by the leaders' and f the forces applied, the leaders'
@@ -28,7 +28,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 
 def own_to_mujoco(vehicle: Vehicle, model: Any, dofs: Sequence[int]) -> Any:
-    """The matrix G, shape (nv, 6 + joints): MuJoCo's velocities from those of the vehicle's base and links.
+    """Matrix G of shape (nv, 6 + joints), which maps base and joint velocities to MuJoCo's velocities.
 
     Args:
         vehicle: with or without followers.
@@ -45,7 +45,7 @@ def own_to_mujoco(vehicle: Vehicle, model: Any, dofs: Sequence[int]) -> Any:
 
 
 class Coupling:
-    """Constraint of a vehicle's followers in MuJoCo's data.
+    """Constraint of a vehicle's follower joints in MuJoCo's data.
 
     Args:
         vehicle: with followers. model, data: MuJoCo's. dofs: of links and followers, in ``model``.
@@ -58,7 +58,7 @@ class Coupling:
         self._force, self._bias = data.qfrc_applied, data.qfrc_bias
 
     def forward(self, model: Any, data: Any) -> None:
-        """``mj_forward`` with the coupling's forces added to those applied."""
+        """Run ``mj_forward`` with the constraint forces of the follower joints added to the applied forces."""
         mujoco.mj_fwdPosition(model, data)
         mujoco.mj_fwdVelocity(model, data)
         for column, moved in zip(self._columns, self._moved, strict=True):
@@ -74,7 +74,7 @@ OF_A_LOAD = 5
 
 
 class Loads:
-    """Loads of a MuJoCo model in a control period.
+    """Payloads and stuck joints of a MuJoCo model in a control period.
 
     Args:
         vehicle: without loads. model, data: MuJoCo's, made with bodies for the loads of ``around``.
@@ -92,7 +92,7 @@ class Loads:
         self._G = own_to_mujoco(vehicle, model, dofs)
 
     def _of(self, around: Flat) -> tuple[Any, Any]:
-        """(masses, moments and grasps of the loads, stuck joints) of a period."""
+        """Payload numbers (mass, moments of inertia, grasp flag) and stuck-joint flags of a period."""
         self._numbers.inputs[:] = around
         self._numbers.step()
         found = np.array(self._numbers.outputs)
@@ -100,7 +100,7 @@ class Loads:
         return found[:ends].reshape(-1, OF_A_LOAD), found[ends:]
 
     def carry(self, around: Flat) -> None:
-        """Give the model what a period holds."""
+        """Set payload inertias and stuck joints of a period in MuJoCo's model."""
         loads, stuck = self._of(around)
         self._put(loads[:, :4], stuck)
 
@@ -117,7 +117,7 @@ class Loads:
             model.dof_armature[self._dofs] += LOCKED * stuck
 
     def velocity_after(self, qvel: Any, around: Flat) -> Any:
-        """Velocities after the grasps and the joints that get stuck in a period, from those in MuJoCo's data."""
+        """Velocities after the impacts of grasps and of joints that get stuck in a period, in MuJoCo's order."""
         loads, stuck = self._of(around)
         if not (loads[:, 4].any() or stuck.any()):
             return qvel
@@ -128,7 +128,7 @@ class Loads:
         return self._G @ np.linalg.solve(after, before @ own)
 
     def _mass_matrix(self, loads: Any, stuck: Any) -> Any:
-        """Mass matrix of the vehicle's own coordinates, from MuJoCo's."""
+        """Mass matrix of base and joint coordinates, computed from MuJoCo's."""
         model, data = self._model, self._data
         self._put(loads, stuck)
         mujoco.mj_fwdPosition(model, data)
@@ -140,7 +140,7 @@ class Loads:
 
 
 def _numbers(around: Surroundings) -> tuple[Any, ...]:
-    """Mass, moments and grasp of each load, then what is stuck."""
+    """Mass, moments of inertia and grasp flag of each payload, then the stuck-joint flags."""
     found: list[Any] = []
     for load, memory in rigid_loads(around):
         found += [load.mass * memory.held, *(each * memory.held for each in load.inertia), memory.caught]

@@ -1,4 +1,4 @@
-"""A vehicle's record as a MuJoCo model: bodies, joints, sites and shapes to look at. No force is modelled here."""
+"""MuJoCo model of a vehicle: bodies, joints, sites and visual shapes, without any forces."""
 
 from __future__ import annotations
 
@@ -100,18 +100,18 @@ def build_spec(
 
 
 def load_name(index: int) -> str:
-    """Name of the body of a load."""
+    """Name of the MuJoCo body of a payload."""
     return f"load {index}"
 
 
 def joint_addresses(vehicle: Vehicle, model: Any) -> tuple[list[int], list[int]]:
-    """Addresses of the joints in MuJoCo's qpos and qvel: it numbers them depth first, we in the order of the links."""
+    """Addresses of the joints in MuJoCo's qpos and qvel, in the order of the vehicle's links."""
     joints = [model.joint(link.joint.name) for link in vehicle.moving]
     return [int(joint.qposadr[0]) for joint in joints], [int(joint.dofadr[0]) for joint in joints]
 
 
 def site_of_rotor(vehicle: Vehicle) -> list[str]:
-    """Name of the site at each rotor's hub; a frame may have any name of its own."""
+    """Name of the site at each rotor's hub."""
     taken, found = [frame.name for frame in vehicle.frames], list[str]()
     for rotor in vehicle.rotors:
         found.append(_unused_name(rotor.name, [*taken, *found]))
@@ -119,7 +119,7 @@ def site_of_rotor(vehicle: Vehicle) -> list[str]:
 
 
 def _unused_name(name: str, taken: list[str]) -> str:
-    """The name, with underscores until it is unique."""
+    """Unique name: the given one, with underscores appended if it is taken."""
     while name in taken:
         name += "_"
     return name
@@ -136,13 +136,13 @@ def _free_joint_name(vehicle: Vehicle) -> str:
 
 
 def _add_joint(body: Any, joint: Joint) -> None:
-    """A joint without any force of its own."""
+    """Add a joint without friction, limits or springs."""
     kinds = {"revolute": mujoco.mjtJoint.mjJNT_HINGE, "prismatic": mujoco.mjtJoint.mjJNT_SLIDE}
     body.add_joint(name=joint.name, type=kinds[joint.kind], axis=_array(joint.axis), armature=float(joint.armature))
 
 
 def _give_inertia(body: Any, source: Body) -> None:
-    """Explicit inertial about the centre of mass, as principal moments and axes.
+    """Set the inertia of a body about its centre of mass, as principal moments and axes.
 
     MuJoCo's own diagonalisation of ``fullinertia`` stops at an absolute 1e-12 kg m^2, which small links would feel.
     """
@@ -159,7 +159,7 @@ def _give_inertia(body: Any, source: Body) -> None:
 
 
 def _add_sites(vehicle: Vehicle, bodies: dict[int, Any]) -> None:
-    """One site a frame and one a rotor hub (z along the thrust)."""
+    """Add a site for each frame and each rotor hub (z along the thrust)."""
     for frame in vehicle.frames:
         bodies[frame.link].add_site(
             name=frame.name, pos=_array(frame.position), quat=_quaternion(frame.rotation), size=[0.005] * 3
@@ -169,7 +169,7 @@ def _add_sites(vehicle: Vehicle, bodies: dict[int, Any]) -> None:
 
 
 def _add_shapes(vehicle: Vehicle, bodies: dict[int, Any]) -> None:
-    """The shapes of every picture of a vehicle, without mass and contact."""
+    """Add the visual shapes of the vehicle, without mass and contact."""
     for shape in vehicle_shapes(vehicle, meshes=False):
         kind, half_length = KINDS[shape.kind], shape.kind in ("capsule", "cylinder")
         size = (shape.size[0], 0.5 * shape.size[1]) if half_length else shape.size
@@ -201,7 +201,7 @@ def _mat2quat(R: Array) -> Array:
 
 
 def _along(axis: Vec3) -> Array:
-    """Quaternion that turns z onto the axis."""
+    """Quaternion that rotates the z axis onto a given axis."""
     quaternion = np.zeros(4)
     mujoco.mju_quatZ2Vec(quaternion, _array(axis))
     return quaternion

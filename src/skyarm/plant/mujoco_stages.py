@@ -1,4 +1,4 @@
-"""A Runge-Kutta step of fourth order of MuJoCo's bodies with forces evaluated at each stage.
+"""Fourth-order Runge-Kutta step for MuJoCo's bodies, with forces evaluated at each stage.
 
 The attitude of a step is its first one times the exponential of a rotation vector u, and it is u that the method
 integrates: du/dt = w + 1/2 u x w + 1/12 u x (u x w), the rest of the series being of fifth order.
@@ -37,7 +37,7 @@ state, and the time of the next state. What follows the last stage is the state 
 
 
 class StagedRungeKutta:
-    """Steps of MuJoCo's bodies with loads at each stage: accelerations from MuJoCo, all else from one program.
+    """Fourth-order Runge-Kutta integrator: accelerations from MuJoCo, loads from a compiled program.
 
     Args:
         layout: of the vehicle. model, data: MuJoCo's; a step works in ``data``.
@@ -79,7 +79,7 @@ class StagedRungeKutta:
         self, start: Any, kept: Any, now: Any, memory: Any, u: Any, total: Any, rates: Any, qacc: Any, weights: Any,
         speeds: Any, setpoints: Any, angles: Any, around: Surroundings,
     ) -> tuple[Scalar, ...]:  # fmt: skip
-        """Next state and coupled memories, its rotation vector, the sums of slopes, and the loads on the next state."""
+        """One Runge-Kutta stage: next state, coupled memories, rotation vector, sums of slopes, and loads."""
         first, x, (own, share, earlier, time) = self._layout.state(start), self._layout.state(now), weights
         held = around.coupled_memories()
         there = around.with_coupled(rebuild(held, iter(memory)))
@@ -99,7 +99,7 @@ class StagedRungeKutta:
         return tuple(number(value) for value in (*numbers, *memory, *change[3:6], *sums, *rates, *loads))
 
     def _slope(self, x: State, u: Vec3, qacc: tuple[Scalar, ...]) -> list[Scalar]:
-        """Rates of position, rotation vector, joints, and of the three velocities."""
+        """Time derivatives of position, rotation vector, joint positions and velocities."""
         linear, angular, joints = self._layout.accelerations(qacc)
         across = u.cross(x.rate)
         turning = x.rate + across * 0.5 + u.cross(across) * (1.0 / 12.0)
@@ -108,7 +108,7 @@ class StagedRungeKutta:
     def advance(
         self, x: Sequence[float], memory: Sequence[float], forces: Any, given: Sequence[float], steps: int
     ) -> tuple[list[float], list[float]]:
-        """State in MuJoCo's order and coupled memories after some steps of held command and surroundings.
+        """State in MuJoCo's order and coupled memories after several steps with constant inputs.
 
         Args:
             x: state now, in MuJoCo's order.
@@ -132,7 +132,7 @@ class StagedRungeKutta:
 
 
 def _move_state(first: State, change: Sequence[Scalar]) -> State:
-    """A state moved by changes of position, rotation vector, joints and velocities."""
+    """State moved by increments of position, rotation vector, joint positions and velocities."""
     n = len(first.joints)
 
     def line(values: Sequence[Scalar], more: Sequence[Scalar]) -> tuple[Scalar, ...]:

@@ -1,4 +1,4 @@
-"""Our own multibody plant: the equations of motion of the tree and two integrators of them.
+"""Rigid-body plant: the equations of motion of the kinematic tree and their integrators.
 
 RK4 takes one step per control period, the rotor lag solved exactly inside it; semi-implicit Euler at 1 kHz steps as
 MuJoCo and Gazebo do.
@@ -45,7 +45,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Rate:
-    """Time derivative of a state (rotor speeds and tilt angles apart, which are solved exactly)."""
+    """Time derivative of a state, without rotor speeds and tilt angles, which are solved exactly."""
 
     position: Vec3
     quaternion: Quaternion
@@ -95,7 +95,7 @@ Moved = tuple[State, Memories]
 
 
 def coupled_rk4(world: Truth, state: State, command: Command, around: Surroundings, dt: float) -> Moved:
-    """One step of the classical fourth-order Runge-Kutta method with command and surroundings held.
+    """One step of the classical fourth-order Runge-Kutta method with constant command and surroundings.
 
     The attitude is integrated as four numbers and normalised after the step, which keeps the order. The memories of
     coupled components are integrated with the state.
@@ -125,7 +125,7 @@ def coupled_rk4(world: Truth, state: State, command: Command, around: Surroundin
 
 
 def _move_state(state: State, rate: Rate, dt: Scalar) -> State:
-    """state + dt * rate."""
+    """State moved by dt * rate."""
 
     def line(values: Sequence[Scalar], slopes: Sequence[Scalar]) -> tuple[Scalar, ...]:
         return tuple(add(x, mul(dx, dt)) for x, dx in zip(values, slopes, strict=True))
@@ -170,7 +170,7 @@ def coupled_euler(world: Truth, state: State, command: Command, around: Surround
 
 
 def coupled_verlet(world: Truth, state: State, command: Command, around: Surroundings, dt: Scalar) -> Moved:
-    """One step of the Stoermer-Verlet method: half of the way, the push of forces there, the other half.
+    """One step of the Stoermer-Verlet method: half a step of positions, velocities over the step, the other half.
 
     Forces are taken once, in the middle of the step, with the velocities before the push: of second order and without
     a drift of the energy for springs, of first order for damping. The gyroscopic and centrifugal terms are those of
@@ -190,7 +190,7 @@ def coupled_verlet(world: Truth, state: State, command: Command, around: Surroun
     moving, R = loaded_vehicle(vehicle, there), middle.quaternion.rotation()
 
     def push(at: State, seconds: Scalar) -> State:
-        """The state in the middle after so many seconds of the forces, with the inertial ones of the velocities at."""
+        """Midpoint state after ``seconds`` of constant forces; ``at``: velocities for the inertial forces."""
         base, joints = dynamics.forward_dynamics(moving, at.joints, at.rate, at.joint_rates, force, torques)
         linear, angular = coordinate_acceleration(R, base, world.gravity)
         rates = zip(middle.joint_rates, joints, strict=True)
@@ -207,7 +207,7 @@ def coupled_verlet(world: Truth, state: State, command: Command, around: Surroun
 
 
 def _drift(state: State, dt: Scalar) -> State:
-    """The state after a time (s) in which velocities stay."""
+    """State after a time (s) with constant velocities."""
     return replace(
         state,
         position=state.position + state.velocity * dt,
@@ -217,19 +217,19 @@ def _drift(state: State, dt: Scalar) -> State:
 
 
 def step_rk4(world: Truth, state: State, command: Command, around: Surroundings, dt: float) -> State:
-    """The state alone after :func:`coupled_rk4`."""
+    """State after one Runge-Kutta step (:func:`coupled_rk4`), without the coupled memories."""
     return coupled_rk4(world, state, command, around, dt)[0]
 
 
 def step_euler(world: Truth, state: State, command: Command, around: Surroundings, dt: float) -> State:
-    """The state alone after :func:`coupled_euler`."""
+    """State after one semi-implicit Euler step (:func:`coupled_euler`), without the coupled memories."""
     return coupled_euler(world, state, command, around, dt)[0]
 
 
 def far_step(
     name: str, world: Truth, now: Moved, command: Command, around: Surroundings, dt: Any, rounds: int
 ) -> Moved:
-    """A step of a vehicle far from its coupled components, whose memories advance on their own.
+    """One step of a vehicle whose coupled components are inactive; their memories advance separately.
 
     Args:
         name: of the integrator.
@@ -250,7 +250,7 @@ COUPLED_STEP = {"rk4": coupled_rk4, "euler": coupled_euler, "rk4_staged": couple
 
 
 def after_impact(vehicle: Vehicle, state: State, around: Surroundings) -> State:
-    """Velocities right after a load is grasped, or a joint gets stuck; the state itself where neither can happen.
+    """State right after the impacts of grasps and of joints that get stuck; unchanged if neither can happen.
 
     Both are inelastic impacts. With M the mass matrix before and M' the one after, the generalised momentum of vehicle
     and load does not change while the grasp or the brake acts for an instant: its forces are internal, and joint

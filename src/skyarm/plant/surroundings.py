@@ -21,7 +21,7 @@ from skyarm.world.component import moved_by
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Surroundings:
-    """Air, forces, faults and drives, with their memories, held for one control period.
+    """Air, forces, faults and joint drives with their memories, constant over one control period.
 
     Attributes:
         components: air and forces, in the order in which they add up. memories: theirs.
@@ -38,36 +38,36 @@ class Surroundings:
     drive_memories: tuple[Any, ...] = ()
 
     def air_velocity(self, position_W: Vec3) -> Vec3:
-        """Velocity of the air at a place, world axes, m/s."""
+        """Air velocity at a position, world axes, m/s."""
         total = ZERO3
         for component, memory in zip(self.components, self.memories, strict=True):
             total = total + component.velocity(memory, self.time, position_W)
         return total
 
     def wrenches(self, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> list[Wrench]:
-        """Wrenches on the bodies, without rotors and drag."""
+        """Wrenches of all components on the vehicle's bodies, without rotors and body drag."""
         found: list[Wrench] = []
         for component, memory in zip(self.components, self.memories, strict=True):
             found += component.wrenches(memory, self.time, motion, rotor_speeds)
         return found
 
     def rotor_commands(self, rotors: Sequence[Rotor], commands: Sequence[Scalar]) -> Sequence[Scalar]:
-        """Speeds (rad/s) that the rotors follow where these are commanded."""
+        """Effective rotor speed commands (rad/s), limited by the supply."""
         for component, memory in zip(self.components, self.memories, strict=True):
             commands = component.rotor_commands(memory, rotors, commands)
         return commands
 
     @property
     def coupled(self) -> tuple[int, ...]:
-        """Indices of the components whose memories advance with the plant."""
+        """Indices of the coupled components, whose memories the plant integrates."""
         return tuple(i for i, component in enumerate(self.components) if component.coupled)
 
     def coupled_memories(self) -> tuple[Any, ...]:
-        """Their memories."""
+        """Memories of the coupled components."""
         return tuple(self.memories[i] for i in self.coupled)
 
     def with_coupled(self, memories: Sequence[Any]) -> Surroundings:
-        """The surroundings with other memories of theirs; themselves where there are none."""
+        """The surroundings with the memories of the coupled components replaced."""
         places = self.coupled
         if not places:
             return self
@@ -77,11 +77,11 @@ class Surroundings:
         return replace(self, memories=tuple(held))
 
     def slopes(self, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> tuple[Any, ...]:
-        """Rates of their memories, 1/s."""
+        """Time derivatives of the coupled components' memories."""
         return tuple(self.components[i].slope(self.memories[i], self.time, motion, rotor_speeds) for i in self.coupled)
 
     def far(self, motion: PointMotion, seconds: Scalar) -> Any:
-        """True if none of them requests its steps within so many seconds."""
+        """True if all coupled components stay inactive for ``seconds``."""
         found: Any = True
         for i in self.coupled:
             there = self.components[i].far(self.memories[i], motion, seconds)
@@ -89,24 +89,24 @@ class Surroundings:
         return found
 
     def without_coupled(self) -> Surroundings:
-        """The surroundings of a vehicle that is far from what is coupled to it."""
+        """The surroundings without the coupled components."""
         kept = [i for i, component in enumerate(self.components) if not component.coupled]
         components, memories = (tuple(each[i] for i in kept) for each in (self.components, self.memories))
         return replace(self, components=components, memories=memories)
 
     def alone(self, seconds: Scalar, rounds: int, gravity: Scalar) -> tuple[Any, ...]:
-        """Memories of the coupled components after so many seconds, in so many parts, for which they were far."""
+        """Memories of the inactive coupled components after ``seconds``, integrated in ``rounds`` steps."""
         return tuple(self.components[i].alone(self.memories[i], seconds, rounds, gravity) for i in self.coupled)
 
     def effort(self, index: int, setpoint: Scalar, position: Scalar, rate: Scalar) -> Scalar:
-        """Effort of a joint's drive before its limit and friction, N m or N."""
+        """Effort of a joint's drive before limit and friction, N m or N."""
         if not self.drives:
             return TORQUE_DRIVE.effort((), setpoint, position, rate)
         return self.drives[index].effort(self.drive_memories[index], setpoint, position, rate)
 
 
 def wind_at(around: Surroundings, world: Truth, state: State) -> WindSample:
-    """Force on the base and velocity of the air at its origin, as recorded in logs."""
+    """Force on the base and air velocity at its origin, as recorded in logs."""
     motion = PointMotion(world.vehicle, state, around.air_velocity, gravity=world.gravity)
     force = ZERO3
     for component, memory in zip(around.components, around.memories, strict=True):
@@ -126,7 +126,7 @@ Memories = tuple[Any, ...]
 
 
 def slopes_of(world: Truth, state: State, rotor_speeds: Sequence[Scalar], around: Surroundings) -> Memories:
-    """Rates of the memories at a state, 1/s."""
+    """Time derivatives of the coupled components' memories at a state."""
     if not around.coupled:
         return ()
     motion = PointMotion(world.vehicle, state, around.air_velocity, gravity=world.gravity)
@@ -134,7 +134,7 @@ def slopes_of(world: Truth, state: State, rotor_speeds: Sequence[Scalar], around
 
 
 def advance_memories(memories: Memories, slopes: Memories, dt: Scalar) -> Memories:
-    """Memories + dt * slopes."""
+    """Memories of coupled components plus dt * slopes."""
     found: Memories = moved_by(memories, slopes, dt)
     return found
 
@@ -142,32 +142,32 @@ def advance_memories(memories: Memories, slopes: Memories, dt: Scalar) -> Memori
 def before_euler_step(
     world: Truth, state: State, rotor_speeds: Sequence[Scalar], around: Surroundings, dt: Scalar
 ) -> Surroundings:
-    """The surroundings with which a semi-implicit Euler step (s) takes its forces."""
+    """Surroundings for the forces of a semi-implicit Euler step of ``dt`` (s): bristles are already advanced."""
     if not around.coupled:
         return around
     return bend_coupled(around, slopes_of(world, state, rotor_speeds, around), dt)
 
 
 def bend_coupled(around: Surroundings, slopes: Memories, dt: Scalar) -> Surroundings:
-    """The surroundings advanced by a time (s) along the slopes that velocities bend."""
+    """The surroundings with bristle deflections advanced by ``dt`` (s)."""
     going = zip(around.coupled, around.coupled_memories(), slopes, strict=True)
     return around.with_coupled([around.components[i].before_euler_step(held, rate, dt) for i, held, rate in going])
 
 
 def after_euler_step(around: Surroundings, slopes: Memories, dt: Scalar) -> Memories:
-    """Memories of the surroundings after a semi-implicit Euler step (s)."""
+    """Memories of the coupled components after a semi-implicit Euler step of ``dt`` (s)."""
     going = zip(around.coupled, around.coupled_memories(), slopes, strict=True)
     return tuple(around.components[i].euler_step(memory, slope, dt) for i, memory, slope in going)
 
 
 def drift_coupled(around: Surroundings, dt: Scalar) -> Surroundings:
-    """The surroundings after a time (s) in which coupled components are not pushed."""
+    """The surroundings after ``dt`` (s) of force-free motion of the coupled components."""
     going = zip(around.coupled, around.coupled_memories(), strict=True)
     return around.with_coupled([around.components[i].drift(held, dt) for i, held in going])
 
 
 def push_coupled(around: Surroundings, motion: PointMotion, rotor_speeds: Sequence[Scalar], dt: Scalar) -> Surroundings:
-    """The surroundings after the forces of a time (s) on coupled components."""
+    """The surroundings after an impulse: forces act on the coupled components for ``dt`` (s)."""
     going = zip(around.coupled, around.coupled_memories(), strict=True)
     return around.with_coupled(
         [around.components[i].push(held, around.time, motion, rotor_speeds, dt) for i, held in going]
@@ -175,13 +175,13 @@ def push_coupled(around: Surroundings, motion: PointMotion, rotor_speeds: Sequen
 
 
 def places_in(around: Surroundings) -> tuple[int, ...]:
-    """Places of these memories' numbers among the leaves of the surroundings."""
+    """Indices of the coupled memories' numbers among the leaves of the surroundings."""
     first = len(leaves(around.components))
     return tuple(first + place for place in places_among(around.memories, around.coupled))
 
 
 def places_among(memories: Memories, coupled: Sequence[int]) -> tuple[int, ...]:
-    """Places of the numbers of some memories among the leaves of all."""
+    """Indices of the numbers of some memories among the leaves of all memories."""
     found, first = list[int](), 0
     for i, memory in enumerate(memories):
         count = len(leaves(memory))

@@ -1,4 +1,4 @@
-"""Desired motion: signals with derivatives to the fourth, trajectories of base and joints, publishing at a rate."""
+"""Reference motion: signals with four derivatives, trajectories of base and joints, sampling at a rate."""
 
 from skyarm.reference.reference_tables import trajectory_from
 from skyarm.reference.signal_tables import signal_from

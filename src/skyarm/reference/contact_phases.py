@@ -1,4 +1,4 @@
-"""Phases that touch or grasp: approach, press, slide, write, search, insert, turn, retreat, grasp, release.
+"""Task phases with contact or grasp: approach, press, slide, write, search, insert, turn, retreat, grasp, release.
 
 A gripper that closes on a handle with a ``center`` says that the tip goes about an axis from then on, until the gripper
 opens: the push of the reference (:class:`skyarm.reference.tip_motion.TipPush`) grips, and the force along the radius of
@@ -28,7 +28,7 @@ ABOUT = ("center", "axis", "force")
 
 
 def grasp(task: Task, phase: Fields) -> None:
-    """Take what is there where the tip is; with a ``center`` a handle that goes about an axis."""
+    """Add to the task a grasp at the tip's position; with a ``center``, of a handle that turns about an axis."""
     arc = _arc_of(task, phase)
     handle(task, phase, "pick")
     if arc is not None:
@@ -36,12 +36,12 @@ def grasp(task: Task, phase: Fields) -> None:
 
 
 def release(task: Task, phase: Fields) -> None:
-    """Leave it where the tip is."""
+    """Add to the task a release at the tip's position."""
     handle(task, phase, "place")
 
 
 def handle(task: Task, phase: Fields, kind: str) -> None:
-    """Wait, then take or leave something half-way through a dwell."""
+    """Add to the task a wait for the guard, then a dwell with a grasp or release half-way through."""
     what = "gripper" if "gripper" in phase.table else "payload"
     name = phase.take(what)
     if not isinstance(name, str) or not name:
@@ -58,7 +58,7 @@ def handle(task: Task, phase: Fields, kind: str) -> None:
 
 
 def arc_about(task: Task, phase: Fields) -> tuple[Place, Place]:
-    """Center and axis of a motion about an axis: of the phase, else those of the handle that is held."""
+    """Center and axis of a rotation, from the phase, else from the held handle."""
     held = task.arc
     if held is None:
         return place_of(phase, "center"), unit_vector(phase, "axis")
@@ -74,7 +74,7 @@ def arc_about(task: Task, phase: Fields) -> tuple[Place, Place]:
 
 
 def _arc_of(task: Task, phase: Fields) -> Arc | None:
-    """The arc of what a phase takes hold of; None of what goes nowhere of its own."""
+    """Arc of the handle that a phase grasps; None if the phase describes no rotation."""
     told = [name for name in ABOUT if phase.take(name, None) is not None]
     if not told:
         return None
@@ -115,14 +115,14 @@ FASTEST_TURNING = 1.0
 
 
 def approach(task: Task, phase: Fields) -> None:
-    """Go in front of a place on the surface."""
+    """Add to the task a motion to a point in front of a place on the surface."""
     _tell_normal(task, phase)
     goal = place_of(phase, "position")
     task.go_through(phase, _in_front(task, phase, goal, near="normal" in phase.table), new=False)
 
 
 def press(task: Task, phase: Fields) -> None:
-    """Request a force, wait for contact, hold the force for a while."""
+    """Add to the task a contact force at rest: wait for contact, then hold the force for a while."""
     _tell_push(task, phase)
     force = task.force or 0.0
     usual = {"force": TOUCHED * force, "hold": 0.1, "timeout": 10.0, "fails": True, "direction": task.normal}
@@ -133,13 +133,13 @@ def press(task: Task, phase: Fields) -> None:
 
 
 def slide(task: Task, phase: Fields) -> None:
-    """Go to another place along the surface, pressing."""
+    """Add to the task a motion along the surface to another place with contact force."""
     _tell_push(task, phase)
     task.go_through(phase, place_of(phase, "position"), back=False)
 
 
 def write(task: Task, phase: Fields) -> None:
-    """Follow a polyline along the surface, pressing, at rest in each corner."""
+    """Add to the task a polyline along the surface with contact force, at rest in each corner."""
     _tell_push(task, phase)
     points = points_of(phase.take("points"), phase.at("points"))
     if not 1 <= len(points) <= MOST_POINTS:
@@ -155,7 +155,7 @@ def write(task: Task, phase: Fields) -> None:
 
 
 def retreat(task: Task, phase: Fields) -> None:
-    """Request no force; leave along the normal, or go to a place."""
+    """Add to the task a motion without contact force, away along the normal or to a place."""
     task.force = None
     if phase.take("position", None) is not None:
         task.go_through(phase, place_of(phase, "position"), new=False)
@@ -170,7 +170,7 @@ def retreat(task: Task, phase: Fields) -> None:
 
 
 def search(task: Task, phase: Fields) -> None:
-    """Follow a spiral along the surface, pressing, until the tip drops in."""
+    """Add to the task a spiral along the surface with contact force, until the tip drops into a hole."""
     _tell_push(task, phase)
     u, w = _across(task.normal or (0.0, 0.0, 1.0))
     pitch = positive(phase, "pitch")
@@ -192,7 +192,7 @@ def search(task: Task, phase: Fields) -> None:
 
 
 def insert(task: Task, phase: Fields) -> None:
-    """Press along the axis until the tip has gone in."""
+    """Add to the task a contact force along the axis until the tip has moved in by a distance."""
     _tell_push(task, phase)
     depth = positive(phase, "distance")
     usual = {"distance": depth, "hold": 0.05, "timeout": 10.0, "fails": True, "direction": task.normal}
@@ -201,7 +201,7 @@ def insert(task: Task, phase: Fields) -> None:
 
 
 def turn(task: Task, phase: Fields) -> None:
-    """Go about an axis by an angle, that of a handle which is held; with the force of the phases before, if any."""
+    """Add to the task a rotation about an axis by an angle, with the contact force of earlier phases if any."""
     if task.force is not None or "force" in phase.table:
         _tell_push(task, phase)
     center, axis = arc_about(task, phase)
@@ -233,7 +233,7 @@ ABOUT_AN_AXIS = ("turn", "open")
 
 
 def _in_front(task: Task, phase: Fields, place: Place, *, near: bool) -> Place:
-    """A place moved out along the normal by the phase's clearance, by default ``CLEARANCE`` if near."""
+    """Place offset along the normal by the phase's clearance, by default ``CLEARANCE`` if ``near``."""
     clearance = within(phase.number("clearance", CLEARANCE if near else 0.0, low=0.0), phase.at("clearance"))
     if clearance and task.normal is None:
         raise ValueError(f"{phase.at('clearance')} = {clearance:g}: must be left out without a normal")
@@ -248,7 +248,7 @@ def _tell_normal(task: Task, phase: Fields) -> None:
 
 
 def _tell_push(task: Task, phase: Fields) -> None:
-    """Force, normal and speed of a phase that touches; what it leaves out is that of the phase before."""
+    """Read force, normal and speed of a contact phase; missing values stay as in the phase before."""
     _tell_normal(task, phase)
     if phase.take("speed", None) is not None:
         speed = positive(phase, "speed", high=FASTEST)
@@ -267,7 +267,7 @@ def _along(place: Place, direction: Place, length: float) -> Place:
 
 
 def _across(normal: Place) -> tuple[Vec3, Vec3]:
-    """Two unit vectors across a normal and each other."""
+    """Two unit vectors perpendicular to a normal and to each other."""
     n = Vec3(*normal)
     least = min(range(3), key=lambda i: abs(normal[i]))
     u = n.cross(Vec3(*(1.0 if i == least else 0.0 for i in range(3))))
@@ -276,7 +276,7 @@ def _across(normal: Place) -> tuple[Vec3, Vec3]:
 
 
 def _spiral_angle(begin: float, most: float, growth: float, pace: float) -> Polynomials:
-    """Angle of an Archimedean spiral over time: along it with a pace (m/s), but no faster than a turn a second.
+    """Angle of an Archimedean spiral over time, at constant speed (m/s), at most one turn a second.
 
     With da/dt = pace / (growth sqrt(k^2 + a^2)) the time of an angle is known; knots stand at each quarter of a turn,
     and the first and the last piece take twice their time: it begins and ends at rest.

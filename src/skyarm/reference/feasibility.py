@@ -1,4 +1,4 @@
-"""Feasibility of a tip reference for a vehicle, before anything flies."""
+"""Feasibility check of a tip reference for a vehicle, before simulation."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ tip then moves by its own length in 50 rad or more."""
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Feasibility:
-    """Errors and demands of a plan.
+    """Peak demands of a planned tip reference, joint limits it meets and its nearest singularity.
 
     Attributes:
         at_limits: (joint, s) of joints that carry the tip and are planned at a limit, and how long.
@@ -54,7 +54,7 @@ class Feasibility:
     arm_length: float
 
     def warnings(self) -> Iterator[str]:
-        """One line for each thing that the vehicle cannot do."""
+        """One warning line for each demand beyond the vehicle's capability."""
         for joint, seconds in self.at_limits:
             yield f"reference.tip: joint {joint!r} is planned at its limit for {seconds:.3g} s; other posture?"
         if self.weakest < SINGULAR * self.arm_length:
@@ -70,7 +70,7 @@ class Feasibility:
 
 
 def _weakest(vehicle: Vehicle, carriers: Sequence[int], times: Array, joints: Array) -> tuple[float, float]:
-    """Smallest singular value of the tip's Jacobian (3 rows, or as many as joints carry it), and when it is so, s."""
+    """Smallest singular value of the tip's position Jacobian over a plan, and its time (s)."""
     every = -(-len(times) // MOST_JACOBIANS)
     times, joints = times[::every], joints[:, ::every].T
     still, level = np.zeros((len(times), 3)), np.tile([1.0, 0.0, 0.0, 0.0], (len(times), 1))
@@ -81,7 +81,7 @@ def _weakest(vehicle: Vehicle, carriers: Sequence[int], times: Array, joints: Ar
 
 
 def feasibility(trajectory: Trajectory, setting: Setting) -> Feasibility | None:
-    """Errors and demands of the plan of a tip reference; None where the tip has no reference of its own."""
+    """Feasibility of a trajectory's tip reference; None without one."""
     tip, vehicle = trajectory.tip, setting.vehicle
     if tip is None or vehicle is None:
         return None
@@ -106,7 +106,7 @@ def feasibility(trajectory: Trajectory, setting: Setting) -> Feasibility | None:
 
 
 def _at_limits(arm: Arm, q: Array, seconds: float) -> Iterator[tuple[str, float]]:
-    """Joints that carry the tip and are planned at a limit; a finger next to it may rest at its own."""
+    """Arm joints that the plan moves to a limit, and how long (s)."""
     for number, joint in zip(arm.carriers, arm.joints, strict=True):
         low, high, values = float(joint.lower), float(joint.upper), q[number]
         near = (values <= low + 2.0 * MARGIN) | (values >= high - 2.0 * MARGIN)

@@ -1,4 +1,4 @@
-"""Time scaling of a reference: path time as a function of flight time; offsets that later phases take back.
+"""Time scaling of a reference: path time as a function of flight time; position offsets of the reference.
 
 A governor slows the *path parameter* s(t), with 0 <= ds/dt, and leaves the path as it is. The motion that a law is told
 at the flight's time t is the commanded one at s(t); its derivatives follow by the chain rule. The curve is one of
@@ -37,7 +37,7 @@ FEWEST = 6
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PathTime:
-    """The time of a reference over the time of its flight.
+    """Path time of a reference as a function of flight time.
 
     Attributes:
         points: s, control points, none before the one ahead of it; the i-th belongs to the time (i - 2) step.
@@ -60,7 +60,7 @@ class PathTime:
         return float(self.step) * (len(self.points) - FEWEST + 1)
 
     def derivatives(self, t: Scalar) -> Derivatives:
-        """s and ds/dt to d4s/dt4 at times t (s), a number or an array; held before its beginning and after its end."""
+        """Path time s and its derivatives ds/dt to d4s/dt4 at flight times t (s); constant outside the plan."""
         points, step = np.asarray(self.points, dtype=float), float(self.step)
         # sums and products alone, so that every machine finds the same bits
         u = np.clip(np.asarray(t, dtype=float) / step, 0.0, float(len(points) - FEWEST + 1))
@@ -78,7 +78,7 @@ class PathTime:
         return d0, d1, d2, d3, d4
 
     def check(self, duration: float, waits: bool) -> None:
-        """Refuse a flight that this time was not planned for.
+        """Refuse a flight that the time scaling was not planned for.
 
         Args:
             duration: of the flight, s.
@@ -96,7 +96,7 @@ class PathTime:
             )
 
     def instant_of(self, path_time: float) -> float:
-        """First time of the flight (s) at which the reference's time has come to ``path_time``; its end if never."""
+        """Flight time (s) at which the path time reaches ``path_time``; the planned end if it never does."""
         low, high = 0.0, self.duration
         if float(self.derivatives(high)[0]) < path_time:
             return high
@@ -110,13 +110,13 @@ class PathTime:
 
 
 def governed_reference(trajectory: Trajectory, path_time: PathTime, t: Scalar) -> Reference:
-    """The time-scaled reference at a time of the flight, s: the trajectory at s(t), its derivatives by t."""
+    """Time-scaled reference at a flight time t (s): trajectory at s(t), with derivatives by t."""
     s = path_time.derivatives(t)
     return by_flight_time(trajectory.at(s[0]), s)
 
 
 def by_flight_time(reference: Reference, s: Derivatives) -> Reference:
-    """A sample whose derivatives are by the reference's time, with those by the flight's time.
+    """Convert a sample's derivatives from path time to flight time.
 
     Source: chain rule of higher order, Faa di Bruno 1857.
     """
@@ -146,7 +146,7 @@ def by_flight_time(reference: Reference, s: Derivatives) -> Reference:
 
 
 def _chain_rule(d: tuple[Any, ...], s: Derivatives) -> tuple[Any, Any, Any, Any]:
-    """Derivatives one to four by t of x(s(t)), from those by s."""
+    """Derivatives one to four of x(s(t)) by t, from those by s (chain rule)."""
     (d1, d2, d3, d4), (_, s1, s2, s3, s4) = d, s
     twice = s1 * s1
     return (
@@ -166,7 +166,7 @@ VECTORS = ("position", "velocity", "acceleration", "jerk", "snap")
 def offset_reference(
     reference: Reference, offset: Vec3, returns: Sequence[tuple[float, float]], since: Any, time: Scalar
 ) -> Reference:
-    """The reference of base and tip, moved by what is left of an offset.
+    """Reference of base and tip plus a position offset, which return phases reduce to zero.
 
     Args:
         reference: as planned, at ``time`` (s).

@@ -1,4 +1,4 @@
-"""A task in phases, each from rest to rest; the reference may wait at the end of each for the flight.
+"""Task motion in phases, each from rest to rest; the reference may wait at the end of each for a guard.
 
 In free flight: ``hold``: duration. ``go_to``, ``carry``: position, via = [[x, y, z], ...], duration (left out: as fast
 as the limits let). ``lift``: height (m), duration. ``pick`` and ``place``: payload (its name), position, approach = [0,
@@ -39,7 +39,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 
 def phases_table(fields: Fields, setting: Setting) -> Trajectory:
-    """The motion of a task: its phases, one after the other."""
+    """Trajectory of a task whose table lists its phases."""
     task = Task(place_of(fields, "position"), limits_of(fields, setting), setting)
     entries, at = fields.take("phases"), fields.at("phases")
     if not isinstance(entries, list) or not entries:
@@ -69,7 +69,7 @@ def phases_table(fields: Fields, setting: Setting) -> Trajectory:
 
 
 def _require_hands(task: Task, phase: Fields, kind: str) -> None:
-    """Refuse to press while the tip holds a handle: along the arc's radius one force is held."""
+    """Refuse a contact phase while the tip holds a handle."""
     if task.arc is None or kind not in TOUCHING:
         return
     if kind not in ABOUT_AN_AXIS or phase.take("force", None) is not None:
@@ -79,7 +79,7 @@ def _require_hands(task: Task, phase: Fields, kind: str) -> None:
 
 
 def _joints(phase: Fields) -> dict[str, float]:
-    """Joint positions that a phase commands, rad or m by name."""
+    """Joint positions that a phase commands, by joint name, rad or m."""
     table = phase.take("joints", None)
     if table is None:
         return {}
@@ -90,18 +90,18 @@ def _joints(phase: Fields) -> dict[str, float]:
 
 
 def hold(task: Task, phase: Fields) -> None:
-    """Stay."""
+    """Add to the task a stay at the present position."""
     task.rest(seconds(phase, "duration"))
     task.wait_until(phase)
 
 
 def go_to(task: Task, phase: Fields) -> None:
-    """Go to a position, through others."""
+    """Add to the task a motion to a position through optional intermediate points."""
     task.go_through(phase, place_of(phase, "position"))
 
 
 def lift(task: Task, phase: Fields) -> None:
-    """Go straight up, or down."""
+    """Add to the task a vertical motion by a height."""
     height = within(phase.number("height"), phase.at("height"))
     duration = duration_of(phase)
     x, y, z = task.at
@@ -112,7 +112,7 @@ def lift(task: Task, phase: Fields) -> None:
 
 
 def pick_or_place(task: Task, phase: Fields) -> None:
-    """Come near, down, take or leave the payload, leave."""
+    """Add to the task an approach, a descent, a grasp or release of the payload, and an ascent."""
     there = place_of(phase, "position")
     x, y, z = (a + b for a, b in zip(there, place_of(phase, "approach", (0.0, 0.0, 0.1)), strict=True))
     task.go([task.at, (x, y, z)], back=True)
@@ -137,7 +137,7 @@ PEAK_RATE = 2.1875
 def with_joint_moves(
     trajectory: Trajectory, moves: Sequence[JointMove], vehicle: Vehicle | None, fastest: float = math.inf
 ) -> Trajectory:
-    """The trajectory with moves of the joints that do not carry the tip, in the order of time.
+    """Add moves of the joints that do not carry the tip to a trajectory.
 
     Args:
         trajectory: whose own signals of these joints are constant.
@@ -169,7 +169,7 @@ def with_joint_moves(
 
 
 def _index(move: JointMove, trajectory: Trajectory, vehicle: Vehicle) -> int:
-    """Number of a move's joint, which is one that nothing else moves."""
+    """Index of a move's joint; refuses joints that carry the tip or already move."""
     names = [link.joint.name for link in vehicle.links]
     carriers = () if trajectory.tip is None else trajectory.tip.arm.carriers
     if move.joint not in names:
@@ -186,7 +186,7 @@ def _index(move: JointMove, trajectory: Trajectory, vehicle: Vehicle) -> int:
 
 
 def _require_within(move: JointMove, at: float, vehicle: Vehicle, i: int, fastest: float) -> None:
-    """Refuse a value beyond the joint's limits, and a move that is too fast."""
+    """Refuse a joint move beyond the joint's limits or maximum speed."""
     joint = vehicle.links[i].joint
     low, high = float(joint.lower), float(joint.upper)
     if not low <= move.value <= high:

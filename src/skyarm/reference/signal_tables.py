@@ -1,4 +1,4 @@
-"""Signals from plain tables, as a scenario file holds them.
+"""Time signals from tables of a scenario file.
 
 A *signal* is a number (held), a list of signals (their sum), or a table with a kind:
 
@@ -45,7 +45,7 @@ from skyarm.reference.signals import (
 
 
 def signal_from(entry: Any, where: str) -> Signal:
-    """Signal from a number, a list or a table."""
+    """Time signal from a number, a list or a table."""
     if isinstance(entry, list):
         return Sum(tuple(signal_from(item, f"{where}[{index}]") for index, item in enumerate(entry)))
     if not isinstance(entry, dict):
@@ -97,7 +97,7 @@ def _windowed_signal(fields: Fields) -> Signal:
 
 
 def window_of(fields: Fields) -> tuple[float, float]:
-    """Start and stop, infinite if absent."""
+    """Start and stop of a time window, s; infinite if absent."""
     start = fields.number("start", -math.inf, infinite=True)
     stop = fields.number("stop", math.inf, infinite=True)
     if not start < stop:
@@ -106,7 +106,7 @@ def window_of(fields: Fields) -> tuple[float, float]:
 
 
 def _clip_to_window(signal: Signal, start: float, stop: float) -> Signal:
-    """Windowed, if there is a window."""
+    """Signal restricted to a time window; unchanged if the window is infinite."""
     return signal if math.isinf(start) and math.isinf(stop) else Windowed(signal, start, stop)
 
 
@@ -134,7 +134,7 @@ _SIGNALS: dict[str, type[Signal] | Callable[[Fields], Signal]] = {
 
 @dataclass(frozen=True, slots=True)
 class SignalList:
-    """A signal for each component; in a file a list, each entry a number, a table or a list of signals."""
+    """List of time signals; in a file a list whose entries are numbers, tables or lists."""
 
     signals: tuple[Signal, ...]
 
@@ -143,7 +143,7 @@ class SignalList:
 
     @classmethod
     def from_table(cls, entry: Any, where: str) -> SignalList:
-        """Read what a file holds; raises ValueError with one line."""
+        """Read the list from a file's value; raises ValueError with one line."""
         if not isinstance(entry, list) or not entry:
             raise ValueError(f"{where} = {shown(entry)}: must be a list of signals of time, one for each component")
         found = (
@@ -153,5 +153,5 @@ class SignalList:
         return cls(tuple(found))
 
     def at(self, t: Scalar) -> tuple[Any, ...]:
-        """Values at time t, s; a structural zero for a signal that is not there."""
+        """Values of all signals at time t (s)."""
         return tuple(signal.derivatives(t)[0] for signal in self.signals)

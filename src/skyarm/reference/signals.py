@@ -1,4 +1,4 @@
-"""Signals: a scalar of time with its first four derivatives.
+"""Time signals: scalar functions of time with their first four derivatives.
 
 ``derivatives(t)`` gives (value, d1, d2, d3, d4) for any scalar t: float, NumPy array (a whole table), traced time.
 At a switch time the right-hand limit holds, in value and in every derivative; ``switch_times()`` lists those times.
@@ -31,7 +31,7 @@ Record = TypeVar("Record")
 
 
 class Signal(ABC):
-    """A scalar of time; signals add."""
+    """Scalar function of time with four derivatives; signals can be added."""
 
     __slots__ = ()
 
@@ -44,19 +44,19 @@ class Signal(ABC):
         """List the times (s), in order, at which the value or a derivative may jump."""
 
     def __add__(self, other: Signal) -> Signal:
-        """Sum."""
+        """Return the sum of two signals."""
         return Sum((self, other))
 
     @classmethod
     def from_table(cls, entry: object, where: str) -> Signal:
-        """Signal of a number, a list or a table of a file."""
+        """Signal from a number, a list or a table of a file."""
         from skyarm.reference.signal_tables import signal_from
 
         return signal_from(entry, where)
 
 
 def with_signals(record: Record, change: Callable[[Signal], Signal]) -> Record:
-    """The record with each of its signals changed, at any depth."""
+    """Record with a function applied to each of its signals, at any depth."""
     if isinstance(record, Signal):
         return change(record)  # type: ignore[return-value]
     if isinstance(record, tuple):
@@ -69,7 +69,7 @@ def with_signals(record: Record, change: Callable[[Signal], Signal]) -> Record:
 
 
 def switch_times(record: Any) -> tuple[float, ...]:
-    """Times (s), in order and each once, at which a signal of a record or one of its derivatives may jump."""
+    """Times (s), sorted and unique, at which any signal of a record or a derivative may jump."""
     found: list[Signal] = []
     with_signals(record, lambda signal: found.append(signal) or signal)  # type: ignore[func-returns-value]
     return tuple(sorted({s for signal in found for s in signal.switch_times()}))
@@ -77,7 +77,7 @@ def switch_times(record: Any) -> tuple[float, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Constant(Signal):
-    """A constant signal has the same value at all times; its derivatives are structural zeros."""
+    """Signal with a constant value; its derivatives are structural zeros."""
 
     value: Annotated[Scalar, Unit("", "in the unit of the signal")] = 0.0
 
@@ -85,17 +85,17 @@ class Constant(Signal):
         accept_fields(self, "constant")
 
     def derivatives(self, t: Scalar) -> Derivatives:
-        """Value, 0, 0, 0, 0."""
+        """Constant value, and zeros as derivatives."""
         return self.value, 0, 0, 0, 0
 
     def switch_times(self) -> tuple[float, ...]:
-        """None."""
+        """Empty: a constant never jumps."""
         return ()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Ramp(Signal):
-    """A ramp signal goes from 0 to ``height`` within ``duration``; it is 0 before and ``height`` after.
+    """Ramp signal from 0 to ``height`` within ``duration``; 0 before and ``height`` after.
 
     Attributes:
         shape: "linear", or "quintic" = 10 u^3 - 15 u^4 + 6 u^5 with u = (t - start)/duration, at rest at both ends.
@@ -111,7 +111,7 @@ class Ramp(Signal):
         check_shape("ramp.shape", self.shape)
 
     def derivatives(self, t: Scalar) -> Derivatives:
-        """Value and derivatives.
+        """Value and derivatives one to four of the ramp at time t (s).
 
         Source: the quintic is the rest-to-rest motion of least jerk, Flash, Hogan 1985.
         """
@@ -130,17 +130,17 @@ class Ramp(Signal):
         return where(t < self.start, 0.0, where(t < self.start + self.duration, inside, after))
 
     def switch_times(self) -> tuple[float, ...]:
-        """Both ends."""
+        """Start and end time of the ramp, s."""
         return float(self.start), float(self.start + self.duration)
 
 
 def _linear(u: Scalar) -> Derivatives:
-    """Straight line u and its derivatives by u."""
+    """Linear blend u, and its derivatives by u."""
     return u, 1.0, 0, 0, 0
 
 
 def _quintic(u: Scalar) -> Derivatives:
-    """Blend 10 u^3 - 15 u^4 + 6 u^5 and its derivatives by u."""
+    """Quintic blend 10 u^3 - 15 u^4 + 6 u^5, and its derivatives by u."""
     u2 = u * u
     return (
         u2 * u * (10.0 + u * (6.0 * u - 15.0)),
@@ -153,7 +153,7 @@ def _quintic(u: Scalar) -> Derivatives:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Sine(Signal):
-    """A sine signal: amplitude sin(2 pi frequency_hz t + phase)."""
+    """Sine signal: amplitude sin(2 pi frequency_hz t + phase)."""
 
     amplitude: Annotated[Scalar, Unit("", "in the unit of the signal")]
     frequency_hz: Annotated[Scalar, Unit("Hz")]
@@ -163,26 +163,26 @@ class Sine(Signal):
         accept_fields(self, "sine")
 
     def derivatives(self, t: Scalar) -> Derivatives:
-        """Value and derivatives: each turns the sine by a quarter and multiplies it by w."""
+        """Value and derivatives one to four of the sine at time t (s)."""
         w = 2.0 * math.pi * self.frequency_hz
         angle = w * t + self.phase
         s, c = self.amplitude * sin(angle), self.amplitude * cos(angle)
         return s, w * c, -(w * w) * s, -(w * w * w) * c, (w * w * w * w) * s
 
     def switch_times(self) -> tuple[float, ...]:
-        """None."""
+        """Empty: a sine never jumps."""
         return ()
 
 
 def check_shape(field: str, value: str) -> None:
-    """Refuse an unknown shape of ramps."""
+    """Refuse an unknown ramp shape."""
     if value not in SHAPES:
         raise ValueError(f"{field} = {value!r}: must be one of {', '.join(SHAPES)}")
 
 
 @dataclass(frozen=True, slots=True)
 class Windowed(Signal):
-    """A signal within [start, stop), zero outside."""
+    """Signal within [start, stop), zero outside."""
 
     signal: Signal
     start: Annotated[Scalar, Unit("s", infinite=True)] = -math.inf
@@ -194,7 +194,7 @@ class Windowed(Signal):
             raise ValueError(f"windowed.stop = {self.stop!r}: must be after start = {self.start!r}")
 
     def derivatives(self, t: Scalar) -> Derivatives:
-        """Derivatives of the signal inside, zero outside; structural zeros stay structure."""
+        """Value and derivatives of the signal inside the window, zeros outside."""
         d0, d1, d2, d3, d4 = (self._inside(t, value) for value in self.signal.derivatives(t))
         return d0, d1, d2, d3, d4
 
@@ -204,7 +204,7 @@ class Windowed(Signal):
         return where(t < self.start, 0.0, where(t < self.stop, value, 0.0))
 
     def switch_times(self) -> tuple[float, ...]:
-        """Both ends and the signal's own times between them."""
+        """Start and stop of the window, and the signal's own switch times between them, s."""
         first, last = float(self.start), float(self.stop)
         inner = [s for s in self.signal.switch_times() if first < s < last]
         return tuple(s for s in (first, *inner, last) if math.isfinite(s))
@@ -212,7 +212,7 @@ class Windowed(Signal):
 
 @dataclass(frozen=True, slots=True)
 class Shifted(Signal):
-    """A signal that comes ``delay`` seconds later."""
+    """Signal delayed by ``delay`` seconds."""
 
     signal: Signal
     delay: Annotated[Scalar, Unit("s")]
@@ -221,17 +221,17 @@ class Shifted(Signal):
         accept_fields(self, "shifted")
 
     def derivatives(self, t: Scalar) -> Derivatives:
-        """Derivatives of the signal at t - delay."""
+        """Value and derivatives of the signal at t - delay."""
         return self.signal.derivatives(t - self.delay)
 
     def switch_times(self) -> tuple[float, ...]:
-        """List the times of the signal, later."""
+        """Switch times of the signal plus the delay, s."""
         return tuple(s + float(self.delay) for s in self.signal.switch_times())
 
 
 @dataclass(frozen=True, slots=True)
 class Sum(Signal):
-    """Several signals at once; an empty sum is a structural zero."""
+    """Sum of several signals; an empty sum is a structural zero."""
 
     signals: tuple[Signal, ...]
 
@@ -239,7 +239,7 @@ class Sum(Signal):
         accept_fields(self, "sum")
 
     def derivatives(self, t: Scalar) -> Derivatives:
-        """Sum, term by term."""
+        """Value and derivatives of the sum."""
         total: Derivatives = (0, 0, 0, 0, 0)
         for signal in self.signals:
             d0, d1, d2, d3, d4 = (add(a, b) for a, b in zip(total, signal.derivatives(t), strict=True))
@@ -247,13 +247,13 @@ class Sum(Signal):
         return total
 
     def switch_times(self) -> tuple[float, ...]:
-        """All of them, each once."""
+        """Switch times of all terms, sorted and unique, s."""
         return switch_times(self.signals)
 
 
 @dataclass(frozen=True, slots=True)
 class Product(Signal):
-    """A signal times another: a sine that is eased in by a ramp, an amplitude times a pattern of pulses."""
+    """Product of two signals, such as a sine with a ramped amplitude."""
 
     signal: Signal
     factor: Signal
@@ -274,13 +274,13 @@ class Product(Signal):
         return d0, d1, d2, d3, d4
 
     def switch_times(self) -> tuple[float, ...]:
-        """List those of both, each once."""
+        """Switch times of both factors, sorted and unique, s."""
         return switch_times((self.signal, self.factor))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Pulses(Signal):
-    """Pulses are ``height`` in the first ``width`` seconds of each period, ``count`` times from ``start`` on, else 0.
+    """Rectangular pulses: ``height`` in the first ``width`` seconds of ``count`` periods from ``start``, else 0.
 
     The value jumps; its derivatives are those of the flat pieces, structural zeros.
     """
@@ -297,14 +297,14 @@ class Pulses(Signal):
             raise ValueError(f"pulses.count = {self.count!r}: must be from 1 to {MOST_PULSES}")
 
     def derivatives(self, t: Scalar) -> Derivatives:
-        """Height or 0, and zeros."""
+        """Value ``height`` or 0, and zeros as derivatives."""
         number = floor((t - self.start) / self.period)
         within = (t - self.start) - number * self.period < self.width
         on = logical_and(within, logical_and(number >= 0.0, number < float(self.count)))
         return where(on, self.height, 0.0), 0, 0, 0, 0
 
     def switch_times(self) -> tuple[float, ...]:
-        """Both ends of every pulse."""
+        """Start and end times of all pulses, s."""
         begins = [float(self.start + k * self.period) for k in range(self.count)]
         return tuple(sorted({t for begin in begins for t in (begin, begin + float(self.width))}))
 
@@ -316,7 +316,7 @@ MOST_PULSES = 100_000
 def sequence(
     start: Scalar, segments: Iterable[tuple[Any, Any]], *, initial: Scalar = 0.0, shape: str = "linear"
 ) -> Signal:
-    """Ramps and holds one after another; the last value is held.
+    """Signal of consecutive ramps and holds; the last value is held.
 
     Args:
         start: begin of the first segment, s.
@@ -336,13 +336,13 @@ def sequence(
 
 
 def _equal(a: Scalar, b: Scalar) -> bool:
-    """Return True if both are concrete and the same number."""
+    """True if both are concrete and equal numbers."""
     return concrete(a, b) and a == b
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Turning(Signal):
-    """One coordinate of a point that turns about an axis, counted from where it begins.
+    """One coordinate of a point on a circle or spiral about an axis, relative to its start.
 
     The point is (radius + growth a) (u cos a + w sin a) from the axis, a the angle: an arc, or with a growth an
     Archimedean spiral.
@@ -358,12 +358,12 @@ class Turning(Signal):
         accept_fields(self, "turning")
 
     def derivatives(self, t: Scalar) -> Derivatives:
-        """Value and derivatives, exactly."""
+        """Value and derivatives one to four at time t (s)."""
         a = Taylor.of_derivatives(self.angle.derivatives(t))
         place = (a * self.growth + self.radius) * (cos(a) * self.u + sin(a) * self.w) - self.radius * self.u
         d0, d1, d2, d3, d4 = (place.derivative(k) for k in range(5))
         return d0, d1, d2, d3, d4
 
     def switch_times(self) -> tuple[float, ...]:
-        """Switch times of the angle."""
+        """Switch times of the angle signal, s."""
         return self.angle.switch_times()

@@ -1,4 +1,4 @@
-"""Piecewise polynomial signals: the motion of least snap through points, and uniform quintic B-splines.
+"""Piecewise polynomial signals: minimum-snap splines and uniform quintic B-splines.
 
 The integral of the squared fourth derivative is least for polynomials of seventh degree between the points that join
 with six continuous derivatives (a natural spline). Unknown are velocity, acceleration and jerk at the inner points; the
@@ -27,7 +27,7 @@ ORDERS = 5
 
 @dataclass(frozen=True, slots=True)
 class Polynomials(Signal):
-    """A signal of polynomials of one degree, each from its knot to the next, held before and after them.
+    """Piecewise polynomial signal of one degree, constant before the first and after the last knot.
 
     Attributes:
         knots: s, rising, one more than there are polynomials.
@@ -45,7 +45,7 @@ class Polynomials(Signal):
             )
 
     def derivatives(self, t: Scalar) -> Derivatives:
-        """Value and derivatives; zero derivatives where the signal is held."""
+        """Value and derivatives; derivatives are zero before the first and after the last knot."""
         numbers = [float(knot) for knot in self.knots]
         first, last = numbers[0], numbers[-1]
         if isinstance(t, (int, float)):
@@ -70,12 +70,12 @@ class Polynomials(Signal):
         return d0, d1, d2, d3, d4
 
     def switch_times(self) -> tuple[float, ...]:
-        """Both ends; between them all derivatives of interest are continuous."""
+        """First and last knot, s; between them the first four derivatives are continuous."""
         return float(self.knots[0]), float(self.knots[-1])
 
 
 def _polynomial(c: Sequence[Scalar], s: Scalar, order: int) -> Scalar:
-    """A derivative of a polynomial by Horner's rule; 0.0 of one of lower degree."""
+    """Derivative of a polynomial by Horner's rule; 0.0 if its degree is lower."""
     total: Scalar = 0.0
     for power in range(len(c) - 1, order - 1, -1):
         total = total * s + c[power] * float(math.perm(power, order))
@@ -83,7 +83,7 @@ def _polynomial(c: Sequence[Scalar], s: Scalar, order: int) -> Scalar:
 
 
 def _select_row(t: Scalar, rows: list[tuple[Any, ...]], knots: Sequence[float]) -> list[Scalar]:
-    """The row that holds at a traced time: a tree of comparisons, as deep as the logarithm of their number."""
+    """Row of coefficients at a traced time, by a binary tree of comparisons."""
     if len(rows) == 1:
         return [float(c) if isinstance(c, int) else c for c in rows[0]]
     half = len(rows) // 2
@@ -93,7 +93,7 @@ def _select_row(t: Scalar, rows: list[tuple[Any, ...]], knots: Sequence[float]) 
 
 
 def uniform_curve(points: Sequence[float], start: float, step: float) -> Polynomials:
-    """The curve of uniform quintic B-splines over control points: four continuous derivatives, within their hull.
+    """Uniform quintic B-spline curve of control points: four continuous derivatives, within their hull.
 
     Args:
         points: control points, at least six; the i-th belongs to the time ``start + (i - 2) step``.
@@ -122,7 +122,7 @@ CARDINAL = (
 
 
 def interpolating_points(samples: Sequence[float], rounds: int = 30) -> list[float]:
-    """Control points of the uniform quintic curve through samples, but for what changes within two samples.
+    """Control points of the uniform quintic B-spline that interpolates samples, up to its resolution.
 
     The curve's value at a sample is 1/120, 26/120, 66/120, 26/120, 1/120 of the control points around it; the error is
     given back again and again, which takes off at least 13 % of it each time and nearly all of a smooth one.
@@ -148,7 +148,7 @@ def minimum_snap(
     start: Sequence[float] = (0.0,) * 3,
     end: Sequence[float] = (0.0,) * 3,
 ) -> Polynomials:
-    """The signal of least snap.
+    """Minimum-snap spline through values at given times.
 
     Args:
         times: s, rising, at least two.
@@ -170,7 +170,7 @@ def minimum_snap(
 def knot_derivatives(
     times: Sequence[float], values: Sequence[float], start: Sequence[float], end: Sequence[float]
 ) -> list[Sequence[float]]:
-    """Velocity, acceleration and jerk of the motion of least snap at each point."""
+    """Velocity, acceleration and jerk of a minimum-snap spline at each knot."""
     inner = len(times) - 2
     size = FREE * inner
     band = 2 * FREE - 1
@@ -210,7 +210,7 @@ def snap_cost(motion: Polynomials) -> float:
 
 
 def _solve_banded(A: list[list[float]], b: list[float], band: int) -> list[float]:
-    """Solve a symmetric positive definite system of a band by L D L^T, in one order on every machine."""
+    """Solve a symmetric positive definite banded system by L D L^T, with the same rounding on every machine."""
     n = len(b)
     L = [[0.0] * (band + 1) for _ in range(n)]
     D = [0.0] * n
@@ -252,7 +252,7 @@ HERMITE = [[c / 6 for c in row] for row in SIXTHS]
 
 
 def _cost(j: int, k: int) -> float:
-    """Integral over [0, 1] of the product of the fourth derivatives that two of the ends' derivatives cause."""
+    """Integral over [0, 1] of the product of fourth derivatives of two Hermite basis polynomials."""
     fourth = [(m, math.perm(m + 4, 4) * SIXTHS[m + 4][j], math.perm(m + 4, 4) * SIXTHS[m + 4][k]) for m in range(4)]
     # over 36 * 420 in whole numbers, so that the quotient is the nearest float
     total = sum(a * b * (420 // (m + n + 1)) for m, a, _ in fourth for n, _, b in fourth)

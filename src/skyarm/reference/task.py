@@ -1,4 +1,4 @@
-"""A task while its phases are read: place, time and pieces of motion so far; guards of its phases.
+"""Task under construction: position, time and motion so far, and guards of its phases.
 
 ``until`` of a phase is what the flight must show before the reference advances::
 
@@ -52,7 +52,7 @@ NOWHERE = 1e-6
 
 
 def guard_from(phase: Fields, normal: Vector | None, usual: Mapping[str, Any] | None = None) -> dict[str, Any] | None:
-    """Fields of the guard that a phase's ``until`` describes; None without one.
+    """Guard fields from the ``until`` table of a phase; None without a guard.
 
     Args:
         phase: its table.
@@ -82,7 +82,7 @@ def guard_from(phase: Fields, normal: Vector | None, usual: Mapping[str, Any] | 
 
 
 def _guard_conditions(fields: Fields) -> dict[str, Any]:
-    """Conditions of a guard: numbers, and names of switches."""
+    """Conditions of a guard: thresholds and names of tactile switches."""
     found: dict[str, Any] = {}
     for name in SWITCHES:
         if fields.take(name, None) is not None:
@@ -101,7 +101,7 @@ def _guard_conditions(fields: Fields) -> dict[str, Any]:
 
 
 def unit_vector(fields: Fields, name: str) -> Vector:
-    """A vector of any length, as one of length 1."""
+    """Vector of a table, normalised to unit length."""
     given = fields.vector(name)
     length = math.hypot(*given)
     if not NOWHERE < length < 1.0 / NOWHERE:
@@ -121,18 +121,18 @@ COMING_BACK = 1.0
 
 
 def seconds(fields: Fields, name: str, *default: Any) -> float:
-    """A duration in a phase, s."""
+    """Duration field of a phase, s."""
     return within(fields.number(name, *default), fields.at(name), CLOSEST)
 
 
 def duration_of(phase: Fields) -> float | None:
-    """Duration of a phase, s; None for the fastest within the limits."""
+    """Duration of a phase, s; None for the shortest within the limits."""
     return None if phase.take("duration", None) is None else seconds(phase, "duration")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Arc:
-    """Model of a handle's path.
+    """Circular path of a handle about its axis, with the force and the gripper that hold it.
 
     Attributes:
         center: m, on its axis. axis: unit vector. force: N, that the tip presses out of the axis while it holds it.
@@ -147,7 +147,7 @@ class Arc:
 
 
 class Task:
-    """Phases as they are read.
+    """Builder of a task's trajectory from its phases, one after the other.
 
     Args:
         start: place at the beginning, m. limits: of motions. setting: of the flight.
@@ -179,7 +179,7 @@ class Task:
         self._pressed = -2  # number of the last phase that pressed
 
     def begin(self, phase: Fields) -> None:
-        """Rest until the instant at which a phase begins, if it has one."""
+        """Begin a phase; rest until its start time if it has one."""
         if phase.take("start", None) is not None:
             start = within(phase.number("start"), phase.at("start"), 0.0)
             if start < self.time:
@@ -189,15 +189,15 @@ class Task:
         self.begun, self._back = self.time, False
 
     def end(self, kind: str) -> None:
-        """Note a phase that has been read."""
+        """End a phase and record it."""
         self.setting.phases.append(Phase(name=kind, end=self.time, back=self._window if self._back else None))
 
     def rest(self, duration: float) -> None:
-        """Stay."""
+        """Add a rest of ``duration`` seconds."""
         self.time += duration
 
     def go(self, points: Points, duration: float | None = None, *, back: bool = False) -> None:
-        """Add the motion of least snap through points; none where they are one place.
+        """Add a minimum-snap motion through points; none if start and end coincide.
 
         Args:
             points: from where the task stands, m.
@@ -216,7 +216,7 @@ class Task:
             self._back, self._window, self._strays = True, (begun, self.time), False
 
     def go_through(self, phase: Fields, goal: Place, *, back: bool = True, new: bool = True) -> None:
-        """Add a phase's motion to a place through its ``via``, and wait for its guard.
+        """Add a phase's motion to a place through its ``via`` points, and wait for its guard.
 
         Args:
             phase: its table.
@@ -238,7 +238,7 @@ class Task:
         self.time, self.at = self.time + duration, to
 
     def press(self, begin: float, end: float) -> None:
-        """Request the task's force from one instant of the plan to another.
+        """Request the task's contact force from one planned instant to another, s.
 
         The force of the phase before holds until then.
         """
@@ -251,18 +251,18 @@ class Task:
         self._pressed = number
 
     def grip(self, arc: Arc) -> None:
-        """Hold a handle from the instant on at which the phase closes its gripper."""
+        """Start to hold a handle at the instant at which the phase closes its gripper."""
         self.arc = self.known_arc = arc
         self._grips.append((self.handled[1], None, arc.force))
 
     def let_go(self, gripper: str) -> None:
-        """Hold the handle no longer, if it is this gripper that opens."""
+        """Stop holding the handle if the opening gripper is the one that holds it."""
         if self.arc is not None and self.arc.gripper == gripper:
             self._grips[-1] = (self._grips[-1][0], self.handled[1], self.arc.force)
             self.arc = None
 
     def wait_until(self, phase: Fields, usual: Mapping[str, Any] | None = None) -> None:
-        """Let the reference rest here until the flight meets the phase's guard, or the ``usual`` one."""
+        """Let the reference wait here until the phase's guard, or the ``usual`` one, is met."""
         until = guard_from(phase, self.normal, usual)
         if until is None:
             return
@@ -272,7 +272,7 @@ class Task:
         self._strays = self._strays or guard.early
 
     def motion(self) -> Trajectory:
-        """The whole motion, each axis a sum of what every piece adds to where it begins; and the push."""
+        """Trajectory of the whole task; its contact request is added to the setting."""
         axes: list[Signal] = []
         for axis in range(3):
             parts: list[Any] = [Constant(self.start[axis])]
@@ -286,7 +286,7 @@ class Task:
         return Trajectory(x=x, y=y, z=z)
 
     def _tell_push(self) -> None:
-        """Add the push of the whole reference to the setting."""
+        """Add the contact request of the whole task to the setting."""
         if not self._forces and not self._grips:
             return
         if self.setting.pushes:
@@ -312,7 +312,7 @@ class Task:
 
 
 def _during(value: float, begin: float, end: float | None) -> Windowed:
-    """A value from one instant to another, or on."""
+    """Signal with a value from one instant to another (s), or from one instant on."""
     return Windowed(Constant(value), begin) if end is None else Windowed(Constant(value), begin, end)
 
 
@@ -323,6 +323,6 @@ def _apart(a: Place, b: Place) -> float:
 def require_field(
     fields: Fields, name: str, value: tuple[Scalar, ...], known: tuple[Scalar, ...] | None, words: str
 ) -> None:
-    """Refuse a value that contradicts another phase."""
+    """Refuse a value that contradicts an earlier phase."""
     if known is not None and any(not math.isclose(a, b, abs_tol=1e-9) for a, b in zip(value, known, strict=True)):
         raise ValueError(f"{fields.at(name)} = {shown(list(value) if len(value) > 1 else value[0])}: {words}")

@@ -1,4 +1,4 @@
-"""Records of a task: phases, guards that hold the reference until the flight meets them, events, joint moves."""
+"""Records of a task: phases, guards, events and joint moves."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Phase:
-    """One phase of a task, at the reference's own time.
+    """Phase of a task, in path time.
 
     Attributes:
         name: its kind. end: s, planned. back: s and s, from when to when the reference comes back to its plan in it, if
@@ -32,14 +32,14 @@ class Phase:
         accept_fields(self, "phase")
 
     def later(self, seconds: float) -> Phase:
-        """The same phase so many seconds later."""
+        """The phase shifted by some seconds."""
         back = None if self.back is None else (self.back[0] + seconds, self.back[1] + seconds)
         return Phase(name=self.name, end=self.end + seconds, back=back)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Guard:
-    """Condition that the flight must meet before the reference advances: until then the whole reference rests.
+    """Guard: condition that the flight must meet before the waiting reference continues.
 
     All that is asked must hold together for ``hold`` seconds; what is None is not asked. Force, distance and error are
     those that the law knows of: the measured tip, the force that the law observes, or that a sensor at the tip reads.
@@ -82,7 +82,7 @@ class Guard:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TaskEvent:
-    """An instant at which a task takes or leaves a payload, or closes or opens a gripper.
+    """Event of a task: payload picked up or placed, or gripper closed or opened.
 
     Attributes:
         kind: "pick" or "place". payload: its name; empty for a gripper's. time: s. where: the phase's table, for
@@ -98,7 +98,7 @@ class TaskEvent:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class JointMove:
-    """A move of a joint from rest to rest.
+    """Planned move of a joint from rest to rest.
 
     Attributes:
         joint: its name. value: rad or m, where it ends. start, end: s. where: the field, for messages.
@@ -113,7 +113,7 @@ class JointMove:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Setting:
-    """Facts of the flight that a reference's tables may need.
+    """Flight data that reference tables need, and collected results of their phases.
 
     Attributes:
         vehicle: the plant's; None where a reference is read on its own.
@@ -134,11 +134,11 @@ class Setting:
 
     @property
     def all_guards(self) -> tuple[Guard, ...]:
-        """The guards, each with the payloads that wait for it."""
+        """All guards, each with the names of the task's payloads."""
         loads = tuple(dict.fromkeys(event.payload for event in self.events if event.payload))
         return tuple(dataclasses.replace(guard, loads=loads) for guard in self.guards)
 
     @property
     def all_phases(self) -> tuple[Phase, ...]:
-        """The phases of a task that waits for the flight; none of one that does not."""
+        """Phases of a task with guards; () without guards."""
         return tuple(self.phases) if self.guards else ()

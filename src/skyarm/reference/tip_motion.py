@@ -1,4 +1,4 @@
-"""Motion and contact of the tip as a reference, and the motion of the base that carries the tip.
+"""Tip reference: desired motion and contact of the tip, and the base motion that carries it.
 
 For a level base p_b = p_tip - R_z(yaw) p_e(q), exactly and with all derivatives, whatever the joints do: what the arm
 does not do, the base does. That is the tip at which metrics and the laws in tip mode aim. A base that leans carries the
@@ -41,7 +41,7 @@ FiveVectors = tuple[Vec3, Vec3, Vec3, Vec3, Vec3]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Arm:
-    """The joints between the base and the tip.
+    """Chain of joints between the base and the tip.
 
     Attributes:
         carriers: numbers of these joints among the vehicle's. joints: the joints, from the base on.
@@ -53,7 +53,7 @@ class Arm:
     tip: Annotated[Vec3, Unit("m", "axes of the last link")] = ZERO3
 
     def tip_position(self, joints: Sequence[Taylor]) -> Vec3:
-        """Tip against the base origin, base axes, as series; ``joints`` are those of the whole vehicle."""
+        """Tip position relative to the base origin, base axes, as Taylor series of time."""
         point = _to_series(self.tip)
         for number, joint in reversed(list(zip(self.carriers, self.joints, strict=True))):
             point = joint_placement(_to_series(joint), joints[number]).apply(point)
@@ -62,7 +62,7 @@ class Arm:
 
 
 def arm_of(vehicle: Vehicle, frame: str = "") -> Arm:
-    """The arm that carries a frame, the tip by default.
+    """Chain of joints that carries a frame, by default the tip.
 
     Raises:
         ValueError: the vehicle has no tip, or one that a follower carries.
@@ -83,7 +83,7 @@ def arm_of(vehicle: Vehicle, frame: str = "") -> Arm:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TipMotion:
-    """The desired motion of the tip: its position in world axes, and the arm that carries it."""
+    """Desired tip motion: position in world axes, and the arm that carries the tip."""
 
     x: Annotated[Signal, Unit("m", "the tip, world axes")] = STILL
     y: Annotated[Signal, Unit("m")] = STILL
@@ -94,13 +94,13 @@ class TipMotion:
         accept_fields(self, "tip")
 
     def path(self, t: Scalar) -> FiveVectors:
-        """Its signals and their derivatives at a time, s."""
+        """Tip position and its first four derivatives at time t (s), world axes."""
         found: list[Derivatives] = [signal.derivatives(t) for signal in (self.x, self.y, self.z)]
         p, v, a, j, s = (Vec3(*c) for c in zip(*found, strict=True))
         return p, v, a, j, s
 
     def base(self, t: Scalar, yaw: Sequence[Scalar], joints: Sequence[Sequence[Any]]) -> FiveVectors:
-        """Base position, with derivatives, from which a level base carries the tip along its path in the world.
+        """Position of a level base, with four derivatives, that keeps the tip on its desired path.
 
         Args:
             t: s.
@@ -114,7 +114,7 @@ class TipMotion:
 
 
 def rotate_by_yaw(yaw: Sequence[Scalar], v: Vec3) -> Vec3:
-    """Return R_z(yaw) v for a heading with four derivatives and a vector of series."""
+    """Rotate a vector of Taylor series by a heading with derivatives: R_z(yaw) v."""
     heading = Taylor.of_derivatives([*yaw, *(0,) * (ORDER + 1 - len(yaw))])
     c, s = cos(heading), sin(heading)
     return Vec3(c * v.x - s * v.y, s * v.x + c * v.y, v.z)
@@ -128,7 +128,7 @@ def _derivatives(v: Vec3) -> FiveVectors:
 
 
 def _to_series(record: Any) -> Any:
-    """The record with every number a series: an engine's scalar left of a product does not support series."""
+    """Record with every number converted to a constant Taylor series."""
     return rebuild(record, iter([Taylor.constant(number, ORDER) for number in leaves(record)]))
 
 
@@ -150,7 +150,7 @@ UPRIGHT = (0.0, 0.0, 1.0)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TipPush:
-    """A desired contact of the tip: force along a modelled normal, or along the radius of a modelled arc."""
+    """Desired tip contact: force along a nominal surface normal, or along the radius of a nominal arc."""
 
     force: Annotated[Signal, Unit("N", "that the tip presses with; 0 asks for no contact")]
     normal: Annotated[tuple[Scalar, Scalar, Scalar], Unit("", "out of the believed surface, world axes")]
@@ -169,7 +169,7 @@ class TipPush:
         accept_fields(self, "reference.push")
 
     def at(self, t: Scalar) -> tuple[Any, ...]:
-        """The field ``push`` of a reference at time t (s).
+        """Contact request at time t (s), as the field ``push`` of a reference.
 
         Force (N), speed (m/s) and unit normal; where the tip may grip, also that (0 to 1), and where it goes about an
         axis, pivot (m) and unit vector of the axis.
@@ -181,12 +181,12 @@ class TipPush:
         return found if self.pivot is None else (*found, *self.pivot, *_unit(self.axis))
 
     def across(self, away: Vec3, t: Scalar, tip: Vec3) -> Vec3:
-        """Counted part of an error of the tip (m, world axes) at time t (s): see :func:`counted_error`."""
+        """Part of a tip error (m, world axes) that counts at time t (s), see :func:`counted_error`."""
         return counted_error(away, self.at(t), tip)
 
 
 def counted_error(away: Vec3, push: Sequence[Any], tip: Vec3) -> Vec3:
-    """Counted error of the tip: all of it; only the part across the normal while it presses or grips.
+    """Tip error without its component along the contact normal while the tip presses or grips.
 
     Along the normal a force is held there, not a place.
 
@@ -208,7 +208,7 @@ def counted_error(away: Vec3, push: Sequence[Any], tip: Vec3) -> Vec3:
 
 
 def out_of_axis(tip: Vec3, pivot: Vec3, axis: Vec3, grips: bool, normal: Vec3) -> Vec3:
-    """Unit vector out of an axis to the tip while it grips, else the normal.
+    """Unit vector from an axis to the tip while it grips, else the surface normal.
 
     Args:
         tip: m, world axes.

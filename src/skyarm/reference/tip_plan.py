@@ -1,4 +1,4 @@
-"""Plan of a tip's motion: inverse kinematics of the arm below a level base, and a smooth curve through the joints.
+"""Tip motion planning: inverse kinematics of the arm below a level base, and smooth joint trajectories.
 
 The joints are those of the least |e|^2 + s^2 |q - q_p|^2, with the error e of the tip's position (and, as a length, of
 its orientation), the posture q_p and a small length s. The posture takes what is redundant, and where a goal is out of
@@ -53,7 +53,7 @@ EXACT, SMOOTH = 5e-4, 0.03
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ArmTask:
-    """Inverse kinematics task of an arm.
+    """Inverse kinematics problem of an arm.
 
     Attributes:
         vehicle, frame: whose tip. carriers: joints that carry it. posture: joints that it prefers.
@@ -76,7 +76,7 @@ class ArmTask:
 def follow(
     task: ArmTask, positions: Sequence[Vec3] | None, orientations: Sequence[Mat3] | None, step: float
 ) -> list[list[float]]:
-    """Joints at each instant of a motion of the tip.
+    """Joint positions at each instant of a tip motion, by inverse kinematics.
 
     Args:
         task: the arm.
@@ -111,7 +111,7 @@ def solve_pose(
     upper: Sequence[float],
     steps: int = FIRST_STEPS,
 ) -> list[float]:
-    """Joints within bounds that put the tip nearest to a pose, sought from ``start`` on."""
+    """Joint positions within bounds that bring the tip nearest to a pose, by damped least squares."""
     q, damping = list(start), DAMPING * task.length * task.length
     rows, errors = _errors(task, q, position, orientation)
     cost = _cost(task, q, errors)
@@ -146,7 +146,7 @@ def _cost(task: ArmTask, q: Sequence[float], errors: Sequence[float]) -> float:
 def _errors(
     task: ArmTask, q: Sequence[float], position: Vec3 | None, orientation: Mat3 | None
 ) -> tuple[list[list[float]], list[float]]:
-    """Rows of the Jacobian and what is missing, m."""
+    """Rows of the pose Jacobian and pose errors, in m."""
     pose = frame_pose(task.vehicle, task.frame, q)
     columns = jacobian_columns(task.vehicle, task.frame, q)
     rows: list[list[float]] = []
@@ -169,7 +169,7 @@ def _step(
     held: set[int],
     damping: float,
 ) -> list[float]:
-    """One damped step of the joints that are not held."""
+    """Damped least-squares step of the joints that are not held at a bound."""
     free = [i for i in task.carriers if i not in held]
     own = task.ease * task.ease
     J = [[row[i] for i in free] for row in rows]
@@ -188,7 +188,7 @@ def _step(
 
 
 def rotation_vector(R: Mat3) -> Vec3:
-    """Axis times angle (rad) of a rotation, up to half a turn."""
+    """Rotation vector (rad) of a rotation matrix, up to half a turn."""
     (a, b, c), (d, e, f), (g, h, i) = (tuple(float(x) for x in row) for row in R.rows)
     twice = Vec3(h - f, c - g, d - b)
     sine, cosine = 0.5 * float(twice.norm()), 0.5 * (a + e + i - 1.0)
@@ -239,7 +239,7 @@ class TipChoices:
 
 
 def plan(vehicle: Vehicle, tip: TipMotion, yaw: Signal, choices: TipChoices, duration: float) -> tuple[Signal, ...]:
-    """Signals of all joints of a vehicle whose tip follows a motion for ``duration`` s.
+    """Joint signals with which a vehicle's tip follows a motion for ``duration`` seconds.
 
     Raises:
         ValueError: more samples than a plan may have.
@@ -276,7 +276,7 @@ def plan(vehicle: Vehicle, tip: TipMotion, yaw: Signal, choices: TipChoices, dur
 
 
 def _held_within(points: Sequence[float], low: float, high: float, most: float) -> list[float]:
-    """Control points within limits, none further than ``most`` from the one before: so are the curve and its speed."""
+    """Control points limited in range and in step, which bounds the curve and its speed."""
     found: list[float] = []
     for point in points:
         within = min(max(point, low), high)
@@ -285,7 +285,7 @@ def _held_within(points: Sequence[float], low: float, high: float, most: float) 
 
 
 def task_of(vehicle: Vehicle, carriers: tuple[int, ...], choices: TipChoices, *, exact: bool = True) -> ArmTask:
-    """Inverse kinematics task of a vehicle's arm; ``exact`` where nothing else moves the tip."""
+    """Inverse kinematics problem of a vehicle's arm; ``exact`` if no other joints move the tip."""
     length = max(float(reach(vehicle)), 1e-3)
     limits = [(float(link.joint.lower), float(link.joint.upper)) for link in vehicle.links]
     kept = [(low + min(MARGIN, 0.1 * (high - low)), high - min(MARGIN, 0.1 * (high - low))) for low, high in limits]
@@ -305,7 +305,7 @@ def task_of(vehicle: Vehicle, carriers: tuple[int, ...], choices: TipChoices, *,
 def _arm_goals(
     task: ArmTask, tip: TipMotion, choices: TipChoices, times: Sequence[float], headings: Sequence[float]
 ) -> list[Vec3]:
-    """Desired tip positions of the arm, base axes, at each instant."""
+    """Desired tip positions relative to the base, base axes, at each instant."""
     start, home = tip.path(0.0)[0], frame_pose(task.vehicle, task.frame, choices.posture).p
     found = []
     for t, heading in zip(times, headings, strict=True):
@@ -320,7 +320,7 @@ def _heading(angle: float) -> Mat3:
 
 
 def _turn(roll: float, pitch: float, yaw: float) -> Mat3:
-    """Rotation R_z(yaw) R_y(pitch) R_x(roll)."""
+    """Rotation matrix R_z(yaw) R_y(pitch) R_x(roll)."""
     (cr, sr), (cp, sp), (cy, sy) = ((math.cos(a), math.sin(a)) for a in (roll, pitch, yaw))
     return Mat3.columns(
         Vec3(cy * cp, sy * cp, -sp),
@@ -332,7 +332,7 @@ def _turn(roll: float, pitch: float, yaw: float) -> Mat3:
 def tip_trajectory(
     fields: Fields, base: Trajectory, path: Trajectory, vehicle: Vehicle, setting: Setting
 ) -> Trajectory:
-    """The trajectory whose tip follows the path of another one's base.
+    """Trajectory whose tip follows the base path of another trajectory.
 
     Args:
         fields: table ``tip`` of the reference.
@@ -356,7 +356,7 @@ def tip_trajectory(
 
 
 def _posture(given: tuple[float, ...], vehicle: Vehicle, fields: Fields) -> tuple[float, ...]:
-    """Joints that the arm prefers, within their limits; the middle of these where none are given."""
+    """Preferred joint positions, which must be within the limits; mid-range if none are given."""
     bounds = [(float(link.joint.lower), float(link.joint.upper)) for link in vehicle.links]
     if not given and "posture" not in fields.table:
         return tuple(

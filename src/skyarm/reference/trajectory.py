@@ -1,4 +1,4 @@
-"""Desired motion of base and joints: one sample, and the trajectory.
+"""Desired motion of base and joints: a sample (reference) and a trajectory.
 
 A publisher samples it at one rate and holds each sample for a controller that runs at another.
 """
@@ -28,7 +28,7 @@ from skyarm.reference.tip_motion import TipMotion, TipPush
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Reference:
-    """A reference is the desired motion at one instant (or, with arrays as scalars, at many).
+    """Desired motion at one instant, or at many with arrays as scalars.
 
     ``tip`` is empty where the tip has no reference of its own: then it is where a level base on reference carries it.
     ``push`` is empty where no contact is ever requested; else force (N), speed (m/s), unit normal and more
@@ -67,7 +67,7 @@ class Reference:
             accept_fields(self, "reference")
 
     def map_scalars(self, function: Callable[[Any], Any]) -> Reference:
-        """Apply a function to every scalar, structural ones too."""
+        """Apply a function to every scalar, structural ones included."""
         values: dict[str, Any] = {}
         for name, value in parts(self).items():
             if isinstance(value, Vec3):
@@ -79,7 +79,7 @@ class Reference:
         return Reference(**values)
 
     def dense(self) -> Reference:
-        """Return the same sample as data: no integer is left, so that one traced program fits every reference."""
+        """Return the sample with all integers converted to floats, so that one traced program fits every reference."""
         return self.map_scalars(lambda value: float(value) if isinstance(value, (int, float)) else value)
 
 
@@ -92,7 +92,7 @@ ZERO = Constant(0.0)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Trajectory:
-    """A trajectory holds the signals of the base position, the heading and the joints.
+    """Trajectory: signals of base position, heading and joints.
 
     With a ``tip`` the base is where it carries that tip (:mod:`skyarm.reference.tip_motion`), moved by the
     signals ``x``, ``y``, ``z``. A ``push`` requests contact, a ``load`` says when the tip has to hold one.
@@ -116,7 +116,7 @@ class Trajectory:
         accept_fields(self, "trajectory")
 
     def at(self, t: Scalar) -> Reference:
-        """Sample at time t (s); right-hand limits at switch times."""
+        """Reference at time t (s); right-hand limits at switch times."""
         p, v, a, j, s = (Vec3(*c) for c in zip(*(k.derivatives(t) for k in (self.x, self.y, self.z)), strict=True))
         heading = self.yaw.derivatives(t)
         yaw, yaw_rate, yaw_acceleration, _, _ = heading
@@ -154,7 +154,7 @@ class Trajectory:
         return dataclasses.replace(self, joints=signals(joints))
 
     def shifted(self, delay: Any) -> Trajectory:
-        """Return the same motion ``delay`` seconds later, and its guards with it."""
+        """Return the same motion and its guards ``delay`` seconds later."""
         moved = with_signals(self, lambda signal: Shifted(signal, delay))
         if not self.guards:
             return moved
@@ -164,11 +164,11 @@ class Trajectory:
 
     @property
     def returns(self) -> tuple[tuple[float, float], ...]:
-        """Beginning and end, s, of the phases in which an offset of the reference is taken back."""
+        """Begin and end (s) of the phases in which an offset of the reference returns to zero."""
         return tuple(phase.back for phase in self.phases if phase.back is not None)
 
     def __add__(self, other: Trajectory) -> Trajectory:
-        """Both motions at once, with the guards of both; one without joints leaves the other's as they are."""
+        """Return the sum of two motions, with the guards of both."""
         if self.joints and other.joints and len(self.joints) != len(other.joints):
             raise ValueError(f"trajectories of {len(self.joints)} and {len(other.joints)} joints do not add")
         joints = tuple(a + b for a, b in zip(self.joints, other.joints, strict=False)) or self.joints or other.joints
@@ -185,7 +185,7 @@ class Trajectory:
 
 
 def signals(values: Sequence[Signal | Any]) -> tuple[Signal, ...]:
-    """Signals, numbers made constants."""
+    """Convert numbers among signals to constant signals."""
     return tuple(value if isinstance(value, Signal) else Constant(value) for value in values)
 
 
@@ -207,7 +207,7 @@ def circle(
     yaw: Scalar = 0.0,
     joints: Sequence[Signal | Any] = (),
 ) -> Trajectory:
-    """Make a horizontal circle, counter-clockwise seen from above, within [start, stop); the centre outside.
+    """Make a horizontal circle, counter-clockwise seen from above, within [start, stop); at the centre otherwise.
 
     It begins with a step: x = radius cos(2 pi f (t - start)), y = radius sin(...), as in the paper's Case 3. Without a
     ``start`` the angle counts from t = 0.
@@ -232,7 +232,7 @@ def circle(
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Publisher:
-    """Holds samples of a trajectory.
+    """Sampler of a trajectory at the reference rate, with samples held between.
 
     Attributes:
         control_rate: Hz, of the controller's ticks.
@@ -256,19 +256,19 @@ class Publisher:
 
     @property
     def ratio(self) -> int:
-        """Control ticks per sample."""
+        """Number of control ticks per reference sample."""
         return round(self.control_rate / self.reference_rate)
 
     def held_tick(self, tick: Any) -> Any:
-        """Control tick (0, 1, 2 ...) at which the sample held at ``tick`` was taken; an array gives an array."""
+        """Control tick at which the sample that is held at ``tick`` was taken."""
         return tick // self.ratio * self.ratio
 
     def held_time(self, tick: Any) -> Any:
-        """Time of that sample, s; one division, so that 10.5 s is 10.5 and meets the switch times."""
+        """Time of the sample that is held at ``tick``, s."""
         return self.held_tick(tick) / self.control_rate
 
     def sample_and_hold(self, trajectory: Trajectory, tick: int) -> Reference:
-        """Sample the controller sees at a tick, as data."""
+        """Reference that the controller receives at a control tick, as data."""
         return trajectory.at(self.held_time(tick)).dense()
 
 
@@ -279,7 +279,7 @@ PASSED = 1e-6
 
 
 def phase_numbers(trajectory: Trajectory, path_time: Scalar) -> Array:
-    """Number of the phase that is flown at times of the reference (s); one more than the last once all are done."""
+    """Index of the active phase at path times (s); the number of phases after the last."""
     ends = np.array([phase.end + PASSED for phase in trajectory.phases])
     return np.searchsorted(ends, np.asarray(path_time), side="left").astype(float)
 

@@ -1,4 +1,4 @@
-"""Motions of least snap through waypoints, as fast as a multirotor's limits let them.
+"""Minimum-snap motions through waypoints, as fast as the flight limits allow.
 
 A multirotor's thrust and attitude follow from the acceleration of its base, its body rate from the jerk: f = m |a + g|,
 tilt = angle of a + g against the vertical, rate = part of the jerk across the thrust over |a + g|; the angular
@@ -56,7 +56,7 @@ SHORTEST = 1e-3
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FlightLimits:
-    """Limits of a motion on the vehicle, or the peaks of one.
+    """Flight limits of a multirotor's motion, or the peak values of a motion.
 
     Attributes:
         speed: m/s. acceleration: m/s^2. tilt: rad. rate: rad/s, of roll and pitch. spin: rad/s^2, of roll and pitch.
@@ -71,7 +71,7 @@ class FlightLimits:
     thrust: float = 1.5
 
     def within(self, limits: FlightLimits) -> bool:
-        """Return True if no peak is above its limit."""
+        """True if no peak exceeds its limit."""
         return all(getattr(self, name) <= getattr(limits, name) for name in LIMITS)
 
 
@@ -79,13 +79,13 @@ LIMITS = ("speed", "acceleration", "tilt", "rate", "spin", "thrust")
 
 
 def through(points: Points, times: Sequence[float]) -> Trajectory:
-    """The motion of least snap through points at given times, from rest to rest."""
+    """Minimum-snap trajectory through points at given times, from rest to rest."""
     x, y, z = (minimum_snap(times, [p[axis] for p in points]) for axis in range(3))
     return Trajectory(x=x, y=y, z=z)
 
 
 def allocate(points: Points, limits: FlightLimits, gravity: float) -> tuple[float, ...]:
-    """Times, the first 0, of the fastest motion of least snap of its form that meets the limits.
+    """Waypoint times, the first 0, of the fastest minimum-snap motion within the limits.
 
     The pieces' shares of the time make the snap small; then the whole is stretched until every limit holds.
     """
@@ -110,7 +110,7 @@ def allocate(points: Points, limits: FlightLimits, gravity: float) -> tuple[floa
 
 
 def _shares(points: Points, shares: list[float]) -> list[float]:
-    """Shares of the time that make the snap least, by steps down its gradient that keep the sum."""
+    """Shares of the total time per segment that minimise snap, by gradient descent."""
     cost = _cost(points, shares)
     step = 0.3
     for _ in range(ROUNDS if len(shares) > 1 else 0):
@@ -145,7 +145,7 @@ def _times(spans: Sequence[float]) -> tuple[float, ...]:
 
 
 def sample_derivatives(motion: Trajectory, times: Sequence[float]) -> list[Array]:
-    """Velocity, acceleration, jerk and snap (3, N) of a motion."""
+    """Velocity, acceleration, jerk and snap of a motion at sample times, (3, N) each."""
     at = np.concatenate([np.linspace(a, b, LOOKS, endpoint=False) for a, b in itertools.pairwise(times)])
     rows = [signal.derivatives(at) for signal in (motion.x, motion.y, motion.z)]
     return [
@@ -154,13 +154,13 @@ def sample_derivatives(motion: Trajectory, times: Sequence[float]) -> list[Array
 
 
 def peaks(derivatives: Sequence[Array], gravity: float) -> FlightLimits:
-    """Peak demands of a motion: velocity, acceleration, jerk and snap, (3, N) each."""
+    """Peak flight demands of a motion from its velocity, acceleration, jerk and snap, (3, N) each."""
     velocity, acceleration, jerk, snap = derivatives
     force = acceleration + np.array([[0.0], [0.0], [gravity]])
     size = np.maximum(_length(force), 1e-9)
 
     def across(vectors: Array) -> float:
-        """Largest part across the thrust, over the thrust."""
+        """Largest component perpendicular to the thrust, divided by the thrust."""
         along = (force * vectors).sum(axis=0) / size
         return float((_length(vectors - force * (along / size)) / size).max())
 
@@ -194,24 +194,24 @@ that range: motions that somebody means leave it by some tenths.
 
 
 def within(value: float, at: str, low: float = -FARTHEST, high: float = FARTHEST) -> float:
-    """A number between bounds, both allowed."""
+    """Require a number between two bounds (inclusive) and return it."""
     if not low <= value <= high:
         raise ValueError(f"{at} = {value:g}: must be from {low:g} to {high:g}")
     return value
 
 
 def positive(fields: Fields, name: str, *default: Any, high: float = FARTHEST) -> float:
-    """A number of a table above 0."""
+    """Read a positive number of a table."""
     return within(fields.number(name, *default, low=0.0, strict=True), fields.at(name), 0.0, high)
 
 
 def start_of(fields: Fields) -> float:
-    """When a motion begins, s."""
+    """Start time of a motion, s."""
     return within(fields.number("start", 0.0), fields.at("start"))
 
 
 def waypoints_table(fields: Fields, setting: Setting) -> Trajectory:
-    """The motion of least snap through ``points``."""
+    """Minimum-snap trajectory through the ``points`` of a table."""
     points = points_of(fields.take("points"), fields.at("points"))
     if not 2 <= len(points) <= MOST_POINTS:
         raise ValueError(f"{fields.at('points')} = {len(points)} points: must be 2 to {MOST_POINTS}")
@@ -229,7 +229,7 @@ def waypoints_table(fields: Fields, setting: Setting) -> Trajectory:
 
 
 def samples_signal(fields: Fields) -> Signal:
-    """The smooth signal through one column of a file."""
+    """Minimum-snap signal through one column of a CSV file."""
     names = [fields.take("time", "time"), fields.take("column")]
     if not all(isinstance(name, str) for name in names):
         raise ValueError(f"{fields.at('column')} = {shown(names[1])}: must be the name of a column")
@@ -240,7 +240,7 @@ def samples_signal(fields: Fields) -> Signal:
 
 
 def spline_signal(fields: Fields) -> Signal:
-    """The signal of least snap through ``values`` at ``times``."""
+    """Minimum-snap signal through the ``values`` of a table at its ``times``."""
     times = rising(fields.numbers("times"), fields.at("times"))
     values = tuple(within(v, f"{fields.at('values')}[{i}]") for i, v in enumerate(fields.numbers("values")))
     if len(values) != len(times) or not 2 <= len(times) <= MOST_ROWS:
@@ -253,7 +253,7 @@ def spline_signal(fields: Fields) -> Signal:
 
 
 def limits_of(fields: Fields, setting: Setting) -> FlightLimits:
-    """Limits of a motion on the vehicle; the thrust at most nine tenths of the rotors' highest."""
+    """Flight limits of a table; thrust at most 0.9 of the rotors' maximum."""
     if setting.vehicle is not None and not setting.vehicle.rotors:
         raise ValueError(f"{fields.where}: needs a vehicle with rotors; {setting.vehicle.name!r} has none")
     usual = FlightLimits()
@@ -273,14 +273,14 @@ def limits_of(fields: Fields, setting: Setting) -> FlightLimits:
 
 
 def points_of(entries: Any, at: str) -> Points:
-    """Points of a list of lists of three numbers."""
+    """Read a list of points, each a list of three numbers, m."""
     if not isinstance(entries, list):
         raise ValueError(f"{at} = {shown(entries)}: must be a list of points [x, y, z]")
     return [_place(entry, f"{at}[{i}]") for i, entry in enumerate(entries)]
 
 
 def place_of(fields: Fields, name: str, *default: Any) -> tuple[float, float, float]:
-    """Three numbers of a table, m."""
+    """Read a position of three numbers, m."""
     return _place(fields.take(name, *default), fields.at(name))
 
 
@@ -292,7 +292,7 @@ def _place(entry: Any, at: str) -> tuple[float, float, float]:
 
 
 def require_way(start: Sequence[float] | None, points: Points, names: Sequence[str]) -> None:
-    """Refuse points that follow each other at one place.
+    """Refuse consecutive points at the same place.
 
     Args:
         start: where the task is before, m; None where the points begin the path.
@@ -307,7 +307,7 @@ def require_way(start: Sequence[float] | None, points: Points, names: Sequence[s
 
 
 def rising(times: tuple[float, ...], at: str) -> tuple[float, ...]:
-    """Times that rise."""
+    """Require increasing times and return them."""
     if len(times) < 2 or any(b - a < CLOSEST for a, b in itertools.pairwise(times)):
         allowed = f"must be at least two times, each {CLOSEST:g} s or more after the one before"
         raise ValueError(f"{at} = {shown(list(times))}: {allowed}")
@@ -317,7 +317,7 @@ def rising(times: tuple[float, ...], at: str) -> tuple[float, ...]:
 
 
 def require_near(values: Sequence[float], times: Sequence[float], at: str) -> None:
-    """Refuse given times between which the motion of least snap swings far away from its values.
+    """Refuse times between which a minimum-snap motion overshoots its values by far.
 
     A short piece beside a long one does that: the motion is smooth there, and at any price.
 
@@ -335,7 +335,7 @@ def require_near(values: Sequence[float], times: Sequence[float], at: str) -> No
 
 
 def _read_columns(fields: Fields, names: list[str]) -> list[list[float]]:
-    """Columns of a CSV file by name, the first of times that rise.
+    """Columns of a CSV file by name; the first holds increasing times.
 
     Raises:
         ValueError: one line: file, line, column, what is allowed.

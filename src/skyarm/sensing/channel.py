@@ -1,4 +1,4 @@
-"""Sensors of channels: scale, bias, random walk, white noise and resolution of each quantity; rate, delay and dropouts.
+"""Sensor channels: scale, bias, random walk, white noise, resolution, rate, delay and dropouts.
 
 A channel's numbers are structure where they are an int 0: what a channel does not have costs no operation and no draw.
 
@@ -34,7 +34,7 @@ def absent(value: Scalar) -> bool:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Channel:
-    """The errors of a quantity of one or more components, in the unit of the quantity (u).
+    """Errors of a measured quantity with one or more components, in the unit of the quantity (u).
 
     A component reads ``(1 + scale) truth + bias + drift + noise``, rounded to the resolution. The drift begins at a
     normal number of deviation ``turn_on``, drawn for each episode, and walks.
@@ -61,20 +61,20 @@ class Channel:
 
     @property
     def drifts(self) -> bool:
-        """True if it has a bias that differs from episode to episode or walks."""
+        """True if the channel has a random initial bias or a bias random walk."""
         return not (absent(self.turn_on) and absent(self.walk))
 
     @property
     def noisy(self) -> bool:
-        """True if it has white noise."""
+        """True if the channel has white noise."""
         return not (absent(self.sigma) and absent(self.density))
 
     def normals(self, count: int) -> int:
-        """Standard normal numbers that a reading of ``count`` components takes."""
+        """Count of standard normal numbers that a reading of ``count`` components needs."""
         return count * (self.drifts + self.noisy)
 
     def require_count(self, count: int, where_is: str) -> None:
-        """Refuse biases and offsets that are not one for each of ``count`` components; ``where_is`` names the channel.
+        """Refuse biases and offsets whose number is not ``count``; ``where_is`` names the channel in messages.
 
         Raises:
             RecordError: one line with field, value and what is allowed.
@@ -86,11 +86,11 @@ class Channel:
                 raise RecordError(f"{where_is}.{name} = {len(held)} {what}: {allowed}")
 
     def start(self, count: int) -> tuple[float, ...]:
-        """Drift before the first reading."""
+        """Initial drift of each component; () without drift."""
         return (0.0,) * count if self.drifts else ()
 
     def drift(self, before: Sequence[Any], draws: Sequence[Any], first: Any, dt: Any) -> tuple[Any, ...]:
-        """Drift of a reading.
+        """Drift of each component at a reading: random initial bias, then a random walk.
 
         Args:
             before: of the reading before.
@@ -112,7 +112,7 @@ class Channel:
         where_is: str,
         t: Scalar = 0.0,
     ) -> tuple[Any, ...]:
-        """A reading.
+        """Reading of a quantity with all errors of the channel.
 
         Args:
             truth: components.
@@ -137,14 +137,14 @@ class Channel:
         return tuple(found)
 
     def deviation(self, dt: float) -> Scalar:
-        """Deviation of the white noise of a reading; a structural zero for none."""
+        """Standard deviation of a reading's white noise; a structural zero without noise."""
         if absent(self.density):
             return self.sigma
         discrete = self.density * dt**-0.5
         return discrete if absent(self.sigma) else sqrt(self.sigma * self.sigma + discrete * discrete)
 
     def quantize(self, value: Scalar) -> Scalar:
-        """A value to the nearest multiple of the resolution."""
+        """Round a value to the nearest multiple of the resolution."""
         if absent(self.resolution):
             return value
         near = floor(divide(value, self.resolution) + 0.5) * self.resolution
@@ -153,7 +153,7 @@ class Channel:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Dropouts:
-    """Lost readings, at random and in stated intervals of time. The first reading of an episode arrives.
+    """Lost readings, at random and in given time intervals; the first reading of an episode always arrives.
 
     At random the link is a Markov chain of two states: a share of the readings is lost, in runs of a mean duration.
 
@@ -197,7 +197,7 @@ class Dropouts:
         return where(draw < where(before > 0.5, 1.0 - ends, begins), 1.0, 0.0)
 
     def silent(self, lost: Scalar, t: Scalar) -> Any:
-        """Condition: no reading comes, for either reason."""
+        """True if no reading arrives at time ``t`` (s): lost at random or within an interval."""
         found = lost > 0.5
         for begin, end in self.intervals:
             # half a microsecond: an interval's ends are instants of the loop but for rounding
@@ -211,7 +211,7 @@ Quantities = tuple[tuple[str, Channel, tuple[Any, ...]], ...]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ChannelMemory:
-    """Memory of a sensor from reading to reading.
+    """Memory of a sensor between two readings.
 
     Attributes:
         read: 1 after the first reading. drifts: bias of each channel that drifts, else nothing.
@@ -228,7 +228,7 @@ class ChannelMemory:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ChannelSensor(Sensor):
-    """A sensor whose reading is a record of channels, its first field the instant at which it was read.
+    """Sensor whose reading is a record of its time stamp and one field per channel.
 
     A reading that is lost leaves the one before, with that one's instant: who uses readings tells a new one by it.
 
@@ -249,7 +249,7 @@ class ChannelSensor(Sensor):
         raise NotImplementedError(f"{type(self).__name__} must say what it measures")
 
     def examples(self, vehicle: Vehicle) -> Quantities:
-        """The same of some state: names and numbers of components count."""
+        """Name, errors and components of each channel in an example state, whose numbers are irrelevant."""
         return self.quantities(*_example(vehicle))
 
     record: ClassVar[type]
@@ -258,21 +258,21 @@ class ChannelSensor(Sensor):
     def reading(
         self, t: Scalar, values: Sequence[tuple[Any, ...]], state: State, own: Any, first: Scalar, dt: float
     ) -> Any:
-        """Memory of the kind of sensor, and the record of a reading from the components of each channel."""
+        """Memory specific to the sensor type, and the reading's record from the components of each channel."""
         fields = zip(_makers(self.record).items(), values, strict=True)
         return own, self.record(time=t, **{name: make(value) for (name, make), value in fields})
 
     def first_own(self, vehicle: Vehicle) -> Any:
-        """Memory of the kind of sensor before the first reading."""
+        """Initial memory specific to the sensor type."""
         return ()
 
     def require_vehicle(self, vehicle: Vehicle) -> None:
-        """Biases and offsets are one for each component."""
+        """Refuse biases and offsets whose number does not fit the vehicle."""
         for name, channel, truth in self.examples(vehicle):
             channel.require_count(len(truth), name)
 
     def uniforms(self, vehicle: Vehicle) -> int:
-        """Pairs for normal numbers, and one for losses at random."""
+        """Count of uniform random numbers per reading: normal numbers in pairs, and two for random losses."""
         return self._uniforms(self.examples(vehicle))
 
     def _uniforms(self, quantities: Quantities) -> int:
@@ -280,7 +280,7 @@ class ChannelSensor(Sensor):
         return count + count % 2 + (2 if self.dropouts.random else 0)
 
     def start(self, vehicle: Vehicle) -> ChannelMemory:
-        """Nothing read yet."""
+        """Initial memory, before the first reading."""
         state, quantities = _example(vehicle)[0], self.examples(vehicle)
         own, last = self.first_own(vehicle), ()
         if self.dropouts.any:
@@ -292,13 +292,13 @@ class ChannelSensor(Sensor):
     def measure(
         self, memory: ChannelMemory, t: Scalar, state: State, specific_force: Vec3, draws: Sequence[Scalar], dt: float
     ) -> tuple[ChannelMemory, Any]:
-        """One reading."""
+        """Take one reading of the true state; return the next memory and the reading."""
         return self.read(memory, t, self.quantities(state, specific_force), state, draws, dt)
 
     def read(
         self, memory: ChannelMemory, t: Scalar, quantities: Quantities, state: Any, draws: Sequence[Scalar], dt: float
     ) -> tuple[ChannelMemory, Any]:
-        """One reading of some quantities."""
+        """Take one reading of given quantities; return the next memory and the reading."""
         first = memory.read < 0.5
         if len(draws) != self._uniforms(quantities):
             raise RecordError(
@@ -335,13 +335,13 @@ class ChannelSensor(Sensor):
 
 @cache
 def _makers(record: type) -> Mapping[str, Callable[[tuple[Any, ...]], Any]]:
-    """Field of a reading behind its instant -> its value from a channel's components."""
+    """Field of a reading record, except its time -> function that makes its value from a channel's components."""
     types = {name: wanted for name, (wanted, _) in declared_fields(record).items() if name != "time"}
     return {name: (lambda c: Vec3(*c)) if each is Vec3 else (lambda c: c[0]) for name, each in types.items()}
 
 
 def _example(vehicle: Vehicle) -> tuple[State, Vec3]:
-    """A state and a specific force whose numbers are not used."""
+    """Example state and specific force, whose numbers are irrelevant."""
     still = (0.0,) * vehicle.n
     zero = Vec3(0.0, 0.0, 0.0)
     state = State(

@@ -1,4 +1,4 @@
-"""The measurement of a law: a record apart from the state; and the full-state sensor with white noise."""
+"""Measurement of a law, separate from the true state, and the full-state sensor with white noise."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Measurement:
-    """A measurement holds one reading of every sensor: motion capture, GNSS or odometry, inertial unit, encoders.
+    """Measurement of a law: one reading of motion capture, GNSS or odometry, inertial unit and encoders.
 
     ``time`` is when it was taken: older than now if the measurement is delayed.
     """
@@ -54,7 +54,7 @@ class Measurement:
 
 
 def blank_measurement(joints: int, rotors: int, tilts: int = 0, tip_force: int = 0) -> Measurement:
-    """A reading of a vehicle that rests at the origin, level, at time 0: an example whose numbers are all data."""
+    """Example measurement of a vehicle at rest and level at the origin, at time 0."""
     zero, still = Vec3(0.0, 0.0, 0.0), (0.0,) * joints
     return Measurement(
         time=0.0,
@@ -72,7 +72,7 @@ def blank_measurement(joints: int, rotors: int, tilts: int = 0, tip_force: int =
 
 
 def measurement_of(state: State, specific_force: Vec3) -> Measurement:
-    """A reading of a state by sensors without errors, at time 0; specific force in m/s^2, base axes."""
+    """Error-free measurement of a state at time 0; specific force in m/s^2, base axes."""
     return Measurement(
         time=0.0,
         position=state.position,
@@ -89,7 +89,7 @@ def measurement_of(state: State, specific_force: Vec3) -> Measurement:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SensorNoise(Sensor):
-    """Sensor noise reads the full state at the control rate and adds white noise.
+    """Full-state sensor at the control rate with white noise.
 
     Its numbers are standard deviations, one sigma at the control rate; an int 0 folds the channel away.
     """
@@ -107,14 +107,14 @@ class SensorNoise(Sensor):
         accept_fields(self, "sensors")
 
     def uniforms(self, vehicle: Vehicle) -> int:
-        """An even number, since normal numbers come in pairs; none for perfect sensors."""
+        """Count of uniform random numbers per reading, even; 0 for a perfect sensor."""
         count = noise_count(vehicle.n, len(vehicle.rotors))
         return count + count % 2 if leaves(self) else 0
 
     def measure(
         self, memory: Any, t: Scalar, state: State, specific_force: Vec3, draws: Sequence[Scalar], dt: float
     ) -> tuple[Any, Measurement]:
-        """The state and specific force with noise."""
+        """Reading of the state and specific force with white noise."""
         count = noise_count(len(state.joints), len(state.rotor_speeds))
         noise = normals(draws)[:count] if draws else [0] * count
         # where nothing pushes the reading is a structural zero
@@ -128,7 +128,7 @@ def noise_count(joints: int, rotors: int) -> int:
 
 
 def measure(par: SensorNoise, time: Scalar, state: State, specific_force: Vec3, noise: Sequence[Scalar]) -> Measurement:
-    """A measurement of a state.
+    """Measurement of a state with noise.
 
     Args:
         par: deviations.

@@ -1,4 +1,4 @@
-"""Sensors: a reading from the true state, at the sensor's own rate, with its own memory and delay."""
+"""Interface of sensors: readings of the true state at the sensor's own rate and delay."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Push:
-    """External wrench at a frame of the vehicle: everything that acts beyond it, as one force and torque."""
+    """External wrench at a frame of the vehicle: resultant of all that acts on the links beyond it."""
 
     force: Annotated[Vec3, Unit("N", "axes of the frame")]
     torque: Annotated[Vec3, Unit("N m", "about its origin, axes of the frame")]
@@ -26,7 +26,7 @@ NO_PUSH = Push(force=Vec3(0.0, 0.0, 0.0), torque=Vec3(0.0, 0.0, 0.0))
 
 
 class Sensor:
-    """A sensor reads the true state. A subclass is a frozen dataclass of numbers with pure, traceable functions.
+    """Base of the sensors. A subclass is a frozen dataclass of numbers with pure, traceable methods.
 
     The loop measures at the sensor's own instants, k / ``frequency`` from 0 on, holds the reading in between, and hands
     it to the estimator ``latency`` later. Until the first reading has arrived the estimator sees that one.
@@ -39,33 +39,33 @@ class Sensor:
 
     @property
     def frequency(self) -> float:
-        """Readings a second, Hz; must divide the control rate. 0: one each control period."""
+        """Sampling rate, Hz; must divide the control rate, 0 for one reading each control period."""
         return 0.0
 
     @property
     def latency(self) -> float:
-        """Age of a reading when it arrives, s; a whole number of control periods."""
+        """Delay until a reading arrives, s; a whole number of control periods."""
         return 0.0
 
     def require_vehicle(self, vehicle: Vehicle) -> None:
-        """Refuse numbers of the sensor that do not fit the true vehicle.
+        """Refuse a vehicle that the sensor's parameters do not fit.
 
         Raises:
             ValueError: one line with field, value and what is allowed.
         """
 
     def uniforms(self, vehicle: Vehicle) -> int:
-        """Random numbers uniform in (0, 1) that one reading of this vehicle draws."""
+        """Count of uniform random numbers in (0, 1) that one reading draws."""
         return 0
 
     def start(self, vehicle: Vehicle) -> Any:
-        """First memory: a record or tuple of scalars; ``()`` for a sensor without one."""
+        """Initial memory, a record or tuple of scalars; ``()`` for a sensor without memory."""
         return ()
 
     def measure(
         self, memory: Any, t: Scalar, state: State, specific_force: Vec3, draws: Sequence[Scalar], dt: float
     ) -> tuple[Any, Any]:
-        """One reading.
+        """Take one reading of the true state; return the next memory and the reading.
 
         Args:
             memory: after the last reading.
@@ -81,13 +81,13 @@ class Sensor:
         raise NotImplementedError(f"{type(self).__name__} must say what it measures")
 
     def feel(self, memory: Any, t: Scalar, push: Push, draws: Sequence[Scalar], dt: float) -> tuple[Any, Any]:
-        """One reading of a force sensor, in place of ``measure``; ``push`` is the truth at its frame."""
+        """Take one reading of a force sensor; ``push`` is the true wrench at its frame."""
         raise NotImplementedError(f"{type(self).__name__} must say what it feels")
 
     def take(
         self, memory: Any, t: Scalar, state: State, specific_force: Vec3, push: Push, draws: Sequence[Scalar], dt: float
     ) -> tuple[Scalar, Scalar]:
-        """One reading, of the state or of what pushes at the sensor's frame."""
+        """Take one reading by ``measure``, or by ``feel`` for a force sensor."""
         if self.feels is None:
             return self.measure(memory, t, state, specific_force, draws, dt)
         return self.feel(memory, t, push, draws, dt)

@@ -1,4 +1,4 @@
-"""Inertial unit, motion capture, satellite position, heading, encoders, force-torque sensor and tactile switch.
+"""Sensor types: inertial unit, motion capture, satellite position, heading, encoders, force-torque, tactile switch.
 
 Each reading is a record whose first field is the instant at which it was read. Default numbers are those of a small
 flight controller's inertial unit (gyroscope 0.005 rad/s/sqrt(Hz), accelerometer 0.02 m/s^2/sqrt(Hz)) and of a
@@ -32,7 +32,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ImuReading:
-    """Angular rate and specific force of the base origin."""
+    """Reading of an inertial unit: angular rate and specific force of the base origin."""
 
     time: Annotated[Scalar, Unit("s", "when it was read")]
     rate: Annotated[Vec3, Unit("rad/s", "base axes")]
@@ -41,7 +41,7 @@ class ImuReading:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PoseReading:
-    """Position of the base origin and attitude of the base."""
+    """Reading of motion capture: position of the base origin and attitude of the base."""
 
     time: Annotated[Scalar, Unit("s", "when it was read")]
     position: Annotated[Vec3, Unit("m", "base origin, world axes")]
@@ -50,7 +50,7 @@ class PoseReading:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PositionReading:
-    """Position of the base origin."""
+    """Reading of satellite navigation: position of the base origin."""
 
     time: Annotated[Scalar, Unit("s", "when it was read")]
     position: Annotated[Vec3, Unit("m", "base origin, world axes")]
@@ -58,7 +58,7 @@ class PositionReading:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class HeadingReading:
-    """Yaw of the base's x axis about the vertical."""
+    """Reading of a compass: yaw of the base's x axis about the vertical."""
 
     time: Annotated[Scalar, Unit("s", "when it was read")]
     heading: Annotated[Scalar, Unit("rad", "yaw, not wrapped")]
@@ -66,7 +66,7 @@ class HeadingReading:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class EncoderReading:
-    """Positions and rates of all joints."""
+    """Reading of the encoders: positions and rates of all joints."""
 
     time: Annotated[Scalar, Unit("s", "when it was read")]
     joints: Annotated[tuple[Scalar, ...], Unit("rad or m", "see the joints above")]
@@ -75,7 +75,7 @@ class EncoderReading:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ForceReading:
-    """External wrench at a frame."""
+    """Reading of a force-torque sensor: external wrench at a frame."""
 
     time: Annotated[Scalar, Unit("s", "when it was read")]
     force: Annotated[Vec3, Unit("N", "axes of the frame")]
@@ -84,7 +84,7 @@ class ForceReading:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SwitchReading:
-    """Tactile switch at a frame: closed while anything pushes."""
+    """Reading of a tactile switch at a frame: closed while a force acts."""
 
     time: Annotated[Scalar, Unit("s", "when it was read")]
     closed: Annotated[Scalar, Unit("", "1 closed, 0 open")]
@@ -97,7 +97,7 @@ TURN = 6.283185307179586
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Imu(ChannelSensor):
-    """An inertial unit at the base origin: angular rate (rad/s) and specific force (m/s^2), base axes."""
+    """Inertial unit at the base origin: angular rate (rad/s) and specific force (m/s^2), base axes."""
 
     record: ClassVar[type] = ImuReading
 
@@ -105,7 +105,7 @@ class Imu(ChannelSensor):
     accelerometer: Channel = Channel(density=0.02, walk=1e-3)
 
     def quantities(self, state: State, specific_force: Vec3) -> Quantities:
-        """Angular rate and specific force."""
+        """Channels of angular rate and specific force: name, errors and true components."""
         force = tuple(data(c) for c in specific_force)
         return ("gyro", self.gyro, tuple(state.rate)), ("accelerometer", self.accelerometer, force)
 
@@ -130,13 +130,13 @@ class Pose(ChannelSensor):
                 raise RecordError(f"attitude.{name} = {value}: must be left out, errors of an attitude are rotations")
 
     def quantities(self, state: State, specific_force: Vec3) -> Quantities:
-        """Position, and the rotation that is no error."""
+        """Channels of position and of the attitude error, whose true value is zero."""
         return ("position", self.position, tuple(state.position)), ("attitude", self.attitude, (0.0, 0.0, 0.0))
 
     def reading(
         self, t: Scalar, values: Sequence[tuple[Any, ...]], state: State, own: Any, first: Scalar, dt: float
     ) -> Any:
-        """Position, and attitude turned by its errors."""
+        """Pose reading: position, and true attitude rotated by the attitude error."""
         position, turn = values
         attitude = state.quaternion * Quaternion.of_rotation_vector(Vec3(*turn))
         return own, PoseReading(time=t, position=Vec3(*position), quaternion=attitude)
@@ -152,13 +152,13 @@ class Position(ChannelSensor):
     position: Channel = Channel(sigma=0.02)
 
     def quantities(self, state: State, specific_force: Vec3) -> Quantities:
-        """Position."""
+        """Channel of the base position: name, errors and true components."""
         return (("position", self.position, tuple(state.position)),)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Heading(ChannelSensor):
-    """A compass, or two satellite antennas: heading (yaw of the base's x axis), rad."""
+    """Heading sensor, a compass or two satellite antennas: yaw of the base's x axis, rad."""
 
     record: ClassVar[type] = HeadingReading
 
@@ -166,7 +166,7 @@ class Heading(ChannelSensor):
     heading: Channel = Channel(sigma=0.02)
 
     def quantities(self, state: State, specific_force: Vec3) -> Quantities:
-        """Yaw."""
+        """Channel of the heading: name, errors and true value."""
         return (("heading", self.heading, (euler_angles(state.quaternion.rotation())[2],)),)
 
 
@@ -175,7 +175,7 @@ RATES = ("difference", "measured")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Encoders(ChannelSensor):
-    """Encoders of all joints: positions (rad or m), and rates by difference of two readings or measured.
+    """Encoders of all joints: positions (rad or m), and rates by finite difference or measured.
 
     Attributes:
         bits: of an absolute encoder; its step is span / 2^bits, in place of the joints' resolution. 0 for none.
@@ -202,14 +202,14 @@ class Encoders(ChannelSensor):
             raise RecordError(f"bits = {self.bits}: must be 0 where joints.resolution is given")
 
     def quantities(self, state: State, specific_force: Vec3) -> Quantities:
-        """Positions, and rates where they are measured."""
+        """Channels of the joint positions, and of the rates if they are measured."""
         positions = ("joints", self.joints, tuple(state.joints))
         if self.rates == "difference":
             return (positions,)
         return positions, ("rate", self.rate, tuple(state.joint_rates))
 
     def first_own(self, vehicle: Vehicle) -> Any:
-        """The last positions, for their difference."""
+        """Initial joint positions for the finite difference; () if rates are measured."""
         return (0.0,) * vehicle.n if self.rates == "difference" else ()
 
     def reading(
@@ -221,7 +221,7 @@ class Encoders(ChannelSensor):
         first: Scalar,
         dt: float,
     ) -> Any:
-        """Positions in whole steps, and rates; the first difference is 0."""
+        """Encoder reading: quantised positions, and rates; the first finite difference is 0."""
         joints = tuple(self._quantize(q) for q in values[0])
         if self.rates == "measured":
             return own, EncoderReading(time=t, joints=joints, joint_rates=tuple(values[1]))
@@ -237,7 +237,7 @@ class Encoders(ChannelSensor):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FramedSensor(ChannelSensor):
-    """A sensor of the external wrench at a frame, behind a first-order low pass.
+    """Sensor of the external wrench at a frame, with a first-order low-pass filter.
 
     Attributes:
         frame: of the vehicle; empty for its tip. bandwidth: rad/s of the low pass; 0 for none.
@@ -248,15 +248,15 @@ class FramedSensor(ChannelSensor):
 
     @property
     def feels(self) -> str:  # type: ignore[override]
-        """The frame."""
+        """Name of the sensor's frame."""
         return self.frame
 
     def reading_of(self, push: Push) -> Quantities:
-        """Name, errors and true components of each channel."""
+        """Channels of the sensor for a wrench: name, errors and true components."""
         raise NotImplementedError(f"{type(self).__name__} must say what it feels")
 
     def require_vehicle(self, vehicle: Vehicle) -> None:
-        """The frame must be there."""
+        """Refuse a vehicle that lacks the sensor's frame."""
         try:
             vehicle.frame(self.frame or None)
         except VehicleError as error:
@@ -264,15 +264,15 @@ class FramedSensor(ChannelSensor):
         ChannelSensor.require_vehicle(self, vehicle)
 
     def examples(self, vehicle: Vehicle) -> Quantities:
-        """Reading without a push."""
+        """Channels of the sensor without an external wrench, as an example."""
         return self.reading_of(NO_PUSH)
 
     def first_own(self, vehicle: Vehicle) -> Any:
-        """State of the low pass."""
+        """Initial state of the low-pass filter."""
         return NO_PUSH
 
     def filter_push(self, memory: ChannelMemory, before: Push, push: Push, dt: float) -> Push:
-        """Output of the low pass; the first push as it is."""
+        """Output of the low-pass filter; the first wrench passes unfiltered."""
         if type(self.bandwidth) in (int, float) and self.bandwidth == 0:
             return push
         share = where(memory.read < 0.5, 1.0, 1.0 - exp(-mul(self.bandwidth, dt)))
@@ -280,14 +280,14 @@ class FramedSensor(ChannelSensor):
         return Push(force=force + (push.force - force) * share, torque=torque + (push.torque - torque) * share)
 
     def feel(self, memory: ChannelMemory, t: Scalar, push: Push, draws: Sequence[Scalar], dt: float) -> tuple[Any, Any]:
-        """One reading."""
+        """Take one reading of the low-pass filtered wrench; return the next memory and the reading."""
         behind = self.filter_push(memory, memory.own, push, dt)
         return self.read(dataclasses.replace(memory, own=behind), t, self.reading_of(behind), (), draws, dt)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ForceTorque(FramedSensor):
-    """A force-torque sensor: force (N) and torque (N m) at a frame, in its axes."""
+    """Force-torque sensor: force (N) and torque (N m) at a frame, in its axes."""
 
     record: ClassVar[type] = ForceReading
 
@@ -295,13 +295,13 @@ class ForceTorque(FramedSensor):
     torque: Channel = Channel()
 
     def reading_of(self, push: Push) -> Quantities:
-        """Force and torque."""
+        """Channels of force and torque: name, errors and true components."""
         return ("force", self.force, tuple(push.force)), ("torque", self.torque, tuple(push.torque))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Switched:
-    """Memory of a switch."""
+    """Memory of a tactile switch: low-pass filter and contact state."""
 
     push: Push
     closed: Annotated[Scalar, Unit("", "1 closed, 0 open")]
@@ -309,7 +309,7 @@ class Switched:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TactileSwitch(FramedSensor):
-    """A tactile switch: closed above a force, open below another.
+    """Tactile switch with hysteresis: closes above one force, opens below another.
 
     Attributes:
         on, off: N, of the force's size. force: errors of it.
@@ -325,23 +325,23 @@ class TactileSwitch(FramedSensor):
             raise RecordError(f"off = {self.off}: must be at most on = {self.on} N")
 
     def reading_of(self, push: Push) -> Quantities:
-        """The force's size."""
+        """Channel of the force's magnitude."""
         f = push.force
         return (("force", self.force, (sqrt(f.dot(f)),)),)
 
     def first_own(self, vehicle: Vehicle) -> Any:
-        """State of the low pass, and whether the switch is closed."""
+        """Initial state of the low-pass filter, and the switch open."""
         return Switched(push=NO_PUSH, closed=0.0)
 
     def feel(self, memory: ChannelMemory, t: Scalar, push: Push, draws: Sequence[Scalar], dt: float) -> tuple[Any, Any]:
-        """One reading: the low pass before the switch."""
+        """Take one reading: low-pass filter, then the switch; return the next memory and the reading."""
         before = memory.own
         behind = self.filter_push(memory, before.push, push, dt)
         own = Switched(push=behind, closed=before.closed)
         return self.read(dataclasses.replace(memory, own=own), t, self.reading_of(behind), (), draws, dt)
 
     def reading(self, t: Any, values: Sequence[tuple[Any, ...]], state: Any, own: Any, first: Any, dt: float) -> Any:
-        """Closed or open, with a hysteresis."""
+        """Switch state with hysteresis, and its reading: 1 closed, 0 open."""
         force = values[0][0]
         closed = where(force > self.on, 1.0, where(force < self.off, 0.0, own.closed))
         return dataclasses.replace(own, closed=closed), SwitchReading(time=t, closed=closed)

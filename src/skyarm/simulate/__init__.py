@@ -1,4 +1,4 @@
-"""The closed loop: scenario in, log out, metrics from the log."""
+"""Closed-loop simulation: flies a scenario and returns its log, whose metrics are evaluated afterwards."""
 
 from skyarm.log.flight_log import Log
 from skyarm.log.metrics.windows import Window

@@ -1,4 +1,4 @@
-"""The record of one episode, and its files."""
+"""Assembly of an episode's log from its recorded samples."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from skyarm.world.component import Column
 
 
 def by_array(components: Sequence[Component], numbers: Sequence[Any]) -> dict[str, list[Any]]:
-    """Array of a log -> what belongs to its columns, of a value for each column that the components declare."""
+    """Group values, one for each log column that the components declare, by the log array of the column."""
     found: dict[str, list[Any]] = {}
     for column, number in zip((column for each in components for column in each.columns), numbers, strict=True):
         found.setdefault(column[0], []).append(number)
@@ -40,7 +40,7 @@ def by_array(components: Sequence[Component], numbers: Sequence[Any]) -> dict[st
 
 @dataclass(frozen=True, slots=True)
 class Samples:
-    """Samples of a flight, one row per control instant: leaves of State and Command, and records of columns.
+    """Samples of a flight, one row per control instant: states, commands, readings, surroundings and estimates.
 
     Attributes:
         measurement: that the law received; None if it is not logged. readings: name and record of each sensor.
@@ -60,7 +60,7 @@ class Samples:
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """Some control periods of a flight under one scenario.
+    """Consecutive control periods of a flight under one scenario.
 
     Attributes:
         inputs: of the scenario. start: number of the first period. flown: what they left.
@@ -75,7 +75,7 @@ class Piece:
 def join_pieces(
     scenario: Scenario, pieces: Sequence[Piece], ending: Ended | None, *, info: dict[str, Any] | None = None
 ) -> Log:
-    """The log of a flight in pieces, one after the other.
+    """Concatenate consecutive pieces of a flight into one log.
 
     Args:
         scenario: of the flight, as the log records it.
@@ -100,7 +100,7 @@ def join_pieces(
 
 
 def _fill(tables: Sequence[dict[str, Array]]) -> None:
-    """Add missing arrays to each table: zeros where a law has no estimates, NaN where a sensor has no reading."""
+    """Add the arrays that a table lacks: zeros for a law's estimates, NaN for readings of a sensor."""
     widths = {name: table[name].shape[1:] for table in tables for name in table if name in IF_ANY or "." in name}
     for table in tables:
         for name, width in widths.items():
@@ -110,7 +110,7 @@ def _fill(tables: Sequence[dict[str, Array]]) -> None:
 
 
 def _tables(piece: Piece) -> dict[str, Array]:
-    """A log's arrays over the periods of a piece."""
+    """Log arrays of one piece of a flight, by name."""
     scenario, inputs, flown = piece.scenario, piece.inputs, piece.flown
     vehicle = scenario.plant.vehicle
     n, rotors, count = vehicle.n, len(vehicle.rotors), len(flown.states)
@@ -173,7 +173,7 @@ def _tables(piece: Piece) -> dict[str, Array]:
 
 
 def _sensor_data(piece: Piece) -> tuple[dict[str, Array], dict[str, Any]]:
-    """Readings and measurement over the periods of a piece: arrays, and the description of their sources."""
+    """Log arrays of the sensor readings and the measurement in a piece, and the description of their sources."""
     scenario, flown, count = piece.scenario, piece.flown, len(piece.flown.states)
     sensors = {name: (i, sensor) for i, (name, sensor) in enumerate(scenario.all_sensors)}
     arrays: dict[str, Array] = {}
@@ -206,7 +206,7 @@ def _sensor_data(piece: Piece) -> tuple[dict[str, Array], dict[str, Any]]:
 
 
 def _differing_units(columns: Sequence[Column]) -> list[str] | None:
-    """Unit of each column of an array; None where all are the same."""
+    """Unit of each column of an array; None if all columns have the same unit."""
     found = [each.unit for each in columns]
     return found if len(set(found)) > 1 else None
 
@@ -214,7 +214,7 @@ def _differing_units(columns: Sequence[Column]) -> list[str] | None:
 def _references(
     inputs: EpisodeInputs, flown: Samples, start: int, stop: int
 ) -> tuple[Reference, Reference, Array, int]:
-    """Held and continuous reference, the reference's time, and the place in the first of what was flown first."""
+    """Held and continuous reference, path time (s), and row of the held reference at which the piece begins."""
     if inputs.waits.guards:
         return (*inputs.waiting_references(flown.led.T), 0)
     led = flown.led[:, 0] if flown.led.shape[1] else np.asarray(inputs.path_time)[start:stop]

@@ -1,4 +1,4 @@
-"""Many episodes of one scenario in machine code: other numbers per lane, metrics counted on the fly."""
+"""Batches of episodes of one scenario in machine code: parameters vary per lane, metrics accumulate in flight."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Outcome:
 
 
 class Batch:
-    """Episodes of a scenario that is compiled once, flown whole by its law; :mod:`skyarm.envs` steps many.
+    """Compiled batch of whole episodes of one scenario; to step lanes period by period see :mod:`skyarm.envs`.
 
     Args:
         scenario: on the rigid-body plant; its other numbers are constants of the code.
@@ -165,7 +165,7 @@ class Batch:
     def _fly_legs(
         self, columns: list[Array], count: int, keys: Mapping[str, Any], threads: int
     ) -> tuple[Array, list[tuple[Any, Array]]]:
-        """Carry after the last leg; of each leg the record that was logged, and its rows (samples, leaves, lanes)."""
+        """Fly all legs; return the final carry, and each leg's logged record with its rows (samples, leaves, lanes)."""
         last: tuple[Leg, Array] | None = None
         log: list[tuple[Any, Array]] = []
         for leg in self._legs:
@@ -176,7 +176,7 @@ class Batch:
         return carry, log
 
     def _statuses(self, columns: list[Array], now: LoopState, ticks: Array, ended: Array) -> Array:
-        """Status of each lane, by the scenario of its last leg."""
+        """Termination status of each lane, under the scenario in force when the lane ended."""
         if len(self._legs) == 1:
             return self._legs[0].statuses(columns, now, ticks, ended)
         found = np.full(len(ticks), "completed", dtype=object)

@@ -1,4 +1,4 @@
-"""The closed loop of a batch between two changes of its scenario, in machine code."""
+"""Leg of a batch: the closed loop between two scheduled changes of the scenario, in machine code."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ Array = npt.NDArray[Any]
 
 
 class Feed:
-    """Rows of a batch and how its kernel reads them.
+    """Input rows of a batch, one per control period, and their decoding for the closed loop.
 
     Args:
         scenario: of the batch. paths: its varied numbers. inputs: tables of the scenario.
@@ -78,7 +78,7 @@ class Feed:
         self.rows = np.column_stack(columns)
 
     def _goal_table(self, reference: Reference) -> Goal:
-        """Goals at every instant, as a record of arrays."""
+        """Desired positions of a reference at every instant, as a record of arrays."""
         vehicle = self._scenario.plant.vehicle
         dense = reference.dense()
         program = trace(lambda one: goal_of(vehicle, one), rebuild(dense, iter([0.0] * len(leaves(dense)))))
@@ -86,7 +86,7 @@ class Feed:
         return goal
 
     def read(self, varied: Scenario, fed: Any) -> tuple[Row, tuple[Goal, ...], dict[str, Any]]:
-        """A row as the closed loop takes it: row, (held, continuous) goal, window -> condition.
+        """Decode an input row: row of the closed loop, (held, continuous) goal, window -> condition.
 
         Without goals where phases wait: the loop knows where its reference is.
         """
@@ -109,7 +109,7 @@ class Feed:
         return row, (tables[0], tables[1]), inside
 
     def _own_arm(self, varied: Scenario) -> bool:
-        """True if a varied number moves the tool of a vehicle whose joints stay fixed."""
+        """True if the desired tip position depends on a varied parameter although the reference joints stay fixed."""
         still = self._scenario.reference.at(0.0).dense()
         nodes = [c for c in goal_of(varied.plant.vehicle, still).tool if isinstance(c, Node)]
         return any(node.op == "input" for node in live(nodes))
@@ -120,7 +120,7 @@ def _zeros(record: Goal) -> Goal:
 
 
 def _instant(stages: Stages, loop: LoopState, row: Row, sample: Sample, goals: tuple[Goal, ...]) -> Instant:
-    """A control instant for the metrics; the reference's clock gives the goals where its phases wait."""
+    """Quantities of one control instant from which the metrics are computed."""
     vehicle, waits, command = stages.scenario.plant.vehicle, stages.waits, sample.command
     if not goals:
         free = waits.reference(*waits.instants(waits.log_values(loop.clock, loop.ticks))[1])
@@ -142,12 +142,12 @@ def _instant(stages: Stages, loop: LoopState, row: Row, sample: Sample, goals: t
 
 
 def _path_time(row: Row) -> Scalar:
-    """Time of the reference, s."""
+    """Path time of the reference, s: the flight time where the reference is not time-scaled."""
     return row.time if isinstance(row.path_time, tuple) else row.path_time
 
 
 def _interaction(scenario: Scenario, row: Row, sample: Sample) -> dict[str, Any]:
-    """Quantities of the scenario's components for the metrics, and the commanded push."""
+    """Logged numbers of the scenario's components and the desired contact force, as the metrics need them."""
     numbers = by_array(scenario.components, sample.wind.numbers)
     constants = [each for component in scenario.components for each in component.constants.items()]
     push = scenario.reference.push
@@ -183,7 +183,7 @@ class LegOptions:
 
 
 class LegCode(NamedTuple):
-    """Machine code of a leg, the record that it logs, key of legs that may share it, and its integration steps."""
+    """Machine code of a leg, its log record, the key under which legs share the code, and its integration steps."""
 
     kernel: Kernel
     logged: Any
@@ -192,7 +192,7 @@ class LegCode(NamedTuple):
 
 
 class Leg:
-    """A leg is what all lanes fly from one change of the scenario to the next.
+    """Leg of a batch: the control periods that all lanes fly between two scheduled changes of the scenario.
 
     Numbers that changes set are parameters of the code, as varied ones are: legs that differ in these values alone
     share it. A number that a change sets wins over the lanes' own.
@@ -239,7 +239,7 @@ class Leg:
             self.code = self._compile(key)
 
     def _lane_scenario(self, values: Sequence[Scalar]) -> Scenario:
-        """The scenario of a lane: its numbers, then those that changes set."""
+        """Scenario of one lane: its varied parameters, overridden by the values that scheduled changes set."""
         named = dict(zip((*self._options.paths, *self._set), values, strict=True))
         own = {path: value for path, value in zip(self._options.paths, values, strict=False) if path in self._free}
         return with_numbers(self._shape, own | {path: named[path] for path in self._set})
@@ -270,20 +270,20 @@ class Leg:
         return LegCode(kernel, program.result[1], key, substeps)
 
     def numbers_by_path(self, columns: Sequence[Array]) -> dict[str, Array]:
-        """Path -> (lanes,) numbers in force in this leg: the lanes' own, and those set by changes."""
+        """Parameter values in force in this leg, path -> (lanes,): varied per lane or set by scheduled changes."""
         given = dict(zip(self._options.paths, columns, strict=True))
         own = {path: given[path] for path in self._free}
         return own | {path: given[source] for path, source in self._swept.items()}
 
     def parameters(self, columns: Sequence[Array], lanes: int) -> Array:
-        """(numbers, lanes) parameters of the code."""
+        """Parameters of the compiled program, shape (numbers, lanes)."""
         given = dict(zip(self._options.paths, columns, strict=True))
         rows = [given[self._swept[p]] if p in self._swept else np.full(lanes, v) for p, v in self._set.items()]
         every = [*columns, *rows]
         return np.stack(every) if every else np.zeros((0, lanes))
 
     def begin(self, parameters: Array, seed: int, episodes: Array, last: tuple[Leg, Array] | None) -> Array:
-        """(carry, lanes) of the first period: initial states, or the final carry of the leg before."""
+        """Initial carry of the leg, shape (carry, lanes): initial states or the previous leg's final carry."""
         fresh = self._loop.start(parameters, seed, episodes)
         if last is None:
             totals = np.array(leaves(self.first[1]))[:, None]
@@ -300,7 +300,7 @@ class Leg:
     def fly(
         self, carry: Array, parameters: Array, keys: Mapping[str, Any], threads: int
     ) -> tuple[Array, list[tuple[Any, Array]]]:
-        """Carry after the leg, and what it logs: record and (samples, leaves, lanes) of each piece."""
+        """Fly the leg; return its final carry and the log of its pieces, each a record and (samples, leaves, lanes)."""
         if self.code is None:
             return carry, []
         kernel, every = self.code.kernel, max(1, self._options.every)
@@ -317,11 +317,11 @@ class Leg:
         return carry, log
 
     def statuses(self, columns: Sequence[Array], now: LoopState, ticks: Array, ended: Array) -> Array:
-        """Status of lanes at the end of this leg, from their loop states."""
+        """Termination status of each lane at the end of this leg, from its loop state."""
         return lane_statuses(self.scenario, self.numbers_by_path(columns), now.state, now.clock, ticks, ended)
 
     def require(self, columns: Sequence[Array]) -> None:
-        """Refuse numbers of lanes that the code's steps do not bear.
+        """Refuse lane parameters that need shorter integration steps than the compiled ones.
 
         Raises:
             ScenarioError: one line.

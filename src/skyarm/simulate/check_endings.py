@@ -1,4 +1,4 @@
-"""Ask a scenario's endings: in flight, for the cause, and for each lane of a batch."""
+"""Termination conditions of an episode: evaluated in flight, for the cause, and for each lane of a batch."""
 
 from __future__ import annotations
 
@@ -45,12 +45,12 @@ def running_status(scenario: Scenario, tick: int) -> Ended | None:
 
 
 def endings_of(scenario: Scenario) -> tuple[Ending, ...]:
-    """The library's endings, then the scenario's own."""
+    """All termination conditions: the library's, then the scenario's own."""
     return (*BUILT_IN, *scenario.endings)
 
 
 def healthy(scenario: Scenario, state: State, goal: Vec3) -> Any:
-    """True while no ending has come; NaN compares false."""
+    """True while no termination condition is met; NaN counts as a termination."""
     fine: Any = True
     for ending in endings_of(scenario):
         fine = _both(fine, ending.fine(scenario, state, goal, 0))
@@ -58,12 +58,12 @@ def healthy(scenario: Scenario, state: State, goal: Vec3) -> Any:
 
 
 def _both(a: Scalar, b: Scalar) -> Scalar:
-    """Both; what is true by structure folds away."""
+    """Logical and of two conditions; a condition that is structurally True is dropped."""
     return b if a is True else a if b is True else logical_and(a, b)
 
 
 def find_ending(scenario: Scenario, time: float, x: Sequence[float], goal: Sequence[float]) -> Ended | None:
-    """The ending reached by a state in flat floats, or None; ``goal`` is the held reference's position."""
+    """Termination of an episode by its state (flat floats), or None; ``goal`` is the held reference's position."""
     vehicle = scenario.plant.vehicle
     state = rebuild(example_state(*vehicle.sizes), iter(x))
     for ending in endings_of(scenario):
@@ -73,7 +73,7 @@ def find_ending(scenario: Scenario, time: float, x: Sequence[float], goal: Seque
 
 
 def failed_phase(scenario: Scenario, time: float, clock: Any) -> Ended | None:
-    """The ending of a task whose phase failed, or None."""
+    """Termination of an episode by a failed phase of its task, or None."""
     if float(getattr(clock, "failed", 0.0)) < 0.5:
         return None
     # the clock has gone on to the next guard
@@ -85,7 +85,7 @@ def failed_phase(scenario: Scenario, time: float, clock: Any) -> Ended | None:
 
 
 def ending_of_command(scenario: Scenario, time: float, command: Sequence[float]) -> Ended | None:
-    """The ending reached by a command, or None."""
+    """Termination of an episode by a command that is not finite, or None."""
     cause = not_finite(scenario.plant.vehicle, command)
     return None if cause is None else Ended("diverged", cause, time)
 
@@ -102,7 +102,7 @@ def statuses(
     ended: Array,
     failed: Array | None = None,
 ) -> Array:
-    """Status of each lane of a batch, from its final state.
+    """Termination status of each lane of a batch, from its final state.
 
     Args:
         scenario: of the batch.

@@ -1,4 +1,4 @@
-"""The line from the law to the actuators: how late a command acts, for rotors and joints together or apart."""
+"""Command latency between the law and the actuators, common or separate for rotors and joints."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from skyarm.scenario.scenario_record import Scenario, ScenarioError
 
 
 def command_delay(scenario: Scenario) -> tuple[Any, Any]:
-    """Delay of the commands as whole control periods, None if the queue is just that long, and the rest, s."""
+    """Command delay: whole control periods, None if the length of the queue fixes them, and the remainder in s."""
     rates, delay = scenario.rates, scenario.delays.command
     if scenario.delays.longest_command is None:
         return None, round(float(delay * rates.physics)) % (rates.physics // rates.control) / rates.physics
@@ -23,7 +23,7 @@ def command_delay(scenario: Scenario) -> tuple[Any, Any]:
 
 
 def rotor_and_joint_delays(scenario: Scenario) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
-    """Delays of the rotors' and of the joints' part of a command: whole control periods, and the rest, s."""
+    """Command delays of rotors and of joints, each as whole control periods and the remainder in s."""
     rates, delays, found = scenario.rates, scenario.delays, []
     ratio = rates.physics // rates.control
     for more in (delays.rotors, delays.joints):
@@ -37,7 +37,7 @@ def rotor_and_joint_delays(scenario: Scenario) -> tuple[tuple[Any, Any], tuple[A
 
 
 def _split(delay: Any, rate: int) -> tuple[Any, Any]:
-    """A delay as whole control periods and the rest, s."""
+    """Split a delay (s) into whole control periods and the remainder in s."""
     # a delay that is a multiple of the period up to rounding is one
     whole = floor(delay * float(rate) + 1e-9)
     return whole, maximum(delay - whole / float(rate), 0.0)
@@ -65,7 +65,7 @@ def switches(before: Command, after: Command, rotors: Any, joints: Any) -> list[
 
 
 def command_in_force(queue: tuple[Command, ...], whole: Any) -> Command:
-    """The command at the end of a queue's delay: its oldest, or the one before the last ``whole``."""
+    """Delayed command: ``whole`` periods older than the newest in the queue, the oldest if ``whole`` is None."""
     if whole is None:
         return queue[0]
     if type(whole) is float:
@@ -77,7 +77,7 @@ def command_in_force(queue: tuple[Command, ...], whole: Any) -> Command:
 
 
 def mean_efforts(before: Command, after: Command, late: Scalar, period: float) -> tuple[Scalar, ...]:
-    """Setpoints of the joints on average over a period, in which they hear of ``after`` when ``late`` seconds are over.
+    """Joint setpoints averaged over a period in which a new command takes effect after ``late`` seconds.
 
     A drive's memory is stepped once per period: of two setpoints it receives the mean, as with its own latency.
     """
@@ -88,12 +88,12 @@ def mean_efforts(before: Command, after: Command, late: Scalar, period: float) -
 
 
 def joined_parts(rotors: Command, joints: Command) -> Command:
-    """Rotor speeds and angles of one command, efforts of another."""
+    """Combine the rotor speeds and tilt angles of one command with the joint efforts of another."""
     return Command(rotor_speeds=rotors.rotor_speeds, efforts=joints.efforts, tilts=rotors.tilts)
 
 
 def numbers_of_command(command: Command, joints: int, rotors: int, tilts: int) -> tuple[float, ...]:
-    """Rotor speeds, joint setpoints, angles of rotors that tilt, which may be left out: they are at rest then.
+    """Flat numbers of a command: rotor speeds, joint setpoints, rotor tilt angles (zero if left out).
 
     Raises:
         ScenarioError: no command, one with another number of rotors or joints, or one that is not of numbers.
@@ -116,7 +116,7 @@ def numbers_of_command(command: Command, joints: int, rotors: int, tilts: int) -
 
 
 def _plain_numbers(command: Command) -> tuple[float, ...]:
-    """The numbers of a command from outside.
+    """Numbers of a user's command as floats.
 
     Raises:
         ScenarioError: one that is none.

@@ -1,4 +1,4 @@
-"""Which random numbers an episode draws, by channel and step: the same for every engine."""
+"""Assignment of random numbers to sensors and components by channel and step, the same for every engine."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ STARTS = (2**32 - 1, 2**32 - 2)
 
 @dataclass(frozen=True, slots=True)
 class Draws:
-    """The uniform numbers of a period, in one row.
+    """Layout of the uniform random numbers of one control period in one row.
 
     Attributes:
         sensors, components: (channel, count) of each.
@@ -34,15 +34,15 @@ class Draws:
 
     @property
     def channels(self) -> tuple[tuple[int, int], ...]:
-        """(channel, count) of those that draw."""
+        """Channels that draw random numbers, as (channel, count)."""
         return tuple(pair for pair in (*self.sensors, *self.components) if pair[1])
 
     def of_sensor(self, index: int, row: Sequence[Scalar]) -> tuple[Scalar, ...]:
-        """A sensor's share of a row."""
+        """Random numbers of one sensor from the row of a period."""
         return self._share(index, row)
 
     def of_component(self, index: int, row: Sequence[Scalar]) -> tuple[Scalar, ...]:
-        """A component's share of a row."""
+        """Random numbers of one component from the row of a period."""
         return self._share(len(self.sensors) + index, row)
 
     def _share(self, index: int, row: Sequence[Scalar]) -> tuple[Any, ...]:
@@ -52,7 +52,7 @@ class Draws:
 
 
 def draw_plan(scenario: Scenario) -> Draws:
-    """Channels and counts of everything that draws.
+    """Random channel, and count of numbers per period, of every sensor and component.
 
     A component's channel follows from its kind and from how many of that kind stand before it, a sensor's from its
     name: adding one changes no other's draws.
@@ -70,12 +70,12 @@ def draw_plan(scenario: Scenario) -> Draws:
 
 
 def draws_needed(scenario: Scenario) -> tuple[tuple[int, int], ...]:
-    """(channel, count) of the uniform numbers a period takes; counts are even, normals come in pairs."""
+    """Random channels of a control period, as (channel, count); counts are even, as normals come in pairs."""
     return draw_plan(scenario).channels
 
 
 def start_draws(scenario: Scenario, seed: int, episode: Any) -> list[Any]:
-    """Uniform numbers that start each component's memory: (..., 2 count), steps -1 and -2 of its channel."""
+    """Uniform random numbers for each component's initial memory, shape (..., 2 count)."""
     steps, keys = np.array(STARTS), np.asarray(episode)[..., None]
     found = []
     for channel, count in draw_plan(scenario).components:
@@ -85,5 +85,5 @@ def start_draws(scenario: Scenario, seed: int, episode: Any) -> list[Any]:
 
 
 def _channel(kind: str, name: str) -> int:
-    """A channel beyond those of the library, from a name."""
+    """Random channel number derived from a name, outside the range of the library's own channels."""
     return zlib.crc32(f"{kind} {name}".encode()) | 2**31

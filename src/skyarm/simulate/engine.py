@@ -1,4 +1,4 @@
-"""The engine of single episodes: one traced control period, stepped by machine code or by Python.
+"""Engine for single episodes: one traced control period, stepped in machine code or in Python.
 
 Both evaluate the same program to the same bits. Python also flies plants and laws that cannot be traced: the program
 calls them with floats.
@@ -71,7 +71,7 @@ DRAWN = 256
 
 
 class EpisodeCode:
-    """The control period of a scenario as a program of one lane.
+    """Traced program of one control period of a scenario, for a single lane.
 
     Args:
         scenario: as it flies now; it fixes the integration steps.
@@ -130,7 +130,7 @@ class EpisodeCode:
         return trace_loop(step, self._example, tuple(self.numbers.values()), fed, self.draws, loops=True)
 
     def _begin(self, numbers: Any, fed: Any) -> tuple[Any, Any, Row]:
-        """Stages, plant and input row of a period."""
+        """Stages, plant and input row of one control period."""
         scenario = self._vary(numbers)
         row, given, command = fed if self.commands else (fed, None, None)
         if self.calls is None:
@@ -145,18 +145,18 @@ class EpisodeCode:
         return make_period(stages, plant)(now, row, uniforms)
 
     def _measure(self, now: LoopState, numbers: Any, fed: Any, uniforms: Any) -> tuple[LoopState, Measurement]:
-        """The first stages of a period, up to the law's measurement."""
+        """Evaluate a control period up to the law's measurement; the loop state stays as it is."""
         stages, plant, row = self._begin(numbers, fed)
         row = stages.waits.lead(now.clock, now.ticks, row)
         return now, measure(stages, plant, now, row, uniforms).read.measurement
 
     @cached_property
     def measurement(self) -> Loop:
-        """The law's measurement in a period, as a program."""
+        """Program that computes the law's measurement of a control period."""
         return self._trace(self._measure)
 
     def fits(self, key: Any, scenario: Scenario, changed: Sequence[str] | None = None) -> bool:
-        """True if the program also flies another scenario, which differs in the values of its numbers only.
+        """True if the program also flies another scenario, which may differ in parameter values only.
 
         Args:
             key: of that scenario.
@@ -171,7 +171,7 @@ class EpisodeCode:
 
 
 class _PythonSteps:
-    """Steps of a program in Python floats, with the calls of :class:`skyarm.compile.llvm.lane_stepper.Stepper`."""
+    """Stepper of a program in Python floats; interface of :class:`skyarm.compile.llvm.lane_stepper.Stepper`."""
 
     def __init__(self, loop: Loop, carry: Array, parameters: Array, seed: int, episode: int) -> None:
         self._loop, self._step, self._keys = loop, loop.stepper(), (seed, episode)
@@ -180,11 +180,11 @@ class _PythonSteps:
         self._block, self._drawn = -1, list[tuple[float, ...]]()
 
     def read_tables(self, rows: Array, log: Array) -> None:
-        """Inputs of each period, and where its sample is written."""
+        """Set the input table and the table to write samples to, one row per control period each."""
         self._rows, self._log = rows, log
 
     def fly(self, begin: int, end: int, start: int = 0) -> None:
-        """Step through some rows, up to an ending; ``start``: number of the period of the first row of the table."""
+        """Step through rows ``begin`` to ``end`` or to a termination; ``start``: period of the table's first row."""
         now, numbers, count = tuple(self.carry.tolist()), tuple(self.parameters.tolist()), self._loop.carry
         for k in range(begin, end):
             try:
@@ -196,7 +196,7 @@ class _PythonSteps:
         self.carry[:] = now
 
     def _draws(self, k: int) -> tuple[float, ...]:
-        """Uniform numbers of a period, drawn for about a second at a time."""
+        """Uniform random numbers of a control period, drawn in blocks of about a second."""
         if not self._loop.uniforms:
             return ()
         block, row = divmod(k, DRAWN)
@@ -208,7 +208,7 @@ class _PythonSteps:
 
 
 class Engine:
-    """An episode flown period by period, or many periods at a stretch.
+    """Simulation engine of one episode, which advances one or many control periods per call.
 
     Args:
         code: its program. scenario: as it is flown now; that of the program if left out.
@@ -235,7 +235,7 @@ class Engine:
         self._stretch, self._commanded = 1, False
 
     def _make_stepper(self, loop: Loop, carry: Array, parameters: Array, *, peek: bool = False) -> Any:
-        """Steps of a program, by machine code if the episode has any."""
+        """Stepper of a program: machine code if the episode is compiled, else Python."""
         seed, episode = self.scenario.seed, self.scenario.episode
         if self.code.kernel is None:
             return _PythonSteps(loop, carry, parameters, seed, episode)
@@ -243,7 +243,7 @@ class Engine:
         return Stepper(kernel, carry, parameters, seed=seed, episode=episode)
 
     def _input_rows(self) -> Array:
-        """Inputs of every period: its time and its reference, then a command from outside."""
+        """Input rows of all control periods: time and reference, then the slot of a user's command."""
         rows = self.inputs.rows(0, self.scenario.steps)
         if not self.code.commands:
             return np.ascontiguousarray(rows)
@@ -251,13 +251,13 @@ class Engine:
 
     @property
     def inputs(self) -> EpisodeInputs:
-        """Times and references of the scenario as it is now."""
+        """Times and references of the scenario in force."""
         if self._inputs is None or self._inputs.scenario is not self.scenario:
             self._inputs = episode_inputs(self.scenario)
         return self._inputs
 
     def step(self, command: Sequence[float] | None = None) -> bool:
-        """Fly one control period; False once the episode has ended or flown its time.
+        """Fly one control period; False once the episode has ended or reached its duration.
 
         Args:
             command: in place of the law's, whose memory stays.
@@ -273,7 +273,7 @@ class Engine:
         return self._fly(k + 1)
 
     def fly(self, stop: int) -> bool:
-        """Fly by the law a stretch of a tenth of a second, at most up to a period; False once the episode is over."""
+        """Fly for about 0.1 s of computing time, at most up to period ``stop``; False once the episode is over."""
         if self.tick >= self._steps or self.ended is not None:
             return False
         stop, begun, before = min(stop, self.tick + self._stretch), perf_counter(), self.tick
@@ -285,12 +285,12 @@ class Engine:
         return going
 
     def _write_to(self, log: Array) -> None:
-        """Write samples to another table."""
+        """Replace the table that samples are written to."""
         self._log, self._room = log, len(log)
         self._stepper.read_tables(self._rows, log)
 
     def _fly(self, stop: int) -> bool:
-        """Fly up to a period; True while the episode is not over."""
+        """Fly up to a control period; False once the episode is over."""
         while stop > self._room:
             longer = np.empty((min(2 * len(self._log), self._steps), self._log.shape[1]))
             longer[: len(self._log)] = self._log
@@ -305,7 +305,7 @@ class Engine:
         return True
 
     def _reason(self, *, lost: bool) -> Ended | None:
-        """Cause of an early end of the episode, in words; None after its full duration."""
+        """Status, cause and time of an early termination; None after the full duration."""
         scenario, now, time = self.scenario, self.now, self.tick / self.scenario.rates.control
         found = find_ending(scenario, time, leaves(now.state), self.inputs.held_position(self.tick, now))
         found = found or failed_phase(scenario, time, now.clock)
@@ -322,7 +322,7 @@ class Engine:
 
     @property
     def piece(self) -> Piece:
-        """Everything flown under the scenario."""
+        """All periods flown so far under the scenario in force, with their samples."""
         return Piece(self.scenario, self.inputs, self.begun, self.samples(self.begun, self.tick))
 
     def samples(self, start: int, stop: int) -> Samples:
@@ -344,12 +344,12 @@ class Engine:
 
     @property
     def _memory(self) -> Any:
-        """Memory of a law that is called, which may be any object; None of a law that is traced."""
+        """Memory of an untraced law, which may be any object; None for a traced law."""
         calls = self.code.calls
         return None if calls is None or self.scenario.controller.compiled else calls.memory
 
     def state(self) -> State:
-        """The plant's state now; it follows ``alive`` and ``ticks`` among the leaves."""
+        """Current state of the plant."""
         state: State = rebuild(self.first.state, iter(self._stepper.carry[2:].tolist()))
         return state
 
@@ -377,13 +377,13 @@ class Engine:
         return measurement
 
     def snapshot(self) -> Any:
-        """Data for :meth:`restore`; periods flown later are written beyond its part of the log."""
+        """Snapshot of the engine for :meth:`restore`."""
         stepper = self._stepper
         numbers = stepper.carry.copy(), stepper.parameters.copy(), self._log, copy.deepcopy(self._memory)
         return self.scenario, self._inputs, self._rows, self.begun, self.tick, self.ended, numbers
 
     def restore(self, held: Any) -> None:
-        """Go to a snapshot."""
+        """Restore the engine from a snapshot."""
         self.scenario, self._inputs, self._rows, self.begun, self.tick, self.ended, numbers = held
         self._stepper.carry[:], self._stepper.parameters[:], log, memory = numbers
         own = np.empty_like(log)
@@ -393,7 +393,7 @@ class Engine:
             self.code.calls.memory = copy.deepcopy(memory)
 
     def give(self, scenario: Scenario, numbers: Mapping[str, float], changed: Sequence[str], key: Any) -> bool:
-        """Change numbers from the next period on, if the same program can; False if nothing was changed.
+        """Set parameters from the next period on; False, without effect, if they need another program.
 
         Args:
             scenario: as it is now.
@@ -411,7 +411,7 @@ class Engine:
         return True
 
     def take_over(self, other: Engine, *, anew: bool) -> None:
-        """Continue from the state of another engine; ``anew``: with another reference."""
+        """Continue the flight of another engine from its state; ``anew``: the reference has been replaced."""
         now = other.now
         clock = clock_of_change(self.scenario, self.first, now, anew=anew)
         kept = carry_over(self.first, now, component_groups(self.scenario, other.scenario), clock)

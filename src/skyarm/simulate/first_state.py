@@ -22,7 +22,7 @@ from skyarm.simulate.stages import Stages
 
 
 def first_loop_state(scenario: Scenario, draws: Sequence[Sequence[Any]] | None = None) -> LoopState:
-    """The loop before its first period, whose numbers may be traced.
+    """Initial loop state of an episode; the scenario's numbers may be traced.
 
     Args:
         scenario: of the episode.
@@ -71,7 +71,7 @@ def _first_reading(scenario: Scenario, index: int) -> SensorState:
 
 
 def commands_waiting(scenario: Scenario) -> int:
-    """Number of earlier commands in the loop's queue."""
+    """Number of earlier commands that the command queue stores."""
     rates, delays = scenario.rates, scenario.delays
     if delays.longest_command is not None:
         return math.ceil(delays.longest_command * rates.control - 1e-9) + 1
@@ -79,18 +79,18 @@ def commands_waiting(scenario: Scenario) -> int:
 
 
 def readings_waiting(scenario: Scenario, index: int) -> int:
-    """Number of readings of a sensor in its delay queue."""
+    """Number of readings that a sensor's delay queue stores."""
     name, sensor = scenario.all_sensors[index]
     delay = scenario.delays.measurement if name == FULL_STATE else sensor.latency
     return round(delay * scenario.rates.control)
 
 
 def first_surroundings(scenario: Scenario, first: LoopState) -> Any:
-    """Surroundings of the first period as an example, since a component may refuse other numbers."""
+    """Surroundings of the plant in the first period, as an example of their structure."""
     return Stages(scenario).surroundings(first.components, first.drives, 0.0)
 
 
 def component_groups(new: Scenario, old: Scenario) -> tuple[tuple[int, int], ...]:
-    """Number of components in each group of two scenarios: wind, air, forces, loads, worlds, power."""
+    """Component counts of two scenarios, as pairs per group: wind, air, forces, loads, worlds, power."""
     names = ("air", "forces", "payloads", "worlds", "power")
     return ((1, 1), *((len(getattr(new, name)), len(getattr(old, name))) for name in names))

@@ -1,4 +1,4 @@
-"""Inputs of an episode at all control instants: its clock and its references."""
+"""Inputs of an episode at all control instants: times and references."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Array = npt.NDArray[Any]
 
 @dataclass(frozen=True)
 class EpisodeInputs:
-    """Input tables with a row per control instant, computed on first use, and example records with their structure.
+    """Input tables of an episode, one row per control instant, computed on first use.
 
     Attributes:
         scenario: whose inputs these are.
@@ -43,7 +43,7 @@ class EpisodeInputs:
         return self.reference_between(0, self.scenario.steps)
 
     def reference_between(self, start: int, stop: int) -> Reference:
-        """The continuous reference at some of the instants."""
+        """The continuous reference at instants ``start`` to ``stop``, as a record of arrays."""
         program, times = self._program, self.times[start:stop]
         sampled: Reference = program.record(list(evaluate(program, [times], len(times))))
         return sampled
@@ -54,11 +54,11 @@ class EpisodeInputs:
 
     @cached_property
     def held_leaves(self) -> Array:
-        """Leaves of the held reference."""
+        """Held reference as a table: one row of leaves per control instant."""
         return _rows(self.held_reference, self.scenario.steps)
 
     def rows(self, start: int, stop: int) -> Array:
-        """Inputs of the closed loop at these instants, leaves of a :class:`Row`."""
+        """Input rows of the closed loop at instants ``start`` to ``stop``: the leaves of a :class:`Row`."""
         if self.waits.guards:
             return np.asarray(self.times[start:stop, None])
         fed = Row(time=self.times, reference=self.held_reference, told=self.told_reference, path_time=self.path_time)
@@ -68,7 +68,7 @@ class EpisodeInputs:
 
     @cached_property
     def told_reference(self) -> Reference | tuple[()]:
-        """The time-scaled reference as published and held, a record of arrays; empty without a planned time."""
+        """Time-scaled held reference as a record of arrays; empty if the reference is not time-scaled."""
         path = self.scenario.path_time
         if path is None:
             return ()
@@ -81,13 +81,13 @@ class EpisodeInputs:
 
     @cached_property
     def path_time(self) -> Array | tuple[()]:
-        """(steps,) planned time of the reference, s; empty without one."""
+        """Path time of the reference at each control instant, s, shape (steps,); empty if it is not time-scaled."""
         path = self.scenario.path_time
         return () if path is None else np.asarray(path.derivatives(self.times)[0])
 
     @cached_property
     def row_example(self) -> Row:
-        """Inputs of one control instant, as an example record."""
+        """Example record of the inputs of one control instant."""
         if self.waits.guards:
             return Row(time=0.0, reference=())
         told: Any = _example(self.told_reference) if self.told_reference else ()
@@ -95,11 +95,11 @@ class EpisodeInputs:
 
     @cached_property
     def waits(self) -> Waits:
-        """Guards of the reference's phases."""
+        """Guards that phases of the reference wait for, and the reference's clock."""
         return Waits(self.scenario)
 
     def waiting_references(self, columns: Any) -> tuple[Reference, Reference, Array]:
-        """The held and the continuous reference of a scenario whose phases wait, and the reference's time, s.
+        """Held reference, continuous reference and path time (s) of a scenario whose phases wait for guards.
 
         Args:
             columns: of what a sample has of it (``led``), (N,) each.
@@ -118,21 +118,21 @@ class EpisodeInputs:
         return trace(lambda given: self.waits.reference(given[0], given[1:]), (0.0,) * 5)
 
     def held_position(self, tick: int, now: LoopState) -> list[float]:
-        """Position of the held reference in a control period, m, that begins with a loop state."""
+        """Position of the held reference in a control period, m; ``now``: loop state at its start."""
         if not self.waits.guards:
             goal: list[float] = self.goals[min(tick, self.scenario.steps - 1)].tolist()
             return goal
         return [float(c) for c in self.held_now(now).position]
 
     def held_now(self, now: LoopState) -> Reference:
-        """The held reference at the clock of a loop, as data."""
+        """Held reference at the reference clock of a loop state, as data."""
         columns = [np.array([float(value)]) for value in self.waits.times(now.clock, now.ticks)]
         held, _, _ = self.waiting_references(columns)
         dense: Reference = held.dense()
         return rebuild(dense, iter([float(np.asarray(leaf).reshape(-1)[0]) for leaf in leaves(dense)]))
 
     def row_at(self, tick: int, now: LoopState) -> Row:
-        """Inputs of the control period that begins with a loop state; the reference is taken at its own clock."""
+        """Inputs of the control period that begins with a loop state."""
         fed: Row = rebuild(self.row_example, iter(self.rows(tick, tick + 1)[0].tolist()))
         if self.waits.guards:
             path_time = float(self.waits.path_time(now.clock))
@@ -141,18 +141,18 @@ class EpisodeInputs:
 
     @cached_property
     def goals(self) -> Array:
-        """Position of the held reference, m."""
+        """Held reference position at every control instant, m, shape (steps, 3)."""
         return _rows(self.held_reference.dense().position, self.scenario.steps)
 
     @cached_property
     def reference_example(self) -> Reference:
-        """A held reference of one instant."""
+        """Example record of the held reference at one instant."""
         example: Reference = _example(self.held_reference)
         return example
 
 
 def episode_inputs(scenario: Scenario) -> EpisodeInputs:
-    """Tables of everything that does not depend on the flight, with the bits of Python floats, not of NumPy's sine."""
+    """Compute the flight-independent inputs of an episode with the same bits as Python floats."""
     ticks, rates = np.arange(scenario.steps), scenario.rates
     # k / rate, not k * period: 1500 * 0.005 is not 7.5 in binary, and a gust must start on its tick
     times = ticks / rates.control
@@ -167,16 +167,16 @@ def episode_inputs(scenario: Scenario) -> EpisodeInputs:
 
 
 def _motion(scenario: Scenario) -> Program:
-    """The reference at a time; an absurd one overflows to inf or NaN and ends the episode as diverged."""
+    """Program of the reference as a function of time; overflow to inf or NaN ends the episode as diverged."""
     return trace(lambda clock: scenario.reference.at(clock[0]), (0.0,))
 
 
 def _rows(record: Any, count: int) -> Array:
-    """A record of arrays as one row of leaves per instant."""
+    """Table of a record of arrays: one row of leaves per instant."""
     columns = [np.broadcast_to(np.asarray(leaf, dtype=float), (count,)) for leaf in leaves(record)]
     return np.stack(columns, axis=1) if columns else np.zeros((count, 0))
 
 
 def _example(record: Reference) -> Any:
-    """The record with every array replaced by one float; its structure stays."""
+    """Example of a record of arrays: every array replaced by one float."""
     return rebuild(record, iter([0.0] * len(leaves(record))))

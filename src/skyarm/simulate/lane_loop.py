@@ -1,4 +1,4 @@
-"""The closed loop of a scenario whose numbers differ from lane to lane: first states, integration steps, statuses."""
+"""Closed loop of a scenario whose parameters vary per lane: initial states, integration steps, statuses."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ Vary = Callable[[Sequence[Any]], Scenario]
 
 
 class LaneLoop:
-    """The loop of a scenario in lanes.
+    """Closed loop of a scenario whose parameters vary per lane.
 
     Args:
         scenario: with its own numbers. vary: the scenario of a lane. base: the numbers that it takes, as they are here.
@@ -56,7 +56,7 @@ class LaneLoop:
         return first_loop_state(self.vary(numbers), draws)
 
     def start(self, numbers: Array, seed: int, episodes: Array) -> Array:
-        """(leaves, lanes) of the loop states before the first period.
+        """Initial loop states of all lanes, shape (leaves, lanes).
 
         Args:
             numbers: (numbers, lanes).
@@ -69,13 +69,13 @@ class LaneLoop:
         return evaluate(self._start, columns, len(episodes))
 
     def program(self, step: Callable[..., Any], carry: Any, parameters: Any, fed: Any = ()) -> Loop:
-        """A step of the lanes' loop as a program for machine code; arguments are examples."""
+        """Trace one step of the lanes' loop into a program for machine code; all arguments are examples."""
         draws = draws_needed(self.scenario)
         return trace_loop(step, structure_of(carry), parameters, fed, draws, loops=True)
 
 
 def own_row(scenario: Scenario, ticks: Scalar) -> Row:
-    """Time and held reference of a lane's own control period; the loop has the reference of phases that wait."""
+    """Inputs of a lane's control period: time and held reference, at the lane's own number of periods."""
     rate, ratio = float(scenario.rates.control), float(scenario.rates.control // scenario.rates.reference)
     if scenario.reference.guards:
         return Row(time=ticks / rate, reference=())
@@ -89,7 +89,7 @@ def own_row(scenario: Scenario, ticks: Scalar) -> Row:
 def lane_statuses(
     scenario: Scenario, values: Mapping[str, Array], state: State, clock: Any, ticks: Array, ended: Array
 ) -> Array:
-    """Status of each lane, from the loop that it was left in.
+    """Termination status of each lane, from its final loop state.
 
     Args:
         scenario: of the lanes.
@@ -113,5 +113,5 @@ def lane_statuses(
 
 
 def columns_of(record: Any, count: int) -> list[Array]:
-    """Every scalar of a record as a column."""
+    """Arrays of length ``count``, one for each scalar of a record."""
     return [np.broadcast_to(np.asarray(leaf, dtype=float), (count,)) for leaf in leaves(record)]

@@ -1,4 +1,4 @@
-"""Checks of the arguments of batches: counts, masks, and the numbers of each lane."""
+"""Argument checks of batches: counts, masks and parameter values of each lane."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Array = npt.NDArray[Any]
 
 
 def require_count(field: str, value: Any, least: int = 1) -> int:
-    """A whole number.
+    """Require a whole number of at least ``least`` and return it.
 
     Raises:
         ScenarioError: it is none, or less than ``least``.
@@ -35,7 +35,7 @@ def require_count(field: str, value: Any, least: int = 1) -> int:
 
 
 def require_rigid_body(scenario: Scenario) -> None:
-    """Refuse a scenario of another plant: batches are machine code of the rigid-body plant.
+    """Refuse a plant other than the rigid-body plant, the only one that batches compile.
 
     Raises:
         ScenarioError: one line.
@@ -45,7 +45,7 @@ def require_rigid_body(scenario: Scenario) -> None:
 
 
 def require_kind(field: str, value: Any, kind: type) -> None:
-    """A record of this kind, or None.
+    """Require an instance of a class, or None.
 
     Raises:
         ScenarioError: something else.
@@ -55,7 +55,7 @@ def require_kind(field: str, value: Any, kind: type) -> None:
 
 
 def require_paths(scenario: Scenario, paths: Any) -> tuple[str, ...]:
-    """Require paths of numbers that compiled code reads, each of a different number.
+    """Require a list of parameter paths, each of another number that compiled code can read.
 
     Raises:
         ScenarioError: one name alone, whose letters would be taken for names; no names; two names of one number; or
@@ -72,7 +72,7 @@ def require_paths(scenario: Scenario, paths: Any) -> tuple[str, ...]:
 
 
 def require_values(values: Any) -> Mapping[str, Any]:
-    """Numbers by path.
+    """Require a mapping of parameter paths to values and return it.
 
     Raises:
         ScenarioError: no mapping.
@@ -85,7 +85,7 @@ def require_values(values: Any) -> Mapping[str, Any]:
 def checked_array(
     field: str, given: Any, shapes: Collection[tuple[int, ...]], allowed: str, kinds: str = "fiu"
 ) -> Array:
-    """An array of one of some shapes, whose numbers are of some kinds of NumPy's.
+    """Convert to an array and require one of some shapes and one of some NumPy kinds.
 
     Raises:
         ScenarioError: something else; ``allowed`` says in words what must be there.
@@ -102,7 +102,7 @@ def checked_array(
 
 
 def lane_mask(mask: Any, lanes: int) -> Array:
-    """(lanes,) True where something is to happen; None is everywhere. Indices are none."""
+    """Lane selection as a boolean array of shape (lanes,); None selects all lanes, indices are refused."""
     if mask is None:
         return np.ones(lanes, dtype=bool)
     return checked_array("mask", mask, [(lanes,)], f"True or False for each of {lanes} lanes", "b")
@@ -111,7 +111,7 @@ def lane_mask(mask: Any, lanes: int) -> Array:
 def lane_columns(
     scenario: Scenario, paths: Sequence[str], values: Mapping[str, Any], episodes: Array | None
 ) -> tuple[list[Array], int]:
-    """Numbers of each path, and how many lanes fly.
+    """Values of each parameter path, shape (lanes,), and the number of lanes.
 
     Raises:
         ScenarioError: a path that is missing or not of this batch, columns of different lengths, or a delay beyond
@@ -136,7 +136,7 @@ LONGEST = "delays.longest_command"
 
 
 def require_within_queue(scenario: Scenario, columns: Mapping[str, Array]) -> None:
-    """Require that varied delays fit the queue of commands.
+    """Require that varied command delays fit into the command queue.
 
     Args:
         scenario: with the longest delay of its queue.
@@ -165,7 +165,7 @@ REFUSALS = (ValueError, ArithmeticError)
 
 
 def require_draws(scenario: Scenario, paths: Sequence[str]) -> None:
-    """Refuse to vary noise that the scenario lacks: no random numbers are reserved for it.
+    """Refuse varied noise levels that are 0 in the scenario, since no random numbers are reserved for them.
 
     Raises:
         ScenarioError: names the path.
@@ -180,7 +180,7 @@ def require_draws(scenario: Scenario, paths: Sequence[str]) -> None:
 
 
 class LaneRules:
-    """Looks at the lanes in which a path has its least or greatest number, each with all of its numbers.
+    """Validity check of varied parameters, on the lanes with the smallest or largest value of each.
 
     What lies between numbers that passed once is not looked at again: a batch flies many times. A lane with a NaN is
     left out: it never flies, and its status says so.
@@ -222,7 +222,7 @@ class LaneRules:
             self._passed[path] = float(min(low, row[first])), float(max(high, row[last]))
 
     def _look_at(self, numbers: dict[str, float], lane: int) -> None:
-        """Build the scenario of one lane; an error names the number that alone would be refused."""
+        """Build the scenario of one lane; an error names the parameter that is refused on its own."""
         words = self._refusal(numbers)
         if words is None:
             return
@@ -233,7 +233,7 @@ class LaneRules:
         raise ScenarioError(f"values of lane {lane}: {words}")
 
     def _refusal(self, numbers: dict[str, float]) -> str | None:
-        """The scenario's error message for some numbers; None if it accepts them."""
+        """Error message of the scenario for some parameter values; None if it accepts them."""
         try:
             made = with_numbers(self._scenario, numbers)
             if self._scenario.changes:
@@ -248,7 +248,7 @@ LAWS = ("controller", "controller.law")
 
 
 def require_apart_from_changes(scenario: Scenario, paths: Sequence[str]) -> None:
-    """Refuse varied numbers that the scenario's changes depend on.
+    """Refuse varied parameters that the scenario's scheduled changes depend on.
 
     Raises:
         ScenarioError: names the path and the change.
@@ -270,7 +270,7 @@ def _refusals(scenario: Scenario, path: str) -> Iterator[str]:
 
 
 def require_short_steps(scenario: Scenario, values: Mapping[str, Any], largest: float | None) -> None:
-    """Refuse numbers that ask for shorter steps than those compiled: the flight would blow up without a word.
+    """Refuse lane parameters that need shorter integration steps than the compiled ones.
 
     Every lane is looked at with all of its numbers: of stiffness and mass each may be within what others fly.
 
@@ -305,7 +305,7 @@ def require_short_steps(scenario: Scenario, values: Mapping[str, Any], largest: 
 
 
 def _paths_by_record(scenario: Scenario, values: Mapping[str, Any]) -> dict[Place, dict[str, list[Place]]]:
-    """Air, force or drive -> path -> places in it, of those paths from which a largest step may follow."""
+    """Varied parameters that may affect a largest step: air, force or drive -> path -> places in its record."""
     found: dict[Place, dict[str, list[Place]]] = {}
     for path in values:
         if path.startswith(STATED):
@@ -317,7 +317,7 @@ def _paths_by_record(scenario: Scenario, values: Mapping[str, Any]) -> dict[Plac
 
 
 def _borne(record: Any, numbers: Mapping[Place, float], told: Mapping[str, float], euler: bool) -> float | None:
-    """Largest step (s) of a record with other numbers; None where it states none."""
+    """Longest integration step (s) of a record with some numbers replaced; None if it states none."""
     try:
         other = replace_at(record, numbers)
         stated = largest_stable_step(other, euler=euler)
@@ -331,5 +331,5 @@ def _borne(record: Any, numbers: Mapping[Place, float], told: Mapping[str, float
 
 
 def _words(told: Mapping[str, float]) -> str:
-    """Paths with their numbers."""
+    """Text that lists parameter paths and their values."""
     return ", ".join(f"values[{path!r}] = {value:g}" for path, value in told.items())

@@ -1,4 +1,4 @@
-"""Fly one episode, scenario in, log out; or the flight of a log again."""
+"""Flight of one episode from scenario to log, and replay of a logged flight."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SLOWER = "about 150 times slower per step, the same numbers"
 
 
 class _Episode(Session):
-    """A session without commands from outside."""
+    """Session that takes no commands from the user."""
 
     _commands = False
 
@@ -44,12 +44,12 @@ def run(scenario: Scenario, progress: Progress | None = None) -> Log:
 
 
 def run_in_python(scenario: Scenario, progress: Progress | None = None) -> Log:
-    """Fly an episode as :func:`run` does, in Python floats, on any plant and with any law."""
+    """Fly an episode like :func:`run`, but in Python floats, with any plant and any law."""
     return _fly(lambda each: _Episode(each, machine_code=False), scenario, progress)
 
 
 def _fly(make: Callable[[Scenario], Session], scenario: Scenario, progress: Progress | None) -> Log:
-    """The log of a session that is flown to its end."""
+    """Fly a new session to its end and return its log."""
     if progress is not None and not callable(progress):
         raise ScenarioError(f"progress = {shown(progress)}: must be a function of periods flown and all")
     session = make(scenario)
@@ -74,7 +74,7 @@ def replay(
     *,
     progress: Progress | None = None,
 ) -> Log:
-    """Fly a flight again.
+    """Fly the scenario of a log again, with its own controller or another.
 
     Without a controller it is flown to the bits of the log, by the version that wrote it and on a processor that rounds
     alike. With one it shows what another law would have done with the same vehicle in the same wind, noise and pushes,
@@ -93,7 +93,7 @@ def replay(
 
 
 def read(log: Log | str | os.PathLike[str]) -> Log:
-    """A log as it is, or from its file.
+    """Log read from a file; a log is returned as it is.
 
     Raises:
         ScenarioError: one line.
@@ -112,7 +112,7 @@ def read(log: Log | str | os.PathLike[str]) -> Log:
 
 
 def scenario_to_replay(log: Log, controller: str | Controller | None = None) -> Scenario:
-    """The scenario of a log, under its law or another.
+    """Scenario of a log, with its own controller or another.
 
     Raises:
         ScenarioError: one line.

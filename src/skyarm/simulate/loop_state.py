@@ -19,7 +19,7 @@ from skyarm.world import WindSample
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SensorState:
-    """One sensor between two periods.
+    """State of one sensor between two control periods.
 
     Attributes:
         memory: of the sensor.
@@ -93,12 +93,12 @@ class Sample:
 
 
 def stop(now: LoopState) -> LoopState:
-    """The loop of an episode that has ended: as it was, not alive."""
+    """Loop state marked as ended, otherwise unchanged."""
     return dataclasses.replace(now, alive=0.0)
 
 
 def carry_over(first: LoopState, now: LoopState, groups: Sequence[tuple[int, int]] = (), clock: Any = ()) -> LoopState:
-    """``now`` for a loop that begins with ``first``: parts of another structure begin anew.
+    """Carry a loop state over to a changed scenario; parts whose structure differs are taken from ``first``.
 
     Args:
         first: its first state.
@@ -122,7 +122,7 @@ def carry_over(first: LoopState, now: LoopState, groups: Sequence[tuple[int, int
 
 
 def _carry_groups(new: tuple[Any, ...], old: tuple[Any, ...], groups: Sequence[tuple[int, int]]) -> tuple[Any, ...]:
-    """Memories of components, group by group."""
+    """Carry over the memories of components, group by group."""
     kept: list[Any] = []
     for many, few in groups:
         both = zip(new[:many], old[:few], strict=False)
@@ -137,7 +137,7 @@ def _kept(new: Any, old: Any) -> Any:
 
 
 def structure_of(record: Any) -> Any:
-    """An example of a record: every scalar 0.0, structure kept."""
+    """Example of a record: every scalar 0.0, same structure."""
     if is_record(record) or isinstance(record, tuple):
         return rebuild(record, iter([0.0] * len(leaves(record))))
     return record

@@ -1,4 +1,4 @@
-"""One control period of the closed loop, stage after stage: the one loop of every engine."""
+"""One control period of the closed loop as a sequence of stages, shared by all engines."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from skyarm.simulate.loop_state import LoopState, Row, Sample
 
 
 class PlantSteps(Protocol):
-    """A plant within a period, over any scalar."""
+    """Protocol of a plant within one control period, over any scalar type."""
 
     def specific_force(self, state: Any, command: Any, around: Any) -> Any:
         """Proper acceleration of the base origin, base axes, m/s^2."""
         ...
 
     def advance(self, state: Any, before: Any, after: Any, around: Any) -> Any:
-        """State and coupled memories after the period: under the command before for the late part, then the other."""
+        """State and coupled memories after the period; the previous command acts until the new one arrives."""
         ...
 
 
 class Measured(NamedTuple):
-    """The first half of a period: surroundings, sensors and estimator.
+    """Results of the first half of a control period: surroundings, sensors and estimator.
 
     Attributes:
         components: memories of air and forces. around: surroundings of the period.
@@ -41,7 +41,7 @@ Period = Callable[[LoopState, Row, Any], tuple[LoopState, Sample]]
 
 
 def measure(stages: Any, plant: PlantSteps, now: LoopState, row: Row, uniforms: tuple[Scalar, ...]) -> Measured:
-    """Surroundings, sensors and estimator of a period."""
+    """Evaluate surroundings, sensors and estimator at the start of a control period."""
     components, around = stages.surround(now.components, now.drives, now.state, row.time, uniforms, row.path_time)
     acting = stages.acting(now.queue)
     wind, pushes = stages.wind_sample(around, now.state), stages.pushes(around, now.state)
@@ -53,7 +53,7 @@ def measure(stages: Any, plant: PlantSteps, now: LoopState, row: Row, uniforms: 
 def act(
     stages: Any, plant: PlantSteps, now: LoopState, measured: Measured, memory: Any, command: Any, clock: Any = ()
 ) -> LoopState:
-    """Command line, drives and plant: the loop after the period; ``alive`` is 0 where the command is not finite."""
+    """Apply the law's command through delay, drives and plant; return the loop state after the period."""
     alive, queue, acting = stages.send(now.alive, now.queue, command)
     drives = stages.drive(now.drives, measured.acting, acting, now.state)
     around = stages.with_drives(measured.around, drives)
@@ -73,7 +73,7 @@ def act(
 
 
 def make_period(stages: Any, plant: PlantSteps) -> Period:
-    """The function of one control period.
+    """Make the function that advances the closed loop by one control period.
 
     An episode that has ended keeps the state it ended in.
 

@@ -1,4 +1,4 @@
-"""The plant within a control period: the rigid body is traced, other plants and laws of objects are called."""
+"""Plant within a control period: the rigid body is traced, other plants and untraceable laws are called."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Flat = tuple[float, ...]
 
 
 def rigid_body_plant(scenario: Scenario, first: LoopState | None = None) -> RigidBodyPlant:
-    """The rigid-body plant of a scenario, which chooses the number of its integration steps.
+    """Rigid-body plant of a scenario; it fixes the number of integration steps.
 
     Args:
         scenario: with concrete numbers.
@@ -40,13 +40,13 @@ def rigid_body_plant(scenario: Scenario, first: LoopState | None = None) -> Rigi
 
 
 class Substeps:
-    """Integration steps of an interval (s), and a record of those that a program was traced with."""
+    """Number of integration steps of an interval (s), with a record of the intervals that were traced."""
 
     def __init__(self, plant: RigidBodyPlant) -> None:
         self._plant, self._traced = plant, dict[float, int]()
 
     def __call__(self, seconds: float) -> int:
-        """The number of steps."""
+        """Number of integration steps in an interval of ``seconds``."""
         self._traced[seconds] = self._plant.substeps(seconds)
         return self._traced[seconds]
 
@@ -56,7 +56,7 @@ class Substeps:
 
 
 class RigidBodySteps:
-    """The rigid-body plant within a period.
+    """Traced rigid-body plant within one control period.
 
     Args:
         stages: of the episode. substeps: number of integration steps of an interval.
@@ -74,7 +74,7 @@ class RigidBodySteps:
         return force.linear
 
     def advance(self, state: State, before: Command, after: Command, around: Surroundings) -> Moved:
-        """State and coupled memories after the period: under the command before for the late part, then the other."""
+        """State and coupled memories after the period; the previous command acts until the new one arrives."""
         now = after_impact(self._scenario.plant.vehicle, state, around), around.coupled_memories()
         late = self._late
         parts = [(late, before)] if self._apart is None else switches(before, after, *(rest for _, rest in self._apart))
@@ -88,13 +88,13 @@ class RigidBodySteps:
         return self._hold(now, after, around, left)
 
     def _hold(self, now: Moved, command: Command, around: Surroundings, seconds: Scalar) -> Moved:
-        """State and memories after an interval of one command."""
+        """State and coupled memories after an interval with a constant command."""
         count = self._substeps(seconds if type(seconds) is float else self._period)
         return hold(self._scenario.plant, self._scenario.integrator, count, now, command, around, seconds)
 
 
 class EpisodeEndedError(Exception):
-    """An ending came within a period that is evaluated in Python.
+    """Early termination of an episode within a control period that is evaluated in Python.
 
     Attributes:
         command: its numbers where the command is what ended the episode; else ().
@@ -106,7 +106,7 @@ class EpisodeEndedError(Exception):
 
 
 class StagesInPython(Stages):
-    """Stages of a period evaluated in Python: an ending stops it, and a law may be called with floats.
+    """Stages of a control period in Python: a termination raises, and the law may be any function of floats.
 
     Args:
         scenario: of the episode. calls: of its law. example: a command, for its structure.
@@ -120,21 +120,21 @@ class StagesInPython(Stages):
         self._calls, self._example = calls, example
 
     def alive(self, now: LoopState, reference: Reference) -> Any:
-        """Endings; one that has come leaves the period."""
+        """Evaluate the termination conditions; raise EpisodeEndedError once one is met."""
         going: Any = super().alive(now, reference)
         return going.graph.external(_require_alive, [(going,)], 1)[0]
 
     def send(
         self, alive: Scalar, queue: Sequence[Command], command: Command
     ) -> tuple[Any, tuple[Command, ...], Command]:
-        """Command line; a command that is not finite leaves the period."""
+        """Send a command to the actuators; raise EpisodeEndedError if it is not finite."""
         going, moved, acting = super().send(alive, queue, command)
         return going.graph.external(_require_alive, [(going,), leaves(command)], 1)[0], moved, acting
 
     def apply_law(
         self, memory: Any, measurement: Measurement, reference: Reference, path_time: Any
     ) -> tuple[Any, Command]:
-        """The law, called with floats if it cannot be traced; only its observed push is visible outside."""
+        """Call the law, on floats if it cannot be traced; of its memory only the observed force is returned then."""
         if self.scenario.controller.compiled:
             return super().apply_law(memory, measurement, reference, path_time)
         inputs, law = (measurement, reference, path_time), super().apply_law
@@ -154,13 +154,13 @@ class StagesInPython(Stages):
 
 @dataclass(slots=True)
 class LawCalls:
-    """Memory of a law that is called with floats: any object."""
+    """Memory of an untraced law between two calls; any object."""
 
     memory: Any
 
 
 def _graph_of(record: Any) -> Graph:
-    """The program that a traced record belongs to."""
+    """Graph of the traced program that a record's nodes belong to."""
     return next(leaf.graph for leaf in leaves(record) if isinstance(leaf, Node))
 
 
@@ -171,7 +171,7 @@ def _require_alive(alive: Flat, command: Flat = ()) -> Flat:
 
 
 class CalledPlant:
-    """A plant of flat numbers within a traced period, as external calls.
+    """Plant that a traced program calls with flat numbers.
 
     Args:
         plant: of numbers. stages: of the episode. around: surroundings of one period, as an example.
@@ -234,14 +234,14 @@ class CalledPlant:
         return self._hold(state, after, around, left)
 
     def _hold(self, state: Flat, command: Flat, around: Flat, seconds: float) -> Flat:
-        """Numbers of the state and of the coupled memories after an interval of one command."""
+        """Flat numbers of the state and of the coupled memories after an interval with a constant command."""
         found = self._plant.advance(state, command, around, seconds)
         if self._coupled and len(found) != self._end + len(self._coupled):
             raise ScenarioError(f"plant.kind = {self._kind!r}: does not know [world]; it has no coupled memories")
         return found
 
     def _with_memories(self, around: Flat, memories: Flat) -> Flat:
-        """Numbers of the surroundings with other coupled memories."""
+        """Flat numbers of the surroundings with the coupled memories replaced."""
         if not self._coupled:
             return around
         numbers = list(around)
@@ -251,7 +251,7 @@ class CalledPlant:
 
 
 def _impact_of(plant: Any, scenario: Scenario) -> Callable[[Flat, Flat], Flat] | None:
-    """The function of a plant for grasps and joints that get stuck; None where the scenario has none.
+    """Plant function for the impact of grasps and joints that get stuck; None if the scenario has neither.
 
     Raises:
         ScenarioError: a user-defined plant without it.

@@ -1,4 +1,4 @@
-"""Clock of a reference whose phases wait for guards: a state of the loop.
+"""Clock of a reference whose phases wait for guards, as a part of the loop state.
 
 It counts control periods of the reference, goes on with the flight's own, stands still at the
 planned end of a phase with a guard until the flight shows what the guard requires, and skips what is left of a phase
@@ -43,7 +43,7 @@ from skyarm.simulate.tip_and_goal import goal_of, tip_at
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PathClock:
-    """The reference's clock between two control periods; all times are control periods.
+    """State of the reference clock between two control periods; all times in control periods.
 
     Attributes:
         place: of the reference, now. held: of the sample that is held.
@@ -92,7 +92,7 @@ class Seen:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Terms:
-    """Numbers of a guard; times are control periods, flags 1 or 0. Bounds that it lacks are met by any number.
+    """Conditions of one guard as numbers: times in control periods, flags 1 or 0, missing bounds always met.
 
     Attributes:
         stop: m, position of the base's reference at its end; () where no phase ends early.
@@ -124,7 +124,7 @@ BEGUN = -1.0
 
 
 class Waits:
-    """The guards of a scenario and its reference's clock, over any scalar.
+    """Guards of a scenario and the clock of its reference, over any scalar type.
 
     Args:
         scenario: whose numbers may be traced.
@@ -165,11 +165,11 @@ class Waits:
         )
 
     def terms(self, n: Scalar) -> Terms:
-        """Numbers of guard ``n``; after the last guard those of one that never comes."""
+        """Conditions of guard ``n``; for ``n`` beyond the last, of a guard that is never reached."""
         return _select(n, (*self._terms, dataclasses.replace(self._terms[-1], end=NEVER, early=0.0)))
 
     def first(self) -> Clock:
-        """The clock before the first period."""
+        """Initial reference clock, before the first control period."""
         if not self.guards:
             return ()
         zero = Vec3(0.0, 0.0, 0.0)
@@ -188,7 +188,7 @@ class Waits:
         )
 
     def begun_at(self, ticks: Scalar) -> Clock:
-        """The clock of a task that starts during the flight: at its first guard to come.
+        """Reference clock of a task that starts during the flight, at the next guard.
 
         The distance of a phase that is under way then counts from there on.
         """
@@ -201,7 +201,7 @@ class Waits:
         return dataclasses.replace(first, place=ticks, held=ticks, guard=guard, waited=BEGUN)
 
     def lead(self, clock: Clock, ticks: Scalar, row: Row) -> Row:
-        """Inputs of a period, with the reference at its own clock."""
+        """Inputs of a control period, with the reference evaluated at its clock."""
         if not clock or row.reference != ():
             return row
         path_time, reference = self.path_time(clock), self.held_reference(clock, ticks)
@@ -210,21 +210,21 @@ class Waits:
         return dataclasses.replace(row, reference=reference, path_time=path_time)
 
     def is_sound(self, clock: Clock) -> Scalar:
-        """True while no phase has failed that must not."""
+        """True while no mandatory phase has failed."""
         return clock.failed < 0.5 if clock else True
 
     def log_values(self, clock: Clock, ticks: Scalar) -> tuple[Scalar, ...]:
-        """Columns of the clock in a log; () without a clock."""
+        """Logged values of the reference clock; () without a clock."""
         return self.times(clock, ticks) if clock else ()
 
     def advance(self, clock: Clock, ticks: Scalar, measurement: Measurement, row: Row, memory: object) -> Clock:
-        """The clock one control period later, from the law's measurement and memory."""
+        """Reference clock after a control period, from the law's measurement and memory."""
         if not clock:
             return ()
         return self.following(clock, ticks, self.guard_inputs(measurement, row.reference, observed_push(memory)))
 
     def _hold_sample(self, clock: PathClock, ticks: Scalar) -> PathClock:
-        """The clock with the sample that holds in a period, taken in it where it publishes one."""
+        """Reference clock with the reference sample that is held in a period, renewed where a sample is due."""
         fresh = due(ticks, self._ratio)
         held = where(fresh, clock.place, clock.held)
         if not self._moves:
@@ -233,7 +233,7 @@ class Waits:
         return dataclasses.replace(clock, held=held, held_offset=offset, held_since=since)
 
     def times(self, clock: PathClock, ticks: Scalar) -> tuple[Scalar, ...]:
-        """Logged values of the clock.
+        """Path times (s) and offsets (m) of the reference and of its held sample, for the log.
 
         Times of the reference and of its held sample, s, its offset, m, and since when; those of the sample.
         """
@@ -242,27 +242,27 @@ class Waits:
         return self.path_time(clock), sample.held / self._rate, *offsets
 
     def instants(self, times: Sequence[Scalar]) -> tuple[Instant, Instant]:
-        """Time and offset of the held reference and of the reference now, each as :meth:`reference` takes them."""
+        """Path time and offset of the held reference, then those of the current reference."""
         path_time, held, *offsets = times
         return (held, offsets[4:]), (path_time, offsets[:4])
 
     def held_reference(self, clock: PathClock, ticks: Scalar) -> Reference:
-        """The sample of the reference that holds in a period."""
+        """Reference sample that is held in a control period."""
         return self.reference(*self.instants(self.times(clock, ticks))[0])
 
     def path_time(self, clock: PathClock) -> Scalar:
-        """Time of the reference, s."""
+        """Path time of the reference, s."""
         return clock.place / self._rate
 
     def phase(self, path_time: Scalar) -> Scalar:
-        """Number of the phase that is flown at a time of the reference, s; 0 where no phase waits."""
+        """Index of the active phase at a path time, s; 0 without phases."""
         found: Scalar = 0.0
         for each in self._trajectory.phases:
             found = found + where(path_time > each.end + PASSED, 1.0, 0.0)
         return found
 
     def reference(self, time: Scalar, offset: Sequence[Scalar] = ()) -> Reference:
-        """The reference at its own time, s; ``offset`` as :meth:`instants` has it."""
+        """Reference at a path time (s), moved by an offset (as :meth:`instants` returns it)."""
         found = self._trajectory.at(time)
         if not offset:
             return found
@@ -270,7 +270,7 @@ class Waits:
         return offset_reference(found, Vec3(*moved), self._trajectory.returns, since / self._rate, time)
 
     def with_task_loads(self, par: Any, path_time: Any) -> Any:
-        """The law's constants, with the payloads in its model that the task carries at a time of the reference (s)."""
+        """The law's constants, with the payloads that the task carries at a path time (s) added to its model."""
         vehicle = par.model.vehicle
         for payload in self._believed:
             held = logical_and(path_time >= payload.pick, path_time < payload.drop)
@@ -280,7 +280,7 @@ class Waits:
         return dataclasses.replace(par, model=dataclasses.replace(par.model, vehicle=vehicle))
 
     def guard_inputs(self, measurement: Measurement, reference: Reference, force: Vec3 | None) -> Seen:
-        """Inputs of the guards."""
+        """Guard inputs from the law's measurement, the held reference and the observed force."""
         tip = tip_at(self._vehicle, measurement.position, measurement.quaternion, measurement.joints)
         goal, felt = goal_of(self._vehicle, reference).tool, None
         if self._sensed:
@@ -290,7 +290,7 @@ class Waits:
         return Seen(tip=tip, goal=goal, push=reference.push, force=force, felt=felt, switches=switches)
 
     def following(self, clock: PathClock, ticks: Scalar, seen: Seen) -> PathClock:
-        """The clock one control period later."""
+        """Reference clock one control period later: evaluates the guard, advances or waits."""
         n, now = clock.guard, self.terms(clock.guard)
         there = clock.place >= now.end - WHOLE
         begins = logical_or(clock.place <= now.begin + WHOLE, clock.waited < 0.5 * BEGUN)
@@ -321,7 +321,7 @@ class Waits:
         )
 
     def _holds(self, n: Scalar, now: Terms, seen: Seen, origin: Vec3 | tuple[()]) -> Scalar:
-        """True if the flight meets all conditions of the guard."""
+        """True if all conditions of the guard are met."""
         found: Scalar = n > -1.0
         if any(guard.error is not None for guard in self.guards):
             away = counted_error(seen.tip - seen.goal, seen.push, seen.tip)
@@ -338,7 +338,7 @@ class Waits:
         return found
 
     def _force_holds(self, now: Terms, seen: Seen) -> Scalar:
-        """True if the force, observed or read by a sensor, meets the guard's condition."""
+        """True if the contact force, observed or measured, is within the guard's bounds."""
 
         def holds(force: Vec3 | None) -> Scalar:
             if force is None:  # of a law that observes no force nobody knows that there is none
@@ -357,7 +357,7 @@ def _bound(value: Scalar | None, none: float) -> Scalar:
 
 
 def _select(n: Scalar, values: Sequence[T]) -> T:
-    """The value of number n, a scalar or a record; beyond the last the last."""
+    """Entry ``n`` of a sequence for a traced ``n``; the last entry beyond the end."""
     found = values[-1]
     for i in reversed(range(len(values) - 1)):
         found = blend(n < i + 0.5, values[i], found)
@@ -365,7 +365,7 @@ def _select(n: Scalar, values: Sequence[T]) -> T:
 
 
 def due(ticks: Scalar, every: int) -> Scalar:
-    """True in every ``every``-th period; half a period of slack, since a quotient may be rounded."""
+    """True in every ``every``-th control period."""
     late = ticks - floor(ticks / float(every) + 0.5 / every) * float(every)
     fresh: Scalar = late < 0.5
     return fresh
@@ -378,7 +378,7 @@ def is_other_reference(now: Overrides, then: Overrides) -> bool:
 
 
 def clock_of_change(scenario: Scenario, first: LoopState, now: LoopState, *, anew: bool) -> Clock:
-    """The clock at its start in the present period; () if the one before continues, or if there is none.
+    """Restarted reference clock after a change of the scenario; () if the clock continues or there is none.
 
     Args:
         scenario: after the change.

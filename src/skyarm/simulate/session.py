@@ -1,4 +1,4 @@
-"""A session: an episode flown one control period at a time, by its law or by commands from outside."""
+"""Interactive session: an episode flown period by period, under its law or under the user's commands."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from skyarm.simulate.reference_clock import is_other_reference
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """The scenario in force at an instant of a flight, and the changes before it.
+    """Scenario in force at an instant of a flight, with all changes before and after it.
 
     Attributes:
         begun: the scenario with which the flight began.
@@ -50,7 +50,7 @@ class Course:
 
     @staticmethod
     def of(scenario: Scenario) -> Course:
-        """The course of a flight that is about to begin."""
+        """Initial course of a scenario, before its flight begins."""
         return Course(scenario, scenario, coming=in_order(scenario.changes, scenario.rates.control))
 
     @property
@@ -66,7 +66,7 @@ class Course:
         return bool(self.coming) and self.coming[0].tick(self.begun.rates.control) <= tick
 
     def with_due_changes(self, tick: int, piece: Piece) -> Course:
-        """The course once the changes of this control period have taken hold; ``piece`` was flown until now."""
+        """Course after the scheduled changes of a control period; ``piece``: flight under the scenario before."""
         rate, overrides = self.begun.rates.control, self.overrides
         due = [change for change in self.coming if change.tick(rate) <= tick]
         for change in due:
@@ -75,7 +75,7 @@ class Course:
         return self._after(due, self.coming[len(due) :], overrides, now, piece)
 
     def with_values(self, tick: int, values: Mapping[str, Any], piece: Piece) -> Course:
-        """The course after interactive changes, before this control period.
+        """Course after interactive changes at the start of a control period.
 
         Raises:
             ScenarioError: one line: a path, or a value, that cannot be, or with which a change to come cannot be.
@@ -118,7 +118,7 @@ _NUMBERS = itertools.count()
 
 
 class Session:
-    """A session flies one episode period by period.
+    """Session: flies one episode period by period.
 
     On the rigid-body plant a law that can be traced flies in machine code, compiled when the session is made; any other
     law or plant flies stage by stage in Python. The numbers are those of :func:`skyarm.run`, to the last bit.
@@ -160,12 +160,12 @@ class Session:
 
     @property
     def scenario(self) -> Scenario:
-        """The scenario in force, with the changes to come; :meth:`change` makes another of it."""
+        """Scenario in force, with the scheduled changes to come."""
         return self._scenario
 
     @property
     def plan(self) -> Scenario:
-        """The scenario that :func:`skyarm.run` flies to the bits of this session: as it began, with all its changes.
+        """Scenario whose :func:`skyarm.run` reproduces this session to the bit: the initial one with all changes.
 
         Commands from outside are no part of a scenario.
         """
@@ -178,12 +178,12 @@ class Session:
 
     @property
     def time(self) -> float:
-        """Time of the period that comes next, s."""
+        """Time at the start of the next period, s."""
         return self.tick / self._scenario.rates.control
 
     @property
     def ended(self) -> Ended | None:
-        """Cause of an early end of the episode, or None."""
+        """Status, cause and time of an early end of the episode, or None."""
         return self._engine.ended
 
     @property
@@ -193,7 +193,7 @@ class Session:
 
     @property
     def state(self) -> State:
-        """The plant's state now: the truth, which no law sees."""
+        """True current state of the plant, without sensor errors."""
         return self._engine.state()
 
     @property
@@ -209,7 +209,7 @@ class Session:
 
     @property
     def reference(self) -> Reference:
-        """The held reference of the period that comes next."""
+        """The held reference of the next period."""
         self._require_running()
         return self._engine.reference()
 
@@ -232,13 +232,13 @@ class Session:
         return going
 
     def run(self) -> Log:
-        """Fly to the end; the log of everything since the session began."""
+        """Fly to the end of the episode and return the log of the whole session."""
         while self.fly(self._scenario.steps):
             pass
         return self.log
 
     def fly(self, stop: int) -> bool:
-        """Fly several periods by the law, at most up to one; True while the episode is not over.
+        """Fly several periods under the law, at most up to period ``stop``; False once the episode is over.
 
         A stretch takes about a tenth of a second, and ends where the scenario changes.
         """
@@ -251,17 +251,17 @@ class Session:
 
     @property
     def log(self) -> Log:
-        """The flight so far, each period with the reference held in it; its scenario is :attr:`plan`."""
+        """Log of the flight so far; its scenario is :attr:`plan`."""
         engine = self._engine
         pieces = (*self._course.flown, engine.piece)
         return join_pieces(self.plan, pieces, engine.ended or running_status(self._scenario, engine.tick))
 
     def snapshot(self) -> Snapshot:
-        """The session now."""
+        """Snapshot of the session's current state for :meth:`restore`."""
         return Snapshot(self._course, self.tick, self._engine, self._engine.snapshot(), self._number)
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Go back, or forward again, to a snapshot of this session.
+        """Restore the session from one of its snapshots, earlier or later.
 
         Raises:
             ScenarioError: no snapshot, or one of another session.
@@ -275,7 +275,7 @@ class Session:
         self._engine.restore(snapshot.held)
 
     def change(self, values: Mapping[str, Any]) -> None:
-        """Change numbers or parts by path, from the next period on, as ``[[changes]]`` of a file do.
+        """Change numbers or parts by path from the next period on, like ``[[changes]]`` in a scenario file.
 
         Args:
             values: path -> a number (:mod:`skyarm.scenario.numbers`), or what a file has in the place of a whole part
@@ -290,7 +290,7 @@ class Session:
         self._go_on(self._course.with_values(self.tick, values, self._engine.piece))
 
     def _make_engine(self, course: Course) -> Engine:
-        """Machine code if available, else Python."""
+        """Engine in machine code if available, else in Python."""
         scenario = course.now
         if self._compiles and scenario.kind == "rigid_body" and scenario.controller.compiled:
             try:
@@ -300,7 +300,7 @@ class Session:
         return Engine(EpisodeCode(scenario, machine_code=False, commands=self._commands))
 
     def _compile(self, course: Course, scenario: Scenario) -> Engine:
-        """An engine in machine code, with an earlier program if one fits."""
+        """Engine in machine code; reuses an earlier program that fits."""
         read, key = self._read(course), self._key(course)
         numbers, shape = dict(read.numbers), read.parts_of(course.begun)
         code = next((code for code in self._codes if code.fits(key, scenario)), None)
@@ -322,16 +322,16 @@ class Session:
             self._go_on(self._course.with_due_changes(self.tick, self._engine.piece))
 
     def _read(self, course: Course) -> Overrides:
-        """The numbers that machine code reads in every period."""
+        """Numbers that the machine code reads as parameters in every period."""
         return course.overrides.data(course.begun, self._paths)
 
     def _key(self, course: Course) -> Any:
-        """Key of a program; programs of one key differ in the values of their numbers only."""
+        """Key of a compiled program; programs with equal keys differ in parameter values only."""
         read = self._read(course)
         return read.parts, tuple(path for path, _ in read.numbers)
 
     def _go_on(self, course: Course) -> None:
-        """Fly on along another course."""
+        """Continue the flight under a changed course, in a new engine if the program does not fit."""
         new, old = dict(course.overrides.numbers), dict(self._course.overrides.numbers)
         changed = [path for path in {**new, **old} if new.get(path) != old.get(path)]
         # noise that is turned up from none draws other numbers

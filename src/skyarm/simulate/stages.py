@@ -46,7 +46,7 @@ from skyarm.world import Component, WindSample, effectiveness_at
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Readings:
-    """Sensors and estimator after a period, readings for the log (name, record), the law's measurement."""
+    """Results of sensors and estimator in a period: their memories, logged readings and the law's measurement."""
 
     sensors: tuple[SensorState, ...]
     estimate: Any
@@ -55,7 +55,7 @@ class Readings:
 
 
 class Stages:
-    """Stages of a scenario's control period; its numbers may be traced.
+    """Stages of one control period of a scenario, whose numbers may be traced.
 
     Args:
         scenario: structure must be concrete: rates, integrator, delays but for a varied one of the commands.
@@ -85,13 +85,13 @@ class Stages:
         self._every = tuple(round(scenario.rates.control / s.frequency) if s.frequency else 1 for _, s in self.sensors)
 
     def alive(self, now: LoopState, reference: Reference) -> Scalar:
-        """Endings: 1 while none has come, else 0."""
+        """1.0 while no termination condition is met, else 0.0."""
         fine = logical_and(now.alive > 0.5, healthy(self.scenario, now.state, reference.position))
         sound = self.waits.is_sound(now.clock)
         return where(fine if sound is True else logical_and(fine, sound), 1.0, 0.0)
 
     def check(self, now: LoopState, row: Row) -> LoopState:
-        """The loop, not alive where an ending has come."""
+        """Loop state, marked as ended once a termination condition is met."""
         return dataclasses.replace(now, alive=self.alive(now, row.reference))
 
     def surround(
@@ -103,7 +103,7 @@ class Stages:
         uniforms: tuple[Scalar, ...],
         path_time: Any = (),
     ) -> Any:
-        """Air, forces and faults of the period: advanced memories, and the plant's inputs."""
+        """Advance air, forces and other components; return their memories and the plant's inputs of the period."""
         going = [
             component.advance(memory, time, self.period, state, self.draws.of_component(i, uniforms))
             for i, (component, memory) in enumerate(zip(self.components, memories, strict=True))
@@ -119,7 +119,7 @@ class Stages:
         return tuple(going), self.surroundings(tuple(going), drives, time)
 
     def pushes(self, around: Surroundings, state: State) -> tuple[Push, ...]:
-        """Forces on the force sensors, in their order; () without any."""
+        """External wrench at each force sensor, in the sensors' order; () without force sensors."""
         frames = [sensor.feels for _, sensor in self.sensors if sensor.feels is not None]
         if not frames:
             return ()
@@ -141,25 +141,25 @@ class Stages:
         )
 
     def acting(self, queue: Sequence[Command]) -> Command:
-        """The command that acts before this period's arrives."""
+        """Command that acts until this period's command arrives."""
         return self._active_command(tuple(queue))
 
     def _active_command(self, queue: tuple[Command, ...]) -> Command:
-        """The active command of a queue; rotors and joints may have different delays."""
+        """Delayed command from a queue; rotors and joints may have different delays."""
         if self.apart is None:
             return command_in_force(queue, self.whole)
         (rotors, _), (joints, _) = self.apart
         return joined_parts(command_in_force(queue, rotors), command_in_force(queue, joints))
 
     def law_reference(self, row: Row) -> Reference:
-        """The law's reference: the governed one, if any; before tracking starts that of t = 0, at rest."""
+        """Reference that the law receives: time-scaled if planned so; the initial pose until tracking starts."""
         return joined_reference(self.scenario, row.told or row.reference, row.time)
 
     def sense(
         self, sensors: Sequence[SensorState], estimate: Any, ticks: Scalar, state: State, force: Vec3, acting: Command,
         time: Scalar, uniforms: tuple[Scalar, ...], pushes: Sequence[Push] = (),
     ) -> Readings:  # fmt: skip
-        """Sensors and estimator: new readings, readings that arrive, and the law's measurement.
+        """Evaluate sensors and estimator: sensor states, delayed readings and the law's measurement.
 
         What a force sensor on the link of the tip reads goes to the law beside the estimate.
         """
@@ -193,7 +193,7 @@ class Stages:
     def decide(
         self, memory: Any, measurement: Measurement, reference: Reference, path_time: Any = ()
     ) -> tuple[Any, Command]:
-        """The law, or the command from outside, which leaves the law's memory as it is."""
+        """Law memory and command; a user's command replaces the law's and freezes its memory."""
         if self._command is not None and self._given is None:
             return memory, with_rest(self.scenario.plant.vehicle, self._command)
         following, command = self.apply_law(memory, measurement, reference, path_time)
@@ -205,7 +205,7 @@ class Stages:
     def apply_law(
         self, memory: Any, measurement: Measurement, reference: Reference, path_time: Any
     ) -> tuple[Any, Command]:
-        """The law's memory and command."""
+        """Evaluate the law: its next memory and its command."""
         par = self.waits.with_task_loads(self.scenario.controller.par, path_time)
         following, command = self._law(memory, measurement, reference, self.period, par=par)
         return following, with_rest(self.scenario.plant.vehicle, command)
@@ -213,7 +213,7 @@ class Stages:
     def send(
         self, alive: Scalar, queue: Sequence[Command], command: Command
     ) -> tuple[Any, tuple[Command, ...], Command]:
-        """Command line: refuses a command that is not finite; the queue, and what acts once it has moved."""
+        """Queue a command: whether it is finite (1.0 or 0.0), the new queue, and the delayed command that now acts."""
         going = alive > 0.5
         for value in (*command.rotor_speeds, *command.efforts, *command.tilts):
             going = logical_and(going, absolute(value) < float("inf"))
@@ -223,7 +223,7 @@ class Stages:
     def drive(
         self, drives: Sequence[tuple[Scalar, ...]], before: Command, acting: Command, state: State
     ) -> tuple[tuple[Scalar, ...], ...]:
-        """Memories of the joint drives under the setpoints that act in this period, on average over it."""
+        """Joint drive memories after a period, under the mean of the setpoints that act in it."""
         if not drives:
             return ()
         heard = mean_efforts(before, acting, self.late if self.apart is None else self.apart[1][1], self.period)
@@ -231,7 +231,7 @@ class Stages:
         return tuple(drive.advance(memory, u, q, qd, self.period) for drive, memory, u, q, qd in rows)
 
     def with_drives(self, around: Surroundings, drives: tuple[tuple[Scalar, ...], ...]) -> Surroundings:
-        """The plant's inputs, with the drives' memories under the setpoints of this period."""
+        """Plant inputs of a period with updated memories of the joint drives."""
         return dataclasses.replace(around, drive_memories=drives) if drives else around
 
     @property
@@ -240,26 +240,26 @@ class Stages:
         return tuple(i for i, component in enumerate(self.components) if component.coupled)
 
     def advance_coupled(self, memories: tuple[Any, ...], coupled: Memories) -> tuple[Any, ...]:
-        """Memories of all components at the end of the period, the coupled ones as integrated with the plant."""
+        """Memories of all components at the end of the period, with those that the plant integrated replaced."""
         held = list(memories)
         for place, memory in zip(self.coupled_indices, coupled, strict=True):
             held[place] = memory
         return tuple(held)
 
     def wind_sample(self, around: Surroundings, state: State) -> WindSample:
-        """Surroundings as the log keeps them."""
+        """Sample of the surroundings for the log: wind, force and the components' logged numbers."""
         return wind_at(around, self.scenario.plant, state)
 
     def found(self, memory: Any) -> tuple[Any, ...]:
-        """The law's online estimates, for the log; () of most laws."""
+        """Online estimates of the law, for the log; () if it has none."""
         return numbers_found(memory)
 
     def count(self, ticks: Scalar, alive: Scalar) -> Any:
-        """Control periods flown."""
+        """Number of control periods flown, unchanged once the episode has ended."""
         return ticks + alive
 
     def keep(self, following: LoopState, now: LoopState) -> LoopState:
-        """The next period's state; of an episode that has ended, the one it ended in."""
+        """Loop state of the next period; the final state once the episode has ended."""
         kept: LoopState = blend(following.alive > 0.5, following, stop(now))
         return kept
 
@@ -272,12 +272,12 @@ ASKED = (0, 5)
 
 
 def joins_late(scenario: Scenario) -> bool:
-    """True if the law may start tracking after the first instant."""
+    """True if tracking of the reference may start after the first instant."""
     return not (type(scenario.tracking_start) is int and scenario.tracking_start == 0)
 
 
 def joined_reference(scenario: Scenario, going: Reference, time: Scalar) -> Reference:
-    """The law's reference: until tracking starts the pose of t = 0, at rest, then the reference at the present time.
+    """Reference before and after tracking starts: the initial pose at rest, then the current reference.
 
     Costs nothing where the law follows from the first instant. Structural numbers stay: they do not move.
     """
@@ -303,7 +303,7 @@ def _resting(resting: Any, still: Any, going: Any) -> Scalar:
 
 
 def push_at(frame: Frame, around: Surroundings, vehicle: Vehicle, state: State, gravity: Scalar) -> Push:
-    """Force and torque at a frame of all that pushes on its link and on the links that it carries.
+    """External wrench at a frame, in its axes, by everything that acts on its link and on the links it carries.
 
     Of loads it is the weight: what it takes to accelerate them is not there. All components are data, also where
     nothing can push, because sensors keep them in their memories.
@@ -336,7 +336,7 @@ def push_at(frame: Frame, around: Surroundings, vehicle: Vehicle, state: State, 
 
 
 def beyond(vehicle: Vehicle, link: int) -> set[int]:
-    """Numbers of the links that move with one; all of them and the base for the base."""
+    """Indices of a link and of all links that it carries; the base carries all links."""
     found = {link}
     if link == BASE:
         return {BASE, *range(len(vehicle.moving))}

@@ -11,12 +11,12 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 
 def tool_of(vehicle: Vehicle, state: State) -> Vec3:
-    """World position of the tip; of the base origin if the vehicle has none."""
+    """Tip position, world axes, m; position of the base origin if the vehicle has no tip."""
     return tip_at(vehicle, state.position, state.quaternion, state.joints)
 
 
 def tip_at(vehicle: Vehicle, position: Vec3, quaternion: Quaternion, joints: tuple[Scalar, ...]) -> Vec3:
-    """The same from the parts of a state, or of a measurement."""
+    """Tip position, world axes, m, from base position, attitude and joint positions."""
     if not vehicle.end_effector:
         return position
     held = frame_pose(vehicle, vehicle.frame(vehicle.end_effector), joints).p
@@ -24,7 +24,7 @@ def tip_at(vehicle: Vehicle, position: Vec3, quaternion: Quaternion, joints: tup
 
 
 def goal_of(vehicle: Vehicle, reference: Reference) -> Goal:
-    """Desired positions of a reference; its tool is the tip's own reference, or that of the level vehicle.
+    """Desired positions of base, joints and tip by a reference; without a tip reference, of the level vehicle.
 
     The latter is p_d + R_z(psi_d) p_e(th_d).
     """

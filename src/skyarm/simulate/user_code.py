@@ -1,4 +1,4 @@
-"""User-defined air, forces, drives, sensors, estimators, endings and laws: checks of their results.
+"""Checks of the results of user-defined air, forces, drives, sensors, estimators, endings and laws.
 
 Before a flight each part is traced once, and a result of the wrong shape is refused in one line with class, file and
 line. :func:`check_law` looks further: it compares a law in floats with its program over some periods, which finds
@@ -60,20 +60,20 @@ Step = Callable[[Any, Any, State, Any], Any]
 
 @dataclass(frozen=True)
 class Part:
-    """A user-defined part of a scenario: its path there, the record, and its main method, for messages."""
+    """User-defined part of a scenario: its path, its record, and the main method that error messages refer to."""
 
     place: str
     record: Any
     method: str
 
     def refusal(self, words: str, place: str = "") -> ScenarioError:
-        """The error to raise."""
+        """ScenarioError about this part, with file and line of the user's code."""
         method = getattr(self.record, self.method)
         found = place or place_of(method if own_code(method) else type(self.record))
         return ScenarioError(f"{found}: {self.place} ({type(self.record).__name__}) {words}")
 
     def trace(self, step: Step, memory: tuple[Scalar, ...], state: State, draws: int = 0) -> None:
-        """Trace a step; whatever is wrong with it is one line."""
+        """Trace one step of the part; raise a one-line error for any mistake in it."""
         words = memory_mistake(memory, "memory")
         if words:
             raise self.refusal(words)
@@ -101,7 +101,7 @@ def _floats(record: Any) -> Any:
 
 
 def require_shapes(scenario: Scenario) -> None:
-    """Refuse user-defined parts whose functions cannot be called as the loop calls them, or return another shape.
+    """Refuse user-defined parts whose methods take other arguments or return other shapes than the loop requires.
 
     Raises:
         ScenarioError: one line with file and line, place in the scenario, class and method.
@@ -114,7 +114,7 @@ def require_shapes(scenario: Scenario) -> None:
 
 
 def _parts(scenario: Scenario) -> Iterator[tuple[Part, Callable[[Scenario, Part], None]]]:
-    """The user-defined parts, each with its check."""
+    """Pair each user-defined part of a scenario with its check."""
     groups: list[tuple[str, Callable[..., None], list[tuple[str, Any]]]] = [
         ("advance", _check_component, list(scenario.placed_components)),
         ("effort", _check_drive, [(f"plant.drives.{each.joint}", each.drive) for each in scenario.joint_drives]),
@@ -129,7 +129,7 @@ def _parts(scenario: Scenario) -> Iterator[tuple[Part, Callable[[Scenario, Part]
 
 
 def _require_class(scenario: Scenario, part: Part) -> None:
-    """Refuse methods with other parameters, and a number of random numbers that is none."""
+    """Refuse methods with wrong parameters, and an invalid count of random numbers."""
     kind = type(part.record)
     mistake = class_mistake(kind)
     if mistake is not None:
@@ -143,7 +143,7 @@ def _require_class(scenario: Scenario, part: Part) -> None:
 
 
 def _check_component(index: int, scenario: Scenario, part: Part) -> None:
-    """Air, a force, or another component of the surroundings."""
+    """Check a user-defined component of the surroundings, such as air or a force."""
     vehicle, component, period = scenario.plant.vehicle, part.record, 1.0 / scenario.rates.control
 
     def step(memory: tuple[Scalar, ...], time: Scalar, state: State, draws: tuple[Scalar, ...]) -> Any:
@@ -234,7 +234,7 @@ def _check_ending(_index: int, scenario: Scenario, part: Part) -> None:
 
 
 def check_law(law: Scenario | Controller | Callable[[Model], Controller], scenario: Scenario | str = "case3") -> None:
-    """Refuse a law that cannot be traced, is no function of its arguments, or gives no finite first command.
+    """Refuse a law that cannot be traced, has hidden state, or returns a first command that is not finite.
 
     The law steps over its first periods twice, as floats and as a traced program, and both must agree to the bit: a law
     that keeps something outside its memory, or freezes a number into the program, differs. A law that is called
@@ -264,7 +264,7 @@ def check_law(law: Scenario | Controller | Callable[[Model], Controller], scenar
 
 
 def _make_controller(law: Controller | Callable[[Model], Controller], model: Model) -> Controller:
-    """The controller itself, or what its maker makes of a model."""
+    """Controller given directly, or made from a model by its maker function."""
     if isinstance(law, Controller):
         check_controller(law)
         return law

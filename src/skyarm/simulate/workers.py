@@ -1,4 +1,4 @@
-"""Processes that fly: they leave Ctrl-C to their parent and end with it. Inner functions travel as their code."""
+"""Worker processes for simulations; they ignore Ctrl-C and end with their parent."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from skyarm.records.registry.plugins import Plugin, laws_of_files, load_again, l
 
 
 def pack(value: Any) -> bytes:
-    """A value as bytes that :func:`pickle.loads` reads in a process of the same Python with the same plugins.
+    """Serialise a value for a worker process with the same Python and plugins; inner functions are supported.
 
     Raises:
         ValueError: something in it cannot travel; names it.
@@ -38,10 +38,10 @@ def pack(value: Any) -> bytes:
 
 
 class _Pickler(pickle.Pickler):
-    """Pickle, and functions made inside functions."""
+    """Pickler that also serialises functions defined inside functions."""
 
     def reducer_override(self, value: Any) -> Any:
-        """Code and contents of an inner function; anything else as usual."""
+        """Reduce an inner function to its code and closure; anything else as usual."""
         if not isinstance(value, FunctionType) or "<locals>" not in value.__qualname__:
             return NotImplemented
         cells = value.__closure__ or ()
@@ -51,7 +51,7 @@ class _Pickler(pickle.Pickler):
 
 
 def _content(cell: CellType) -> tuple[Any, ...]:
-    """Content of a closure's cell, if it has any yet."""
+    """Content of a closure's cell as a tuple; () for an empty cell."""
     try:
         return (cell.cell_contents,)
     except ValueError:
@@ -59,7 +59,7 @@ def _content(cell: CellType) -> tuple[Any, ...]:
 
 
 def _empty(code: bytes, module: str, qualname: str, cells: int) -> FunctionType:
-    """A function with empty closure cells, filled later: a closure may contain the function itself."""
+    """Rebuild an inner function with empty closure cells, which are filled later."""
     inner: CodeType = marshal.loads(code)
     closure = tuple(CellType() for _ in range(cells))
     made = FunctionType(inner, import_module(module).__dict__, inner.co_name, None, closure)
@@ -80,7 +80,7 @@ Submit = Callable[..., Future[Any]]
 
 @contextmanager
 def workers(count: int) -> Iterator[Submit]:
-    """Processes, started when there is work; yields the function that hands it to them.
+    """Start worker processes on demand; yields the function that submits tasks to them.
 
     Whatever is raised inside ends what still flies.
 
@@ -110,7 +110,7 @@ def workers(count: int) -> Iterator[Submit]:
 
 
 def _abandon(pool: ProcessPoolExecutor, children: set[Any]) -> None:
-    """End the episodes still in flight, without waiting for them.
+    """Terminate running episodes at once, without waiting for their results.
 
     A process may be cut off while it sends a result. The pool's thread would wait for the rest for ever, since this
     process holds the sending end as well: it is closed first.
@@ -128,7 +128,7 @@ _REFUSED: list[RegistryError] = []
 
 
 def _call(work: bytes) -> Any:
-    """Execute one task; it is unpickled here, after the plugins that it may need are loaded."""
+    """Execute one serialised task in a worker process."""
     if _REFUSED:
         raise _REFUSED[0]
     function, arguments = pickle.loads(work)
@@ -143,7 +143,7 @@ def _call(work: bytes) -> Any:
 
 
 def _serve_parent(plugins: tuple[Plugin, ...], laws: tuple[str, ...]) -> None:
-    """Set up a worker: leave Ctrl-C, which reaches every process of a terminal, to the parent; end with it."""
+    """Initialise a worker process: ignore Ctrl-C, load the parent's plugins, end with the parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         load_again(plugins)
@@ -155,7 +155,7 @@ def _serve_parent(plugins: tuple[Plugin, ...], laws: tuple[str, ...]) -> None:
 
 
 def _end_with_parent() -> None:
-    """Wait for the end of the parent: a killed parent cannot stop its workers, which would wait for ever."""
+    """Wait for the parent process to end, then exit the worker."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()
@@ -164,7 +164,7 @@ def _end_with_parent() -> None:
 
 @contextmanager
 def _deaf_to_interrupts() -> Iterator[None]:
-    """Processes started here inherit the deafness, before they can ask for it themselves."""
+    """Context in which new processes ignore Ctrl-C from their start."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

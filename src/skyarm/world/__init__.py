@@ -1,4 +1,4 @@
-"""Surroundings of the vehicle: wind, gusts, turbulence, drag of the airframe, payloads, faults."""
+"""Surroundings of the vehicle: wind, gusts, turbulence, airframe drag, payloads, contact and faults."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any

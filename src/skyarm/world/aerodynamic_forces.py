@@ -1,4 +1,4 @@
-"""Aerodynamic forces by name: ground effect of every rotor, drag of links, inflow and translational lift of rotors.
+"""Aerodynamic forces: ground effect, drag of the arm's links, inflow and translational lift of the rotors.
 
 None of them is in a vehicle's own records; ``[[environment.forces]]`` of a scenario adds them with their numbers.
 """
@@ -23,7 +23,7 @@ _STILL = 1e-24
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class GroundEffect(Force):
-    """Ground effect: thrust grows near the ground z = 0, which mirrors every rotor as a source of the opposite flow.
+    """Ground effect by image rotors: thrust of each rotor increases near the ground z = 0.
 
     The thrust of rotor i grows by 1 / (1 - s), s = sum_j (R^2 / 2) z / (d_ij^2 + 4 z^2)^(3/2), with d_ij the distance
     between hubs and z the height of rotor i. Of a rotor alone s = (R / 4 z)^2. Lower than ``lowest`` radii the effect
@@ -43,7 +43,7 @@ class GroundEffect(Force):
         accept_fields(self, "ground_effect")
 
     def wrenches(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Sequence[Wrench]:
-        """Forces of the rotors in addition to their thrust."""
+        """Additional rotor forces due to the ground effect."""
         found, rotors = [], motion.vehicle.rotors
         for i, (rotor, speed) in enumerate(zip(rotors, rotor_speeds, strict=True)):
             z = maximum(motion.position(rotor.position).z, self.lowest * self.radius)
@@ -78,12 +78,12 @@ class LinkDrag(Force):
         accept_fields(self, "link_drag")
 
     def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Scalar) -> None:
-        """Refuse a vehicle with another number of links than of areas."""
+        """Refuse a vehicle whose number of links differs from the number of areas."""
         if len(self.area) != vehicle.n:
             raise ValueError(f"area: {len(self.area)} numbers, must be {vehicle.n}, one for each link")
 
     def wrenches(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Sequence[Wrench]:
-        """A force on every link."""
+        """Drag force on every link."""
         found = []
         for i, (link, area) in enumerate(zip(motion.vehicle.links, self.area, strict=True)):
             v: Vec3 = motion.velocity(link.body.com, i) - motion.air_velocity(link.body.com, i)
@@ -109,7 +109,7 @@ class RotorDrag(Force):
         accept_fields(self, "rotor_drag")
 
     def wrenches(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Sequence[Wrench]:
-        """A force at each hub."""
+        """Additional thrust force at each rotor hub."""
         found = []
         for rotor, speed in zip(motion.vehicle.rotors, rotor_speeds, strict=True):
             v = motion.velocity(rotor.position) - motion.air_velocity(rotor.position)

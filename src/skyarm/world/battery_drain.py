@@ -1,4 +1,4 @@
-"""Battery drain during a flight: charge and voltage, and what the voltage leaves of the rotors' speeds."""
+"""Battery discharge in flight: charge, voltage, and the rotor speeds that the voltage allows."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from skyarm.world.component import Column, Component
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class BatteryDrain(Component):
-    """The rotors' load on the battery, once per control period at the speeds at its beginning."""
+    """Battery discharge by the rotors, updated once per control period."""
 
     battery: Battery
     rotors: tuple[Rotor, ...]
 
     def start(self, period: float, draws: Sequence[Any]) -> tuple[Any, Any]:
-        """Charge (share of the capacity) and voltage (V) without a load."""
+        """Initial charge (share of the capacity) and open-circuit voltage (V)."""
         charge = data(self.battery.charge)
         return charge, self.battery.voltage(charge, 0.0)
 
     def advance(self, memory: Any, t: Any, dt: float, state: State, draws: Sequence[Any]) -> tuple[Any, Any]:
-        """Charge after the period; the voltage under its load."""
+        """Charge after the period, and voltage under the rotors' load."""
         power = self.battery.power(self.rotors, state.rotor_speeds)
         return self.battery.discharge(memory[0], power, dt), self.battery.voltage(memory[0], power)
 
     def rotor_commands(self, memory: Any, rotors: Sequence[Rotor], commands: Sequence[Scalar]) -> Sequence[Scalar]:
-        """Speeds that the voltage allows (governed), or that a throttle of these commands gives at it (open)."""
+        """Achievable rotor speeds at the voltage: limited if governed, scaled with it if open loop."""
         supply = memory[1] / self.battery.reference_voltage
         pairs = zip(commands, rotors, strict=True)
         if self.battery.esc == "open":
@@ -41,10 +41,10 @@ class BatteryDrain(Component):
 
     @property
     def columns(self) -> tuple[Column, ...]:  # type: ignore[override]
-        """Charge and voltage."""
+        """Log columns of charge and voltage."""
         charge = Column("battery_charge", "", "", "share of the capacity after the period")
         return charge, Column("battery_voltage", "", "V", "under load")
 
     def logged(self, memory: Any, motion: PointMotion) -> tuple[Any, ...]:
-        """Charge and voltage."""
+        """Charge and voltage for the log."""
         return tuple(memory)

@@ -1,4 +1,4 @@
-"""Components of the surroundings: moving air and forces, each a frozen record of numbers with pure functions.
+"""Interface of the components of the surroundings: air and forces as frozen records with pure functions.
 
 A component is written once, in traceable functions: the same lines fly as Python floats, in machine code, in a batch
 whose lanes have other numbers, and on MuJoCo's plant. Its clock:
@@ -38,7 +38,7 @@ MOST_STEPS = 1000
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Wrench:
-    """A wrench is a force and a torque on one body.
+    """Force and torque on one body of the vehicle.
 
     Attributes:
         body: index into ``Vehicle.moving`` (links, then followers), or ``BASE``.
@@ -56,13 +56,13 @@ class Wrench:
 
 
 def moved_by(memory: tuple[Vec3, ...], slope: tuple[Vec3, ...], dt: Scalar) -> tuple[Vec3, ...]:
-    """Memory + dt * slope, number by number."""
+    """Memory + dt * slope, element by element."""
     pairs = zip(leaves(memory), leaves(slope), strict=True)
     return rebuild(memory, iter([add(value, mul(rate, dt)) for value, rate in pairs]))
 
 
 def require_frame(vehicle: Vehicle, frame: str) -> None:
-    """Refuse a name of a frame that the vehicle lacks; empty is its tip.
+    """Refuse the name of a frame that the vehicle lacks; an empty name is its tip.
 
     Raises:
         ValueError: one line.
@@ -74,7 +74,7 @@ def require_frame(vehicle: Vehicle, frame: str) -> None:
 
 
 class Column(NamedTuple):
-    """Column of a log: its array, its label there, its unit and meaning."""
+    """Column of a log: array, label, unit and meaning."""
 
     array: str
     label: str
@@ -96,11 +96,11 @@ class Component:
 
     @property
     def uniforms(self) -> int:
-        """Uniform numbers that one ``advance`` draws; a class attribute will do where no field decides."""
+        """Count of uniform random numbers that one ``advance`` draws."""
         return 0
 
     def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Scalar) -> None:
-        """Refuse a vehicle, a control period (s) or a gravity (m/s^2) that it cannot be with.
+        """Refuse a vehicle, control period (s) or gravity (m/s^2) that is incompatible with the component.
 
         Raises:
             ValueError: one line that begins with a field of the component.
@@ -111,12 +111,12 @@ class Component:
 
     @property
     def largest_euler_step(self) -> float | None:
-        """The same of the semi-implicit Euler method, which tolerates less damping than others."""
+        """Longest stable step (s) of the semi-implicit Euler method; None for no limit."""
         return self.largest_step
 
     @property
     def largest_verlet_step(self) -> float | None:
-        """Longest step (s) of the Stoermer-Verlet method, with which the plant then moves near to what is coupled.
+        """Longest stable step (s) of the Stoermer-Verlet method; None if the plant must keep its own method.
 
         None keeps the plant's own method.
         """
@@ -126,7 +126,7 @@ class Component:
     """Whether its memory goes on within a control period, with the plant. A property will do."""
 
     def start(self, period: float, draws: Sequence[Any]) -> Any:
-        """First memory: a record or tuple of scalars; ``()`` for a component without one.
+        """Initial memory, a record or tuple of scalars; ``()`` for a component without memory.
 
         Args:
             period: of ``advance``, s.
@@ -137,11 +137,11 @@ class Component:
         return ()
 
     def advance(self, memory: Any, t: Scalar, dt: float, state: State, draws: Sequence[Any]) -> Any:
-        """Memory for the period that begins at ``t`` (s) and takes ``dt`` (s); ``state`` is the vehicle's at ``t``."""
+        """Memory for the period that begins at ``t`` (s) and lasts ``dt`` (s), from the vehicle's state at ``t``."""
         return memory
 
     def act(self, memory: Any, t: Scalar, dt: float, motion: PointMotion) -> Any:
-        """The memory after the discrete events of a control instant, after ``advance``: take hold, let go.
+        """Memory after the discrete events of a control instant, such as grasp and release.
 
         Args:
             memory: of the period.
@@ -152,7 +152,7 @@ class Component:
         return memory
 
     def velocity(self, memory: Any, t: Scalar, position_W: Vec3) -> Vec3:
-        """Velocity of the air at a place, world axes, m/s."""
+        """Air velocity at a position, world axes, m/s."""
         return ZERO3
 
     def wrenches(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Sequence[Wrench]:
@@ -167,44 +167,44 @@ class Component:
         return ()
 
     def rotor_commands(self, memory: Any, rotors: Sequence[Rotor], commands: Sequence[Scalar]) -> Sequence[Scalar]:
-        """Speeds (rad/s) that rotors follow where these are commanded."""
+        """Effective rotor speed commands (rad/s): the given ones, changed by the component."""
         return commands
 
     def slope(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Any:
-        """Rate of each number of a coupled component's memory, 1/s, as a record of its kind; arguments as above."""
+        """Time derivative of a coupled component's memory, as a record of the same kind."""
         raise NotImplementedError(f"{type(self).__name__} is coupled and must say the slope of its memory")
 
     def before_euler_step(self, memory: Any, slope: Any, dt: Scalar) -> Any:
-        """A coupled component's memory with which a step (s) of the semi-implicit Euler method takes forces.
+        """Memory of a coupled component for the forces of a semi-implicit Euler step of ``dt`` (s).
 
         What velocities bend and has no inertia goes on here, by the velocities that the last step left.
         """
         return memory
 
     def euler_step(self, memory: Any, slope: Any, dt: Scalar) -> Any:
-        """A coupled component's memory after a step (s) of the semi-implicit Euler method.
+        """Memory of a coupled component after a semi-implicit Euler step of ``dt`` (s).
 
         Velocities go before what they move, or springs gain energy; a memory without velocities goes on straight.
         """
         return moved_by(memory, slope, dt)
 
     def drift(self, memory: Any, dt: Any) -> Any:
-        """A coupled component's memory after a time (s) in which nothing pushes: places move by their velocities."""
+        """Memory of a coupled component after ``dt`` (s) of force-free motion: only positions change."""
         return memory
 
     def push(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any], dt: Any) -> Any:
-        """A coupled component's memory after the forces of a time (s): velocities change, places stay.
+        """Memory of a coupled component after forces acted for ``dt`` (s): only velocities change.
 
         What goes on by its rate alone, and not in ``drift`` nor ``before_euler_step``, does so here.
         """
         return moved_by(memory, self.slope(memory, t, motion, rotor_speeds), dt)
 
     def far(self, memory: Any, motion: PointMotion, seconds: Any) -> Any:
-        """True if a coupled component stays inactive for so many seconds: the vehicle then moves without it."""
+        """True if a coupled component stays inactive for ``seconds``, so that the vehicle moves without it."""
         return False
 
     def alone(self, memory: Any, seconds: Any, rounds: int, gravity: Any) -> Any:
-        """The memory of a coupled component after so many seconds for which it was far.
+        """Memory of a coupled component after ``seconds`` of inactivity.
 
         Args:
             memory: before.
@@ -222,15 +222,15 @@ class Component:
 
     @property
     def constants(self) -> Mapping[str, tuple[Any, ...]]:
-        """Numbers that metrics need beside those that are logged, by name."""
+        """Constants that metrics need in addition to the logged numbers, by name."""
         return {}
 
     def logged(self, memory: Any, motion: PointMotion) -> tuple[Any, ...]:
-        """Numbers of this instant that a log keeps."""
+        """Numbers of the component that a log records at each control instant."""
         return ()
 
     def shapes(self, seen: Instants) -> Scene:
-        """Solids, lines and arrows of the component in pictures, from the numbers that it logged.
+        """Shapes, lines and arrows that picture the component, from its logged numbers.
 
         Args:
             seen: the instants, where the vehicle was, and the logged numbers.
@@ -240,7 +240,7 @@ class Component:
         return Scene()
 
     def warnings(self, vehicle: Vehicle, step: float) -> Sequence[str]:
-        """Lines about numbers that are allowed and hardly meant, or cost much.
+        """Warnings about suspicious or computationally expensive parameters.
 
         Args:
             vehicle: of the plant.
@@ -250,12 +250,12 @@ class Component:
 
 
 class Air(Component):
-    """An air describes how the air moves; rotor drag and body drag follow from its velocity."""
+    """Base of the air models, which give the air velocity; rotor and body drag follow from it."""
 
     __slots__ = ()
 
 
 class Force(Component):
-    """A force component acts with forces and torques on bodies of the vehicle."""
+    """Base of the components that exert forces and torques on bodies of the vehicle."""
 
     __slots__ = ()

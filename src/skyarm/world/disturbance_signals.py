@@ -1,4 +1,4 @@
-"""Disturbances as signals of time: a force and a torque at any frame, and a velocity of the air.
+"""Disturbances as functions of time: force and torque at a frame, and air velocity.
 
 ::
 
@@ -42,7 +42,7 @@ AXES = ("world", "frame")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Disturbance(Force):
-    """A force and a torque on one body of the vehicle, each a signal of time, with optional noise.
+    """Force and torque on one body of the vehicle as functions of time, with optional coloured noise.
 
     Attributes:
         frame: at whose origin the force acts; empty for the base's origin.
@@ -63,25 +63,25 @@ class Disturbance(Force):
             self.noise.require_only("force", "torque")
 
     def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Scalar) -> None:
-        """Refuse a vehicle without its frame."""
+        """Refuse a vehicle that lacks the disturbance's frame."""
         if self.frame:
             require_frame(vehicle, self.frame)
 
     @property
     def uniforms(self) -> int:
-        """Six normal numbers a period."""
+        """Count of uniform random numbers per control period."""
         return 0 if self.noise is None else 6
 
     def start(self, period: float, draws: Sequence[Any]) -> Any:
-        """Stationary noise."""
+        """Initial noise memory, drawn from the stationary distribution."""
         return () if self.noise is None else self.noise.first(draws, 6)
 
     def advance(self, memory: Any, t: Scalar, dt: float, state: State, draws: Sequence[Any]) -> Any:
-        """Noise of the period."""
+        """Noise memory of the next control period."""
         return memory if self.noise is None else self.noise.next(memory, dt, draws)
 
     def wrenches(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Sequence[Wrench]:
-        """Force and torque on the frame's body."""
+        """Wrench of the disturbance on the frame's body."""
         force, torque = self.force.at(t), self.torque.at(t)
         if self.noise is not None:
             force = force + scale_noise(self.noise.force, memory[:3])
@@ -98,7 +98,7 @@ class Disturbance(Force):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class AirSignals(Air):
-    """The velocity of the air, the same everywhere, as signals of time, with optional noise."""
+    """Uniform air velocity as a function of time, with optional coloured noise."""
 
     velocity_W: SignalVector = NO_SIGNALS
     noise: ColouredNoise | None = None
@@ -110,18 +110,18 @@ class AirSignals(Air):
 
     @property
     def uniforms(self) -> int:
-        """Three normal numbers a period, which come in pairs."""
+        """Count of uniform random numbers per control period, even."""
         return 0 if self.noise is None else 4
 
     def start(self, period: float, draws: Sequence[Any]) -> Any:
-        """Stationary noise."""
+        """Initial noise memory, drawn from the stationary distribution."""
         return () if self.noise is None else self.noise.first(draws, 3)
 
     def advance(self, memory: Any, t: Any, dt: float, state: State, draws: Sequence[Any]) -> Any:
-        """Noise of the period."""
+        """Noise memory of the next control period."""
         return memory if self.noise is None else self.noise.next(memory, dt, draws)
 
     def velocity(self, memory: Any, t: Scalar, position_W: Vec3) -> Vec3:
-        """Signals and noise."""
+        """Air velocity, m/s, world axes: signals plus noise."""
         found = self.velocity_W.at(t)
         return found if self.noise is None else found + scale_noise(self.noise.velocity, memory)

@@ -1,4 +1,4 @@
-"""Drag of the airframe in moving air."""
+"""Aerodynamic drag of the airframe."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _STILL = 1e-24
 
 
 def body_drag(par: BodyDrag, velocity_B: Vec3) -> Vec3:
-    """Force of the air on the base origin, base axes, N: -1/2 rho area_i |v| v_i.
+    """Drag force on the base origin, base axes, N: -1/2 rho area_i |v| v_i.
 
     Args:
         par: areas per axis, m^2, and air density.

@@ -1,4 +1,4 @@
-"""Effectiveness of each actuator: the remaining share of its force."""
+"""Actuator effectiveness: the remaining share of each actuator's force."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from skyarm.algebra.scalars import Scalar
 
 @dataclass(frozen=True, slots=True)
 class Effectiveness:
-    """Shares of the force of whole actuators; a structural 1 is an actuator that no fault touches and folds away.
+    """Remaining share of force of each actuator; a structural 1 marks one without any fault.
 
     Attributes:
         rotors: of thrust and drag torque, one per rotor.

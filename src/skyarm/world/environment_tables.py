@@ -1,4 +1,4 @@
-"""Wind from plain tables, as a scenario file holds them.
+"""Wind models from tables of a scenario file.
 
 A wind has a mode::
 
@@ -41,7 +41,7 @@ OLD_MODES = {"rotors_force": "force_wind", "airspeed": "moving_air"}
 
 
 def wind_from(table: dict[str, Any], where: str) -> Wind:
-    """Wind that a table describes; the grammar is this module's.
+    """Wind model that a table describes.
 
     Args:
         table: plain dict, as read from TOML.
@@ -81,7 +81,7 @@ def _moving_air(fields: Fields) -> Wind:
 
 
 def _gusts(fields: Fields, quantity: str, shapes: tuple[str, ...]) -> dict[str, Any]:
-    """One gust, or a list of them."""
+    """Gusts of a wind table: one or a list."""
     table = fields.take("gust", None)
     if table is None:
         return {}
@@ -121,5 +121,5 @@ def _turbulence(fields: Fields, velocity: Vec3) -> Dryden | None:
 
 
 def _vector(fields: Fields, name: str, *default: Any) -> Vec3:
-    """Read a vector of the description: exact zeros become structure, every other number stays data."""
+    """Read a vector: exact zeros become structural, other numbers stay data."""
     return Vec3(*(0 if value == 0.0 else value for value in fields.vector(name, *default)))

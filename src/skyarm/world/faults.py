@@ -1,4 +1,4 @@
-"""Faults of actuators: a loss of force during a flight, in the plant only, unknown to the controller."""
+"""Actuator faults: loss of force during a flight, in the plant only, not in the controller's model."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from skyarm.world.effectiveness import Effectiveness
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Fault:
-    """A fault is the loss of force of one actuator from a time on.
+    """Actuator fault: one actuator loses force, or a joint gets stuck, from an instant on.
 
     Attributes:
         rotor: name of the rotor, or joint: name of the joint whose drive it is; exactly one of them.
@@ -52,18 +52,18 @@ class Fault:
 
     @property
     def name(self) -> str:
-        """Name of the actuator."""
+        """Name of the faulty actuator."""
         return self.rotor or self.joint
 
     def check(self, vehicle: Vehicle) -> None:
-        """Raise ValueError unless the vehicle has the actuator."""
+        """Raise ValueError if the vehicle lacks the actuator."""
         rotors, joints = [r.name for r in vehicle.rotors], [link.joint.name for link in vehicle.links]
         for kind, value, known in (("rotor", self.rotor, rotors), ("joint", self.joint, joints)):
             if value and value not in known:
                 raise ValueError(f"{kind} = {value!r}: must be one of {', '.join(known) or 'none'}")
 
     def share(self, t: Scalar) -> Any:
-        """Remaining share at time t, s: 1 before the start."""
+        """Remaining share of the actuator's force at time t (s); 1 before the fault starts."""
         left = self.effectiveness
         if self.signal is not None:
             left = clip(mul(left, self.signal.derivatives(t)[0]), 0.0, 1.0)
@@ -71,7 +71,7 @@ class Fault:
 
 
 def effectiveness_at(faults: tuple[Fault, ...], vehicle: Vehicle, t: Scalar) -> Effectiveness | None:
-    """Effectiveness of the actuators under faults at time t (s); None without faults, at no cost.
+    """Effectiveness of all actuators under faults at time t (s); None without faults.
 
     Shares of several faults of one actuator multiply.
     """
@@ -91,7 +91,7 @@ def effectiveness_at(faults: tuple[Fault, ...], vehicle: Vehicle, t: Scalar) -> 
 
 
 def faults_from(tables: Any, where: str) -> tuple[Fault, ...]:
-    """Faults that a list of tables describes: { rotor or joint, effectiveness or stuck, start }.
+    """Faults from a list of tables: { rotor or joint, effectiveness or stuck, start }.
 
     Raises:
         ValueError: one line with field, value and what is allowed.

@@ -1,4 +1,4 @@
-"""A gust: an additional force or air velocity in [start, start + duration)."""
+"""Gust: an additional force or air velocity in [start, start + duration)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SHAPES = ("step", "one_minus_cosine")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Gust:
-    """A gust is a temporary force or air velocity.
+    """Temporary additional force or air velocity.
 
     Attributes:
         start, duration: the window [start, start + duration), half-open.
@@ -39,7 +39,7 @@ class Gust:
                 raise ValueError(f"gust.duration = {self.duration!r}: must be {'above' if strict else 'at least'} 0 s")
 
     def at(self, t: Scalar) -> Vec3:
-        """Value at time t (s), world axes.
+        """Force (N) or air velocity (m/s) of the gust at time t (s), world axes.
 
         Source: step as RotorS, gazebo_wind_plugin.cpp (gust window); one minus cosine as CS 25.341(a)(2).
         """

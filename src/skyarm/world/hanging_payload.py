@@ -1,4 +1,4 @@
-"""A payload that hangs on a cord: a point mass that swings below the frame that holds it.
+"""Hanging payload: a point mass on a cord below the frame that holds it.
 
 The cord pulls and never pushes: its tension is k (r - L) + c dr/dt where it is longer than L, and at least zero. In
 each control period the load is moved in ``SUBSTEPS`` semi-implicit Euler steps while the frame goes on with the
@@ -35,7 +35,7 @@ FASTEST = 0.5
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Swing:
-    """A hanging load in a substep: its place (m) and velocity (m/s), the frame's place, the sum of tensions (N)."""
+    """State of a hanging load in a substep: its position (m) and velocity (m/s), frame position, summed tension (N)."""
 
     position: Vec3
     velocity: Vec3
@@ -45,7 +45,7 @@ class Swing:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class HangingMemory:
-    """Status of a hanging payload.
+    """Memory of a hanging payload.
 
     Attributes:
         held, caught, gone, place: as :class:`skyarm.world.timed_payload.PayloadMemory`.
@@ -63,7 +63,7 @@ class HangingMemory:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class HangingPayload(TimedPayload):
-    """A hanging payload is a point mass on a cord that is held from ``pick`` to ``drop``.
+    """Point mass on a cord that the vehicle carries from ``pick`` to ``drop``.
 
     It is picked up at rest, straight below the frame, with the cord as long as its weight makes it.
 
@@ -85,11 +85,11 @@ class HangingPayload(TimedPayload):
 
     @property
     def rigid(self) -> bool:  # type: ignore[override]
-        """No: it has a motion of its own."""
+        """False: the load moves relative to the vehicle."""
         return False
 
     def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Any) -> None:
-        """Refuse a vehicle without its frame, and a cord that is too stiff for the control period."""
+        """Refuse a vehicle without the frame, and a cord that is too stiff for the control period."""
         require_frame(vehicle, self.frame)
         if not concrete(self.cord, self.stretch, gravity):
             return
@@ -98,7 +98,7 @@ class HangingPayload(TimedPayload):
             raise ValueError(f"stretch = {self.stretch!r}: must be at least {least:.3g} at this control rate")
 
     def start(self, period: float, draws: Any) -> Any:
-        """Not held yet."""
+        """Initial memory: not held yet."""
         rest = TimedPayload.start(self, period, draws)
         still = Vec3(0.0, 0.0, 0.0)
         return HangingMemory(
@@ -107,7 +107,7 @@ class HangingPayload(TimedPayload):
         )  # fmt: skip
 
     def act(self, memory: Any, t: Any, dt: float, motion: PointMotion) -> Any:
-        """Memory for the period that begins at ``t`` (s): the load at its end, and the mean pull on the frame in it."""
+        """Memory for the period that begins at ``t`` (s): load state at its end, and mean cord force on the frame."""
         at = motion.frame(self.frame or None)
         holder, speed = motion.position(*at), motion.velocity(*at)
         held, caught, gone, place = self.next_status(memory, t, holder)
@@ -130,17 +130,17 @@ class HangingPayload(TimedPayload):
 
     @property
     def columns(self) -> tuple[Column, ...]:  # type: ignore[override]
-        """Mass that is held, and where the load is."""
+        """Log columns of the held mass and the load's position."""
         begin = f"{self.name}_" if self.name else ""
         axes = (Column("payload_position", f"{begin}{axis}", "m", "on its cord, world axes") for axis in "xyz")
         return (*TimedPayload.columns.fget(self), *axes)  # type: ignore[attr-defined]
 
     def logged(self, memory: Any, motion: PointMotion) -> tuple[Any, ...]:
-        """Mass that is held, kg, and position, m."""
+        """Held mass (kg) and load position (m) for the log."""
         return (*TimedPayload.logged(self, memory, motion), *memory.position)
 
     def _advance_swing(self, now: Swing, speed: Vec3, gravity: Any, dt: Any) -> Swing:
-        """One substep: tension by mass and gravity's units, so that a massless load swings, too."""
+        """Advance the load by one substep under cord tension and gravity, independent of its mass."""
         to_tip = now.holder - now.position
         length = sqrt(to_tip.dot(to_tip) + 1e-24)
         along = to_tip * (1.0 / length)
@@ -155,6 +155,6 @@ class HangingPayload(TimedPayload):
         )  # fmt: skip
 
     def wrenches(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
-        """The cord's pull on the frame."""
+        """Wrench of the cord's tension on the frame."""
         point, body = motion.frame(self.frame or None)
         return (Wrench(force_W=memory.pull, torque_W=ZERO3, point=point, body=body),)

@@ -1,4 +1,4 @@
-"""A payload held by the vehicle."""
+"""Payload fixed to the vehicle."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from skyarm.vehicle import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Payload:
-    """A payload is a point mass fixed to a frame for the whole episode.
+    """Point mass fixed to a frame of the vehicle for the whole episode.
 
     Attributes:
         frame: name of the frame that holds it; empty for the vehicle's tip.

@@ -1,4 +1,4 @@
-"""The scene of a payload: a ball where it is taken, held and left, on its cord where it hangs on one."""
+"""Picture of a payload: a ball at its position, with its cord if it hangs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ HELD = 0.5
 
 
 def payload_scene(payload: TimedPayload, seen: Instants) -> Scene:
-    """Shapes of a payload with concrete numbers; none where it is not held at any of the instants."""
+    """Shapes of a payload at some instants; none if it is never held."""
     masses = seen.numbers["payload_mass"][:, 0]
     held = masses > HELD * float(payload.mass)
     if not held.any() or not (payload.frame or seen.vehicle.end_effector):

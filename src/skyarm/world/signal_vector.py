@@ -1,4 +1,4 @@
-"""Vectors whose components are signals of time, and coloured noise that is added to them."""
+"""Vectors of time signals, and coloured noise added to them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ NONE = Constant(0)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SignalVector:
-    """Three signals of time, one for each axis; in a file a list of three, each a number, a table or a list."""
+    """Vector of three time signals; in a file a list of three entries, each a number, a table or a list."""
 
     x: Signal = NONE
     y: Signal = NONE
@@ -34,18 +34,18 @@ class SignalVector:
 
     @classmethod
     def from_table(cls, entry: Any, where: str) -> SignalVector:
-        """Read what a file holds; raises ValueError with one line."""
+        """Read the vector from a file's value; raises ValueError with one line."""
         if not isinstance(entry, list) or len(entry) != 3:
             raise ValueError(f"{where} = {shown(entry)}: must be a list of three signals of time, x, y and z")
         return cls(**{axis: _signal(each, f"{where}.{axis}") for axis, each in zip("xyz", entry, strict=True)})
 
     def at(self, t: Scalar) -> Vec3:
-        """Value at time t, s."""
+        """Value of the vector at time t (s)."""
         return Vec3(*(signal.derivatives(t)[0] for signal in (self.x, self.y, self.z)))
 
 
 def _signal(entry: Scalar, where: str) -> Signal:
-    """A signal; an exact zero is structure and costs nothing."""
+    """Time signal from a file's value; an exact zero becomes structural."""
     return NONE if type(entry) in (int, float) and entry == 0.0 else signal_from(entry, where)
 
 
@@ -58,7 +58,7 @@ DEVIATIONS = ("force", "torque", "velocity")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ColouredNoise:
-    """First-order Gauss-Markov noise of up to six components, sampled exactly once per control period and held in it.
+    """First-order Gauss-Markov noise of up to six components, sampled exactly once per control period.
 
     Its standard deviation does not depend on the control period, its spectrum is flat up to ``bandwidth_hz`` and falls
     with 20 dB per decade above: the autocovariance is sigma^2 exp(-2 pi bandwidth |tau|).
@@ -75,7 +75,7 @@ class ColouredNoise:
         accept_fields(self, "noise")
 
     def require_only(self, *own: str) -> None:
-        """Refuse deviations of what its owner has not; a zero is none.
+        """Refuse non-zero deviations of quantities other than ``own``.
 
         Raises:
             ValueError: one line with the field, its value and what there is.
@@ -87,16 +87,16 @@ class ColouredNoise:
                 raise ValueError(f"noise.{name} = {shown([*value])}: must be left out; here there is {has}")
 
     def first(self, draws: Sequence[Any], count: int) -> tuple[Any, ...]:
-        """Stationary from the start: that many unit normal numbers."""
+        """Initial unit noise with ``count`` components, drawn from the stationary distribution."""
         return tuple(normals(draws)[:count])
 
     def next(self, memory: Sequence[Any], dt: Scalar, draws: Sequence[Scalar]) -> tuple[Any, ...]:
-        """Unit noise of the next period."""
+        """Unit noise of the next control period."""
         left = exp(-2.0 * math.pi * self.bandwidth_hz * dt)
         fresh = sqrt(1.0 - left * left)
         return tuple(left * old + fresh * new for old, new in zip(memory, normals(draws), strict=False))
 
 
 def scale_noise(sigma: Vec3, numbers: Sequence[Any]) -> Vec3:
-    """Unit noise times standard deviations; none where a deviation is a structural zero."""
+    """Unit noise times standard deviations; structural zeros stay zero."""
     return Vec3(*(mul(each, number) for each, number in zip(sigma, numbers, strict=True)))

@@ -1,4 +1,4 @@
-"""Payloads with a time: a rigid load that the vehicle picks up and sets down during the flight.
+"""Timed payload: a rigid load that the vehicle picks up and sets down during the flight.
 
 A load that is not held rests on something and is no part of the plant. It is grasped at an instant, or as soon as the
 frame that grasps it is within reach of the place where it lies; from then on it is a part of that frame's body: its
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Reach:
-    """A sphere in the world: a place, and how near to it counts."""
+    """Sphere in the world around a place to reach."""
 
     within: Annotated[Scalar, Unit("m", "largest distance", low=0.0, strict=True)]
     of: Annotated[Vec3, Unit("m", "world axes")]
@@ -42,14 +42,14 @@ class Reach:
         accept_fields(self, "reach")
 
     def holds(self, position_W: Vec3) -> Any:
-        """Return True if a place (m, world axes) lies within it."""
+        """True if a position (m, world axes) lies within the sphere."""
         away = position_W - self.of
         return away.dot(away) <= mul(self.within, self.within)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PayloadMemory:
-    """Status of a payload.
+    """Memory of a payload: whether it is held, and where it lies.
 
     Attributes:
         held: 1 while it is held. caught: 1 in the control period in which it is grasped. gone: 1 once it was let go.
@@ -64,7 +64,7 @@ class PayloadMemory:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TimedPayload(Component):
-    """A timed payload is a rigid load that is held from ``pick`` to ``drop``.
+    """Rigid load that the vehicle carries from ``pick`` to ``drop``.
 
     With a place, the instant beside it is the earliest (0 if left out). What happens, happens in the first control
     period that does not begin before: a load is held for whole control periods.
@@ -89,14 +89,14 @@ class TimedPayload(Component):
 
     @property
     def events(self) -> tuple[Event, ...]:  # type: ignore[override]
-        """The interval in which it is held, where that is known beforehand."""
+        """Interval in which the payload is held; () if it depends on places to reach."""
         if self.pick_place is not None or self.drop_place is not None:
             return ()
         return ((f"holds {float(self.mass):.3g} kg", float(self.pick), float(self.drop)),)
 
     @property
     def rigid(self) -> bool:  # type: ignore[override]
-        """True if it is a part of the body that holds it."""
+        """True: the payload moves with the body that holds it."""
         return True
 
     def __post_init__(self) -> None:
@@ -111,36 +111,36 @@ class TimedPayload(Component):
             raise ValueError(f"drop = {self.drop!r}: must be after pick = {self.pick!r} s")
 
     def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Scalar) -> None:
-        """Refuse a vehicle without the frame that holds it."""
+        """Refuse a vehicle that lacks the payload's frame."""
         require_frame(vehicle, self.frame)
 
     def start(self, period: float, draws: Any) -> Any:
-        """Not held yet."""
+        """Initial memory: not held yet."""
         place = (0.0, 0.0, 0.0) if self.pick_place is None else tuple(1.0 * c for c in self.pick_place.of)
         return PayloadMemory(held=0.0, caught=0.0, gone=0.0, place=Vec3(*place))
 
     def act(self, memory: PayloadMemory, t: Scalar, dt: float, motion: PointMotion) -> PayloadMemory:
-        """Grasp and release at the beginning of a control period."""
+        """Memory after a possible grasp or release at the beginning of a control period."""
         held, caught, gone, place = self.next_status(memory, t, motion.position(*motion.frame(self.frame or None)))
         return PayloadMemory(held=held, caught=caught, gone=gone, place=place)
 
     @property
     def columns(self) -> tuple[Column, ...]:  # type: ignore[override]
-        """Mass that is held."""
+        """Log column of the held mass."""
         return (Column("payload_mass", self.name, "kg", "held"),)
 
     def logged(self, memory: PayloadMemory, motion: PointMotion) -> tuple[Any, ...]:
-        """Mass that is held, kg."""
+        """Held mass for the log, kg."""
         return (mul(self.mass, memory.held),)
 
     def shapes(self, seen: Instants) -> Scene:
-        """A ball where it is taken, held and left."""
+        """Ball that draws the payload before, during and after it is carried."""
         from skyarm.world.payload_scene import payload_scene
 
         return payload_scene(self, seen)
 
     def next_status(self, memory: PayloadMemory, t: Scalar, position_W: Vec3) -> tuple[Any, Any, Any, Vec3]:
-        """Held, caught, gone and the place where it lies, with the frame at a place (m, world axes)."""
+        """Next flags held, caught and gone, and next resting place; ``position_W``: of the frame, m, world axes."""
         held, gone = memory.held > 0.5, memory.gone > 0.5
         pick, drop = self.events_reached(t, position_W)
         caught = where(held, 0.0, where(gone, 0.0, where(pick, 1.0, 0.0)))
@@ -150,7 +150,7 @@ class TimedPayload(Component):
         return now, caught, where(dropped > 0.5, 1.0, memory.gone), place
 
     def events_reached(self, t: Scalar, position_W: Vec3) -> tuple[Scalar, Scalar]:
-        """True once instant and place of the grasp, and of the release, are reached, with the frame at a place (m)."""
+        """Conditions of the grasp and of the release, by time and by the frame's position (m, world axes)."""
         pick, drop = t >= self.pick, t >= self.drop
         if self.pick_place is not None:
             pick = logical_and(pick, self.pick_place.holds(position_W))
@@ -159,7 +159,7 @@ class TimedPayload(Component):
         return pick, drop
 
     def body(self, vehicle: Vehicle, share: Scalar = 1) -> tuple[int, Body]:
-        """(index of the link, the load as a body in that link's axes), its mass and inertia times ``share``."""
+        """Index of the link, and the payload as a body in that link's axes, scaled by ``share``."""
         at = vehicle.frame(self.frame or None)
         moments = Sym3(*(mul(each, share) for each in self.inertia)).rotate(at.rotation)
         return at.link, Body(mass=mul(self.mass, share), com=at.position + at.rotation.apply(self.com), inertia=moments)

@@ -1,4 +1,4 @@
-"""Wind in two modes: independent force and air speed (RotorS), or an air velocity that causes drag."""
+"""Wind models: independent force and air velocity (RotorS), or moving air that causes drag."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from skyarm.world.gust import Gust
 
 @dataclass(frozen=True, slots=True)
 class WindSample(Component):
-    """Surroundings of the vehicle sampled at one instant; as a component, surroundings that never change.
+    """Wind sampled at one instant; as a component, constant force and air velocity.
 
     Attributes:
         force_W: force on the base, world axes, N.
@@ -37,17 +37,17 @@ class WindSample(Component):
     numbers: tuple[Scalar, ...] = ()
 
     def velocity(self, memory: Any, t: Scalar, position_W: Vec3) -> Vec3:
-        """The same everywhere and always."""
+        """Air velocity, world axes, m/s, constant in space and time."""
         return self.air_velocity_W
 
     def wrenches(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Sequence[Wrench]:
-        """The force on the base."""
+        """Wrench of the constant force on the base."""
         return (Wrench(force_W=self.force_W, point=self.point_B),)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ForceWind(Force):
-    """A force wind is a force and an air velocity as independent inputs, as RotorS's wind plugin has it.
+    """Wind as independent force and air velocity, like RotorS's wind plugin.
 
     A gust is an additional force, a step; it never changes the velocity of the air. Several add up.
 
@@ -68,15 +68,15 @@ class ForceWind(Force):
 
     @property
     def events(self) -> tuple[Event, ...]:  # type: ignore[override]
-        """Its gusts."""
+        """Intervals of the gusts, for pictures of a flight."""
         return gust_events(self)
 
     def velocity(self, memory: Any, t: Scalar, position_W: Vec3) -> Vec3:
-        """The constant wind at the rotors."""
+        """Constant air velocity at the rotors, world axes, m/s."""
         return self.air_velocity_W
 
     def wrenches(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Sequence[Wrench]:
-        """Mean and gust force on the base."""
+        """Wrench of the mean force and gusts on the base."""
         force = self.force_W
         for gust in all_gusts(self):
             force = force + gust.at(t)
@@ -85,7 +85,7 @@ class ForceWind(Force):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class MovingAir(Air):
-    """Moving air has a velocity from which rotor drag and body drag are computed; there is no direct force.
+    """Wind as an air velocity, from which rotor drag and body drag follow; no direct force.
 
     Attributes:
         gust: additional air velocity. gusts: more of them, which add up.
@@ -102,29 +102,29 @@ class MovingAir(Air):
 
     @property
     def uniforms(self) -> int:
-        """Three normal numbers a period, which come in pairs."""
+        """Count of uniform random numbers per control period, even."""
         return 0 if self.turbulence is None else 4
 
     def start(self, period: float, draws: Sequence[Scalar]) -> Any:
-        """Stationary from the first period on."""
+        """Initial turbulence memory, drawn from the stationary distribution; () without turbulence."""
         if self.turbulence is None:
             return ()
         numbers = normals(draws)
         return dryden.start(Vec3(*numbers[0:3]), Vec3(*numbers[4:7]), period, par=self.turbulence)
 
     def advance(self, memory: Any, t: Scalar, dt: float, state: State, draws: Sequence[Scalar]) -> Any:
-        """The turbulence of the next period."""
+        """Turbulence memory of the next control period."""
         if self.turbulence is None:
             return memory
         return dryden.step(memory, Vec3(*normals(draws)[:3]), dt, par=self.turbulence)[0]
 
     @property
     def events(self) -> tuple[Event, ...]:  # type: ignore[override]
-        """Its gusts."""
+        """Intervals of the gusts, for pictures of a flight."""
         return gust_events(self)
 
     def velocity(self, memory: Any, t: Scalar, position_W: Vec3) -> Vec3:
-        """Mean + gust + turbulence."""
+        """Air velocity, m/s, world axes: mean, gusts and turbulence."""
         velocity = self.velocity_W
         for gust in all_gusts(self):
             velocity = velocity + gust.at(t)
@@ -132,12 +132,12 @@ class MovingAir(Air):
 
 
 def all_gusts(wind: Any) -> tuple[Gust, ...]:
-    """Every gust of a wind: the one, then the others."""
+    """All gusts of a wind model."""
     return wind.gusts if wind.gust is None else (wind.gust, *wind.gusts)
 
 
 def gust_events(wind: Any) -> tuple[Event, ...]:
-    """Intervals of the gusts of a wind."""
+    """Intervals of the gusts of a wind model, for pictures of a flight."""
     blowing = (gust for gust in all_gusts(wind) if any(float(c) for c in gust.peak))
     return tuple(("gust", float(gust.start), float(gust.start + gust.duration)) for gust in blowing)
 

@@ -1,4 +1,4 @@
-"""Options with which XLA compiles stepped programs well for a CPU; to be set before JAX starts."""
+"""XLA options for fast stepped programs on a CPU; must be set before JAX starts."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ EXTRA_OPTIONS = (
 
 
 def configure_extra_options() -> bool:
-    """Add the options to ``XLA_FLAGS`` of this process unless they are set; False if JAX runs on a CPU without them."""
+    """Add the CPU options to ``XLA_FLAGS`` unless set already; False if JAX already runs on a CPU without them."""
     present = os.environ.get("XLA_FLAGS", "").split()
     if any(flag.split("=")[0] == EXTRA_OPTIONS.split("=", maxsplit=1)[0] for flag in present):
         return True
@@ -24,7 +24,7 @@ def configure_extra_options() -> bool:
 
 
 def _has_started() -> bool:
-    """True if JAX has made a backend; JAX has no public function for it."""
+    """True if JAX has initialised a backend; JAX has no public function for it."""
     bridge = sys.modules.get("jax._src.xla_bridge")
     asked = getattr(bridge, "backends_are_initialized", None)
     return bool(asked()) if asked is not None else "jax" in sys.modules

@@ -1,4 +1,4 @@
-"""Basic operations and random numbers in JAX, with derivatives that stay finite where a value does.
+"""Basic operations and random numbers in JAX; derivatives stay finite where the value is finite.
 
 ``where`` evaluates both of its branches, and so does its derivative: an infinite slope in the branch that is not taken
 (sqrt at 0, a division by 0) becomes 0 * inf = NaN. Such a slope is 0 here, a subgradient of every length |v|.
@@ -30,7 +30,7 @@ except ImportError as error:  # pragma: no cover  (the library is there when thi
 
 
 def _layout(x: Any) -> tuple[Any, int, int]:
-    """Integer type, bits of the mantissa and bias of a float's type."""
+    """Integer type, mantissa bits and exponent bias of the floating-point type of an array."""
     return (np.int64, 52, 1023) if x.dtype == np.float64 else (np.int32, 23, 127)
 
 
@@ -43,7 +43,7 @@ def _bits(x: Any) -> Any:
 
 
 def power_of_two(k: Any) -> Any:
-    """2**k by writing k into the exponent: k + 1.5 * 2**(mantissa bits) has k in its lowest bits."""
+    """2**k for a whole number k, written directly into the exponent bits."""
     integer, shift, bias = _layout(k)
     bits = _bits(lax.add(k, _like(k, 1.5 * 2.0**shift)))
     moved = lax.shift_left(bits, _like(bits, shift))
@@ -51,7 +51,7 @@ def power_of_two(k: Any) -> Any:
 
 
 def exponent(x: Any) -> Any:
-    """Exponent bits of a normal number as a float."""
+    """Binary exponent of a normal number, as a float."""
     integer, shift, bias = _layout(x)
     kept = lax.bitwise_and(lax.shift_right_logical(_bits(x), integer(shift)), integer(2 * bias + 1))
     return lax.sub(lax.convert_element_type(kept, x.dtype), _like(x, bias))
@@ -59,7 +59,7 @@ def exponent(x: Any) -> Any:
 
 @jax.custom_jvp
 def mantissa(x: Any) -> Any:
-    """The number with the exponent of 1."""
+    """Mantissa of a number, in [1, 2) with its sign."""
     integer, shift, bias = _layout(x)
     mask = ~integer((2 * bias + 1) << shift)
     return lax.bitcast_convert_type(lax.bitwise_or(lax.bitwise_and(_bits(x), mask), integer(bias << shift)), x.dtype)
@@ -67,14 +67,14 @@ def mantissa(x: Any) -> Any:
 
 @mantissa.defjvp
 def _(primals: Any, tangents: Any) -> Any:
-    """x = m 2**e: m moves 2**-e times as far as x."""
+    """Derivative rule of the mantissa: for x = m 2**e it is 2**-e."""
     (x,), (dx,) = primals, tangents
     return mantissa(x), dx * power_of_two(-exponent(x))
 
 
 @jax.custom_jvp
 def divide(a: Any, b: Any) -> Any:
-    """a / b; its slope where b is 0 counts as 0."""
+    """Quotient a / b; its derivative is 0 where b is 0."""
     return lax.div(a, b)
 
 
@@ -89,7 +89,7 @@ def _(primals: Any, tangents: Any) -> Any:
 
 @jax.custom_jvp
 def sqrt(x: Any) -> Any:
-    """Square root; its slope at 0 counts as 0."""
+    """Square root; its derivative at 0 is 0."""
     return lax.sqrt(x)
 
 
@@ -103,13 +103,13 @@ def _(primals: Any, tangents: Any) -> Any:
 
 
 def _negative(x: Any) -> Any:
-    """True if the sign bit is set."""
+    """True if the sign bit of a number is set."""
     return _bits(x) < 0
 
 
 @jax.custom_jvp
 def absolute(x: Any) -> Any:
-    """|x|."""
+    """Absolute value of a number."""
     return lax.abs(x)
 
 
@@ -121,7 +121,7 @@ def _(primals: Any, tangents: Any) -> Any:
 
 @jax.custom_jvp
 def copysign(size: Any, sign: Any) -> Any:
-    """|size| with the sign of the other."""
+    """Number with the magnitude of the first argument and the sign of the second."""
     return lax.select(_negative(sign), -lax.abs(size), lax.abs(size))
 
 
@@ -133,7 +133,7 @@ def _(primals: Any, tangents: Any) -> Any:
 
 
 def at_most(a: Any, b: Any) -> Any:
-    """a <= b, without 0 <= x * x, 0 <= |x| and the like, which XLA 0.10 takes for true of a NaN too."""
+    """a <= b, False for NaN; avoids comparisons that XLA 0.10 simplifies to True."""
     return lax.bitwise_or(lax.lt(a, b), lax.eq(a, b))
 
 
@@ -184,7 +184,7 @@ Words = tuple[Any, Any, Any, Any]
 
 
 def uniforms(seed: Any, episode: Any, step: Any, draws: Sequence[tuple[int, int]], dtype: Any) -> list[Any]:
-    """Numbers in (0, 1) of one lane and step, equal to those of :mod:`skyarm.algebra.scalars.philox`.
+    """Uniform random numbers in (0, 1) of one lane and step, equal to :mod:`skyarm.algebra.scalars.philox`.
 
     Args:
         seed: low and high word, uint32.
@@ -208,7 +208,7 @@ def uniforms(seed: Any, episode: Any, step: Any, draws: Sequence[tuple[int, int]
 
 
 def _product(a: int, b: Any) -> tuple[Any, Any]:
-    """High and low word of a product, from halves of 16 bits: no 64-bit integers are needed."""
+    """High and low 32-bit word of a product, computed without 64-bit integers."""
     half = np.uint32(16)
     a_high, a_low = np.uint32(a >> 16), np.uint32(a & 0xFFFF)
     b_high, b_low = b >> half, b & np.uint32(0xFFFF)
@@ -229,7 +229,7 @@ def _philox(counter: Words, key: tuple[Any, Any]) -> Words:
 
 
 def _unit64(low: Any, high: Any) -> Any:
-    """(2 (x >> 12) + 1) 2**-53: the upper 52 bits become the fraction of a number in [1, 2)."""
+    """Map a 64-bit integer x to (2 (x >> 12) + 1) 2**-53, a double in (0, 1)."""
     wide = [lax.convert_element_type(word, np.uint64) for word in (low, high)]
     kept = (wide[1] << np.uint64(20)) | (wide[0] >> np.uint64(12))
     one_to_two = lax.bitcast_convert_type(kept | np.uint64(0x3FF0000000000000), np.float64)
@@ -237,6 +237,6 @@ def _unit64(low: Any, high: Any) -> Any:
 
 
 def _unit32(low: Any, high: Any) -> Any:
-    """The same number in single precision, within a unit of its last place, without 64-bit integers."""
+    """Map two 32-bit words to a single-precision number in (0, 1), without 64-bit integers."""
     upper, lower = (lax.convert_element_type(word, np.float32) for word in (high, low))
     return (upper + lower * np.float32(2.0**-32)) * np.float32(2.0**-32) + np.float32(2.0**-53)

@@ -1,4 +1,4 @@
-"""Machine code: assembly compiled by LLVM for this processor, kept in a cache of object files, run on threads.
+"""Machine code of stepped programs: compiled by LLVM for this processor, cached as object files, run on threads.
 
 Needs llvmlite, a core dependency. No C compiler is involved. What is kept: :mod:`skyarm.compile.llvm.object_cache`.
 """
@@ -33,7 +33,7 @@ QUICK = ctypes.PYFUNCTYPE(None, ctypes.c_void_p)
 
 
 def _machine(effort: int = 2) -> Any:
-    """A target machine of this processor; an engine takes the one it is made with for itself."""
+    """LLVM target machine of this processor; each engine needs its own."""
     import llvmlite.binding as llvm
 
     llvm.initialize_native_target()
@@ -56,14 +56,14 @@ def _features() -> str:
 
 
 def host_width(*, single: bool = False) -> int:
-    """Lanes of a vector register of this processor."""
+    """Number of lanes that fit a vector register of this processor."""
     features = _features()
     bits = 512 if "+avx512f" in features else 256 if "+avx" in features else 128
     return bits // (32 if single else 64)
 
 
 class Kernel:
-    """A stepped program as machine code.
+    """Machine code of a stepped program, which runs all its lanes.
 
     Args:
         loop: the program. lanes: vector shape; the processor's own if left out.
@@ -82,7 +82,7 @@ class Kernel:
 
     @property
     def dtype(self) -> Any:
-        """NumPy type of all numbers."""
+        """NumPy floating-point type of all arrays."""
         return np.float32 if self.lanes.single else np.float64
 
     def run(
@@ -97,7 +97,7 @@ class Kernel:
         threads: int = 1,
         every: int = 1,
     ) -> tuple[Array, Array]:
-        """Step all lanes through all rows.
+        """Step all lanes through all input rows.
 
         What is raised meanwhile, as Ctrl-C raises it, comes through within a fraction of a second; the arrays given
         are only read.
@@ -138,7 +138,7 @@ class Kernel:
         return c[:, :lanes], log[:, :, :lanes]
 
     def _pad(self, name: str, values: Array, shape: tuple[int, int], lanes: int) -> Array:
-        """A contiguous copy with the last lane repeated up to whole vectors."""
+        """Contiguous copy of an array, with the last lane repeated to fill the last vector."""
         if values.shape != shape:
             raise ValueError(f"{name}: shape {values.shape}, allowed {shape}")
         result = np.empty((shape[0], lanes), dtype=self.dtype)
@@ -150,7 +150,7 @@ class Kernel:
 
 
 def _keys(seed: int, episodes: Array, lanes: int, padded: int) -> Array:
-    """[seed, episode of every lane] as the generator takes them."""
+    """Keys of the random number generator: [seed, episode of each lane]."""
     if episodes.shape != (lanes,):
         raise ValueError(f"episodes: shape {episodes.shape}, allowed ({lanes},)")
     if lanes and (episodes.dtype.kind not in "iu" or episodes.min() < 0 or episodes.max() >= 2**32):
@@ -162,7 +162,7 @@ def _keys(seed: int, episodes: Array, lanes: int, padded: int) -> Array:
 
 
 def _make_engine(text: str, effort: int) -> Any:
-    """Engine that holds the module's code, from the cache if it is there."""
+    """LLVM engine with the code of an assembly text, from the object cache if possible."""
     effort = min(effort, int(os.environ.get(EFFORT) or effort))
     # the cache has errors of its own, which say nothing of LLVM
     identity = _identity(text, effort)
@@ -175,7 +175,7 @@ def _make_engine(text: str, effort: int) -> Any:
 
 @llvm_needed()
 def _identity(text: str, effort: int) -> str:
-    """All that object code depends on."""
+    """Text that identifies object code: the assembly, versions, processor and optimisation level."""
     import llvmlite
     import llvmlite.binding as llvm
 
@@ -185,7 +185,7 @@ def _identity(text: str, effort: int) -> str:
 
 @llvm_needed()
 def _load_engine(content: bytes) -> Any:
-    """Engine that holds object code."""
+    """LLVM engine with the given object code."""
     import llvmlite.binding as llvm
 
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _machine())
@@ -196,7 +196,7 @@ def _load_engine(content: bytes) -> Any:
 
 @llvm_needed()
 def build(text: str, effort: int = 2) -> bytes:
-    """Object code of a module for this processor.
+    """Compile an assembly text into object code for this processor.
 
     LLVM's passes over its own code are left out: the tracer has found common terms and constants already, and with
     them code is as fast and takes twice as long to make.
@@ -211,7 +211,7 @@ def build(text: str, effort: int = 2) -> bytes:
 
 
 def require_machine_code() -> None:
-    """Make the least of all kernels, before work that needs many begins.
+    """Compile a minimal kernel; raises at once if machine code is not available.
 
     Raises:
         NoMachineCodeError: with the cause and the remedy.

@@ -1,4 +1,4 @@
-"""Machine code stepped in place, one step a call: one lane in real time, many lanes, a function of numbers."""
+"""Machine code stepped in place, one step per call: one lane in real time, many lanes, or a single function."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ALONE = 8192
 
 
 class LaneStepper:
-    """Steps all lanes of arrays that stay where they are.
+    """Stepper of many lanes, one step per call, on arrays that stay in place.
 
     Its threads are made at the first step that shares its lanes, kept from step to step, and made anew after a fork.
     :meth:`close` ends them.
@@ -72,7 +72,7 @@ class LaneStepper:
             self._shared = SharedSteps(kernel.machine, arrays, blocks=blocks, lanes=stride, threads=threads)
 
     def fill(self) -> None:
-        """Lanes beyond the last, which vectors need, become like the last; to be called once numbers are set."""
+        """Copy the last lane into the unused lanes of the last vector; call it after writing to the arrays."""
         lanes, last = self.carry.shape[1], self._blocks * self._kernel.lanes.width
         if lanes == last:
             return
@@ -80,11 +80,11 @@ class LaneStepper:
             array[:, lanes:last] = array[:, lanes - 1 : lanes]
 
     def seed(self, seed: int) -> None:
-        """Another key of the random numbers."""
+        """Replace the seed of the random numbers."""
         self._keys[0] = seed
 
     def begin(self, where: Array, episodes: Array, seeds: Array | None = None, first: int = 0) -> None:
-        """Begin episodes: the random numbers of these lanes are keyed by them, and by steps counted from here.
+        """Begin episodes in some lanes: their random numbers restart with new keys and step numbers.
 
         Args:
             where: (m,) numbers of the lanes.
@@ -98,7 +98,7 @@ class LaneStepper:
             self._seeds[where] = seeds
 
     def step(self) -> None:
-        """One step.
+        """Make one step in all lanes.
 
         What is raised meanwhile, as Ctrl-C raises it, comes through once every lane has made the step.
         """
@@ -112,14 +112,14 @@ class LaneStepper:
             self._shared.run(tick, self._pool, whole=True)
 
     def close(self) -> None:
-        """End the threads; another step makes them again."""
+        """Shut down the worker threads; the next step starts new ones."""
         if self._pool is not None:
             self._pool.shutdown()
             self._pool = None
 
 
 def apart(blocks: int) -> int:
-    """Vectors from one number of a lane to its next in memory: at least ``blocks``, and no multiple of four.
+    """Memory stride between successive numbers of a lane, in vectors: at least ``blocks``, no multiple of four.
 
     Numbers a multiple of 4 KiB apart share one set of the first cache, which holds eight to twelve of them: 1024 lanes
     of 32 bits took 40 us a step so, and take 28.
@@ -128,7 +128,7 @@ def apart(blocks: int) -> int:
 
 
 class Stepper:
-    """One lane, one step a call, for a control loop in real time: about a microsecond, no memory is taken.
+    """Stepper of one lane for real-time control: one step per call in about a microsecond, without allocation.
 
     Args:
         kernel: of width 1, with logging if outputs are needed.
@@ -168,21 +168,21 @@ class Stepper:
         self.step: Callable[[], None] = step
 
     def read_tables(self, rows: Array, log: Array) -> None:
-        """Read rows from a table, and log into another, both (steps, numbers), in place of one row and output."""
+        """Set the table of input rows and the log table, both (steps, numbers), instead of a single row and output."""
         if any(table.dtype != self.carry.dtype or not table.flags.c_contiguous for table in (rows, log)):
             raise ValueError("tables: must be contiguous and of the kernel's numbers")
         self._tables = rows, log
         self._arguments[2:4] = rows.ctypes.data, log.ctypes.data
 
     def fly(self, begin: int, end: int, start: int = 0) -> None:
-        """Step through some rows of the table; ``start``: number of the step of its first, for the random numbers."""
+        """Step through rows ``begin`` to ``end`` of the table; ``start``: step number of the table's first row."""
         held = self._held
         held[7], held[8], held[9] = begin, end, start
         self.step()
 
 
 class Quick:
-    """A traced function whose numbers lie in place: write ``inputs``, call ``step``, read ``outputs``.
+    """Compiled function with its numbers in place: write ``inputs``, call ``step``, read ``outputs``.
 
     Both kinds of code give the same numbers to the last bit. Not for two threads at once.
 
@@ -211,7 +211,7 @@ class Quick:
             self.inputs, self.outputs, self.step = stepper.row, stepper.output, stepper.step
 
     def shaped(self) -> Any:
-        """The outputs as the record that the function returns."""
+        """Current outputs, shaped as the record that the function returns."""
         return rebuild(self._result, iter(self.outputs.tolist()))
 
     def _in_python(self, loop: Loop) -> Callable[[], None]:

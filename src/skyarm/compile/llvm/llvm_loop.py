@@ -1,4 +1,4 @@
-"""LLVM assembly of a stepped program: whole episodes of a block of lanes in one function.
+"""LLVM assembly of a stepped program: one function runs whole episodes of a block of lanes.
 
     void step_loop(carry*, parameters*, rows*, log*, keys*,
                    first block, last block, begin, end, start, lanes, log every)
@@ -24,7 +24,7 @@ Splat = Callable[[int], str]
 
 
 def write_uniforms(writer: Writer, draws: Sequence[tuple[int, int]], *, own_seeds: bool = False) -> list[str]:
-    """Write the draws of this step; returns the names of vectors of numbers in (0, 1).
+    """Write code that draws the random numbers of a step; returns the names of the vectors, uniform in (0, 1).
 
     Args:
         writer: of the loop's function.
@@ -92,7 +92,7 @@ def _philox(writer: Writer, words: str, counter: list[str], keys: list[str], spl
 
 
 def _unit(writer: Writer, words: str, low: str, high: str, splat: Splat) -> str:
-    """(2 (x >> 12) + 1) 2^-53: the upper 52 bits become the fraction of a number in [1, 2)."""
+    """Write code that maps a 64-bit integer x to (2 (x >> 12) + 1) 2^-53; returns the vector's name."""
     lanes = writer.lanes
     double = f"<{lanes.width} x double>"
 
@@ -120,7 +120,7 @@ FLUSH = 0x8040
 
 
 def assembly(loop: Loop, lanes: Lanes, *, logging: bool) -> str:
-    """The module's text."""
+    """LLVM assembly text of a stepped program."""
     writer = Writer(lanes)
     inputs = loop.program.inputs
     marks = (loop.carry, loop.carry + loop.parameters, loop.carry + loop.parameters + loop.row)
@@ -193,7 +193,7 @@ def _x86() -> bool:
 
 
 def _entry(*, flush: bool) -> list[str]:
-    """The way in, a function of its own so that no operation can move past a change of the control word.
+    """Assembly of the entry function, which flushes subnormal numbers to zero if requested.
 
     A flight that settles leaves numbers below the normal range, on which some processors take three times as long:
     where bits are free anyway they become zero. The caller's control word comes back.
@@ -221,7 +221,7 @@ def _entry(*, flush: bool) -> list[str]:
 
 
 def _call() -> list[str]:
-    """A second way in: one pointer to all twelve arguments, which a caller in a hurry prepares once."""
+    """Assembly of a second entry function, whose only argument is a pointer to the array of all arguments."""
     kinds = ["ptr"] * 5 + ["i64"] * 7
     lines = [f"define void @{CALL}(ptr %arguments) {{"]
     for k, kind in enumerate(kinds):
@@ -232,7 +232,7 @@ def _call() -> list[str]:
 
 
 def _split(nodes: tuple[Node, ...], parameters: tuple[Node, ...]) -> tuple[list[Node], list[Node]]:
-    """Operations that depend on parameters and constants alone, and the others."""
+    """Split operations into those that depend only on parameters and constants, and the rest."""
     fixed = {node.index for node in parameters}
     invariant, varying = [], []
     for node in nodes:
@@ -247,7 +247,7 @@ def _split(nodes: tuple[Node, ...], parameters: tuple[Node, ...]) -> tuple[list[
 
 
 def _address(writer: Writer, base: str, index: int) -> str:
-    """Address of variable ``index`` of this block."""
+    """Write code for the address of variable ``index`` of this block; returns its name."""
     at = writer.fresh()
     writer.do(f"""
   {at}.skip = mul i64 %lanes, {index}
@@ -268,7 +268,7 @@ def _store(writer: Writer, base: str, index: int, name: str) -> None:
 
 
 def _row(writer: Writer, index: int, width: int) -> str:
-    """One shared input of this step in every lane."""
+    """Write code that broadcasts one shared input of this step to all lanes."""
     lanes, at = writer.lanes, writer.fresh()
     writer.do(f"""
   {at}.line = mul i64 %i, {width}
@@ -281,7 +281,7 @@ def _row(writer: Writer, index: int, width: int) -> str:
 
 
 def _write_log(writer: Writer, names: list[str]) -> None:
-    """Store the logged outputs of every ``%every``-th step: log[step / every][output][lane]."""
+    """Write code that stores the logged outputs every ``%every`` steps: log[step / every][output][lane]."""
     lanes = writer.lanes
     writer.do(f"""
   %log.rest = urem i64 %i, %every

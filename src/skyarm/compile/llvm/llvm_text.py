@@ -17,7 +17,7 @@ INTRINSIC = {"abs": "fabs", "sqrt": "sqrt", "floor": "floor", "copysign": "copys
 
 @dataclass(frozen=True, slots=True)
 class Lanes:
-    """Shape of the vectors.
+    """Vector shape: number of SIMD lanes and floating-point precision.
 
     Attributes:
         width: lanes per vector. single: 32-bit floats in place of 64-bit ones.
@@ -51,16 +51,16 @@ class Lanes:
 
     @property
     def suffix(self) -> str:
-        """Name of the vector in an intrinsic."""
+        """Type suffix of the vector in names of LLVM intrinsics."""
         return f"v{self.width}f{32 if self.single else 64}"
 
     @property
     def bytes(self) -> int:
-        """Size of one lane."""
+        """Size of one lane in bytes."""
         return 4 if self.single else 8
 
     def constant(self, value: float) -> str:
-        """A number in every lane; single precision is rounded here, because LLVM refuses to."""
+        """LLVM constant with one number in every lane, rounded here to single precision if needed."""
         if self.single:
             try:
                 value = struct.unpack("<f", struct.pack("<f", value))[0]
@@ -70,17 +70,17 @@ class Lanes:
         return self.splat(f"{self.scalar} 0x{bits:016X}")
 
     def splat(self, lane: str) -> str:
-        """One typed constant in every lane."""
+        """LLVM constant with one typed value in every lane."""
         return f"<{', '.join([lane] * self.width)}>"
 
     def integers(self, value: int) -> str:
-        """One integer in every lane."""
+        """LLVM constant with one integer in every lane."""
         return self.splat(f"i{32 if self.single else 64} {value}")
 
 
 @dataclass(slots=True)
 class Writer:
-    """Lines of a function under construction, and the name of each node's value."""
+    """Writer of an LLVM function: the lines so far and the name of each node's value."""
 
     lanes: Lanes
     lines: list[str] = field(default_factory=list)
@@ -89,22 +89,22 @@ class Writer:
     _count: int = 0
 
     def fresh(self) -> str:
-        """A new local name."""
+        """New unique local name."""
         self._count += 1
         return f"%t{self._count}"
 
     def emit(self, text: str) -> str:
-        """One instruction that yields a value; returns its name."""
+        """Write one instruction that yields a value; returns the value's name."""
         name = self.fresh()
         self.lines.append(f"  {name} = {text}")
         return name
 
     def do(self, text: str) -> None:
-        """Instructions without a value, or labels, one a line."""
+        """Write instructions without a value, or labels, one per line."""
         self.lines += [line for line in text.split("\n") if line]
 
     def program(self, nodes: Iterable[Node]) -> None:
-        """All operations of a lowered program; inputs must have names already."""
+        """Write all operations of a lowered program; the inputs must have names already."""
         for node, body in arrange(nodes):
             if node.op == "repeat":
                 self._loop(node, body)
@@ -114,7 +114,7 @@ class Writer:
                 self.names[node.index] = self._value(node)
 
     def _loop(self, block: Node, body: Iterable[Node]) -> None:
-        """A loop; its body is one basic block, which is skipped when no lane needs another round."""
+        """Write a loop whose body is one basic block, skipped once no lane needs another round."""
         count, slots, until = block.value
         label, vector = f"r{block.index}", self.lanes.vector
         starts = [self.names[arg.index] for arg in block.args[: len(slots)]]
@@ -143,11 +143,11 @@ class Writer:
             self.do(f"  %{label}.e{k} = phi {vector} [ {start}, %{label}.entry ], [ {end}, %{label} ]")
 
     def _goes_on(self, left: str) -> str:
-        """True if any lane needs another round, i1."""
+        """Write the condition (i1) that any lane needs another round; returns its name."""
         return self._any(self.emit(f"fcmp ogt {self.lanes.vector} {left}, {self.lanes.constant(0.5)}"))
 
     def _any(self, condition: str) -> str:
-        """True if a condition holds in any lane, i1."""
+        """Write the condition (i1) that holds if a mask is true in any lane; returns its name."""
         name = f"@llvm.vector.reduce.or.v{self.lanes.width}i1"
         self.intrinsics.add(f"declare i1 {name}({self.lanes.mask})")
         return self.emit(f"call i1 {name}({self.lanes.mask} {condition})")
@@ -180,14 +180,14 @@ class Writer:
         return bitwise[op](*args)
 
     def intrinsic(self, name: str, *args: str) -> str:
-        """Call one of LLVM's vector intrinsics."""
+        """Write a call of an LLVM vector intrinsic; returns the name of its result."""
         lanes = self.lanes
         full = f"@llvm.{name}.{lanes.suffix}"
         self.intrinsics.add(f"declare {lanes.vector} {full}({', '.join([lanes.vector] * len(args))})")
         return self.emit(f"call {lanes.vector} {full}({', '.join(f'{lanes.vector} {arg}' for arg in args)})")
 
     def _power_of_two(self, k: str) -> str:
-        """2**k by writing k into the exponent; k + 1.5 * 2**(mantissa bits) has k in its lowest bits."""
+        """Write code for 2**k, which puts k into the exponent bits; returns the name of the result."""
         lanes = self.lanes
         shift, bias, magic = (23, 127, 12582912.0) if lanes.single else (52, 1023, 6755399441055744.0)
         if lanes.single:
@@ -200,7 +200,7 @@ class Writer:
         return self.emit(f"bitcast {lanes.integer} {biased} to {lanes.vector}")
 
     def _exponent(self, x: str) -> str:
-        """Exponent bits of a normal number as a float."""
+        """Write code for the binary exponent of a normal number, as a float; returns its name."""
         lanes = self.lanes
         shift, bias, field_mask = (23, 127, 0xFF) if lanes.single else (52, 1023, 0x7FF)
         bits = self.emit(f"bitcast {lanes.vector} {x} to {lanes.integer}")
@@ -210,7 +210,7 @@ class Writer:
         return self.emit(f"fsub {lanes.vector} {number}, {lanes.constant(float(bias))}")
 
     def _mantissa(self, x: str) -> str:
-        """The number with the exponent of 1."""
+        """Write code for the mantissa of a number; returns its name."""
         lanes = self.lanes
         keep, one = (0x807FFFFF, 0x3F800000) if lanes.single else (0x800FFFFFFFFFFFFF, 0x3FF0000000000000)
         bits = self.emit(f"bitcast {lanes.vector} {x} to {lanes.integer}")

@@ -1,4 +1,4 @@
-"""A cache of object files: machine code that need not be built again, executed only if its own user put it there.
+"""Cache of object files of machine code, authenticated by a key of the user before execution.
 
 An entry carries a code (HMAC-SHA256) of its name and content under its user's key
 (:mod:`skyarm.compile.llvm.object_cache`). So neither content written by another user is trusted, nor another
@@ -35,18 +35,18 @@ KEY, KEY_BYTES = "object_cache.key", 32
 
 
 def cache_folder() -> Path | None:
-    """Folder of the object files; None for a user without a home."""
+    """Folder of the object cache; None for a user without a home folder."""
     named = os.environ.get("SKYARM_CACHE")
     return Path(named) if named else _users_folder("skyarm", "XDG_CACHE_HOME", ".cache")
 
 
 def state_folder() -> Path | None:
-    """Folder of the key, outside any cache; None for a user without a home."""
+    """Folder of the user's key, outside any cache; None for a user without a home folder."""
     return _users_folder("skyarm-state" if sys.platform == "win32" else "skyarm", "XDG_STATE_HOME", ".local/state")
 
 
 def size_limit() -> int:
-    """Bytes that all entries together may take; 0 keeps none.
+    """Largest total size of the cache, bytes; 0 disables it.
 
     Raises:
         ValueError: ``SKYARM_CACHE_SIZE`` is no such number.
@@ -68,12 +68,12 @@ ENTRY, TEMPORARY = re.compile(r"[0-9a-f]{64}\.o"), re.compile(r"\.[0-9a-f]{64}\.
 
 
 def is_ours(name: str) -> bool:
-    """True if a file of this name belongs into the cache or the state folder."""
+    """True if a file of this name belongs to the object cache or its state folder."""
     return bool(ENTRY.fullmatch(name) or TEMPORARY.fullmatch(name)) or name.lstrip(".").startswith(KEY)
 
 
 def unused_reason() -> str:
-    """Why nothing is kept, in words; empty if the cache is in use. Makes its folder and its key, as a first use does.
+    """Reason why the cache is disabled, in words; empty if it works. Creates its folder and key if missing.
 
     Raises:
         ValueError: ``SKYARM_CACHE_SIZE`` is no number.
@@ -91,7 +91,7 @@ def unused_reason() -> str:
 
 
 def usable(folder: Path) -> bool:
-    """True for a folder that only this user may write; warns once of any other."""
+    """True for a folder that only this user may write; else warns once."""
     try:
         reason = private_folder(folder, is_ours)
     except (OSError, ValueError):
@@ -102,7 +102,7 @@ def usable(folder: Path) -> bool:
 
 
 def user_key(*, make: bool) -> bytes | None:
-    """Key of this user, None where there is none.
+    """Secret key of this user for the cache; None if there is none.
 
     Args:
         make: make one if there is none, and replace one that is damaged or that others could have read.
@@ -123,7 +123,7 @@ def user_key(*, make: bool) -> bytes | None:
 
 
 def _users_folder(name: str, variable: str, usual: str) -> Path | None:
-    """A folder of ours among those that the user's system has for a purpose."""
+    """Folder of this library below the user's cache or state folder."""
     home = Path(os.environ.get("LOCALAPPDATA" if sys.platform == "win32" else variable, ""))
     try:
         # a relative path is to be ignored, says the XDG Base Directory Specification 0.8
@@ -160,7 +160,7 @@ FORGOTTEN = 3600.0
 
 @dataclass(frozen=True, slots=True)
 class Contents:
-    """Content of the cache: number of entries, and their bytes."""
+    """Size of the object cache: number of entries and bytes."""
 
     entries: int
     size: int
@@ -168,7 +168,7 @@ class Contents:
 
 @dataclass(frozen=True, slots=True)
 class _Entry:
-    """A file of the cache: when it was used last, in s, and its size in bytes."""
+    """File of the object cache: time of its last use (s) and size (bytes)."""
 
     used: float
     size: int
@@ -176,7 +176,7 @@ class _Entry:
 
 
 def load(identity: str) -> bytes | None:
-    """Object code kept for what is described by a text; None where it must be built.
+    """Load the object code that is cached under a descriptive text; None if it is not there.
 
     Raises:
         ValueError: ``SKYARM_CACHE_SIZE`` is no number.
@@ -197,7 +197,7 @@ def load(identity: str) -> bytes | None:
 
 
 def store(identity: str, content: bytes) -> None:
-    """Keep object code under a text that describes it, and forget what is beyond the limit.
+    """Store object code under a descriptive text; remove the oldest entries beyond the size limit.
 
     A cache that cannot be written is no error; one that others could write causes a warning, and is not used.
 
@@ -225,7 +225,7 @@ def contents() -> Contents:
 
 
 def clear() -> Contents:
-    """Remove all entries and temporary files of the cache, nothing else; returns what was removed."""
+    """Remove all entries and temporary files of the cache; return how much was removed."""
     folder = cache_folder()
     removed = [entry for entry in _entries(folder) if _remove(entry.path)]
     for entry in _entries(folder, TEMPORARY):
@@ -238,19 +238,19 @@ def _name(identity: str) -> str:
 
 
 def _code(key: bytes, name: str, content: bytes) -> bytes:
-    """Authentication code of this content under this name, by the user's key."""
+    """Message authentication code of an entry's content and name, by the user's key."""
     return hmac.digest(key, name.encode() + b"\0" + content, "sha256")
 
 
 def _note_use(entry: Path) -> None:
-    """Set an entry's time to now, by which those used longest ago are found."""
+    """Set an entry's time of last use to now."""
     with contextlib.suppress(OSError):  # another process may have removed it
         if abs(time.time() - entry.stat().st_mtime) > MOMENT:
             os.utime(entry)
 
 
 def _entries(folder: Path | None, pattern: re.Pattern[str] = ENTRY) -> list[_Entry]:
-    """Files of the cache by their names, those used last first."""
+    """Files of the cache by name, most recently used first."""
     found = []
     try:
         files = [] if folder is None else [each for each in folder.iterdir() if pattern.fullmatch(each.name)]
@@ -265,7 +265,7 @@ def _entries(folder: Path | None, pattern: re.Pattern[str] = ENTRY) -> list[_Ent
 
 
 def _prune(folder: Path, limit: int) -> None:
-    """Remove the least recently used files until the rest fits, and abandoned temporary files.
+    """Remove the least recently used entries beyond the size limit, and abandoned temporary files.
 
     Processes may do so at once: what one has read is its own, and what one has removed is no error to another.
     """
@@ -280,7 +280,7 @@ def _prune(folder: Path, limit: int) -> None:
 
 
 def _remove(path: Path) -> bool:
-    """True if this call removed a file."""
+    """Remove a file; True if this call removed it."""
     try:
         path.unlink()
     except OSError:

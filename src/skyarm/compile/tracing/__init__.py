@@ -1,1 +1,1 @@
-"""From a traceable function to a straight-line program."""
+"""Tracing of a function into a straight-line program."""

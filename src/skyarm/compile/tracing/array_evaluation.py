@@ -1,4 +1,4 @@
-"""A traced program on NumPy arrays, one operation at a time: whole tables with the bits of Python floats.
+"""Evaluation of a traced program on NumPy arrays, with the same bits as on Python floats.
 
 NumPy's own sine or exponential may differ from ours in the last bit, so the program's basic operations are run.
 """
@@ -17,17 +17,17 @@ Array = npt.NDArray[Any]
 
 
 def _mantissa(x: Array) -> Array:
-    """As :func:`skyarm.algebra.scalars.floats.mantissa`: NaN where there is none."""
+    """Mantissa of each number; NaN for zero, infinity and NaN."""
     return np.where(np.isfinite(x) & (x != 0.0), 2.0 * np.frexp(x)[0], np.nan)
 
 
 def _exponent(x: Array) -> Array:
-    """As :func:`skyarm.algebra.scalars.floats.exponent`."""
+    """Binary exponent of each number; NaN for zero, infinity and NaN."""
     return np.where(np.isfinite(x) & (x != 0.0), np.frexp(x)[1] - 1.0, np.nan)
 
 
 def _power_of_two(k: Array) -> Array:
-    """As :func:`skyarm.algebra.scalars.floats.power_of_two`."""
+    """2**k of each number; NaN outside (-1100, 1100)."""
     sound = (k > -1100.0) & (k < 1100.0)
     return np.where(sound, np.ldexp(1.0, np.where(sound, k, 0.0).astype(np.int64)), np.nan)
 
@@ -55,7 +55,7 @@ OPERATIONS: dict[str, Callable[..., Any]] = {
 
 
 def evaluate(program: Program, inputs: Sequence[Any], count: int) -> Array:
-    """Outputs (outputs, count) of a program for arrays of inputs, each (count,) or one number.
+    """Outputs of a program for arrays of inputs, shape (outputs, count); an input is (count,) or one number.
 
     Every column has the bits of :meth:`skyarm.compile.Program.flat` of its inputs.
     """

@@ -1,4 +1,4 @@
-"""Comparison of a function in floats with its program: hidden state of the function shows as a difference.
+"""Comparison of a function on floats with its traced program, which detects hidden state.
 
 A program is traced once and runs for ever. What a function keeps in a closure, a global or an attribute is frozen in
 it, and nobody sees. Therefore it is called with floats for some periods, traced twice, and compared.
@@ -32,7 +32,7 @@ def compare_with_floats(
     names: Sequence[str] = (),
     first: Callable[[Any, Numbers], None] | None = None,
 ) -> None:
-    """Refuse a function that is none of its arguments.
+    """Refuse a function whose result depends on anything but its arguments.
 
     Args:
         function: (memory, *arguments of an instant) -> (memory, result), records over any scalar.
@@ -69,7 +69,7 @@ def _call_with_floats(
     constants: Any,
     names: Sequence[str],
 ) -> list[Numbers]:
-    """Memory and result of each period by floats; shorter where a number overflows on the way."""
+    """Memory and result of each period on floats; ends early at an arithmetic error."""
     found: list[Numbers] = []
     for k, instant in enumerate(instants):
         given = (memory, *instant, constants)
@@ -89,14 +89,14 @@ def _call_with_floats(
 
 
 def _text(program: Program) -> list[Any]:
-    """Text of a program, for comparison with another."""
+    """Canonical text of a program, for comparison with another."""
     place = {node.index: k for k, node in enumerate((*program.inputs, *program.nodes))}
     lines: list[Any] = [(node.op, repr(node.value), *(place[arg.index] for arg in node.args)) for node in program.nodes]
     return [*lines, *(place[node.index] for node in program.outputs)]
 
 
 def same_numbers(first: Sequence[Any], second: Sequence[Any]) -> bool:
-    """True if two rows hold the same numbers; a NaN is one."""
+    """True if two sequences contain the same numbers; NaN equals NaN."""
     if len(first) != len(second):
         return False
     return all(a is b or a == b or (a != a and b != b) for a, b in zip(first, second, strict=True))  # noqa: PLR0124

@@ -1,4 +1,4 @@
-"""Lowering: sin, exp ... of a program written out in basic operations, so that every engine computes the same bits.
+"""Lowering: rewrites functions such as sin and exp in basic operations, so that all engines compute the same bits.
 
 A repetition is a loop in machine code, written out on every engine that has no loops. It keeps long programs short:
 twenty integration steps of a stiff joint cost the code of one. Its body may use any value from outside; what does not
@@ -19,7 +19,7 @@ from skyarm.records.leaves import blend, leaves, rebuild
 
 @dataclass(frozen=True, slots=True)
 class Lowered:
-    """A program of basic operations.
+    """Program that consists of basic operations only.
 
     Attributes:
         inputs: in order. nodes: live, in an order of evaluation. outputs: in order.
@@ -31,7 +31,7 @@ class Lowered:
 
 
 def lower(inputs: Sequence[Node], nodes: Sequence[Node], outputs: Sequence[Node]) -> Lowered:
-    """Write a program out in basic operations."""
+    """Rewrite a program in basic operations."""
     target = Graph(loops=True)
     made: dict[int, Node] = {node.index: target.input(node.value) for node in inputs}
     for node in nodes:
@@ -68,7 +68,7 @@ def lower(inputs: Sequence[Node], nodes: Sequence[Node], outputs: Sequence[Node]
 
 
 def live(outputs: Sequence[Node]) -> list[Node]:
-    """Nodes the outputs need, in order of creation."""
+    """Nodes that the outputs depend on, in order of creation."""
     seen: dict[int, Node] = {}
     stack = list(outputs)
     while stack:
@@ -86,7 +86,7 @@ WRITTEN_OUT = 6000
 
 
 def repeat(count: int, function: Callable[[Record], Record], record: Record) -> Record:
-    """``function`` applied ``count`` times to ``record``.
+    """Apply ``function`` to ``record``, ``count`` times.
 
     Raises:
         ValueError: the function returns a record with another number of scalars.
@@ -105,7 +105,7 @@ def repeat(count: int, function: Callable[[Record], Record], record: Record) -> 
 
 
 def repeat_while(count: int, rounds: Scalar, function: Callable[[Record], Record], record: Record) -> Record:
-    """``function`` applied ``rounds`` times to ``record``, where ``rounds`` may be traced and differ from lane to lane.
+    """Apply ``function`` to ``record``, ``rounds`` times, where ``rounds`` may be traced and differ between lanes.
 
     Machine code makes as many rounds as the lane that asks for most, none where none asks; other lanes keep what they
     have. Where nothing can be skipped, ``count`` rounds are made.
@@ -152,7 +152,7 @@ def _loop(count: int, function: Callable[[Record], Record], record: Record, grap
 
 
 def arrange(nodes: Iterable[Node]) -> list[tuple[Node, list[Node]]]:
-    """Nodes in an order of evaluation, each with the body it repeats: nodes that need a slot go into their loop."""
+    """Nodes in order of evaluation, each with its loop body (empty for all but loops)."""
     found: list[tuple[Node, list[Node]]] = []
     inside: dict[int, int] = {}
     bodies: dict[int, list[Node]] = {}
@@ -177,7 +177,7 @@ def arrange(nodes: Iterable[Node]) -> list[tuple[Node, list[Node]]]:
 
 
 def operations(nodes: Iterable[Node]) -> int:
-    """Operations that one evaluation executes: a body counts as often as it is repeated."""
+    """Number of operations in one evaluation; loop bodies count once per repetition."""
     quiet = ("input", "const", "item")
     found = 0
     for node, body in arrange(nodes):

@@ -1,4 +1,4 @@
-"""Tracing a function of records into a program, once or to be stepped, and the program as straight-line Python."""
+"""Tracing of functions of records into programs, and their translation to straight-line Python."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Program:
         return self.record(self.flat(values))
 
     def record(self, values: Sequence[Scalar]) -> Any:
-        """Shape a flat result as the record the traced function returns."""
+        """Shape a flat result as the record that the traced function returns."""
         return shaped_like(self._result, values)
 
     def operations(self) -> Counter[str]:
@@ -58,7 +58,7 @@ class Program:
 
 
 def trace(function: Callable[..., Any], *examples: Any) -> Program:
-    """Run ``function`` on nodes shaped like ``examples`` and return its program.
+    """Trace ``function`` on nodes shaped like ``examples`` and return its program.
 
     Args:
         function: takes records (dataclasses or tuples of scalars), returns one.
@@ -81,7 +81,7 @@ def _literal(value: Any) -> str:
 
 
 def _loop(block: Node, body: Sequence[Node], name: Callable[[Node], str], divide: str) -> list[str]:
-    """A repetition: its slots start, are read by the body and take what it made, all at once."""
+    """Python lines of a loop: slots are initialised, read by the body and updated all at once."""
     count, slots, until = block.value
     held = ", ".join(f"v{slot.index}" for slot in slots)
     starts, ends = block.args[: len(slots)], block.args[len(slots) :]
@@ -107,7 +107,7 @@ def _expression(node: Node, name: Callable[[Node], str], divide: str) -> str:
 
 
 def python_source(program: Lowered, divide: str = "{0} / {1}", name: str = "program") -> str:
-    """Straight-line Python of a program: one assignment an operation."""
+    """Straight-line Python source of a program: one assignment per operation."""
 
     def variable(node: Node) -> str:
         return f"({_literal(node.value)})" if node.op == "const" else f"v{node.index}"
@@ -125,7 +125,7 @@ def python_source(program: Lowered, divide: str = "{0} / {1}", name: str = "prog
 
 
 class _Once:
-    """A call that is made once an evaluation, also where the program is run again with the IEEE versions."""
+    """External call that is made once per evaluation, even if the program is evaluated again with IEEE operations."""
 
     def __init__(self, function: Callable[..., Sequence[float]]) -> None:
         self._function = function
@@ -138,7 +138,7 @@ class _Once:
 
 
 def python_function(program: Lowered) -> Callable[[Sequence[float]], tuple[float, ...]]:
-    """Emit the program as a Python function that never raises on numbers.
+    """Compile a program to a Python function that returns inf or NaN where Python floats would raise.
 
     ``math`` and ``/`` are faster than their IEEE versions but raise; on the first such case the same program is run
     once more with the IEEE versions, which give the same bits wherever both are defined.
@@ -168,7 +168,7 @@ def python_function(program: Lowered) -> Callable[[Sequence[float]], tuple[float
 
 @dataclass(frozen=True, slots=True)
 class Loop:
-    """A stepped program of basic operations.
+    """Stepped program of basic operations: carry, parameters and a row of inputs to the next carry and a log.
 
     Inputs come in the order carry, parameters, row, uniforms; outputs are the next carry, then what may be logged.
 
@@ -190,7 +190,7 @@ class Loop:
     own_seeds: bool = False
 
     def stepper(self) -> Callable[[Any], tuple[float, ...]]:
-        """One step as a Python function of all inputs in order: the reference of every other engine."""
+        """Python function of one step, which takes all inputs in order; the reference for all other engines."""
         return python_function(self.program)
 
 
@@ -204,7 +204,7 @@ def trace_loop(
     loops: bool = False,
     own_seeds: bool = False,
 ) -> Loop:
-    """Trace step(carry, parameters, row, uniforms) -> (carry, log).
+    """Trace the stepped program step(carry, parameters, row, uniforms) -> (carry, log).
 
     Args:
         step: pure function of records; the carry it returns has the leaves of the one it takes.

@@ -1,4 +1,4 @@
-"""A hash-consing tracer: run a function on nodes and keep the straight-line program it computes.
+"""Hash-consing tracer: runs a function on nodes and records the straight-line program that it computes.
 
 Equal expressions become one node, so common subexpressions are shared; constants are folded by computing them with
 the same float functions; only rewritings that are exact in IEEE arithmetic are made (structural 0 and 1, signs).
@@ -37,11 +37,11 @@ FOLD: dict[str, Any] = {
 
 
 class TracedBranchError(TypeError):
-    """A traced value was used as a Python condition."""
+    """Error: a traced value was used as a Python condition."""
 
 
 def _caller() -> str:
-    """File and line that used a node wrongly: the nearest frame that is written in a file."""
+    """Source file and line of the user's code that misused a node."""
     frame = sys._getframe(2)
     while frame.f_code.co_filename.startswith("<") and frame.f_back is not None:
         frame = frame.f_back  # the comparison that a dataclass generates
@@ -49,7 +49,7 @@ def _caller() -> str:
 
 
 class Node:
-    """One value of a traced program.
+    """Value of a traced program.
 
     Its operators fold an integer only where that is exact for every float (x - 0, x * 1, x / 1), so that a program
     keeps the bits of plain Python arithmetic; :mod:`skyarm.algebra.scalars.fold` folds structural zeros on every
@@ -97,11 +97,11 @@ class Node:
         return self.graph.call("div", other, self)
 
     def __neg__(self) -> Scalar:
-        """-self."""
+        """Record -self."""
         return self.graph.neg(self)
 
     def __abs__(self) -> Any:
-        """|self|."""
+        """Record |self|."""
         return self.graph.call("abs", self)
 
     def __lt__(self, other: Scalar) -> Scalar:
@@ -121,36 +121,36 @@ class Node:
         return self.graph.call("le", other, self)
 
     def __eq__(self, other: object) -> bool:
-        """Refused, as a program has no equality: it would compare nodes, not their values."""
+        """Refuse equality: it would compare nodes, not their values."""
         raise TracedBranchError(f"{_caller()}: == on a traced value; compare by < or <=")
 
     __hash__ = object.__hash__
 
     def __and__(self, other: Scalar) -> Scalar:
-        """Both conditions."""
+        """Record the logical and of both conditions."""
         return self.graph.call("and", self, other)
 
     def __or__(self, other: Scalar) -> Scalar:
-        """Either condition."""
+        """Record the logical or of both conditions."""
         return self.graph.call("or", self, other)
 
     def __bool__(self) -> bool:
-        """Refused: a branch would be taken once, while tracing, for every lane and for ever."""
+        """Refuse a branch on a traced value: it would be decided once, while tracing, for all lanes."""
         raise TracedBranchError(
             f"{_caller()}: branch on a traced value; use skyarm.algebra.scalars.where(condition, a, b)"
         )
 
     def __float__(self) -> float:
-        """Refused for the same reason."""
+        """Refuse conversion to float: a traced value has no number yet."""
         raise TracedBranchError(f"{_caller()}: float() of a traced value")
 
     def __repr__(self) -> str:
-        """Operation and operands."""
+        """Text of the node: operation and operands."""
         return f"Node({self.op}, {', '.join(str(a.index) for a in self.args)})"
 
 
 class Graph:
-    """All nodes of one program, in the order of their creation, which is an order of evaluation.
+    """Graph of all nodes of one program, in order of creation, which is an order of evaluation.
 
     Args:
         loops: keep a repetition (:mod:`skyarm.compile.tracing.lower`) as a loop; else it is written out.
@@ -163,11 +163,11 @@ class Graph:
         self._known: dict[Any, Node] = {}
 
     def input(self, name: str) -> Node:
-        """Make a new input."""
+        """Add a new input node."""
         return self._make("input", (), name, ("input", name))
 
     def constant(self, value: Any) -> Node:
-        """Make a number (or a truth value) a node."""
+        """Node of a constant number or truth value."""
         if isinstance(value, bool) or getattr(getattr(value, "dtype", None), "kind", "") == "b":
             truth = bool(value)  # NumPy's is no bool, and would become 1.0
             return self._make("const", (), truth, ("bool", truth))
@@ -177,7 +177,7 @@ class Graph:
         return self._make("const", (), number, number if plain else ("const", struct.pack("<d", number)))
 
     def lift(self, value: Any) -> Node:
-        """Make a node of this graph of any scalar."""
+        """Convert any scalar to a node of this graph."""
         if isinstance(value, Node):
             if value.graph is not self:
                 raise TypeError("a value of another trace reached this one: pass it as an argument")
@@ -185,7 +185,7 @@ class Graph:
         return self.constant(value)
 
     def call(self, op: str, *values: Any) -> Node:
-        """Apply an operation: an equal node that exists is returned, constants are computed at once."""
+        """Node of an operation; an equal existing node is reused, and constants are folded."""
         # lists, not generators: this runs ten thousand times a trace
         args = [self.lift(value) for value in values]
         if len(args) == 2:
@@ -197,7 +197,7 @@ class Graph:
         return self._make(op, tuple(args), None, (op, *[arg.index for arg in args]))
 
     def _pair(self, op: str, x: Node, y: Node) -> Node:
-        """An operation of two nodes of this graph: most of a program, so nothing is done here that need not be."""
+        """Node of an operation with two operands of this graph (the most frequent case, kept short for speed)."""
         if x.op == "const" and y.op == "const":
             return self.constant(FOLD[op](x.value, y.value))
         if y.index < x.index and op in _COMMUTATIVE:
@@ -239,13 +239,13 @@ class Graph:
         return x.args[0] if x.op == "neg" else self.call("neg", x)
 
     def slot(self) -> Node:
-        """Make a slot of a loop: first its start value, then the value of the last round."""
+        """Add a slot of a loop: it takes the start value, then the value of the previous round."""
         return self._make("slot", (), self._loops_made, ("slot", len(self.nodes)))
 
     def repeat(
         self, count: int, slots: list[Node], starts: list[Node], ends: list[Node], *, until: int | None = None
     ) -> list[Node]:
-        """Close a loop over ``slots``; returns what its last round leaves in each.
+        """Close a loop over ``slots``; return the values of the slots after its last round.
 
         ``until`` is the number of a slot: while it is at most 0.5 in every lane, at the start or later, further rounds
         change nothing and need not be made.
@@ -261,7 +261,7 @@ class Graph:
     def external(
         self, function: Callable[..., Sequence[float]], groups: Sequence[Sequence[Any]], count: int
     ) -> list[Node]:
-        """Call a Python function of floats, which only programs in Python can do; returns its ``count`` results.
+        """Add a call of a Python function of floats, possible only in Python; return its ``count`` results.
 
         Calls are made in the order of their tracing. ``function`` takes one tuple for each group.
         """
@@ -271,7 +271,7 @@ class Graph:
         return [self.result(block, k) for k in range(count)]
 
     def result(self, call: Node, k: int) -> Node:
-        """One of the results of an external call."""
+        """Node of result ``k`` of an external call."""
         return self._make("result", (call,), k, ("result", call.index, k))
 
     def _make(self, op: str, args: tuple[Node, ...], value: Any, key: Any) -> Node:

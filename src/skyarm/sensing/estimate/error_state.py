@@ -30,17 +30,17 @@ Row = Mapping[int, Any]
 
 
 def diagonal(variances: Sequence[Scalar]) -> Covariance:
-    """Covariance of independent components; every entry is data."""
+    """Diagonal covariance matrix as a lower triangle, from the variances."""
     return tuple(tuple(data(v) if i == j else 0.0 for j in range(i + 1)) for i, v in enumerate(variances))
 
 
 def entry(P: Covariance, i: int, j: int) -> Any:
-    """P[i][j] of a lower triangle."""
+    """Entry P[i][j] of a symmetric matrix that is stored as its lower triangle."""
     return P[i][j] if j <= i else P[j][i]
 
 
 def transition(R_WB: Mat3, force_W: Vec3, dt: Scalar, *, modelled: bool = False) -> list[Row]:
-    """Rows of the error's transition over ``dt``, to first order.
+    """Sparse rows of the error-state transition matrix over ``dt`` (s), to first order.
 
     position + velocity dt; velocity - (R f) x attitude dt - R accelerometer bias dt; attitude - R gyroscope bias dt.
     Where the force is modelled the velocity takes the push in place of the accelerometer's bias.
@@ -68,7 +68,7 @@ def transition(R_WB: Mat3, force_W: Vec3, dt: Scalar, *, modelled: bool = False)
 
 
 def predict_covariance(P: Covariance, F: Sequence[Row], variances: Sequence[Scalar]) -> Covariance:
-    """F P F^T with ``variances`` added to the diagonal; structural zeros of the diagonal fold away."""
+    """Predicted covariance F P F^T + diag(variances)."""
     size = len(P)
     FP = [[_sum(mul(c, entry(P, k, j)) for k, c in F[i].items()) for j in range(size)] for i in range(size)]
     return tuple(
@@ -80,7 +80,7 @@ def predict_covariance(P: Covariance, F: Sequence[Row], variances: Sequence[Scal
 def update_by_scalar(
     P: Covariance, error: Sequence[Scalar], H: Row, innovation: Scalar, variance: Scalar
 ) -> tuple[Covariance, list[Any], Any]:
-    """Covariance, mean error and normalised squared innovation after one scalar measurement.
+    """Kalman update by one scalar measurement: covariance, mean error and normalised squared innovation.
 
     Args:
         P: before.
@@ -99,7 +99,7 @@ def update_by_scalar(
 
 
 def choose_covariance(condition: Scalar, new: Covariance, old: Covariance) -> Covariance:
-    """``new`` where the condition holds, else ``old``."""
+    """Covariance ``new`` if the condition holds, else ``old``."""
     return tuple(
         tuple(where(condition, a, b) for a, b in zip(row, before, strict=True))
         for row, before in zip(new, old, strict=True)
@@ -107,12 +107,12 @@ def choose_covariance(condition: Scalar, new: Covariance, old: Covariance) -> Co
 
 
 def scaled_covariance(P: Covariance, factor: Scalar) -> Covariance:
-    """A covariance times a number."""
+    """Covariance times a scalar factor."""
     return tuple(tuple(each * factor for each in row) for row in P)
 
 
 def gate_of(deviations: Scalar, count: int) -> Any:
-    """Largest normalised squared innovation of ``count`` scalars that is taken for one of the model.
+    """Innovation gate: largest accepted normalised squared innovation of ``count`` scalars.
 
     The quantile of chi-square with ``count`` degrees of freedom whose probability is that of a normal number below
     ``deviations``: of 3 to 4.5 deviations to 15 % for one scalar, 7 % for three, 4 % for six, and too large.
@@ -146,7 +146,7 @@ class Navigated:
 def navigate(
     now: Navigated, before: ImuReading, after: ImuReading, gravity: Any, dt: Any, modelled: Vec3 | None = None
 ) -> tuple[Navigated, Vec3]:
-    """The nominal state at the later of two readings, and the mean specific force without bias and push, world axes.
+    """Inertial navigation step: next nominal state, and mean specific force without bias (world axes, m/s^2).
 
     Args:
         now: belief at the earlier.
@@ -174,7 +174,7 @@ def navigate(
 
 
 def correct_state(now: Navigated, error: Sequence[Scalar]) -> Navigated:
-    """The nominal state corrected by the mean error."""
+    """Nominal state corrected by the mean error (error injection)."""
     p, v, turn, gyro, accelerometer, *push = (Vec3(*error[i : i + 3]) for i in range(0, len(error), 3))
     return Navigated(
         position=now.position + p,
@@ -187,7 +187,7 @@ def correct_state(now: Navigated, error: Sequence[Scalar]) -> Navigated:
 
 
 def level_attitude(specific_force: Vec3, heading: Scalar) -> Quaternion:
-    """Attitude of a base at rest: the specific force points up, the heading is given (rad)."""
+    """Attitude of a base at rest, from its specific force (which points up) and its heading (rad)."""
     f = specific_force
     roll, pitch = 0.5 * atan2(f.y, f.z), 0.5 * atan2(neg(f.x), sqrt(f.y * f.y + f.z * f.z))
     yaw = 0.5 * heading
@@ -197,7 +197,7 @@ def level_attitude(specific_force: Vec3, heading: Scalar) -> Quaternion:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ScalarInnovation:
-    """One scalar of a reading: derivative by the error, reading less belief, variance of the reading's noise."""
+    """Innovation of one scalar measurement: Jacobian row, innovation and noise variance."""
 
     H: Row
     value: Any
@@ -207,7 +207,7 @@ class ScalarInnovation:
 def innovations(
     belief: Navigated, reading: Any, position: Scalar, attitude: Scalar, heading: Scalar
 ) -> list[ScalarInnovation]:
-    """Innovations of a pose, a position or a heading; the last arguments are deviations of the readings' noise."""
+    """Innovations of a pose, position or heading reading; the other arguments are noise standard deviations."""
     if isinstance(reading, HeadingReading):
         return [_of_heading(belief.quaternion.rotation(), reading.heading, heading * heading)]
     off = enumerate(reading.position - belief.position)
@@ -219,14 +219,14 @@ def innovations(
 
 
 def turn_between(believed: Quaternion, read: Quaternion) -> tuple[Scalar, Scalar, Scalar]:
-    """Rotation vector (rad, world axes, to second order) that turns the estimated attitude into the measured one."""
+    """Rotation vector (rad, world axes, to second order) from the estimated to the measured attitude."""
     turn = read * Quaternion(believed.w, -believed.x, -believed.y, -believed.z)
     factor = where(turn.w < 0.0, -2.0, 2.0)
     return turn.x * factor, turn.y * factor, turn.z * factor
 
 
 def _of_heading(R: Mat3, heading: Scalar, variance: Scalar) -> ScalarInnovation:
-    """Innovation of the yaw of the base's x axis, between -pi and pi.
+    """Innovation of a heading (yaw of the base's x axis), rad, between -pi and pi.
 
     A small rotation e (world axes) moves the axis by e x axis: its yaw by e_z - z (x e_x + y e_y) / (x^2 + y^2).
     """
@@ -238,7 +238,7 @@ def _of_heading(R: Mat3, heading: Scalar, variance: Scalar) -> ScalarInnovation:
 
 
 def of_specific_force(belief: Navigated, measured: Vec3, modelled: Vec3, variance: Scalar) -> list[ScalarInnovation]:
-    """Innovation of an accelerometer against a modelled specific force: the difference is push and bias.
+    """Innovations of an accelerometer against the modelled specific force, due to external force and bias.
 
     The push d stands in world axes: an attitude's error e turns R^T d by R^T (d x e).
     """

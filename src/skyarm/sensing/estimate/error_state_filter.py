@@ -1,4 +1,4 @@
-"""Error-state Kalman filter on an inertial unit, aided by pose, or position and heading; joints from encoders.
+"""Error-state Kalman filter: inertial unit aided by pose, or by position and heading; joints from encoders.
 
 The inertial unit is integrated at every reading; what is estimated is the error of that: position, velocity, attitude
 (a rotation, composed with the estimate), biases. A reading that is old when it arrives is compared with the belief of
@@ -57,14 +57,14 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ErrorStateFilter(FilterNumbers):
-    """The filter with its model of the sensors and the controller's model of the vehicle."""
+    """Error-state Kalman filter with its sensor model and the controller's nominal vehicle."""
 
     def believing(self, vehicle: Vehicle, gravity: Scalar) -> ErrorStateFilter:
-        """The filter with the controller's belief."""
+        """The filter with the controller's nominal vehicle and gravity (m/s^2)."""
         return replace(self, vehicle=vehicle, gravity=gravity if self.gravity is None else self.gravity)
 
     def start(self, vehicle: Vehicle) -> FilterMemory:
-        """Blank but for the covariance; the first readings initialise the state."""
+        """Initial filter memory: only the covariance is set, the first readings initialise the state."""
         still, waiting = (0.0,) * vehicle.n, self.delay_periods + 1
         zero = Vec3(0.0, 0.0, 0.0)
         return FilterMemory(
@@ -84,7 +84,7 @@ class ErrorStateFilter(FilterNumbers):
     def step(
         self, memory: FilterMemory, readings: Mapping[str, Any], command: Command, dt: float
     ) -> tuple[FilterMemory, Measurement]:
-        """Process the arrived readings; the measurement is the present estimate."""
+        """Process the arrived readings; return the next memory and the estimate of the present state."""
         started = memory.started > 0.5
         imu, encoders = only(ImuReading, readings), only(EncoderReading, readings)
         arrived = [only(kind, readings) for kind in AIDS[self.aiding]]
@@ -109,7 +109,7 @@ class ErrorStateFilter(FilterNumbers):
     def _advance_rotors(
         self, memory: FilterMemory, imu: ImuReading, command: Command, started: Scalar, dt: Scalar
     ) -> FilterMemory:
-        """Advance the rotors by one period under the command that acted, and the model's force after it."""
+        """Memory with the modelled rotor speeds, and the modelled specific force if used, advanced by one period."""
         if self.vehicle is None:
             raise RecordError("vehicle: must be given, by believing(vehicle, gravity)")
         turned = speeds_after(self.vehicle.rotors, memory.rotor_speeds, command.rotor_speeds, dt)
@@ -127,7 +127,7 @@ class ErrorStateFilter(FilterNumbers):
         return replace(memory, rotor_speeds=speeds, modelled=(*kept, force))
 
     def _predict(self, memory: FilterMemory, before: ImuReading) -> FilterMemory:
-        """State and covariance at the filter's instant, from those at the reading before."""
+        """Predict state and covariance from the previous inertial reading to the present one of the filter."""
         reading, belief = memory.inertial[0], memory.belief
         dt = reading.time - before.time
         R = belief.quaternion.rotation()
@@ -142,7 +142,7 @@ class ErrorStateFilter(FilterNumbers):
         return replace(memory, belief=following, covariance=P)
 
     def _apply_aiding(self, memory: FilterMemory, after: Scalar) -> FilterMemory:
-        """With the aiding readings of the filter's instant taken in."""
+        """Update state and covariance by the aiding readings of the filter's instant."""
         belief, P = memory.belief, memory.covariance
         taken, refused, surprise = memory.taken, memory.refused, memory.surprise
         for queue in memory.aiding:
@@ -157,7 +157,7 @@ class ErrorStateFilter(FilterNumbers):
         return replace(memory, belief=belief, covariance=P, taken=taken, refused=refused, surprise=surprise)
 
     def _measurement(self, memory: FilterMemory, imu: ImuReading, encoders: EncoderReading) -> Measurement:
-        """The estimate of the filter's instant carried to the present."""
+        """Estimate of the present state, extrapolated from the filter's delayed instant."""
         present = memory.belief
         for i, (old, new) in enumerate(zip(memory.inertial, memory.inertial[1:], strict=False)):
             given = memory.modelled[i + 1] if self.uses_model else None
@@ -183,7 +183,7 @@ class ErrorStateFilter(FilterNumbers):
 def _apply_innovations(
     belief: Navigated, P: Covariance, rows: Sequence[ScalarInnovation], due: Scalar, allowed: Scalar
 ) -> tuple[Navigated, Covariance, Any]:
-    """State and covariance after scalars that are due and pass the innovation gate; their normalised innovation."""
+    """Update by scalar innovations that are due and pass the gate; also returns the normalised innovation."""
     error: list[Any] = [0] * len(P)
     after, surprise = P, 0
     for row in rows:

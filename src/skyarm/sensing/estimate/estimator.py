@@ -1,4 +1,4 @@
-"""Estimators between sensors and law: readings in, one measurement out."""
+"""Interface of estimators, which turn the sensors' readings into the law's measurement."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ FULL_STATE = "state"
 
 
 class Estimator:
-    """An estimator computes the law's measurement from all readings.
+    """Base of the estimators, which compute the law's measurement from all readings.
 
     A subclass is a frozen dataclass of numbers with pure, traceable functions.
     """
@@ -25,14 +25,14 @@ class Estimator:
     __slots__ = ()
 
     def believing(self, vehicle: Vehicle, gravity: Scalar) -> Estimator:
-        """The estimator with a controller's model: vehicle and gravity (m/s^2); itself if it needs neither.
+        """The estimator with the controller's model: nominal vehicle and gravity (m/s^2).
 
         The loop steps what this returns.
         """
         return self
 
     def require_sensors(self, sensors: Mapping[str, Sensor], rate: float, vehicle: Vehicle) -> None:
-        """Refuse sensors that the estimator cannot work with.
+        """Refuse sensors that the estimator cannot use.
 
         Args:
             sensors: beside the full state, by name.
@@ -44,10 +44,10 @@ class Estimator:
         """
 
     def require_torques(self, vehicle: str, drives: Mapping[str, Any]) -> None:
-        """Refuse drives, by the joint's name, with efforts unknown to the estimator; ``vehicle`` is a name."""
+        """Refuse joint drives whose efforts the estimator cannot predict; ``vehicle``: name for the message."""
 
     def start(self, vehicle: Vehicle) -> Any:
-        """First memory: a record or tuple of scalars. ``vehicle`` is the controller's model."""
+        """Initial memory, a record or tuple of scalars; ``vehicle`` is the controller's model."""
         return ()
 
     def step(self, memory: Any, readings: Mapping[str, Any], command: Command, dt: float) -> tuple[Any, Measurement]:
@@ -64,10 +64,10 @@ class Estimator:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PassThrough(Estimator):
-    """The measurement is the full state as it was read."""
+    """Estimator that passes the full-state reading to the law unchanged."""
 
     def step(self, memory: Any, readings: Mapping[str, Any], command: Command, dt: float) -> tuple[Any, Measurement]:
-        """The reading ``state``."""
+        """Return the full-state reading as the measurement; the memory stays."""
         measurement: Measurement = readings[FULL_STATE]
         return memory, measurement
 

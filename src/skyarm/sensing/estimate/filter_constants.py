@@ -1,4 +1,4 @@
-"""Constants and memory of the error-state filter, the sensors that it needs, its start and its process noise."""
+"""Parameters and memory of the error-state filter, its required sensors, initial state and process noise."""
 
 from __future__ import annotations
 
@@ -82,22 +82,22 @@ class FilterMemory:
 
     @property
     def deviations(self) -> tuple[Scalar, ...]:
-        """Standard deviation of each component of the error."""
+        """Standard deviation of each component of the error state."""
         return tuple(sqrt(self.covariance[i][i]) for i in range(len(self.covariance)))
 
     @property
     def yaw_deviation(self) -> Scalar:
-        """Standard deviation of the heading, rad: it grows where no reading observes the heading."""
+        """Standard deviation of the heading, rad; it grows while no reading observes the heading."""
         return sqrt(self.covariance[ATTITUDE + 2][ATTITUDE + 2])
 
     @property
     def time(self) -> Any:
-        """Instant of ``belief`` and ``covariance``, s."""
+        """Time of the filter's state and covariance, s."""
         return self.inertial[0].time
 
 
 def in_turn(queue: Sequence[Any], after: Scalar, until: Scalar) -> tuple[Any, Any]:
-    """The reading of a queue that was taken after one instant and not after another; a condition, and the reading."""
+    """Reading of a queue with a time stamp in (after, until]: whether there is one, and the reading."""
     reading, found = queue[0], due_between(queue[0].time, after, until)
     for each in queue[1:]:
         due = due_between(each.time, after, until)
@@ -106,7 +106,7 @@ def in_turn(queue: Sequence[Any], after: Scalar, until: Scalar) -> tuple[Any, An
 
 
 def due_between(time: Scalar, after: Scalar, until: Scalar) -> Scalar:
-    """Return True if an instant lies after one and not after another, but for 10 us of rounding."""
+    """True if ``time`` is in (after, until], s, with a tolerance of 10 us."""
     return logical_and(time > after + 1e-5, time < until + 1e-5)
 
 
@@ -122,12 +122,12 @@ KINDS: Mapping[type, str] = {Imu: "imu", Pose: "pose", Position: "position", Hea
 
 
 def only(kind: type, readings: Mapping[str, Any]) -> Any:
-    """The first reading of a kind; None where there is none."""
+    """First reading of a sensor type; None if there is none."""
     return next((each for each in readings.values() if isinstance(each, kind)), None)
 
 
 def require_filter_sensors(sensors: Mapping[str, Sensor], aiding: str, lag: float, joints: int) -> None:
-    """Refuse a scenario whose sensors the filter cannot use.
+    """Refuse missing, duplicate or too late sensors of the filter.
 
     Args:
         sensors: beside the full state, by name.
@@ -167,7 +167,7 @@ FORCES = ("measured", "modelled")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FilterNumbers(Estimator):
-    """The filter's model of its sensors; the plant's sensors have their own numbers.
+    """Parameters of the filter, including its model of the sensors, independent of the simulated sensors.
 
     Attributes:
         aiding: "pose", "position" or "position_heading": the readings that correct the inertial unit's.
@@ -218,16 +218,16 @@ class FilterNumbers(Estimator):
 
     @property
     def uses_model(self) -> bool:
-        """True if the model gives the specific force."""
+        """True if the specific force comes from the vehicle's model, not from the accelerometer."""
         return self.force == "modelled"
 
     def require_sensors(self, sensors: Mapping[str, Sensor], rate: float, vehicle: Vehicle) -> None:
-        """An inertial unit, the aiding sensors and, with joints, encoders; none older than the filter lags."""
+        """Require an inertial unit, aiding sensors and (for joints) encoders, with delays that the filter covers."""
         self.require_torques(vehicle.name, {each.name: each.drive for each in vehicle.drives})
         require_filter_sensors(sensors, self.aiding, self.delay_periods / rate, vehicle.n)
 
     def require_torques(self, vehicle: str, drives: Mapping[str, Any]) -> None:
-        """Refuse the modelled force where a joint's setpoint is no torque; ``drives`` by joint, of the vehicle named.
+        """Refuse force = "modelled" for a joint whose setpoint is not a torque; ``drives`` by joint.
 
         Raises:
             ValueError: one line with the joint.
@@ -240,7 +240,7 @@ class FilterNumbers(Estimator):
                 )
 
     def first_covariance(self) -> Covariance:
-        """Covariance before the first readings, which set those of position and attitude."""
+        """Initial covariance of the error state."""
         tilt, heading = self.attitude, self.attitude
         if self.aiding != "pose":
             tilt = self.first_tilt
@@ -251,14 +251,14 @@ class FilterNumbers(Estimator):
         return diagonal([each * each for each in parts])
 
     def first_belief(self, blank: Navigated, imu: ImuReading, arrived: Sequence[Any]) -> Navigated:
-        """At rest where the first readings are, without biases; level by the accelerometer without a pose."""
+        """Initial nominal state at rest, from the first readings; without a pose, levelled by the accelerometer."""
         if self.aiding == "pose":
             return replace(blank, position=arrived[0].position, quaternion=arrived[0].quaternion)
         heading = arrived[1].heading if self.aiding == "position_heading" else self.start_heading
         return replace(blank, position=arrived[0].position, quaternion=level_attitude(imu.specific_force, heading))
 
     def added_variances(self, belief: Navigated, reading: ImuReading, dt: Scalar) -> list[Scalar]:
-        """Process noise of a step, for each component; none of the position, it is of third order in dt."""
+        """Process noise variances of one step, per error component; zero for position (third order in dt)."""
         added: list[Any] = [0] * 3
         noise = 0 if self.uses_model else self.accelerometer * self.accelerometer
         for density in (noise, *(each * each for each in (self.gyro, self.gyro_walk, self.accelerometer_walk))):

@@ -1,4 +1,4 @@
-"""Model-side parts of the error-state filter: joint rates from encoders, and the specific force of the vehicle's model.
+"""Vehicle models of the error-state filter: joint rates from encoders, and the specific force.
 
 Joint rates come from a critically damped filter of position and rate. Between readings a joint goes on at its rate; a
 reading pulls position and rate towards itself by g = 1 - b^2 and h / dt = (1 - b)^2 / dt with b = exp(-bandwidth dt):
@@ -30,7 +30,7 @@ from skyarm.world import body_drag
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FilteredJoints:
-    """Filtered joints, with their instant.
+    """Filtered joint positions and rates with their time stamps.
 
     Attributes:
         joints, rates: at the instant ``now``.
@@ -48,7 +48,7 @@ class FilteredJoints:
 def filter_joints(
     memory: FilteredJoints, reading: EncoderReading, started: Scalar, bandwidth: Scalar, inertial: Scalar, dt: Scalar
 ) -> FilteredJoints:
-    """The joints one period later.
+    """Filter the joint positions and rates over one period, by the latest encoder reading.
 
     Args:
         memory: one period earlier.
@@ -87,7 +87,7 @@ def modelled_force(
     speeds: tuple[Sequence[Any], Sequence[Any]],
     efforts: Sequence[Scalar],
 ) -> Vec3:
-    """Mean over a period, m/s^2, base axes, by the forward dynamics of the whole vehicle in still air.
+    """Modelled specific force of the base, mean over a period, base axes, m/s^2, in still air.
 
     With rotors, drag of the airframe, joints with their friction and stops; without the torque of rotors that spin up.
 

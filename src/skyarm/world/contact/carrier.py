@@ -1,4 +1,4 @@
-"""Bodies of the world that move and carry surfaces: free objects and mechanisms with one degree of freedom.
+"""Movable bodies of the world that carry surfaces: free objects and one-degree-of-freedom mechanisms.
 
 A carrier is a frozen record of numbers. Its memory (:meth:`Carrier.start`) is a part of the contact's and is integrated
 with the plant: the contact takes the motion of its frame (:meth:`Carrier.frame`), adds up the touches, and takes the
@@ -23,7 +23,7 @@ Spot = tuple[Vec3, Any]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class CarriedFrame:
-    """Place and motion of a carrier's axes in the world.
+    """Pose and velocity of a carrier's axes in the world.
 
     Attributes:
         position: of the origin, m. rotation: carrier's axes to world axes.
@@ -36,17 +36,17 @@ class CarriedFrame:
     turning: Vec3
 
     def velocity_at(self, place_W: Vec3) -> Vec3:
-        """Velocity (m/s, world axes) of the carrier where it is at a place in the world (m)."""
+        """Velocity of the carrier at a world position (m), m/s, world axes."""
         return self.velocity + self.turning.cross(place_W - self.position)
 
     def depth(self, surface: Surface, point_W: Vec3, radius: Scalar) -> tuple[Any, Vec3]:
-        """:meth:`skyarm.world.contact.surface.Surface.depth` of a surface that is described in the carrier's axes."""
+        """Penetration depth (m) and outward normal of a point at a surface given in the carrier's axes."""
         depth, normal = surface.depth(self.rotation.apply_T(point_W - self.position), radius, 0.0)
         return depth, self.rotation.apply(normal)
 
 
 class Carrier:
-    """Base of the bodies that carry surfaces. A subclass is a frozen dataclass with a ``name``."""
+    """Base of the movable bodies that carry surfaces. A subclass is a frozen dataclass with a ``name``."""
 
     __slots__ = ()
 
@@ -54,12 +54,12 @@ class Carrier:
 
     @property
     def surfaces(self) -> tuple[Surface, ...]:
-        """Surfaces of the carrier: places and angles in its own axes, without motions."""
+        """Surfaces of the carrier, with positions and angles in its own axes."""
         raise NotImplementedError
 
     @property
     def mobility(self) -> Scalar:
-        """1/kg: the square of the largest angular frequency by the stiffness (N/m) of its contacts.
+        """Largest inverse effective mass at a contact, 1/kg: largest squared natural frequency over stiffness.
 
         Integration steps follow from it. A body that is pushed at one point has 1/m there, and more beside its centre.
         """
@@ -72,37 +72,37 @@ class Carrier:
 
     @property
     def largest_euler_step(self) -> Any:
-        """The same of the semi-implicit Euler method."""
+        """Longest stable semi-implicit Euler step (s) of its own springs and friction; None without any."""
         return self.largest_step
 
     def mobility_at(self, reach: Scalar) -> Any:
-        """1/kg, of a place in its axes that is at most so far (m) from its skin."""
+        """Largest inverse effective mass, 1/kg, at a place up to ``reach`` (m) from the carrier's surface."""
         return self.mobility
 
     @property
     def gyration(self) -> Scalar:
-        """m^2: square of the least radius of gyration, with which a gripper holds its attitude; 0 to leave it free."""
+        """Smallest squared radius of gyration, m^2, for the rotational stiffness of a grasp; 0 for none."""
         return 0
 
     @property
     def step_share(self) -> float:
-        """Share of a material's longest integration step in contact with this carrier."""
+        """Factor on a material's longest integration step in contact with this carrier."""
         return 1.0
 
     def start(self) -> Any:
-        """First memory, a record or tuple of floats."""
+        """Initial memory, a record or tuple of floats."""
         raise NotImplementedError
 
     def advance(self, memory: Any) -> Any:
-        """The memory at a control instant, rounding taken out: an attitude in unit length."""
+        """Memory at a control instant, with rounding errors removed, such as the length of a quaternion."""
         return memory
 
     def frame(self, memory: Any) -> CarriedFrame:
-        """Pose and motion of its axes."""
+        """Pose and velocity of the carrier's axes."""
         raise NotImplementedError
 
     def slope(self, memory: Any, force_W: Vec3, torque_W: Vec3, gravity: Scalar) -> Any:
-        """Rate of each number of the memory, 1/s, as a record of its kind.
+        """Time derivative of the memory under external force and torque, as a record of the same kind.
 
         Args:
             memory: now.
@@ -113,19 +113,19 @@ class Carrier:
         raise NotImplementedError
 
     def before_euler_step(self, memory: Any, slope: Any, dt: Scalar) -> Any:
-        """Memory with which a semi-implicit Euler step takes forces: bristles of its own have moved."""
+        """Memory for the forces of a semi-implicit Euler step: friction bristles are already advanced."""
         return memory
 
     def kick(self, memory: Any, slope: Any, dt: Scalar) -> Any:
-        """Memory after a push: velocities change by their rates times dt (s)."""
+        """Memory after an acceleration for ``dt`` (s): only velocities change."""
         raise NotImplementedError
 
     def drift(self, memory: Any, dt: Any) -> Any:
-        """Memory after a time (s) in which velocities stay: places move by them."""
+        """Memory after ``dt`` (s) with constant velocities: only positions change."""
         raise NotImplementedError
 
     def after_push(self, memory: Any, force_W: Vec3, torque_W: Vec3, gravity: Scalar, dt: Scalar) -> Any:
-        """Memory after force (N) and torque (N m) of a time (s); own torques are those of the velocities in its middle.
+        """Memory after force (N) and torque (N m) acted for ``dt`` (s), with gyroscopic torques at mid-step.
 
         By one iteration of the implicit midpoint rule, which is of second order.
         """
@@ -134,28 +134,28 @@ class Carrier:
         return self.kick(memory, self.slope(middle, force_W, torque_W, gravity), dt)
 
     def euler_step(self, memory: Any, slope: Any, dt: Scalar) -> Any:
-        """Memory after a semi-implicit Euler step: velocities first, then places with the new velocities."""
+        """Memory after a semi-implicit Euler step: new velocities first, then positions by them."""
         return self.drift(self.kick(memory, slope, dt), dt)
 
     @property
     def spot_count(self) -> int:
-        """Number of its spots that may touch other surfaces."""
+        """Number of contact spots of the carrier that may touch other surfaces."""
         return 0
 
     def spots(self, frame: CarriedFrame, toward: Callable[[Vec3], Vec3]) -> tuple[Spot, ...]:
-        """Its points or balls that touch a surface; ``toward`` is that surface's outward normal at a place (m)."""
+        """Contact spots of the carrier; ``toward`` returns the other surface's outward normal at a place (m)."""
         return ()
 
     columns: tuple[Column, ...] = ()
     """As :attr:`skyarm.world.component.Component.columns`."""
 
     def logged(self, memory: Any) -> tuple[Any, ...]:
-        """Numbers of the instant that a log keeps."""
+        """Numbers of the carrier that a log records at each control instant."""
         return ()
 
 
 def untouched_after(carrier: Carrier, memory: Any, dt: Scalar, rounds: int, gravity: Scalar) -> Any:
-    """Memory of a carrier that nothing touches after some steps (s) of the classical Runge-Kutta method."""
+    """Memory of a carrier without contact after ``rounds`` classical Runge-Kutta steps of ``dt`` (s)."""
 
     def slope(at: Any) -> Any:
         return carrier.slope(at, ZERO3, ZERO3, gravity)
@@ -175,5 +175,5 @@ NOBODY = -1
 
 
 def both(a: Any, b: Any) -> Any:
-    """The mass (kg) of two that push each other."""
+    """Reduced mass (kg) of two bodies in contact."""
     return divide(1.0, divide(1.0, a) + divide(1.0, b))

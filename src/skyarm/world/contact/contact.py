@@ -1,4 +1,4 @@
-"""Contact of a vehicle with the surfaces of a scenario: a force whose bristles move with the plant.
+"""Contact between the vehicle and a scenario's surfaces, with bristle friction integrated by the plant.
 
 Every point of the vehicle may touch every surface, and so may every spot of a body that moves in the world
 (:mod:`skyarm.world.contact.carrier`). What a pair remembers is its bristle; where a surface moves, there is a clock
@@ -59,7 +59,7 @@ up to 13 N on a tip of 20 g at a friction of 0.6, as stability of the bristle ha
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ContactMemory:
-    """Memory of a contact.
+    """Memory of the contact component.
 
     Attributes:
         clock: s, of surfaces that move; empty where none does.
@@ -75,7 +75,7 @@ class ContactMemory:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Meeting:
-    """A surface and the point or body in contact with it.
+    """Contact pair: a surface and the point or spot that may touch it.
 
     Attributes:
         surface: name. of: number of the carrier of the surface, or ``NOBODY`` for the world.
@@ -92,13 +92,13 @@ class Meeting:
 
     @property
     def of_vehicle(self) -> bool:
-        """True if a point of the vehicle touches."""
+        """True if the pair's point belongs to the vehicle."""
         return self.by == NOBODY
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Contact(Force):
-    """Surfaces of the world and the points of the vehicle that they push back.
+    """Contact forces between surfaces of the world, movable bodies and points of the vehicle.
 
     Attributes:
         points: left out for the vehicle's tip.
@@ -121,7 +121,7 @@ class Contact(Force):
         self._require_distinct_names()
 
     def _require_distinct_names(self) -> None:
-        """Refuse two parts of a kind with one name, and two of which a log has columns."""
+        """Refuse parts of one kind with equal names, and equal names of parts with log columns."""
         taken: list[str] = []
         for what in ("surfaces", "points", "objects", "grippers", "mechanisms"):
             names = [each.name for each in getattr(self, what)]
@@ -134,22 +134,22 @@ class Contact(Force):
 
     @property
     def coupled(self) -> bool:  # type: ignore[override]
-        """Bristles and clock advance within a control period."""
+        """True: the bristles are integrated with the plant within a control period."""
         return True
 
     @property
     def carriers(self) -> tuple[Carrier, ...]:
-        """Everything that moves and carries surfaces, in the order of the memory."""
+        """All movable bodies that carry surfaces: free objects, then mechanisms."""
         return (*self.objects, *self.mechanisms)
 
     @property
     def grasps(self) -> Grasps:
-        """The grippers with what they may hold."""
+        """Grippers together with the bodies that they can grasp."""
         return Grasps(grippers=self.grippers, carriers=self.carriers)
 
     @property
     def steps(self) -> tuple[tuple[str, Any], ...]:
-        """Longest integration step, s, of each material, pair, grasp and mechanism, with its name in words."""
+        """Longest stable integration step (s) of each material, contact pair, grasp and mechanism, with its name."""
         carriers = self.carriers
         touched = self.surfaces if self.points or not carriers else ()
         own = [(f"the material of surface {each.name!r}", each.material.largest_step) for each in touched]
@@ -157,7 +157,7 @@ class Contact(Force):
         return (*own, *self._steps_of_carriers(), *self.grasps.steps(), *inner)
 
     def _steps_of_carriers(self) -> Iterator[tuple[str, Any]]:
-        """Longest integration step (s) of each kind of pair of which a carrier is one."""
+        """Longest stable integration step (s) of each kind of contact pair that involves a carrier."""
         masses = [1.0 / each.mobility for each in self.carriers]
         for i, carrier in enumerate(self.carriers):
             others = [
@@ -175,47 +175,47 @@ class Contact(Force):
 
     @property
     def largest_step(self) -> Any:  # type: ignore[override]
-        """Longest stable integration step (s); None of an empty world."""
+        """Longest stable integration step (s) of the whole contact; None for an empty world."""
         return _least(step for _, step in self.steps)
 
     @property
     def largest_euler_step(self) -> Any:
-        """The same of the semi-implicit Euler method: damping of friction and grasps counts, too."""
+        """Longest stable semi-implicit Euler step (s) of the whole contact; None for an empty world."""
         grasped = [step for _, step in self.grasps.steps(euler=True)]
         inner = [each.largest_euler_step for each in self.carriers if each.largest_euler_step is not None]
         return _least((*(step for _, step in self.steps), *grasped, *inner))
 
     @property
     def largest_verlet_step(self) -> Any:
-        """The same of the Stoermer-Verlet method, which takes forces once a step."""
+        """Longest stable Stoermer-Verlet step (s) of the whole contact; None for an empty world."""
         step = self.largest_euler_step
         return None if step is None else VERLET_SHARE * step
 
     def on(self, vehicle: Vehicle) -> Contact:
-        """The contact with the vehicle's tip as its point where none is named."""
+        """The contact with the vehicle's tip as the contact point if none is named."""
         if self.points or not vehicle.end_effector:
             return self
         return replace(self, points=(ContactPoint(name=TIP, frame=vehicle.end_effector),))
 
     @property
     def logged_pairs(self) -> int:
-        """Number of pairs of a surface and a point of the vehicle."""
+        """Number of logged contact pairs: each surface with each point of the vehicle."""
         carried = sum(len(carrier.surfaces) for carrier in self.carriers)
         return (len(self.surfaces) + carried) * len(self.points)
 
     @property
     def meeting_count(self) -> int:
-        """Number of all pairs, of the vehicle's points and of the carriers' spots."""
+        """Number of all contact pairs, including the spots of carriers."""
         every = len(self.surfaces) + sum(len(each.surfaces) for each in self.carriers)
         return self.logged_pairs + sum(each.spot_count * (every - len(each.surfaces)) for each in self.carriers)
 
     @property
     def still(self) -> tuple[Surface, ...]:
-        """Surfaces that do not move."""
+        """Surfaces of the world without a prescribed motion."""
         return tuple(surface for surface in self.surfaces if not surface.moves)
 
     def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Scalar) -> None:
-        """Refuse a vehicle without the points and grippers, ones that cannot touch, and steps that are too short."""
+        """Refuse a vehicle without the named frames, contacts that are impossible, and too short integration steps."""
         carriers = self.carriers
         if not self.surfaces and not carriers:
             raise RecordError("world.surfaces: is missing; a world has at least one surface")
@@ -242,7 +242,7 @@ class Contact(Force):
         self.require_steps(period / MOST_STEPS)
 
     def require_steps(self, least: float) -> None:
-        """Refuse a world whose contact requires integration steps below a least one (s), and name the part."""
+        """Refuse a contact that needs integration steps shorter than ``least`` (s); the error names the part."""
         if not concrete(*leaves(self)):
             return  # of a batch: its lanes are looked at one by one
         allowed = f"must leave them {least:g} s or more, a thousandth of the control period"
@@ -255,7 +255,7 @@ class Contact(Force):
                 raise RecordError(f"world: {what} asks for integration steps of {step:.2g} s in contact: {allowed}")
 
     def start(self, period: float, draws: Sequence[Any]) -> ContactMemory:
-        """Upright bristles at t = 0, and the initial memory of every carrier and gripper."""
+        """Initial memory: undeflected bristles, and initial memories of carriers and grippers."""
         return ContactMemory(
             clock=(0.0,) if any(surface.moves for surface in self.surfaces) else (),
             bristles=tuple(Vec3(0.0, 0.0, 0.0) for _ in range(self.meeting_count)),
@@ -264,14 +264,14 @@ class Contact(Force):
         )
 
     def advance(self, memory: ContactMemory, t: Scalar, dt: float, state: State, draws: Sequence[Any]) -> Any:
-        """The clock set anew, and attitudes in unit length, so that steps leave no rounding in them."""
+        """Memory at a control instant, with rounding errors of clock and attitudes removed."""
         if not memory.clock and not memory.carried:
             return memory
         carried = tuple(each.advance(held) for each, held in zip(self.carriers, memory.carried, strict=True))
         return replace(memory, clock=(t,) if memory.clock else (), carried=carried)
 
     def meetings(self, memory: ContactMemory, motion: PointMotion) -> list[Meeting]:
-        """Touch of every pair now."""
+        """Contact state of every pair at the vehicle's present motion."""
         step = self.largest_step if motion.step is None else motion.step
         moving, clock = moving_points(self.points, motion), (*memory.clock, 0.0)[0]
         return self.meet(memory.carried, moving, clock, memory.bristles, step, motion.step)
@@ -280,7 +280,7 @@ class Contact(Force):
         self, memories: Sequence[Any], moving: Sequence[Moving], clock: Scalar, bristles: Sequence[Vec3], step: Scalar,
         mean: Scalar | None = None,
     ) -> list[Meeting]:  # fmt: skip
-        """Touch of every pair: the world's surfaces, then those of the carriers, with every point; then every spot.
+        """Contact state of every pair: all surfaces with the vehicle's points, then with the spots of carriers.
 
         Args:
             memories: of the carriers.
@@ -328,13 +328,13 @@ class Contact(Force):
         return found
 
     def on_points(self, memory: ContactMemory, motion: PointMotion) -> Sequence[Touch]:
-        """Contact of every surface with every point of the vehicle now, in the order of a log."""
+        """Contact state of every surface with every point of the vehicle, in the order of the log."""
         return [each.touch for each in self.meetings(memory, motion)[: self.logged_pairs]]
 
     def on_carriers(
         self, memory: ContactMemory, motion: PointMotion, meetings: Sequence[Meeting]
     ) -> list[tuple[Vec3, Vec3]]:
-        """Force (N) of touches and grasps on each carrier and torque (N m) about the origin of its axes, world axes."""
+        """Force (N) and torque (N m, about its origin) on each carrier by contacts and grasps, world axes."""
         pulls: Any = [()] * len(self.carriers)
         if self.grippers:
             pulls = self.grasps.on_bodies(memory, motion)
@@ -351,7 +351,7 @@ class Contact(Force):
     def slope(
         self, memory: ContactMemory, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]
     ) -> ContactMemory:
-        """Rate of the memory."""
+        """Time derivative of the memory: clock, bristles, carriers and grippers."""
         meetings = self.meetings(memory, motion)
         rows = zip(self.carriers, memory.carried, self.on_carriers(memory, motion, meetings), strict=True)
         return ContactMemory(
@@ -362,7 +362,7 @@ class Contact(Force):
         )
 
     def before_euler_step(self, memory: ContactMemory, slope: ContactMemory, dt: Scalar) -> ContactMemory:
-        """Bristles have moved by the velocities that the last step left: by those before it, friction would chatter."""
+        """Memory with bristles advanced by the velocities before the step, which avoids friction chatter."""
         rows = zip(self.carriers, memory.carried, slope.carried, strict=True)
         carried = tuple(carrier.before_euler_step(held, rate, dt) for carrier, held, rate in rows)
         return replace(memory, bristles=moved_by(memory.bristles, slope.bristles, dt), carried=carried)
@@ -370,26 +370,26 @@ class Contact(Force):
     def push(
         self, memory: ContactMemory, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar], dt: Scalar
     ) -> ContactMemory:
-        """Bodies are pushed by touches and grasps; bristles have moved before."""
+        """Memory after contact and grasp forces acted on the carriers for ``dt`` (s)."""
         pushes = self.on_carriers(memory, motion, self.meetings(memory, motion))
         rows = zip(self.carriers, memory.carried, pushes, strict=True)
         carried = tuple(carrier.after_push(held, *push, motion.gravity, dt) for carrier, held, push in rows)
         return replace(memory, carried=carried)
 
     def drift(self, memory: ContactMemory, dt: Scalar) -> ContactMemory:
-        """Clock and bodies after a time (s) in which velocities stay."""
+        """Memory after ``dt`` (s) with constant velocities: clock and carriers advance."""
         carried = tuple(each.drift(held, dt) for each, held in zip(self.carriers, memory.carried, strict=True))
         return replace(memory, clock=tuple(t + dt for t in memory.clock), carried=carried)
 
     def euler_step(self, memory: ContactMemory, slope: ContactMemory, dt: Scalar) -> ContactMemory:
-        """Memory after a semi-implicit Euler step, in which bodies move with their new velocities."""
+        """Memory after a semi-implicit Euler step: carriers move with their new velocities."""
         rows = zip(self.carriers, memory.carried, slope.carried, strict=True)
         return self.drift(replace(memory, carried=tuple(each.kick(held, rate, dt) for each, held, rate in rows)), dt)
 
     def wrenches(
         self, memory: ContactMemory, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]
     ) -> Sequence[Wrench]:
-        """Wrenches of touches on the bodies of the points, and of grippers."""
+        """Wrenches of contacts and grasps on the vehicle's bodies."""
         touches, pushes = self.on_points(memory, motion), []
         for i in range(len(self.points)):
             force = torque = ZERO3
@@ -399,11 +399,11 @@ class Contact(Force):
         return wrenches_on(self.points, motion, pushes) + self.grasps.on_vehicle(memory, motion)
 
     def act(self, memory: ContactMemory, t: Scalar, dt: float, motion: PointMotion) -> ContactMemory:
-        """Grippers take hold, let go and slip."""
+        """Memory after the grippers grasp, release or slip at a control instant."""
         return replace(memory, grips=self.grasps.after(memory, t, motion)) if self.grippers else memory
 
     def far(self, memory: ContactMemory, motion: PointMotion, seconds: Scalar) -> Any:
-        """True if no point or spot comes near to a surface within so many seconds, wherever its velocity leads.
+        """True if no point or spot can reach a surface within ``seconds`` and nothing is grasped.
 
         Its whole speed counts, and not only what brings it nearer to the nearest place: force may still act where it
         leaves, and in a hole another wall may be in its way. What a gripper holds is near.
@@ -418,7 +418,7 @@ class Contact(Force):
         return whole
 
     def alone(self, memory: ContactMemory, seconds: Scalar, rounds: int, gravity: Scalar) -> ContactMemory:
-        """The memory after a time (s) without contact: bristles relax, bodies move freely."""
+        """Memory after ``seconds`` without contact: bristles relax, carriers move freely."""
         left = exp(-RECOVERY * seconds)
         bodies = zip(self.carriers, memory.carried, strict=True)
         return replace(
@@ -430,7 +430,7 @@ class Contact(Force):
 
     @property
     def columns(self) -> tuple[Column, ...]:  # type: ignore[override]
-        """Force, friction and penetration of each pair of a surface and a point; then of each carrier and gripper."""
+        """Log columns: force, friction and penetration of each pair, then those of carriers and grippers."""
         surfaces = [*self.surfaces, *(surface for carrier in self.carriers for surface in carrier.surfaces)]
         labels = [f"{surface.name}/{point.name}" for surface in surfaces for point in self.points]
         found = [Column(f"contact_{array}", label, *words) for label in labels for array, *words in LOGGED]
@@ -439,24 +439,24 @@ class Contact(Force):
 
     @property
     def constants(self) -> Mapping[str, tuple[Any, ...]]:
-        """A place on the axis of the first mechanism (m), and its unit vector, world axes; () of one that slides."""
+        """Hinge of the first mechanism: a point on its axis (m) and a unit vector, world axes; () for a slide."""
         return {"mechanism_hinge": self.mechanisms[0].hinge} if self.mechanisms else {}
 
     def logged(self, memory: ContactMemory, motion: PointMotion) -> tuple[Any, ...]:
-        """Normal force (N), friction (N) and penetration (m) of each pair, then the carriers' and grippers' numbers."""
+        """Logged numbers: normal force (N), friction (N), penetration (m) of each pair, then carriers and grippers."""
         numbers = [number for each in self.on_points(memory, motion) for number in each.logged]
         for carrier, held in zip(self.carriers, memory.carried, strict=True):
             numbers += carrier.logged(held)
         return (*numbers, *self.grasps.logged(memory, motion))
 
     def shapes(self, seen: Instants) -> Scene:
-        """Surfaces, bodies, points and forces."""
+        """Shapes of surfaces, bodies and contact points, and arrows of contact forces."""
         from skyarm.world.contact.contact_scene import contact_scene
 
         return contact_scene(self, seen)
 
     def warnings(self, vehicle: Vehicle, step: float) -> Sequence[str]:
-        """A part that needs much shorter integration steps than the vehicle."""
+        """Warning about the part that needs much shorter integration steps than the vehicle."""
         what, bound = min(self.steps, key=lambda each: float(each[1]))
         least = float(bound)
         if not MUCH_SHORTER * least < step:
@@ -469,7 +469,7 @@ class Contact(Force):
 
 @dataclass(frozen=True, slots=True)
 class _Place:
-    """A ball of the vehicle or of a carrier: its middle (m), motion, radius (m) and mass (kg)."""
+    """Contact ball of the vehicle or of a carrier: centre (m), velocities, radius (m) and mass (kg)."""
 
     position: Vec3
     velocity: Vec3
@@ -481,12 +481,12 @@ class _Place:
 def _depth(
     surface: Surface, frame: CarriedFrame | None, place: Vec3, radius: Scalar, clock: Scalar
 ) -> tuple[Any, Vec3]:
-    """Depth (m) and outward normal, of a surface that a frame carries, or of the world."""
+    """Penetration depth (m) and outward normal of a ball at a surface of the world or of a carrier."""
     return surface.depth(place, radius, clock) if frame is None else frame.depth(surface, place, radius)
 
 
 def _least(steps: Iterable[Any]) -> Any:
-    """The smallest of some steps (s); None of none."""
+    """Smallest of some steps (s); None for an empty sequence."""
     smallest = None
     for each in steps:
         smallest = each if smallest is None else minimum(smallest, each)

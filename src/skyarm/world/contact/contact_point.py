@@ -1,4 +1,4 @@
-"""Points of a vehicle that may touch: the tip, skids, feet, or any point of a link."""
+"""Contact points of a vehicle: the tip, skids, feet, or any point of a link."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ MOST = 64
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Ring:
-    """Places on a circle across the z axis: the rim of a peg.
+    """Points evenly spaced on a circle about the z axis, such as the rim of a peg.
 
     Attributes:
         count: of places, the first on the x axis.
@@ -43,14 +43,14 @@ class Ring:
             raise RecordError(f"ring.count = {self.count}: must be from 3 to {MOST}")
 
     def offsets(self) -> list[Vec3]:
-        """Places about the middle, m."""
+        """Positions of the ring's points relative to its centre, m."""
         angles = [2.0 * math.pi * i / self.count for i in range(self.count)]
         return [Vec3(self.radius * math.cos(angle), self.radius * math.sin(angle), 0) for angle in angles]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ContactPoint:
-    """A contact point is a point of a body, or a ball about it, that surfaces push back.
+    """Contact point: a point of the vehicle, or a ball about it, that surfaces act on.
 
     Attributes:
         name: for logs and messages.
@@ -78,7 +78,7 @@ class ContactPoint:
             raise RecordError("point.body: is missing; say a frame of the vehicle, or a body with a position")
 
     def each(self) -> tuple[ContactPoint, ...]:
-        """The points of its ring, named by numbers from 1; itself without one."""
+        """Contact points of the ring, numbered from 1; the point itself without a ring."""
         if self.ring is None:
             return (self,)
         found = []
@@ -88,7 +88,7 @@ class ContactPoint:
         return tuple(found)
 
     def place(self, vehicle: Vehicle) -> tuple[Vec3, int]:
-        """(position in the axes of its body, index of the body).
+        """Position in the axes of its body (m), and index of the body.
 
         Raises:
             ValueError: the vehicle has no such frame or body; names those it has.
@@ -108,7 +108,7 @@ class ContactPoint:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Touch:
-    """Contact of a surface with a point, world axes.
+    """Contact state between a surface and a point, world axes.
 
     Attributes:
         depth: penetration, m; negative outside. slip: velocity of the point relative to the surface, m/s.
@@ -126,18 +126,18 @@ class Touch:
 
     @property
     def force(self) -> Vec3:
-        """Both forces, N."""
+        """Total contact force: normal force and friction, N."""
         total: Vec3 = self.axis * self.normal + self.friction
         return total
 
     @property
     def torque(self) -> Vec3:
-        """Torque of the force about the point, N m."""
+        """Torque of the contact force about the point, N m."""
         return self.spot.cross(self.force)
 
     @property
     def logged(self) -> tuple[Any, ...]:
-        """Normal force (N), friction (N) and penetration (m); zeros outside."""
+        """Normal force (N), friction (N) and penetration (m); zeros without contact."""
         return self.normal, sqrt(self.friction.dot(self.friction)), maximum(self.depth, 0.0)
 
 
@@ -153,7 +153,7 @@ def touch_of(
     *,
     mean: Scalar | None = None,
 ) -> Touch:
-    """The touch of a point and a surface.
+    """Contact state between a point and a surface of a material.
 
     Args:
         material: of the surface.
@@ -175,7 +175,7 @@ def touch_of(
 
 
 def _across(vector: Vec3, n: Vec3) -> Vec3:
-    """The part of a vector across a unit vector; across an axis of the world it is of two numbers by structure."""
+    """Component of a vector perpendicular to a unit vector."""
     axis = n.coordinate_axis()
     if axis is None:
         across: Vec3 = vector - n * vector.dot(n)
@@ -188,7 +188,7 @@ Moving = tuple[Vec3, Vec3, Vec3]
 
 
 def moving_points(points: Sequence[ContactPoint], motion: PointMotion) -> list[Moving]:
-    """Motion of every point."""
+    """Position, velocity and angular velocity of every contact point, world axes."""
     places, shared = _places(points, motion)
     axes = {body: _axes(motion, body) for body in shared}
     found = list[Moving]()
@@ -207,7 +207,7 @@ def moving_points(points: Sequence[ContactPoint], motion: PointMotion) -> list[M
 def wrenches_on(
     points: Sequence[ContactPoint], motion: PointMotion, pushes: Sequence[tuple[Vec3, Vec3]]
 ) -> list[Wrench]:
-    """Wrenches on the bodies of a force (N) and a torque (N m) at every point, world axes."""
+    """Wrenches on bodies from a force (N) and a torque (N m) at every contact point, world axes."""
     places, shared = _places(points, motion)
     axes, whole, found = {body: _axes(motion, body) for body in shared}, dict[int, Wrench](), list[Wrench]()
     for (at, body), (force, torque) in zip(places, pushes, strict=True):
@@ -221,14 +221,14 @@ def wrenches_on(
 
 
 def _places(points: Sequence[ContactPoint], motion: PointMotion) -> tuple[list[tuple[Vec3, int]], list[int]]:
-    """Place and body of every point, and the bodies whose points are taken together."""
+    """Position and body index of every contact point, and the bodies that have several points."""
     places = [point.place(motion.vehicle) for point in points]
     bodies = [body for _, body in places]
     return places, [body for body in dict.fromkeys(bodies) if body == BASE or bodies.count(body) > 1]
 
 
 def _axes(motion: PointMotion, body: int) -> Mat3:
-    """Axes of a body to world axes."""
+    """Rotation matrix from the axes of a body to world axes."""
     if body == BASE:
         return motion.rotation
     return Mat3.columns(*(motion.to_world(axis, body) for axis in (E_X, E_Y, E_Z)))

@@ -1,4 +1,4 @@
-"""The scene of a contact: surfaces, bodies that move, the vehicle's contact points and the forces on them.
+"""Picture of a contact: surfaces, movable bodies, contact points and contact forces.
 
 A plane has no end: it is drawn as a square patch about the place of the flight, or as the ground where it is level and
 at rest.
@@ -32,7 +32,7 @@ LEVEL = 1e-9
 
 
 def contact_scene(contact: Contact, seen: Instants) -> Scene:
-    """Shapes of a contact with concrete numbers."""
+    """Shapes and arrows of a contact at some instants."""
     poses, ground = _carrier_poses(contact, seen), ground_of(contact.surfaces)
     solids = [_surface_solid(each, seen) for each in contact.surfaces if each is not ground]
     for i, carrier in enumerate(contact.carriers):
@@ -46,7 +46,7 @@ def contact_scene(contact: Contact, seen: Instants) -> Scene:
 
 
 def ground_of(surfaces: Iterable[Surface]) -> Surface | None:
-    """The highest plane that is level and at rest, which a picture draws as its ground; None without one."""
+    """Highest level plane at rest, which pictures draw as the ground; None without one."""
     level = [
         each
         for each in surfaces
@@ -56,7 +56,7 @@ def ground_of(surfaces: Iterable[Surface]) -> Surface | None:
 
 
 def surface_shape(surface: Surface, patch: float = PATCH) -> Shape:
-    """A surface as a shape about its own middle, in its own axes; ``patch`` is half the width of a plane's, m."""
+    """Shape of a surface about its own centre, in its own axes; ``patch``: half the drawn width of a plane, m."""
     size = tuple(float(each) for each in surface.size)
     if surface.shape == "plane":
         return Shape(f"world/{surface.name}", "surface", "patch", BASE, (patch, patch))
@@ -65,7 +65,7 @@ def surface_shape(surface: Surface, patch: float = PATCH) -> Shape:
 
 
 def _carrier_poses(contact: Contact, seen: Instants) -> Poses:
-    """Number of a carrier -> rotations (N, 3, 3) and positions (N, 3) of its axes: objects, then mechanisms."""
+    """Index of a carrier -> rotations (N, 3, 3) and positions (N, 3) of its axes: objects, then mechanisms."""
     poses, count = Poses(), len(seen.times)
     for i in range(len(contact.objects)):
         quaternion = seen.numbers["object_quaternion"][:, 4 * i : 4 * i + 4]
@@ -77,7 +77,7 @@ def _carrier_poses(contact: Contact, seen: Instants) -> Poses:
 
 
 def _surface_solid(surface: Surface, seen: Instants) -> Solid:
-    """A surface at every instant; a patch keeps the point of its plane that was nearest at first."""
+    """Solid of a world surface at every instant; a plane is drawn as a patch near the vehicle."""
     count = len(seen.times)
     rotation, place = matrices(surface.rotation, count), vectors(surface.place(seen.times)[0], count)
     if surface.shape == "plane" and count:
@@ -87,14 +87,14 @@ def _surface_solid(surface: Surface, seen: Instants) -> Solid:
 
 
 def _carrier_solid(surface: Surface, rotation: Array, position: Array) -> Solid:
-    """A surface that a carrier carries, of its poses (N, 3, 3) and (N, 3)."""
+    """Solid of a carrier's surface, from rotations (N, 3, 3) and positions (N, 3) of the carrier."""
     shape = replace(surface_shape(surface), role="object")
     place = np.array(floats(surface.position))
     return Solid(shape, position + rotation @ place, rotation @ matrices(surface.rotation, 1)[0], OBJECT)
 
 
 def _point_shapes(contact: Contact, vehicle: Vehicle) -> Iterator[Shape]:
-    """A mark at every contact point, on a stalk from its body's origin; the tip has its own shape."""
+    """Shapes of all contact points: a ball on a rod from its body's origin; the tip has its own shape."""
     least = POINT * longest_boom(vehicle)
     for point in contact.points:
         radius = float(point.radius)
@@ -109,7 +109,7 @@ def _point_shapes(contact: Contact, vehicle: Vehicle) -> Iterator[Shape]:
 
 
 def _touch_arrows(contact: Contact, seen: Instants, poses: Poses) -> Iterator[Arrow]:
-    """Normal force of every surface on every point, in the order of the log: the world's surfaces, then carriers'."""
+    """Arrow of the normal force of each surface on each contact point, in the order of the log."""
     still = np.eye(3)[None], np.zeros((1, 3))
     carried = [(each, *poses[i]) for i, carrier in enumerate(contact.carriers) for each in carrier.surfaces]
     surfaces = [*((each, *still) for each in contact.surfaces), *carried]

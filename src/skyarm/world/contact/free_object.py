@@ -1,4 +1,4 @@
-"""Free objects: rigid bodies that lie on surfaces, slide, roll, tip over, are pushed and fall.
+"""Free objects: rigid bodies that rest on surfaces, slide, roll, tip over and fall.
 
 An object's motion is that of Newton and Euler about its centre of mass. Its skin is a surface for the vehicle's points
 and for other objects; with its own corners, rims or as a ball it touches the surfaces of the world.
@@ -51,7 +51,7 @@ _LEVEL = 1e-10
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ObjectMotion:
-    """Motion of a free object.
+    """State of a free object.
 
     Attributes:
         position: of its centre of mass, m, world axes. attitude: its axes to world axes.
@@ -66,7 +66,7 @@ class ObjectMotion:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FreeObject(Carrier):
-    """A free object is a rigid body of the world without a joint.
+    """Free object: a rigid body of the world without a joint.
 
     Attributes:
         name: for messages, logs and paths. shape: one of ``SOLIDS``. size: as that of a surface.
@@ -106,7 +106,7 @@ class FreeObject(Carrier):
             raise RecordError("object.standing = true: must be false of an object that moves at the start")
 
     def _require_moments(self) -> None:
-        """Refuse moments that no body has."""
+        """Refuse moments of inertia that are physically impossible."""
         moments = tuple(self.inertia)
         if not concrete(*moments):
             return
@@ -126,32 +126,32 @@ class FreeObject(Carrier):
 
     @property
     def surfaces(self) -> tuple[Surface, ...]:
-        """Its skin."""
+        """Surface of the object's shape."""
         return (Surface(name=self.name, shape=self.shape, size=self.size, material=self.material, mesh=self.mesh),)
 
     @property
     def mobility(self) -> Any:
-        """1/kg: of the face, rim or place that is the easiest to move."""
+        """Largest inverse effective mass over all contacts of the object, 1/kg."""
         return largest_mobility(self.shape, self.size, self.com, self.mass, self.moments)
 
     def mobility_at(self, reach: Scalar) -> Any:
-        """Mobility of a grasp that holds the attitude, too: its stiffness there has at most that of one more place."""
+        """Largest inverse effective mass in a grasp that also holds the attitude, 1/kg."""
         lever = self.surfaces[0].farthest + sqrt(self.com.dot(self.com) + 1e-24) + reach
         return (2.0 + lever * lever / self.gyration) / self.mass
 
     @property
     def step_share(self) -> float:
-        """As measured."""
+        """Factor on a material's longest integration step in contact with this object (measured)."""
         return STEP_SHARE
 
     @property
     def gyration(self) -> Scalar:
-        """Square of the least radius of gyration, m^2."""
+        """Smallest squared radius of gyration, m^2."""
         moments = self.moments
         return minimum(minimum(moments.x, moments.y), moments.z) / self.mass
 
     def start(self) -> ObjectMotion:
-        """Initial pose of the fields."""
+        """Initial state from the object's fields."""
         attitude = Quaternion(1.0, 0.0, 0.0, 0.0)
         for axis, angle in zip((E_X, E_Y, E_Z), self.angles, strict=True):
             attitude = Quaternion.of_rotation_vector(axis * data(angle)) * attitude
@@ -164,13 +164,13 @@ class FreeObject(Carrier):
         )
 
     def advance(self, memory: ObjectMotion) -> ObjectMotion:
-        """The attitude in unit length."""
+        """State with its quaternion normalised."""
         return ObjectMotion(
             position=memory.position, attitude=memory.attitude.normalized(), velocity=memory.velocity, rate=memory.rate
         )
 
     def frame(self, memory: ObjectMotion) -> CarriedFrame:
-        """Axes in the middle of the shape."""
+        """Pose and velocity of the object's axes, whose origin is the centre of its shape."""
         R = memory.attitude.rotation()
         arm, turning = R.apply(self.com), R.apply(memory.rate)
         return CarriedFrame(
@@ -178,7 +178,7 @@ class FreeObject(Carrier):
         )
 
     def slope(self, memory: ObjectMotion, force_W: Vec3, torque_W: Vec3, gravity: Scalar) -> ObjectMotion:
-        """Newton's and Euler's equations."""
+        """Time derivative of the state by Newton's and Euler's equations."""
         R, w, moments = memory.attitude.rotation(), memory.rate, self.moments
         torque = R.apply_T(torque_W - R.apply(self.com).cross(force_W)) - w.cross(w.hadamard(moments))
         return ObjectMotion(
@@ -189,12 +189,12 @@ class FreeObject(Carrier):
         )
 
     def kick(self, memory: ObjectMotion, slope: ObjectMotion, dt: Scalar) -> ObjectMotion:
-        """Both velocities."""
+        """State after an acceleration for ``dt`` (s): only the velocities change."""
         velocity, rate = memory.velocity + slope.velocity * dt, memory.rate + slope.rate * dt
         return ObjectMotion(position=memory.position, attitude=memory.attitude, velocity=velocity, rate=rate)
 
     def drift(self, memory: ObjectMotion, dt: Any) -> ObjectMotion:
-        """The attitude moves by the exponential of the rate, as the vehicle's."""
+        """State after ``dt`` (s) with constant velocities; the attitude moves by the exponential map."""
         return ObjectMotion(
             position=memory.position + memory.velocity * dt,
             attitude=memory.attitude * Quaternion.of_small_rotation(memory.rate, dt),
@@ -204,11 +204,11 @@ class FreeObject(Carrier):
 
     @property
     def spot_count(self) -> int:
-        """Corners of a box, places on the rims of a cylinder, a sphere itself."""
+        """Number of contact spots: corners of a box, rim points of a cylinder, one for a sphere."""
         return {"box": 8, "cylinder": 2 * len(RIM), "sphere": 1}[self.shape]
 
     def spots(self, frame: CarriedFrame, toward: Callable[[Vec3], Vec3]) -> tuple[Spot, ...]:
-        """Spots that may touch a surface."""
+        """Contact spots of the object: centre (m, world axes) and radius (m)."""
         if self.shape == "sphere":
             return ((frame.position, self.size[0]),)
         if self.shape == "box":
@@ -227,7 +227,7 @@ class FreeObject(Carrier):
 
     @property
     def columns(self) -> tuple[Column, ...]:  # type: ignore[override]
-        """Pose and velocities."""
+        """Log columns of pose and velocities."""
         return tuple(
             Column(f"object_{array}", f"{self.name}/{axis}", unit, f"{meaning} of an object")
             for array, axes, unit, meaning in LOGGED
@@ -235,18 +235,18 @@ class FreeObject(Carrier):
         )
 
     def logged(self, memory: ObjectMotion) -> tuple[Any, ...]:
-        """Position of the shape's middle, attitude, its velocity (world axes), angular velocity (own axes)."""
+        """Centre position, attitude, centre velocity (world axes) and angular velocity (own axes), for the log."""
         frame = self.frame(memory)
         return (*frame.position, *memory.attitude, *frame.velocity, *memory.rate)
 
 
 def _data(vector: Vec3) -> Vec3:
-    """Zeros of structure as data: what a memory holds may change."""
+    """Convert the structural zeros of a vector to floats."""
     return Vec3(*(data(c) for c in vector))
 
 
 def uniform_moments(shape: str, size: Sequence[Scalar], mass: Scalar) -> Vec3:
-    """Principal moments of a box, cylinder or sphere of uniform density about its middle, kg m^2."""
+    """Principal moments of inertia of a uniform box, cylinder or sphere about its centre, kg m^2."""
     if shape == "sphere":
         moment = 0.4 * mass * size[0] * size[0]
         return Vec3(moment, moment, moment)
@@ -259,7 +259,7 @@ def uniform_moments(shape: str, size: Sequence[Scalar], mass: Scalar) -> Vec3:
 
 
 def largest_mobility(shape: str, size: Sequence[Any], com: Vec3, mass: Any, moments: Vec3) -> Any:
-    """1/kg, of the easiest contact.
+    """Largest inverse effective mass over all contacts of a shape, 1/kg.
 
     Args:
         shape: box, cylinder or sphere.
@@ -293,7 +293,7 @@ def largest_mobility(shape: str, size: Sequence[Any], com: Vec3, mass: Any, mome
 
 
 def _reach(distance: Any, com: Vec3) -> Any:
-    """Square of the largest distance of the skin from the centre of mass, m^2."""
+    """Square of the largest distance between surface and centre of mass, m^2."""
     away = distance
     for each in com:
         away = add(away, _size(each))
@@ -303,7 +303,7 @@ def _reach(distance: Any, com: Vec3) -> Any:
 def _face(
     count: int, spread_a: Any, spread_b: Any, off_a: Any, off_b: Any, mass: Any, moment_a: Any, moment_b: Any
 ) -> Scalar:
-    """Bound of the mobility of a face of ``count`` contacts in the axes a and b, 1/kg.
+    """Upper bound of the inverse effective mass of a face with ``count`` contacts, 1/kg.
 
     Args:
         count: of contacts.
@@ -327,5 +327,5 @@ def _face(
 
 
 def _size(value: Any) -> Scalar:
-    """|value|; a structural zero stays one."""
+    """Absolute value; a structural zero stays one."""
     return 0 if type(value) is int and value == 0 else absolute(value)

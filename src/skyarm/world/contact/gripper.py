@@ -1,4 +1,4 @@
-"""Grippers: grasps of a vehicle on bodies of the world.
+"""Grippers of a vehicle: grasp and release of movable bodies.
 
 A grasp is a stiff spring with damping between a frame of the vehicle and the body: the pose in which they are to each
 other when the gripper takes hold is kept. The law of the spring is the same for all kinds; they differ in what they
@@ -46,7 +46,7 @@ ADHESIVE = ("magnet", "suction")
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """A gripper's command as a signal of time: it is closed above one half."""
+    """Command of a gripper over time: closed while its signal is above one half."""
 
     signal: Signal = Constant(1)
 
@@ -55,11 +55,11 @@ class Command:
 
     @classmethod
     def from_table(cls, entry: Any, where: str) -> Command:
-        """Read what a file holds; raises ValueError with one line."""
+        """Read the command from a file's value; raises ValueError with one line."""
         return cls(signal_from(entry, where))
 
     def at(self, t: Any) -> Any:
-        """True while it is closed."""
+        """True if the gripper is commanded closed at time ``t`` (s)."""
         return self.signal.derivatives(t)[0] > 0.5
 
 
@@ -84,7 +84,7 @@ class Grip:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Hold:
-    """Wrench of a grasp on the body in it, world axes.
+    """Wrench of a grasp on the grasped body, world axes.
 
     Attributes:
         force: N, at ``place`` (m). torque: N m, beside that of the force.
@@ -97,7 +97,7 @@ class Hold:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Gripper:
-    """A gripper takes hold of the first body of the world within its reach.
+    """Gripper: grasps the first movable body within its reach.
 
     Attributes:
         name: for messages, logs and paths. kind: one of ``KINDS``.
@@ -126,7 +126,7 @@ class Gripper:
 
     @property
     def columns(self) -> tuple[Column, ...]:
-        """Number of what is held, force, how often it slipped, and the pull on what is held."""
+        """Log columns: index of the held body, grasp force, number of slips, force on the held body."""
         pull = (Column("gripper_pull", f"{self.name}/{axis}", "N", "on what is held") for axis in "xyz")
         return (
             Column("gripper_taken", self.name, "", "number of the object that is held, from 1; 0 for none"),
@@ -136,7 +136,7 @@ class Gripper:
         )
 
     def step_of(self, mass: Scalar, moved: Any, *, euler: bool = False) -> Scalar:
-        """Longest integration step (s) of a grasp.
+        """Longest stable integration step (s) of a grasp.
 
         Args:
             mass: kg that it moves at least where it holds at the skin; its damping follows from that.
@@ -152,16 +152,16 @@ class Gripper:
         return minimum(NORMAL_STEP * sqrt(mass / self.stiffness), bound)
 
     def damping(self, mass: Scalar) -> Scalar:
-        """N s/m of a grasp that moves a mass (kg)."""
+        """Damping of a grasp that moves a mass (kg), N s/m."""
         return 2.0 * self.damping_ratio * sqrt(self.stiffness * mass)
 
     def start(self) -> Grip:
-        """Open, and ready."""
+        """Initial memory: open and ready to grasp."""
         zero = Vec3(0.0, 0.0, 0.0)
         return Grip(taken=0.0, ready=1.0, lost=0.0, place=zero, normal=zero, turn=Mat3(zero, zero, zero))
 
     def hold(self, grip: Grip, frame: CarriedFrame, body: CarriedFrame, mass: Any, gyration: Any) -> Hold:
-        """Wrench of the grasp on a body, if this body is in it.
+        """Wrench of the grasp on a body, on the assumption that the gripper holds it.
 
         Args:
             grip: memory.
@@ -186,7 +186,7 @@ class Gripper:
         return Hold(force=force, torque=torque, place=place)
 
     def is_overloaded(self, grip: Grip, hold: Hold, body: CarriedFrame) -> Any:
-        """Return True if a grasp is loaded beyond its limit."""
+        """True if the load of a grasp exceeds the gripper's limits."""
         force, torque = hold.force, hold.torque
         twisted = torque.dot(torque) > self.torque * self.torque
         if self.kind not in ADHESIVE:
@@ -200,7 +200,7 @@ class Gripper:
     def after(
         self, grip: Grip, t: Any, frame: CarriedFrame, bodies: tuple[tuple[CarriedFrame, Any, Vec3, Hold], ...]
     ) -> Grip:
-        """The memory after a control instant.
+        """Memory after a control instant: keep, release, slip or grasp.
 
         Args:
             grip: before it.
@@ -240,22 +240,22 @@ class Gripper:
 
 
 def is_taken(taken: Any, number: float) -> Scalar:
-    """Return True if a gripper holds the carrier of a number."""
+    """True if the gripper holds the carrier with this number."""
     return logical_and(taken > number - 0.5, taken < number + 0.5)
 
 
 def _not(condition: Scalar) -> Scalar:
-    """The opposite of a condition."""
+    """Logical not of a condition."""
     return not condition if isinstance(condition, bool) else where(condition, 0.0, 1.0) > 0.5
 
 
 def _both(a: Any, b: Any) -> Any:
-    """Both conditions; what always holds folds away."""
+    """Logical and; a structural True is dropped."""
     return b if a is True else a if b is True else logical_and(a, b)
 
 
 def _any(a: Scalar, b: Scalar) -> Any:
-    """Either condition; what never holds folds away."""
+    """Logical or; a structural False is dropped."""
     return b if a is False else a if b is False else logical_or(a, b)
 
 
@@ -273,7 +273,7 @@ UNCHANGED = Grip(
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Grasps:
-    """Grippers and the bodies that they may grasp.
+    """Grippers of the vehicle together with the bodies that they can grasp.
 
     Attributes:
         grippers: of the vehicle. carriers: bodies of the world.
@@ -283,7 +283,7 @@ class Grasps:
     carriers: tuple[Carrier, ...]
 
     def steps(self, *, euler: bool = False) -> Iterator[tuple[str, Any]]:
-        """Source, in words, and longest integration step (s), of each grasp."""
+        """Name of the gripper and longest stable integration step (s), for each gripper and carrier."""
         for gripper in self.grippers:
             for carrier in self.carriers:
                 mobilities = carrier.mobility, carrier.mobility_at(gripper.reach)
@@ -291,7 +291,7 @@ class Grasps:
                 yield f"gripper {gripper.name!r}", gripper.step_of(*masses, euler=euler)
 
     def frames(self, motion: PointMotion) -> list[CarriedFrame]:
-        """Place and motion of the grippers' frames."""
+        """Pose and velocity of each gripper's frame."""
         found = []
         for gripper in self.grippers:
             at = motion.vehicle.frame(gripper.frame or None)
@@ -307,13 +307,13 @@ class Grasps:
         return found
 
     def bodies(self, memories: Sequence[Any]) -> list[CarriedFrame]:
-        """Place and motion of the carriers."""
+        """Pose and velocity of each carrier's axes."""
         return [carrier.frame(memory) for carrier, memory in zip(self.carriers, memories, strict=True)]
 
     def possible(
         self, grips: Sequence[Grip], frames: Sequence[CarriedFrame], bodies: Sequence[CarriedFrame]
     ) -> list[list[Hold]]:
-        """Wrench of each grasp on each body if that body is in it: [gripper][carrier]."""
+        """Wrench that each gripper would exert on each carrier if it held it: [gripper][carrier]."""
         masses = [both(LIGHTEST, 1.0 / carrier.mobility) for carrier in self.carriers]
         every = list(zip(bodies, masses, self.carriers, strict=True))
         return [
@@ -322,7 +322,7 @@ class Grasps:
         ]
 
     def holds(self, memory: Any, frames: Sequence[CarriedFrame]) -> list[list[Hold]]:
-        """Wrench of each grasp on each body: zero on bodies outside of it."""
+        """Wrench of each gripper on each carrier: zero unless it holds it."""
         possible = self.possible(memory.grips, frames, self.bodies(memory.carried))
         return [
             [_scale_hold(hold, where(is_taken(grip.taken, i + 1.0), 1.0, 0.0)) for i, hold in enumerate(row)]
@@ -330,7 +330,7 @@ class Grasps:
         ]
 
     def on_bodies(self, memory: Any, motion: PointMotion) -> list[tuple[Vec3, Vec3]]:
-        """Force (N) on each carrier and torque (N m) about the origin of its axes, world axes."""
+        """Force (N) and torque (N m, about the origin of its axes) of all grasps on each carrier, world axes."""
         holds, bodies = self.holds(memory, self.frames(motion)), self.bodies(memory.carried)
         found = []
         for i, body in enumerate(bodies):
@@ -343,7 +343,7 @@ class Grasps:
         return found
 
     def on_vehicle(self, memory: Any, motion: PointMotion) -> list[Wrench]:
-        """The opposite on the vehicle, at the same places."""
+        """Reaction wrenches of all grasps on the vehicle."""
         frames, found = self.frames(motion), []
         for gripper, frame, row in zip(self.grippers, frames, self.holds(memory, frames), strict=True):
             at = motion.vehicle.frame(gripper.frame or None)
@@ -355,7 +355,7 @@ class Grasps:
         return found
 
     def after(self, memory: Any, t: Any, motion: PointMotion) -> tuple[Grip, ...]:
-        """The grips after a control instant (s), at which grippers grasp, release and slip."""
+        """Memories of all grippers after a control instant: each may grasp, release or slip."""
         frames, bodies = self.frames(motion), self.bodies(memory.carried)
         possible = self.possible(memory.grips, frames, bodies)
         found = []
@@ -366,7 +366,7 @@ class Grasps:
         return tuple(found)
 
     def logged(self, memory: Any, motion: PointMotion) -> list[Any]:
-        """For each gripper: index of the body in it, force of the grasp (N), number of slips, pull.
+        """Logged numbers of each gripper: held body, grasp force (N), number of slips, force on the held body (N).
 
         The pull is the force on what it holds, N, world axes.
         """
@@ -380,7 +380,7 @@ class Grasps:
 
 
 def _skin(carrier: Carrier, body: CarriedFrame, place: Vec3) -> tuple[Any, Vec3]:
-    """Distance (m) of a place from what a carrier carries, and the outward normal there, world axes."""
+    """Distance (m) of a place from a carrier's surfaces, and the outward normal there, world axes."""
     depths = [body.depth(surface, place, 0) for surface in carrier.surfaces]
     deepest, normal = depths[0]
     for depth, outward in depths[1:]:
@@ -391,5 +391,5 @@ def _skin(carrier: Carrier, body: CarriedFrame, place: Vec3) -> tuple[Any, Vec3]
 
 
 def _scale_hold(hold: Hold, share: Scalar) -> Hold:
-    """A part of what a grasp does."""
+    """Wrench of a grasp scaled by a factor."""
     return Hold(force=hold.force * share, torque=hold.torque * share, place=hold.place)

@@ -1,4 +1,4 @@
-"""Interpenetration of the initial world: vehicle and objects may start in the air or at rest on a surface."""
+"""Interpenetration check of the initial world: vehicle and objects must not start inside surfaces."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ MOST = 2.0
 
 
 def require_start_outside(contact: Contact, vehicle: Vehicle, gravity: float, state: State) -> None:
-    """Refuse a start from which surfaces or objects would throw the vehicle or each other.
+    """Refuse an initial state in which the vehicle or objects penetrate surfaces.
 
     Raises:
         ValueError: one line: the point, the surface, the depth.

@@ -1,4 +1,4 @@
-"""Contact force of a point that is pressed into a surface: stiffness, dissipation and bristle friction.
+"""Contact material: normal force by stiffness and dissipation, friction by bristles.
 
 With the penetration d (m), the slip v (m/s) along the surface and the bristle's deflection z (m) the force is
 
@@ -55,7 +55,7 @@ _STILL = 1e-24
 
 
 def euler_step_of(square: Any, decay: Any) -> Scalar:
-    """Longest step (s) that the semi-implicit Euler method takes of an oscillator, three quarters of the stable one.
+    """Step (s) of the semi-implicit Euler method for an oscillator: three quarters of the stability limit.
 
     Args:
         square: of its angular frequency, 1/s^2.
@@ -66,7 +66,7 @@ def euler_step_of(square: Any, decay: Any) -> Scalar:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Material:
-    """Force of a surface on a point that is pressed into it."""
+    """Contact material of a surface: stiffness, dissipation and friction."""
 
     stiffness: Annotated[Scalar, Unit("N/m", "of the contact", low=0.0, strict=True)] = 5000.0
     dissipation: Annotated[Scalar, Unit("s/m", "share of the force by the speed of penetration", low=0.0)] = 1.0
@@ -78,17 +78,17 @@ class Material:
 
     @property
     def largest_step(self) -> Any:
-        """Longest integration step (s) in contact with a vehicle."""
+        """Longest stable integration step (s) in contact with a vehicle."""
         return self.step_of(LIGHTEST)
 
     def step_of(self, mass: Scalar) -> Scalar:
-        """Longest integration step (s) of a contact that moves a mass (kg), by the stiffness of it and its bristles."""
+        """Longest stable integration step (s) of a contact that moves a mass (kg)."""
         bristles = self.friction * self.stiffness * PRESSED / self.bristle_length
         fastest = maximum(sqrt(self.stiffness) / NORMAL_STEP, sqrt(bristles) / BRISTLE_STEP)
         return minimum(sqrt(mass) / fastest, LONGEST)
 
     def normal_force(self, depth: Scalar, depth_rate: Scalar, step: Scalar | None = None) -> Scalar:
-        """Force of the surface along its outward normal, N.
+        """Normal contact force along the surface's outward normal, N.
 
         Args:
             depth: penetration, m; negative outside.
@@ -102,7 +102,7 @@ class Material:
         return where(half > 0.0, maximum(force, 0.0), 0.0)
 
     def bristle_rate(self, bristle: Vec3, slip: Vec3, depth: Scalar, fastest: Scalar) -> Vec3:
-        """Rate of a bristle's deflection, m/s, world axes.
+        """Time derivative of a bristle's deflection, m/s, world axes.
 
         Args:
             bristle: its deflection, m.
@@ -118,7 +118,7 @@ class Material:
         return Vec3(*(a if same(a, z) else where(touches, a, z) for a, z in zip(bending, recovery, strict=True)))
 
     def friction_force(self, bristle: Vec3, bristle_rate: Vec3, normal_force: Scalar, mass: Scalar = LIGHTEST) -> Vec3:
-        """Force of the surface against the slip, N, world axes: never beyond the cone.
+        """Friction force, N, world axes, limited to the friction cone.
 
         Args:
             bristle: deflection, m.

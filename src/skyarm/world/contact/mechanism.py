@@ -1,4 +1,4 @@
-"""Mechanisms of the world: bodies with one degree of freedom that carry surfaces, as doors, valves, drawers, buttons.
+"""Mechanisms with one degree of freedom that carry surfaces: doors, valves, drawers, buttons.
 
 What touches a mechanism moves it along or about its axis, against what :mod:`skyarm.world.contact.mechanism` says.
 """
@@ -25,7 +25,7 @@ from skyarm.world.contact.surface import Surface, rotation_of
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Mechanism(Carrier):
-    """A mechanism is a body of the world with one degree of freedom.
+    """Mechanism: a body of the world with one degree of freedom.
 
     Attributes:
         name: for messages, logs and paths. kind: one of ``KINDS``.
@@ -74,7 +74,7 @@ class Mechanism(Carrier):
         self._require_numbers()
 
     def _require_body(self) -> None:
-        """Refuse sizes and axes that the kind does not have, and parts without an end or with a motion."""
+        """Refuse sizes, axes and parts that the kind of mechanism does not allow."""
         said, options = KINDS[self.kind], KINDS[self.kind].sizes
         if len(self.size) not in [len(each) for each in options] and (self.size or options):
             words = " or ".join(f"{len(each)} numbers, {', '.join(each)}" for each in options)
@@ -92,7 +92,7 @@ class Mechanism(Carrier):
                 raise RecordError(f"mechanism.parts[{i}].motion: must be left out; parts move with their mechanism")
 
     def _require_numbers(self) -> None:
-        """Refuse a mechanism without mass, and limits without a range."""
+        """Refuse a mechanism without mass or with an empty range of its coordinate."""
         turns = KINDS[self.kind].turns
         if not turns and type(self.inertia) is not int:
             raise RecordError(f"mechanism.inertia: must be left out of a {self.kind}, which slides; mass says it")
@@ -112,17 +112,17 @@ class Mechanism(Carrier):
 
     @property
     def turns(self) -> bool:
-        """True if it is a hinge."""
+        """True for a hinge, False for a slide."""
         return KINDS[self.kind].turns
 
     @property
     def solid(self) -> Solid | None:
-        """The body that its kind has, if any."""
+        """Solid body of the mechanism's kind; None for a kind that is made of parts."""
         return solid_of(self.kind, self.size) if self.size else None
 
     @property
     def surfaces(self) -> tuple[Surface, ...]:
-        """The kind's body, and the parts."""
+        """Surfaces of the mechanism: its own body, then its parts."""
         solid = self.solid
         if solid is None:
             return self.parts
@@ -133,7 +133,7 @@ class Mechanism(Carrier):
 
     @property
     def generalized_inertia(self) -> Scalar:
-        """Its inertia along the coordinate, kg m^2 or kg."""
+        """Inertia along the coordinate: moment of inertia of a hinge (kg m^2), mass of a slide (kg)."""
         if not self.turns:
             return self.mass
         if type(self.inertia) is int and self.solid is not None:
@@ -142,22 +142,22 @@ class Mechanism(Carrier):
 
     @property
     def centre(self) -> Vec3:
-        """Centre of mass, m, its own axes: by default that of the uniform body with its inertia."""
+        """Centre of mass in the mechanism's axes, m."""
         said = type(self.inertia) is not int or any(type(c) is not int for c in self.com)
         return self.com if said or self.solid is None else self.solid.middle
 
     @property
     def hinge(self) -> tuple[Scalar, ...]:
-        """A place on the axis of what turns (m) and its unit vector, world axes; () of what slides."""
+        """Point on the hinge axis (m) and unit vector along it, world axes; () for a slide."""
         return (*self.position, *rotation_of(self.angles).apply(self.along)) if self.turns else ()
 
     @property
     def mobility(self) -> Any:
-        """1/kg, of the place of its surfaces that is farthest from the axis."""
+        """Largest inverse effective mass over the mechanism's surfaces, 1/kg."""
         return self.mobility_at(0)
 
     def mobility_at(self, reach: Scalar) -> Any:
-        """Mobility of a place that is so much farther from the axis."""
+        """Largest inverse effective mass at a place up to ``reach`` (m) beyond the surfaces, 1/kg."""
         if not self.turns:
             return 1.0 / self.mass
         lever = maximum(0.0, 1e-3)
@@ -169,7 +169,7 @@ class Mechanism(Carrier):
 
     @property
     def along(self) -> Vec3:
-        """Unit vector of the axis, its own axes."""
+        """Unit vector along the axis, in the mechanism's axes."""
         axis = KINDS[self.kind].axis
         if axis is not None:
             return axis
@@ -185,20 +185,20 @@ class Mechanism(Carrier):
 
     @property
     def largest_euler_step(self) -> Any:
-        """The same of the semi-implicit Euler method."""
+        """Longest stable semi-implicit Euler step (s) of stops, spring, friction and detent."""
         return longest_step(self, euler=True)
 
     def start(self) -> MechanismMotion:
-        """At rest where its fields put it."""
+        """Initial state: at rest at the initial coordinate."""
         bristle = () if type(self.friction) is int else (0.0,)
         return MechanismMotion(coordinate=data(self.initial), rate=0.0, bristle=bristle)
 
     def frame(self, memory: MechanismMotion) -> CarriedFrame:
-        """Its axes: a hinge's turn about their origin, a slide's move."""
+        """Pose and velocity of the mechanism's axes at a state."""
         return self.frame_at(memory.coordinate, memory.rate)
 
     def frame_at(self, coordinate: Any, rate: Scalar = 0.0) -> CarriedFrame:
-        """The same of a coordinate (rad or m) and its rate."""
+        """Pose and velocity of the mechanism's axes at a coordinate (rad or m) and its rate."""
         R = rotation_of(self.angles)
         axis = R.apply(self.along)
         if self.turns:
@@ -207,7 +207,7 @@ class Mechanism(Carrier):
         return CarriedFrame(position=self.position + axis * coordinate, rotation=R, velocity=axis * rate, turning=ZERO3)
 
     def slope(self, memory: MechanismMotion, force_W: Vec3, torque_W: Vec3, gravity: Scalar) -> MechanismMotion:
-        """Newton's or Euler's equation about the axis."""
+        """Time derivative of the state by the equation of motion along the coordinate."""
         frame, rate = self.frame(memory), memory.rate
         axis, weight = rotation_of(self.angles).apply(self.along), Vec3(0, 0, neg(mul(self.mass, gravity)))
         if self.turns:
@@ -218,26 +218,26 @@ class Mechanism(Carrier):
         return MechanismMotion(coordinate=rate, rate=(applied + own) / self.generalized_inertia, bristle=bristle)
 
     def before_euler_step(self, memory: MechanismMotion, slope: MechanismMotion, dt: Scalar) -> MechanismMotion:
-        """The bristle of dry friction has moved."""
+        """State with the friction bristle advanced by ``dt`` (s)."""
         bristle = tuple(z + change * dt for z, change in zip(memory.bristle, slope.bristle, strict=True))
         return replace(memory, bristle=bristle)
 
     def kick(self, memory: MechanismMotion, slope: MechanismMotion, dt: Scalar) -> MechanismMotion:
-        """The rate."""
+        """State after an acceleration for ``dt`` (s): only the rate changes."""
         return replace(memory, rate=memory.rate + slope.rate * dt)
 
     def drift(self, memory: MechanismMotion, dt: Any) -> MechanismMotion:
-        """The coordinate."""
+        """State after ``dt`` (s) at constant rate: only the coordinate changes."""
         return replace(memory, coordinate=memory.coordinate + memory.rate * dt)
 
     @property
     def columns(self) -> tuple[Column, ...]:  # type: ignore[override]
-        """Coordinate and rate."""
+        """Log columns of coordinate and rate."""
         unit = "rad" if self.turns else "m"
         return Column("mechanism_position", self.name, unit), Column("mechanism_rate", self.name, f"{unit}/s")
 
     def logged(self, memory: MechanismMotion) -> tuple[Any, ...]:
-        """Coordinate and rate."""
+        """Coordinate (rad or m) and rate for the log."""
         return (memory.coordinate, memory.rate)
 
 
@@ -255,7 +255,7 @@ STEEPEST = 16.0 / 3.0**1.5
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Detent:
-    """A detent is a hump of force that is overcome: a latch, or a click.
+    """Detent: a hump of force along the coordinate, as of a latch or a click.
 
     Attributes:
         place: coordinate at which it begins. width: way to its end; it is highest in the middle.
@@ -269,7 +269,7 @@ class Detent:
         accept_fields(self, "detent")
 
     def at(self, coordinate: Any) -> Any:
-        """Effort of the detent, N m or N."""
+        """Force or torque of the detent at a coordinate, N or N m."""
         u = clip((coordinate - self.place) * (1.0 / self.width), 0.0, 1.0)
         hump = u * (1.0 - u)
         return (16.0 * self.force) * (hump * hump)
@@ -277,7 +277,7 @@ class Detent:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class MechanismMotion:
-    """Motion of a mechanism: rad and rad/s, or m and m/s; and the bend of its friction's bristle, where it has one."""
+    """State of a mechanism: coordinate (rad or m), rate, and deflection of its friction bristle if any."""
 
     coordinate: Any
     rate: Any
@@ -285,7 +285,7 @@ class MechanismMotion:
 
 
 def inner_effort(of: Mechanism, memory: MechanismMotion) -> tuple[Any, tuple[Any, ...]]:
-    """Effort of spring, damping, detent, stops and friction (N m or N), and the rate of friction's bristle."""
+    """Internal effort (spring, damping, detent, stops, friction; N m or N), and rate of the friction bristle."""
     q, rate = memory.coordinate, memory.rate
     effort = -of.stiffness * (q - of.rest) - of.damping * rate
     if of.detent is not None:
@@ -307,7 +307,7 @@ def inner_effort(of: Mechanism, memory: MechanismMotion) -> tuple[Any, tuple[Any
 
 
 def longest_step(of: Mechanism, *, euler: bool = False) -> Scalar:
-    """Longest stable integration step (s) of a mechanism's springs, friction and stops; of semi-implicit Euler's too.
+    """Longest stable integration step (s) of a mechanism's spring, friction, detent and stops.
 
     That method of an oscillator of frequency w and decay d = c / m is stable while (w h)^2 + 2 d h < 4.
     """
@@ -327,7 +327,7 @@ def longest_step(of: Mechanism, *, euler: bool = False) -> Scalar:
 
 
 def stop_of(of: Mechanism) -> Material:
-    """A stop as what a surface is to a point: rad and N m in place of m and N where it turns."""
+    """Contact material of a mechanism's stop; in rad and N m for a hinge."""
     stiffness = of.stop_stiffness
     if type(stiffness) is int:
         stiffness = STOP_RATE * STOP_RATE * of.generalized_inertia
@@ -336,18 +336,18 @@ def stop_of(of: Mechanism) -> Material:
 
 
 def bristle_of(of: Mechanism) -> Scalar:
-    """Slip at which dry friction is whole, rad or m."""
+    """Deflection at which the friction bristle reaches full dry friction, rad or m."""
     return BRISTLES[of.turns] if type(of.bristle) is int else of.bristle
 
 
 def _at_stop(limit: Any) -> bool:
-    """Return True if there is a stop, by structure."""
+    """True if the limit has a stop (is finite), by structure."""
     return not (concrete(limit) and math.isinf(limit))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Kind:
-    """A kind of mechanism.
+    """Kind of mechanism: its motion, its axis and the sizes of its body.
 
     Attributes:
         turns: whether it is a hinge; else it slides.
@@ -373,7 +373,7 @@ KINDS = {
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Solid:
-    """Solid part of a mechanism for contact, in its own axes, whose origin is on the hinge or in the front's middle.
+    """Solid part of a mechanism, in its own axes.
 
     Attributes:
         shape, size: as of a surface. middle: of it, m.
@@ -387,7 +387,7 @@ class Solid:
 
 
 def solid_of(kind: str, size: Sequence[Scalar]) -> Solid:
-    """The body of a door, valve, drawer or button.
+    """Solid body of a door, valve, drawer or button.
 
     Args:
         kind: the word.

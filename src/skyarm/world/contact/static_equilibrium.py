@@ -1,4 +1,4 @@
-"""Static equilibrium at the start of a flight: depth and tilt of a vehicle and objects under their weight.
+"""Static equilibrium before a flight: penetration and tilt of vehicle and objects under their weight.
 
 A flight that begins so does not jump. A vehicle is set down from 5 cm above its position: level until the surfaces
 carry its weight, then tilted until they carry its moment, too. Each object that is said to be standing is set down in
@@ -47,7 +47,7 @@ def _least_squares(stiffness: Array, force: Array) -> Array:
 
 
 def _root(residual: Residual, x: Array, rounds: int, small: float, solve: Any = _least_squares) -> Array | None:
-    """Place at which a residual vanishes, by Newton's method; None where there is none within reach of the first."""
+    """Root of a residual by Newton's method from an initial guess; None without convergence."""
     with np.errstate(all="ignore"):  # of numbers beyond measure
         for _ in range(rounds):
             found = residual(x)
@@ -66,7 +66,7 @@ def _turn(about_x: float, about_y: float) -> Quaternion:
 
 
 def stand_vehicle(vehicle: Vehicle, gravity: float, contact: Contact, state: State) -> State:
-    """The state in which the vehicle rests on what is below it.
+    """State in which the vehicle rests on the surfaces below it.
 
     Args:
         vehicle: the true one.
@@ -80,13 +80,13 @@ def stand_vehicle(vehicle: Vehicle, gravity: float, contact: Contact, state: Sta
     memory, weight = contact.start(1.0, ()), float(vehicle.mass) * gravity
 
     def at(x: Array) -> State:
-        """The state at a height (m), turned about the level axes x and y (rad)."""
+        """State raised by a height (m) and rotated about the level x and y axes (rad)."""
         up, about_x, about_y = (float(each) for each in x)
         position = state.position + Vec3(0.0, 0.0, up)
         return replace(state, position=position, quaternion=_turn(about_x, about_y) * state.quaternion)
 
     def residual(x: Array) -> Array:
-        """Vertical force less the weight, and both level moments about the centre of mass over 1 m, by the weight."""
+        """Residual of vertical force and level moments about the centre of mass (1 m arm), divided by the weight."""
         moved = at(x)
         motion, middle = PointMotion(vehicle, moved), center_of_mass(vehicle, moved)
         force, moment = Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0)
@@ -116,7 +116,7 @@ def _nothing(what: str, position: Vec3) -> str:
 
 
 def with_standing_objects(contact: Contact, gravity: float) -> Contact:
-    """The contact with every object that is standing where it lies at rest.
+    """The contact with every standing object placed in static equilibrium.
 
     Args:
         contact: as read.
@@ -139,7 +139,7 @@ def with_standing_objects(contact: Contact, gravity: float) -> Contact:
 
 
 def _set_down(contact: Contact, index: int, gravity: float, away: Sequence[int]) -> Contact:
-    """The contact with one object at rest; those that are set down later are away."""
+    """The contact with one object placed in static equilibrium, without those that are placed later."""
     body, supports, x = contact.objects[index], _Supports(contact, index, gravity, away), np.zeros(3)
     where = f"world.objects[{index}].standing = true"
     if np.abs(supports.residual(x)).max() < 1e-9:
@@ -179,7 +179,7 @@ def _half_of(body: FreeObject) -> float:
 
 
 class _Supports:
-    """Forces that supports leave uncarried, by a height (m) and two small angles (rad) of an object.
+    """Static balance of one object on its supports, by its height (m) and two small tilt angles (rad).
 
     Args:
         contact: surfaces and objects.
@@ -194,7 +194,7 @@ class _Supports:
         self._weight = float(contact.objects[index].mass) * gravity
 
     def _displace(self, x: Array) -> list[Any]:
-        """Motions of every carrier; the object is turned about level axes through its centre of mass."""
+        """Memories of all carriers with the object raised and tilted about its centre of mass."""
         up, about_x, about_y = x.tolist()
         found, held = list(self._first), self._first[self._index]
         place = held.position + Vec3(0.0, 0.0, up)
@@ -202,22 +202,22 @@ class _Supports:
         return found
 
     def _pushes(self, moved: Sequence[Any]) -> list[tuple[Meeting, Vec3]]:
-        """Meetings of the object, and the force on it in each, N."""
+        """Contact pairs of the object, and the contact force on it in each, N."""
         i = self._index
         pairs = ((each, {each.of, each.by}) for each in self._all(moved))
         mine = [each for each, pair in pairs if i in pair and not pair & self._away]
         return [(each, each.touch.axis * (each.touch.normal if each.by == i else -each.touch.normal)) for each in mine]
 
     def gap(self, x: Array) -> float:
-        """m from the object to the nearest thing."""
+        """Distance from the object to the nearest surface, m."""
         return -max((float(each.touch.depth) for each, _ in self._pushes(self._displace(x))), default=-LOWEST)
 
     def force(self, x: Array) -> float:
-        """Vertical force on the object, N."""
+        """Vertical contact force on the object, N."""
         return float(sum(push.z for _, push in self._pushes(self._displace(x))))
 
     def residual(self, x: Array) -> Array:
-        """The vertical force less the weight, and both level moments by the object's size; shares of the weight."""
+        """Residual of vertical force and level moments (by the object's size), divided by the weight."""
         moved = self._displace(x)
         force, moment = 0.0, ZERO3
         for each, push in self._pushes(moved):
@@ -228,14 +228,14 @@ class _Supports:
         return np.array(values) / self._weight
 
     def contact_at(self, x: Array) -> Contact:
-        """The contact with the object where it has moved to."""
+        """The contact with the object moved to a candidate position."""
         objects = list(self._contact.objects)
         objects[self._index] = _place_object(objects[self._index], self._displace(x)[self._index])
         return replace(self._contact, objects=tuple(objects))
 
 
 def _place_object(of: FreeObject, memory: ObjectMotion) -> FreeObject:
-    """The object with position and angles of a motion."""
+    """Object with the position and angles of a state."""
     frame = of.frame(memory)
     (r00, _, _), (r10, _, _), (r20, r21, r22) = ((float(c) for c in row) for row in frame.rotation.rows)
     angles = (np.arctan2(r21, r22), -np.arcsin(np.clip(r20, -1.0, 1.0)), np.arctan2(r10, r00))
@@ -244,7 +244,7 @@ def _place_object(of: FreeObject, memory: ObjectMotion) -> FreeObject:
 
 
 def _meetings_of(contact: Contact) -> Callable[[Sequence[Any]], list[Meeting]]:
-    """A function of the carriers' motions: what touches among objects and surfaces, the vehicle being away."""
+    """Function that evaluates the contact pairs of objects and surfaces, without the vehicle."""
     bodies, step = replace(contact, points=()), contact.largest_step
     memory = bodies.start(1.0, ())
     clock = (*memory.clock, 0.0)[0]

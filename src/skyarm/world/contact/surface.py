@@ -95,18 +95,18 @@ class Surface:
 
     @property
     def moves(self) -> bool:
-        """True if it has a motion, by structure."""
+        """True if the surface has a prescribed motion, by structure."""
         signals = (self.motion.x, self.motion.y, self.motion.z)
         return any(type(each) is not Constant or type(each.value) is not int or each.value != 0 for each in signals)
 
     @property
     def rotation(self) -> Mat3:
-        """R_WS, axes of the surface to world axes."""
+        """Rotation matrix R_WS from the surface's axes to world axes."""
         return rotation_of(self.angles)
 
     @property
     def farthest(self) -> Scalar:
-        """Distance of its farthest place from its origin, m; of a shape with an end."""
+        """Distance of the surface's farthest point from its origin, m; only for shapes of finite size."""
         if self.shape == "sphere":
             return self.size[0]
         if self.shape == "box":
@@ -119,14 +119,14 @@ class Surface:
         return sqrt(radius * radius + 0.25 * length * length)
 
     def place(self, t: Scalar) -> tuple[Vec3, Vec3]:
-        """Position (m) and velocity (m/s) at time t (s), world axes."""
+        """Position (m) and velocity (m/s) of the surface at time t (s), world axes."""
         if not self.moves:
             return self.position, ZERO3
         found = [signal.derivatives(t) for signal in (self.motion.x, self.motion.y, self.motion.z)]
         return self.position + Vec3(*(each[0] for each in found)), Vec3(*(each[1] for each in found))
 
     def _faces(self, p: Vec3) -> tuple[Face, ...]:
-        """Faces near a point in the surface's axes; the normals of several faces are perpendicular to each other."""
+        """Height above and normal of the faces near a point; normals of several faces are perpendicular."""
         if self.shape == "plane":
             return ((p.z, E_Z),)
         if self.shape == "sphere":
@@ -144,7 +144,7 @@ class Surface:
         return tuple(_slab(c, size, axis) for c, size, axis in zip(p, self.size, (E_X, E_Y, E_Z), strict=True))
 
     def depth(self, point_W: Vec3, radius: Scalar, t: Scalar) -> tuple[Any, Vec3]:
-        """Depth of a ball about a point in the surface (m, negative outside), and the outward normal, world axes.
+        """Penetration depth of a ball (m, negative outside) and outward normal of the surface, world axes.
 
         Inside it is the nearest face that counts; of a ball that touches an edge or a corner from outside, the way to
         its middle; of a plate with a hole always the nearest place.
@@ -166,7 +166,7 @@ class Surface:
         return radius - height, R.apply(normal)
 
     def clearance(self, centre_W: Vec3, axis_W: Vec3, radius: Scalar, t: Scalar) -> Any:
-        """Distance of a disc from the surface, m; negative where they may meet.
+        """Distance of a disc from the surface, m; negative if they may touch.
 
         A plane between both is looked for among the faces and across the way from the disc's middle to the nearest
         point of the surface: what one of them parts, does not touch. Next to a corner the disc may still be some
@@ -189,7 +189,7 @@ class Surface:
 
 
 def rotation_of(angles: Vec3) -> Mat3:
-    """Rotation by roll, pitch and yaw (rad) about x, then y, then z of the outer axes; zeros of structure fold away."""
+    """Rotation matrix of roll, pitch and yaw (rad) about fixed x, y and z axes, in this order."""
     R = Mat3.identity()
     for axis, angle in zip((E_X, E_Y, E_Z), angles, strict=True):
         if not (type(angle) is int and angle == 0):
@@ -198,7 +198,7 @@ def rotation_of(angles: Vec3) -> Mat3:
 
 
 def _half_width(axis: Vec3, normal: Vec3, radius: Scalar) -> Scalar:
-    """Half width of a disc along a unit vector, m."""
+    """Extent of a disc from its centre along a unit vector, m."""
     if type(radius) is int and radius == 0:
         return 0
     along = axis.dot(normal)
@@ -206,7 +206,7 @@ def _half_width(axis: Vec3, normal: Vec3, radius: Scalar) -> Scalar:
 
 
 def _nearest(faces: tuple[Face, ...]) -> Face:
-    """The face that a point is highest above, or least deep below."""
+    """Nearest face of a convex body: largest height above (or least depth below), and its normal."""
     height, normal = faces[0]
     for above, axis in faces[1:]:
         nearer = above > height
@@ -215,7 +215,7 @@ def _nearest(faces: tuple[Face, ...]) -> Face:
 
 
 def _slab(c: Scalar, size: Scalar, axis: Vec3) -> Face:
-    """The nearer one of two opposite faces."""
+    """Nearer one of two opposite faces of a slab: height above it, and its normal."""
     return absolute(c) - 0.5 * size, axis * sign(c)
 
 
@@ -224,7 +224,7 @@ def _either(condition: Any, a: Vec3, b: Vec3) -> Vec3:
 
 
 def _nearest_edge(faces: tuple[Face, ...], height: Scalar, normal: Vec3) -> Face:
-    """The same where a point outside may be nearest to an edge or a corner."""
+    """Distance and direction from the nearest edge or corner for a point outside; the given face for a point inside."""
     outside = [maximum(above, 0.0) for above, _ in faces]
     away = sqrt(sum(each * each for each in outside) + _CENTRE)
     way = ZERO3
@@ -242,7 +242,7 @@ _SMALL = 1e-24
 
 
 def require_hole(size: Sequence[Scalar]) -> None:
-    """Refuse lengths between which no material is left; raises RecordError with one line."""
+    """Refuse hole sizes that leave no material; raises RecordError with one line."""
     if not concrete(*size):
         return
     radius, depth, chamfer, outer, length = size
@@ -258,7 +258,7 @@ def require_hole(size: Sequence[Scalar]) -> None:
 
 
 def from_plate(size: Sequence[Scalar], p: Vec3) -> tuple[Any, Vec3]:
-    """Height of a point above the plate (m, negative inside) and the outward normal, axes of the plate.
+    """Height of a point above a plate with a hole (m, negative inside), and the outward normal, plate axes.
 
     Args:
         size: as ``SIZES`` says.
@@ -295,7 +295,7 @@ def from_plate(size: Sequence[Scalar], p: Vec3) -> tuple[Any, Vec3]:
 
 
 def _outside(size: Sequence[Scalar], away: Any, z: Any) -> Scalar:
-    """Return True if a point of the section is outside of the material: in the hole, or beyond the plate."""
+    """True if a point of the cross-section is outside the material: in the hole or beyond the plate."""
     radius, depth, chamfer, outer, length = size
     beyond = maximum(maximum(away - outer, z), -length - z) > 0.0
     hollow = logical_and(z > -depth, away < radius + maximum(z + chamfer, 0.0))
@@ -303,7 +303,7 @@ def _outside(size: Sequence[Scalar], away: Any, z: Any) -> Scalar:
 
 
 def _to_edge(away: Any, z: Any, start: tuple[Any, Any], way: tuple[Any, Any]) -> tuple[Scalar, ...]:
-    """Squared distance from an edge of the section, the way from its nearest place, and its outward normal.
+    """Squared distance to an edge of the cross-section, vector from its nearest point, and its outward normal.
 
     The material is on the right of an edge, seen along it.
     """

@@ -1,4 +1,4 @@
-"""The scene about a vehicle: what the parts of its scenario look like at some instants.
+"""Scene around a vehicle: the shapes of a scenario's components at some instants.
 
 Films, recordings, the studio, figures, environments and files for viewers draw it. Every part of a scenario answers
 for itself (:meth:`skyarm.world.component.Component.shapes`), from the numbers that it logs.
@@ -38,7 +38,7 @@ WAY = np.linspace(0.03, 3.0, 100)
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A line through places of the world at N instants: a rope, a cable, a path.
+    """Polyline in the world at N instants, such as a rope, a cable or a path.
 
     Attributes:
         name: unique in the scene. places: (N, K, 3) m.
@@ -51,7 +51,7 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Arrow:
-    """A force on the vehicle at N instants.
+    """Arrow of a force on the vehicle at N instants.
 
     Attributes:
         name: unique in the scene. spot: (N, 3) m, where it acts. force: (N, 3) N. World axes.
@@ -64,7 +64,7 @@ class Arrow:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Scene:
-    """Shapes of one part, or of all, at N instants.
+    """Shapes of one component or of all components at N instants.
 
     Attributes:
         solids: in the world. lines, arrows: in the world. attached: shapes on the vehicle's bodies.
@@ -79,13 +79,13 @@ class Scene:
 
     @property
     def obstacles(self) -> tuple[Solid, ...]:
-        """Solids that may hide the vehicle from an eye."""
+        """Solids that may hide the vehicle from the camera."""
         return tuple(each for each in self.solids if each.shape.role in OBSTACLES)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Instants:
-    """Instants of a flight at which its parts are drawn.
+    """Instants of a flight to draw, with the vehicle's state and the logged numbers.
 
     Attributes:
         vehicle: the plant's, with concrete numbers.
@@ -106,17 +106,17 @@ class Instants:
 
     @cached_property
     def poses(self) -> Poses:
-        """Body -> R_WB (N, 3, 3) and p_WB (N, 3); ``BASE`` is the base."""
+        """Poses of all bodies: body index -> R_WB (N, 3, 3) and p_WB (N, 3); ``BASE`` is the base."""
         return body_poses(self.vehicle, self.position, self.quaternion, self.joints)
 
     def place(self, point: Iterable[Any] = (0.0, 0.0, 0.0), body: int = BASE) -> Array:
-        """A point (m, axes of a body) in the world, (N, 3) m."""
+        """World position (N, 3), m, of a point given in the axes of a body (m)."""
         R, p = self.poses[body]
         return np.asarray(p + R @ np.array([float(c) for c in point]))
 
 
 def scene_in_log(components: Sequence[Component], seen: Instants, logged: Callable[[str], Array]) -> Scene:
-    """The scene of a flight at some instants of its log.
+    """Scene of a flight at some instants of its log.
 
     Args:
         components: of the scenario, with concrete numbers.
@@ -127,7 +127,7 @@ def scene_in_log(components: Sequence[Component], seen: Instants, logged: Callab
 
 
 def scene_now(components: Sequence[Component], memories: Sequence[Any], seen: Instants, motion: PointMotion) -> Scene:
-    """The scene at one instant of a flight that goes on.
+    """Scene at the current instant of a running flight.
 
     Args:
         components: of the scenario.
@@ -146,7 +146,7 @@ def scene_now(components: Sequence[Component], memories: Sequence[Any], seen: In
 
 
 def instant_of(motion: PointMotion, time: float, around: Array) -> Instants:
-    """The instant (s) of a motion; planes are drawn about a place (3,), m."""
+    """One instant to draw from the vehicle's motion at a time (s); ``around``: centre of drawn planes (3,), m."""
     state = motion.state
     position, quaternion, joints = (
         np.array([[float(c) for c in each]]) for each in (state.position, state.quaternion, state.joints)
@@ -158,19 +158,19 @@ def instant_of(motion: PointMotion, time: float, around: Array) -> Instants:
 
 
 def first_memories(components: Sequence[Component], period: float) -> list[Any]:
-    """Memories before the first period (s), of random numbers in the middle of their range."""
+    """Initial memories of all components, with every random number set to 0.5."""
     return [part.start(period, [0.5] * (2 * part.uniforms)) for part in components]
 
 
 def has_shapes(part: Component) -> bool:
-    """Return True if a part is drawn; all others cost nothing."""
+    """True if the component draws any shapes."""
     return type(part).shapes is not Component.shapes
 
 
 def _own_columns(
     components: Sequence[Component], logged: Callable[[str], Array]
 ) -> Iterator[tuple[Component, Mapping[str, Array]]]:
-    """Parts that are drawn, each with its own columns; one whose columns the log lacks is left out."""
+    """Drawable components with their own log columns, if the log has them."""
     begins: dict[str, int] = {}
     for part in components:
         own: dict[str, int] = {}
@@ -185,7 +185,7 @@ def _own_columns(
 
 
 def _scene(parts: Iterable[tuple[Component, Instants]]) -> Scene:
-    """The shapes of all parts together; the highest ground counts."""
+    """Scene of all components together; its ground is the highest one."""
     scenes = [part.shapes(seen) for part, seen in parts]
     solids = [solid for each in scenes for solid in each.solids]
     lines = [line for each in scenes for line in each.lines]
@@ -200,7 +200,7 @@ def _scene(parts: Iterable[tuple[Component, Instants]]) -> Scene:
 
 
 def hidden_share(solids: Iterable[Solid], places: Array, towards: Array) -> float:
-    """Share of the instants at which a place is hidden from an eye.
+    """Share of the instants at which solids hide a place from the camera.
 
     Args:
         solids: at N instants.
@@ -216,7 +216,7 @@ def hidden_share(solids: Iterable[Solid], places: Array, towards: Array) -> floa
 
 
 def inside(solid: Solid, places: Array) -> npt.NDArray[np.bool_]:
-    """Return True for places (..., 3) inside a solid, in its axes; of a patch, below it; a hole counts as filled."""
+    """True for places (..., 3) inside a solid, given in its axes; for a patch, below it; holes count as filled."""
     kind, size, height = solid.shape.kind, np.array(solid.shape.size), places[..., 2]
     across = np.linalg.norm(places[..., :2], axis=-1)
     found: Any

@@ -1,4 +1,4 @@
-"""Shapes, solids and their meshes: the bodies in every picture, without mass or forces."""
+"""Shapes, solids and meshes for pictures, without mass or forces."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ ROLES = ("hull", "boom", "rotor", "link", "joint", "tip", "payload", "point", "s
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """A solid in the frame of its body.
+    """Geometric shape in the frame of its body.
 
     Attributes:
         name: unique among the shapes of a vehicle.
@@ -61,7 +61,7 @@ OBJECT: RGBA = (0.62, 0.46, 0.3, 1.0)
 
 @dataclass(frozen=True, slots=True)
 class Solid:
-    """A shape in the world at N instants.
+    """Shape placed in the world at N instants.
 
     Attributes:
         shape: kind and size.
@@ -78,19 +78,19 @@ class Solid:
 
     @property
     def moves(self) -> bool:
-        """True if it is elsewhere at any later instant."""
+        """True if the solid's pose changes between the instants."""
         return bool(np.ptp(self.position, axis=0).any() or np.ptp(self.rotation, axis=0).any())
 
 
 def shape_between(name: str, role: str, kind: str, body: int, radius: float, start: Vector, end: Vector) -> Shape:
-    """A capsule or cylinder from one point of a body to another."""
+    """Capsule or cylinder between two points of a body."""
     along = floats(b - a for a, b in zip(start, end, strict=True))
     centre = floats(0.5 * (a + b) for a, b in zip(start, end, strict=True))
     return Shape(name, role, kind, body, (radius, math.hypot(*along)), centre, turn_onto(along))
 
 
 def turn_onto(axis: Vector) -> Matrix:
-    """Rotation, as rows, that turns z onto an axis of any length by the shortest way; about x where it is -z."""
+    """Rotation matrix (rows) that turns z onto an axis by the shortest way; about x for -z."""
     length = math.hypot(*axis)
     if length == 0.0:
         return UPRIGHT
@@ -104,7 +104,7 @@ def turn_onto(axis: Vector) -> Matrix:
 
 
 def floats(values: Iterable[Any]) -> Vector:
-    """Three concrete numbers as floats."""
+    """Convert three concrete numbers to floats."""
     x, y, z = values
     return (float(x), float(y), float(z))
 
@@ -116,7 +116,7 @@ AROUND = 24
 
 
 def mesh_of(shape: Shape, around: int = AROUND) -> tuple[Array, Faces]:
-    """Vertices (V, 3) in axes of the body, m, and triangles (F, 3), seen counter-clockwise from outside.
+    """Mesh of a shape: vertices (V, 3) in axes of the body, m, and outward triangles (F, 3).
 
     Args:
         shape: any of :data:`skyarm.world.scene.shapes`; one with a mesh whose file is there is that.
@@ -154,7 +154,7 @@ def mesh_of(shape: Shape, around: int = AROUND) -> tuple[Array, Faces]:
 
 
 def own_mesh(shape: Shape) -> tuple[Array, Faces] | None:
-    """Vertices (m, axes of the shape) and triangles of a shape's file; None without one that can be read."""
+    """Vertices (m, axes of the shape) and triangles of a shape's mesh file; None if it has no readable one."""
     if not shape.mesh:
         return None
     x, y, z = shape.size if shape.kind == "mesh" else METRES
@@ -166,14 +166,14 @@ def own_mesh(shape: Shape) -> tuple[Array, Faces] | None:
 
 
 def _box(half: Array) -> tuple[Array, Faces]:
-    """A box about the origin by its half lengths (3,)."""
+    """Mesh of a box about the origin with half lengths (3,)."""
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     return corners, np.array([corner for a, b, c, d in quads for corner in ((a, b, c), (a, c, d))])
 
 
 def _revolve(profile: list[tuple[float, float]], around: int) -> tuple[Array, Faces]:
-    """A profile of (radius, height), turned about z; its outside is to the right of the way along it."""
+    """Mesh of a surface of revolution: a profile of (radius, height) about z, outside on its right."""
     angles = np.linspace(0.0, 2.0 * math.pi, around, endpoint=False)
     ring = np.stack([np.cos(angles), np.sin(angles), np.zeros(around)], axis=1)
     vertices = np.concatenate([ring * [r, r, 0.0] + [0.0, 0.0, z] for r, z in profile])

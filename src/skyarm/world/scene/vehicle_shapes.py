@@ -1,4 +1,4 @@
-"""Shapes of a vehicle and the poses of its bodies, at one instant or at many."""
+"""Shapes of a vehicle and the poses of its bodies at one or many instants."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _ORIGIN: Vector = (0.0, 0.0, 0.0)
 
 
 def vehicle_shapes(vehicle: Vehicle, *, meshes: bool = True) -> tuple[Shape, ...]:
-    """Shapes to draw a vehicle by: meshes of its links, else guesses from its rotors and joints.
+    """Shapes that draw a vehicle: meshes of its links if present, else simple shapes of rotors and joints.
 
     Args:
         vehicle: with concrete numbers.
@@ -65,14 +65,14 @@ def vehicle_shapes(vehicle: Vehicle, *, meshes: bool = True) -> tuple[Shape, ...
 
 
 def payload_shape(vehicle: Vehicle, mass: float, frame: str = "", com: Vec3 = ZERO3) -> Shape:
-    """Ball of a payload (kg) about its centre of mass (m, axes of the frame), at a frame or the end effector."""
+    """Ball that draws a payload (kg) at its centre of mass (m, axes of a frame, by default the tip)."""
     at = vehicle.frame(frame or None)
     radius = (3.0 * max(mass, 0.0) / (4.0 * math.pi * PAYLOAD_DENSITY)) ** (1.0 / 3.0)
     return Shape("payload", "payload", "sphere", at.link, (radius,), floats(at.position + at.rotation.apply(com)))
 
 
 def rotor_radius(vehicle: Vehicle) -> float:
-    """Radius of the discs, m: neighbours leave each other a tenth of their distance, or half the longest boom."""
+    """Radius of the drawn rotor discs, m: at most 0.45 of the hub distance and half the longest boom."""
     hubs = [floats(rotor.position) for rotor in vehicle.rotors]
     apart = [math.dist(a, b) for i, a in enumerate(hubs) for b in hubs[:i] if math.dist(a, b) > 1e-6]
     longest = 0.5 * longest_boom(vehicle)
@@ -82,7 +82,7 @@ def rotor_radius(vehicle: Vehicle) -> float:
 
 
 def longest_boom(vehicle: Vehicle) -> float:
-    """Distance of the farthest rotor from the base, m; LEAST_REACH without rotors: the scale of every shape."""
+    """Distance of the farthest rotor from the base, m, which scales all shapes; LEAST_REACH without rotors."""
     return max((math.hypot(*floats(rotor.position)) for rotor in vehicle.rotors), default=0.0) or LEAST_REACH
 
 
@@ -99,7 +99,7 @@ def _rotor_shapes(vehicle: Vehicle, reach: float) -> list[Shape]:
 
 
 def _rods(vehicle: Vehicle, body: int, name: str, radius: float) -> list[Shape]:
-    """A rod from a body's origin to each joint and frame that it carries; a last link's is to its centre of mass."""
+    """Rods from a body's origin to its joints and frames; those of a last link end at its centre of mass."""
     ends = [(other.joint.name, other.joint.position) for other in vehicle.moving if other.parent == body]
     ends += [(frame.name, frame.position) for frame in vehicle.frames if frame.link == body]
     role = "boom" if body == BASE else "link"
@@ -113,7 +113,7 @@ def _rods(vehicle: Vehicle, body: int, name: str, radius: float) -> list[Shape]:
 
 
 def _mesh_shape(number: int, look: Look) -> Shape:
-    """A link's mesh as its file has it."""
+    """Shape of a link's mesh file."""
     a, b, c = (floats(row) for row in look.rotation.rows)
     role = "hull" if look.link == BASE else "link"
     name = f"mesh{number + 1}/{look.name}"
@@ -128,7 +128,7 @@ Poses = dict[int, tuple[Array, Array]]
 
 @dataclass(frozen=True, slots=True)
 class Placed:
-    """Bodies in the world at one instant; row 0 is the base, row 1 + i is link i.
+    """Poses of all bodies at one instant; row 0 is the base, row 1 + i is link i.
 
     Attributes:
         rotations: (bodies, 3, 3), R_WB. positions: (bodies, 3), m.
@@ -142,7 +142,7 @@ class Placed:
 
 @lru_cache(maxsize=16)
 def _program(vehicle: Vehicle) -> Program:
-    """Rows of R_WB and p_WB of every body, and the tip, as one program."""
+    """Program that computes R_WB and p_WB of every body, and the tip position."""
     frame = vehicle.frame() if vehicle.end_effector else None
 
     def poses(position: Vec3, quaternion: Quaternion, joints: tuple[Scalar, ...]) -> tuple[Any, ...]:
@@ -158,7 +158,7 @@ def _program(vehicle: Vehicle) -> Program:
 
 
 def place(vehicle: Vehicle, position: Sequence[Any], quaternion: Sequence[Any], joints: Sequence[Any]) -> Placed:
-    """Poses of all bodies at one instant, fast enough for sixty pictures a second.
+    """Poses of all bodies at one instant, fast enough for 60 frames a second.
 
     Args:
         vehicle: with concrete numbers.
@@ -189,7 +189,7 @@ def body_poses(vehicle: Vehicle, position: Array, quaternion: Array, joints: Arr
 
 
 def quaternions_of(rotations: Array) -> Array:
-    """Unit quaternions (N, 4) wxyz, w at least 0, of rotation matrices (N, 3, 3).
+    """Unit quaternions (N, 4) wxyz with w >= 0 of rotation matrices (N, 3, 3).
 
     Source: Shepperd 1978, Quaternion from rotation matrix: by the largest of the four components.
     """
@@ -206,24 +206,24 @@ def quaternions_of(rotations: Array) -> Array:
 
 
 def rotations_of(quaternions: Array) -> Array:
-    """Rotation matrices (N, 3, 3) of quaternions (N, 4) wxyz of any length but zero."""
+    """Rotation matrices (N, 3, 3) of quaternions (N, 4) wxyz of any non-zero length."""
     unit = quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)
     return matrices(Quaternion(*unit.T).rotation(), len(unit))
 
 
 def vectors(v: Vec3, count: int) -> Array:
-    """A vector of numbers and columns (N,) as (N, 3)."""
+    """Stack the components of a vector, numbers or arrays (N,), into an array (N, 3)."""
     return np.stack([np.broadcast_to(np.asarray(c, dtype=float), count) for c in v], axis=1)
 
 
 def matrices(R: Mat3, count: int) -> Array:
-    """A matrix of numbers and columns (N,) as (N, 3, 3)."""
+    """Stack the entries of a matrix, numbers or arrays (N,), into an array (N, 3, 3)."""
     entries = [np.broadcast_to(np.asarray(c, dtype=float), count) for row in R.rows for c in row]
     return np.stack(entries, axis=1).reshape(count, 3, 3)
 
 
 def rotor_turns(vehicle: Vehicle, tilts: Array) -> dict[str, Array]:
-    """Turn of every tilting rotor about its hub, by the name of its disc's shape.
+    """Rotation of every tilting rotor's disc about its hub, by the name of the disc's shape.
 
     Args:
         vehicle: with concrete numbers.
@@ -247,6 +247,6 @@ def disc_name(rotor: str) -> str:
 
 
 def shape_rotation(shape: Shape, turns: dict[str, Array]) -> Array:
-    """R_BS of a shape: (N, 3, 3) of a disc that is turned, (3, 3) of any other."""
+    """Rotation R_BS of a shape: (N, 3, 3) for a tilting disc, (3, 3) for any other."""
     still = np.array(shape.rotation)
     return turns[shape.name] @ still if shape.name in turns else still
