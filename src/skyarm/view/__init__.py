@@ -1,1 +1,1 @@
-"""Pictures of flights: one scene, drawn as figures, films, recordings and on the live page."""
+"""Visualisation of flights: figures, films, recordings and the live page, from one common scene."""

@@ -1,1 +1,1 @@
-"""Figures from logs: data in, Figure out. Nothing here simulates, saves or touches global state."""
+"""Matplotlib figures from logs, without simulation, file output or global state."""

@@ -1,4 +1,4 @@
-"""Comparisons of laws: errors and successes of all, and the envelope in which each flies."""
+"""Figures of controller comparisons: errors, success rates and performance envelopes."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ KNOWN = ("paper_pd", "paper_ct", "l1_adaptive", "centroidal_tip", "nmpc")
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """A share of successes and its interval."""
+    """Success rate with its confidence interval."""
 
     value: float
     low: float
@@ -64,7 +64,7 @@ def laws_figure(
     error_label: str,
     share_label: str,
 ) -> Figure:
-    """Draw tracking errors as dots on a logarithmic axis, success on perturbed plants as bars.
+    """Draw tracking errors as dots on a logarithmic axis, and success rates on perturbed plants as bars.
 
     Args:
         names: of the laws, top to bottom.
@@ -103,7 +103,7 @@ def _errors(ax: Axes, errors: Mapping[str, Sequence[float | None]]) -> None:
 
 
 def envelope_figure(axes: Mapping[str, Any], laws: Sequence[str]) -> Figure:
-    """Draw a panel for each axis of an envelope, a line for each law, and where it is lost.
+    """Draw an envelope: a panel per axis, a line per controller, and a mark where the vehicle is lost.
 
     Args:
         axes: name -> values, unit, and of each law a point for every value
@@ -123,7 +123,7 @@ def envelope_figure(axes: Mapping[str, Any], laws: Sequence[str]) -> Figure:
 
 
 def _low(axes: Mapping[str, Any]) -> float:
-    """Lower end of the errors' scale, mm: a power of ten below all of them."""
+    """Lower limit of the error axis, mm: a power of ten below all errors."""
     errors = [
         1e3 * point["judged"]
         for axis in axes.values()
@@ -135,7 +135,7 @@ def _low(axes: Mapping[str, Any]) -> float:
 
 
 def _looks(laws: Sequence[str]) -> dict[str, Style]:
-    """Colour, marker and dashes of each law."""
+    """Colour, marker and dashes of each controller."""
     known = {law: KNOWN.index(law) for law in laws if law in KNOWN}
     free = iter([place for place in range(len(LINES) + len(laws)) if place not in known.values()])
     places = {law: known[law] if law in known else next(free) for law in laws}
@@ -171,7 +171,7 @@ def _law(
     place: float,
     low: float,
 ) -> None:
-    """Line of a law, broken where it is lost; there a cross in the band, at a share of its height from 0 to below 1."""
+    """Draw a controller's error curve, interrupted where the vehicle is lost, with crosses at the top instead."""
     error = [float("nan") if p["lost"] else min(max(1e3 * p["judged"], low), HIGH) for p in points]
     panel.plot(places, error, markersize=4, zorder=3 + place, **look)
     height = HIGH * (TOP / HIGH) ** (0.15 + 0.85 * place)

@@ -1,4 +1,4 @@
-"""The plot below a film: error of the tip or force of touches over time, one curve a flight, as pixels for a cursor."""
+"""Plot strip below a film: tip error or contact force over time, one curve per flight, as pixels."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ POINTS = 1500
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """Error (N,), m, or force (N,), N, at instants (N,), s, in a colour."""
+    """Error (N,), m, or force (N,), N, of one flight at instants (N,), s, with its colour."""
 
     time: Array
     error: Array
@@ -42,7 +42,7 @@ class Curve:
 
 @dataclass(frozen=True, slots=True)
 class Strip:
-    """A plot as pixels (height, width, 3), with the place of its time axis.
+    """Rendered plot (height, width, 3), with the pixel position of its time axis.
 
     Attributes:
         left, right: columns of the first and last instant. top, bottom: rows of the axes' edges.
@@ -58,7 +58,7 @@ class Strip:
 def error_strip(
     curves: Sequence[Curve], span: tuple[float, float], width: int, height: int, scale: float, *, forces: bool = False
 ) -> Strip:
-    """Draw the plot.
+    """Render the plot strip.
 
     Args:
         curves: at least one.

@@ -1,4 +1,4 @@
-"""Facts of a flight for its pictures: its label, its end, forces, and the events on the way."""
+"""Facts of a flight for its figures: label, end, forces and events."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LONGEST, LONGEST_VALUE = 40, 16
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """An event of a flight: ``start`` to ``stop`` (s), the same where it happens at once."""
+    """Event of a flight from ``start`` to ``stop``, s; both equal for an instant."""
 
     label: str
     start: float
@@ -31,7 +31,7 @@ class Event:
 
 
 def scenario_of(log: Log) -> Scenario | None:
-    """The scenario stored in a log; None of a version that stored none, or of a plugin that is not loaded."""
+    """Scenario stored in a log; None if its version stored none or a plugin is not loaded."""
     try:
         scenario: Scenario = log.scenario
     except ValueError:
@@ -45,7 +45,7 @@ def end_time(log: Log) -> float:
 
 
 def gust_interval(log: Log) -> tuple[float, float] | None:
-    """When a force of the wind blows during part of the episode, s; None for no wind or a constant one."""
+    """Time interval, s, of a wind gust; None without wind or for constant wind."""
     blowing = np.flatnonzero(np.linalg.norm(log.wind_force, axis=1) > 0.0)
     if not blowing.size or blowing.size == log.time.size:
         return None
@@ -54,7 +54,7 @@ def gust_interval(log: Log) -> tuple[float, float] | None:
 
 
 def flights_by_label(flights: Log | Sequence[Log] | Mapping[str, Log]) -> dict[str, Log]:
-    """Words of the legend -> log, in the order given."""
+    """Legend label -> log, in the order given."""
     if isinstance(flights, Log):
         flights = [flights]
     if isinstance(flights, Mapping):
@@ -63,7 +63,7 @@ def flights_by_label(flights: Log | Sequence[Log] | Mapping[str, Log]) -> dict[s
 
 
 def flight_labels(logs: Sequence[Log], files: Sequence[str] = ()) -> list[str]:
-    """A label for each flight, each another one.
+    """A unique label for each flight.
 
     Args:
         logs: of the flights.
@@ -88,18 +88,18 @@ def flight_labels(logs: Sequence[Log], files: Sequence[str] = ()) -> list[str]:
 
 
 def shorten_label(text: str) -> str:
-    """Cut a label in its middle to the length of a legend's line."""
+    """Shorten a label in its middle to the length of a legend entry."""
     half = (LONGEST - 1) // 2
     return text if len(text) <= LONGEST else f"{text[:half]}\N{HORIZONTAL ELLIPSIS}{text[-half:]}"
 
 
 def ending_of(log: Log) -> str:
-    """Suffix of the label of a flight that ended before its time."""
+    """Label suffix of a flight that ended early; empty for a completed one."""
     return "" if log.status == "completed" else f" ({log.status.replace('_', ' ')})"
 
 
 def applied_force(log: Log) -> Array | None:
-    """Sum of the normal forces (N,) on the vehicle, or where nothing touches, of its grips, N; None without a world."""
+    """Total contact force (N,) on the vehicle, N, or grip force if nothing touches; None without a world."""
     touches, grips = log.component("contact_force"), log.component("gripper_force")
     if not touches.size:
         return None
@@ -108,7 +108,7 @@ def applied_force(log: Log) -> Array | None:
 
 
 def desired_push(log: Log) -> Array | None:
-    """Desired contact force (N,) of the tip, N; None where none ever is."""
+    """Desired contact force (N,) of the tip, N; None if none is commanded."""
     scenario = scenario_of(log)
     push = None if scenario is None else getattr(scenario.reference, "push", None)
     if scenario is None or push is None:
@@ -119,7 +119,7 @@ def desired_push(log: Log) -> Array | None:
 
 
 def flight_events(log: Log) -> tuple[Event, ...]:
-    """Gusts, faults, payloads and changes of a flight, each kind in its order.
+    """Gusts, faults, payloads and scheduled changes of a flight, in order within each kind.
 
     An interval keeps its end behind that of the flight: flights that were lost at other times met the same gust.
     """
@@ -139,7 +139,7 @@ def flight_events(log: Log) -> tuple[Event, ...]:
 
 
 def _changes(scenario: Scenario, end: float) -> Iterator[Event]:
-    """An instant for each change, named by its path and value; by the path alone where that changes again."""
+    """Event of each scheduled change, labelled by parameter path and value, or path only for repeated changes."""
     changes = [change for change in scenario.changes if float(change.at) < end]
     paths = [change.path for change in changes]
     for change in changes:

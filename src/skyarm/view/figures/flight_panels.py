@@ -1,4 +1,4 @@
-"""Panels of pictures of flights, by kind: each with its label, unit, curve, reference and limits."""
+"""Panels of flight figures, by kind: label, unit, curve, reference and limits."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ MILLIMETRES = 1e3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Panel:
-    """One panel.
+    """Panel of a figure: one quantity over time.
 
     Attributes:
         label: words for the axis. unit: of all that it shows.
@@ -56,7 +56,7 @@ class Panel:
 
 
 def column(name: str, i: int, reference: str = "", factor: float = 1.0) -> Read:
-    """Column ``i`` of an array of the log, or its difference from that of a reference."""
+    """Function from a log to column ``i`` of an array, or to its difference from a reference array."""
 
     def read(log: Log) -> Array | None:
         table: Array = getattr(log, name)
@@ -69,12 +69,12 @@ def column(name: str, i: int, reference: str = "", factor: float = 1.0) -> Read:
 
 
 def distance(name: str, reference: str, factor: float = 1.0) -> Read:
-    """Norm of an array's difference from a reference."""
+    """Function from a log to the norm of an array's difference from a reference."""
     return lambda log: factor * np.asarray(np.linalg.norm(getattr(log, name) - getattr(log, reference), axis=1))
 
 
 def by_axis(label: str, array: str, desired: str = "", error: str = "") -> list[Panel]:
-    """A panel for each axis of the world: values with the ``desired`` ones, or errors against a reference."""
+    """One panel per world axis: an array with its reference, or its error against the reference."""
     return [
         Panel(
             label=f"{label} {axis}",
@@ -87,7 +87,7 @@ def by_axis(label: str, array: str, desired: str = "", error: str = "") -> list[
 
 
 def _joints(logs: Sequence[Log]) -> Iterator[tuple[int, str, str, list[Any]]]:
-    """Number, label and kind of each joint of the longest arm, and its records in the vehicles that flew."""
+    """(index, label, kind, joint records of all flights) of each joint of the longest arm."""
     names = names_of(max(logs, key=lambda log: log.joints.shape[1]))
     for i, (name, kind) in enumerate(zip(names.joints, names.kinds, strict=True)):
         label = name[:1].upper() + name[1:] if kind else f"Joint {i + 1}"
@@ -122,7 +122,7 @@ def _tip(logs: Sequence[Log]) -> list[Panel]:
 
 
 def _contact(logs: Sequence[Log]) -> list[Panel]:
-    """Normal force of every pair of a surface and a point that touched in any flight."""
+    """Panels of the normal contact force, one per pair of surface and point that touched in any flight."""
     pairs = dict.fromkeys(
         pair
         for log in logs
@@ -143,7 +143,7 @@ def _contact(logs: Sequence[Log]) -> list[Panel]:
 
 
 def _pair_force(*pair: str) -> Read:
-    """Log -> normal force (N,) of a surface on a point, N."""
+    """Function from a log to the normal force (N,), N, of a surface on a point."""
 
     def read(log: Log) -> Array | None:
         pairs = contact_pairs(log)
@@ -155,7 +155,7 @@ def _pair_force(*pair: str) -> Read:
 
 
 def _at_tip(log: Log) -> set[str]:
-    """Names of the points at the vehicle's tip, as the log's record has them."""
+    """Names of the contact points at the vehicle's tip, from the log."""
     points = written_part(log.info, "environment", "world", "points") or ()
     tip = written_part(log.info, "agent", "plant", "vehicle", "end_effector")
     return {str(each.get("name")) for each in points if tip and each.get("frame") == tip}
@@ -171,13 +171,13 @@ def _attitude(logs: Sequence[Log]) -> list[Panel]:
 
 
 def _yaw(log: Log) -> Array:
-    """Yaw in degrees, unwrapped to the turn of its reference: no jump at 180 degrees."""
+    """Yaw in degrees, unwrapped to within half a turn of its reference."""
     yaw = log.euler[:, 2]
     return np.degrees(yaw + math.tau * np.round((log.yaw_reference - yaw) / math.tau))
 
 
 def _efforts(logs: Sequence[Log]) -> list[Panel]:
-    """Command of each joint, a panel for each of its kinds: a torque or force, or a setpoint in a unit."""
+    """Panels of the joint commands: effort, or setpoint with its unit."""
     found = []
     for i, label, kind, joints in _joints(logs):
         for setpoint in dict.fromkeys(names_of(log).setpoints[i] for log in logs if i < log.efforts.shape[1]):
@@ -193,7 +193,7 @@ def _efforts(logs: Sequence[Log]) -> list[Panel]:
 
 
 def _command(i: int, setpoint: str | None) -> Read:
-    """Command of joint ``i``, of the flights in which that is a torque or a setpoint in this unit."""
+    """Function from a log to the command of joint ``i``; None if the joint takes another kind of command."""
     efforts = column("efforts", i)
     return lambda log: efforts(log) if i < log.efforts.shape[1] and names_of(log).setpoints[i] == setpoint else None
 
@@ -214,13 +214,13 @@ def _rotors(logs: Sequence[Log]) -> list[Panel]:
 
 
 def _parts(logs: Sequence[Log]) -> list[Panel]:
-    """Every number that components of the flights declare."""
+    """Panels of all numbers that the flights' components log."""
     every = {each.name: each for log in logs for each in columns(log) if each.array.startswith(f"{COMPONENTS}.")}
     return [Panel(label=name, unit=each.unit, of=_declared(name)) for name, each in every.items()]
 
 
 def _declared(name: str) -> Read:
-    """Log -> a column of its components by name."""
+    """Function from a log to a column of its components, by name."""
     return lambda log: next((each.of(log) for each in columns(log) if each.name == name), None)
 
 
@@ -246,7 +246,7 @@ RECEIVED = ("position", "quaternion", "joints", "rotor_speeds")
 
 
 def measured_flights(log: Log) -> Iterator[tuple[str, Log]]:
-    """The flight as each sensor measured it and as it was estimated; other quantities are the truth."""
+    """Copies of a log with measured and with estimated quantities in place of the true ones."""
     full = {"position": log.measured_position, "joints": log.measured_joints}
     sources = [*((MEASURED, each) for each in (full, *log.readings.values())), (ESTIMATED, log.estimate)]
     for word, fields in sources:
@@ -257,7 +257,7 @@ def measured_flights(log: Log) -> Iterator[tuple[str, Log]]:
 
 
 def panels_of(kind: str, logs: Sequence[Log]) -> list[Panel]:
-    """The panels of a kind, named after the flight with most joints and the one with most rotors.
+    """Panels of a kind, labelled after the flights with most joints and most rotors.
 
     Raises:
         ValueError: one line: no such kind, or flights that have nothing of it.

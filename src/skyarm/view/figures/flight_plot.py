@@ -1,4 +1,4 @@
-"""Flights over time: one or several logs in one picture, with references, limits and events."""
+"""Time plots of one or several flights, with references, limits and events."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def plot(
 def _panels_figure(
     panels: Sequence[Panel], named: Mapping[str, Log], span: tuple[float, float], every: bool
 ) -> Picture:
-    """Panels over one time axis; ``every`` kind of them fills pages."""
+    """Draw panels over a common time axis, in columns of a page if ``every`` kind is drawn."""
     figure, axes = PAPER.stacked_panels(len(panels), OF_A_PAGE if every else None)
     handles: Handles = {}
     events = _events_by_label(named)
@@ -96,7 +96,7 @@ def _panels_figure(
 
 
 def _window(window: tuple[float, float] | None, named: Mapping[str, Log]) -> tuple[float, float]:
-    """The stretch of time that is drawn, s."""
+    """Time interval to draw, s."""
     end = max(map(end_time, named.values()))
     if window is None:
         return 0.0, end or 1.0
@@ -109,7 +109,7 @@ def _window(window: tuple[float, float] | None, named: Mapping[str, Log]) -> tup
 
 
 def _draw(ax: Axes, panel: Panel, named: Mapping[str, Log], span: tuple[float, float]) -> Handles:
-    """Curves, references and limits of one panel; words of the legend -> line."""
+    """Draw curves, references and limits of one panel; returns legend label -> line."""
     handles: Handles = {}
     # what fits the value axis: flights that were completed, and those that were lost
     kept: list[Array] = []
@@ -144,7 +144,7 @@ def _draw(ax: Axes, panel: Panel, named: Mapping[str, Log], span: tuple[float, f
 
 
 def _received(panel: Panel, log: Log, truth: Array) -> Iterator[tuple[str, Array | None, Style]]:
-    """Label, curve and look of a panel's quantity as measured and as estimated."""
+    """(label, curve, style) of a panel's quantity as measured and as estimated."""
     first = PAPER.look(0)
     held: Style = {"color": HELD, "linewidth": first.width, "zorder": 2.5, "drawstyle": "steps-post"}
     looks = {MEASURED: held, ESTIMATED: PAPER.look(1).line}
@@ -155,7 +155,7 @@ def _received(panel: Panel, log: Log, truth: Array) -> Iterator[tuple[str, Array
 
 
 def _different_references(panel: Panel, named: Mapping[str, Log]) -> list[tuple[Array, Array]]:
-    """Times and references that differ: one line for each, the longest flight's first."""
+    """(times, values) of each distinct reference, the longest flight's first."""
     found: list[tuple[Array, Array]] = []
     for log in sorted(named.values(), key=lambda log: -log.time.size):
         desired = panel.desired(log) if panel.desired else None
@@ -165,7 +165,7 @@ def _different_references(panel: Panel, named: Mapping[str, Log]) -> list[tuple[
 
 
 def _ends(panel: Panel, kept: Sequence[Array], lost: Sequence[Array]) -> tuple[float, float]:
-    """Ends of the value axis: of the completed flights, if there are any, and of their references.
+    """Limits of the value axis, from completed flights if there are any, and references.
 
     A flight that was lost adds at most as much again on each side, so that it does not flatten the others.
     """
@@ -177,7 +177,7 @@ def _ends(panel: Panel, kept: Sequence[Array], lost: Sequence[Array]) -> tuple[f
 
 
 def _mark_events(ax: Axes, events: Mapping[Event, str], span: tuple[float, float]) -> Handles:
-    """Draw events: an interval as a shade, an instant as a line; returns words of the legend -> artist."""
+    """Draw events: an interval as shading, an instant as a line; returns legend label -> artist."""
     handles: Handles = {}
     instants: dict[str, str] = {}
     for i, (event, label) in enumerate(events.items()):
@@ -195,7 +195,7 @@ def _mark_events(ax: Axes, events: Mapping[Event, str], span: tuple[float, float
 
 
 def _events_by_label(named: Mapping[str, Log]) -> dict[Event, str]:
-    """Every event once with its words, and the flights that it belongs to where these are not all."""
+    """Event -> its label, with the names of its flights if not all have it."""
     found: dict[Event, list[str]] = {}
     for label, log in named.items():
         for event in flight_events(log):

@@ -1,4 +1,4 @@
-"""Paths of flights in the world about them, and the contacts on their way."""
+"""Path plots: flights in their surroundings, with their contacts."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ FILLS = {"surface": "#cfc9bd", "object": "#d9b48f"}
 
 
 def path_figure(named: Mapping[str, Log], span: tuple[float, float]) -> Picture:
-    """Draw the tips' paths over a stretch of time, from above and from the right.
+    """Draw the tip paths over a time interval, from above and from the right.
 
     Args:
         named: words of the legend -> log.
@@ -61,7 +61,7 @@ def draw_view(
     ax: Axes, view: View, named: Mapping[str, Log], span: tuple[float, float],
     world: Scene,
 ) -> dict[str, Any]:  # fmt: skip
-    """Draw the tips' paths and the world in one view; returns what a legend has of it.
+    """Draw the tip paths and the surroundings in one view; returns the legend entries.
 
     Args:
         ax: empty.
@@ -87,7 +87,7 @@ def draw_view(
 
 
 def _paths(ax: Axes, view: View, named: Mapping[str, Log], span: tuple[float, float]) -> dict[str, Any]:
-    """Paths of tips and where they should be."""
+    """Draw the tip paths and their references."""
     handles: dict[str, Any] = {}
     for i, (label, log) in enumerate(named.items()):
         inside = (log.time >= span[0]) & (log.time <= span[1])
@@ -99,7 +99,7 @@ def _paths(ax: Axes, view: View, named: Mapping[str, Log], span: tuple[float, fl
 
 
 def _frame(ax: Axes) -> None:
-    """A square about the paths."""
+    """Set square axes limits around the paths."""
     ends = np.array([ax.dataLim.min, ax.dataLim.max])
     ends[:, ~np.isfinite(ends).all(axis=0)] = [[-1.0], [1.0]]
     half = 0.5 * float(np.max(ends[1] - ends[0]))
@@ -112,7 +112,7 @@ def _frame(ax: Axes) -> None:
 
 
 def world_of(named: Mapping[str, Log], span: tuple[float, float]) -> Scene:
-    """The scene of the first flight that has any, at its first and last instant."""
+    """Surroundings of the first flight that has any, at the start and end of the time interval."""
     for log in named.values():
         scenario = scenario_of(log)
         inside = np.flatnonzero((log.time >= span[0]) & (log.time <= span[1]))
@@ -130,13 +130,13 @@ def world_of(named: Mapping[str, Log], span: tuple[float, float]) -> Scene:
 
 
 def _draw_line(ax: Axes, view: View, line: Line) -> None:
-    """A line as it is at first; where it is at last, dashed."""
+    """Draw a line of the surroundings at its initial position, and dashed at its final one."""
     for places, style in zip(line.places, ("-", "--"), strict=True):
         ax.plot(*view.flat(places).T, label=line.name, color=PAPER.frame, linestyle=style, linewidth=0.09 * PAPER.small)
 
 
 def _draw_solid(ax: Axes, view: View, solid: Solid) -> None:
-    """Outline of a solid as it is at first, filled; where it is at last, as a line."""
+    """Draw the outline of a solid: filled at its initial pose, as a line at its final one."""
     for k in (0, 1) if solid.moves else (0,):
         if solid.shape.kind == "patch" and abs(solid.rotation[k, :, 2] @ view.toward) > FACE_ON:
             continue

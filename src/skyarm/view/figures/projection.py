@@ -1,4 +1,4 @@
-"""Parallel projections of shapes onto paper: views, outlines of convex solids and arcs."""
+"""Parallel projection of shapes onto a drawing: views, outlines of convex solids, arcs."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ DIRECTIONS = 720
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """A parallel projection.
+    """Parallel projection onto a drawing plane.
 
     Attributes:
         right, up: unit vectors (3,) in the world that point so on paper; their cross product points to the observer.
@@ -32,16 +32,16 @@ class View:
 
     @property
     def toward(self) -> Array:
-        """Unit vector to the observer."""
+        """Unit vector from the drawing plane to the observer."""
         return np.asarray(np.cross(self.right, self.up))
 
     def flat(self, points: Array) -> Array:
-        """Points (..., 3) on paper (..., 2), m."""
+        """Project points (..., 3) onto the drawing plane (..., 2), m."""
         return np.asarray(points @ np.array([self.right, self.up]).T)
 
 
 def axonometric(azimuth: float, elevation: float) -> View:
-    """A view from a direction: azimuth from x towards y, elevation above the horizon, rad."""
+    """Parallel projection from a direction: azimuth from x towards y, elevation above the horizon, rad."""
     ca, sa, ce, se = math.cos(azimuth), math.sin(azimuth), math.cos(elevation), math.sin(elevation)
     return View((-sa, ca, 0.0), (-se * ca, -se * sa, ce))
 
@@ -54,19 +54,19 @@ TOP = View((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
 
 def outline(shape: Shape, rotation: Array, position: Array, view: View) -> Array:
-    """Corners (K, 2) on paper of a convex solid at a pose of its body, counter-clockwise."""
+    """Projected outline (K, 2) of a convex solid at a pose of its body, counter-clockwise."""
     return hull(view.flat(mesh_of(shape, AROUND)[0] @ rotation.T + position))
 
 
 def hull(points: Array) -> Array:
-    """Corners of the convex hull of points (N, 2): the farthest point in each of many directions, in their order."""
+    """Approximate convex hull of points (N, 2): the farthest point in each of many directions."""
     angles = np.linspace(0.0, 2.0 * math.pi, DIRECTIONS, endpoint=False)
     farthest = np.argmax(points @ np.array([np.cos(angles), np.sin(angles)]), axis=0)
     return np.asarray(points[farthest[np.append(True, np.diff(farthest) != 0)]])
 
 
 def arc(centre: Array, axis: Array, start: Array, angle: float) -> Array:
-    """Points (N, 3) of an arc about an axis: from centre + start by an angle, positive by the right-hand rule.
+    """Points (N, 3) of an arc about an axis through ``centre``, from ``start`` by a right-hand angle.
 
     Args:
         centre: (3,), m.
@@ -79,7 +79,7 @@ def arc(centre: Array, axis: Array, start: Array, angle: float) -> Array:
 
 
 def perpendicular(axis: Array) -> Array:
-    """A unit vector perpendicular to an axis, as near to world z as there is, or to x."""
+    """Unit vector perpendicular to an axis, as close as possible to world z, or to x."""
     guide = np.array([0.0, 0.0, 1.0]) if abs(axis[2]) < 0.9 else np.array([1.0, 0.0, 0.0])
     found = guide - (guide @ axis) * axis
     return np.asarray(found / np.linalg.norm(found))

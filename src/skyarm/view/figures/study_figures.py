@@ -1,4 +1,4 @@
-"""Figures of studies: banded curves of metrics, maps of successes, Nyquist diagrams, attainable torques."""
+"""Figures of studies: curves with bands, robustness maps, Nyquist diagrams, attainable torques."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def plot_sweep(
     over: str,
     file: str | os.PathLike[str] | None = None,
 ) -> Picture:
-    """Draw metrics of a sweep over a varied number, or over an expression of some.
+    """Draw metrics of a sweep against a varied parameter or an expression of several.
 
     Args:
         folder: that ``skyarm sweep`` wrote, or its rows.
@@ -77,7 +77,7 @@ def plot_sweep(
 
 
 def metric_figure(found: Sequence[BandedCurves]) -> Picture:
-    """Draw curves of metrics over one variable: a panel for each metric, a line for each law."""
+    """Draw metrics against one variable: a panel per metric, a line per controller."""
     first = found[0]
     lost = any(curve.lost.any() for curve in first.curves)
     heights = [2.0] * len(found) + [0.7] * lost
@@ -111,13 +111,13 @@ def _short(words: str) -> str:
 
 
 def _ends(found: BandedCurves) -> tuple[float, float]:
-    """Ends of the value axis, which begins at zero where no curve is below."""
+    """Limits of the value axis, from zero if no curve is negative."""
     seen = np.concatenate([line for curve in found.curves for line in (curve.middle, curve.low, curve.high)])
     return limits([seen], floor=not (seen < 0.0).any(), span=ROUNDING)
 
 
 def _draw_band(ax: Axes, curve: BandedCurve, look: Look, label: str) -> Line2D:
-    """Line of a curve with its band."""
+    """Draw a curve with its band."""
     fill: Style = {"color": look.color, "alpha": 0.16, "linewidth": 0.0, "zorder": look.layer - 1.0}
     ax.fill_between(curve.x, curve.low, curve.high, **fill)
     for end in (curve.low, curve.high):
@@ -127,12 +127,12 @@ def _draw_band(ax: Axes, curve: BandedCurve, look: Look, label: str) -> Line2D:
 
 
 def _marks(x: Array) -> Style:
-    """Points where a curve has few."""
+    """Marker style of a curve with few points; empty for a longer one."""
     return {"marker": "o", "markersize": 0.4 * PAPER.small, "markeredgewidth": 0.0} if x.size <= 15 else {}
 
 
 def _draw_lost(ax: Axes, curves: Sequence[BandedCurve]) -> None:
-    """Share of episodes that ended before their time."""
+    """Draw the share of episodes that ended early."""
     for i, curve in enumerate(curves):
         look = PAPER.look(i)
         share = curve.lost / np.maximum(curve.episodes, 1)
@@ -155,7 +155,7 @@ LINE = "#d7301f"
 
 
 def robustness_figure(found: RobustnessMap) -> Figure:
-    """Draw the share of successes as shade, the failure boundary as a line; cells without an episode stay blank."""
+    """Draw success rates as shading with the failure boundary as a line; bins without episodes stay blank."""
     figure, (ax,) = PAPER.tiles(1, 1, (MAP_WIDTH, MAP_HEIGHT))
     across, upward, share = found.across, found.upward, np.ma.masked_invalid(found.rate)
     ax.grid(visible=False)
@@ -185,7 +185,7 @@ CURVE, DISK = "#0b4f8a", "#b2182b"
 
 
 def nyquist_figure(loci: Sequence[Locus]) -> Figure:
-    """Draw each loop's response, the point -1 and the disk that the symmetric disk margin keeps it out of.
+    """Draw Nyquist curves with the point -1 and the disk of the symmetric disk margin.
 
     The disk's points are -1 / f for all factors f of the margin: on the real axis from -1 over the lowest gain to -1
     over the highest. At a margin of 2 it is the left half plane.

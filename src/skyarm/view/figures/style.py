@@ -1,4 +1,4 @@
-"""Styles of figures: for a paper's column and for a web page.
+"""Figure styles, for a journal column and for a web page.
 
 Matplotlib's rc parameters are global, and a context that sets them is seen by every thread; so fonts, widths and
 colours are passed to each artist instead. Neighbours in ``looks`` differ in colour, in lightness and in dash, so that a
@@ -43,7 +43,7 @@ NOTEBOOK_DPI = 110.0
 
 
 class Picture(Figure):
-    """A figure that a notebook shows, whichever Matplotlib backend is loaded there."""
+    """Matplotlib figure that displays itself in a notebook with any backend."""
 
     def _repr_png_(self) -> bytes:
         return image_bytes(self, dpi=NOTEBOOK_DPI)
@@ -51,7 +51,7 @@ class Picture(Figure):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Look:
-    """Appearance of one line.
+    """Line style: colour, dash, width and layer.
 
     Attributes:
         color: hex. dash: on-off lengths in line widths, empty for solid. width: pt.
@@ -65,14 +65,14 @@ class Look:
 
     @property
     def line(self) -> Style:
-        """Keywords of a Matplotlib line."""
+        """Keyword arguments for a Matplotlib line."""
         dashes = (0, self.dash) if self.dash else "-"
         return {"color": self.color, "linestyle": dashes, "linewidth": self.width, "zorder": self.layer}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PictureStyle:
-    """Appearance of a picture.
+    """Figure style: fonts, sizes, colours and line styles.
 
     Attributes:
         font: families in order. text, small: pt.
@@ -109,26 +109,26 @@ class PictureStyle:
 
     @property
     def words(self) -> Style:
-        """Keywords of a text of the larger size."""
+        """Keyword arguments for text of the larger size."""
         return {"fontsize": self.text, "family": list(self.font), "color": self.ink, "parse_math": False}
 
     @property
     def small_words(self) -> Style:
-        """Keywords of a text of the smaller size."""
+        """Keyword arguments for text of the smaller size."""
         return {**self.words, "fontsize": self.small}
 
     @property
     def prop(self) -> Style:
-        """Font of a legend."""
+        """Font properties of a legend."""
         return {"size": self.small, "family": list(self.font)}
 
     def look(self, position: int) -> Look:
-        """The look of a flight by its place; after the last the colours begin again, with a dash of their own."""
+        """Line style of the flight with this index; colours repeat with another dash."""
         look = self.looks[position % len(self.looks)]
         return look if position < len(self.looks) else replace(look, dash=(1.0, 1.0), width=0.8 * look.width)
 
     def blank(self, width: float, height: float) -> Picture:
-        """An empty figure of this size, in."""
+        """Create an empty figure of given size, in."""
         pad = 0.006 * self.text
         layout = ConstrainedLayoutEngine(w_pad=pad, h_pad=pad)
         figure = Picture(figsize=(width, height), layout=layout, facecolor=self.face)
@@ -136,7 +136,7 @@ class PictureStyle:
         return figure
 
     def dress(self, ax: Axes) -> Axes:
-        """Frame, grid and ticks of one panel."""
+        """Style frame, grid and ticks of one panel."""
         line = 0.06 * self.text
         ax.set_facecolor(self.face)
         ticks: Style = {"labelsize": self.small, "labelfontfamily": self.font[0], "labelcolor": self.ink}
@@ -152,7 +152,7 @@ class PictureStyle:
     def tiles(
         self, count: int, across: int, size: tuple[float, float], extra: float = 0.0
     ) -> tuple[Picture, list[Axes]]:
-        """A figure of so many panels of one size (in), row by row, with ``extra`` height."""
+        """Create a figure with panels of equal size (in), row by row, and ``extra`` height."""
         columns = min(across, count)
         rows = -(-count // columns)
         figure = self.blank(size[0] * columns, size[1] * rows + extra)
@@ -162,7 +162,7 @@ class PictureStyle:
         return figure, [self.dress(ax) for ax in axes[:count]]
 
     def stacked_panels(self, count: int, rows: int | None = None) -> tuple[Picture, list[Axes]]:
-        """A figure of so many panels over one time axis, filled column by column, top to bottom."""
+        """Create a figure with panels over a common time axis, filled column by column from the top."""
         columns = -(-count // (rows or self.rows))
         rows = -(-count // columns)
         figure = self.blank(self.width if columns == 1 else self.wide, self.panel * rows + 5.0 * self.text / 72.0)
@@ -180,7 +180,7 @@ class PictureStyle:
         return figure, axes
 
     def name_axis(self, ax: Axes, label: str, unit: str) -> None:
-        """Words and unit of a value axis, on two lines where one is longer than the panel is high."""
+        """Label a value axis with quantity and unit, on two lines if one does not fit."""
         height = ax.get_window_extent().height / ax.figure.dpi * 72.0
         words = f"{label} [{unit}]" if unit else label
         if 0.48 * self.small * len(words) > height:
@@ -188,7 +188,7 @@ class PictureStyle:
         ax.set_ylabel(words, linespacing=1.0, **self.small_words)
 
     def legend(self, figure: Figure, handles: Mapping[str, Artist]) -> None:
-        """One legend below the panels, in as many columns as fit into the figure's width."""
+        """Draw one legend below the panels, with as many columns as fit into the width."""
         canvas: Any = FigureCanvasAgg(figure)
         renderer = canvas.get_renderer()
         for columns in range(min(len(handles), 6), 0, -1):
@@ -220,7 +220,7 @@ PAGE = replace(PAPER, font=("DejaVu Sans",), text=9.5, small=9.5, width=11.0, wi
 
 
 def limits(values: Iterable[Array], *, floor: bool, span: float, cap: float = np.inf) -> tuple[float, float]:
-    """Limits of a value axis.
+    """Limits of a value axis for given curves.
 
     Args:
         values: what the panel shows; entries that are not finite are left out.
@@ -242,7 +242,7 @@ def limits(values: Iterable[Array], *, floor: bool, span: float, cap: float = np
 
 
 def logarithmic(axis: Axis) -> None:
-    """A logarithmic axis with plain numbers at 1, 2 and 5 of each decade, which also short ranges have."""
+    """Set a logarithmic axis with plain tick labels at 1, 2 and 5 of each decade."""
     (axis.axes.set_xscale if axis is axis.axes.xaxis else axis.axes.set_yscale)("log")
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     plain_numbers(axis)
@@ -250,12 +250,12 @@ def logarithmic(axis: Axis) -> None:
 
 
 def plain_numbers(axis: Axis) -> None:
-    """Numbers of a logarithmic axis as 0.1 and 100, not as powers."""
+    """Set plain tick labels such as 0.1 and 100 on a logarithmic axis, instead of powers."""
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
 def image_bytes(figure: Figure, kind: str = "png", dpi: float = 160.0) -> bytes:
-    """Encode a static figure as "png", "svg" or "pdf", without dates, so that equal figures give equal pixels."""
+    """Encode a figure as "png", "svg" or "pdf" without dates, so that equal figures give equal pixels."""
     stamp = {"png": {"Software": None}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
     buffer = io.BytesIO()
     with warnings.catch_warnings():
@@ -266,11 +266,11 @@ def image_bytes(figure: Figure, kind: str = "png", dpi: float = 160.0) -> bytes:
 
 
 def save_picture(figure: Picture, path: Path) -> Path:
-    """Write a picture in the format of its suffix; the file appears whole or not at all."""
+    """Write a figure atomically, in the format of the file's suffix."""
     return write_atomically(path, image_bytes(figure, require_suffix(path), dpi=DPI))
 
 
 def typeface(*, bold: bool = False) -> Path:
-    """File of DejaVu Sans, which comes with Matplotlib: the same letters on every machine."""
+    """Path of the font DejaVu Sans that comes with Matplotlib."""
     name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
     return Path(matplotlib.get_data_path()) / "fonts" / "ttf" / name

@@ -1,4 +1,4 @@
-"""A labelled drawing of any vehicle: frames, joints with their positive directions, rotors, lengths, angles."""
+"""Labelled drawing of a vehicle: frames, joint axes and positive directions, rotors, lengths, angles."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ LEADER = 1.5
 
 
 def vehicle_drawing(vehicle: Vehicle, joints: Sequence[float] | None = None) -> Picture:
-    """Draw a vehicle from its records: an axonometric view, one from the side, one from above.
+    """Draw a vehicle in an axonometric, a side and a top view.
 
     Args:
         vehicle: with concrete numbers.
@@ -104,7 +104,7 @@ def vehicle_drawing(vehicle: Vehicle, joints: Sequence[float] | None = None) -> 
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """Axes to draw: a name, their origin (3,), m, and R (3, 3), whose columns are x, y and z in the world."""
+    """Coordinate axes to draw: name, origin (3,), m, and rotation (3, 3), whose columns are the axes in the world."""
 
     name: str
     at: Array
@@ -113,7 +113,7 @@ class Frame:
 
 @dataclass(frozen=True, slots=True)
 class PosedJoint:
-    """A joint to draw.
+    """Joint to draw, with its place and value.
 
     Attributes:
         name: as in the vehicle. turns: else it slides. value: rad or m.
@@ -131,7 +131,7 @@ class PosedJoint:
 
 @dataclass(frozen=True, slots=True)
 class Posed:
-    """A vehicle in a pose, level, its base at the world's origin.
+    """Vehicle in an arm pose to draw, level, its base at the world's origin.
 
     Attributes:
         poses: body -> (R_WB, p_WB). frames: base first, then the named ones. joints: in their order.
@@ -145,7 +145,7 @@ class Posed:
 
 
 def drawing_angles(vehicle: Vehicle) -> tuple[float, ...]:
-    """Joint values for a drawing: BENT where the axis lies across the side view at zero, else zero; within limits."""
+    """Joint values for a drawing: BENT if the axis is perpendicular to the side view, else zero; within limits."""
     level = _at_origin(vehicle, [0.0] * vehicle.n)
     found = []
     for i, link in enumerate(vehicle.links):
@@ -155,7 +155,7 @@ def drawing_angles(vehicle: Vehicle) -> tuple[float, ...]:
 
 
 def pose(vehicle: Vehicle, joints: Sequence[float] | None = None) -> Posed:
-    """A vehicle as it is drawn.
+    """Compute the pose of a vehicle for its drawing.
 
     Args:
         vehicle: with concrete numbers.
@@ -193,7 +193,7 @@ def pose(vehicle: Vehicle, joints: Sequence[float] | None = None) -> Posed:
 
 
 def _at_origin(vehicle: Vehicle, joints: Sequence[float]) -> Poses:
-    """Body -> (R_WB, p_WB) of a level base at the origin."""
+    """Body -> pose (R_WB, p_WB), with the base level at the origin."""
     level = np.array([[1.0, 0.0, 0.0, 0.0]])
     found = body_poses(vehicle, np.zeros((1, 3)), level, np.array([joints], dtype=float))
     return {body: (R[0], p[0]) for body, (R, p) in found.items()}
@@ -204,7 +204,7 @@ def _vector(v: Iterable[SupportsFloat]) -> Array:
 
 
 class Sheet:
-    """One view of a vehicle, and the labels that it shall have.
+    """One view of a vehicle, with its labels.
 
     Args:
         ax: empty. view: of it. reach: of the vehicle, m.
@@ -217,7 +217,7 @@ class Sheet:
         ax.set_axis_off()
 
     def solids(self, shapes: Sequence[Shape], poses: Poses) -> None:
-        """Draw the bodies, the farthest first."""
+        """Draw the bodies, farthest first."""
         found = []
         for shape in shapes:
             R, p = poses[shape.body]
@@ -231,7 +231,7 @@ class Sheet:
             self._drawn.append(corners)
 
     def below(self) -> Array:
-        """A place (3,) below what is drawn, to its left on paper."""
+        """Position (3,) below and left of the drawing on paper."""
         low = np.concatenate(self._drawn).min(axis=0) - self.reach * np.array([0.15, 0.2])
         return np.asarray(low[0] * np.array(self.view.right) + low[1] * np.array(self.view.up))
 
@@ -240,12 +240,12 @@ class Sheet:
         self.labels.append((text, self.view.flat(at), color))
 
     def line(self, points: Array) -> None:
-        """A thin dashed line through points (N, 3)."""
+        """Draw a thin dashed line through points (N, 3)."""
         flat = self.view.flat(points)
         self.ax.plot(*flat.T, color=PAPER.frame, linewidth=0.08 * PAPER.small, linestyle=DASHED, label="_line")
 
     def arrow(self, points: Array, color: str = PAPER.ink, width: float = 0.1) -> None:
-        """A line through points (N, 3) with a head at its end."""
+        """Draw an arrow along points (N, 3), its head at the last one."""
         flat = self.view.flat(points)
         self._drawn.append(flat)
         self.ax.plot(*flat.T, color=color, linewidth=width * PAPER.small, zorder=5.0, label="_mark")
@@ -255,7 +255,7 @@ class Sheet:
         self.ax.add_patch(head)
 
     def triad(self, frame: Frame, share: float = TRIAD) -> None:
-        """Axes of a frame that are not seen end on, with their letters and its name."""
+        """Draw the axes of a frame with letters and name, without axes seen end on."""
         for letter, axis, color in zip("xyz", frame.R.T, AXIS_COLORS, strict=True):
             if np.linalg.norm(self.view.flat(axis)) >= 0.25:
                 end = frame.at + share * self.reach * axis
@@ -264,14 +264,14 @@ class Sheet:
         self.label(frame.name, frame.at)
 
     def angle(self, centre: Array, start: Array, axis: Array, angle: float) -> None:
-        """An arc with a head from a direction, which is drawn dashed, and its angle in degrees."""
+        """Draw an angle in degrees as an arc with an arrowhead, from a dashed start direction."""
         bow = arc(centre, axis, start, angle)
         self.line(np.array([centre, centre + 1.25 * start]))
         self.arrow(bow, AXIS_COLORS[2], 0.08)
         self.label(f"{math.degrees(abs(angle)):.3g}\N{DEGREE SIGN}", bow[len(bow) // 2], AXIS_COLORS[2])
 
     def fit(self) -> None:
-        """All that is drawn in the middle, with room for labels, at one scale on both axes."""
+        """Set axes limits that centre the drawing with margins for labels, at equal scale."""
         points = np.concatenate(self._drawn)
         low, high = points.min(axis=0), points.max(axis=0)
         size = np.maximum(high - low, 0.3 * float(np.max(high - low)))
@@ -283,7 +283,7 @@ class Sheet:
 
 
 def _mark_frames_and_axes(sheet: Sheet, vehicle: Vehicle, posed: Posed) -> None:
-    """Axonometric: the world, the base, named frames, positive directions of joints, rotors and their tilt."""
+    """Draw in the axonometric view: world, base and named frames, joint directions, rotors and tilt."""
     sheet.triad(Frame("world", sheet.below(), np.eye(3)))
     for joint in posed.joints:
         apart = [float(np.linalg.norm(joint.at - other.at)) for other in posed.joints]
@@ -309,7 +309,7 @@ def _mark_frames_and_axes(sheet: Sheet, vehicle: Vehicle, posed: Posed) -> None:
 
 
 def _mark_lengths_and_angles(sheet: Sheet, vehicle: Vehicle, posed: Posed) -> None:
-    """From the right: lengths between joints, and angles of the joints whose axes are seen end on."""
+    """Draw in the side view: lengths between joints, and angles of joints seen end on."""
     del vehicle
     sheet.triad(posed.frames[0])
     written: list[tuple[str, Array]] = []
@@ -330,7 +330,7 @@ def _mark_lengths_and_angles(sheet: Sheet, vehicle: Vehicle, posed: Posed) -> No
 
 
 def _mark_rotors(sheet: Sheet, vehicle: Vehicle, posed: Posed) -> None:
-    """From above: numbers and names of rotors, the sense in which they turn, the length of the booms."""
+    """Draw in the top view: numbers, names and senses of rotation of rotors, and boom lengths."""
     sheet.triad(posed.frames[0])
     for i, rotor in enumerate(vehicle.rotors):
         hub, _ = _rotor_bow(sheet, vehicle, i)
@@ -342,7 +342,7 @@ def _mark_rotors(sheet: Sheet, vehicle: Vehicle, posed: Posed) -> None:
 
 
 def _rotor_bow(sheet: Sheet, vehicle: Vehicle, i: int) -> tuple[Array, Array]:
-    """Draw a bow with a head in the sense in which a rotor turns; returns its hub and its axis."""
+    """Draw an arc with an arrowhead in a rotor's sense of rotation; returns its hub and its axis."""
     rotor = vehicle.rotors[i]
     hub, axis = _vector(rotor.position), _vector(rotor.axis)
     axis = axis / np.linalg.norm(axis)
@@ -352,7 +352,7 @@ def _rotor_bow(sheet: Sheet, vehicle: Vehicle, i: int) -> tuple[Array, Array]:
 
 
 def _write_labels(figure: Picture, sheets: Sequence[Sheet]) -> None:
-    """Place every label where the least ink of the picture without labels is near its point."""
+    """Write every label near its point, at the place that overlaps least with the drawing."""
     figure.canvas.draw()
     ink = 1.0 - np.asarray(figure.canvas.buffer_rgba())[::-1, :, :3].mean(axis=2) / 255.0  # type: ignore[attr-defined]
     for sheet in sheets:
@@ -362,7 +362,7 @@ def _write_labels(figure: Picture, sheets: Sequence[Sheet]) -> None:
 
 
 def _write_label(ax: Axes, text: str, at: Array, color: str, ink: Array) -> None:
-    """Write a label near a point (2,) of a view, and mark its place in ``ink`` (rows from below, columns) as taken."""
+    """Write a label near a point (2,) of a view, and mark its area in ``ink`` (rows from below, columns) as taken."""
     font = PAPER.small * ax.figure.dpi / 72.0
     words = {**PAPER.small_words, "color": color, "ha": "center", "va": "center", "linespacing": 1.0}
     label = ax.text(float(at[0]), float(at[1]), text, zorder=9.0, **words)

@@ -1,1 +1,1 @@
-"""Films and recordings of flights: what moves, cameras, pictures of it, and the files that keep them."""
+"""Films and recordings of flights: moving scenes, cameras, rendering, files."""

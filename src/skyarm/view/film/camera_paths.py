@@ -1,4 +1,4 @@
-"""Camera paths of films: place and direction at every frame."""
+"""Camera paths of films: position and direction at every frame."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ SMOOTH = 0.6
 
 
 def _axes_of_view(azimuth: float) -> Array:
-    """Right, up and away, as columns, of a camera at an azimuth, deg, and ELEVATION."""
+    """Camera axes right, up and away, as columns, at an azimuth in deg and ELEVATION."""
     az, away = math.radians(azimuth), looking_towards(azimuth)
     right = np.array([math.sin(az), -math.cos(az), 0.0])
     return np.stack([right, np.cross(right, away), away], axis=1)
@@ -47,7 +47,7 @@ LEAVES = 6.0
 
 @dataclass(frozen=True, slots=True)
 class CameraPath:
-    """A camera at F frames.
+    """Camera path over F frames.
 
     Attributes:
         look_at: (F, 3) m. distance: (F,) m. azimuth, elevation: (F,) deg, as MuJoCo's free camera has them.
@@ -60,7 +60,7 @@ class CameraPath:
 
 
 def fixed_camera(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> CameraPath:
-    """A camera that stands still and has every vehicle in view all the time."""
+    """Path of a static camera that has every vehicle in view all the time."""
     places = np.concatenate([part for flight in flights for part in _places_in_view(flight)])
     azimuth = free_azimuth(flights)
     view = _axes_of_view(azimuth)
@@ -71,7 +71,7 @@ def fixed_camera(flights: Sequence[FilmedFlight], seconds: Array, aspect: float)
 
 
 def follow(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> CameraPath:
-    """A camera that goes with the vehicles and their desired positions, so that how far they are apart is seen."""
+    """Path of a camera that follows the vehicles and their desired positions."""
     places = np.stack([part for flight in flights for part in _places_in_view(flight)])
     middle = _low_pass(0.5 * (places.min(axis=0) + places.max(axis=0)), seconds)
     azimuth = free_azimuth(flights)
@@ -79,7 +79,7 @@ def follow(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> Ca
 
 
 def tip(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> CameraPath:
-    """A close look at the desired place of the tip."""
+    """Path of a close-up camera at the desired tip position."""
     desired = np.mean([flight.desired_tip for flight in flights], axis=0)
     distance = _to_hold(0.9 * max(map(vehicle_reach, flights)), aspect)
     return _path(_low_pass(desired, seconds), distance, free_azimuth(flights))
@@ -99,13 +99,13 @@ def _path(look_at: Array, distance: float, azimuth: float) -> CameraPath:
 
 
 def vehicle_reach(flight: FilmedFlight) -> float:
-    """Largest distance of the vehicle's parts from its base, m: booms with their discs, arm stretched out."""
+    """Largest distance of the vehicle's parts from its base, m, with discs and stretched arm."""
     arm = float(np.max(np.linalg.norm(flight.desired_tip - flight.desired_position, axis=1)))
     return max(1.5 * longest_boom(flight.vehicle), arm)
 
 
 def _places_in_view(flight: FilmedFlight) -> list[Array]:
-    """Actual and desired places of base and tip (F, 3), which shall be in view."""
+    """Actual and desired positions (F, 3) of base and tip to keep in view."""
     farthest = LEAVES * vehicle_reach(flight)
     pairs = (flight.position, flight.desired_position), (flight.tip, flight.desired_tip)
     # a lost vehicle leaves the picture
@@ -113,25 +113,25 @@ def _places_in_view(flight: FilmedFlight) -> list[Array]:
 
 
 def _margin(flights: Sequence[FilmedFlight]) -> float:
-    """Radius about its base within which a vehicle is drawn, m."""
+    """Radius around the base that contains the drawn vehicle, m."""
     return 1.6 * max(longest_boom(flight.vehicle) for flight in flights)
 
 
 def _at_most(offset: Array, length: float) -> Array:
-    """Vectors (F, 3), cut to a length where they are longer."""
+    """Vectors (F, 3) limited to a length."""
     size = np.linalg.norm(offset, axis=1, keepdims=True)
     return np.asarray(offset * np.minimum(1.0, length / np.maximum(size, 1e-9)), dtype=float)
 
 
 def _to_hold(radius: float, aspect: float) -> float:
-    """Distance from which a ball fits into the picture."""
+    """Camera distance at which a sphere fits into the picture."""
     half = math.radians(0.5 * FIELD_OF_VIEW)
     across = math.atan(math.tan(half) * aspect)
     return radius / math.sin(min(half, across))
 
 
 def _to_see(places: Array, flights: Sequence[FilmedFlight], aspect: float, azimuth: float) -> float:
-    """Distance from which vehicles at places (N, 3) about the middle of the picture are inside it."""
+    """Camera distance at which vehicles at positions (N, 3) relative to the target are all in view."""
     across, upwards, away = (places @ _axes_of_view(azimuth)).T
     slope = math.tan(math.radians(0.5 * FIELD_OF_VIEW))
     margin = _margin(flights)
@@ -143,7 +143,7 @@ def _to_see(places: Array, flights: Sequence[FilmedFlight], aspect: float, azimu
 
 
 def _low_pass(places: Array, seconds: Array) -> Array:
-    """Low-pass of a path (F, 3), the same forwards and backwards, so that it does not lag."""
+    """Zero-phase low-pass filter of a path (F, 3)."""
     step = float(seconds[1] - seconds[0]) if len(seconds) > 1 else 1.0
     keep = math.exp(-step / SMOOTH)
     found = places.copy()
@@ -155,13 +155,13 @@ def _low_pass(places: Array, seconds: Array) -> Array:
 
 
 def looking_towards(azimuth: float, elevation: float = ELEVATION) -> Array:
-    """Unit vector (3,) along which a camera looks; deg."""
+    """Unit vector (3,) of a camera's viewing direction; azimuth and elevation in deg."""
     az, el = math.radians(azimuth), math.radians(elevation)
     return np.array([math.cos(el) * math.cos(az), math.cos(el) * math.sin(az), math.sin(el)])
 
 
 def free_azimuth(flights: Sequence[FilmedFlight]) -> float:
-    """Azimuth, deg, from which surfaces hide the tips least; the usual one where nothing hides them."""
+    """Camera azimuth, deg, at which surfaces hide the tips least; the default if nothing hides them."""
     if not any(flight.scene.obstacles for flight in flights):
         return AZIMUTH
     hidden = [sum(_occlusion(flight, -looking_towards(side)) for flight in flights) for side in SIDES]
@@ -169,7 +169,7 @@ def free_azimuth(flights: Sequence[FilmedFlight]) -> float:
 
 
 def _occlusion(flight: FilmedFlight, towards: Array) -> float:
-    """Share of the instants at which something stands between the tip and a camera in a direction (3,)."""
+    """Share of the instants at which an obstacle hides the tip from a camera in a direction (3,)."""
     chosen = np.unique(np.linspace(0, len(flight.tip) - 1, LOOKS).astype(int))
     obstacles = flight.scene.obstacles
     solids = [replace(each, position=each.position[chosen], rotation=each.rotation[chosen]) for each in obstacles]

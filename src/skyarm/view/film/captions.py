@@ -1,4 +1,4 @@
-"""Texts of a film: its title, clock and wind, the flights' names and errors; and the cursor in the plot."""
+"""Texts of a film: title, clock, wind, names and errors of the flights, and the cursor in the plot."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ LEAST_TEXT = 6
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """A part of the frame, pixels from its upper left corner."""
+    """Rectangle of the frame, pixels from the upper left corner."""
 
     left: int
     top: int
@@ -49,17 +49,17 @@ class Box:
 
     @property
     def inside(self) -> tuple[slice, slice]:
-        """Its rows and columns in a picture."""
+        """Row and column slices of the rectangle in an image."""
         return slice(self.top, self.top + self.height), slice(self.left, self.left + self.width)
 
     def split(self, width: int) -> tuple[Box, Box]:
-        """A box of this width at the left, and the rest."""
+        """Split into a rectangle of given width at the left, and the rest."""
         return replace(self, width=width), replace(self, left=self.left + width, width=self.width - width)
 
 
 @dataclass(frozen=True, slots=True)
 class FrameLayout:
-    """Parts of a frame.
+    """Layout of a film frame: its rectangles.
 
     Attributes:
         width, height: of the whole. scale: of texts and bands, 1 at 720 lines.
@@ -77,7 +77,7 @@ class FrameLayout:
 
 
 class Captions:
-    """Everything flat in the frames of one film."""
+    """Texts and plot of all frames of a film."""
 
     def __init__(self, flights: Sequence[FilmedFlight], times: Array, layout: FrameLayout, title: str) -> None:
         self._flights, self._times, self._layout = flights, times, layout
@@ -91,7 +91,7 @@ class Captions:
         self._strip = self._plot()
 
     def frame(self, drawn: Pixels, k: int) -> Pixels:
-        """Frame k: the panels from ``drawn``, texts and plot around them."""
+        """Compose frame k from the rendered panels ``drawn``, texts and plot."""
         found, layout, time = self._blank.copy(), self._layout, float(self._times[k])
         for box in layout.panels:
             found[box.inside] = drawn[box.inside]
@@ -112,12 +112,12 @@ class Captions:
         return found
 
     def _name_width(self, flight: FilmedFlight, box: Box) -> int:
-        """Pixels of a flight's name; the rest of its box is for its numbers."""
+        """Width of a flight's name, pixels; the rest of its box is for its numbers."""
         wide, share = (225.0, 0.52) if flight.contact is None else (410.0, 0.62)
         return box.width - round(min(wide * self._layout.scale, share * box.width))
 
     def _plot(self) -> Strip | None:
-        """The desired and applied forces, if every flight has them; else the errors."""
+        """Render the plot strip: desired and applied forces if every flight has them, else tip errors."""
         box = self._layout.plot
         if box is None:
             return None
@@ -137,7 +137,7 @@ class Captions:
     def _write(
         self, pixels: Pixels, box: Box, text: str, ink: Sequence[int] = INK, *, align: str = "left", bold: bool = False
     ) -> None:
-        """Put a line of text into a box, smaller where it would not fit."""
+        """Write a line of text into a box, smaller if it would not fit."""
         # a picture's line of text: no line breaks, no characters that steer a terminal
         text = "".join(each if each.isprintable() else " " for each in text)
         margin = max(1, round(10.0 * self._layout.scale))
@@ -152,7 +152,7 @@ class Captions:
 
 
 def state_words(flight: FilmedFlight, time: float, k: int) -> str:
-    """State of a flight at frame k, ``time`` s, in words: its error, after its end that, or the reason of its loss."""
+    """Text of a flight's state at frame k, ``time`` s: its error, or after its end the reason for it."""
     if time >= flight.end:
         return flight.lost or f"ended at {flight.end:g} s"
     touch = f"contact {force:.1f} N, " if (force := 0.0 if flight.contact is None else flight.contact[k]) > 0.0 else ""
@@ -160,7 +160,7 @@ def state_words(flight: FilmedFlight, time: float, k: int) -> str:
 
 
 def error_words(error: float) -> str:
-    """A distance in m as millimetres of two or three digits."""
+    """Format a distance in m as millimetres with two or three digits."""
     millimetres = 1e3 * error
     if millimetres < 0.995:
         return f"{millimetres:.2f} mm"
@@ -170,7 +170,7 @@ def error_words(error: float) -> str:
 
 
 def _end(times: Array) -> float:
-    """End of the last frame, s."""
+    """End time of the last frame, s."""
     return float(times[-1] + (times[-1] - times[0]) / max(len(times) - 1, 1)) if len(times) > 1 else times[0] + 1.0
 
 
@@ -180,7 +180,7 @@ def _font(height: int, *, bold: bool) -> ImageFont.FreeTypeFont:
 
 
 def frame_layout(width: int, height: int, flights: int, layout: str, *, plot: bool) -> FrameLayout:
-    """Divide a frame.
+    """Compute the layout of a frame.
 
     Args:
         width: pixels.
@@ -209,6 +209,6 @@ def frame_layout(width: int, height: int, flights: int, layout: str, *, plot: bo
 
 
 def _columns(width: int, count: int, gap: int) -> list[tuple[int, int]]:
-    """(left, width) of columns that fill the width."""
+    """(left, width) of equal columns over a width."""
     edges = [round(i * (width + gap) / count) for i in range(count + 1)]
     return [(left, right - gap - left) for left, right in pairwise(edges)]

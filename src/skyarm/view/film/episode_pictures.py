@@ -1,4 +1,4 @@
-"""Pictures of an episode that is being flown: one instant at a time, drawn as a frame of a film without its texts."""
+"""Rendered images of a running episode, one instant at a time, without a film's texts."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ FARTHEST = 1e6
 
 @dataclass(frozen=True, kw_only=True)
 class InstantLog(Log):
-    """A log of what is flown now, of which no record is written.
+    """Log of single instants of a running episode, without stored records.
 
     Attributes:
         flown: the scenario.
@@ -65,12 +65,12 @@ class InstantLog(Log):
 
     @property
     def scenario(self) -> Scenario:
-        """The scenario that is flown."""
+        """Scenario of the running episode."""
         return self.flown
 
 
 def picture_settings(given: Mapping[str, Any]) -> FilmSettings:
-    """Settings of pictures.
+    """Check and build the settings of the images.
 
     Raises:
         ValueError: one line: an option that there is not, or a value that cannot be.
@@ -82,7 +82,7 @@ def picture_settings(given: Mapping[str, Any]) -> FilmSettings:
 
 
 def instant_log(inputs: EpisodeInputs, row: int, states: Array, wind: WindSample) -> InstantLog:
-    """Log of some control instants without commands and measurements, which no picture shows.
+    """Log of some control instants with states and wind only, without commands and measurements.
 
     Args:
         inputs: of the episode.
@@ -99,7 +99,7 @@ def instant_log(inputs: EpisodeInputs, row: int, states: Array, wind: WindSample
 
 
 class EpisodePictures:
-    """Draws one episode after the other; the stage stays open within an episode.
+    """Renderer of images for a sequence of episodes; its graphics context stays open within an episode.
 
     Args:
         settings: size, camera, ghost, fine.
@@ -114,14 +114,14 @@ class EpisodePictures:
         self._stage: Stage | None = None
 
     def begin(self, scenario: Scenario) -> None:
-        """Take another episode, with the numbers that were drawn for it."""
+        """Start another episode, with its drawn parameters."""
         self.close()
         self._scenario, self._inputs = scenario, episode_inputs(scenario)
         self._stages, self._last = Stages(scenario), first_state(scenario)
         self._whole: FilmedFlight | None = None
 
     def draw(self, now: LoopState) -> Pixels:
-        """The picture of a loop state, (height, width, 3), as a new array.
+        """Render a loop state as a new image array (height, width, 3).
 
         Raises:
             NoDisplayError: one line: nothing can be drawn on this machine.
@@ -134,7 +134,7 @@ class EpisodePictures:
         return self._stage.draw(0).copy()
 
     def close(self) -> None:
-        """Give back what drawing holds."""
+        """Release the graphics context."""
         self._stage = None
         self._open.close()
 
@@ -167,7 +167,7 @@ class EpisodePictures:
         return Panel(0, 0, settings.width, settings.height, camera, solids, all_marks, flight.scene.ground or 0.0)
 
     def _reference(self, numbers: int, wind: WindSample) -> FilmedFlight:
-        """A flight that follows its reference exactly."""
+        """Film data of a flight that follows its reference exactly."""
         steps, control = self._scenario.steps, self._scenario.rates.control
         states = np.zeros((steps, numbers))
         states[:, 3] = 1.0
@@ -183,7 +183,7 @@ class EpisodePictures:
         )
 
     def _camera(self, whole: FilmedFlight, flight: FilmedFlight, time: float) -> CameraPath:
-        """A camera: a following one is set for the instant; a fixed one for the whole reference."""
+        """Camera at one instant: a following one for its state, a fixed one for the whole reference."""
         settings = self._settings
         along = settings.camera in ("follow", "tip")
         path = CAMERAS[settings.camera]

@@ -1,4 +1,4 @@
-"""A flight at the instants of a film's frames, and what is drawn of it: solids, lines and arrows."""
+"""A flight resampled at a film's frames, and its drawn parts: solids, lines and arrows."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ WIDEST = 6.0
 
 @dataclass(frozen=True, kw_only=True)
 class FilmedFlight:
-    """One flight at F instants; world axes, SI units, radians.
+    """Flight resampled at F frames; world axes, SI units, radians.
 
     Attributes:
         label: name in the picture. color: of the vehicle, its trail and its curve.
@@ -101,7 +101,7 @@ class FilmedFlight:
 
 
 def film_flights(logs: Sequence[Log], times: Array, labels: Sequence[str] | None = None) -> list[FilmedFlight]:
-    """Flights as they are filmed, each with its name and colour.
+    """Resample several flights for a film, each with its name and colour.
 
     Raises:
         ValueError: too many flights or labels, or a log that does not tell its vehicle.
@@ -115,7 +115,7 @@ def film_flights(logs: Sequence[Log], times: Array, labels: Sequence[str] | None
 
 
 def film_flight(log: Log, label: str, color: Color, times: Array, about: Array | None = None) -> FilmedFlight:
-    """Read a log at the instants of the frames by linear interpolation; after its end the last state stays.
+    """Resample a log at the frames by linear interpolation; the last state is held after its end.
 
     Args:
         log: of the flight.
@@ -167,7 +167,7 @@ def film_flight(log: Log, label: str, color: Color, times: Array, about: Array |
 
 
 def _error(log: Log, push: TipPush | None) -> Array:
-    """Distance of the tip from its reference (N,), m; during a commanded push, across the nominal normal."""
+    """Tip error (N,), m; during a commanded push, only its part perpendicular to the surface normal."""
     away = log.tip - log.tip_reference
     if push is not None:
         away = np.stack(list(push.across(Vec3(*away.T), log.time, Vec3(*log.tip.T))), axis=1)
@@ -175,14 +175,14 @@ def _error(log: Log, push: TipPush | None) -> Array:
 
 
 def patch_about(tip: Array) -> float:
-    """Half the width of the patch drawn for a plane, m: a metre more than the tip's travel, up to a limit."""
+    """Half the width of the patch drawn for a plane, m: grows with the tip's displacement, up to a limit."""
     finite = tip[np.isfinite(tip).all(axis=1)]
     way = float(np.ptp(finite, axis=0).max()) if len(finite) else 0.0
     return PATCH + 0.5 * min(way, WIDEST)
 
 
 def _scene(log: Log, components: Sequence[Any], seen: Instants) -> Scene:
-    """The scene at the frames, by their columns between two instants of the log."""
+    """Surroundings at the frames, interpolated between the log's instants."""
 
     def at_frames(name: str) -> Array:
         array = log.component(name)
@@ -196,18 +196,18 @@ def _scene(log: Log, components: Sequence[Any], seen: Instants) -> Scene:
 
 
 def end_of(log: Log) -> float:
-    """When the last control period of a flight is over, s."""
+    """End time of a flight's last control period, s."""
     return float(log.time[-1] + (log.time[1] - log.time[0] if log.time.size > 1 else 0.0))
 
 
 def read(time: Array, values: Array, times: Array) -> Array:
-    """Columns (N, k) at other instants, (F, k)."""
+    """Interpolate columns (N, k) at other instants, (F, k)."""
     columns = [np.interp(times, time, column) for column in values.T]
     return np.stack(columns, axis=1) if columns else np.zeros((len(times), 0))
 
 
 def continuous(quaternion: Array) -> Array:
-    """The same attitudes with signs that do not jump, so that they can be read between two instants."""
+    """Quaternions with continuous signs, for interpolation."""
     same = np.einsum("ni,ni->n", quaternion[1:], quaternion[:-1]) >= 0.0
     sign = np.concatenate([[1.0], np.cumprod(np.where(same, 1.0, -1.0))])[: len(quaternion)]
     return np.asarray(quaternion * sign[:, None], dtype=float)
@@ -249,7 +249,7 @@ LEAST_FORCE, LEAST_SPEED = 0.02, 0.05
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """A line or an arrow between two points of the world, for one frame.
+    """Line or arrow between two points of the world, in one frame.
 
     Attributes:
         kind: "line" or "arrow". width: pixels of a line, m of an arrow's radius.
@@ -263,7 +263,7 @@ class Mark:
 
 
 def trail(flight: FilmedFlight, times: Array, k: int, width: float) -> list[Mark]:
-    """Fading trail of the tip over the last seconds."""
+    """Fading trail of the tip over the last seconds, as lines."""
     first = int(np.searchsorted(times, times[k] - TRAIL))
     # every so many frames of the film, not of the trail, so that a line stays where it was drawn once
     every = max(1, int(np.searchsorted(times, times[0] + TRAIL)) // TRAIL_PIECES)
@@ -275,13 +275,13 @@ def trail(flight: FilmedFlight, times: Array, k: int, width: float) -> list[Mark
 
 
 def desired_path(flight: FilmedFlight, width: float) -> list[Mark]:
-    """Desired path of the tip over the film."""
+    """Desired tip path over the film, as lines."""
     at = _apart(flight.desired_tip[:: -(-len(flight.desired_tip) // (4 * TRAIL_PIECES))])
     return [Mark("line", width, a, b, PATH) for a, b in pairwise(at)]
 
 
 def wind_arrow(flight: FilmedFlight, k: int, reach: float) -> list[Mark]:
-    """An arrow along the wind that ends near the vehicle; its length shows the force, or else the air's speed."""
+    """Arrow along the wind near the vehicle, its length scaled by the wind force or else the air speed."""
     length = np.zeros(3)
     if np.linalg.norm(flight.force[k]) > LEAST_FORCE:
         length = ARROW_PER_NEWTON * flight.force[k]
@@ -296,7 +296,7 @@ def wind_arrow(flight: FilmedFlight, k: int, reach: float) -> list[Mark]:
 
 
 def touch_marks(flight: FilmedFlight, k: int, reach: float) -> list[Mark]:
-    """An arrow for every contact force, from where it acts, along it."""
+    """Arrow of every contact force, from its point of application."""
     found = []
     for touch in flight.scene.arrows:
         size = float(np.linalg.norm(touch.force[k]))
@@ -308,7 +308,7 @@ def touch_marks(flight: FilmedFlight, k: int, reach: float) -> list[Mark]:
 
 
 def wind_words(flight: FilmedFlight, k: int) -> str:
-    """The wind at a frame in words; empty without wind."""
+    """Text of the wind in a frame; empty without wind."""
     force, speed = (float(np.linalg.norm(each[k])) for each in (flight.force, flight.air))
     words = [f"{force:.1f} N"] if force > LEAST_FORCE else []
     if speed > LEAST_SPEED:
@@ -317,7 +317,7 @@ def wind_words(flight: FilmedFlight, k: int) -> str:
 
 
 def _apart(places: Array) -> Array:
-    """Thin out places (F, 3) to those that are apart from one another."""
+    """Remove points (F, 3) that are closer than a least distance to the one before."""
     chosen = [places[0]]
     for place in places[1:]:
         if np.linalg.norm(place - chosen[-1]) > LEAST_STEP:
@@ -326,7 +326,7 @@ def _apart(places: Array) -> Array:
 
 
 def marks_of(flights: Sequence[FilmedFlight], times: Array, reach: float, scale: float) -> Callable[[int], list[Mark]]:
-    """Function that gives the marks of one panel at a frame."""
+    """Function from a frame number to the lines and arrows of one panel."""
     still = desired_path(flights[0], THIN * scale)
     for flight in flights[1:]:
         if not np.allclose(flight.desired_tip, flights[0].desired_tip, atol=1e-6):
@@ -343,25 +343,25 @@ def marks_of(flights: Sequence[FilmedFlight], times: Array, reach: float, scale:
 
 
 def vehicle_solids(flight: FilmedFlight) -> list[Solid]:
-    """The vehicle in its colour, the payloads that it takes and leaves, the surfaces that it may touch."""
+    """Solids of a flight: vehicle in its colour, payloads and surroundings."""
     own = _solids(flight, flight.position, flight.quaternion, flight.joints, ghost=False)
     return [*own, *scene_solids(flight)]
 
 
 def scene_solids(flight: FilmedFlight) -> list[Solid]:
-    """Solids about the vehicle, those without a colour in that of their role."""
+    """Solids of the surroundings; default colour by role."""
     colors = [each.rgba or role_color(each.shape.role, flight.color, ghost=False) for each in flight.scene.solids]
     return [replace(each, rgba=color) for each, color in zip(flight.scene.solids, colors, strict=True)]
 
 
 def scene_lines(flight: FilmedFlight, k: int, width: float) -> list[Mark]:
-    """Lines of the parts at a frame; one that is hidden is not a number."""
+    """Lines of the surroundings in a frame, without hidden ones (NaN)."""
     pieces = [(a, b, line.rgba) for line in flight.scene.lines for a, b in pairwise(line.places[k])]
     return [Mark("line", width, a, b, rgba) for a, b, rgba in pieces if np.isfinite([a, b]).all()]
 
 
 def ghost_solids(flight: FilmedFlight) -> list[Solid]:
-    """The desired pose, see-through: a level base on its reference, joints on theirs."""
+    """Transparent solids of the desired pose: level base and joints on their references."""
     desired = flight.desired_position, flight.desired_quaternion, flight.desired_joints
     return _solids(flight, *desired, ghost=True)
 
@@ -395,6 +395,6 @@ def _solids(flight: FilmedFlight, position: Array, quaternion: Array, joints: Ar
 
 
 def _mix(a: Color, b: Color, share: float) -> Color:
-    """Colour between two, ``share`` of the second."""
+    """Blend of two colours, with a ``share`` of the second."""
     red, green, blue = ((1.0 - share) * one + share * other for one, other in zip(a, b, strict=True))
     return (red, green, blue)

@@ -1,4 +1,4 @@
-"""A film of one flight or of several: settings, frames, file."""
+"""Film of one or several flights: settings, frames, file."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def make_film(
     labels: Sequence[str] | None = None,
     progress: Progress | None = None,
 ) -> Path:
-    """Film flights into an MP4 or an animated WebP, by the file's suffix.
+    """Render flights to an MP4 or an animated WebP file, by its suffix.
 
     Args:
         flights: one log or several, at most MOST_FLIGHTS.
@@ -64,7 +64,7 @@ def make_film(
 
 
 def frame_times(logs: Sequence[Log], settings: FilmSettings) -> Array:
-    """Instants of the frames, s of flight, up to the end of the longest flight.
+    """Times of the frames, s, up to the end of the longest flight.
 
     Raises:
         ValueError: a log has no instants, or none is left of them all.
@@ -83,7 +83,7 @@ def frame_times(logs: Sequence[Log], settings: FilmSettings) -> Array:
 def film_frames(
     flights: Sequence[FilmedFlight], times: Array, settings: FilmSettings, progress: Progress | None = None
 ) -> Iterator[Pixels]:
-    """Draw the frames of a film, one after the other, as (height, width, 3) bytes.
+    """Iterate over the rendered frames of a film, as byte arrays (height, width, 3).
 
     Raises:
         NoDisplayError: nothing can be drawn on this machine.
@@ -101,7 +101,7 @@ def film_frames(
 def film_panels(
     flights: Sequence[FilmedFlight], times: Array, settings: FilmSettings, layout: FrameLayout
 ) -> list[Panel]:
-    """Pictures of a frame: their flights and cameras."""
+    """Panels of a film: their flights, solids and cameras."""
     together = [list(flights)] if settings.layout == "over" else [[flight] for flight in flights]
     paths = _cameras(together, times, settings, layout)
     panels = []
@@ -120,7 +120,7 @@ def film_panels(
 def _cameras(
     together: Sequence[Sequence[FilmedFlight]], times: Array, settings: FilmSettings, layout: FrameLayout
 ) -> list[CameraPath]:
-    """A camera for each panel: the same where the flights have one desired path, and from the same distance always."""
+    """Camera path of each panel: shared if the flights have one desired path, always at the same distance."""
     seconds = (times - times[0]) / settings.speed
     every = [flight for inside in together for flight in inside]
     path = CAMERAS[settings.camera]
@@ -133,7 +133,7 @@ def _cameras(
 
 
 def _with_title(settings: FilmSettings, logs: Sequence[Log]) -> FilmSettings:
-    """With a title: the scenarios', where none is given."""
+    """Settings with the scenarios' titles if no title is given."""
     if settings.title is not None:
         return settings
     scenarios = dict.fromkeys(str(log.scenario.title or log.info["scenario"]) for log in logs)
@@ -185,7 +185,7 @@ class FilmSettings:
 
 
 def size_of(text: str) -> tuple[int, int]:
-    """Width and height of a text such as 1280x720.
+    """Parse a size such as 1280x720 into width and height.
 
     Raises:
         ValueError: one line.

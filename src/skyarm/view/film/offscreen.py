@@ -1,4 +1,4 @@
-"""An OpenGL context without a window or a screen, made by EGL's own functions, so that no library is needed for it."""
+"""Offscreen OpenGL context by EGL, without a window, a screen or further libraries."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ _Pointer = ctypes.c_void_p
 
 
 class NoDisplayError(ValueError):
-    """No renderer on this machine: one line names the missing library and how to install it."""
+    """Error if offscreen rendering is impossible; names the missing library."""
 
 
 @contextmanager
 def offscreen() -> Iterator[Callable[[], None]]:
-    """Make an OpenGL context current in this thread, and give it back at the end.
+    """Context manager that makes an offscreen OpenGL context current in this thread.
 
     Yields a function that makes it current again, after another one was.
 
@@ -58,7 +58,7 @@ def offscreen() -> Iterator[Callable[[], None]]:
 
 @contextmanager
 def _of_mujoco() -> Iterator[Callable[[], None]]:
-    """MuJoCo's own context, of CGL on macOS and of glfw on Windows."""
+    """OpenGL context of MuJoCo, by CGL on macOS and glfw on Windows."""
     import mujoco
 
     try:
@@ -73,7 +73,7 @@ def _of_mujoco() -> Iterator[Callable[[], None]]:
 
 
 def _library() -> Any:
-    """EGL with the types of its functions."""
+    """Load the EGL library and declare its function types."""
     try:
         egl = ctypes.CDLL(LIBRARY)
     except OSError:
@@ -88,7 +88,7 @@ def _library() -> Any:
 
 
 def _display(egl: Any) -> tuple[int, int]:
-    """The first device that initialises and has a configuration for OpenGL."""
+    """Find the first EGL device that initialises with an OpenGL configuration."""
     for device in _devices(egl):
         display = _extension(egl, b"eglGetPlatformDisplayEXT", _Pointer, ctypes.c_uint, _Pointer, _Pointer)(
             PLATFORM_DEVICE, device, None
@@ -111,7 +111,7 @@ def _devices(egl: Any) -> list[int]:
 
 
 def _extension(egl: Any, name: bytes, result: Any, *arguments: Any) -> Any:
-    """A function that EGL names on demand.
+    """Load an EGL extension function by name.
 
     Raises:
         NoDisplayError: it has no such function.

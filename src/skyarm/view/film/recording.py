@@ -1,4 +1,4 @@
-"""Recordings: a flight as a scene for a viewer from any side, in a file of some ten kilobytes (``.viser``).
+"""Recordings: flights as 3D scenes for an interactive viewer, in small files (``.viser``).
 
 The extra ``studio`` (viser) writes it and brings the player, one page without anything from elsewhere.
 """
@@ -63,7 +63,7 @@ COARSE = 3
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """A recorded scene.
+    """Recorded 3D scene of flights.
 
     Attributes:
         content: of a ``.viser`` file. seconds: how long it plays.
@@ -82,7 +82,7 @@ def record(
     labels: Sequence[str] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Recording:
-    """Record flights.
+    """Record flights as a 3D scene.
 
     Args:
         flights: one log or several.
@@ -104,7 +104,7 @@ def record(
 
 
 def save_recording(recording: Recording, path: str | os.PathLike[str]) -> Path:
-    """Write a recording: NAME.viser alone, or NAME.html, page and recording in one."""
+    """Write a recording as NAME.viser, or with its player page as NAME.html."""
     target = Path(path)
     content = recording.content if target.suffix.lower() == ".viser" else recording.html().encode()
     return write_atomically(target, content)
@@ -112,7 +112,7 @@ def save_recording(recording: Recording, path: str | os.PathLike[str]) -> Path:
 
 @contextlib.contextmanager
 def _server() -> Iterator[Any]:
-    """A server of viser on loopback, which scenes are made on."""
+    """Start a viser server on loopback, in which to build the scene."""
     with contextlib.redirect_stdout(io.StringIO()):
         server = import_viser().ViserServer(host="127.0.0.1", port=0, verbose=False)
     try:
@@ -129,7 +129,7 @@ def _serialize(
     settings: FilmSettings,
     progress: Callable[[int, int], None] | None,
 ) -> bytes:
-    """Build the scene, then play the flights into its serializer."""
+    """Build the scene and play the flights; returns the serialized recording."""
     shifts = _shifts(flights, settings)
     _surroundings(server, flights, shifts, times, settings)
     vehicles = [
@@ -151,7 +151,7 @@ def _serialize(
 
 
 class _Recorded:
-    """One flight in the scene: vehicle, ghost, its tip's path, name and error, wind, its world and touches."""
+    """Scene nodes of one recorded flight: vehicle, ghost, tip path, label, wind, surroundings, contact forces."""
 
     def __init__(
         self, scene: Any, root: str, flight: FilmedFlight, shift: Array, times: Array, settings: FilmSettings
@@ -185,7 +185,7 @@ class _Recorded:
     def _vehicle(
         self, scene: Any, name: str, pose: tuple[Array, Array, Array], *, ghost: bool
     ) -> tuple[VehicleNodes, Array, Array]:
-        """Nodes with the rotations and positions of their bodies at every frame."""
+        """Create the nodes of a vehicle; returns them with their poses at every frame."""
         flight = self._flight
 
         def paint(role: str) -> RGBA:
@@ -196,7 +196,7 @@ class _Recorded:
         return nodes, np.stack(rotations, axis=1), np.stack(positions, axis=1)
 
     def put(self, k: int) -> None:
-        """Move it to frame k; what has not moved is not recorded again."""
+        """Move the nodes to frame k; only nodes that moved are recorded."""
         flight = self._flight
         turned = {name: turn[k] for name, turn in self._turns.items()}
         for i, (nodes, rotations, positions) in enumerate(self._bodies):
@@ -227,7 +227,7 @@ class _Recorded:
 
 
 def _add_path(scene: Any, name: str, places: Array, color: tuple[int, ...], width: float) -> None:
-    """A line through places (F, 3)."""
+    """Add a line through points (F, 3) to the scene."""
     places = np.round(places, DIGITS)
     points = np.stack([places[:-1], places[1:]], axis=1).astype(np.float32)
     if len(points):
@@ -238,7 +238,7 @@ def _add_path(scene: Any, name: str, places: Array, color: tuple[int, ...], widt
 def _surroundings(
     server: Any, flights: Sequence[FilmedFlight], shifts: Sequence[Array], times: Array, settings: FilmSettings
 ) -> None:
-    """Ground, light and the first place of the camera."""
+    """Set up ground, light and initial camera."""
     scene = server.scene
     scene.set_up_direction("+z")
     # shadows and a map of the surroundings take seconds a frame where no GPU draws
@@ -265,7 +265,7 @@ def _surroundings(
 
 
 def _shifts(flights: Sequence[FilmedFlight], settings: FilmSettings) -> list[Array]:
-    """Origins of the flights' worlds: one place, or side by side as the camera sees them."""
+    """Offsets of the flights' worlds: zero, or side by side as seen by the camera."""
     if settings.layout == "over" or len(flights) == 1:
         return [np.zeros(3) for _ in flights]
     # to the camera's right
@@ -278,21 +278,21 @@ def _shifts(flights: Sequence[FilmedFlight], settings: FilmSettings) -> list[Arr
 
 
 def _eye(path: CameraPath, wider: float) -> tuple[Array, Array]:
-    """Place of the camera and its target, at the first frame."""
+    """Initial positions of the camera and of its target."""
     target = path.look_at[0]
     along = looking_towards(float(path.azimuth[0]), float(path.elevation[0]))
     return target - (path.distance[0] + wider) * along, target
 
 
 def page_with(content: bytes) -> str:
-    """The player and a recording in one page, which plays when opened as a file, too."""
+    """HTML page with player and recording, which also opens as a local file."""
     held = base64.b64encode(content).decode("ascii")
     script = f'<script>window.__VISER_EMBED_DATA__="{held}";window.__VISER_EMBED_CONFIG__={{darkMode:false}};</script>'
     return _client().replace("</head>", f"{script}</head>", 1)
 
 
 def import_viser() -> Any:
-    """The library of recordings.
+    """Import viser, with an error that names it if it is not installed.
 
     Raises:
         ValueError: it is missing.
@@ -305,5 +305,5 @@ def import_viser() -> Any:
 
 
 def _client() -> str:
-    """The player's page, which comes with viser."""
+    """HTML of the player page that comes with viser."""
     return (Path(import_viser().__file__).parent / "client" / "build" / "index.html").read_text("utf-8")

@@ -1,4 +1,4 @@
-"""The stage of a film: a light ground with a grid, a sky, light, solids on it, drawn by MuJoCo without a screen.
+"""Offscreen renderer of films, by MuJoCo: solids and marks over a light ground with a grid.
 
 No vehicle is in MuJoCo's model: every solid is handed over with its place, so that films of both plants, and of plants
 that MuJoCo does not know, are drawn alike.
@@ -71,7 +71,7 @@ THIN = 2e-4
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """One picture in the frame.
+    """Rectangle of a frame with its camera, solids and marks.
 
     Attributes:
         left, top, width, height: pixels, from the frame's upper left corner.
@@ -90,7 +90,7 @@ class Panel:
 
 
 class Stage:
-    """Draws the panels of one film, frame by frame; :func:`open_stage` makes it."""
+    """Renderer of a film's panels, frame by frame; made by :func:`open_stage`."""
 
     def __init__(
         self, panels: Sequence[Panel], width: int, height: int, *, fine: bool, current: Callable[[], None]
@@ -105,7 +105,7 @@ class Stage:
         self._pixels = np.zeros((height, width, 3), np.uint8)
 
     def draw(self, k: int) -> Pixels:
-        """Frame k as (height, width, 3); what lies outside the panels is undefined, and the next call overwrites it."""
+        """Render frame k (height, width, 3), undefined outside the panels; the next call overwrites it."""
         self._current()  # two stages may be open at once
         for panel, (scene, ground) in zip(self._panels, self._scenes, strict=True):
             self._place(panel, scene, ground, k)
@@ -115,16 +115,16 @@ class Stage:
         return self._pixels[::-1]
 
     def move(self, panels: Sequence[Panel]) -> None:
-        """Draw these panels from now on: the same shapes in the same order, at other places."""
+        """Replace the panels by ones with the same shapes in the same order at other poses."""
         self._panels = panels
 
     def close(self) -> None:
-        """Give back what the context holds."""
+        """Release the graphics context."""
         self._current()
         self._context.free()
 
     def _scene(self, panel: Panel, *, fine: bool) -> tuple[Any, int]:
-        """A scene with the ground and the solids of a panel, and the number of geoms that do not move."""
+        """MuJoCo scene of a panel with ground and solids, and the number of static geoms."""
         scene = mujoco.MjvScene(self._model, MOST_GEOMS)
         scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = fine
         scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
@@ -150,14 +150,14 @@ class Stage:
         return scene, ground
 
     def _place_mesh(self, geom: Any, mesh: int) -> None:
-        """Undo MuJoCo's shift of a mesh to its principal axes by the pose of the geom."""
+        """Correct a geom's pose for MuJoCo's shift of its mesh to the principal axes."""
         turn = np.zeros(9)
         mujoco.mju_quat2Mat(turn, self._model.mesh_quat[mesh])
         R = np.array(geom.mat).reshape(3, 3)
         geom.pos, geom.mat = geom.pos + R @ self._model.mesh_pos[mesh], R @ turn.reshape(3, 3)
 
     def _place(self, panel: Panel, scene: Any, ground: int, k: int) -> None:
-        """Put solids, marks and camera where they are at frame k."""
+        """Place solids, marks and camera for frame k."""
         for i, solid in enumerate(panel.solids):
             geom = scene.geoms[ground + i]
             geom.pos, geom.mat = solid.position[k], solid.rotation[k]
@@ -173,7 +173,7 @@ class Stage:
                 scene.lights[i].pos = panel.camera.look_at[k] + LAMP
 
     def _add(self, scene: Any, kind: str, size: Sequence[float], rgba: Sequence[float]) -> Any:
-        """One more geom, matt."""
+        """Add a matt geom to the scene."""
         geom = scene.geoms[scene.ngeom]
         sizes = np.array([*size, THIN if kind == "patch" else 0.0, 0.0][:3])
         mujoco.mjv_initGeom(geom, KINDS[kind].value, sizes, np.zeros(3), np.eye(3).ravel(), np.array(rgba, np.float32))
@@ -186,7 +186,7 @@ class Stage:
 
 @contextmanager
 def open_stage(panels: Sequence[Panel], width: int, height: int, *, fine: bool = False) -> Iterator[Stage]:
-    """A stage that draws frames of ``width`` by ``height`` pixels.
+    """Context manager that opens a renderer of ``width`` by ``height`` pixels.
 
     Raises:
         NoDisplayError: one line: nothing can be drawn on this machine.
@@ -211,12 +211,12 @@ MeshKey = tuple[str, tuple[float, ...]]
 
 
 def mesh_key(shape: Shape) -> MeshKey:
-    """File of a shape's mesh, and its scale; of a hole its sizes."""
+    """Identity of a shape's mesh: file and scale; for a hole its sizes."""
     return shape.mesh, shape.size if shape.kind in ("mesh", "hole") else ()
 
 
 def _meshes_of(panels: Sequence[Panel]) -> dict[MeshKey, Any]:
-    """(vertices, triangles) of the meshes that are there."""
+    """Mesh identity -> (vertices, triangles) of all meshes in the panels."""
     shapes = {mesh_key(solid.shape): solid.shape for panel in panels for solid in panel.solids}
     local = {key: replace(shape, position=(0.0, 0.0, 0.0), rotation=UPRIGHT) for key, shape in shapes.items()}
     found = {key: mesh_of(each) if each.kind == "hole" else own_mesh(each) for key, each in local.items()}
@@ -224,7 +224,7 @@ def _meshes_of(panels: Sequence[Panel]) -> dict[MeshKey, Any]:
 
 
 def _model(width: int, height: int, meshes: Mapping[MeshKey, Any], *, fine: bool) -> tuple[Any, dict[MeshKey, int]]:
-    """Ground, sky and light, and the meshes by their numbers; no vehicle."""
+    """MuJoCo model with ground, sky, light and meshes, and the index of each mesh."""
     spec = mujoco.MjSpec.from_string(WORLD)
     spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
     quality = spec.visual.quality

@@ -1,4 +1,4 @@
-"""Files of moving pictures, by suffix: MP4 (H.264) and animated WebP. Each appears whole or not at all."""
+"""Video files by suffix: MP4 (H.264) and animated WebP, written atomically."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ USUAL, USUAL_IN_MEMORY = (1280, 720, 30), (800, 450, 15)
 
 
 def write_mp4(path: Path, frames: Frames, size: tuple[int, int], fps: int, count: int) -> Path:
-    """H.264 in MP4, as browsers and slides play it.
+    """Write frames as H.264 in MP4, as browsers and slide programs play it.
 
     Raises:
         ValueError: the library for it is missing.
@@ -54,7 +54,7 @@ def write_mp4(path: Path, frames: Frames, size: tuple[int, int], fps: int, count
 
 
 def write_webp(path: Path, frames: Frames, size: tuple[int, int], fps: int, count: int) -> Path:
-    """Animated WebP that repeats for ever.
+    """Write frames as an animated WebP that repeats for ever.
 
     Raises:
         ValueError: its frames would not fit into memory.
@@ -82,7 +82,7 @@ FILM_FORMATS: dict[str, Writer] = {"mp4": write_mp4, "webp": write_webp}
 
 
 def require_film_format(path: Path, others: tuple[str, ...] = ()) -> Writer | None:
-    """The writer of a film's file; None for one of the other suffixes.
+    """Video writer for a file's suffix; None for a suffix in ``others``; raises for an unknown one.
 
     Raises:
         ValueError: no such format, or its library is missing.
@@ -100,12 +100,12 @@ def require_film_format(path: Path, others: tuple[str, ...] = ()) -> Writer | No
 
 
 def usual_size_and_rate(path: Path) -> tuple[int, int, int]:
-    """Width, height and frames a second where none are named, by the file's suffix."""
+    """Default width, height and frames per second for a file's suffix."""
     return USUAL_IN_MEMORY if path.suffix.lower() == ".webp" else USUAL
 
 
 def import_av() -> Any:
-    """PyAV, which holds the encoder.
+    """Import PyAV, the video encoder, with an error that names it if it is not installed.
 
     Raises:
         ValueError: it is missing.

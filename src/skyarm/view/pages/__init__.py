@@ -1,4 +1,4 @@
-"""Reports: titles, paragraphs, tables and pictures, as HTML pages of one file and as Markdown."""
+"""Reports as self-contained HTML pages and as Markdown: titles, paragraphs, tables, pictures."""
 
 from skyarm.view.pages.markup import (
     bullets,

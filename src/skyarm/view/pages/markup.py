@@ -1,4 +1,4 @@
-"""HTML of pages that are one file and need no network, from templates that escape every text."""
+"""HTML of self-contained offline pages, from templates with escaped text."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def _part(name: str, *values: Any) -> str:
 
 
 def render_template(template: str, **values: Any) -> str:
-    """HTML of a template by its path in the package, as "studies/sweep/study.html"."""
+    """Render an HTML template by its path in the package, such as "studies/sweep/study.html"."""
     return str(_templates().get_template(template).render(**values))
 
 
@@ -44,7 +44,7 @@ def page(
     sections: Sequence[tuple[str, str, str]] = (),
     **parts: str,
 ) -> str:
-    """A whole page; no address in it leads outside its folder.
+    """HTML of a whole page, without addresses outside its folder.
 
     Args:
         title: heading of the page, text.
@@ -78,32 +78,32 @@ def _plain_style() -> str:
 
 
 def section(title: str, content: str) -> str:
-    """A section with a heading; ``content`` is HTML."""
+    """HTML of a section with a heading; ``content`` is HTML."""
     return _part("section", title, content)
 
 
 def details(summary: str, content: str) -> str:
-    """A folded block, open on paper; ``content`` is HTML."""
+    """HTML of a folded block, unfolded in print; ``content`` is HTML."""
     return _part("details", summary, content)
 
 
 def paragraph(words: str, kind: str = "") -> str:
-    """A paragraph of text; ``kind`` is "note" of one that explains."""
+    """HTML of a paragraph of text; ``kind`` "note" marks an explanation."""
     return _part("paragraph", words, kind)
 
 
 def bullets(items: Iterable[str]) -> str:
-    """A list of texts."""
+    """HTML of a list of texts."""
     return _part("bullets", items)
 
 
 def table(head: Iterable[str], rows: Rows, caption: str = "", kind: str = "") -> str:
-    """A table whose first column names the rows; a wide one scrolls by itself."""
+    """HTML of a table whose first column names the rows; a wide one scrolls by itself."""
     return grouped_table(head, [("", rows)], caption, kind)
 
 
 def grouped_table(head: Iterable[str], groups: Iterable[tuple[str, Rows]], caption: str = "", kind: str = "") -> str:
-    """A table with rows in groups.
+    """HTML of a table with grouped rows.
 
     Args:
         head: names of the columns; one that begins with ">" holds numbers and is set to the right.
@@ -120,7 +120,7 @@ def grouped_table(head: Iterable[str], groups: Iterable[tuple[str, Rows]], capti
 
 
 def image(alternative: str, caption: str, content: bytes, *, wide: bool = False, kind: str = "", name: str = "") -> str:
-    """A picture inside the page.
+    """HTML of a picture embedded in the page.
 
     Args:
         alternative: text in its place.

@@ -1,4 +1,4 @@
-"""A report as data: sections of notes, tables and pictures; written as Markdown or as a page."""
+"""Report as data: sections of notes, tables and pictures, written as Markdown or HTML."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ DASH = "-"
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Mark:
-    """A table cell that holds more than its text.
+    """Table cell with more than its text: grade, value or emphasis.
 
     Attributes:
         text: of the cell. value: its whole number, for machines.
@@ -35,7 +35,7 @@ Groups = Sequence[tuple[str, Sequence[Row]]]
 
 
 def number(found: float | None, factor: float = 1.0) -> str:
-    """Two or three significant digits for reading; a dash for nothing."""
+    """Format a number with two or three significant digits; a dash for None."""
     if found is None:
         return DASH
     value = found * factor
@@ -43,7 +43,7 @@ def number(found: float | None, factor: float = 1.0) -> str:
 
 
 def markdown(head: Iterable[str], rows: Iterable[Row]) -> str:
-    """A table as Markdown; columns of numbers, whose names begin with ">", are set to the right."""
+    """Table as Markdown; columns of numbers, with names that begin with ">", are right-aligned."""
     names = list(head)
     rules = ["---:" if name[:1] == ">" else "---" for name in names]
     lines = [[name.removeprefix(">") for name in names], rules, *rows]
@@ -67,12 +67,12 @@ class Table:
     groups: Groups = ()
 
     def markdown(self, under: str = "") -> str:
-        """As Markdown, below its caption where this is not the title that it stands under."""
+        """Markdown of the table, below its caption unless the caption repeats the section's title."""
         lead = f"{self.caption}:\n\n" if self.caption not in ("", under) else ""
         return lead + markdown(self.head, self.rows)
 
     def html(self) -> str:
-        """As HTML."""
+        """HTML of the table."""
         return grouped_table(self.head, self.groups or [("", self.rows)], self.caption)
 
 
@@ -94,23 +94,23 @@ class Section:
     pictures: str = ""
 
     def markdown(self) -> list[str]:
-        """Blocks of Markdown."""
+        """Markdown blocks of the section."""
         head = [f"## {self.title}"] if self.title else []
         return [*head, *self.notes, *(each.markdown(self.title) for each in self.tables)]
 
     def html(self) -> str:
-        """The section as HTML."""
+        """HTML of the section."""
         return section(self.title or self.name, self.content())
 
     def content(self) -> str:
-        """HTML below its heading."""
+        """HTML of the section below its heading."""
         notes = [paragraph(words, "note") for words in (*self.notes, *([self.remark] if self.remark else ()))]
         return "".join([*notes, self.pictures, *(each.html() for each in self.tables)])
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Report:
-    """A report.
+    """Report of titled sections.
 
     Attributes:
         title: heading. facts: first line of the page.
@@ -125,11 +125,11 @@ class Report:
     opening: str = ""
 
     def markdown(self) -> str:
-        """The report as Markdown."""
+        """Markdown of the report."""
         blocks = [block for each in self.sections for block in each.markdown()]
         return "\n\n".join([f"# {self.title}", *blocks]) + "\n"
 
     def html(self) -> str:
-        """The report as a page of one file."""
+        """HTML page of the report, in one file."""
         body = [self.opening, *(each.html() for each in (*self.sections, *self.page_only))]
         return page(self.title, self.facts, "\n".join(body))

@@ -1,1 +1,1 @@
-"""The studio: a vehicle flown live on a page, with sliders for the numbers of its scenario."""
+"""Studio: interactive live simulation on a web page, with sliders for the scenario's parameters."""

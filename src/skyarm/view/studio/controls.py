@@ -1,4 +1,4 @@
-"""Controls and plots of the page: the clock, pushes, laws, cases, the view, sliders and curves."""
+"""Controls and plots of the studio's page: clock, pushes, controllers, cases, view, sliders, curves."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ CLOCK: dict[str, Callable[[Fleet], None]] = {
 
 
 class Controls:
-    """The controls of the page.
+    """Controls of the studio's page.
 
     Args:
         gui: of viser.
@@ -69,20 +69,20 @@ class Controls:
             _by_hand(box, page.follow)
 
     def _law(self, gui: Any, page: Page, place: int, first: str) -> None:
-        """The menu of one law that may fly; the first place is never empty."""
+        """Create the menu of one controller; the first one cannot be empty."""
         names = dict.fromkeys([first, *law_names(), *([NO_LAW] if place else [])])
         menu = gui.add_dropdown(f"law {place + 1}", tuple(names), initial_value=first)
         _by_hand(menu, lambda value: page.choose_law(place, None if value == NO_LAW else value))
 
 
 def _scrub(fleet: Fleet, time: float) -> None:
-    """Stop at an instant."""
+    """Stop the simulation and go to an instant."""
     fleet.playing = False
     fleet.go(min(round(time * fleet.rate), fleet.furthest))
 
 
 def _by_hand(handle: Any, work: Callable[[Any], None]) -> None:
-    """Do something when a hand, not the studio, has used an input."""
+    """Register a callback for changes of an input by a user, not by the program."""
 
     async def used(event: Any) -> None:
         if event.client_id is not None:
@@ -92,12 +92,12 @@ def _by_hand(handle: Any, work: Callable[[Any], None]) -> None:
 
 
 def literal(text: str) -> str:
-    """Text from files and messages as a page's markdown shows it as it is: nothing in it is a link or code."""
+    """Escape text for a page's Markdown, so that nothing in it is a link or code."""
     return re.sub(r"([\\`*\[\]<>{}!#|~$&])", r"\\\1", text)
 
 
 class KnobPanel:
-    """Sliders of some knobs.
+    """Panel of sliders for some parameters.
 
     Args:
         gui: of viser, within the container that they shall stand in.
@@ -118,7 +118,7 @@ class KnobPanel:
                     self._sliders.append((knob, slider))
 
     def show(self, values: Mapping[str, float]) -> None:
-        """Set the sliders to numbers by path; those that are not given, to the scenario's."""
+        """Set the sliders to values by path; the scenario's values where none is given."""
         for knob, slider in self._sliders:
             slider.value = knob.clip(values.get(knob.path, knob.value))
 
@@ -140,7 +140,7 @@ Column = Callable[[Sight], float]
 
 
 class Chart:
-    """One plot: a curve of every flight for each of its columns.
+    """Plot of one or several quantities, with a curve per flight and quantity.
 
     Args:
         gui: of viser. title: with the unit.
@@ -172,15 +172,15 @@ class Chart:
         )
 
     def draw(self) -> None:
-        """Show the last seconds."""
+        """Update the plot with the last seconds."""
         self._node.data = self._data()
 
     def remove(self) -> None:
-        """Take the plot off the page."""
+        """Remove the plot from the page."""
         self._node.remove()
 
     def _data(self) -> tuple[Array, ...]:
-        """Time of the longest flight, and every curve, filled up with NaN to its length."""
+        """Time axis of the longest flight, and all curves, padded with NaN to its length."""
         rows = [flight.recent(SECONDS) for flight in self._flights]
         longest = max(rows, key=len, default=[])
         times = [seen.time for seen in longest]
@@ -197,7 +197,7 @@ class Chart:
 
 
 def charts(gui: Any, flights: Sequence[Flight]) -> list[Chart]:
-    """The plots of some flights."""
+    """Create all plots of some flights."""
     return [Chart(gui, title, flights, columns, limit) for title, columns, limit in _chart_rows(flights)]
 
 
@@ -228,10 +228,10 @@ def _chart_rows(flights: Sequence[Flight]) -> Iterator[tuple[str, dict[str, Colu
 
 
 def _force(surface: str) -> Column:
-    """Sum of a surface's normal forces on the vehicle, N."""
+    """Function from an instant to the sum of a surface's normal forces on the vehicle, N."""
     return lambda seen: sum(each.normal for each in seen.touching if each.surface == surface)
 
 
 def _effort(joint: int, limited: bool) -> Column:
-    """Size of a joint's effort against its limit, %, or its value where there is none."""
+    """Function from an instant to a joint's effort as % of its limit, or as its value without a limit."""
     return lambda seen: 100.0 * abs(seen.efforts[joint]) if limited else seen.efforts[joint]

@@ -1,4 +1,4 @@
-"""Up to three laws at once, from one seed: flights that share a clock and everything but the law; their files."""
+"""Fleet of up to three flights with different controllers, equal otherwise, on one clock; and their log files."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ LOG = ".npz"
 
 
 def adjustable(plain: Scenario) -> Scenario:
-    """The scenario with a wind, a push, a fault of every actuator and a delay that do nothing until they are moved."""
+    """Scenario with inactive wind, push, actuator faults and delay added, to be activated by sliders."""
     known, vehicle = {fault.name for fault in plain.faults}, plain.plant.vehicle
     faults = [Fault(rotor=rotor.name) for rotor in vehicle.rotors]
     faults += [Fault(joint=link.joint.name) for link in vehicle.links]
@@ -72,7 +72,7 @@ def adjustable(plain: Scenario) -> Scenario:
 
 
 class Fleet:
-    """Flights side by side, none at first.
+    """Simultaneous flights with different controllers; empty at first.
 
     Args:
         source: name or file of the scenario.
@@ -98,7 +98,7 @@ class Fleet:
         self._due = 0.0
 
     def under(self, law: str | None) -> Scenario:
-        """The scenario under a law by name; None is its own.
+        """Scenario with a controller by name; None for its own controller.
 
         Raises:
             ScenarioError: no such law, or one that does not fit the vehicle.
@@ -106,12 +106,12 @@ class Fleet:
         return adjustable(load_scenario(self.source, controller=law, duration=self._duration))
 
     def make_flight(self, law: str | None) -> Flight:
-        """A flight under a law; machine code is made, which takes a while."""
+        """Create a flight with a controller; compiles, which takes a while."""
         return Flight(law, self.under(law), self.push_path)
 
     @property
     def rate(self) -> int:
-        """Control periods per second."""
+        """Control rate, Hz."""
         return self.scenario.rates.control
 
     @property
@@ -121,11 +121,11 @@ class Fleet:
 
     @property
     def steps(self) -> int:
-        """Control periods of the longest flight."""
+        """Number of control periods of the longest flight."""
         return self.scenario.steps
 
     def join(self, flight: Flight, place: int | None = None) -> None:
-        """Let a flight take part: it meets what the others met, up to now.
+        """Add a flight, simulated up to the current time with the changes made so far.
 
         Args:
             flight: at its first period.
@@ -151,12 +151,12 @@ class Fleet:
             self.flights[place] = flight
 
     def leave(self, place: int) -> None:
-        """Take a flight out; the last one stays."""
+        """Remove a flight, unless it is the last one."""
         if len(self.flights) > 1:
             del self.flights[place]
 
     def move(self, values: Mapping[str, float], place: int | None = None) -> None:
-        """Change numbers from the next period on, of one flight or of all.
+        """Change parameters of one flight or of all, from the next control period on.
 
         Raises:
             ScenarioError: a number that cannot be.
@@ -167,7 +167,7 @@ class Fleet:
         self.furthest = self.tick
 
     def push(self, direction: Sequence[float], force: float, seconds: float) -> None:
-        """A force on the base from now on, for a while: a push or a gust.
+        """Apply a force on the base for a while from now on: a push or a gust.
 
         Args:
             direction: unit vector, world axes.
@@ -179,7 +179,7 @@ class Fleet:
         self.move({f"{self.push_path}.gust.{name}": value for name, value in gust.items()})
 
     def advance(self, seconds: float) -> None:
-        """Fly on by what has passed on the wall, s, at the chosen speed."""
+        """Simulate the elapsed wall-clock time, s, at the chosen speed."""
         if not self.playing:
             return
         self._due += min(seconds, LONGEST_STRETCH) * self.speed * self.rate
@@ -188,7 +188,7 @@ class Fleet:
         self.go(self.tick + ticks)
 
     def go(self, tick: int) -> None:
-        """Go to an instant, forward or back."""
+        """Go to a control period, forward or back."""
         self.tick = min(max(tick, 0), self.steps - 1)
         for flight in self.flights:
             flight.to(self.tick)
@@ -197,19 +197,19 @@ class Fleet:
             self.playing = False
 
     def step(self) -> None:
-        """Stop, and fly one control period."""
+        """Pause, and simulate one control period."""
         self.playing = False
         self.go(self.tick + 1)
 
     def reset(self) -> None:
-        """Begin again: all that a hand changed is forgotten."""
+        """Restart all flights and discard the user's changes."""
         for flight in self.flights:
             flight.begin()
         self.tick = self.furthest = 0
         self._due, self.playing = 0.0, True
 
     def save(self, folder: Path) -> str:
-        """Write a log of each flight, without overwriting others; returns the commands that fly them, in words.
+        """Write a log of each flight without overwriting files; returns commands that repeat the flights, as text.
 
         Raises:
             ScenarioError: nothing has been flown yet. OSError: a file cannot be written.
@@ -230,12 +230,12 @@ class Fleet:
 
 
 def law_names() -> list[str]:
-    """Every law by the names that a scenario file has for it."""
+    """Names of all controllers, as in a scenario file."""
     return [*PRESETS, *LAWS, *(f"{law}{TUNED}" for law in tuned_factors())]
 
 
 def open_fleet(source: str, laws: Sequence[str]) -> Fleet:
-    """The fleet of a scenario, refused before a page is opened where it or one of the laws cannot be flown.
+    """Create the fleet of a scenario; raises if it or one of the controllers cannot be simulated.
 
     Raises:
         ScenarioError: one line.
@@ -250,7 +250,7 @@ def open_fleet(source: str, laws: Sequence[str]) -> Fleet:
 
 @dataclass(frozen=True, slots=True)
 class Moved:
-    """A number that a hand changed.
+    """Change of a parameter by the user.
 
     Attributes:
         tick: control periods flown before it holds. path, value: of the number.
@@ -262,7 +262,7 @@ class Moved:
 
 
 class Flight:
-    """A flight that steps forward, and back; manual changes are repeated at their own periods.
+    """Simulated flight that steps forward and back; the user's changes are repeated at their times.
 
     A change at an instant takes the place of all that were made later: the flight goes another way from there.
 
@@ -286,51 +286,51 @@ class Flight:
 
     @property
     def tick(self) -> int:
-        """Control periods flown."""
+        """Number of simulated control periods."""
         return self.session.tick
 
     @property
     def lost(self) -> str:
-        """Why the vehicle is lost, in words; empty while it flies."""
+        """Text of the reason why the vehicle is lost; empty while it flies."""
         ended = self.session.ended
         return "" if ended is None else ended.cause
 
     @property
     def values(self) -> Mapping[str, float]:
-        """Every number that has been changed so far, as it is now."""
+        """Path -> current value of every parameter changed so far."""
         return {moved.path: moved.value for moved in self.moved if moved.tick <= self.tick}
 
     @property
     def own_knobs(self) -> tuple[Knob, ...]:
-        """Knobs of the law and its nominal model."""
+        """Adjustable parameters of the controller and its nominal model."""
         return tuple(knob for knob in self.knobs if knob.path.startswith(OF_LAW))
 
     @property
     def shared_knobs(self) -> tuple[Knob, ...]:
-        """Knobs of the surroundings, common to all flights."""
+        """Adjustable parameters of the surroundings, common to all flights."""
         return tuple(knob for knob in self.knobs if not knob.path.startswith(OF_LAW))
 
     @property
     def vehicle(self) -> Vehicle:
-        """The plant's."""
+        """Simulated vehicle of the plant."""
         return self.first.plant.vehicle
 
     def poses(self) -> Placed:
-        """Poses of the bodies now."""
+        """Current poses of the bodies."""
         state = self.session.state
         return place(self.vehicle, tuple(state.position), tuple(state.quaternion), state.joints)
 
     def goal(self) -> Placed:
-        """Desired poses of the bodies now."""
+        """Current desired poses of the bodies."""
         return goal_of(self.vehicle, self.session.scenario.reference.at(self.session.time))
 
     @property
     def hung_mass(self) -> float:
-        """Mass that a hand has hung at the tip, kg."""
+        """Mass that the user attached to the tip, kg."""
         return self.values.get("plant.payload.mass", 0.0)
 
     def scene(self, around: Array) -> Scene:
-        """The scene about the vehicle now; planes are drawn about a place (3,), m."""
+        """Current surroundings of the vehicle; planes are drawn around a position (3,), m."""
         session = self.session
         motion = PointMotion(self.vehicle, session.state, gravity=session.scenario.plant.gravity)
         seen = instant_of(motion, session.time, around)
@@ -338,20 +338,20 @@ class Flight:
 
     @property
     def last(self) -> Sight:
-        """The latest quantities up to now."""
+        """Latest recorded quantities, up to the current time."""
         return self.sights[self._after(self.tick) - 1]
 
     def recent(self, seconds: float) -> list[Sight]:
-        """Quantities of the last seconds."""
+        """Recorded quantities of the last seconds."""
         first = math.ceil(self.tick - seconds * self.session.scenario.rates.control) - 1
         return self.sights[self._after(first) : self._after(self.tick)]
 
     def _after(self, tick: int) -> int:
-        """Number of instants up to a control period."""
+        """Number of recorded instants up to a control period."""
         return bisect.bisect_right(self.sights, tick, key=lambda each: each.tick)
 
     def move(self, values: Mapping[str, float]) -> None:
-        """Change numbers from the next period on.
+        """Change parameters from the next control period on.
 
         Raises:
             ScenarioError: a number that cannot be; nothing is changed then.
@@ -365,7 +365,7 @@ class Flight:
         self.sights = [seen for seen in self.sights if seen.tick <= now]
 
     def step(self) -> bool:
-        """Fly one control period; False once the flight has ended."""
+        """Simulate one control period; False once the flight has ended."""
         going = self.session.running and self.session.step()
         if going:
             self._repeat()
@@ -373,13 +373,13 @@ class Flight:
         return going
 
     def begin(self) -> None:
-        """Begin again, with the numbers of the scenario."""
+        """Restart with the scenario's parameters."""
         self.moved = []
         self.session.restore(self._kept[0])
         self._kept, self.sights = self._kept[:1], self.sights[:1]
 
     def to(self, tick: int) -> None:
-        """Go to an instant: back by a snapshot, then forward by what was changed."""
+        """Go to a control period: back to a snapshot, then forward with the user's changes."""
         if tick < self.tick:
             at = bisect.bisect_right(self._kept, tick, key=lambda each: each.tick) - 1
             self.session.restore(self._kept[at])
@@ -388,7 +388,7 @@ class Flight:
             pass
 
     def _repeat(self) -> None:
-        """Change what a hand changed at this instant before."""
+        """Repeat the user's earlier parameter changes of this control period."""
         values = {each.path: each.value for each in self.moved if each.tick == self.tick}
         if values:
             self.session.change(values)
@@ -403,7 +403,7 @@ class Flight:
 
 
 def _session(scenario: Scenario, paths: Sequence[str]) -> Session:
-    """A session with every number adjustable, those of the scenario's changes too, where they do not overlap."""
+    """Simulation session with all parameters adjustable, and those of scheduled changes if they do not overlap."""
     scheduled = [change.path for change in scenario.changes if isinstance(change.value, float)]
     with contextlib.suppress(ScenarioError):
         return Session(scenario, tuple(dict.fromkeys((*paths, *scheduled))))

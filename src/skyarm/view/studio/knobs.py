@@ -1,4 +1,4 @@
-"""Adjustable numbers of a scenario in flight, found in its records, with their units and bounds."""
+"""Adjustable parameters of a scenario, found in its records, with units and slider ranges."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ LONGEST_DELAY = 0.03
 
 @dataclass(frozen=True, slots=True)
 class Knob:
-    """One number that a hand may change.
+    """Parameter of a running simulation that the user may adjust.
 
     Attributes:
         path: of the number (:mod:`skyarm.scenario.numbers`). group: one of GROUPS.
@@ -52,19 +52,19 @@ class Knob:
 
     @property
     def label(self) -> str:
-        """The path in words, with its unit."""
+        """Label of the slider: the path in words, with its unit."""
         words = words_of(self.path)
         return f"{words} ({self.declared.unit})" if self.declared.unit else words
 
     @property
     def step(self) -> float:
-        """1, 2 or 5 times a power of ten, about a two-hundredth of the slider."""
+        """Step of the slider: 1, 2 or 5 times a power of ten, about 1/200 of its range."""
         least = (self.high - self.low) / 200.0
         power = 10.0 ** math.floor(math.log10(least))
         return next(power * k for k in (1.0, 2.0, 5.0, 10.0) if power * k >= 0.999 * least)
 
     def clip(self, value: object) -> float:
-        """A value within the slider.
+        """Clip a value to the slider's range.
 
         Raises:
             ValueError: no finite number.
@@ -73,7 +73,7 @@ class Knob:
 
 
 def knobs_of(scenario: Scenario, without: str = "") -> tuple[Knob, ...]:
-    """All adjustable numbers of a scenario, in the order of the panels.
+    """All adjustable parameters of a scenario, in the order of the panels.
 
     Times at which something starts or stops are left out, since they mean nothing once they have passed.
 
@@ -96,7 +96,7 @@ def knobs_of(scenario: Scenario, without: str = "") -> tuple[Knob, ...]:
 
 
 def _places(scenario: Scenario, path: str) -> tuple[Place, ...]:
-    """Places of the number of a path; empty where none can vary."""
+    """Locations of a path's parameter in the records; empty if it cannot vary."""
     try:
         number_at(scenario, path)
         return ((path,),) if ".payload." in path else places_of(scenario, path)
@@ -105,7 +105,7 @@ def _places(scenario: Scenario, path: str) -> tuple[Place, ...]:
 
 
 def _paths(scenario: Scenario) -> Iterator[tuple[str, str]]:
-    """Group and path of all numbers."""
+    """(group, path) of all parameters."""
     law = parts(scenario.controller.par)
     gains = [word for word in law if word not in DERIVED_PARTS and not isinstance(law[word], (bool, int, str))]
     yield from _all_below("law", {f"controller.{word}": law[word] for word in gains})
@@ -123,13 +123,13 @@ def _paths(scenario: Scenario) -> Iterator[tuple[str, str]]:
 
 
 def _all_below(group: str, records: Mapping[str, object]) -> Iterator[tuple[str, str]]:
-    """Group and path of the numbers of some records by their paths."""
+    """(group, path) of all parameters below records given by their paths."""
     for root, record in records.items():
         yield from ((group, path) for path in _below(record, root))
 
 
 def _of_tree(tree: object, path: str) -> Iterator[str]:
-    """Paths of a tree of names; numbers of a position go by their letters."""
+    """Parameter paths in a tree of names; components of a position by letter."""
     if not isinstance(tree, Mapping):
         yield path
         return
@@ -139,7 +139,7 @@ def _of_tree(tree: object, path: str) -> Iterator[str]:
 
 
 def _below(value: object, path: str) -> Iterator[str]:
-    """Paths of the numbers of a record by its words, the file's before the record's."""
+    """Parameter paths in a record, by the field names of the scenario file where they differ."""
     # the coefficients of a planned curve are made together: a hand that moved one would tear the curve
     if value is None or isinstance(value, (bool, str, Polynomials)):
         return
@@ -162,7 +162,7 @@ def _below(value: object, path: str) -> Iterator[str]:
 
 
 def _span(group: str, value: float, unit: Unit) -> tuple[float, float]:
-    """Ends of a slider around a value, within the bounds of its field."""
+    """Range of a slider around a value, within the bounds of its field."""
     if math.isfinite(unit.low) and math.isfinite(unit.high):
         return unit.low, unit.high
     if group == "delay":

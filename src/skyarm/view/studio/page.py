@@ -1,4 +1,4 @@
-"""The page of the studio: a fleet that flies in real time, with its controls."""
+"""Studio page: real-time simulation of a fleet, with its controls."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Work = Callable[[], None]
 
 
 class Page:
-    """A studio's page.
+    """Studio page.
 
     What a tab asks for is done by the thread that draws, between two pictures; machine code is made by another one.
 
@@ -58,7 +58,7 @@ class Page:
     # orders, from any thread
 
     def do(self, work: Callable[[Fleet], None]) -> None:
-        """Do something with the fleet before the next picture."""
+        """Queue a function of the fleet, to be called before the next frame."""
 
         def done() -> None:
             work(self.fleet)
@@ -67,7 +67,7 @@ class Page:
         self._orders.put(done)
 
     def choose_law(self, place: int, law: str | None) -> None:
-        """Let a law fly at a place; None takes the place away."""
+        """Set the controller at a place; None removes that flight."""
 
         def choose() -> None:
             if law is None:
@@ -80,7 +80,7 @@ class Page:
         self._orders.put(choose)
 
     def choose_case(self, name: str) -> None:
-        """Fly a shipped scenario under the same laws; of any other word nothing happens."""
+        """Load a shipped scenario with the same controllers; other names have no effect."""
 
         def choose() -> None:
             if name not in list_scenarios():
@@ -91,25 +91,25 @@ class Page:
         self._orders.put(choose)
 
     def follow(self, follows: bool) -> None:
-        """Let the camera go along with the first vehicle, or stand."""
+        """Let the camera follow the first vehicle, or stand still."""
         self._orders.put(lambda: setattr(self._picture, "follow", follows))
 
     def save(self) -> None:
-        """Write what was flown as logs, one for each law."""
+        """Write a log of each flight."""
         self._orders.put(lambda: self._say(self.fleet.save(self._out)))
 
     def move(self, place: int | None, path: str, value: float) -> None:
-        """Move a number of one flight, or of all; of several between two pictures the last one counts."""
+        """Change a parameter of one flight or of all; between two frames the last value counts."""
         self._orders.put(lambda: self._moves.setdefault(place, {}).__setitem__(path, value))
 
     def stop(self) -> None:
-        """End the loop."""
+        """End the simulation loop."""
         self._stopped.set()
 
     # the loop
 
     def run(self) -> None:
-        """Fly and draw until :meth:`stop`."""
+        """Simulate and draw until :meth:`stop`."""
         last, slow = time.perf_counter(), 0.0
         try:
             while not self._stopped.is_set():
@@ -131,7 +131,7 @@ class Page:
             self._worker.shutdown(wait=False, cancel_futures=True)
 
     def _obey(self) -> None:
-        """Carry out the orders of tabs; an impossible one is reported and has no effect."""
+        """Execute the queued commands of the browser tabs; an impossible one is reported and has no effect."""
         while True:
             try:
                 order = self._orders.get_nowait()
@@ -156,7 +156,7 @@ class Page:
     # laws and scenarios
 
     def _begin(self, fleet: Fleet, laws: Sequence[str | None]) -> None:
-        """Draw a fleet at its first state, and let its laws be made."""
+        """Draw a fleet at its initial state, and start to create its flights."""
         self.fleet = fleet
         scenario = fleet.scenario
         self._picture.build(scenario, [law or scenario.controller.name for law in laws])
@@ -164,7 +164,7 @@ class Page:
             self._make(fleet, law, place)
 
     def _make(self, fleet: Fleet, law: str | None, place: int) -> None:
-        """Make a flight in the background; it starts when it is ready."""
+        """Create a flight in the background; it joins the fleet when it is ready."""
         self._making += 1
         self._worker.submit(self._compile_flight, fleet, law, place)
 
@@ -185,7 +185,7 @@ class Page:
             self._rebuild()
 
     def _rebuild(self) -> None:
-        """Draw vehicles, sliders and plots of the flights that there are."""
+        """Redraw vehicles, sliders and plots for the current flights."""
         flights = self.fleet.flights
         with self._server.atomic():
             if not self._making:
@@ -209,12 +209,12 @@ class Page:
         self._panels.append((place, panel))
 
     def _show_values(self) -> None:
-        """Set the sliders to what holds now, after a way back or a reset."""
+        """Set the sliders to the current values, after a step back or a reset."""
         for place, panel in self._panels:
             panel.show(self.fleet.flights[place or 0].values)
 
     def _draw_slowly(self) -> None:
-        """Plots, words and the clock."""
+        """Update plots, texts and clock, at a lower rate than the vehicles."""
         fleet = self.fleet
         # each plot at a third of the rate: they are most of what is sent
         self._turn = (self._turn + 1) % 3
@@ -229,7 +229,7 @@ class Page:
         self._controls.status.content = self._status()
 
     def _status(self) -> str:
-        """Clock, errors and contact forces in words."""
+        """Status text: clock, errors and contact forces."""
         fleet = self.fleet
         clock = "at its end" if fleet.tick == fleet.steps - 1 else "playing" if fleet.playing else "paused"
         state = f"{fleet.time:.2f} s, {clock}, {fleet.speed:g}x"

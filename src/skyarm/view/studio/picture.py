@@ -1,4 +1,4 @@
-"""The picture of a fleet: for every law a vehicle with arrows, trail and world, and one ghost of the desired pose."""
+"""3D picture of a fleet: per controller a vehicle with arrows, trail and surroundings; one desired pose."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ VIEWS = tuple(np.array([x, y, 0.38]) for x, y in ((0.72, -0.85), (-0.72, -0.85),
 
 
 def tones_of(color: Sequence[int], opacity: float = 1.0) -> Paint:
-    """Colours of a vehicle's shapes: tones of one colour, rotors see-through."""
+    """Colours of a vehicle's shapes: shades of one colour, rotors transparent."""
 
     def paint(role: str) -> RGBA:
         red, green, blue = (min(1.0, TONES.get(role, 0.6) * c / 255.0) for c in color)
@@ -61,7 +61,7 @@ def tones_of(color: Sequence[int], opacity: float = 1.0) -> Paint:
 
 
 class FlightNodes:
-    """Nodes of one flight: vehicle, forces, trail, name and payloads; of the first one also the world.
+    """Scene nodes of one flight: vehicle, force arrows, trail, name, payloads; for the first also surroundings.
 
     Args:
         scene: of viser. number: of the flight, from 0.
@@ -87,7 +87,7 @@ class FlightNodes:
         self.vehicle.place(placed.rotations, placed.positions, _turns_now(vehicle, first_state(scenario)))
 
     def _place_scene(self, scene: Scene, more: Sequence[Solid] = ()) -> None:
-        """Draw what the parts look like; of other flights than the first what is not common to all."""
+        """Draw the surroundings; for other flights than the first only what they do not share."""
         solids = scene.solids if self._first else [each for each in scene.solids if each.shape.role not in OBSTACLES]
         self._world.place([*solids, *more])
         self._lines.place(scene.lines)
@@ -95,7 +95,7 @@ class FlightNodes:
             self._touches.point(touch_arrows(scene.arrows))
 
     def draw(self, flight: Flight, *, slow: bool) -> Placed:
-        """Show the flight as it is now, the world, trail and label only if ``slow``; returns its poses."""
+        """Draw the flight's current state, surroundings, trail and label only if ``slow``; returns its poses."""
         session, placed = flight.session, flight.poses()
         state = session.state
         speeds, turns = np.array([float(w) for w in state.rotor_speeds]), _turns_now(self._vehicle, state)
@@ -113,7 +113,7 @@ class FlightNodes:
         return placed
 
     def _hung(self, flight: Flight, placed: Placed) -> list[Solid]:
-        """The mass that a hand has hung at the tip."""
+        """Solid of the mass that the user attached to the tip."""
         mass = flight.hung_mass
         if not (mass > 0.0 and self._vehicle.end_effector):
             return []
@@ -122,7 +122,7 @@ class FlightNodes:
         return [Solid(shape, (placed.positions[1 + shape.body] + R @ np.array(shape.position))[None], R[None])]
 
     def remove(self) -> None:
-        """Take it out of the scene."""
+        """Remove the flight from the scene."""
         parts = self.vehicle, self._forces, self._trail, self._label, self._world, self._lines
         for node in (*parts, self._touches):
             if node is not None:
@@ -130,7 +130,7 @@ class FlightNodes:
 
 
 def force_arrows(flight: Flight, placed: Placed, speeds: Array, turns: dict[str, Array]) -> Array:
-    """Ends (rotors + 2, 2, 3) of thrusts, air and force from outside, m."""
+    """Start and end points (rotors + 2, 2, 3), m, of arrows of thrusts, air velocity and external force."""
     vehicle, last, (R, p) = flight.vehicle, flight.last, (placed.rotations[0], placed.positions[0])
     ends = []
     for rotor, speed in zip(vehicle.rotors, speeds, strict=True):
@@ -143,32 +143,32 @@ def force_arrows(flight: Flight, placed: Placed, speeds: Array, turns: dict[str,
 
 
 def touch_arrows(arrows: Sequence[Arrow]) -> Array:
-    """Ends (N, 2, 3) of contact forces, m."""
+    """Start and end points (N, 2, 3), m, of contact force arrows."""
     return np.array([(each.spot[0], each.spot[0] + NEWTON * each.force[0]) for each in arrows]).reshape(-1, 2, 3)
 
 
 def first_scene(scenario: Scenario, around: Array) -> Scene:
-    """The scene at the start of a scenario."""
+    """Surroundings at the start of a scenario."""
     motion = PointMotion(scenario.plant.vehicle, first_state(scenario), gravity=scenario.plant.gravity)
     memories = first_memories(scenario.components, 1.0 / scenario.rates.control)
     return scene_now(scenario.components, memories, instant_of(motion, 0.0, around), motion)
 
 
 def trail(tips: Sequence[Array]) -> Array:
-    """(N, 2, 3) segments of the tip's path."""
+    """Line segments (N, 2, 3) of the tip's trajectory, m."""
     places = np.array(tips, dtype=np.float32).reshape(-1, 3) if len(tips) > 1 else np.zeros((2, 3))
     segments: Array = np.stack([places[:-1], places[1:]], axis=1).astype(np.float32)
     return segments
 
 
 def _turns_now(vehicle: Vehicle, state: State) -> dict[str, Array]:
-    """Name of a disc -> R_BB (3, 3) of a state."""
+    """Rotor disc name -> tilt rotation R_BB (3, 3) in a state."""
     angles = np.array([[float(each) for each in state.tilts]])
     return {name: turn[0] for name, turn in rotor_turns(vehicle, angles).items()}
 
 
 class Picture:
-    """Nodes of a viser scene for some flights.
+    """Scene nodes of all flights in a viser scene.
 
     Args:
         server: of viser.
@@ -189,7 +189,7 @@ class Picture:
         self._ground = self._scene.add_grid(f"{STAGE}/ground", width=12.0, height=12.0, cell_size=0.5)
 
     def build(self, scenario: Scenario, titles: Sequence[str]) -> None:
-        """Draw vehicles at the scenario's first state, one for each title, in place of all that was there."""
+        """Draw a vehicle per title at the scenario's initial state, after clearing the scene."""
         for nodes in self._flights:
             nodes.remove()
         if self._ghost is not None:
@@ -206,14 +206,14 @@ class Picture:
         self._look_at(scene, placed)
 
     def _look_at(self, scene: Scene, placed: Placed) -> None:
-        """The view that a new tab begins with: from ahead and the right, or from where no surface hides the tip."""
+        """Initial camera of a new tab: ahead and to the right, or where no surface hides the tip."""
         hidden = [hidden_share(scene.obstacles, placed.tip[None], view / np.linalg.norm(view)) for view in VIEWS]
         camera, at = self._server.initial_camera, placed.positions[0]
         camera.look_at = tuple(at + np.array([0.12, 0.08, -0.06]))
         camera.position = tuple(at + VIEWS[int(np.argmin(hidden))])
 
     def draw(self, flights: Sequence[Flight]) -> None:
-        """Show the flights, as many as were built, as they are now."""
+        """Draw the current state of the flights."""
         self._frame += 1
         slow = self._frame % SLOW == 0
         for i, (nodes, flight) in enumerate(zip(self._flights, flights, strict=False)):
@@ -228,11 +228,11 @@ class Picture:
             self._ghost.place(goal.rotations, goal.positions)
 
     def _follow(self, at: Array) -> None:
-        """Keep the first vehicle, (3,) m, where the camera first saw it; without following, the ground."""
+        """Shift the scene so that the first vehicle at (3,), m, stays in place for the camera, if following."""
         moved = self._origin - at if self.follow else np.zeros(3)
         if np.abs(moved - self._moved).max() > STILL:
             self._stage.position = self._moved = moved
 
     def hurry(self) -> None:
-        """Draw all of the next picture: a hand has moved something."""
+        """Request a full redraw in the next frame, after an input of the user."""
         self._frame = -1

@@ -1,4 +1,4 @@
-"""Nodes of a viser scene for the studio and for recordings: vehicles, solids of the world, arrows.
+"""Nodes of a viser scene, for studio and recordings: vehicles, solids, lines, arrows.
 
 A node is sent a value only where it differs from the last one by more than can be seen.
 """
@@ -51,14 +51,14 @@ HEAD = 2.6, 5.3
 
 
 class MovingNode:
-    """A node that moves."""
+    """Scene node with a variable pose."""
 
     def __init__(self, node: Any) -> None:
         self.node = node
         self._place, self._turn = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
 
     def put(self, position: Array, rotation: Array) -> None:
-        """Move it to a place (3,), m, and an attitude (3, 3) in the axes of its parent; NaN leaves it where it is."""
+        """Set position (3,), m, and rotation (3, 3) in the parent's axes; NaN leaves the node in place."""
         if not (np.isfinite(position).all() and np.isfinite(rotation).all()):
             return
         place, turn = np.round(position, DIGITS), np.round(quaternions_of(rotation[None])[0], DIGITS)
@@ -69,7 +69,7 @@ class MovingNode:
 
 
 def add_shape(scene: Any, name: str, shape: Shape, color: RGBA) -> Any:
-    """One shape as a node of the scene, under the node of its body; the balls of a capsule are nodes below it."""
+    """Add one shape to the scene under its body's node; the end spheres of a capsule become child nodes."""
     look: dict[str, Any] = {
         "color": bytes_of(color),
         "opacity": color[3] if color[3] < 1.0 else None,
@@ -96,13 +96,13 @@ def add_shape(scene: Any, name: str, shape: Shape, color: RGBA) -> Any:
 
 
 def bytes_of(color: Sequence[float]) -> tuple[int, int, int]:
-    """Red, green and blue from 0 to 255."""
+    """Convert a colour to red, green and blue from 0 to 255."""
     red, green, blue = (min(255, round(255.0 * c)) for c in color[:3])
     return red, green, blue
 
 
 class VehicleNodes:
-    """One vehicle in the scene.
+    """Scene nodes of one vehicle.
 
     Args:
         scene: of viser. name: beginning of the nodes' names.
@@ -124,7 +124,7 @@ class VehicleNodes:
         self._discs = {shape.name: (MovingNode(node), shape) for node, shape in self._meshes if shape.role == "rotor"}
 
     def place(self, rotations: Array, positions: Array, turns: Mapping[str, Array] = NO_TURNS) -> None:
-        """Move the bodies and turn discs.
+        """Set the poses of the bodies and the tilt of rotor discs.
 
         Args:
             rotations: (bodies, 3, 3) R_WB, the base first.
@@ -140,17 +140,17 @@ class VehicleNodes:
             disc.put(np.array(shape.position), turn @ np.array(shape.rotation))
 
     def color(self, paint: Paint) -> None:
-        """Give it other colours."""
+        """Change the colours of the vehicle."""
         for node, shape in self._meshes:
             node.color = bytes_of(paint(shape.role))
 
     def remove(self) -> None:
-        """Take it out of the scene, with all that hangs on it."""
+        """Remove the vehicle and its child nodes from the scene."""
         self._base.node.remove()
 
 
 class SolidNodes:
-    """Solids of the world: surfaces, objects, payloads.
+    """Scene nodes of solids: surfaces, objects, payloads.
 
     Args:
         scene: of viser. name: beginning of the nodes' names.
@@ -163,7 +163,7 @@ class SolidNodes:
         self._nodes: dict[str, tuple[MovingNode, tuple[float, ...]]] = {}
 
     def place(self, solids: Sequence[Solid], k: int = 0) -> None:
-        """Draw these solids, and no others, as they are at instant ``k``."""
+        """Draw exactly these solids, at instant ``k``."""
         for name in set(self._nodes) - {each.shape.name for each in solids}:
             self._nodes.pop(name)[0].node.remove()
         for solid in solids:
@@ -175,12 +175,12 @@ class SolidNodes:
             self._nodes[name][0].put(solid.position[k], solid.rotation[k])
 
     def remove(self) -> None:
-        """Take them out of the scene."""
+        """Remove the solids from the scene."""
         self.root.remove()
 
 
 class LineNodes:
-    """Lines through places of the world.
+    """Scene nodes of lines through points of the world.
 
     Args:
         scene: of viser. name: beginning of the nodes' names.
@@ -191,7 +191,7 @@ class LineNodes:
         self._nodes: dict[str, tuple[Any, npt.NDArray[np.float32]]] = {}
 
     def place(self, lines: Sequence[Line], k: int = 0) -> None:
-        """Draw these lines as they are at instant ``k``, and no others; one that is no number is hidden."""
+        """Draw exactly these lines, at instant ``k``; lines with NaN are hidden."""
         drawn = {each.name: each for each in lines if np.isfinite(each.places[k]).all()}
         for name in set(self._nodes) - set(drawn):
             self._nodes.pop(name)[0].remove()
@@ -208,12 +208,12 @@ class LineNodes:
                 self._nodes[name] = node, points
 
     def remove(self) -> None:
-        """Take them out of the scene."""
+        """Remove the lines from the scene."""
         self.place(())
 
 
 class Arrows:
-    """Arrows between places of the world.
+    """Scene nodes of arrows between points of the world.
 
     Args:
         scene: of viser. name: of the node.
@@ -231,7 +231,7 @@ class Arrows:
         self._acting = False
 
     def point(self, ends: Array) -> None:
-        """Draw arrows (N, 2, 3) from first to second place, m; those that are too short are hidden."""
+        """Draw arrows (N, 2, 3) from start to end point, m; those that are too short are hidden."""
         long = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) > SHORTEST
         acting = bool(long.any()) and bool(np.isfinite(ends).all())
         if acting:
@@ -243,5 +243,5 @@ class Arrows:
             self._acting = self._node.visible = acting
 
     def remove(self) -> None:
-        """Take them out of the scene."""
+        """Remove the arrows from the scene."""
         self._node.remove()

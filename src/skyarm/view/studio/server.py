@@ -1,4 +1,4 @@
-"""viser behind a guard: requests are looked at before it answers.
+"""viser server behind an access check of every request.
 
 viser takes every page's websocket; it is given a socket of the loopback that is bound already, and the websocket of a
 page of its own alone.
@@ -25,11 +25,11 @@ QUIET = "websockets.server"
 
 
 class StudioError(ValueError):
-    """The studio cannot be opened: one line."""
+    """Error if the studio cannot be opened, with a one-line message."""
 
 
 def require_viser() -> None:
-    """Raise unless the optional library is there.
+    """Raise an error unless viser is installed.
 
     Raises:
         StudioError: names the extra.
@@ -41,7 +41,7 @@ def require_viser() -> None:
 
 
 def listening_socket(port: int) -> socket.socket:
-    """A socket on this machine's loopback; port 0 takes a free one.
+    """Open a listening socket on loopback; port 0 takes a free one.
 
     Raises:
         StudioError: the port is taken.
@@ -61,7 +61,7 @@ def listening_socket(port: int) -> socket.socket:
 
 
 def open_server(listening: socket.socket, guard: Guard, title: str) -> Any:
-    """A viser server at a socket, behind a guard.
+    """Start a viser server on a socket, with access check.
 
     Args:
         listening: bound.
@@ -78,14 +78,14 @@ def open_server(listening: socket.socket, guard: Guard, title: str) -> Any:
 
 
 def close_server(server: Any) -> None:
-    """Stop a server silently."""
+    """Stop a server without printed output."""
     with _silent():
         server.stop()
 
 
 @contextlib.contextmanager
 def _serving(module: Any, listening: socket.socket, guard: Guard) -> Iterator[None]:
-    """While it lasts, a websocket server is made at our socket and behind our guard."""
+    """Context manager that makes viser's websocket server use our socket and access check."""
     plain = module.serve
 
     def serve(handler: Callable[[Any], Any], _host: str, _port: int, **options: Any) -> Any:
@@ -117,7 +117,7 @@ def _serving(module: Any, listening: socket.socket, guard: Guard) -> Iterator[No
 
 @contextlib.contextmanager
 def _silent() -> Iterator[None]:
-    """viser prints a table when it starts and a line when it stops."""
+    """Context manager that suppresses what viser prints at start and stop."""
     with contextlib.redirect_stdout(io.StringIO()):
         yield
 
@@ -130,7 +130,7 @@ MOST_BYTES = 1 << 20
 
 @dataclass(frozen=True, slots=True)
 class Guard:
-    """Rules of one server.
+    """Access check of a server: host, origin and token of every request.
 
     Attributes:
         port: of the loopback that it listens at. token: that every request must bear.
@@ -141,11 +141,11 @@ class Guard:
 
     @property
     def cookie(self) -> str:
-        """Name of the cookie: browsers do not separate cookies by port."""
+        """Name of the cookie, with the port, since browsers do not separate cookies by port."""
         return f"skyarm_studio_{self.port}"
 
     def refusal(self, path: str, headers: Mapping[str, str], *, websocket: bool) -> str | None:
-        """Why a request is refused, in words; None where it may pass.
+        """Text of the reason to refuse a request; None if it is allowed.
 
         Args:
             path: with its query.
@@ -174,9 +174,9 @@ class Guard:
         return any(hmac.compare_digest(each.encode(), self.token.encode()) for each in given)
 
     def remember(self) -> str:
-        """The header that lets a browser keep the token: no script reads it, no other site's page sends it."""
+        """``Set-Cookie`` value that stores the token, unreadable for scripts and for this site only."""
         return f"{self.cookie}={self.token}; Path=/; HttpOnly; SameSite=Strict"
 
     def address(self) -> str:
-        """Address for the user's browser."""
+        """Address to open in the user's browser, with the token."""
         return f"http://{LOOPBACK[0]}:{self.port}/?token={self.token}"

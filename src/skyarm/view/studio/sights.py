@@ -1,4 +1,4 @@
-"""Quantities of a flight at one instant, as its picture and its plots show them: poses, errors, efforts and forces."""
+"""Quantities of a flight at one instant for picture and plots: poses, errors, efforts, forces."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Sight:
-    """Quantities of one instant.
+    """Plotted quantities of a flight at one instant.
 
     Attributes:
         tick: control periods flown. time: s.
@@ -50,13 +50,13 @@ class Sight:
 
     @property
     def contact(self) -> float:
-        """Sum of all normal forces on the vehicle, N."""
+        """Sum of all normal contact forces on the vehicle, N."""
         return sum(each.normal for each in self.touching)
 
 
 @dataclass(frozen=True, slots=True)
 class Touching:
-    """Contact of one surface with one point.
+    """Contact of one surface with one point of the vehicle.
 
     Attributes:
         surface: its name. normal: N.
@@ -70,7 +70,7 @@ class Touching:
 
 
 def sight(session: Session) -> Sight:
-    """Quantities of a session now."""
+    """Current quantities of a simulation session."""
     scenario, now, time = session.scenario, session.now, session.time
     vehicle, state = scenario.plant.vehicle, now.state
     placed = place(vehicle, tuple(state.position), tuple(state.quaternion), state.joints)
@@ -95,7 +95,7 @@ def sight(session: Session) -> Sight:
 
 
 def touching(components: Sequence[Any], memories: Sequence[Any], motion: PointMotion) -> tuple[Touching, ...]:
-    """Force of every surface on every point now.
+    """Current contact forces of every surface on every point.
 
     Args:
         components: of the scenario, with their memories.
@@ -114,12 +114,12 @@ def touching(components: Sequence[Any], memories: Sequence[Any], motion: PointMo
 
 
 def goal_of(vehicle: Vehicle, reference: Reference) -> Placed:
-    """Desired poses of the bodies: level, at the desired position, heading and joints."""
+    """Desired poses of the bodies: level base at desired position and heading, desired joints."""
     half = 0.5 * float(reference.yaw)
     return place(vehicle, tuple(reference.position), (math.cos(half), 0.0, 0.0, math.sin(half)), reference.joints)
 
 
 def _efforts(vehicle: Vehicle, setpoints: Sequence[Any]) -> tuple[float, ...]:
-    """Shares of the joints' limits that setpoints take; a joint without a limit shows its N m or N."""
+    """Joint effort setpoints as shares of their limits; in N m or N for a joint without a limit."""
     limits = [float(link.joint.effort_limit) for link in vehicle.links]
     return tuple(float(u) / m if m and math.isfinite(m) else float(u) for u, m in zip(setpoints, limits, strict=True))
