@@ -1,4 +1,4 @@
-"""Arguments that commands share: their types, the names that a shell completes, and checks of their values."""
+"""Command line arguments shared by several commands: types, shell completion and checks."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SUFFIXES = {"vehicle": (".toml", ".urdf"), "scenario": (".toml", ".npz"), "study
 
 
 def shipped_names(kind: str) -> Iterable[str]:
-    """Names of the library of a kind: vehicle, scenario, study or controller."""
+    """Names of the shipped vehicles, scenarios, studies or controllers."""
     if kind == "vehicle":
         from skyarm.vehicle.vehicle_files import list_vehicles
 
@@ -42,7 +42,7 @@ def shipped_names(kind: str) -> Iterable[str]:
 
 
 def name_completion(*kinds: str) -> Callable[[str], list[str]]:
-    """The function that completes a name: those of the library and files of the present folder."""
+    """Shell completion function for shipped names and files in the current folder."""
 
     def complete(incomplete: str) -> list[str]:
         suffixes = [suffix for kind in kinds for suffix in SUFFIXES[kind]]
@@ -83,7 +83,7 @@ Controller = Annotated[
 
 
 def workers(value: int) -> int:
-    """Number of threads or processes of ``--workers``; 0 takes every core that this process may use.
+    """Number of worker threads or processes of ``--workers``; 0 means all cores available to this process.
 
     Raises:
         ValueError: one line.
@@ -94,7 +94,7 @@ def workers(value: int) -> int:
 
 
 def require_within(option: str, value: int, low: int, high: float = float("inf")) -> None:
-    """Refuse a whole number out of its bounds.
+    """Raise an error if a whole number is out of its bounds.
 
     Raises:
         ValueError: one line.
@@ -105,7 +105,7 @@ def require_within(option: str, value: int, low: int, high: float = float("inf")
 
 
 def require_left_out(context: typer.Context, options: Iterable[str], why: str) -> None:
-    """Refuse options that are on the command line, their usual values too, where they would have no effect.
+    """Raise an error if options without effect are on the command line, even with their default values.
 
     Raises:
         ValueError: one line: the first of them, and why.
@@ -118,7 +118,7 @@ def require_left_out(context: typer.Context, options: Iterable[str], why: str) -
 
 
 def split_names(option: str, words: str, *, of: str = "") -> list[str]:
-    """Names of a comma-separated list.
+    """Split a comma-separated list of names.
 
     Raises:
         ValueError: none at all.
@@ -130,12 +130,12 @@ def split_names(option: str, words: str, *, of: str = "") -> list[str]:
 
 
 def words_of(options: Sequence[str] | None) -> list[str] | None:
-    """Words of an option that may be repeated, and may hold several with commas."""
+    """Values of an option that may be repeated, and may hold several values separated by commas."""
     return None if options is None else [word for each in options for word in each.split(",") if word]
 
 
 def chosen_names(option: str, words: str | None, there: Collection[str]) -> tuple[str, ...]:
-    """Names of a list, each once, in the order of ``there``; all where there is no list.
+    """Names of a list, each once, in the order of ``there``; all of ``there`` without a list.
 
     Raises:
         ValueError: a name that is not there, or is named twice.
@@ -152,7 +152,7 @@ def chosen_names(option: str, words: str | None, there: Collection[str]) -> tupl
 
 
 def is_scenario(name: str) -> bool:
-    """True if a name is that of a shipped scenario, of a log, or of a file that describes a scenario.
+    """True if a name is that of a shipped scenario, a log, or a scenario file.
 
     All else is read as a vehicle, whose reader says what is wrong with a file that nobody can read.
     """
@@ -162,7 +162,7 @@ def is_scenario(name: str) -> bool:
 
 
 def kind_of_file(name: str) -> str:
-    """Kind of a TOML file by its tables; empty for any other name."""
+    """Kind of a TOML file by its tables; empty for any other file."""
     if not name.endswith(".toml") or unreadable(Path(name)):
         return ""
     try:
@@ -172,7 +172,7 @@ def kind_of_file(name: str) -> str:
 
 
 def require_not_another(name: str, wanted: str) -> None:
-    """Refuse the name of a shipped thing of another kind, or a vehicle's model in place of another input.
+    """Raise an error for the name of a shipped object of another kind, or a vehicle file given as another input.
 
     Args:
         name: as it was given; of files other than models nothing is said here.

@@ -1,4 +1,4 @@
-"""``skyarm check``: whether a vehicle can fly, and why not."""
+"""Command ``skyarm check``: whether a vehicle can fly, and why not."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def check(
 
 
 def _sheet(found: Assessment) -> list[RenderableType]:
-    """Alarms with what to change, then notes, then all other answers in short."""
+    """Text of a check: alarms with remedies, then notes, then the other results in short."""
     load = f", with {found.payload:g} kg at the tip" if found.payload else ""
     vehicle = f" ({found.vehicle.name})" if found.vehicle.name != found.name else ""
     parts: list[RenderableType] = [heading(f"{found.name}{vehicle}, g = {found.gravity:g} m/s^2{load}")]
@@ -78,13 +78,13 @@ def _sheet(found: Assessment) -> list[RenderableType]:
 
 
 def _in_short(each: Finding) -> str:
-    """A question with its number; without one that is rounding, or none."""
+    """Short text of a result with its number; without the number if it is a rounding error or missing."""
     found = _number(each.value, each)
     return each.question if found.split(" ")[0] in ("-", "0") else f"{each.question} {found}"
 
 
 def _rows(findings: Iterable[Finding]) -> RenderableType:
-    """A table of findings: level, question, answer."""
+    """Table of findings: level, question, answer."""
     table = Table(box=None, pad_edge=False, show_header=False)
     for each in findings:
         cells = Text(printable(each.question)), Text(printable(each.text), overflow="fold")
@@ -93,5 +93,5 @@ def _rows(findings: Iterable[Finding]) -> RenderableType:
 
 
 def _number(value: float, finding: Finding) -> str:
-    """A number with its unit; a dash where there is none."""
+    """Text of a number with its unit; a dash if it is missing."""
     return "-" if math.isnan(value) else f"{shown_number(value)} {finding.unit}".rstrip()

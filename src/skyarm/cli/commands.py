@@ -1,4 +1,4 @@
-"""The command line as a whole: its commands, and how a line of words is performed.
+"""Command line program: list of commands, and execution of a command line.
 
 Wrong input gives one line on standard error and exit code 2, never a traceback. Only the module of the command that is
 called is loaded.
@@ -84,10 +84,10 @@ def top(
 
 
 class Grouped(TyperGroup):
-    """The commands in sections."""
+    """Group of commands whose help lists them in sections."""
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """Write each section with its commands."""
+        """Write each section of the help with its commands."""
         others = [name for name in self.commands if name not in COMMANDS]
         for title, names in {**GROUPS, "Plugins": others}.items():
             if names:
@@ -96,7 +96,7 @@ class Grouped(TyperGroup):
 
 
 def program(words: Sequence[str]) -> typer.Typer:
-    """The program for a line of words: the command that they name, the others as names and titles, those of plugins."""
+    """Build the program for a command line: loads only the named command, and adds those of plugins."""
     made = typer.Typer(
         name="skyarm",
         cls=Grouped,
@@ -118,7 +118,7 @@ def program(words: Sequence[str]) -> typer.Typer:
 
 
 def perform() -> int:
-    """Carry out the command line's words; wrong input becomes one line. Returns the exit code."""
+    """Execute a command line and return its exit code; wrong input is reported on one line."""
     usual, warnings.showwarning = warnings.showwarning, say_warning
     try:
         with _lines_for_users():
@@ -147,7 +147,7 @@ def perform() -> int:
 
 
 def without_plugins(arguments: Sequence[str]) -> list[str]:
-    """Load each ``--plugin FILE.py`` and each law FILE.py:make; the arguments that are left for the command.
+    """Load each ``--plugin FILE.py`` and each law FILE.py:make; return the remaining arguments.
 
     Raises:
         RegistryError: one of them cannot be loaded.
@@ -171,7 +171,7 @@ def without_plugins(arguments: Sequence[str]) -> list[str]:
 
 
 def _bad_usage(error: Any) -> str:
-    """Fault in the words of a command; of an option's value also the value, which typer leaves out."""
+    """Message for an error in command line usage, with the value of an option where typer leaves it out."""
     refused, parameter = getattr(error.__cause__, "errors", None), getattr(error, "param", None)
     if refused is None or parameter is None:
         return str(error.format_message()).rstrip(".")
@@ -181,14 +181,14 @@ def _bad_usage(error: Any) -> str:
 
 
 def _command() -> str:
-    """The command with the wrong words, as typed."""
+    """Command as typed, for a usage error."""
     names = {*COMMANDS, *registrations("command")}
     return " ".join(["skyarm", *[word for word in sys.argv[1:] if word in names][:1]])
 
 
 @contextmanager
 def _lines_for_users() -> Iterator[None]:
-    """Show warnings for users as one line each, as errors are; others look as Python shows them.
+    """Context that shows warnings for users on one line each; others keep Python's format.
 
     That a flight is slow is said at once. Old names are said at the end, so that wrong input stays one line.
     """
@@ -213,7 +213,7 @@ def _lines_for_users() -> Iterator[None]:
 
 
 def _refusal(error: Exception) -> str:
-    """The line of an error that is no fault of the library: wrong input, a file, machine code that cannot be made.
+    """One-line message for an error in input, files or compilation, as opposed to a bug of the library.
 
     Raises:
         Exception: the error itself, where it is a fault.
@@ -229,7 +229,7 @@ def _refusal(error: Exception) -> str:
 
 
 def _in_users_code(error: BaseException) -> str:
-    """An error of a user's code, with its file and line; empty for any other."""
+    """Message for an error in user code, with its file and line; empty for any other error."""
     from skyarm.records.files.user_code import own_failure
     from skyarm.records.registry.plugins import loaded_plugins
 

@@ -1,4 +1,4 @@
-"""``skyarm compare``: laws side by side, on a suite or on a scenario."""
+"""Command ``skyarm compare``: compare control laws on a suite or a scenario."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ def compare(
 
 
 def _require_effect(context: typer.Context, suite: str) -> None:
-    """Refuse options that this comparison does not read."""
+    """Raise an error if options without effect on this comparison are given."""
     kind = suite if suite in (SUITE, ENVELOPE, CONTACT) else "a scenario"
     for option, readers in READ_BY.items():
         if kind not in readers:
@@ -128,7 +128,7 @@ def _require_effect(context: typer.Context, suite: str) -> None:
 
 
 def _fly(suite: Suite[Any], out: str, threads: int) -> None:
-    """Fly what is missing of a suite's folder; one that was made here is gone where it is refused.
+    """Run the missing flights of a suite and print its report; a folder created here is removed on failure.
 
     Raises:
         ValueError, OSError: one line.
@@ -149,7 +149,7 @@ def _fly(suite: Suite[Any], out: str, threads: int) -> None:
 
 
 def _entrants(words: str | None) -> dict[str, Entrant]:
-    """Entrants of a comma-separated list, users' laws among them; all of the suite if there is no list."""
+    """Laws of a comma-separated list, including user-written ones, as entrants of a suite; all without a list."""
     if words is None:
         return dict(ENTRANTS)
     names = split_names("--laws", words, of=f" of {', '.join(ENTRANTS)}")
@@ -165,7 +165,7 @@ def _entrants(words: str | None) -> dict[str, Entrant]:
 
 
 def _laws(words: str | None, usual: tuple[str, ...], own: Collection[str] = ()) -> tuple[str, ...]:
-    """Controllers by name, each once; ``own`` are names of the suite alone."""
+    """Law names of a comma-separated list, checked; ``own`` are additional names of the suite."""
     names = usual if words is None else split_names("--laws", words)
     require_different(names, "--laws")
     for name in names:

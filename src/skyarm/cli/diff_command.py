@@ -1,4 +1,4 @@
-"""``skyarm diff``: two logs compared, or a log with its flight flown again."""
+"""Command ``skyarm diff``: compare two logs, or a log with a repeated flight."""
 
 from __future__ import annotations
 
@@ -78,12 +78,12 @@ def diff(
 
 
 def _metrics(log: Log) -> dict[str, float]:
-    """Metrics of a log; none of one that is too short for any."""
+    """Metrics of a log; empty if it is too short for any."""
     return score(log, ("standard", f"standard{CONTINUOUS}", "tilt_max", "rotor_jitter")) if log.time.size else {}
 
 
 def _say_versions(a: Log, b: Log) -> None:
-    """Say which versions wrote two logs where they differ: bits may differ for that."""
+    """Report the versions that wrote two logs if they differ: results may then differ in bits."""
     ours, theirs = (log.info.get("versions") or {} for log in (a, b))
     other = [name for name in {**ours, **theirs} if ours.get(name) != theirs.get(name)]
     if other:
@@ -92,7 +92,7 @@ def _say_versions(a: Log, b: Log) -> None:
 
 
 def _difference_lines(found: LogDifferences, labels: tuple[str, str], tolerance: float) -> list[str]:
-    """First divergence, and the largest difference of each quantity."""
+    """Lines on the first divergence and the largest difference of each quantity."""
     both, first, second = found.instants
     within = f" within {tolerance:g}" if tolerance else ""
     lines = []
@@ -116,7 +116,7 @@ def _difference_lines(found: LogDifferences, labels: tuple[str, str], tolerance:
 
 
 def _scenario_lines(found: dict[str, tuple[object, object]], laws: list[str]) -> list[str]:
-    """Fields of the scenarios that differ; two different laws are listed by name, without their constants."""
+    """Lines on differing scenario fields; two different laws are listed by name, without their constants."""
     lines = ["the scenarios differ in"] if found else []
     if any(path.startswith("controller.law.") for path in found):
         lines.append("  controller: " + " and ".join(map(shown, laws)))

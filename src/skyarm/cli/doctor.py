@@ -1,4 +1,4 @@
-"""``skyarm doctor``: the installation and the cache of machine code.
+"""Command ``skyarm doctor``: checks of the installation and the machine code cache.
 
 Code of others (machine code, MuJoCo, OpenGL, JAX) is tried in a process of its own: a library that crashes there is a
 line here.
@@ -55,7 +55,7 @@ TRIALS: dict[str, tuple[str, str, bool]] = {
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Part:
-    """A part of the installation: its state, what was found, what to do, and whether flights need it."""
+    """Result of a check of one part of the installation: state, finding, remedy, and necessity for flights."""
 
     name: str
     state: str
@@ -93,7 +93,7 @@ def doctor(
 
 
 def examine() -> list[Part]:
-    """Everything, in the order in which it is shown; nothing here raises."""
+    """Check all parts of the installation, in the order of display; raises no error."""
     from skyarm import __version__
 
     wanted = {name: trial for name, trial in TRIALS.items() if trial[0] != JAX or installed_versions(["jax"])}
@@ -121,7 +121,7 @@ def _libraries() -> list[Part]:
 
 
 def works(parts: list[Part]) -> bool:
-    """True if all that flights need works."""
+    """True if every part that flights need works."""
     return all(part.state == WORKS for part in parts if part.needed)
 
 
@@ -129,7 +129,7 @@ REQUIREMENT = re.compile(r"^([A-Za-z0-9._-]+).*extra == ['\"]([A-Za-z0-9._-]+)['
 
 
 def extras() -> dict[str, list[str]]:
-    """Extra -> the packages that it brings, from the metadata of this installation."""
+    """Packages of each extra, from the metadata of this installation."""
     try:
         lines = metadata.requires("skyarm") or []
     except metadata.PackageNotFoundError:
@@ -153,7 +153,7 @@ def _extras() -> list[Part]:
 
 
 def _cache() -> Part:
-    """True if machine code is cached between runs."""
+    """Check that compiled machine code can be cached between runs."""
     reason, folder = unused_reason(), cache_folder()
     if reason:
         return Part(name="cache of code", state=BROKEN, found=reason, remedy="set SKYARM_CACHE to a folder of your own")
@@ -163,7 +163,7 @@ def _cache() -> Part:
 
 
 def _try_program(name: str, program: str, remedy: str, needed: bool) -> Part:
-    """Result of a program in a process of its own."""
+    """Run a small program in a separate process and report if it works."""
     try:
         done = subprocess.run(
             [sys.executable, "-c", program],

@@ -1,4 +1,4 @@
-"""``skyarm export``: a log in another format, a control law as C, a vehicle as a model for MuJoCo."""
+"""Command ``skyarm export``: convert a log, write a control law as C, or a vehicle as a MuJoCo model."""
 
 from __future__ import annotations
 

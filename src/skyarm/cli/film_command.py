@@ -1,4 +1,4 @@
-"""``skyarm film``: flights as a film, or as a recording for a viewer from any side."""
+"""Command ``skyarm film``: flights as a film, or as a recording for a 3-D viewer."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def film(
 
 
 def _require_renderer(*, recorded: bool) -> None:
-    """Refuse, before anything is flown, where nothing can be drawn."""
+    """Raise an error, before any flight, if nothing can be drawn on this machine."""
     if recorded:
         import_viser()
     else:
@@ -101,7 +101,7 @@ def _require_renderer(*, recorded: bool) -> None:
 
 
 def _logs(flights: Sequence[str], controllers: Sequence[str] | None, settings: FilmSettings) -> list[Log]:
-    """The logs that are named, and those of the scenarios that are flown."""
+    """Load the named logs, and run the named scenarios."""
     laws: Sequence[str | None] = words_of(controllers) or [None]
     found = []
     for name in flights:
@@ -115,12 +115,12 @@ def _logs(flights: Sequence[str], controllers: Sequence[str] | None, settings: F
 
 
 def _is_flown(name: str) -> bool:
-    """True if a word names a scenario, which is flown, and no log."""
+    """True if a name is that of a scenario to be flown, not of a log."""
     return Path(name).suffix in ("", ".toml") or name in list_scenarios()
 
 
 def _fly(name: str, law: str | None, stop: float | None) -> Log:
-    """Fly a scenario, no longer than it is filmed."""
+    """Simulate a scenario for the duration of the film."""
     planned = load_scenario(name, controller=law)
     if stop is not None and stop < planned.duration:
         planned = load_scenario(name, controller=law, duration=stop)

@@ -1,4 +1,4 @@
-"""Lines on standard error: warnings and errors, with nothing in them that a terminal would obey. Loads little."""
+"""Warnings and errors as lines on standard error, without terminal control characters."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ MOST_WARNINGS = 8
 
 
 def say(message: str, code: int = 0) -> int:
-    """One line on standard error, the only way there; returns the exit code."""
+    """Write one line to standard error; returns the exit code."""
     with contextlib.suppress(OSError):  # the terminal may be gone
         print(f"skyarm: {printable(' '.join(message.split()))}", file=sys.stderr, flush=True)
     return code
 
 
 def say_unlikely(name: str, lines: Sequence[str]) -> None:
-    """Warn of numbers that are probably in other units; nothing is refused."""
+    """Warn of numbers that are probably in other units."""
     for line in lines[:MOST_WARNINGS]:
         say(f"warning: {name}: {line}")
     if len(lines) > MOST_WARNINGS:
@@ -36,12 +36,12 @@ def say_unlikely(name: str, lines: Sequence[str]) -> None:
 
 
 def say_suspicious(scenario: Scenario) -> None:
-    """Warn, before a scenario flies, of numbers that are probably in other units."""
+    """Warn, before a flight, of a scenario's numbers that are probably in other units."""
     from skyarm.scenario.unlikely_numbers import unlikely_numbers
 
     say_unlikely(scenario.name, unlikely_numbers(scenario))
 
 
 def say_warning(message: Warning | str, category: type[Warning], *_where: object, **_more: object) -> None:
-    """A warning as one line, in place of Python's two that show where in the source it arose."""
+    """Write a warning on one line, without Python's source location."""
     say(f"{'warning' if issubclass(category, RuntimeWarning | UserWarning) else category.__name__}: {message}")

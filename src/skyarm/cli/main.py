@@ -1,4 +1,4 @@
-"""Entry point of the command line. Light, so that a signal that comes while libraries load ends with a line too."""
+"""Entry point of the command line; imports little, so that signals are handled while libraries load."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ WORDS = {"SIGINT": "interrupted", "SIGTERM": "ended (SIGTERM)", "SIGHUP": "ended
 
 
 def main() -> None:
-    """Carry out a command: 0 done, 2 wrong input, 3 a flight not completed, 128 + n ended by signal n."""
+    """Execute a command; exit code 0 done, 2 wrong input, 3 flight not completed, 128 + n ended by signal n."""
     gc.set_threshold(PATIENCE)
     for name in BLAS_THREADS:  # read when NumPy loads; what the user has set stays
         os.environ.setdefault(name, "1")
@@ -57,12 +57,12 @@ def main() -> None:
 
 
 class Ended(BaseException):
-    """A signal to end this process. Not an Exception: no handler on the way catches it."""
+    """Exception for a termination signal; not a subclass of Exception, so that no handler catches it."""
 
 
 @contextmanager
 def endings() -> Iterator[list[signal.Signals]]:
-    """Raise Ended at the signals of ``WORDS``; yields the list of those that came.
+    """Context that raises Ended at the signals of ``WORDS``; yields the list of received signals.
 
     What the caller ignores (``nohup`` ignores HUP) stays ignored.
     """
@@ -73,7 +73,7 @@ def endings() -> Iterator[list[signal.Signals]]:
         raise Ended
 
     def unraisable(lost: Any) -> None:
-        """After a signal, what libraries find half torn down is no news."""
+        """Suppress messages of libraries that are interrupted by a signal."""
         if not came:
             dropped(lost)
 

@@ -1,4 +1,4 @@
-"""``skyarm margins``: the loop linearised."""
+"""Command ``skyarm margins``: eigenvalues and stability margins of the linearised closed loop."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def margins(
 
 
 def _prepare(scenario: str, controller: str | None, *, safety: bool) -> Record:
-    """A scenario with another controller on its own model and clocks, with the safety layer on request.
+    """Scenario with another controller for its own model and clocks, with the safety layer on request.
 
     Raises:
         ValueError: one line.
@@ -124,7 +124,7 @@ def _prepare(scenario: str, controller: str | None, *, safety: bool) -> Record:
 
 
 def _row(each: Instant) -> tuple[str, ...]:
-    """Cells of an instant."""
+    """Table row of the margins at one instant."""
     rates = [s for m in each.by_lag.values() for s in m.s]
     return (
         "hover" if each.hover else f"{each.time:.2f} s",
@@ -137,7 +137,7 @@ def _row(each: Instant) -> tuple[str, ...]:
 
 
 def _factor(value: float) -> str:
-    """A factor in at most four characters: a range of two fits its column."""
+    """Text of a factor in at most four characters, so that a range of two fits its column."""
     if math.isinf(value):
         return "none"
     return f"{value:.0f}" if value >= 99.95 else f"{value:.1f}" if value >= 9.995 else f"{value:.2f}"
@@ -148,12 +148,12 @@ def _number(value: float) -> str:
 
 
 def _plugins() -> dict[str, object]:
-    """Plugins and files of laws that took part, by name and digest; empty without any."""
+    """Digests of the plugins and law files in use, by name; empty without any."""
     return {"plugins": identities()} if identities() else {}
 
 
 def loop_rows(found: Evidence, *, every: bool) -> list[tuple[str, ...]]:
-    """Rows of the table of disk margins, its head first.
+    """Table of disk margins with its header.
 
     Args:
         found: evidence of :func:`skyarm.studies.stability.along.evidence`.
@@ -172,7 +172,7 @@ def loop_rows(found: Evidence, *, every: bool) -> list[tuple[str, ...]]:
 
 
 def _smallest(found: Iterable[LoopMargin]) -> dict[str, LoopMargin]:
-    """The margin with the smallest disk of each loop, by name."""
+    """Smallest disk margin of each loop, by the loop's name."""
     least: dict[str, LoopMargin] = {}
     for each in found:
         if each.name not in least or each.disk < least[each.name].disk:
@@ -202,7 +202,7 @@ CAPTION = (
 
 
 def margins_page(found: Evidence, loci: Sequence[Locus]) -> str:
-    """HTML of margins: Nyquist diagrams in hover and every loop, one file that needs nothing else.
+    """Self-contained HTML page of margins: Nyquist diagrams in hover, and a table of every loop.
 
     Args:
         found: of :func:`skyarm.studies.stability.along.evidence`.

@@ -1,4 +1,4 @@
-"""``skyarm new``: commented files to begin with, which fly as they are."""
+"""Command ``skyarm new``: commented starter files, which fly without changes."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def new(
 
 
 def write_starter(kind: str, name: str, folder: Path) -> list[Path]:
-    """Write the files of a kind under a name into a folder; all of them, or none.
+    """Write all starter files of a kind with a given name into a folder, or none on failure.
 
     Raises:
         ValueError: one line: no such kind, no name for files of this kind, or a file that is there already.

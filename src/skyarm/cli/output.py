@@ -1,4 +1,4 @@
-"""Output of every command: lines, tables and progress for people, or one JSON document (``--json``), or nothing.
+"""Output of every command: text with tables and progress, one JSON document (``--json``), or nothing.
 
 ``--json`` and ``--quiet`` are options of every command (:func:`with_output_options`), which hands its result to
 :func:`give`. The document's first keys are the same for all commands; docs/command_line.md lists the others.
@@ -52,14 +52,14 @@ Advance = Callable[..., None]
 
 
 class Terminal(Console):
-    """A console on which names from files are text and nothing else.
+    """Console that prints names from files as plain text, without markup or control characters.
 
     Every text is printed with its control characters written out, at the last place before styles and the terminal's
     own commands are added, so that no command can forget it.
     """
 
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
-        """Render as a console does, with printable text."""
+        """Render text after removing control characters."""
         for segment in super().render(renderable, options):
             if segment.control or segment.text.isprintable():
                 yield segment
@@ -67,7 +67,7 @@ class Terminal(Console):
                 yield Segment("\n".join(map(printable, segment.text.split("\n"))), segment.style)
 
     def out(self, *objects: Any, **options: Any) -> None:
-        """Refuse a way past :meth:`render`."""
+        """Raise an error for output that bypasses :meth:`render`."""
         raise NotImplementedError("Terminal.out: print")
 
 
@@ -77,23 +77,23 @@ console = Terminal(**PLAIN)
 
 
 def tell(*lines: RenderableType) -> None:
-    """Print lines, which never wrap, and tables on standard output."""
+    """Print lines (never wrapped) and tables to standard output."""
     for line in lines:
         console.print(line, soft_wrap=isinstance(line, (str, Text)))
 
 
 def heading(text: str) -> Text:
-    """A line in bold."""
+    """Line of bold text."""
     return Text(printable(text), style="bold")
 
 
 def shown_number(value: float, digits: int = 3) -> str:
-    """Significant digits; rounding errors of zero as 0."""
+    """Number with a few significant digits; rounding errors of zero become 0."""
     return "0" if abs(value) < NOTHING else f"{value:.{digits}g}"
 
 
 def table_of(columns: Sequence[str], rows: Iterable[Sequence[str]], *, left: int = 1, title: str = "") -> Group:
-    """An open table whose first ``left`` columns hold words and whose others hold numbers, behind its title."""
+    """Table with a title, whose first ``left`` columns hold text and whose others hold numbers."""
     table = Table(box=None, pad_edge=False, show_header=any(columns), header_style="dim")
     for i, column in enumerate(columns):
         table.add_column(Text(column), justify="left" if i < left else "right", overflow="fold")
@@ -103,7 +103,7 @@ def table_of(columns: Sequence[str], rows: Iterable[Sequence[str]], *, left: int
 
 
 def aligned_lines(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Rows as lines that never wrap or lose digits, however narrow the terminal: first column left, others right."""
+    """Align rows in columns, first column left, others right, without wrapping or truncation."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return [
         " ".join(
@@ -116,7 +116,7 @@ def aligned_lines(rows: Sequence[Sequence[str]]) -> list[str]:
 
 @dataclass
 class _Asked:
-    """Options of the command that runs, and its result so far."""
+    """Output options of the running command, and its result so far."""
 
     as_json: bool = False
     quiet: bool = False
@@ -128,17 +128,17 @@ _asked: ContextVar[_Asked] = ContextVar("asked")
 
 
 def give(result: Mapping[str, Any] | None = None, **more: Any) -> None:
-    """Add to the document of ``--json``: plain values, arrays, paths; what is not finite becomes null."""
+    """Add results to the ``--json`` document: plain values, arrays, paths; non-finite numbers become null."""
     _asked.get(_Asked()).result |= {**(result or {}), **more}
 
 
 def is_document_wanted() -> bool:
-    """True if the result will be printed as a document, for results that are slow to compute."""
+    """True if the result will be printed as JSON; saves slow computations otherwise."""
     return _asked.get(_Asked()).as_json
 
 
 def with_output_options(name: str, function: Callable[..., Any]) -> Callable[..., Any]:
-    """The function of a command with ``--json`` and ``--quiet`` beside its own options."""
+    """Decorator that adds the options ``--json`` and ``--quiet`` to a command."""
     signature = inspect.signature(function, eval_str=True)
     own = list(signature.parameters.values())
     added = [
@@ -159,7 +159,7 @@ def with_output_options(name: str, function: Callable[..., Any]) -> Callable[...
 
 @contextmanager
 def _output(name: str, asked: _Asked) -> Iterator[None]:
-    """Run a command; discard its text output in JSON and quiet mode."""
+    """Run a command; its text output is discarded with ``--json`` or ``--quiet``."""
     before = _asked.set(asked)
     try:
         if not (asked.as_json or asked.quiet):
@@ -186,17 +186,17 @@ def _output(name: str, asked: _Asked) -> Iterator[None]:
 
 
 def json_text(document: Mapping[str, Any], first: Iterable[str] = ()) -> str:
-    """Text of a document: strict JSON, with some keys before the others."""
+    """Text of a document as strict JSON, with some keys first."""
     return json.dumps(plain({**dict.fromkeys(first), **document}), indent=1, allow_nan=False) + "\n"
 
 
 def write_json(file: Path, document: Mapping[str, Any]) -> Path:
-    """Write a document as JSON, whole or not at all."""
+    """Write a document as a JSON file, atomically."""
     return write_atomically(file, json_text(document).encode())
 
 
 def plain(value: Any) -> Any:
-    """A value as JSON has it: a record by its fields, null for what is not finite, lists for tuples and arrays."""
+    """Convert a value for JSON: records by their fields, lists for tuples and arrays, null if not finite."""
     if is_dataclass(value) and not isinstance(value, type):
         return {each.name: plain(getattr(value, each.name)) for each in fields(value)}
     if isinstance(value, complex):
@@ -214,7 +214,7 @@ def plain(value: Any) -> Any:
 
 @contextmanager
 def bar(title: str, pause: float = PAUSE) -> Iterator[Advance]:
-    """Progress of work over a second: yields the function (done, total, last) that moves it.
+    """Progress bar for work of more than a second; yields the function (done, total, last) that updates it.
 
     A bar where the console writes, or on standard error where only that is a terminal. Without a terminal a plain line
     on standard error, at most one in ``pause`` s, so that a log file shows that something goes on. Nothing with
@@ -262,6 +262,6 @@ def bar(title: str, pause: float = PAUSE) -> Iterator[Advance]:
 
 @contextmanager
 def waiting(title: str, pause: float = PAUSE) -> Iterator[Callable[[str], None]]:
-    """Progress of work whose steps cannot be counted: yields the function that names the present one."""
+    """Progress display for steps that cannot be counted; yields the function that sets the step's name."""
     with bar(title, pause) as advance:
         yield lambda at: advance(last=at)

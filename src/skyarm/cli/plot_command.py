@@ -1,4 +1,4 @@
-"""``skyarm plot``: pictures of flights, and of a sweep's metrics."""
+"""Command ``skyarm plot``: pictures of flights and of a sweep's metrics."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def plot(
 
 
 def _logs_by_label(names: Sequence[str]) -> dict[str, Log]:
-    """Logs by their labels: that of NAME=FILE, or one that distinguishes the flights."""
+    """Logs by their labels: the name in NAME=FILE, or a generated unique label."""
     given = []
     for name in names:
         label, equals, path = name.partition("=")

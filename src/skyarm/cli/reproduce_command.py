@@ -1,4 +1,4 @@
-"""``skyarm reproduce``: the paper flown."""
+"""Command ``skyarm reproduce``: repeat the flights of the paper."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def reproduce(
 
 
 def _headline(results: dict[str, Any]) -> Any:
-    """A dozen numbers of the paper beside ours."""
+    """Main numbers of the paper next to those computed here."""
     from skyarm.paper.flights import first_plant
     from skyarm.paper.published import digits, percent, published_number
     from skyarm.scenario.scenario_record import PLANTS

@@ -1,4 +1,4 @@
-"""``skyarm run``: fly a scenario, write its log, print a summary."""
+"""Command ``skyarm run``: fly a scenario, write its log, print a summary."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ def log_files(names: Sequence[str]) -> list[Path]:
 
 @contextmanager
 def earlier_kept(files: Sequence[Path]) -> Iterator[list[Path]]:
-    """Rename files that are there while new ones are written: NAME.npz to NAME_1.npz, or the first free number.
+    """Context that renames existing files while new ones are written: NAME.npz to NAME_1.npz, or the next free number.
 
     The newest flight has the plain name, so that what reads it need not search. Links and devices stay: they are
     written through. Where the writing fails, the files get their names back. Yields the numbered names.
@@ -158,7 +158,7 @@ MOST_NAMED = 3
 
 
 def facts(log: Log) -> dict[str, Any]:
-    """Summary of a flight as plain data: how it ended, its errors, thrust, contacts, grasps and phases."""
+    """Summary of a flight as plain data: status, errors, thrust, contacts, grasps and phases."""
     info = log.info
     named = ("scenario", "controller", "plant", "integrator", "seed", "duration", "end_time", "status", "cause")
     found = {name: info[name] for name in named} | {"vehicle": info["plant_vehicle"]}
@@ -195,7 +195,7 @@ def facts(log: Log) -> dict[str, Any]:
 
 
 def error_norms(log: Log) -> dict[str, Array]:
-    """Position, joints and tip, as far as a vehicle has them -> (N,) norm of the error, continuous reference."""
+    """Norms (N,) of the errors in position, joints and tip against the continuous reference, by name."""
     pairs = {"position": (log.position, log.position_reference)}
     if log.joints.shape[1]:
         pairs["joints"] = log.joints, log.joints_reference
@@ -205,7 +205,7 @@ def error_norms(log: Log) -> dict[str, Array]:
 
 
 def _peak_thrust(log: Log) -> float | None:
-    """Largest thrust of a rotor over its highest; None where no rotor has a limit."""
+    """Highest ratio of a rotor's thrust to its maximum; None if no rotor has a limit."""
     vehicle = restored_part(log.info, "agent", "plant", "vehicle")
     rotors = () if vehicle is None else vehicle.rotors
     pairs = zip(rotors, log.rotor_speeds.max(axis=0), strict=False)
@@ -213,7 +213,7 @@ def _peak_thrust(log: Log) -> float | None:
 
 
 def _contacts(log: Log) -> list[dict[str, Any]]:
-    """Each pair that touched: time of the first touch, s, how often contact was lost, largest normal force, N."""
+    """Contacts of each pair: time of first touch (s), number of contact losses, largest normal force (N)."""
     pairs: dict[tuple[str, str], list[ContactPeriod]] = {}
     for period in log.contact_periods:
         pairs.setdefault((period.surface, period.point), []).append(period)
@@ -230,7 +230,7 @@ def _contacts(log: Log) -> list[dict[str, Any]]:
 
 
 def _mechanisms(log: Log) -> list[dict[str, Any]]:
-    """Each mechanism: its coordinate at first, at its furthest from there, and at the end, with the unit."""
+    """Coordinate of each mechanism: at the start, at its largest displacement and at the end, with the unit."""
     rows = [each for each in columns(log) if each.array == f"{COMPONENTS}.mechanism_position"]
     found = []
     for name, column in zip(component_labels(log, "mechanism_position"), rows, strict=True):
@@ -241,7 +241,7 @@ def _mechanisms(log: Log) -> list[dict[str, Any]]:
 
 
 def summary(log: Log, found: dict[str, Any]) -> list[RenderableType]:
-    """The facts as lines and a table: how it ended, errors, thrust, then what is not of every flight."""
+    """Text of a flight's summary: status, errors and thrust, then events that only some flights have."""
     end, duration = (f"{found[name]:g} s" for name in ("end_time", "duration"))
     title = f"{found['scenario']}: {log.status}, {end}" + (f" of {duration}" if end != duration else "")
     lines: list[RenderableType] = [
@@ -265,7 +265,7 @@ def summary(log: Log, found: dict[str, Any]) -> list[RenderableType]:
 
 
 def sentences(found: dict[str, Any]) -> list[str]:
-    """Facts that are not of every flight, in words: estimated lags, contacts, mechanisms, grasps, phases."""
+    """Sentences on estimated lags, contacts, mechanisms, grasps and phases of a flight."""
     lines = []
     if "lag_found_s" in found:
         rotors, joints = 1e3 * found["lag_found_s"]
@@ -292,7 +292,7 @@ def sentences(found: dict[str, Any]) -> list[str]:
 
 
 def _flight_words(log: Log) -> str:
-    """Law, plant, integrator, seed and plugins of a flight in words."""
+    """Texts for law, plant, integrator, seed and plugins of a flight."""
     info = log.info
     line = f"law {info['controller']} on {info['plant_vehicle']}, plant {info['plant']} ({info['integrator']}), seed "
     line += str(info["seed"])

@@ -1,4 +1,4 @@
-"""``skyarm show``: the library by name, or the numbers of a vehicle with their units."""
+"""Command ``skyarm show``: list the library, or show a vehicle's numbers with their units."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def show(
 
 
 def _draw(name: str, file: str) -> None:
-    """Draw a vehicle, all labelled."""
+    """Draw a vehicle with labels."""
     from skyarm.records.files.names import picture_file
     from skyarm.view.figures.style import save_picture
     from skyarm.view.figures.vehicle_drawing import vehicle_drawing
@@ -91,7 +91,7 @@ def _draw(name: str, file: str) -> None:
 
 
 def contents() -> dict[str, Any]:
-    """Vehicles, scenarios, studies and controllers of the library, as plain data."""
+    """Names of the shipped vehicles, scenarios, studies and controllers, as plain data."""
     vehicles = {name: load_vehicle(name) for name in list_vehicles()}
     # a study's title alone: reading the study would read its scenario, too
     studies = {name: read_toml((STUDIES / f"{name}.toml").read_bytes()) for name in list_studies()}
@@ -130,7 +130,7 @@ def _show_library() -> None:
 
 
 def vehicle_facts(vehicle: Vehicle, gravity: float) -> dict[str, Any]:
-    """Mass, centre of mass, hover, reach and static efforts, and the vehicle's record.
+    """Facts of a vehicle: mass, centre of mass, hover, reach, static efforts, and its complete record.
 
     Raises:
         AllocationError: the rotors cannot be mixed.
@@ -179,7 +179,7 @@ def vehicle_facts(vehicle: Vehicle, gravity: float) -> dict[str, Any]:
 
 
 def record_facts(record: Any) -> dict[str, Any]:
-    """Fields of a record of numbers, vectors, words and such records, as plain data."""
+    """Fields of a record as plain data."""
     return {name: _plain(getattr(record, name)) for name in field_names(record) or ()}
 
 
@@ -203,7 +203,7 @@ def _hover(vehicle: Vehicle, gravity: float) -> dict[str, Any]:
 
 
 def _sheet(vehicle: Vehicle, known: Mapping[str, Any]) -> list[RenderableType]:
-    """The vehicle as a whole, its parts with their declared units, notes on its file, sources."""
+    """Text of a vehicle: totals, parts with their units, notes on its file, and sources."""
     sections: dict[str, dict[str, Any]] = {
         "joints": {link.joint.name: link.joint for link in vehicle.links},
         "drives: what the joints take in place of a torque": {each.name: each.drive for each in vehicle.drives},
@@ -229,7 +229,7 @@ APART = ("name", "tilt")
 
 
 def _tables(title: str, records: Mapping[str, Any]) -> Iterator[RenderableType]:
-    """Records of a class as rows, a column for each field in which they differ; then the fields that all share."""
+    """Table of records of one class: a column for each differing field, then the fields with equal values."""
     kind = type(next(iter(records.values())))
     differ: dict[str, list[str]] = {}
     shared: dict[str, str] = {}
@@ -249,7 +249,7 @@ def _tables(title: str, records: Mapping[str, Any]) -> Iterator[RenderableType]:
 
 
 def _cell(value: Any) -> str:
-    """Numbers of a field; a limit that there is not is "none"."""
+    """Table cell of a field's numbers; "none" for an infinite limit."""
     if isinstance(value, str):
         return value
     numbers = [float(each) for _, each in walk(value) if each is not None and not isinstance(each, str)]
@@ -257,7 +257,7 @@ def _cell(value: Any) -> str:
 
 
 def _whole(vehicle: Vehicle, known: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Rows about the vehicle as a whole."""
+    """Table rows on the vehicle's totals."""
     yield "mass", f"{shown_number(known['mass_kg'], 5)} kg"
     yield "centre of mass from base origin", ", ".join(shown_number(1e3 * c) for c in known["centre_of_mass_m"]) + " mm"
     if vehicle.planar:

@@ -1,4 +1,4 @@
-"""``skyarm studio``: a page on this machine with a vehicle that flies live."""
+"""Command ``skyarm studio``: interactive simulation of a vehicle on a local web page."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def studio(
 
 @contextmanager
 def _ended_by(page: Page) -> Iterator[None]:
-    """While it lasts, Ctrl-C and TERM end the page's loop, between two pictures."""
+    """Context in which Ctrl-C and TERM end the page's loop between two pictures."""
     usual = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     for number in usual:
         signal.signal(number, lambda *_: page.stop())

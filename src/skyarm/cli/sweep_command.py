@@ -1,4 +1,4 @@
-"""``skyarm sweep``: a study's episodes, and statistics of them."""
+"""Command ``skyarm sweep``: episodes of a study and their statistics."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def sweep(
 
 
 def _fly(study: str, controllers: list[str] | None, out: str | None, threads: int, part: str | None) -> None:
-    """Fly what is missing of a study's rows."""
+    """Run the missing episodes of a study."""
     from skyarm.scenario.unlikely_numbers import unlikely_numbers
     from skyarm.studies.sweep import load_study, run_sweep
 
@@ -106,7 +106,7 @@ def _fly(study: str, controllers: list[str] | None, out: str | None, threads: in
 
 
 def _sum_up(folder: str, out: str | None, success: list[str] | None, paths: tuple[str, str] | None) -> None:
-    """Write statistics of a sweep's rows."""
+    """Write statistics of a sweep's episodes."""
     from skyarm.studies.sweep.maps import robustness_maps
     from skyarm.studies.sweep.stats import Rows, parse_limits, statistics
     from skyarm.studies.sweep.study_page import page, summary
@@ -124,7 +124,7 @@ def _sum_up(folder: str, out: str | None, success: list[str] | None, paths: tupl
 
 
 def _drawn(maps: Sequence[RobustnessMap]) -> Pictures:
-    """Pictures of robustness maps, and the share of each that is the same everywhere."""
+    """Pictures of robustness maps; for a map that is constant its value instead."""
     from skyarm.studies.sweep.study_page import Pictures
     from skyarm.view.figures.study_figures import robustness_figure
     from skyarm.view.figures.style import image_bytes

@@ -1,4 +1,4 @@
-"""``skyarm tune``: gains of a law for a vehicle."""
+"""Command ``skyarm tune``: gains of a control law for a vehicle."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def tune(
 
 @dataclass(frozen=True, kw_only=True)
 class Wanted:
-    """Scenario of a tuning, words of its law in a file, gains that a file gave it, the law's label."""
+    """Inputs of a tuning: scenario, options and initial gains of the law, and the law's label."""
 
     scenario: Scenario
     has_motion: bool
@@ -119,7 +119,7 @@ class Wanted:
 
 
 def wanted_of(target: str, controller: str | None) -> Wanted:
-    """Scenario or vehicle by its name or file, with a law in place of its own.
+    """Inputs of a tuning for a scenario or vehicle given by name or file, optionally with another law.
 
     Raises:
         ValueError: one line.
@@ -153,7 +153,7 @@ def wanted_of(target: str, controller: str | None) -> Wanted:
 
 
 def _is_vehicle(target: str) -> bool:
-    """True if a name or file is that of a vehicle; a scenario's name comes first."""
+    """True if a name or file denotes a vehicle; a scenario of the same name takes precedence."""
     if target in shipped_names("scenario"):
         return False
     models = (".urdf", ".xacro", ".xml")
@@ -161,7 +161,7 @@ def _is_vehicle(target: str) -> bool:
 
 
 def _tell_front(found: Tuning, seconds: float) -> None:
-    """Print the front, then the pick and the starts on plants and a path kept aside."""
+    """Print the Pareto front, then the selected gains and the initial ones on held-out plants and a held-out path."""
     from skyarm.studies.tune.tune_page import error_words
     from skyarm.studies.tune.tuning import ASIDE
 
@@ -193,7 +193,7 @@ def _tell_front(found: Tuning, seconds: float) -> None:
 
 
 def _margins(margins: LoopMargins) -> tuple[str, str, str]:
-    """Delay and factors in cells; dashes where there are none."""
+    """Table cells of delay and gain margins; dashes if they are missing."""
     if margins.why_none:
         return "-", "-", "-"
     rotors, joints = ("-".join(f"{k:.2f}" for k in pair) for pair in (margins.rotors, margins.joints))

@@ -1,4 +1,4 @@
-"""Environments for learning, in the conventions of Gymnasium 1.x (the extra ``gym``), as fast as the engine."""
+"""Reinforcement learning environments with the interface of Gymnasium 1.x (the extra ``gym``)."""
 
 from skyarm.envs.action_kinds import ACTIONS, Actions, RatesAndThrust, References, Residual, RotorsAndJoints
 from skyarm.envs.observed_quantities import (

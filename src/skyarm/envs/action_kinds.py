@@ -1,4 +1,4 @@
-"""Kinds of actions: records that turn numbers in [-1, 1] into the command of a period."""
+"""Kinds of actions: conversion of numbers in [-1, 1] to the vehicle's command of a control period."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Decide = Callable[[Any, Measurement, Reference], tuple[Any, Command]]
 
 
 class Turn(NamedTuple):
-    """Inputs of an action kind in a control period.
+    """Inputs for converting an action to a command in one control period.
 
     Attributes:
         memory: of the law, ``()`` where it is not used. measurement: of the period. reference: of the law for it.
@@ -43,7 +43,7 @@ class Turn(NamedTuple):
 
     @property
     def model(self) -> Model:
-        """The model of the scenario's law."""
+        """Vehicle model of the scenario's law."""
         found: Model = self.par.model
         return found
 
@@ -75,7 +75,7 @@ class Actions:
         return len(vehicle.rotors) + vehicle.n
 
     def command(self, action: tuple[Scalar, ...], now: Turn) -> tuple[Any, Command]:
-        """The law's memory and the command of a period, over any scalar.
+        """Updated memory of the law and the command of a control period.
 
         Args:
             action: (size,) numbers in [-1, 1].
@@ -84,15 +84,15 @@ class Actions:
         raise NotImplementedError(f"{type(self).__name__} must say its command")
 
     def efforts(self, action: tuple[Scalar, ...], now: Turn) -> tuple[Scalar, ...]:
-        """Setpoints of the joints from the last numbers of an action."""
+        """Joint setpoints from the last components of an action."""
         return tuple(middle + a * half for a, (middle, half) in self._spans(action, now))
 
     def effort_increments(self, action: tuple[Scalar, ...], now: Turn) -> tuple[Scalar, ...]:
-        """Increments of the joint setpoints from the last numbers of an action."""
+        """Joint setpoint increments from the last components of an action."""
         return tuple(a * half for a, (_, half) in self._spans(action, now))
 
     def _spans(self, action: tuple[Scalar, ...], now: Turn) -> list[tuple[Any, tuple[Scalar, Scalar]]]:
-        """For each joint the action's number, the setpoint at no action, and what a full action adds."""
+        """For each joint: the action's component, the setpoint at zero action, and the change at full action."""
         links = now.model.vehicle.links
         spans = [self._span(link.joint, each) for link, each in zip(links, now.told, strict=True)]
         return list(zip(action[len(action) - len(links) :], spans, strict=True))
@@ -108,7 +108,7 @@ class Actions:
 
 @dataclass(frozen=True, kw_only=True)
 class RotorsAndJoints(Actions):
-    """Speeds of the rotors about hover, then setpoints of the joints.
+    """Action: rotor speeds relative to hover, then joint setpoints.
 
     Attributes:
         span: share of the model's hover speed that a full action adds or subtracts.
@@ -117,14 +117,14 @@ class RotorsAndJoints(Actions):
     span: Annotated[float, Unit("", "share of the hover speed", low=0.0, strict=True)] = 0.2
 
     def command(self, action: tuple[Scalar, ...], now: Turn) -> tuple[Any, Command]:
-        """Hover speed plus the action's share of it, within what the rotors can turn."""
+        """Command with hover speeds plus scaled actions, clipped to the rotors' speed range."""
         speeds = tuple(w * (1.0 + self.span * a) for w, a in zip(_hover(now.model), action, strict=False))
         return now.memory, within_limits(now, speeds, self.efforts(action, now))
 
 
 @dataclass(frozen=True, kw_only=True)
 class RatesAndThrust(Actions):
-    """Body rates (x, y, z) and thrust, by a rate controller on the model's inertia and mixer; then the joints.
+    """Action: body rates (x, y, z) and thrust, tracked by a rate controller with the model's mixer; then the joints.
 
     Attributes:
         rate: rad/s at full action. thrust: share of the weight that a full action adds or takes.
@@ -136,11 +136,11 @@ class RatesAndThrust(Actions):
     bandwidth: Annotated[float, Unit("1/s", low=0.0, strict=True)] = 20.0
 
     def size(self, vehicle: Vehicle) -> int:
-        """Three rates, thrust, the joints."""
+        """Number of components: three rates, thrust, and one for each joint."""
         return 4 + vehicle.n
 
     def command(self, action: tuple[Scalar, ...], now: Turn) -> tuple[Any, Command]:
-        """Torque J (desired rate - rate) bandwidth, thrust about the weight, mixed."""
+        """Command of a rate controller: torque J (desired rate - rate) bandwidth, thrust around the weight, mixed."""
         model = now.model
         missing = Vec3(*(self.rate * a for a in action[:3])) - now.measurement.rate
         torque = model.vehicle.base.inertia.apply(missing * self.bandwidth)
@@ -154,7 +154,7 @@ class RatesAndThrust(Actions):
 
 @dataclass(frozen=True, kw_only=True)
 class References(Actions):
-    """Displacements of the law's reference: of the base (x, y, z), then of the joints.
+    """Action: displacements of the law's reference, of the base (x, y, z), then of the joints.
 
     Attributes:
         position: m at full action, world axes. angle: rad or m of a joint at full action.
@@ -166,11 +166,11 @@ class References(Actions):
     asks_law = True
 
     def size(self, vehicle: Vehicle) -> int:
-        """Three, and the joints."""
+        """Number of components: three for the base, and one for each joint."""
         return 3 + vehicle.n
 
     def command(self, action: tuple[Scalar, ...], now: Turn) -> tuple[Any, Command]:
-        """The law's command for the displaced reference; its derivatives stay."""
+        """Command of the law for the displaced reference, whose derivatives are unchanged."""
         reference = now.reference
         position = reference.position + Vec3(*(self.position * a for a in action[:3]))
         joints = tuple(q + self.angle * a for q, a in zip(reference.joints, action[3:], strict=True))
@@ -181,7 +181,7 @@ class References(Actions):
 
 @dataclass(frozen=True, kw_only=True)
 class Residual(Actions):
-    """Correction of the law's command: of the rotors' speeds, then of the joints' setpoints.
+    """Action: correction of the law's command, of rotor speeds, then of joint setpoints.
 
     A law that remembers its command receives the command that was sent.
 
@@ -194,7 +194,7 @@ class Residual(Actions):
     asks_law = True
 
     def command(self, action: tuple[Scalar, ...], now: Turn) -> tuple[Any, Command]:
-        """The law's command plus the action's, within what rotors and joints can do."""
+        """Command of the law plus the action's correction, within the limits of rotors and joints."""
         following, own = now.law(now.memory, now.measurement, now.reference)
         pairs = zip(own.rotor_speeds, _hover(now.model), action, strict=False)
         speeds = tuple(w + self.span * hover * a for w, hover, a in pairs)
@@ -213,7 +213,7 @@ ACTIONS: dict[str, type[Actions]] = {
 
 
 def middle_and_half(lower: Scalar, upper: Scalar) -> tuple[Scalar, Scalar]:
-    """Middle and half of a joint's range; an end that is missing stands as far off as without a range."""
+    """Centre and half width of a joint's range; a missing limit gets a default distance."""
     if _free(-lower) and _free(upper):
         return 0.0, USUAL_EFFORT
     low = upper - 2.0 * USUAL_EFFORT if _free(-lower) else lower
@@ -222,7 +222,7 @@ def middle_and_half(lower: Scalar, upper: Scalar) -> tuple[Scalar, Scalar]:
 
 
 def within_limits(now: Turn, speeds: tuple[Scalar, ...], efforts: tuple[Scalar, ...]) -> Command:
-    """A command within the rotors' speeds and the joints' efforts; setpoints of drives pass as they are."""
+    """Command clipped to the rotors' speeds and the joints' efforts; drive setpoints are not clipped."""
     vehicle = now.model.vehicle
     turned = tuple(clip(w, 0.0, rotor.max_speed) for w, rotor in zip(speeds, vehicle.rotors, strict=True))
     rows = zip(efforts, vehicle.links, now.told, strict=True)
@@ -234,7 +234,7 @@ def within_limits(now: Turn, speeds: tuple[Scalar, ...], efforts: tuple[Scalar, 
 
 
 def _as_kept(memory: Any, sent: Command) -> Command:
-    """A command as a law's memory keeps it: without angles of rotors that tilt, where the law has none."""
+    """Command in the form of a law's memory: without tilt angles if the law stores none."""
     kept = getattr(memory, "sent", None)
     newest = kept[-1] if isinstance(kept, tuple) and kept else kept
     return sent if getattr(newest, "tilts", ()) else dataclasses.replace(sent, tilts=())

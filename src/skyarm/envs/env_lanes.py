@@ -1,4 +1,4 @@
-"""Initial data of episodes, computed ahead for many at once: random numbers, initial states and observations."""
+"""Initial data of many episodes, precomputed in batches: random numbers, initial states and observations."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ AHEAD = 8192
 
 
 class EpisodeStarts:
-    """The beginnings of the episodes of many lanes: pure functions of a lane's seed and of the episode's number.
+    """Initial data of the episodes of many lanes: pure functions of a lane's seed and the episode number.
 
     A lane that ends must begin again between two steps that take some microseconds; what it begins with lies ready.
 
@@ -58,13 +58,13 @@ class EpisodeStarts:
             self._table[:, :, 0] = self._compute(np.zeros(1, dtype=np.uint64), np.zeros(1, dtype=np.int64))
 
     def seed(self, lanes: Array, seeds: Array) -> None:
-        """Give lanes other seeds; their episodes are numbered from 0 again."""
+        """Assign new seeds to lanes and restart their episode numbers at 0."""
         self._seeds[lanes] = seeds
         # as far as could be from any episode that is asked for: made when it is
         self._first[lanes] = -(2**40)
 
     def take(self, lanes: Array, episodes: Array) -> Array:
-        """(numbers, lanes): of each lane and its episode the randomised numbers, the state, the observation."""
+        """Randomised numbers, initial state and observation of an episode in each lane, (numbers, lanes)."""
         if not self.varies:
             return self._table[:, np.zeros(len(lanes), dtype=np.intp), 0]
         at = episodes - self._first[lanes]
@@ -75,14 +75,14 @@ class EpisodeStarts:
         return self._table[:, lanes, at]
 
     def _fill(self, lanes: Array, episodes: Array) -> None:
-        """Make episodes of these lanes from these numbers on."""
+        """Compute and store the initial data of some lanes for several episodes, from the given numbers on."""
         self._first[lanes] = episodes
         numbers = (episodes[:, None] + np.arange(self._depth)).ravel()
         columns = self._compute(np.repeat(self._seeds[lanes], self._depth), numbers)
         self._table[:, lanes] = columns.reshape(len(columns), len(lanes), self._depth)
 
     def _compute(self, seeds: Array, episodes: Array) -> Array:
-        """The same, computed."""
+        """Compute the initial data of episodes with the given seeds and numbers."""
         program, keys = self._program, seeds
         columns = program.task.randomised.draw(keys, episodes)
         # numbers are what 32 bits hold of them, where that is what the code flies
@@ -100,17 +100,17 @@ class EpisodeStarts:
 
     @property
     def state(self) -> slice:
-        """Rows of the state."""
+        """Row indices of the initial state."""
         return slice(len(self._program.paths), len(self._program.paths) + self._program.loop.carry)
 
     @property
     def observation(self) -> slice:
-        """Rows of the observation."""
+        """Row indices of the initial observation."""
         return slice(self.state.stop, len(self._table))
 
 
 class EnvLanes:
-    """Episodes of a task side by side. A lane's episodes depend on its seed alone, not on the other lanes.
+    """Parallel episodes of a task. A lane's episodes depend on its seed alone, not on the other lanes.
 
     Args:
         task: what is flown. lanes: how many. threads: most that work.
@@ -150,13 +150,13 @@ class EnvLanes:
         self.reseed(self._every, np.zeros(lanes, dtype=np.uint64))
 
     def reseed(self, lanes: Array, seeds: Array) -> None:
-        """Begin episode 0 of these lanes under other seeds."""
+        """Start episode 0 of some lanes with new seeds."""
         self.seeds[lanes] = seeds
         self._starts.seed(lanes, seeds)
         self._begin(lanes, np.zeros(len(lanes), dtype=np.int64))
 
     def begin(self, lanes: Array) -> None:
-        """Begin the next episode of these lanes."""
+        """Start the next episode of some lanes."""
         self._begin(lanes, self.episodes[lanes] + 1)
 
     def _begin(self, lanes: Array, episodes: Array) -> None:
@@ -176,7 +176,7 @@ class EnvLanes:
         self._stepper.fill()
 
     def act(self, actions: Array) -> None:
-        """Take the actions of the next step, (lanes, numbers).
+        """Set the actions of the next step, (lanes, numbers).
 
         Raises:
             ScenarioError: another shape, no numbers, or numbers that are not finite; nothing is taken then.
@@ -190,20 +190,20 @@ class EnvLanes:
         np.clip(found.T, -1.0, 1.0, out=held)  # a larger one than 32 bits hold counts as the bound, too
 
     def step(self) -> bool:
-        """Fly one control period in every lane; returns whether an episode is over in any of them."""
+        """Simulate one control period in every lane; returns true if an episode has ended in any of them."""
         self._stepper.step()
         np.greater(self.ending, 0.5, out=self.ended)
         np.greater(self._truncated, 0.5, out=self.truncated)
         return bool(self.ended.any() or self.truncated.any())
 
     def numbers(self) -> dict[str, Array]:
-        """Path -> (lanes,) randomised numbers that the lanes fly with."""
+        """Randomised numbers of the lanes' present episodes by path, (lanes,) each."""
         return {path: row.copy() for path, row in zip(self.program.paths, self._numbers, strict=True)}
 
     def lane_scenario(self, lane: int) -> Scenario:
-        """The scenario with the numbers that were drawn for a lane's episode."""
+        """Scenario with the randomised numbers of a lane's episode."""
         return with_numbers(self.task.scenario, {path: float(row[lane]) for path, row in self.numbers().items()})
 
     def close(self) -> None:
-        """End the threads."""
+        """Stop the worker threads."""
         self._stepper.close()

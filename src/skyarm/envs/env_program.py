@@ -1,4 +1,4 @@
-"""One step of an environment as a traced program: action in, observation, reward and endings out.
+"""Traced program of one environment step: action in; observation, reward and termination out.
 
 A control period of the loop (:mod:`skyarm.simulate.period`) begins with what is measured and ends with the plant. An
 environment's step is cut elsewhere: it takes an action for what was measured before, flies the plant, and measures
@@ -42,7 +42,7 @@ LARGEST = 1e6
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class EnvState:
-    """State of an environment from one step to the next.
+    """State of an environment between two steps.
 
     Attributes:
         loop: state of the closed loop; sensors, estimator and components stand in the period that comes next.
@@ -57,7 +57,7 @@ class EnvState:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Outcome:
-    """Result of a step.
+    """Result of an environment step.
 
     Attributes:
         observation: numbers. reward: number. truncated: 1 where the scenario's duration is over, and no ending came.
@@ -72,7 +72,7 @@ class Outcome:
 
 
 class EnvProgram:
-    """The step of a task and the state that its episodes begin with.
+    """Step function of a task, and the initial state of its episodes.
 
     Args:
         task: what is flown. loops: keep repetitions as loops, for machine code; JAX wants them written out.
@@ -110,7 +110,7 @@ class EnvProgram:
     def start(
         self, numbers: Sequence[Scalar], draws: Sequence[Scalar], started: Sequence[Sequence[Scalar]] | None = None
     ) -> tuple[EnvState, tuple[Scalar, ...]]:
-        """State and observation that an episode begins with.
+        """Initial state and observation of an episode.
 
         Args:
             numbers: of the randomised paths.
@@ -125,7 +125,7 @@ class EnvProgram:
     def _begin(
         self, numbers: Sequence[Scalar], draws: Sequence[Scalar], started: Any
     ) -> tuple[LoopState, Any, Reference]:
-        """Loop, measurement and the law's reference in the first period of an episode."""
+        """Initial loop state, measurement and reference of an episode."""
         stages = Stages(self._lane_scenario(numbers))
         first = first_loop_state(stages.scenario, started)
         if not self.task.actions.asks_law:
@@ -134,7 +134,7 @@ class EnvProgram:
         return (*self._measure_next(stages, first, row, draws), stages.law_reference(row))
 
     def step(self, now: EnvState, values: Any, _fed: Any, draws: Sequence[Scalar]) -> tuple[EnvState, Outcome]:
-        """Fly one control period by an action, and measure."""
+        """Simulate one control period with an action, and compute observation and reward."""
         numbers, given = values
         stages = Stages(self._lane_scenario(numbers))
         action = tuple(clip(a, -1.0, 1.0) for a in given)
@@ -183,13 +183,13 @@ class EnvProgram:
         return with_numbers(self.task.scenario, dict(zip(self.paths, numbers, strict=True)))
 
     def _goal(self, scenario: Scenario, ticks: Scalar) -> Vec3:
-        """Position of the held reference after a period; after the last one that of before, as in a single run."""
+        """Position of the held reference after a period; in the last period it does not change."""
         last = float(self.task.scenario.steps - 1)
         position: Vec3 = own_row(scenario, where(ticks > last, last, ticks)).reference.position
         return position
 
     def _decide(self, stages: Stages, now: EnvState, row: Row, action: tuple[Scalar, ...]) -> Any:
-        """The law's memory and the command of an action."""
+        """Updated memory of the law, and the command for an action."""
         values = iter(leaves(self._measurement))
         known = dict(zip(self._kept, now.seen, strict=True))
         measurement = rebuild(self._measurement, iter([known.get(i, old) for i, old in enumerate(values)]))
@@ -200,7 +200,7 @@ class EnvProgram:
         return memory, with_rest(stages.scenario.plant.vehicle, command)
 
     def _measure_next(self, stages: Stages, now: LoopState, row: Row, draws: Any) -> tuple[LoopState, Any]:
-        """Surroundings and sensors of the period that comes next."""
+        """Update surroundings and sensors for the next period."""
         found = measure(stages, RigidBodySteps(stages, self._plant.substeps), now, row, draws)
         memories = {"components": found.components, "sensors": found.read.sensors, "estimate": found.read.estimate}
         return dataclasses.replace(now, **memories), found.read.measurement
@@ -216,7 +216,7 @@ class EnvProgram:
         return observation_of(self.task, Sight(measurement=measurement, reference=told, action=action, model=model))
 
     def _ending(self, scenario: Scenario, state: State, goal: Vec3, sent: Scalar) -> Scalar:
-        """Number of the first ending that has come, 0 while none has."""
+        """Index of the first termination condition that is met; 0 if none is."""
         endings = endings_of(scenario)
         found = where(sent > 0.5, 0.0, float(len(endings) + 1))
         for index in range(len(endings), 0, -1):
@@ -227,10 +227,10 @@ class EnvProgram:
 
 
 def observation_of(task: Task, sight: Sight) -> tuple[Scalar, ...]:
-    """The numbers of an observation, all of them finite."""
+    """Numbers of an observation, all of them finite."""
     return tuple(_finite(number) for each in task.observation for number in each.numbers(sight))
 
 
 def _finite(value: Scalar) -> Scalar:
-    """Within the largest number; 0 for NaN, whose comparisons are all false."""
+    """Number clipped to the largest finite value; 0 for NaN."""
     return where(absolute(value) <= LARGEST, value, where(value > 0.0, LARGEST, where(value < 0.0, -LARGEST, 0.0)))

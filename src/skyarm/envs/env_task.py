@@ -1,4 +1,4 @@
-"""A task: a scenario with what its actions mean, what is observed and rewarded, and which of its numbers vary."""
+"""Learning task: a scenario with its actions, observations, rewards and randomised numbers."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ PRECISIONS = ("single", "double", "bit_exact")
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
-    """A task fixes an environment up to its seed.
+    """Complete definition of an environment apart from its seed.
 
     Attributes:
         scenario: what is flown; its law is asked where the actions build on it.
@@ -44,7 +44,7 @@ class Task:
 
     @property
     def told(self) -> tuple[bool, ...]:
-        """True for each joint that takes setpoints of a drive."""
+        """For each joint, true if it is commanded by setpoints of a drive."""
         return self.scenario.commands_setpoints
 
 
@@ -59,7 +59,7 @@ def make_task(
     duration: float | None = None,
     precision: str = "single",
 ) -> Task:
-    """Make a task, everything that it is given looked at first.
+    """Make a task after checks of all arguments.
 
     Args:
         scenario: record, name or path of a file.
@@ -103,7 +103,7 @@ def make_task(
 
 
 def _scenario(given: Any, controller: str | None, duration: float | None) -> Scenario:
-    """The scenario, which must be one that batches fly."""
+    """Load and check the scenario, which must be suitable for batches."""
     if isinstance(given, Scenario):
         if controller is not None:
             raise ScenarioError(f"controller = {shown(controller)}: must be left out with a scenario that is a record")
@@ -120,7 +120,7 @@ def _scenario(given: Any, controller: str | None, duration: float | None) -> Sce
 
 
 def _record_of(field: str, given: Any, known: Mapping[str, Any], kind: type) -> Any:
-    """A record as it is, or the record of a name."""
+    """Return a record unchanged, or create the record of a registered name."""
     if isinstance(given, kind):
         return given
     if isinstance(given, str) and given in known:
@@ -129,14 +129,14 @@ def _record_of(field: str, given: Any, known: Mapping[str, Any], kind: type) -> 
 
 
 def _several(field: str, given: Any, known: Mapping[str, Any], kind: type) -> tuple[Any, ...]:
-    """A tuple of records or names."""
+    """Convert a list of records or names to a tuple of records."""
     if isinstance(given, (str, Mapping)) or not isinstance(given, Iterable):
         raise ScenarioError(f"{field} = {shown(given)}: must be a list of names or records {kind.__name__}")
     return tuple(_record_of(f"{field}[{i}]", each, known, kind) for i, each in enumerate(given))
 
 
 def require_open(call: str, *, closed: bool) -> None:
-    """Refuse a call of a closed environment.
+    """Raise an error if an environment is closed.
 
     Raises:
         ScenarioError: one line with the call.
@@ -150,7 +150,7 @@ KEYS = 2**32
 
 
 def seed_of(seed: Any, field: str = "seed") -> int:
-    """A whole number that is not negative, as a key.
+    """Convert a nonnegative whole number to a random key.
 
     Raises:
         ScenarioError: it is none.
@@ -161,7 +161,7 @@ def seed_of(seed: Any, field: str = "seed") -> int:
 
 
 def seeds_of(seed: int | Sequence[int | None] | None, lanes: int) -> list[int | None]:
-    """The seed of each lane: seed + k of lane k, the k-th of a list, or None.
+    """Seed of each lane: seed + k of lane k, the k-th of a list, or None.
 
     Raises:
         ScenarioError: no such seed, or a list of another length.

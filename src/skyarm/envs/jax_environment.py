@@ -1,4 +1,4 @@
-"""An environment as pure functions in JAX, in the conventions of gymnax: the native environment's programs on arrays.
+"""Environment of pure JAX functions with the interface of gymnax; it runs the native environment's programs.
 
 Both fly the program of :class:`skyarm.envs.env_program.EnvProgram`, and draw the same numbers: lane ``reset(key)`` with
 ``jax.random.PRNGKey(s)`` flies what the native environment flies after ``reset(seed=s)``, to rounding.
@@ -61,7 +61,7 @@ class JaxState:
 
 
 class JaxEnvironment:
-    """Pure functions ``reset`` and ``step`` of one episode; ``jax.vmap`` makes them those of many.
+    """Pure functions ``reset`` and ``step`` of one episode; ``jax.vmap`` vectorizes them.
 
     An episode depends on the key of its reset and on its number alone. The key that a step is given, as is usual, is
     not used: noise and what the next episode begins with follow from the key of the reset.
@@ -101,7 +101,7 @@ class JaxEnvironment:
         self._stepped, self._began = jax.jit(self._one_step), jax.jit(self._first)
 
     def reset(self, key: Any, params: Any) -> tuple[Any, JaxState]:
-        """Begin episode 0 of a key.
+        """Start episode 0 for a random key.
 
         Args:
             key: of ``jax.random``.
@@ -113,7 +113,7 @@ class JaxEnvironment:
         return self._began(_words(key), jnp.uint32(0), self._numbers(params))  # type: ignore[no-any-return]
 
     def step(self, key: Any, state: JaxState, action: Any, params: Any) -> StepResult:
-        """Fly one control period; where the episode is over, begin its lane's next one.
+        """Simulate one control period; when the episode has ended, start the next one.
 
         Args:
             key: not used.
@@ -131,7 +131,7 @@ class JaxEnvironment:
         return lax.select(done, fresh, observed), following, reward, done, {**info, "final_obs": observed}
 
     def step_env(self, key: Any, state: JaxState, action: Any, params: Any) -> StepResult:
-        """Fly one control period, as :meth:`step` does, without a reset; steps after an end are undefined."""
+        """Simulate one control period as :meth:`step` does, without a reset; undefined after the end of an episode."""
         del key
         given = jnp.asarray(action, self.dtype)
         if given.shape != (self.action_size,):
@@ -145,12 +145,12 @@ class JaxEnvironment:
         return observed, after, reward, terminated | truncated, info
 
     def plant_state(self, state: JaxState) -> State:
-        """The plant's state, a record of JAX scalars: the truth, which no observation holds."""
+        """True state of the plant as a record of JAX scalars, for analysis."""
         now: Any = rebuild(self._program.first, iter(state.carry))
         return now.loop.state  # type: ignore[no-any-return]
 
     def _numbers(self, params: Any) -> tuple[Scalar, ...]:
-        """The numbers of the params.
+        """Numbers of ``params`` in the order of the environment's paths, after checks.
 
         Raises:
             ScenarioError: other paths than those of the environment, or something else than one number.
@@ -171,7 +171,7 @@ class JaxEnvironment:
         return tuple(found[: loop.carry]), jnp.stack(observed), reward, truncated, ending
 
     def _first(self, words: Any, episode: Any, numbers: tuple[Any, ...]) -> tuple[Any, JaxState]:
-        """Observation and state that an episode begins with."""
+        """Observation and state at the start of an episode."""
 
         def draw(period: int, channels: Any) -> list[Any]:
             return uniforms(words[::-1], episode, jnp.uint32(period), channels, self.dtype)
@@ -208,12 +208,12 @@ QUANTILES: dict[type, Callable[[Any, Any], Any]] = {
 
 
 def quantile(distribution: Any, unit: Any) -> Scalar:
-    """Value of a distribution at a number uniform in (0, 1), a JAX scalar."""
+    """Quantile function of a distribution: its value for a number uniform in (0, 1), a JAX scalar."""
     return jnp.asarray(QUANTILES[type(distribution)](distribution, unit), unit.dtype)
 
 
 def _words(key: Any) -> Any:
-    """High and low word of a key, old style or new."""
+    """High and low 32-bit word of a JAX key, typed or legacy."""
     if isinstance(key, jax.Array) and jnp.issubdtype(key.dtype, jax.dtypes.prng_key):
         key = jax.random.key_data(key)
     words = jnp.asarray(key)

@@ -1,4 +1,4 @@
-"""The shipped environments: each a scenario file in this folder, with its actions, observation and reward."""
+"""Shipped environments: each a scenario file in this folder with default actions, observation and reward."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ NAMED: dict[str, NamedTask] = {
 
 
 def task_scenario(name: str) -> Scenario:
-    """The scenario of a shipped environment.
+    """Scenario of a shipped environment.
 
     Raises:
         ScenarioError: there is none of this name.
@@ -128,7 +128,7 @@ def named_task(name: str) -> NamedTask:
 
 
 def task_arguments(task: str, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Arguments of an environment: the given ones, else those of the task."""
+    """Arguments of an environment; missing ones are the task's defaults."""
     mine = named_task(task)
     own = {name: getattr(mine, name) for name in ("actions", "observation", "reward", "randomise")}
     found = {**own, **given}
@@ -136,7 +136,7 @@ def task_arguments(task: str, given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def make_single(*, task: str, **given: Any) -> Environment:
-    """One episode at a time of a shipped environment; arguments as of :class:`Environment`."""
+    """Make a single-episode shipped environment; arguments as of :class:`Environment`."""
     from skyarm.envs.single_environment import Environment
 
     return Environment(**task_arguments(task, given))
@@ -147,7 +147,7 @@ make_single.__dict__["metadata"] = {"render_modes": ["rgb_array"]}
 
 
 def make_vector(num_envs: int = 1, *, task: str, **given: Any) -> VectorEnvironment:
-    """Many episodes of a shipped environment together; arguments as of :class:`VectorEnvironment`."""
+    """Make a vectorized shipped environment; arguments as of :class:`VectorEnvironment`."""
     from skyarm.envs.vector_environment import VectorEnvironment
 
     return VectorEnvironment(num_envs, **task_arguments(task, given))

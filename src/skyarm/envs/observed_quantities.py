@@ -1,4 +1,4 @@
-"""Quantities of observations and rewards: an observation reads the law's measurement, a reward the truth."""
+"""Quantities for observations (from the law's measurement) and rewards (from the true state)."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ RadPerSecond = Annotated[float, Unit("rad/s", low=0.0, strict=True)]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Sight:
-    """Inputs of a policy before it acts: those of a law, without the truth.
+    """Inputs of a policy before its action: those of a law, without the true state.
 
     Attributes:
         measurement: of this period. reference: of the law for this period.
@@ -42,7 +42,7 @@ class Sight:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Result:
-    """Truth at the end of a period.
+    """True state and related quantities at the end of a control period.
 
     Attributes:
         state: of the plant. reference: held at that time. vehicle: the true one.
@@ -62,122 +62,122 @@ class Result:
 
 @dataclass(frozen=True, kw_only=True)
 class Observed:
-    """An observed quantity gives some numbers of an observation. A subclass is a frozen dataclass of numbers."""
+    """Base class of observed quantities, which are parts of an observation. A subclass is a frozen dataclass."""
 
     def __post_init__(self) -> None:
         accept_fields(self, type(self).__name__)
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
-        """The numbers, over any scalar."""
+        """Numbers of the observed quantity."""
         raise NotImplementedError(f"{type(self).__name__} must say its numbers")
 
 
 @dataclass(frozen=True, kw_only=True)
 class PositionError(Observed):
-    """Reference minus measured position of the base origin, world axes."""
+    """Observed position error: reference minus measured position of the base origin, world axes."""
 
     scale: Metres = 1.0
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
-        """Three."""
+        """Position error, 3 numbers."""
         return _divide(sight.reference.position - sight.measurement.position, self.scale)
 
 
 @dataclass(frozen=True, kw_only=True)
 class VelocityError(Observed):
-    """Reference minus measured velocity of the base origin, world axes."""
+    """Observed velocity error: reference minus measured velocity of the base origin, world axes."""
 
     scale: Annotated[float, Unit("m/s", low=0.0, strict=True)] = 1.0
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
-        """Three."""
+        """Velocity error, 3 numbers."""
         return _divide(sight.reference.velocity - sight.measurement.velocity, self.scale)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Attitude(Observed):
-    """Rotation matrix from base to world axes, row by row: no jump and no second form of the same attitude."""
+    """Observed attitude: rotation matrix from base to world axes, row by row, continuous and unique."""
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
-        """Nine."""
+        """Rotation matrix, 9 numbers."""
         R = sight.measurement.quaternion.rotation()
         return [*R.r0, *R.r1, *R.r2]
 
 
 @dataclass(frozen=True, kw_only=True)
 class BodyRate(Observed):
-    """Measured angular velocity, base axes."""
+    """Observed angular velocity in base axes."""
 
     scale: RadPerSecond = 5.0
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
-        """Three."""
+        """Angular velocity, 3 numbers."""
         return _divide(sight.measurement.rate, self.scale)
 
 
 @dataclass(frozen=True, kw_only=True)
 class SpecificForce(Observed):
-    """Accelerometer reading, base axes: +g along z in hover. It shows wind and pushes before they move the base."""
+    """Observed specific force: accelerometer reading in base axes, +g along z in hover."""
 
     scale: Annotated[float, Unit("m/s^2", low=0.0, strict=True)] = 10.0
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
-        """Three."""
+        """Specific force, 3 numbers."""
         return _divide(sight.measurement.specific_force, self.scale)
 
 
 @dataclass(frozen=True, kw_only=True)
 class JointErrors(Observed):
-    """Reference minus measured joints."""
+    """Observed joint errors: reference minus measured joint values."""
 
     scale: JointTravel = 1.0
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
-        """One a joint."""
+        """Joint errors, one number for each joint."""
         pairs = zip(sight.reference.joints, sight.measurement.joints, strict=True)
         return [(wanted - now) / self.scale for wanted, now in pairs]
 
 
 @dataclass(frozen=True, kw_only=True)
 class JointAngles(Observed):
-    """Measured joints."""
+    """Observed joint positions."""
 
     scale: JointTravel = 1.0
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
-        """One a joint."""
+        """Joint positions, one number for each joint."""
         return [now / self.scale for now in sight.measurement.joints]
 
 
 @dataclass(frozen=True, kw_only=True)
 class JointRates(Observed):
-    """Measured rates of the joints."""
+    """Observed joint rates."""
 
     scale: Annotated[float, Unit("rad/s or m/s", low=0.0, strict=True)] = 5.0
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
-        """One a joint."""
+        """Joint rates, one number for each joint."""
         return [rate / self.scale for rate in sight.measurement.joint_rates]
 
 
 @dataclass(frozen=True, kw_only=True)
 class TipError(Observed):
-    """Reference minus measured position of the tip, by the model's arm, world axes; of the base without an arm."""
+    """Observed tip error: reference minus measured tip position, world axes; of the base without an arm."""
 
     scale: Metres = 0.1
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
-        """Three."""
+        """Tip error, 3 numbers."""
         vehicle, seen = sight.model.vehicle, sight.measurement
         return _divide(tip_error(vehicle, seen, sight.reference), self.scale)
 
 
 @dataclass(frozen=True, kw_only=True)
 class LastAction(Observed):
-    """The action before."""
+    """Observed previous action."""
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
-        """One a number of the action."""
+        """Previous action, one number for each of its components."""
         return sight.action
 
 

@@ -1,4 +1,4 @@
-"""A policy as a law: it flies wherever laws fly, in runs, comparisons, sweeps and as C."""
+"""Learned policy as a control law, for runs, comparisons, sweeps and C export."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Policy = Callable[[tuple[Any, ...]], Sequence[Any]]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PolicyParameters:
-    """Constants of a policy that flies as a law.
+    """Constants of a policy that is used as a control law.
 
     Attributes:
         model: belief. mixer: its rotors.
@@ -47,7 +47,7 @@ class PolicyParameters:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PolicyMemory:
-    """State of a policy between two periods.
+    """Memory of a policy between two control periods.
 
     Attributes:
         inner: memory of the law that the actions build on. action: the last one.
@@ -58,7 +58,7 @@ class PolicyMemory:
 
 
 def as_law(policy: Any, environment: Any, *, name: str = "policy", traceable: bool = True) -> Controller:
-    """Make a law of a policy that was learned in an environment.
+    """Make a control law from a policy that was trained in an environment.
 
     Args:
         policy: a function, over any scalar, from the numbers of an observation to those of an action; or the layers of
@@ -114,7 +114,7 @@ def policy_law(
     asked: Law,
     function: Policy | None,
 ) -> tuple[PolicyMemory, Command]:
-    """Observe, ask the policy, and turn its action into a command, as the environment did.
+    """Observe, evaluate the policy, and convert its action to a command, as the environment did.
 
     ``observation`` is the task with its observation and actions, ``asked`` the law that the actions build on, and
     ``function`` the policy where it is no record.
@@ -135,14 +135,14 @@ def policy_law(
 
 
 def _no_law(memory: Any, *_: Any, **__: Any) -> tuple[Any, Command]:
-    """The law of actions that build on none."""
+    """Placeholder for the underlying law of action kinds that use none."""
     return memory, Command()
 
 
 def network(
     layers: Sequence[Any], *, means: Sequence[float] | None = None, deviations: Sequence[float] | None = None
 ) -> Network:
-    """A network of tanh layers, the last of them linear and held within [-1, 1].
+    """Neural network of tanh layers; the last layer is linear and clipped to [-1, 1].
 
     Args:
         layers: (weights (outputs, inputs), offsets (outputs)) of each; arrays, or what NumPy takes for one.
@@ -183,7 +183,7 @@ def network(
 
 
 def _row(field: str, given: Any, count: int, usual: float) -> Any:
-    """As many finite numbers."""
+    """Check a sequence of ``count`` finite numbers; None takes a default value for all."""
     try:
         found = np.full(count, usual) if given is None else np.asarray(given, dtype=float)
     except (TypeError, ValueError):
@@ -194,7 +194,7 @@ def _row(field: str, given: Any, count: int, usual: float) -> Any:
 
 
 def task_of(environment: Any) -> Task:
-    """The task of an environment, under whatever wrappers.
+    """Task of an environment, also behind wrappers.
 
     Raises:
         ControllerError: it is none of this library's.

@@ -1,4 +1,4 @@
-"""Domain randomisation: numbers drawn anew for every episode, by the paths and distributions of sweeps."""
+"""Domain randomisation: numbers drawn for every episode, with the paths and distributions of sweeps."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ MOST_CORNERS = 6
 
 @dataclass(frozen=True, kw_only=True)
 class Randomised:
-    """Numbers that are drawn for every episode.
+    """Numbers that are randomised for every episode.
 
     Attributes:
         vary: path -> distribution. stiffest: the scenario whose numbers ask for the shortest integration steps.
@@ -41,11 +41,11 @@ class Randomised:
 
     @property
     def paths(self) -> tuple[str, ...]:
-        """Paths, in order."""
+        """Paths of the randomised numbers, in order."""
         return tuple(self.vary)
 
     def draw(self, seeds: Array, episodes: Array) -> list[Array]:
-        """A column for each path: the numbers of these episodes under these seeds, (m,) each.
+        """Draw the numbers of episodes with given seeds: a column (m,) for each path.
 
         They are those of a sweep with this seed, whose ``[vary]`` has the same paths in the same order.
         """
@@ -58,7 +58,7 @@ class Randomised:
 
 
 def read_randomised(scenario: Scenario, table: Mapping[str, Any] | None) -> Randomised:
-    """Read the randomised numbers; each must be a valid number of the scenario over its whole range.
+    """Read the randomised numbers and check that each is valid over its whole range.
 
     Raises:
         ScenarioError: one line with path, value and what is allowed.
@@ -77,7 +77,7 @@ def read_randomised(scenario: Scenario, table: Mapping[str, Any] | None) -> Rand
 
 
 def with_fixed(found: Randomised, scenario: Scenario, paths: Iterable[str]) -> Randomised:
-    """Numbers of further paths, each as it is in the scenario: a list of one value, which may be set to another.
+    """Randomised numbers extended by further paths with constant values, which can be changed later.
 
     Raises:
         ScenarioError: no such path, or one that is drawn already.
@@ -96,7 +96,7 @@ def with_fixed(found: Randomised, scenario: Scenario, paths: Iterable[str]) -> R
 
 
 def _check(scenario: Scenario, vary: Mapping[str, Distribution]) -> Randomised:
-    """Refuse what the scenario cannot have."""
+    """Check that paths and ranges of randomised numbers are valid for a scenario."""
     try:
         require_paths(scenario, tuple(vary))
         require_draws(scenario, tuple(vary))
@@ -111,14 +111,14 @@ def _check(scenario: Scenario, vary: Mapping[str, Distribution]) -> Randomised:
 
 
 def _ends(distribution: Distribution) -> tuple[float, float]:
-    """Least and greatest number that can be drawn."""
+    """Least and greatest value of a distribution."""
     low, high = distribution.quantile(np.array([EDGE, 1.0 - EDGE])).tolist()
     values = getattr(distribution, "values", None)
     return (min(values), max(values)) if values else (low, high)
 
 
 def _corners(ends: Mapping[str, tuple[float, float]]) -> dict[str, Array]:
-    """Lanes in which every number has one of its ends."""
+    """Lanes that cover the least and greatest value of every number."""
     if not ends:
         return {}
     if len(ends) <= MOST_CORNERS:

@@ -1,4 +1,4 @@
-"""Terms of an environment's reward: records whose values are added up, period by period.
+"""Terms of an environment's reward, which are summed in every period.
 
 A reward is a tuple of these records. Each gives ``weight`` times a number without a unit; errors are divided by the
 record's ``scale``, in the unit that its field states. Rewards read the truth, which the policy does not see.
@@ -19,7 +19,7 @@ from skyarm.records.units import Unit
 
 @dataclass(frozen=True, kw_only=True)
 class RewardTerm:
-    """A reward term gives a number each period. A subclass is a frozen dataclass of numbers.
+    """Base class of reward terms, with one value per period. A subclass is a frozen dataclass of numbers.
 
     Attributes:
         weight: by which its value counts.
@@ -34,127 +34,127 @@ class RewardTerm:
         accept_fields(self, type(self).__name__)
 
     def value(self, result: Result) -> Scalar:
-        """Its value before the weight, over any scalar."""
+        """Value of the term before its weight."""
         raise NotImplementedError(f"{type(self).__name__} must say its value")
 
 
 @dataclass(frozen=True, kw_only=True)
 class TipNear(RewardTerm):
-    """exp(-(e / scale)^2) of the tip's distance e to its reference: 1 on it, 0 far away."""
+    """Reward exp(-(e / scale)^2) for the tip's distance e to its reference: 1 at zero distance."""
 
     scale: Metres = 0.1
 
     def value(self, result: Result) -> Scalar:
-        """Between 0 and 1."""
+        """Value of the term, between 0 and 1."""
         return _nearness(tip_error(result.vehicle, result.state, result.reference), self.scale)
 
 
 @dataclass(frozen=True, kw_only=True)
 class TipDistance(RewardTerm):
-    """Minus the tip's distance to its reference."""
+    """Penalty for the tip's distance to its reference."""
 
     scale: Metres = 1.0
 
     def value(self, result: Result) -> Scalar:
-        """At most 0."""
+        """Value of the term, at most 0."""
         return -_length(tip_error(result.vehicle, result.state, result.reference)) / self.scale
 
 
 @dataclass(frozen=True, kw_only=True)
 class PositionNear(RewardTerm):
-    """exp(-(e / scale)^2) of the base's distance e to its reference."""
+    """Reward exp(-(e / scale)^2) for the base's distance e to its reference."""
 
     scale: Metres = 0.5
 
     def value(self, result: Result) -> Scalar:
-        """Between 0 and 1."""
+        """Value of the term, between 0 and 1."""
         return _nearness(result.reference.position - result.state.position, self.scale)
 
 
 @dataclass(frozen=True, kw_only=True)
 class PositionDistance(RewardTerm):
-    """Minus the base's distance to its reference."""
+    """Penalty for the base's distance to its reference."""
 
     scale: Metres = 1.0
 
     def value(self, result: Result) -> Scalar:
-        """At most 0."""
+        """Value of the term, at most 0."""
         return -_length(result.reference.position - result.state.position) / self.scale
 
 
 @dataclass(frozen=True, kw_only=True)
 class Upright(RewardTerm):
-    """Cosine of the tilt: 1 level, -1 upside down."""
+    """Reward for a level attitude: cosine of the tilt, 1 when level, -1 upside down."""
 
     def value(self, result: Result) -> Scalar:
-        """Between -1 and 1."""
+        """Value of the term, between -1 and 1."""
         return result.state.quaternion.rotation().r2.z
 
 
 @dataclass(frozen=True, kw_only=True)
 class Spin(RewardTerm):
-    """Minus the square of the body rate."""
+    """Penalty for rotation: minus the squared body rate."""
 
     scale: RadPerSecond = 10.0
 
     def value(self, result: Result) -> Scalar:
-        """At most 0."""
+        """Value of the term, at most 0."""
         return -_squares(result.state.rate) / (self.scale * self.scale)
 
 
 @dataclass(frozen=True, kw_only=True)
 class JointDistance(RewardTerm):
-    """Minus the mean square of the joints' errors; 0 without joints."""
+    """Penalty for joint errors: minus their mean square; 0 without joints."""
 
     scale: JointTravel = 1.0
 
     def value(self, result: Result) -> Scalar:
-        """At most 0."""
+        """Value of the term, at most 0."""
         pairs = zip(result.reference.joints, result.state.joints, strict=True)
         return -_mean_square([(a - b) / self.scale for a, b in pairs])
 
 
 @dataclass(frozen=True, kw_only=True)
 class ActionSize(RewardTerm):
-    """Minus the mean square of the action's numbers."""
+    """Penalty for large actions: minus the mean square of their components."""
 
     of_state = False
 
     def value(self, result: Result) -> Scalar:
-        """Between -1 and 0."""
+        """Value of the term, between -1 and 0."""
         return -_mean_square(result.action)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ActionChange(RewardTerm):
-    """Minus the mean square of how the action's numbers changed from the period before."""
+    """Penalty for action changes: minus the mean squared difference from the previous action."""
 
     of_state = False
 
     def value(self, result: Result) -> Scalar:
-        """Between -4 and 0."""
+        """Value of the term, between -4 and 0."""
         return -_mean_square([a - b for a, b in zip(result.action, result.action_before, strict=True)])
 
 
 @dataclass(frozen=True, kw_only=True)
 class Alive(RewardTerm):
-    """1 in every period that does not end the episode before its time."""
+    """Survival reward: 1 in every period without early termination."""
 
     of_state = False
 
     def value(self, result: Result) -> Scalar:
-        """1 or 0."""
+        """Value of the term, 1 or 0."""
         return 1.0 - result.ended
 
 
 @dataclass(frozen=True, kw_only=True)
 class Lost(RewardTerm):
-    """-1 in the period that ends the episode before its time."""
+    """Penalty for early termination: -1 in the period of termination."""
 
     of_state = False
 
     def value(self, result: Result) -> Scalar:
-        """-1 or 0."""
+        """Value of the term, -1 or 0."""
         return 0.0 - result.ended
 
 

@@ -1,4 +1,4 @@
-"""A vector environment in the conventions of Gymnasium 1.x: thousands of episodes in one call of machine code."""
+"""Vectorized environment with the interface of Gymnasium 1.x: thousands of episodes per call."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Array = npt.NDArray[Any]
 
 
 class VectorEnvironment(VectorEnv[Array, Array, Array]):
-    """Many episodes of a scenario, stepped together by actions.
+    """Vectorized Gymnasium environment: many episodes of a scenario, stepped together.
 
     Lane k of ``reset(seed=s)`` flies the episodes of a single environment with ``reset(seed=s + k)``, to the bit.
 
@@ -67,18 +67,18 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
 
     @property
     def scenario(self) -> Scenario:
-        """Scenario of the task, before numbers are drawn for an episode."""
+        """Scenario of the task with its nominal numbers, before randomisation."""
         return self.lanes.task.scenario
 
     @property
     def observations(self) -> Array:
-        """(num_envs, numbers) view on the observations, which every call writes anew."""
+        """View of the observations (num_envs, numbers), which every call overwrites."""
         return self._view
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Begin an episode in every lane, or where ``options["reset_mask"]`` is True.
+        """Start an episode in every lane, or in those where ``options["reset_mask"]`` is True.
 
         Args:
             seed: lane k takes ``seed + k``, or the k-th of a list; without one its next episode begins.
@@ -108,7 +108,7 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         return self._observe(), {}
 
     def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
-        """Fly one control period in every lane.
+        """Simulate one control period in every lane.
 
         Args:
             actions: (num_envs, numbers) in [-1, 1]; what is beyond counts as the bound.
@@ -146,7 +146,7 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         return self._observe(), rewards, ended, truncated, infos
 
     def close_extras(self, **_: Any) -> None:
-        """End the threads; also after a failed construction."""
+        """Stop the worker threads, also after a failed construction."""
         if hasattr(self, "lanes"):
             self.lanes.close()
 
@@ -154,7 +154,7 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         return self._view.copy(order="C") if self._copy else self._view
 
     def _infos(self, ended: Array) -> dict[str, Any]:
-        """Why episodes ended before their time."""
+        """Gymnasium infos with status and cause of early terminations."""
         which = np.flatnonzero(ended)
         if not which.size:
             return {}
@@ -163,7 +163,7 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         return {"status": status, "_status": ended.copy()}
 
     def _final(self, infos: dict[str, Any]) -> dict[str, Any]:
-        """Last observations and infos of the episodes that are over."""
+        """Final observations and infos of the episodes that have ended."""
         mask = np.zeros(self.num_envs, dtype=bool)
         mask[self._over] = True
         final = np.empty(self.num_envs, dtype=object)

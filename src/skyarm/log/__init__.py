@@ -1,1 +1,1 @@
-"""Log of an episode, its files and metrics."""
+"""Flight logs, their files and metrics."""

@@ -1,4 +1,4 @@
-"""The decimated log of a batch: arrays of lanes and samples."""
+"""Decimated log of a batch: arrays of lanes (parallel episodes) and samples."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Array = npt.NDArray[Any]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Logged:
-    """Logged quantities of a batch at a control instant: the command issued then, and the held reference.
+    """Quantities of a batch logged at a control instant: the issued command, and the sampled and held reference.
 
     ``received`` are the sensors' readings and the estimate, name and record of each, as in
     :mod:`skyarm.log.sensor_data`; empty without sensors beside the full state.
@@ -38,7 +38,7 @@ class Logged:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class BatchLog:
-    """Every k-th control instant of each lane; NaN from the end of an episode on.
+    """Log of every k-th control instant of each lane; NaN from the end of an episode on.
 
     Attributes:
         time: (samples,), s. alive: (lanes, samples), bool.
@@ -57,7 +57,7 @@ class BatchLog:
 
 
 def batch_log(legs: Sequence[tuple[Logged, Array]], time: Array) -> BatchLog:
-    """Sort what kernels logged.
+    """Batch log from the samples that the compiled code wrote.
 
     Args:
         legs: record that was logged and its rows, (samples, leaves, lanes), of each part of the flight.
@@ -82,7 +82,7 @@ def batch_log(legs: Sequence[tuple[Logged, Array]], time: Array) -> BatchLog:
 
 
 def _by_lane(example: Logged, rows: Array) -> Logged:
-    """The record with (lanes, samples) for scalars."""
+    """Record with its arrays reordered to (lanes, samples) for each scalar."""
     columns = np.ascontiguousarray(rows.transpose(1, 2, 0))
     whole: Logged = rebuild(example, iter(columns[: len(leaves(example))]))
     alive = np.asarray(whole.alive) > 0.5
@@ -91,7 +91,7 @@ def _by_lane(example: Logged, rows: Array) -> Logged:
 
 
 def _concatenate(records: Sequence[Any], shapes: Sequence[tuple[int, ...]]) -> Any:
-    """One record of several one after the other: NaN, of these shapes, for those of another structure than the last."""
+    """Concatenate records along the samples; those of another structure than the last one become NaN."""
     example = next(each for each in reversed(records) if each is not None)
     count, columns = len(leaves(example)), []
     for each, shape in zip(records, shapes, strict=True):

@@ -1,4 +1,4 @@
-"""A log from what a file holds: its arrays and its description, checked."""
+"""Build a log from the arrays and the description in a file, with checks."""
 
 from __future__ import annotations
 
@@ -52,12 +52,12 @@ KINDS: Mapping[type, str] = {dict: "table", list: "list", str: "text"}
 
 
 def log_info(log: Log) -> dict[str, Any]:
-    """Description of a log for its file: ``info`` with the columns of each array."""
+    """Description of a log for its file: ``info`` with the column names of each array."""
     return {**log.info, LAYOUT: layout(log)}
 
 
 def log_of(content: Mapping[str, Any], info: Any) -> Log:
-    """The log that a file's arrays and description make.
+    """Build a log from a file's arrays and description.
 
     Raises:
         ValueError: one line, without the file's name: arrays are missing or of other shapes, or the description is not
@@ -87,7 +87,7 @@ def log_of(content: Mapping[str, Any], info: Any) -> Log:
 
 
 def _axes(info: Mapping[str, Any]) -> dict[str, list[str] | None] | None:
-    """Array of readings and estimate -> endings of its columns, None for a number an instant; None if damaged."""
+    """Column suffixes of each array of readings and estimate; None for a scalar array, or if the file is damaged."""
     try:
         sources = sources_of(info)
     except ValueError:
@@ -96,7 +96,7 @@ def _axes(info: Mapping[str, Any]) -> dict[str, list[str] | None] | None:
 
 
 def _require_description(info: dict[str, Any]) -> None:
-    """Check the fields of a description from an untrusted file, by their types.
+    """Check the types of the fields of a description from an untrusted file.
 
     Raises:
         ValueError: one line: field, value, what is allowed.

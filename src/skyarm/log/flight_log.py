@@ -1,4 +1,4 @@
-"""The record of one episode, and its files."""
+"""Log of one episode, and its files."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ CONTINUOUS = "continuous reference"
 
 
 def _if_any() -> Any:
-    """Default of an array that not every flight has."""
+    """Default of an array that only some flights have."""
     return field(default_factory=lambda: np.zeros((0, 0)))
 
 
@@ -109,17 +109,17 @@ class Log:
     info: dict[str, Any]
 
     def __getitem__(self, array: str) -> Array:
-        """An array by its name."""
+        """Array of the log by its name."""
         found: Array = self.received[array] if array in self.received else getattr(self, array)
         return found
 
     def component(self, name: str) -> Array:
-        """An array that components of the flight declare (``columns``); without columns where none does."""
+        """Array that a component of the flight logs (``columns``); without columns if no component has it."""
         found = self.received.get(f"{COMPONENTS}.{name}")
         return np.zeros((self.time.size, 0)) if found is None else found
 
     def __getattr__(self, name: str) -> Array:
-        """The arrays of components as attributes."""
+        """Arrays of components as attributes."""
         received = self.__dict__.get("received", {})
         if f"{COMPONENTS}.{name}" not in received:
             raise AttributeError(f"log.{name}: must be an array of a log, or of a component of this flight")
@@ -128,7 +128,7 @@ class Log:
 
     @property
     def readings(self) -> dict[str, dict[str, Array]]:
-        """Sensor -> field -> (N,) or (N, k): the newest reading that has arrived, held until the next one."""
+        """Sensor readings, sensor -> field -> (N,) or (N, k): the latest one received, held until the next."""
         found: dict[str, dict[str, Array]] = {}
         for name, array in self.received.items():
             source, _, last = name.rpartition(".")
@@ -138,13 +138,13 @@ class Log:
 
     @property
     def estimate(self) -> dict[str, Array]:
-        """Field -> (N,) or (N, k): the measurement that the law received from an estimator; empty without one."""
+        """Estimator output, field -> (N,) or (N, k), as received by the law; empty without an estimator."""
         names = (name.rpartition(".") for name in self.received)
         return {last: self.received[f"{ESTIMATE}.{last}"] for source, _, last in names if source == ESTIMATE}
 
     @property
     def phase_ends(self) -> tuple[tuple[str, float | None], ...]:
-        """(kind, completion time in s or None) of each phase of a task with guards."""
+        """Kind and completion time (s, None if not completed) of each phase of a task with guards."""
         found = []
         for number, name in enumerate(self.info.get("phases", ())):
             later = np.flatnonzero(self.phase > number + 0.5)
@@ -153,14 +153,14 @@ class Log:
 
     @property
     def contact_periods(self) -> tuple[Any, ...]:
-        """From each touch to the loss of contact: :func:`skyarm.log.periods.contact_periods`."""
+        """Periods from each touch to the loss of contact: :func:`skyarm.log.periods.contact_periods`."""
         from skyarm.log.periods import contact_periods
 
         return contact_periods(self)
 
     @property
     def grasp_periods(self) -> tuple[Any, ...]:
-        """From each grasp to its end: :func:`skyarm.log.periods.grasp_periods`."""
+        """Periods from each grasp to its release: :func:`skyarm.log.periods.grasp_periods`."""
         from skyarm.log.periods import grasp_periods
 
         return grasp_periods(self)
@@ -172,17 +172,17 @@ class Log:
 
     @property
     def tip_held(self) -> Array:
-        """Reference of the tip (N, 3), m, as published and held."""
+        """Position reference of the tip (N, 3), m, sampled and held."""
         return self.tool_held
 
     @property
     def tip_reference(self) -> Array:
-        """Continuous reference of the tip (N, 3), m."""
+        """Position reference of the tip (N, 3), m, continuous in time."""
         return self.tool_reference
 
     @property
     def shortfall(self) -> Any:
-        """Saturated actuators and references that were not reached: :class:`skyarm.log.metrics.shortfall.Shortfall`."""
+        """Actuator saturation and missed references: :class:`skyarm.log.metrics.shortfall.Shortfall`."""
         return import_module(SHORTFALL).shortfall(self)
 
     @property
@@ -192,7 +192,7 @@ class Log:
 
     @property
     def scenario(self) -> Any:
-        """The :class:`skyarm.Scenario` of the flight: the same version reproduces the same bits from it.
+        """Scenario of the flight as :class:`skyarm.Scenario`: the same version reproduces the same bits from it.
 
         Raises:
             ValueError: one line: a log of a version that did not keep it, plugins that are not loaded, or a damaged
@@ -201,7 +201,7 @@ class Log:
         return self.scenario_with({})
 
     def scenario_with(self, replaced: Mapping[str, Any]) -> Any:
-        """The scenario that was flown with some of its fields replaced.
+        """Scenario of the flight with some of its fields replaced.
 
         Raises:
             ValueError: as :attr:`scenario`, or a value that the field cannot have.
@@ -212,11 +212,11 @@ class Log:
 
     @property
     def euler(self) -> Array:
-        """Roll, pitch, yaw (N, 3), ZYX, rad."""
+        """Roll, pitch, yaw (N, 3), ZYX convention, rad."""
         return np.stack(euler_angles(Quaternion(*self.quaternion.T).rotation()), axis=1)
 
     def plot(self, file: str | os.PathLike[str] | None = None, **options: Any) -> Any:
-        """Draw the flight; ``options`` are those of :func:`skyarm.plot`: kind, window.
+        """Plot the flight; ``options`` are those of :func:`skyarm.plot`: kind, window.
 
         Returns:
             a Matplotlib figure, which a notebook shows.
@@ -227,13 +227,13 @@ class Log:
         return import_module(PICTURES).plot(self, file, **options)
 
     def arrays(self) -> dict[str, Array]:
-        """Every array by name."""
+        """All arrays of the log by name."""
         absent = [name for name in IF_ANY if not getattr(self, name).size]
         own = {name: array for name, array in parts(self).items() if name not in ("info", "received", *absent)}
         return own | dict(self.received)
 
     def save_npz(self, path: str | os.PathLike[str]) -> Path:
-        """Write one compressed npz (arrays and ``info`` as JSON); the file appears whole or not at all."""
+        """Write a compressed npz file (arrays, and ``info`` as JSON), atomically."""
         from skyarm.log.formats import write_npz
 
         return write_npz(self, path)
@@ -251,7 +251,7 @@ class Log:
         return own | {name: Unit(each.unit, each.meaning) for name, each in described if name in held}
 
     def save_csv(self, path: str | os.PathLike[str], *, with_units: bool = True) -> Path:
-        """Write one CSV: a column per component, a row per control instant; numbers round-trip.
+        """Write a CSV file: a column per component, a row per control instant; numbers are read back exactly.
 
         Args:
             path: of the file.
@@ -279,11 +279,11 @@ IF_ANY = tuple(each.name for each in fields(Log) if each.default_factory is not 
 
 
 def rows_of(log: Log, chosen: slice) -> Log:
-    """Some control instants of a log, as a log with the same metadata."""
+    """Log with a selection of the control instants and the same metadata."""
     return log_of_arrays({name: array[chosen] for name, array in log.arrays().items()}, log.info)
 
 
 def log_of_arrays(arrays: Mapping[str, Array], info: dict[str, Any]) -> Log:
-    """A log of :meth:`Log.arrays`."""
+    """Log from the arrays that :meth:`Log.arrays` returns."""
     own = {name: array for name, array in arrays.items() if "." not in name}
     return Log(**own, received={name: arrays[name] for name in arrays if name not in own}, info=info)

@@ -1,4 +1,4 @@
-"""The scenario of a log, restored from the log's metadata."""
+"""Restore the scenario of a log from the log's metadata."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ GROUPS = ("solver", "agent", "environment")
 
 
 def written_scenario(info: Mapping[str, Any]) -> dict[str, Any]:
-    """The scenario of a log as plain data; empty where it keeps none."""
+    """Scenario of a log as plain data; empty if the log stores none."""
     record = info.get("scenario_record")
     return record if isinstance(record, dict) else {}
 
 
 def written_part(info: Mapping[str, Any], *names: str) -> Any:
-    """Part of the written scenario at a place; None if it has no such place."""
+    """Part of the logged scenario at a path, as plain data; None if there is no such path."""
     found: Any = written_scenario(info)
     for name in names:
         found = found.get(name) if isinstance(found, dict) else None
@@ -34,12 +34,12 @@ def written_part(info: Mapping[str, Any], *names: str) -> Any:
 
 
 def restored_part(info: Mapping[str, Any], *names: str) -> Any:
-    """Part of the written scenario as a record; None without one, or where user code that it needs is not loaded."""
+    """Part of the logged scenario as a record; None if it is missing or needs user code that is not loaded."""
     return restore_written(info, written_part(info, *names))
 
 
 def restore_written(info: Mapping[str, Any], written: Any) -> Any:
-    """A record from plain data of a log; None where it cannot be read."""
+    """Restore a record from a log's plain data; None if it cannot be restored."""
     try:
         return restore(written, info.get("plugins"))
     except (KeyError, TypeError, ValueError, AttributeError):
@@ -47,7 +47,7 @@ def restore_written(info: Mapping[str, Any], written: Any) -> Any:
 
 
 def flown_scenario(info: Mapping[str, Any], replaced: Mapping[str, Any]) -> Any:
-    """The scenario of a log's ``info`` with some of it replaced: :meth:`skyarm.Log.scenario_with`."""
+    """Scenario of a log's ``info`` with some fields replaced, for :meth:`skyarm.Log.scenario_with`."""
     written, plugins, code = (info.get(name) or {} for name in ("scenario_record", "plugins", "code"))
     of = (info.get("versions") or {}).get("skyarm", "unknown")
     if not isinstance(written, dict) or written.get("type") != SCENARIO or not written.keys() >= {*GROUPS}:
@@ -64,7 +64,7 @@ def flown_scenario(info: Mapping[str, Any], replaced: Mapping[str, Any]) -> Any:
 
 
 def _fits(info: Mapping[str, Any], written: Mapping[str, Any], code: Any) -> bool:
-    """True if the digest is of this scenario and of these files of code."""
+    """True if the logged digest matches a scenario and its files of user code."""
     try:
         return isinstance(code, dict) and log_digest(written, code) == info.get("digest")
     except RecursionError:  # lists in lists, without end
@@ -73,7 +73,7 @@ def _fits(info: Mapping[str, Any], written: Mapping[str, Any], code: Any) -> boo
 
 @contextmanager
 def _in_words_of_the_log(plugins: Mapping[str, str]) -> Iterator[None]:
-    """Context of reading a record: its errors name the log, and missing plugins."""
+    """Context whose errors state the log and missing plugins."""
     try:
         yield
     except RegistryError as error:

@@ -1,4 +1,4 @@
-"""Files of a log, by suffix."""
+"""File formats of a log, by suffix."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ PathLike = str | os.PathLike[str]
 
 @dataclass(frozen=True, slots=True)
 class LogFormat:
-    """A log format writes a log into a file and reads it back.
+    """File format of a log, with functions to write and read it.
 
     Attributes:
         write: (log, path) -> the path written; the file appears whole or not at all.
@@ -39,7 +39,7 @@ class LogFormat:
 
 
 def _loaded_when_called(module: str, function: str) -> Callable[..., Any]:
-    """A function of this package whose module, and the library below it, loads at the first call."""
+    """Function of this package whose module is imported at the first call."""
 
     def call(*arguments: Any) -> Any:
         return getattr(import_module(f"skyarm.log.{module}"), function)(*arguments)
@@ -48,12 +48,12 @@ def _loaded_when_called(module: str, function: str) -> Callable[..., Any]:
 
 
 def write_npz(log: Log, path: PathLike) -> Path:
-    """Write the arrays, uncut, and the metadata."""
+    """Write the complete arrays and the metadata of a log as an npz file."""
     return write_atomically(path, npz_content(log))
 
 
 def npz_content(log: Log) -> bytes:
-    """Bytes of an npz file of a log."""
+    """Content of a log's npz file as bytes."""
     buffer = io.BytesIO()
     arrays: dict[str, Any] = {**log.arrays(), "info": np.array(json.dumps(log_info(log)))}
     np.savez_compressed(buffer, **arrays)
@@ -61,7 +61,7 @@ def npz_content(log: Log) -> bytes:
 
 
 def read_npz(path: PathLike) -> Log:
-    """Read a log that ``save_npz`` wrote.
+    """Read a log from an npz file.
 
     Raises:
         OSError: the file cannot be read. ValueError: it is no log.
@@ -70,7 +70,7 @@ def read_npz(path: PathLike) -> Log:
 
 
 def log_from_npz(file: bytes, name: str) -> Log:
-    """The log in the bytes of an npz file; ``name`` begins a message.
+    """Log from the bytes of an npz file; ``name`` begins an error message.
 
     Raises:
         ValueError: it is no log.
@@ -89,7 +89,7 @@ def log_from_npz(file: bytes, name: str) -> Log:
 
 
 def write_csv(log: Log, path: PathLike, *, with_units: bool = True) -> Path:
-    """Write one CSV: a column a number, whose shortest text reads back as that number.
+    """Write a CSV file: a column for each number, in the shortest text that is read back exactly.
 
     Args:
         log: of a flight.
@@ -105,7 +105,7 @@ def write_csv(log: Log, path: PathLike, *, with_units: bool = True) -> Path:
 
 
 def _texts(column: Any, known: dict[bytes, list[str]]) -> list[str]:
-    """Texts of a column, made once for equal columns and once for a number that stays."""
+    """Texts of a column's numbers, computed once for equal columns and for constant ones."""
     bits = column.tobytes()
     if bits not in known:
         same = bits == bits[:8] * column.size
@@ -120,7 +120,7 @@ MCAP = LogFormat(_loaded_when_called("ros.files", "write_mcap"), _loaded_when_ca
 
 
 def require_format(path: PathLike, field: str = "log") -> LogFormat:
-    """The format of a log's file, by its suffix.
+    """File format of a log by the suffix of its path.
 
     Raises:
         RegistryError: no such format; names ``field``, the path and the formats there are.
@@ -129,7 +129,7 @@ def require_format(path: PathLike, field: str = "log") -> LogFormat:
 
 
 def require_readable(path: PathLike, field: str = "log") -> Callable[[Path], Log]:
-    """The function that reads a log's file, by its suffix.
+    """Function that reads a log file, by the suffix of its path.
 
     Raises:
         RegistryError: no such format, or one that keeps too little; names the formats that can be read.

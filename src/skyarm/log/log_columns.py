@@ -1,4 +1,4 @@
-"""Names and units of a log's numbers, one column each: the same in CSV and MCAP.
+"""Names and units of the columns of a log, the same in CSV and MCAP files.
 
 ``position_x``, ``quaternion_w``, ``joint_shoulder``, ``joint_rate_shoulder``, ``rotor_speed_front``: the array's name
 in the singular, then the axis, or the joint's or rotor's own name. Names are lower case letters, digits and single
@@ -55,7 +55,7 @@ AXES = {1: ("",), 3: ("x", "y", "z"), 4: ("w", "x", "y", "z")}
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """One column of a log.
+    """Column of a log: one number over time.
 
     Attributes:
         name: of the column. unit: SI; empty for pure numbers. meaning: in words, with axes.
@@ -69,14 +69,14 @@ class Column:
     index: int | None
 
     def of(self, log: Log) -> Array:
-        """Its numbers (N,)."""
+        """Numbers of the column (N,)."""
         array = log[self.array]
         return array if self.index is None else array[:, self.index]
 
 
 @dataclass(frozen=True, slots=True)
 class Names:
-    """Names of the plant's joints and rotors as in its file, the joints' kinds, and their kinds of setpoints.
+    """Names and kinds of the plant's joints, kinds of their commands, and names of its rotors.
 
     ``setpoints`` has a unit for each joint that takes a setpoint in place of a torque, None for the others; ``tilting``
     are the rotors that tilt.
@@ -91,7 +91,7 @@ class Names:
 
 
 def names_of(log: Log) -> Names:
-    """Names of joints and rotors; their numbers where a log of an earlier version keeps none."""
+    """Names of joints and rotors; their indices for a log of an earlier version without names."""
     joints, rotors = log.joints.shape[1], log.rotor_speeds.shape[1]
     vehicle = _table(written_part(log.info, "agent", "plant", "vehicle"))
     links, turning = (each if isinstance(each := vehicle.get(part), list) else [] for part in ("links", "rotors"))
@@ -139,7 +139,7 @@ def columns(log: Log) -> tuple[Column, ...]:
 
 
 def _sensor_columns(log: Log, names: Names) -> Iterator[Column]:
-    """Columns of readings and estimate: the source's name, then as the log's own arrays are called."""
+    """Columns of sensor readings and the estimate, each named by its source and array."""
     for source, described in sources_of(log.info).items():
         begin = "" if source == COMPONENTS else f"{word(source.rpartition('.')[2])}_"
         for name, each in described.fields.items():
@@ -159,7 +159,7 @@ def _sensor_columns(log: Log, names: Names) -> Iterator[Column]:
 
 
 def _endings(array: str, width: int | None, names: Names) -> list[str]:
-    """Names of an array's columns; numbers where the log does not name as many parts."""
+    """Names of an array's columns; numbered if the log does not name the parts."""
     begin, group = COLUMNS.get(array, (array, ""))
     if width is None:
         return [begin]
@@ -180,26 +180,26 @@ def _endings(array: str, width: int | None, names: Names) -> list[str]:
 
 
 def word(name: str, kind: str = "") -> str:
-    """A joint's or rotor's name as part of a column's: ``Wrist-Roll`` is wrist_roll, joint ``joint1`` is 1."""
+    """Part of a column's name for a joint or rotor: ``Wrist-Roll`` becomes wrist_roll, joint ``joint1`` becomes 1."""
     text = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
     return text.removeprefix(kind).strip("_") or text or "unnamed"
 
 
 def unit_of_kind(unit: Unit, kind: str) -> str:
-    """A unit such as ``rad or m`` for one joint: the first of a revolute one, the second of a prismatic one."""
+    """Unit of a joint from a pair such as ``rad or m``: the first if revolute, the second if prismatic."""
     options = unit.unit.split(" or ")
     return options[kind == "prismatic"] if kind and len(options) == 2 else unit.unit
 
 
 def component_labels(log: Log, array: str) -> list[str]:
-    """Labels of the columns of an array that components declare."""
+    """Labels of the columns of a component's array."""
     source = sources_of(log.info).get(COMPONENTS)
     found = None if source is None else source.fields.get(array)
     return [] if found is None else found.axes or []
 
 
 def layout(log: Log) -> dict[str, dict[str, Any]]:
-    """Names and unit of each array's columns as plain data, for files that keep arrays: array -> names, units."""
+    """Names and units of each array's columns as plain data, for files that store arrays."""
     found: dict[str, dict[str, Any]] = {}
     for each in columns(log):
         entry = found.setdefault(each.array, {"columns": [], "units": []})
@@ -209,7 +209,7 @@ def layout(log: Log) -> dict[str, dict[str, Any]]:
 
 
 def setpoints_of(info: Mapping[str, Any]) -> dict[str, str]:
-    """Unit of the setpoint of each joint that takes no torque, by the joint's name.
+    """Setpoint unit of each joint that is not commanded by torque, by the joint's name.
 
     Args:
         info: of a log, which keeps the scenario that was flown.

@@ -1,4 +1,4 @@
-"""Differences of two logs: first instant, quantity, size, and growth."""
+"""Differences of two logs: first instant, quantity, size and growth."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Difference:
-    """A quantity in which two logs differ.
+    """Difference of two logs in one quantity.
 
     Attributes:
         name, unit: of the column. time: of the first instant at which they differ, s. first, second: numbers there.
@@ -34,7 +34,7 @@ class Difference:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LogDifferences:
-    """All in which two logs differ over the instants that both have.
+    """Differences of two logs over their common instants.
 
     Attributes:
         instants: how many both have, and how many each has.
@@ -48,7 +48,7 @@ class LogDifferences:
 
     @property
     def equal(self) -> bool:
-        """True if the logs have the same instants and the same numbers."""
+        """True if both logs have the same instants and numbers."""
         both, first, second = self.instants
         return both == first == second and not self.columns and not self.unmatched
 

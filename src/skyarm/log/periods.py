@@ -1,4 +1,4 @@
-"""Periods of a log: from each touch to the loss of contact, from each grasp to its end; timed-out phases."""
+"""Periods of a log: contacts, grasps and phases that timed out."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SAME = 1e-6
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ContactPeriod:
-    """A contact period lasts from a touch to the loss of contact, as the control instants of a log show it.
+    """Period from a touch to the loss of contact, in control instants of a log.
 
     Attributes:
         surface, point: names of the pair.
@@ -38,7 +38,7 @@ class ContactPeriod:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class GraspPeriod:
-    """A grasp period lasts from taking hold to letting go, as the control instants of a log show it.
+    """Period from a grasp to its release, in control instants of a log.
 
     Attributes:
         gripper, held: names of the gripper and of its load.
@@ -56,7 +56,7 @@ class GraspPeriod:
 
 
 def contact_periods(log: Log) -> tuple[ContactPeriod, ...]:
-    """All periods of contact in a log, by their beginnings; empty of a flight without a world."""
+    """All periods of contact in a log, ordered by start; empty for a flight without a world."""
     found: list[ContactPeriod] = []
     for (surface, point), force in zip(contact_pairs(log), log.component("contact_force").T, strict=False):
         for begin, end in _runs(force > 0.0):
@@ -74,7 +74,7 @@ def contact_pairs(log: Log) -> tuple[tuple[str, str], ...]:
 
 
 def grasp_periods(log: Log) -> tuple[GraspPeriod, ...]:
-    """All grasps in a log, by their beginnings; empty of a flight without grippers."""
+    """All grasps in a log, ordered by start; empty for a flight without grippers."""
     found = list[GraspPeriod]()
     bodies = [label.partition("/")[0] for label in component_labels(log, "object_position")[::3]]
     bodies += component_labels(log, "mechanism_position")
@@ -98,12 +98,12 @@ def grasp_periods(log: Log) -> tuple[GraspPeriod, ...]:
 
 
 def waits_of(guards: Iterable[Guard]) -> list[dict[str, Any]]:
-    """Guards as plain data for a log: phase, the place of rest on the reference (s), the longest rest (s)."""
+    """Guards as plain data for a log: phase, waiting place on the reference (s), and timeout (s)."""
     return [{"phase": each.phase, "at": float(each.at), "timeout": float(each.timeout)} for each in guards]
 
 
 def timed_out(log: Log) -> frozenset[int]:
-    """Numbers of the phases at whose guard the reference rested for the whole timeout.
+    """Indices of the phases that waited at their guard for the whole timeout.
 
     A guard that is met in the very last period of its timeout counts among them.
     """
@@ -116,7 +116,7 @@ def timed_out(log: Log) -> frozenset[int]:
 
 
 def _runs(true: Any) -> list[tuple[int, int]]:
-    """First instant of each run of true values, and the first one after it."""
+    """First instant of each run of true values, and the first instant after it."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], true, [False]]).astype(int)))
     return [(int(begin), int(end)) for begin, end in edges.reshape(-1, 2)]
 

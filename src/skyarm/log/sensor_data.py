@@ -1,4 +1,4 @@
-"""Readings of the sensors and the estimate as arrays of a log, with the description that a log's files keep of them.
+"""Sensor readings and the estimate as arrays of a log, with their description in the log's files.
 
 ``readings.imu.rate`` is the field ``rate`` of the reading of sensor ``imu``, ``estimate.position`` a field of the
 measurement that an estimator gave the law. Names, units and axes come from the records themselves: a sensor of a user
@@ -34,7 +34,7 @@ BARE = "value"
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """One field of a reading.
+    """Field of a sensor reading or estimate.
 
     Attributes:
         unit: SI; empty for pure numbers. meaning: in words.
@@ -50,7 +50,7 @@ class Field:
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """A sensor, or the estimator.
+    """Sensor or estimator as the source of logged readings.
 
     Attributes:
         fields: of its record, by name.
@@ -65,12 +65,12 @@ class Source:
 
     @property
     def plain(self) -> dict[str, Any]:
-        """As plain data."""
+        """Source as plain data."""
         return asdict(self)
 
 
 def fields_of(record: Any, count: int) -> Iterator[tuple[str, Field, Array]]:
-    """Name, description and numbers, (N,) or (N, k), of each field of a record that has some.
+    """Name, description and numbers, (N,) or (N, k), of each nonempty field of a record.
 
     Args:
         record: whose scalars are columns (N,), or numbers that stand for every instant.
@@ -90,7 +90,7 @@ def fields_of(record: Any, count: int) -> Iterator[tuple[str, Field, Array]]:
 
 
 def sources_of(info: Mapping[str, Any]) -> dict[str, Source]:
-    """Sources by name, ``readings.imu`` or ``estimate``, from a log's metadata.
+    """Sources by name, such as ``readings.imu`` or ``estimate``, from a log's metadata.
 
     Raises:
         ValueError: one line: a damaged description.
@@ -114,7 +114,7 @@ def sources_of(info: Mapping[str, Any]) -> dict[str, Source]:
 
 
 def _is_sound(source: Source) -> bool:
-    """True if a description that was read from a file is of the kinds that are written."""
+    """True if the types in a description from a file are valid."""
     counts = all(type(each) is int and each >= 0 for each in (source.every - 1, source.late))
     texts = [each.unit for each in source.fields.values()] + [each.meaning for each in source.fields.values()]
     axes = [each for field in source.fields.values() for each in (field.axes, field.units) if each is not None]

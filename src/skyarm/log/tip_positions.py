@@ -1,4 +1,4 @@
-"""Positions of the tip for whole tables of states."""
+"""Tip positions for arrays of states."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Array = npt.NDArray[np.float64]
 
 
 def tip(vehicle: Vehicle, position: Array, quaternion: Array, joints: Array) -> Array:
-    """Return the world position (N, 3) of the tip; of the base origin if the vehicle has none."""
+    """Return the world position (N, 3) of the tip, or of the base origin if the vehicle has no tip."""
     if not vehicle.end_effector:
         return position
     unit = quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)
@@ -27,6 +27,6 @@ def level_tip(vehicle: Vehicle, position: Array, yaw: Any, joints: Array) -> Arr
 
 
 def yaw_quaternion(yaw: Any) -> Array:
-    """Quaternions wxyz (N, 4) of level poses."""
+    """Quaternions wxyz (N, 4) of a level attitude with the given yaw."""
     zero = np.zeros_like(yaw)
     return np.stack([np.cos(0.5 * yaw), zero, zero, np.sin(0.5 * yaw)], axis=1)

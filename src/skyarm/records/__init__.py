@@ -1,1 +1,1 @@
-"""Records: walk, name, check, digest and write a frozen record of numbers, and read it back."""
+"""Records: frozen dataclasses of numbers; traversal, checks, digests, and conversion to and from plain data."""

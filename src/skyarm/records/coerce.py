@@ -1,4 +1,4 @@
-"""Coercion of field values to their stored types: plain floats, vectors, tuples; everything else is refused.
+"""Conversion of field values to their stored types (floats, vectors, tuples); other values raise an error.
 
 NumPy's scalars and arrays without axes become floats, so that checks see them; arrays with axes are lanes of a batch
 and stay, as do JAX arrays and nodes of a trace. Each rule takes a field's name and what was given, and returns what is
@@ -25,16 +25,16 @@ TOLERANCE = 1e-6
 
 
 class RecordError(ValueError):
-    """A field of a record is given what it cannot hold."""
+    """Error for a value that a record's field cannot store."""
 
 
 def refuse(field: str, value: object, allowed: str) -> NoReturn:
-    """Raise with field, value and what is allowed, on one line."""
+    """Raise an error with field, value and the allowed values, on one line."""
     raise RecordError(f"{field} = {shown(value)}: {allowed}")
 
 
 def concrete(*values: Any) -> bool:
-    """True if all values are plain numbers (not lanes, nodes or tracers)."""
+    """True if all values are plain Python numbers, not arrays of a batch or tracers."""
     return all(isinstance(value, (int, float)) for value in values)
 
 
@@ -58,7 +58,7 @@ def accept(record: object, where: str, rules: Mapping[str, Rule], error: type[Va
 
 
 def number(field: str, value: object) -> Any:
-    """A scalar that is data."""
+    """Convert a scalar: plain numbers become floats; arrays of a batch and traced scalars are kept."""
     if type(value) is float:
         return value
     plain = plain_number(value)
@@ -79,12 +79,12 @@ def number(field: str, value: object) -> Any:
 
 
 def coefficient(field: str, value: object) -> Any:
-    """A scalar whose integer zero is structure: there is no such effect."""
+    """Convert a scalar coefficient; an integer 0 is a constant that removes the effect from compiled code."""
     return 0 if type(value) is int and value == 0 else number(field, value)
 
 
 def vector(field: str, value: object) -> Vec3:
-    """A vector, or three numbers whose exact 0, 1 and -1 become structure."""
+    """Convert to a vector; in three plain numbers exact 0, 1 and -1 become constants of compiled code."""
     if isinstance(value, Vec3):
         held = [_entry(f"{field}.{axis}", each) for axis, each in zip("xyz", value, strict=True)]
         return value if all(a is b for a, b in zip(held, value, strict=True)) else Vec3.of(held)
@@ -92,14 +92,14 @@ def vector(field: str, value: object) -> Vec3:
 
 
 def matrix(field: str, value: object) -> Mat3:
-    """A matrix, or three rows of three numbers."""
+    """Convert to a matrix, from a matrix or three rows of three numbers."""
     if isinstance(value, Mat3):
         return Mat3(*(vector(field, row) for row in value.rows))
     return Mat3(*(vector(field, row) for row in items(field, value, (3,), "must be three rows of three numbers")))
 
 
 def inertia(field: str, value: object) -> Sym3:
-    """A symmetric matrix; xx yy zz; xx yy zz xy xz yz; or three rows that are symmetric."""
+    """Convert to a symmetric matrix, from xx yy zz, from xx yy zz xy xz yz, or from three symmetric rows."""
     if isinstance(value, Sym3):
         return Sym3(
             *(_entry(f"{field}.{name}", each) for name, each in zip(Sym3.__slots__, value.entries, strict=True))
@@ -114,7 +114,7 @@ def inertia(field: str, value: object) -> Sym3:
 
 
 def _symmetric(field: str, rows: list[list[Any]], value: object) -> list[Any]:
-    """xx yy zz xy xz yz of three rows."""
+    """Components xx yy zz xy xz yz of three symmetric rows."""
     pairs = [(rows[i][j], rows[j][i]) for i, j in ((0, 1), (0, 2), (1, 2))]
     concrete = [each for row in rows for each in row if type(each) is float]
     slack = TOLERANCE * max((abs(each) for each in concrete), default=0.0)
@@ -124,14 +124,14 @@ def _symmetric(field: str, rows: list[list[Any]], value: object) -> list[Any]:
 
 
 def text(field: str, value: object) -> str:
-    """Text."""
+    """Check that a value is text."""
     if not isinstance(value, str):
         refuse(field, value, "must be text")
     return str(value)
 
 
 def flag(field: str, value: object) -> bool:
-    """True or false."""
+    """Check that a value is true or false."""
     plain = plain_number(value)
     if not isinstance(plain, bool):
         refuse(field, value, "must be True or False")
@@ -139,7 +139,7 @@ def flag(field: str, value: object) -> bool:
 
 
 def whole(field: str, value: object) -> int:
-    """A whole number: an index or a sign."""
+    """Convert to a whole number: an index or a sign."""
     plain = plain_number(value)
     if isinstance(plain, bool) or not isinstance(plain, (int, float)) or plain != plain // 1:
         refuse(field, value, "must be a whole number")
@@ -147,7 +147,7 @@ def whole(field: str, value: object) -> int:
 
 
 def one(kind: type) -> Rule:
-    """Rule: a record of this kind."""
+    """Rule that accepts only instances of a class."""
 
     def rule(field: str, value: object) -> Any:
         if not isinstance(value, kind):
@@ -158,7 +158,7 @@ def one(kind: type) -> Rule:
 
 
 def pairs(field: str, value: Any) -> tuple[tuple[str, str], ...]:
-    """Pairs of texts, or a mapping of texts."""
+    """Convert a mapping or a sequence of pairs of texts to a tuple of pairs."""
     items = tuple(value.items()) if isinstance(value, Mapping) else value
     if not is_sequence(items):
         refuse(field, value, "must be pairs of texts")
@@ -169,13 +169,13 @@ def pairs(field: str, value: Any) -> tuple[tuple[str, str], ...]:
 
 
 def is_sequence(value: object) -> bool:
-    """True if a value is a sequence: no text, no table, no array without axes."""
+    """True if a value is a sequence, but not text, a table or a zero-dimensional array."""
     several = hasattr(value, "__iter__") and not isinstance(value, (str, bytes, Mapping, type))
     return several and bool(getattr(value, "ndim", 1))
 
 
 def plain_number(value: object) -> Any:
-    """NumPy's scalars and arrays without axes as Python's own numbers; anything else as it is."""
+    """Convert NumPy scalars and zero-dimensional arrays to Python numbers; other values are returned unchanged."""
     numpy = sys.modules.get("numpy")
     if numpy is not None and isinstance(value, (numpy.generic, numpy.ndarray)) and value.ndim == 0:
         return value.item()
@@ -183,18 +183,18 @@ def plain_number(value: object) -> Any:
 
 
 def _is_array(value: object) -> bool:
-    """True for a NumPy array: lanes of a batch, or a row of a matrix."""
+    """True for a NumPy array: values of a batch, or a row of a matrix."""
     numpy = sys.modules.get("numpy")
     return numpy is not None and isinstance(value, numpy.ndarray)
 
 
 def _many(value: object) -> bool:
-    """True for what holds several numbers: a row of a matrix."""
+    """True for a value that holds several numbers, such as a row of a matrix."""
     return isinstance(value, (list, tuple, Vec3)) or _is_array(value)
 
 
 def items(field: str, value: Any, counts: tuple[int, ...] | None, allowed: str) -> list[Any]:
-    """Entries of a sequence or an array, if there are as many as allowed (any number for None)."""
+    """Items of a sequence or array, after a check of their count (None allows any)."""
     if isinstance(value, (str, bytes, Mapping, set, frozenset)):
         refuse(field, value, allowed)
     try:
@@ -207,12 +207,12 @@ def items(field: str, value: Any, counts: tuple[int, ...] | None, allowed: str) 
 
 
 def _entry(field: str, value: object) -> Any:
-    """A component of a vector or matrix: integers 0, 1 and -1 are structure."""
+    """Convert a component of a vector or matrix; integers 0, 1 and -1 stay constants of compiled code."""
     return value if type(value) is int and value in _STRUCTURE else number(field, value)
 
 
 def _structural_number(field: str, value: object) -> Any:
-    """A number of a description: exact 0, 1 and -1 become structure."""
+    """Convert a plain number; exact 0, 1 and -1 become constants of compiled code."""
     held = number(field, value)
     return structural(held) if type(held) is float else held
 
@@ -222,7 +222,7 @@ ROUNDING = 1e-12
 
 
 def near_unit_vector(field: str, value: object) -> Vec3:
-    """A vector; a length of 1 within TOLERANCE is made exact, any other is kept."""
+    """Convert to a vector and normalize it if its length is 1 within TOLERANCE; other lengths are kept."""
     held = vector(field, value)
     length = math.sqrt(sum(c * c for c in held)) if concrete(*held) else 1.0
     if not ROUNDING < abs(length - 1.0) <= TOLERANCE:
@@ -231,7 +231,7 @@ def near_unit_vector(field: str, value: object) -> Vec3:
 
 
 def unit_vector(field: str, value: object) -> Vec3:
-    """A vector of unit length."""
+    """Convert to a vector and require unit length."""
     held = near_unit_vector(field, value)
     if concrete(*held):
         length = math.sqrt(sum(c * c for c in held))
@@ -241,7 +241,7 @@ def unit_vector(field: str, value: object) -> Vec3:
 
 
 def near_rotation(field: str, value: object) -> Mat3:
-    """A matrix; one whose columns are orthonormal within ten times TOLERANCE becomes the nearest rotation.
+    """Convert to a matrix; if nearly orthonormal (ten times TOLERANCE), replace it by the nearest rotation.
 
     Source: Higham 1986, Newton-Schulz iteration for the polar factor, R (3 I - R^T R) / 2.
     """
@@ -256,23 +256,23 @@ def near_rotation(field: str, value: object) -> Mat3:
 
 
 def _dot(rows: list[list[Any]], i: int, j: int) -> Any:
-    """Scalar product of two columns."""
+    """Dot product of two columns."""
     return sum(row[i] * row[j] for row in rows)
 
 
 def _skew(rows: list[list[Any]]) -> float:
-    """Largest entry of R^T R - I."""
+    """Orthonormality error of a matrix: largest entry of R^T R - I."""
     return float(max(abs(_dot(rows, i, j) - (i == j)) for i in range(3) for j in range(3)))
 
 
 def near_unit_quaternion(value: Quaternion) -> Quaternion:
-    """A quaternion; a length of 1 within TOLERANCE is made exact."""
+    """Convert to a quaternion and normalize it if its length is 1 within TOLERANCE."""
     length = math.sqrt(sum(c * c for c in value)) if concrete(*value) else 1.0
     return Quaternion(*(c / length for c in value)) if ROUNDING < abs(length - 1.0) <= TOLERANCE else value
 
 
 def proper_rotation(field: str, value: object) -> Mat3:
-    """A matrix of orthonormal columns and determinant +1."""
+    """Convert to a rotation matrix: orthonormal columns and determinant +1."""
     held = near_rotation(field, value)
     rows = [list(row) for row in held.rows]
     if not concrete(*(c for row in rows for c in row)):

@@ -1,4 +1,4 @@
-"""Checks of a record's fields by their annotations: a field's type is stated once, where it is declared.
+"""Checks of a record's fields, derived from their type annotations.
 
 ``mass: Annotated[Scalar, Unit("kg", low=0.0)]`` is coerced and checked as such when the record is made
 (:func:`accept_fields`), and described in those words in exported files and documents (:mod:`skyarm.records.units`). A
@@ -45,7 +45,7 @@ def accept_fields(record: object, where: str, error: type[ValueError] = RecordEr
 
 
 def require_fields(record: object, where: str, skipped: tuple[type, ...] = ()) -> None:
-    """Refuse a record in which, at any depth, a field holds what its annotation does not allow.
+    """Raise an error if a field of a record, at any depth, has a value that its annotation does not allow.
 
     Args:
         record: a dataclass, a tuple of them, or anything else, which passes.
@@ -90,7 +90,7 @@ defaults: Callable[[type], Mapping[str, Any]] = _usual
 
 
 def _rule(wanted: Any, unit: Unit) -> Rule | None:
-    """The rule of an annotation; None if it states nothing to check."""
+    """Conversion rule of a type annotation; None if there is nothing to check."""
     if unit.rule is not None:
         return _with_bounds(unit.rule, unit)
     origin, options = typing.get_origin(wanted), typing.get_args(wanted)
@@ -114,7 +114,7 @@ def _rule(wanted: Any, unit: Unit) -> Rule | None:
 
 
 def _choice(words: tuple[str, ...]) -> Rule:
-    """One of some words."""
+    """Rule that accepts one of the given texts."""
 
     def check(field: str, value: Any) -> Any:
         return value if value in words else refuse(field, value, must_be_one_of(words, value))
@@ -123,7 +123,7 @@ def _choice(words: tuple[str, ...]) -> Rule:
 
 
 def _with_bounds(rule: Rule, unit: Unit) -> Rule:
-    """A user-defined rule of a field, whose plain numbers are within its bounds."""
+    """Extend a user-defined conversion rule by a check of the field's bounds."""
 
     def check(field: str, value: object) -> Any:
         held = rule(field, value)
@@ -145,7 +145,7 @@ def _is_record(wanted: object) -> bool:
 
 
 def _number(field: str, value: object, unit: Unit) -> Any:
-    """A number that is data."""
+    """Convert a number that stays variable in compiled code, within its bounds."""
     held = value if type(value) is float else coerce.number(field, value)
     if type(held) is float:
         _within(field, held, unit)
@@ -153,7 +153,7 @@ def _number(field: str, value: object, unit: Unit) -> Any:
 
 
 def _scalar(field: str, value: object, unit: Unit) -> Any:
-    """A number whose integers are structure."""
+    """Convert a scalar whose integers are constants of compiled code, within its bounds."""
     if type(value) is int and abs(value) < WHOLE:
         _within(field, value, unit)
         return value
@@ -161,7 +161,7 @@ def _scalar(field: str, value: object, unit: Unit) -> Any:
 
 
 def _whole(field: str, value: object, unit: Unit) -> int:
-    """A whole number: an index, a count."""
+    """Convert a whole number (an index, a count), within its bounds."""
     held = coerce.whole(field, value)
     if abs(held) >= WHOLE:
         refuse(field, value, "must be below 2**53 in size")
@@ -179,7 +179,7 @@ def _within(field: str, value: float, unit: Unit) -> None:
 
 
 def _numbers(field: str, value: Any, unit: Unit, kind: Any, letters: str, allowed: str) -> Any:
-    """A record of scalars, or as many plain numbers."""
+    """Convert a record of scalars, such as a vector, from such a record or from plain numbers."""
     if isinstance(value, kind):
         given = [getattr(value, letter) for letter in letters]
         held = [_scalar(f"{field}.{letter}", each, unit) for letter, each in zip(letters, given, strict=True)]
@@ -210,7 +210,7 @@ _NUMBERS: Mapping[Any, Callable[[str, Any, Unit], Any]] = {
 
 
 def _one_of(options: tuple[Any, ...], unit: Unit) -> Rule | None:
-    """The rule of a union: the first option that accepts the value; else the last error."""
+    """Rule of a union type: the first option that accepts the value; the last one's error if none does."""
     found = [_rule(each, unit) for each in options if each is not type(None)]
     if any(each is None for each in found):
         return None
@@ -235,7 +235,7 @@ def _one_of(options: tuple[Any, ...], unit: Unit) -> Rule | None:
 
 
 def _many(each: Rule | None, exactly: tuple[Rule | None, ...] | None, scalars: bool = False) -> Rule:
-    """A tuple of any length whose items follow one rule, or of some items with a rule for each.
+    """Rule of a tuple type: of any length with one rule for all items, or with a rule for each item.
 
     Whole numbers of a plain list of scalars are data.
     """
@@ -259,7 +259,7 @@ def _many(each: Rule | None, exactly: tuple[Rule | None, ...] | None, scalars: b
 
 
 def _many_records(kind: type) -> Rule:
-    """A tuple of records of one class."""
+    """Rule of a tuple of any length of records of one class."""
     item = coerce.one(kind)
 
     def rule(field: str, value: Any) -> Any:

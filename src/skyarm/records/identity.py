@@ -1,4 +1,4 @@
-"""Digest of a scenario, by which rows in a folder are matched with the present scenario."""
+"""Digest of a scenario, by which stored results are matched with the present scenario."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ FOR_PEOPLE = ("title", "sources", *DRAWN)
 
 
 def identity(record: object) -> str:
-    """Digest of a record's plain data, without titles and sources.
+    """Digest of a record's content, without its titles and sources.
 
     Where plugins are loaded, or code of the record is the user's, their files are part of it: a file that has
     changed flies something else.
@@ -33,7 +33,7 @@ def identity(record: object) -> str:
 
 
 def log_digest(written: object, files: Mapping[str, str]) -> str:
-    """Digest of the scenario that a log records.
+    """Digest of the scenario stored in a log.
 
     Args:
         written: plain data of the scenario, titles included; paths of meshes and notes are left out of the digest.
@@ -44,7 +44,7 @@ def log_digest(written: object, files: Mapping[str, str]) -> str:
 
 
 def _without(data: object, names: tuple[str, ...]) -> Any:
-    """Plain data without the fields of these names."""
+    """Plain data without the fields of the given names."""
     if isinstance(data, dict):
         return {key: _without(value, names) for key, value in data.items() if key not in names}
     return [_without(each, names) for each in data] if isinstance(data, list) else data
@@ -55,7 +55,7 @@ Pair = tuple[str, str]
 
 
 def own_files(*things: Any) -> dict[str, str]:
-    """Name -> "sha256:..." of each file of user code that defines functions and classes in these.
+    """Digest "sha256:..." by name of each user file that defines the functions and classes in the given objects.
 
     A plugin's file brings along the modules beside it that it imported. A scenario's plant is in it, though a scenario
     says only its name.
@@ -67,7 +67,7 @@ def own_files(*things: Any) -> dict[str, str]:
 
 
 def all_files(*things: Any) -> dict[str, str]:
-    """As :func:`own_files`, with every plugin that is loaded, in whatever order they were."""
+    """Digests by name of the user files behind the given objects and of all loaded plugins."""
     return number_duplicates(
         sorted(_pairs(things) | {pair for plugin in loaded_plugins() for pair in plugin.identities()})
     )
@@ -88,7 +88,7 @@ def _pairs(things: Iterable[Any]) -> set[Pair]:
 
 
 def _sources(value: object) -> set[Pair]:
-    """Files of a function's or a class's own code."""
+    """User files that define a function or a class."""
     if isinstance(value, type):
         return {pair for kind in value.__mro__ for pair in _of_class(kind)}
     code = getattr(value, "__code__", None)
@@ -120,7 +120,7 @@ def _of_class(kind: type) -> set[Pair]:
 
 
 def _parts(value: object) -> list[Any]:
-    """Parts of a value, its class first."""
+    """Objects that a value consists of, its class first."""
     if isinstance(value, Mapping):
         return [*value.values()]
     if isinstance(value, (list, tuple, set, frozenset)):
@@ -143,7 +143,7 @@ def _cells(function: object) -> tuple[types.CellType, ...]:
 
 
 def _content(cell: types.CellType) -> Any:
-    """Content of a closure's cell, if it has any yet."""
+    """Content of a closure's cell; None if it is still empty."""
     try:
         return cell.cell_contents
     except ValueError:

@@ -1,4 +1,4 @@
-"""Records as flat lists of scalars and back.
+"""Conversion between records and flat lists of scalars.
 
 A record is a frozen dataclass or a tuple of records. Its *leaves* are the scalars that may vary; integers, strings,
 booleans, None and enums are structure: they shape the program and are not leaves.
@@ -63,24 +63,24 @@ field_names: Callable[[type], tuple[str, ...] | None] = cache(_field_names)
 
 
 def is_record(value: object) -> bool:
-    """True if a value is a record with fields, not the class of one."""
+    """True if a value is an instance of a record class."""
     return field_names(type(value)) is not None
 
 
 def is_leaf(value: object) -> bool:
-    """True for a scalar that may vary; False for structure. For a value without parts."""
+    """True if a value without parts is a variable scalar; False for a constant of the structure."""
     return not isinstance(value, _STRUCTURE)
 
 
 def parts(record: object) -> dict[str, Any]:
-    """Parts directly below a record, by field; below a tuple, by number; none below a scalar."""
+    """Direct parts of a value: of a record by field, of a tuple by index; none of a scalar."""
     if isinstance(record, tuple):
         return {str(i): item for i, item in enumerate(record)}
     return {name: getattr(record, name) for name in field_names(type(record)) or ()}
 
 
 def walk(record: object, place: Place = ()) -> Iterator[tuple[Place, Any]]:
-    """Place and value of everything below a record that has no parts itself, structure too, in field order.
+    """Path and value of every innermost part of a record, constants included, in field order.
 
     The leaves among them, which :func:`is_leaf` tells, come in the order of :func:`leaves`.
     """
@@ -92,7 +92,7 @@ def walk(record: object, place: Place = ()) -> Iterator[tuple[Place, Any]]:
 
 
 def pairs(example: object, record: object, path: str) -> list[tuple[Any, Any, str]] | None:
-    """Pairs of parts at the same places directly below two records, with their paths; None if the structures differ."""
+    """Parts at equal paths of two records, as pairs with their paths; None if the structures differ."""
     if isinstance(example, tuple) and isinstance(record, tuple) and len(example) == len(record):
         return [(a, b, f"{path}[{i}]") for i, (a, b) in enumerate(zip(example, record, strict=True))]
     if type(example) is type(record) and (names := field_names(type(example))) is not None:
@@ -101,7 +101,7 @@ def pairs(example: object, record: object, path: str) -> list[tuple[Any, Any, st
 
 
 def mismatch(example: object, record: object, path: str) -> str | None:
-    """Describe where ``record`` has another structure than ``example``; None where they have the same."""
+    """Message on where ``record`` differs in structure from ``example``; None if they have the same structure."""
     below = pairs(example, record, path)
     if below is None:
         kinds = (*_STRUCTURE, tuple)
@@ -117,19 +117,19 @@ def named_leaves(record: object, where: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def named_parts(record: object, where: str = "") -> Iterator[tuple[str, Any]]:
-    """Path and value of everything below a record that has no parts itself, structure too, in field order."""
+    """Dotted path and value of every innermost part of a record, constants included, in field order."""
     for place, value in walk(record):
         yield f"{where}{''.join(f'[{i}]' if i.isdigit() else f'.{i}' for i in place)}".removeprefix("."), value
 
 
 def rebuild(template: Record, values: Iterator[Any]) -> Record:
-    """Return the template with its leaves replaced, in order, by ``values``."""
+    """Return a copy of the template with its scalars replaced, in order, by ``values``."""
     result: Record = _map(template, lambda _leaf: next(values))
     return result
 
 
 def shaped_like(template: Record, values: Sequence[Any]) -> Record:
-    """Return the template with exactly these leaves; raises ValueError when their number differs."""
+    """Return a copy of the template with the given scalars; raises ValueError if their number differs."""
     iterator = iter(values)
     count = len(leaves(template))
     if count != len(values):
@@ -138,14 +138,14 @@ def shaped_like(template: Record, values: Sequence[Any]) -> Record:
 
 
 def part(record: object, place: Place) -> Any:
-    """Part of a record at a place."""
+    """Part of a record at a path."""
     for name in place:
         record = record[int(name)] if isinstance(record, tuple) else getattr(record, name)
     return record
 
 
 def replace_at(record: Any, values: Mapping[Place, Any]) -> Any:
-    """The record with other values at some places, none of which lies inside another.
+    """Record with the values at some paths replaced; no path may lie inside another.
 
     Every record on the way is made, and checked, once: numbers that only together make sense are replaced together.
     """
@@ -162,6 +162,6 @@ def replace_at(record: Any, values: Mapping[Place, Any]) -> Any:
 
 
 def blend(condition: object, new: object, old: object) -> Any:
-    """``new`` where the condition holds, else ``old``, leaf by leaf; structure is the old record's."""
+    """Select ``new`` where a condition holds, else ``old``, scalar by scalar; constants are those of ``old``."""
     values = (where(condition, a, b) for a, b in zip(leaves(new), leaves(old), strict=True))
     return rebuild(old, values)

@@ -1,4 +1,4 @@
-"""Records as plain data that strict JSON holds, and a digest of it: what was flown, in a log that outlives the code."""
+"""Records as plain data for strict JSON, and a digest of such data."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ digest."""
 
 
 def plain(value: object) -> Any:
-    """Any record as tables, lists, numbers, texts, true, false and null; :func:`skyarm.records.restore` reads it back.
+    """Convert a record to plain data (tables, lists, numbers, texts, true, false, null).
 
     A record becomes a table of its fields with its class, by module and name, under ``type``. Functions, arrays, enums
     and tables that have a ``type`` of their own are tables with a type, too. Infinities and NaN become text, and texts
@@ -33,7 +33,7 @@ def plain(value: object) -> Any:
 
 
 def digest(record: object) -> str:
-    """SHA-256 of plain data, in hexadecimal: the same for the same content, whatever the order of its tables."""
+    """SHA-256 digest of plain data, in hexadecimal, independent of the order of keys."""
     return hashlib.sha256(_text(record).encode()).hexdigest()
 
 
@@ -42,7 +42,7 @@ def _text(record: object) -> str:
 
 
 def _plain(value: object, above: tuple[int, ...]) -> Any:
-    """Plain data of a value; ``above`` are the ids of the objects that contain it."""
+    """Convert a value to plain data; ``above`` are the ids of the objects that contain it."""
     if value is None or (isinstance(value, (bool, str)) and not isinstance(value, Enum)):
         return {"type": "text", "text": value} if value in NOT_FINITE else value
     if isinstance(value, Enum):
@@ -66,7 +66,7 @@ def _plain(value: object, above: tuple[int, ...]) -> Any:
 
 
 def _several(value: Any, above: tuple[int, ...]) -> Any:
-    """Plain data of what holds several values, arrays and their scalars included."""
+    """Convert a container or array to plain data."""
     if isinstance(value, Mapping):
         table = {str(key): _plain(each, above) for key, each in value.items()}
         return {"type": "table", "entries": table} if "type" in table else table
@@ -103,7 +103,7 @@ written_if_any: Callable[[type], tuple[str, ...]] = functools.cache(_written_if_
 
 
 def _bound(function: object) -> list[Any]:
-    """Object a method is bound to, and values an inner function was closed over."""
+    """Object that a method is bound to, and values that a closure captured."""
     owner = getattr(function, "__self__", None)
     cells = getattr(function, "__closure__", None) or ()
     return [*([] if owner is None or isinstance(owner, ModuleType) else [owner]), *(c.cell_contents for c in cells)]

@@ -1,4 +1,4 @@
-"""Records from tables of a file: a record's fields are the table's keys."""
+"""Read records from tables of a file, one key for each field."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Record = TypeVar("Record")
 
 
 def record_from(kind: type[Record], fields: Fields) -> Record:
-    """The record that a table describes.
+    """Read the record that a table describes.
 
     A number may stand where the field is a ``float`` or ``Scalar``; three numbers where it is a ``Vec3``; a list where
     it is a tuple; a table where it is a record, or whatever its class reads by ``from_table``. Fields with a default
@@ -52,7 +52,7 @@ def record_from(kind: type[Record], fields: Fields) -> Record:
 
 
 def make_at(where: str, kind: Callable[..., Record], /, **values: Any) -> Record:
-    """The record of these fields; an error names the place of its table in the file.
+    """Create a record from its fields; an error states the place of its table in the file.
 
     Raises:
         ValueError: one line.
@@ -71,7 +71,7 @@ def make_at(where: str, kind: Callable[..., Record], /, **values: Any) -> Record
 
 
 def numbers_from(kind: type, fields: Fields, names: Iterable[str], required: Collection[str] = ()) -> dict[str, Any]:
-    """Numbers of a record that a table states, within the bounds that the record's fields declare."""
+    """Read the numbers of a record that a table states, and check them against the fields' declared bounds."""
     known, found = units(kind), {}
     for name in names:
         if fields.take(name, None) is None and name not in required:
@@ -86,13 +86,13 @@ def numbers_from(kind: type, fields: Fields, names: Iterable[str], required: Col
 
 
 def takes_table(function: Callable[..., Any]) -> bool:
-    """True if a function reads its table itself: one parameter, which is annotated as Fields."""
+    """True if a function's only parameter is annotated as Fields: it reads its table itself."""
     parameters = list(inspect.signature(function).parameters.values())
     return len(parameters) == 1 and parameters[0].annotation in (Fields, "Fields")
 
 
 def options_from(function: Callable[..., Any], fields: Fields) -> dict[str, Any]:
-    """Keyword arguments of a function from a table, each of its annotated type.
+    """Read the keyword arguments of a function from a table, by their annotated types.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
@@ -108,7 +108,7 @@ def options_from(function: Callable[..., Any], fields: Fields) -> dict[str, Any]
 
 
 def _value(wanted: object, unit: Unit, fields: Fields, name: str) -> Any:
-    """A field's value, of its annotated type."""
+    """Read a field's value by its annotated type."""
     if typing.get_origin(wanted) in (typing.Union, types.UnionType):
         wanted = next(each for each in typing.get_args(wanted) if each is not type(None))
     if wanted in (float, Scalar):
@@ -135,7 +135,7 @@ def _value(wanted: object, unit: Unit, fields: Fields, name: str) -> Any:
 
 
 def _several(kind: object, fields: Fields, name: str) -> tuple[Any, ...]:
-    """A tuple of numbers, of tuples of numbers, or of records."""
+    """Read a tuple of numbers, of tuples of numbers, or of records."""
     if kind in (float, Scalar):
         return fields.numbers(name)
     at = fields.at(name)
@@ -156,7 +156,7 @@ def _several(kind: object, fields: Fields, name: str) -> tuple[Any, ...]:
 
 
 def registered_from(kind: str, base: type, table: Any, where: str) -> Any:
-    """The record of a table ``{ kind = NAME, numbers ... }``.
+    """Read the record of a table ``{ kind = NAME, numbers ... }`` by its registered name.
 
     Args:
         kind: of the registry.

@@ -1,4 +1,4 @@
-"""Records from the plain data that they were written as, the same to the last bit.
+"""Restore records from plain data, bit for bit.
 
 Plain data names classes and functions and never brings any: they are found in this package or in plugins that are
 loaded (:mod:`skyarm.records.registry.registrations`). Only frozen dataclasses are made, and only functions of laws are
@@ -23,11 +23,11 @@ FUNCTIONS = ("skyarm.control.",)
 
 
 class RestoreError(ValueError):
-    """Plain data that is no record's."""
+    """Error: plain data does not describe a record."""
 
 
 def restore(data: object, plugins: Mapping[str, str] | None = None) -> Any:
-    """The record that :func:`skyarm.records.plain.plain` wrote; lists become tuples.
+    """Restore a record from the plain data of :func:`skyarm.records.plain.plain`; lists become tuples.
 
     Args:
         data: plain data.
@@ -69,7 +69,7 @@ def _each(table: dict[str, Any], plugins: Mapping[str, str], where: str) -> dict
 
 
 def _record(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> Any:
-    """A frozen dataclass with these fields, and no other."""
+    """Restore a frozen dataclass; its fields must match exactly."""
     kind: Any = code_of(data["type"], plugins)
     names = field_names(kind) if isinstance(kind, type) and dotted_name(kind) == data["type"] else None
     if names is None or not kind.__dataclass_params__.frozen:
@@ -83,7 +83,7 @@ def _record(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> Any
 
 
 def _function(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> Any:
-    """A function of a module, or a method of a record."""
+    """Restore a module's function or a record's method."""
     name = data["name"]
     if "<" in name:
         raise RestoreError(f"{where or 'record'}: {name} was made inside a function, it cannot be read back")

@@ -1,4 +1,4 @@
-"""Units of a field's numbers: unit, meaning and bounds, stated once where the field is declared.
+"""Units of a field's numbers: unit, meaning and bounds, declared together with the field.
 
 ``mass: Annotated[Scalar, Unit("kg", low=0.0)]`` is read by checks (:mod:`skyarm.records.field_rules`), exported C,
 heads of CSV files and tables of the documents.
@@ -67,7 +67,7 @@ def declared_fields(kind: type) -> dict[str, tuple[Any, Unit]]:
 
 
 def declared_units(of: object) -> dict[str, tuple[Any, Unit]]:
-    """Type and unit by name, as a class annotates its fields or a function its parameters.
+    """Type and unit of each annotated field of a class or parameter of a function.
 
     Empty if an annotation cannot be evaluated: a name that only type checkers import.
     """
@@ -79,7 +79,7 @@ def declared_units(of: object) -> dict[str, tuple[Any, Unit]]:
 
 
 def _unit(annotation: object) -> Unit:
-    """The unit of an annotation, or of an option of a union."""
+    """Unit declared in an annotation, or in an option of a union."""
     options = typing.get_args(annotation)
     if typing.get_origin(annotation) is typing.Annotated:
         return next((each for each in options[1:] if isinstance(each, Unit)), NUMBER)

@@ -1,4 +1,4 @@
-"""[controller]: a preset, a law and its options, or a file of gains; and a scenario under another law.
+"""Controllers of a scenario file: [controller] states a preset, a law with options, or a file of gains.
 
 A file of gains has a law by its words, and numbers in place of those of its constants. ``skyarm tune`` writes such
 files, and anyone may. A scenario names one by ``[controller] tuned = "FILE.toml"``, a command line by
@@ -72,7 +72,7 @@ def loop_facts(rates: Rates, delays: Delays) -> dict[str, float]:
 def controller_from(
     fields: Fields, model: Model, replaced: str | None, known: Mapping[str, Any], folder: Path = Path()
 ) -> Controller:
-    """A preset or a law with its constants, with the optional safety layer; on the servos of the model.
+    """Build the controller that a [controller] table describes, with its safety and actuator layers.
 
     ``replaced`` is a name of :mod:`skyarm.control.catalogue` in place of the table's law, or a file of gains
     ; ``folder`` is where the table's own file of gains lies.
@@ -99,7 +99,7 @@ def controller_from(
 
 
 def require_servos_said(fields: Fields, carrier: Vehicle, model: Model) -> None:
-    """Refuse a model without the servos of the true vehicle, unless the file states the kind of the law's efforts.
+    """Raise an error if the model lacks drives of the plant, unless the file states the law's kind of joint command.
 
     Raises:
         ValueError: one line: torques would reach the servos as angles.
@@ -112,7 +112,7 @@ def require_servos_said(fields: Fields, carrier: Vehicle, model: Model) -> None:
 
 
 def _with_safety(found: Controller, safety: object) -> Controller:
-    """The controller with its safety layer: false, true, or a table of limits and the stowed pose."""
+    """Add the safety layer that a file requests: false, true, or a table of limits and the stowed pose."""
     if safety is False:
         return found
     from skyarm.control.safety import with_safety_layer
@@ -127,7 +127,7 @@ def _with_safety(found: Controller, safety: object) -> Controller:
 
 
 def controller_by_name(scenario: Scenario, name: str) -> Controller:
-    """A preset, a law or LAW_tuned for the scenario's belief and clocks, under the layers of the law before it.
+    """Build the controller of a given name for a scenario, and keep the present safety and actuator layers.
 
     The safety layer stays, and so does that of the actuators: a law of torques takes the place of a law of torques.
 
@@ -144,12 +144,12 @@ def controller_by_name(scenario: Scenario, name: str) -> Controller:
 
 
 def on_actuators(made: Controller, model: Model, control_period: float, servos: bool) -> Controller:
-    """The controller on the servos and thrust tables of the belief; as it is where the belief has none."""
+    """Add the actuator layer (joint servos, thrust tables of the model) to a controller; unchanged if it needs none."""
     return with_actuators(made, model, control_period, servos=servos) if servos or has_tables(model) else made
 
 
 def _with_safety_of(before: Any, made: Controller, scenario: Scenario) -> Controller:
-    """The controller with the safety layer whose constants are these; as it is if they are a law's."""
+    """Add the safety layer of the previous controller to a new one; unchanged if the previous one had none."""
     if getattr(before, "turns_rotors", False):
         before = before.own
     from skyarm.control.safety.safety_layer import SafetyParameters
@@ -191,13 +191,13 @@ LAYERS = ("safety", "servos")
 
 
 def law_words(law: str) -> tuple[str, ...]:
-    """Fields that a table may have next to a law: its options as in a file, and those of any law."""
+    """Names of the keys that a controller's table may have for a law: its options and those common to all laws."""
     options = (WORDS.get(option, option) for option in LAWS[law].options() if option not in PYTHON_ONLY)
     return (*options, *(("tuned",) if law in tuned_factors() else ()), *LAYERS)
 
 
 def law_table(name: str, before: Mapping[str, Any]) -> dict[str, Any]:
-    """The table of a controller by one name, under the layers of the table before it."""
+    """Table of a controller given by name, with the layer settings of the previous table."""
     layers = {word: before[word] for word in LAYERS if word in before}
     if name in PRESETS:
         return {"preset": name, **layers}
@@ -206,7 +206,7 @@ def law_table(name: str, before: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def by_words(fields: Fields, model: Model, known: Mapping[str, Any], *, loaded: bool = False) -> Controller:
-    """A preset, or a law and its options, for a model.
+    """Build the controller that a table describes by a preset's name, or by a law's name and options.
 
     Args:
         fields: the table.
@@ -241,7 +241,7 @@ def by_words(fields: Fields, model: Model, known: Mapping[str, Any], *, loaded: 
 
 
 def _require_clock(fields: Fields, known: Mapping[str, Any]) -> None:
-    """Refuse another control period than the loop's: constants contain the delay, counted in its periods."""
+    """Raise an error if a table states a control period other than the loop's."""
     period = fields.table.get("control_period")
     if period is None:
         return
@@ -251,7 +251,7 @@ def _require_clock(fields: Fields, known: Mapping[str, Any]) -> None:
 
 
 def _preset_name(fields: Fields) -> Any:
-    """The preset of a table, which takes no options."""
+    """Name of the preset that a table states; a preset takes no options."""
     name = fields.take("preset", None)
     if name is None:
         raise ValueError(f"{fields.where}: must have a preset, as 'centroidal_tip', or a law; 'skyarm show' shows all")
@@ -262,14 +262,14 @@ def _preset_name(fields: Fields) -> Any:
 
 
 def _require_only(fields: Fields, word: str, allowed: str) -> None:
-    """Refuse other words in a controller's table than this one and those of any law."""
+    """Raise an error if a controller's table has keys other than a given one and those common to all laws."""
     for other, value in fields.table.items():
         if other not in (word, *LAYERS):
             raise ValueError(f"{fields.at(other)} = {shown(value)}: must be left out: {allowed}")
 
 
 def _read(fields: Fields, law: str, option: str, word: str) -> Any:
-    """An option's value; tables become records."""
+    """Value of a law's option from a table; nested tables become records."""
     value, at = fields.take(word), fields.at(word)
     if option in RECORDS:
         return record_from(RECORDS[option], Fields(value, at))
@@ -285,7 +285,7 @@ def _read(fields: Fields, law: str, option: str, word: str) -> Any:
 
 
 def _terms(value: object, at: str) -> Terms:
-    """Terms without those of a list."""
+    """Model terms of a law without the ones that a list names."""
     allowed = tuple(parts(Terms()))
     if not isinstance(value, list) or any(name not in allowed for name in value):
         raise ValueError(f"{at} = {shown(value)}: must be a list of {', '.join(allowed)}")
@@ -301,7 +301,7 @@ def is_gains_file(name: object) -> bool:
 
 
 def make_named_or_tuned(name: str, model: Model, known: Mapping[str, Any]) -> Controller:
-    """A controller by its name in the catalogue, or by the path of a file of gains.
+    """Controller by its name in the catalogue or by the path of a gains file.
 
     Raises:
         ValueError: one line.
@@ -319,7 +319,7 @@ def load_controller(
     control_period: float = 0.005,
     reference_period: float = 0.02,
 ) -> Controller:
-    """The law of a file of gains, as ``skyarm tune`` writes it, for a belief.
+    """Load a control law from a gains file written by ``skyarm tune``, for a given model.
 
     Args:
         file: path, .toml.
@@ -345,7 +345,7 @@ def load_controller(
 
 
 def controller_of_file(name: Any, folder: Path, model: Model, known: Mapping[str, Any], field: str) -> Controller:
-    """The law of a file with its gains.
+    """Controller that the tables of a gains file describe.
 
     Args:
         name: path of the file.
@@ -389,7 +389,7 @@ def _controller(top: Fields, model: Model, known: Mapping[str, Any]) -> Controll
 
 
 def with_gains(controller: Controller, gains: object, where: str) -> Controller:
-    """The controller with other numbers at some paths of its constants.
+    """Controller with some of its constants replaced, given by parameter path.
 
     Raises:
         ValueError: a path that they do not have, or numbers that do not fit it: one line.

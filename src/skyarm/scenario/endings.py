@@ -1,4 +1,4 @@
-"""Early endings of an episode: each defined once, over any scalar, with its message."""
+"""Termination conditions of an episode, each with its message."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Ending:
     """One word for the log."""
 
     def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: object) -> Any:
-        """True while the episode is not over; pure, over any scalar, and false for NaN.
+        """True while the condition for ending the episode is not met; false for NaN.
 
         Args:
             scenario: of the episode.
@@ -48,18 +48,18 @@ class Ending:
         raise NotImplementedError(f"{type(self).__name__} must say what is fine")
 
     def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
-        """Why this state, in floats, is not fine."""
+        """Message with the reason why a state ends the episode."""
         return self.status
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Divergence(Ending):
-    """Numbers that no flight has."""
+    """Termination when a number of the state is not finite or is implausibly large."""
 
     status: ClassVar[str] = "diverged"
 
     def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: object) -> Any:
-        """Everything finite and near."""
+        """True if every number of the state is finite and within the divergence bounds."""
         # any comparison with NaN is false, so that a state that is not finite is not fine
         fine = absolute(state.quaternion.w) < LONG
         for value in list(state.quaternion)[1:]:
@@ -71,7 +71,7 @@ class Divergence(Ending):
         return fine
 
     def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
-        """The first number that is not finite, else the first that is too far."""
+        """Message naming the first number that is not finite, else the first that is too large."""
         words, x = state_words(scenario.plant.vehicle), leaves(state)
         for name, value in zip(words, x, strict=True):
             if not math.isfinite(value):
@@ -86,7 +86,7 @@ class Divergence(Ending):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class JointLimits(Ending):
-    """A joint past its limit.
+    """Termination when a joint exceeds a limit.
 
     Attributes:
         stops: also of joints that hard stops hold at their limits: a touch then ends the episode.
@@ -97,7 +97,7 @@ class JointLimits(Ending):
     status: ClassVar[str] = "joint_limit"
 
     def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Any) -> Any:
-        """Every joint between its limits."""
+        """True if every joint is within its limits."""
         fine: Any = True
         for value, link in self._looked_at(scenario, state):
             inside = logical_and(add(link.joint.lower, slack) <= value, value <= sub(link.joint.upper, slack))
@@ -105,7 +105,7 @@ class JointLimits(Ending):
         return fine
 
     def _looked_at(self, scenario: Scenario, state: State) -> list[tuple[Any, Link]]:
-        """Values and links of the joints that may not pass their limits."""
+        """Value and link of each joint whose limits end the episode; joints with stops may be exempt."""
         every = zip(state.joints, scenario.plant.vehicle.links, strict=True)
         return [(value, link) for value, link in every if self.stops or not link.joint.has_stops]
 
@@ -121,70 +121,70 @@ class JointLimits(Ending):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LawUndefined(Ending):
-    """An attitude at which the law is not defined."""
+    """Termination at an attitude where the control law is singular."""
 
     status: ClassVar[str] = "controller_undefined"
 
     def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: object) -> Any:
-        """The law's own margin; a law without one is defined everywhere."""
+        """True if the attitude is within the law's domain of definition; always true for a law without a limit."""
         margin = scenario.controller.margin
         return True if margin is None else margin(state.quaternion) >= slack
 
     def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
-        """The law's own description of the limit."""
+        """Message with the law's own description of its singularity."""
         return scenario.controller.limit
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Ground(Ending):
-    """The lowest point at z = 0, where the scenario has a ground and no plane of its world is one."""
+    """Termination when the lowest point of the vehicle reaches the ground at z = 0."""
 
     status: ClassVar[str] = "ground"
 
     def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: object) -> Any:
-        """Every point above the ground."""
+        """True if every point of the vehicle is above the ground."""
         planes = any(surface.shape == "plane" for each in scenario.worlds for surface in each.surfaces)
         return lowest_point(scenario.plant.vehicle, state) >= slack if scenario.ground and not planes else True
 
     def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
-        """Height of the lowest point."""
+        """Message with the height of the vehicle's lowest point."""
         return f"lowest point at z = {float(lowest_point(scenario.plant.vehicle, state)):.4g} m"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RotorContact(Ending):
-    """A rotor's disc touches a fixed surface of the world."""
+    """Termination when a rotor disc touches a fixed surface of the world."""
 
     status: ClassVar[str] = "rotor_contact"
 
     def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: object) -> Any:
-        """Every disc clear of every surface."""
+        """True if every rotor disc is clear of every fixed surface."""
         fine: Any = True
         for clearance, _, _ in rotor_clearances(scenario, state):
             fine = logical_and(fine, clearance >= slack)
         return fine
 
     def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
-        """Which rotor touched what."""
+        """Message naming the rotor and the surface that it touched."""
         least = min(rotor_clearances(scenario, state), key=lambda each: float(each[0]))
         return f"rotor '{least[1]}' touched surface '{least[2]}'"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class BodyContact(Ending):
-    """The base's origin or a joint inside a fixed surface; only contact points may be there."""
+    """Termination when the base's origin or a joint is inside a fixed surface."""
 
     status: ClassVar[str] = "body_contact"
 
     def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Any) -> Any:
-        """All of them outside."""
+        """True if the base's origin and all joints are outside of every fixed surface."""
         fine: Any = True
         for depth, _, _ in body_depths(scenario, state):
             fine = logical_and(fine, add(depth, slack) <= 0.0)
         return fine
 
     def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
-        """Deepest body point and the surface around it."""
+        """Message naming the deepest body point and the surface around it."""
         deepest = max(body_depths(scenario, state), key=lambda each: float(each[0]))
         return f"{deepest[1]} is inside surface '{deepest[2]}'"
 
@@ -206,7 +206,7 @@ STATUSES = ("completed", *(ending.status for ending in BUILT_IN), PHASE_FAILED)
 
 
 def rotor_clearances(scenario: Scenario, state: State) -> list[tuple[Any, str, str]]:
-    """(distance in m, rotor, surface) of every rotor's disc and every fixed surface."""
+    """Clearance of each rotor disc from each fixed surface: (distance in m, rotor, surface)."""
     R, found = state.quaternion.rotation(), list[tuple[Any, str, str]]()
     for contact in scenario.worlds:
         for rotor in turn_rotors(scenario.plant.vehicle, state.tilts).rotors:
@@ -217,7 +217,7 @@ def rotor_clearances(scenario: Scenario, state: State) -> list[tuple[Any, str, s
 
 
 def body_depths(scenario: Scenario, state: State) -> list[tuple[Any, str, str]]:
-    """(depth in m, what, surface) of the base's origin and of every joint in every fixed surface."""
+    """Depth of the base's origin and of each joint in each fixed surface: (depth in m, point, surface)."""
     vehicle, found = scenario.plant.vehicle, list[tuple[Any, str, str]]()
     for contact in scenario.worlds:
         R, poses = state.quaternion.rotation(), link_poses(vehicle, state.joints)
@@ -230,7 +230,7 @@ def body_depths(scenario: Scenario, state: State) -> list[tuple[Any, str, str]]:
 
 
 def lowest_point(vehicle: Vehicle, state: State) -> Scalar:
-    """World height of the lowest of: base origin, rotor hubs, joints, named frames."""
+    """World height of the vehicle's lowest point: base origin, rotor hubs, joints and named frames."""
     R = state.quaternion.rotation()
     poses = link_poses(vehicle, state.joints)
     points: list[Vec3] = [rotor.position for rotor in vehicle.rotors]
@@ -243,7 +243,7 @@ def lowest_point(vehicle: Vehicle, state: State) -> Scalar:
 
 
 def state_words(vehicle: Vehicle) -> list[str]:
-    """Words for the numbers of a state, in order."""
+    """Description of each number of a state, in order."""
     axes = [("position", "xyz"), ("quaternion", "wxyz"), ("velocity", "xyz"), ("rate", "xyz")]
     named = [f"{word}.{axis}" for word, letters in axes for axis in letters]
     joints = [link.joint.name for link in vehicle.links]
@@ -253,20 +253,20 @@ def state_words(vehicle: Vehicle) -> list[str]:
 
 
 def command_words(vehicle: Vehicle) -> list[str]:
-    """Words for the numbers of a command, in order."""
+    """Description of each number of a command, in order."""
     found = [f"commanded speed of rotor '{rotor.name}'" for rotor in vehicle.rotors]
     found += [f"commanded effort of joint '{link.joint.name}'" for link in vehicle.links]
     return found + [f"commanded angle of rotor '{rotor.name}'" for rotor in vehicle.rotors if rotor.tilt is not None]
 
 
 def not_finite(vehicle: Vehicle, command: Sequence[float]) -> str | None:
-    """Why a command is refused, or None."""
+    """Message naming the first number of a command that is not finite; None if all are finite."""
     pairs = zip(command_words(vehicle), command, strict=True)
     return next((f"{name} is not finite" for name, value in pairs if not math.isfinite(value)), None)
 
 
 def apart(value: float, limit: float) -> tuple[str, str]:
-    """Two different numbers with as many digits (at least four) as tell them apart."""
+    """Texts of two different numbers with enough digits (at least four) to distinguish them."""
     for digits in range(4, 18):
         texts = f"{value:.{digits}g}", f"{limit:.{digits}g}"
         if texts[0] != texts[1]:

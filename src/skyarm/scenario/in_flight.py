@@ -1,4 +1,4 @@
-"""Scheduled changes of a scenario: numbers and parts in force from a control period on.
+"""Scheduled changes of a scenario: numbers and parts that are replaced from a control period on.
 
 Changes replace, they do not add up: at any instant the scenario is the one that began, with each path's latest value
 in the place of its own. A load that a change sets is therefore the load on top of what the vehicle carried at the
@@ -42,7 +42,7 @@ WHOLE_PARTS = (LAW, "controller", "reference", *OF_REFERENCE, *PARTS)
 
 
 def with_part(scenario: Scenario, path: str, value: object) -> Scenario:
-    """The scenario with a part replaced as a whole.
+    """Scenario with one part replaced as a whole.
 
     Args:
         scenario: whose model and clocks a new law is made for.
@@ -59,7 +59,7 @@ def with_part(scenario: Scenario, path: str, value: object) -> Scenario:
 
 
 def _fields_of_part(scenario: Scenario, path: str, value: object) -> dict[str, Any]:
-    """Fields of the scenario that a part, written as in a file, replaces."""
+    """Scenario fields that result from replacing a part by a value as written in a file."""
     if path in PARTS:
         place, read = PARTS[path]
         return {place[-1]: read(value, path)}
@@ -83,7 +83,7 @@ def _fields_of_part(scenario: Scenario, path: str, value: object) -> dict[str, A
 
 
 def _law(scenario: Scenario, name: object) -> Controller:
-    """A law by its name, under the safety layer if the one before it was."""
+    """Controller by its name, with the safety layer of the present controller if it has one."""
     if not isinstance(name, str):
         raise ValueError(f"{LAW} = {shown(name)}: must be the name of a preset, a law or LAW_tuned")
     if is_law_of_file(name):
@@ -95,13 +95,13 @@ def _law(scenario: Scenario, name: object) -> Controller:
 
 
 def _below(path: str) -> str:
-    """Beginning of the paths whose numbers a part as a whole replaces."""
+    """Prefix of the paths whose numbers are replaced together with a part."""
     return "controller." if path == LAW else f"{path}."
 
 
 @dataclass(frozen=True, slots=True)
 class Overrides:
-    """Values in force in place of the scenario's own: path -> value, the latest last.
+    """Values that override those of a scenario: path -> value, the latest last.
 
     Attributes:
         parts: whole parts, as a file has them. numbers: by path.
@@ -111,7 +111,7 @@ class Overrides:
     numbers: tuple[tuple[str, Any], ...] = ()
 
     def with_change(self, change: Change) -> Overrides:
-        """With one more change."""
+        """Overrides with one more change."""
         path, value = change.path, change.table
         if not is_part(path, value):
             kept = tuple(pair for pair in self.numbers if pair[0] != path)
@@ -122,7 +122,7 @@ class Overrides:
         return Overrides((*parts, (path, value)), numbers)
 
     def data(self, scenario: Scenario, paths: Sequence[str] = ()) -> Overrides:
-        """These as code reads them: the same order whichever was changed last, where order does not matter.
+        """Overrides in a canonical order, independent of the order of the changes where that has no effect.
 
         Args:
             scenario: as the flight began.
@@ -140,7 +140,7 @@ class Overrides:
         return Overrides(self.parts, tuple(numbers.items()))
 
     def holds(self, scenario: Scenario, path: str) -> bool:
-        """True if one of these numbers is in a path's place, by whatever name: "faults.0" may be "faults.front"."""
+        """True if the number at a path is overridden, also by another path of it: "faults.0" may be "faults.front"."""
         if not self.numbers or is_added(path) or path in dict(self.numbers):
             return path in dict(self.numbers)
         for own, _ in self.numbers:
@@ -155,14 +155,14 @@ class Overrides:
         return gone or any(path == own for own, _ in self.numbers)
 
     def parts_of(self, scenario: Scenario) -> Scenario:
-        """The scenario with its parts replaced, its numbers not yet; without changes to come."""
+        """Scenario with overridden parts but original numbers, and without scheduled changes."""
         scenario = scenario.as_begun
         for path, value in self.parts:
             scenario = with_part(scenario, path, value)
         return scenario
 
     def of(self, scenario: Scenario) -> Scenario:
-        """The scenario as it is with these; without changes to come."""
+        """Scenario with all overrides applied and without scheduled changes."""
         return with_numbers(self.parts_of(scenario), dict(self.numbers))
 
 
@@ -171,7 +171,7 @@ NONE = Overrides()
 
 
 def is_part(path: str, value: object) -> bool:
-    """True if a part is replaced as a whole; a yaw that is given as a number is that number."""
+    """True if a path and value replace a whole part rather than a number."""
     return path in WHOLE_PARTS and (path != "reference.yaw" or isinstance(value, (str, bool, list, tuple, Mapping)))
 
 
@@ -181,7 +181,7 @@ def _within(path: str, part: str, hidden: str) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """Control periods of a flight between changes.
+    """Interval of control periods between two scheduled changes.
 
     Attributes:
         start: number of the first. overrides: what holds in them.
@@ -192,7 +192,7 @@ class Stretch:
 
 
 def stretches(scenario: Scenario) -> tuple[Stretch, ...]:
-    """The stretches of a flight; the first is empty if a change takes effect in the first period.
+    """Intervals of a flight between its scheduled changes; the first is empty if a change applies at once.
 
     Changes beyond its end come in none.
     """
@@ -210,7 +210,7 @@ def stretches(scenario: Scenario) -> tuple[Stretch, ...]:
 
 
 def is_traceable(scenario: Scenario) -> bool:
-    """True if every law of a flight can be traced, so that all of it flies in machine code."""
+    """True if every control law of a flight can be traced and compiled."""
     return all(stretch.overrides.parts_of(scenario).controller.compiled for stretch in stretches(scenario))
 
 
@@ -220,7 +220,7 @@ def overrides_at(scenario: Scenario, tick: int) -> Overrides:
 
 
 def sources(scenario: Scenario, tick: int) -> dict[str, int]:
-    """Which change, by its number in the scenario, sets each number that holds in a control period."""
+    """For each number overridden in a control period, the index of the change that sets it."""
     rate, found = scenario.rates.control, dict[str, int]()
     for i in sorted(range(len(scenario.changes)), key=lambda i: scenario.changes[i].tick(rate)):
         change = scenario.changes[i]
@@ -244,7 +244,7 @@ MAY = f"what may is a number of {', '.join(NUMBERS)}, or as a whole {', '.join(W
 
 
 def require_changes(scenario: Scenario) -> None:
-    """Refuse invalid changes; they are tried in order, those of one instant together.
+    """Raise an error if a scheduled change is invalid; changes are tested in order, simultaneous ones together.
 
     Raises:
         ScenarioError: one line with the change, its path or its value, and what is allowed.
@@ -255,7 +255,7 @@ def require_changes(scenario: Scenario) -> None:
 
 
 def try_coming(begun: Scenario, now: Scenario, held: Overrides, coming: Sequence[Change]) -> None:
-    """Refuse a change that makes a later change invalid.
+    """Raise an error if a change would make a later scheduled change invalid.
 
     Args:
         begun: as the flight began.
@@ -272,7 +272,7 @@ def try_coming(begun: Scenario, now: Scenario, held: Overrides, coming: Sequence
 
 
 def _try_in_order(begun: Scenario, now: Scenario, held: Overrides, changes: Sequence[tuple[str, Change]]) -> None:
-    """Apply changes in order, those of one control period together."""
+    """Apply scheduled changes in order, those of one control period together."""
     rate = begun.rates.control
 
     def tick(named: tuple[str, Change]) -> int:
@@ -285,7 +285,7 @@ def _try_in_order(begun: Scenario, now: Scenario, held: Overrides, changes: Sequ
 def try_changes(
     begun: Scenario, now: Scenario, held: Overrides, changes: Sequence[tuple[str, Change]]
 ) -> tuple[Overrides, Scenario]:
-    """Overrides after some more changes of one instant, and the scenario then.
+    """Apply simultaneous changes; return the new overrides and the resulting scenario.
 
     Args:
         begun: as the flight began.
@@ -314,7 +314,7 @@ def try_changes(
 
 @contextmanager
 def _said_of(where: str) -> Iterator[None]:
-    """Errors of a change begin with what it is called."""
+    """Context that prefixes the error of a change with the change's name."""
     try:
         yield
     except ValueError as error:
@@ -324,7 +324,7 @@ def _said_of(where: str) -> Iterator[None]:
 
 
 def _require_changeable(scenario: Scenario, path: str) -> None:
-    """Refuse what no change reaches."""
+    """Raise an error if a path cannot be changed during a flight."""
     if path in WHOLE_PARTS or (path in LATER and scenario.delays.longest_command is not None):
         return
     if path in LATER:
@@ -343,7 +343,7 @@ def _require_changeable(scenario: Scenario, path: str) -> None:
 
 
 def _require_number(scenario: Scenario, change: Change) -> None:
-    """The path leads to a number, and gets one."""
+    """Raise an error unless a path leads to a number and its new value is a number."""
     try:
         number_at(scenario, change.path)
     except ScenarioError as error:
@@ -354,14 +354,14 @@ def _require_number(scenario: Scenario, change: Change) -> None:
 
 
 def _require_one_load(scenario: Scenario, path: str, changed: Sequence[str]) -> None:
-    """Refuse a second path to one load: loads add up, and it would be applied twice."""
+    """Raise an error if a load is set by two paths: loads add up, so it would count twice."""
     for other in changed if is_added(path) else ():
         if other != path and is_added(other) and means_the_same(scenario, path, other):
             raise ScenarioError(f"path = {path!r}: is the same load as {other!r}, must be changed by that name")
 
 
 def require_continuous(old: Scenario, new: Scenario) -> None:
-    """Refuse to fly on with a scenario in which something is other that holds for a whole flight.
+    """Raise an error if a changed scenario differs in something fixed for a flight, such as rates or joint count.
 
     Raises:
         ScenarioError: names it.
@@ -393,7 +393,7 @@ def require_continuous(old: Scenario, new: Scenario) -> None:
 
 
 def _require_latencies(root: str, vehicle: Vehicle, old: Sequence[Drive], new: Sequence[Drive]) -> None:
-    """Refuse another latency of a servo, which sets the length of its queue of setpoints."""
+    """Raise an error if a servo's latency changes: it sets the length of the servo's setpoint queue."""
     for link, a, b in zip(vehicle.links, old, new, strict=False):
         if isinstance(a, Servo) and isinstance(b, Servo) and a.latency != b.latency:
             words = "must be as the session began, since setpoints are on their way"

@@ -1,4 +1,4 @@
-"""Numbers of a scenario by dotted path, to vary them.
+"""Read and replace numbers of a scenario by dotted path.
 
 A path starts with one of ``plant``, ``model``, ``controller``, ``environment.wind``, ``environment.faults``,
 ``sensors``, ``initial``, ``reference`` and goes on through the words of the scenario file (``reference.base.radius``,
@@ -50,7 +50,7 @@ DERIVED = ("initial.", "reference.", "plant.payload.", "model.payload.")
 
 
 def require_apart(scenario: Scenario, paths: Sequence[str]) -> None:
-    """Refuse paths that mean the same number under two names.
+    """Raise an error if two paths denote the same number.
 
     Raises:
         ScenarioError: names both.
@@ -77,7 +77,7 @@ def _meant(scenario: Scenario, path: str) -> tuple[Place, ...]:
 
 
 def _target(scenario: Scenario, path: str) -> tuple[str, tuple[Place, ...]]:
-    """Kind of the number that a path leads to, and its places; of one that is computed, a place of no record."""
+    """Kind of the number that a path denotes, and its places in the scenario's record."""
     for root, vehicle in PAYLOADS.items():
         if path == root or path.startswith(f"{root}."):
             return "payload", ((*vehicle, "payload", _frame_of_payload(part(scenario, vehicle), path, root)),)
@@ -89,7 +89,7 @@ def _target(scenario: Scenario, path: str) -> tuple[str, tuple[Place, ...]]:
 
 
 def _frame_of_payload(vehicle: Vehicle, path: str, root: str) -> str:
-    """Name of the frame at which a path's payload is."""
+    """Name of the frame that holds the payload of a path."""
     frames, words = [frame.name for frame in vehicle.frames], path[len(root) + 1 :].split(".")
     if words == ["mass"] and vehicle.end_effector:
         return vehicle.end_effector
@@ -100,12 +100,12 @@ def _frame_of_payload(vehicle: Vehicle, path: str, root: str) -> str:
 
 
 def _with_start(scenario: Scenario) -> Scenario:
-    """The scenario with the state that it starts from as its initial state."""
+    """Scenario whose initial state is stated explicitly: the given one, else hover trim."""
     return scenario if scenario.initial is not None else scenario.with_words(initial=first_state(scenario))
 
 
 def number_at(scenario: Scenario, path: str) -> float:
-    """The number a path leads to.
+    """Number at a dotted path of a scenario.
 
     Raises:
         ScenarioError: a field that does not exist (with those that do), or something that is not a number.
@@ -123,7 +123,7 @@ def number_at(scenario: Scenario, path: str) -> float:
 
 
 def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
-    """Return the scenario with other numbers at some paths; they may be traced.
+    """Return the scenario with the numbers at some paths replaced; they may be traced.
 
     The mixer follows the model's rotors, a trimmed start the vehicle, and the setpoints that are on their way to a
     servo of the model its latency. What else a law's maker took from its model
@@ -171,7 +171,7 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
 
 
 def _require_numbers(values: object) -> None:
-    """Refuse paths that are no texts, and values that are no scalars.
+    """Raise an error unless paths are texts and values are scalars.
 
     Raises:
         ScenarioError: one line that names what is none.
@@ -189,7 +189,7 @@ def _require_numbers(values: object) -> None:
 
 
 def _fields(scenario: Scenario, leaves: Mapping[Place, Any]) -> dict[str, Any]:
-    """Fields of a scenario that numbers at these paths change."""
+    """Fields of a scenario with the numbers at some paths replaced."""
     below: dict[str, dict[Place, Any]] = {}
     for place, value in leaves.items():
         below.setdefault(place[0], {})[place[1:]] = value
@@ -209,7 +209,7 @@ PAYLOADS: Mapping[str, Place] = {
 
 
 def is_added(path: str) -> bool:
-    """True if the number of a path comes on top of what a vehicle carries: several of these add up."""
+    """True if the number at a path is a load added to the vehicle; several of these add up."""
     return path.startswith(tuple(f"{root}." for root in PAYLOADS))
 
 
@@ -243,7 +243,7 @@ def start_with(scenario: Scenario, values: Mapping[str, Any]) -> State:
 
 
 def _of_angles(roll: Any, pitch: Any, yaw: Any) -> Quaternion:
-    """Quaternion of ZYX angles, rad."""
+    """Quaternion from roll, pitch and yaw (ZYX), rad."""
     half = [(cos(0.5 * angle), sin(0.5 * angle)) for angle in (roll, pitch, yaw)]
     about = [Quaternion(c, *Vec3(*(s if i == axis else 0.0 for i in range(3)))) for axis, (c, s) in enumerate(half)]
     return about[2] * about[1] * about[0]
@@ -257,7 +257,7 @@ WHOSE = {"plant": "plant", "model": "model", "controller": "law"}
 
 
 def unit_at(scenario: Scenario, path: str) -> str:
-    """SI unit of the number that a path leads to, as its field declares it; empty for pure numbers and unknown ones.
+    """SI unit of the number at a path, from its field's declaration; empty for pure numbers and unknown ones.
 
     Raises:
         ScenarioError: no number is there.
@@ -266,7 +266,7 @@ def unit_at(scenario: Scenario, path: str) -> str:
 
 
 def declared_at(scenario: Scenario, path: str) -> Unit:
-    """Unit, meaning and bounds of the number that a path leads to, as its field declares them.
+    """Unit, meaning and bounds of the number at a path, from its field's declaration.
 
     Of a joint, whose numbers have one unit if it turns and another if it slides, those of its kind; of a number of a
     signal, those of what the signal is.
@@ -282,7 +282,7 @@ def declared_at(scenario: Scenario, path: str) -> Unit:
 
 
 def _declared(record: object, place: Place) -> Unit:
-    """Declaration of the last field on the way to a place that has one."""
+    """Unit declaration of the innermost field along a path that has one."""
     found = Unit()
     for name in place:
         if isinstance(record, tuple):
@@ -299,7 +299,7 @@ def _declared(record: object, place: Place) -> Unit:
 
 
 def words_of(path: str) -> str:
-    """A path as words: ``plant.vehicle.links.0.joint.damping`` is "link 1 joint damping (plant)"."""
+    """Readable text of a path: ``plant.vehicle.links.0.joint.damping`` is "link 1 joint damping (plant)"."""
     words = [word for word in path.split(".") if word not in LEFT_OUT]
     whose = WHOSE.get(words[0], "") if len(words) > 1 else ""
     if whose:
@@ -316,5 +316,5 @@ def words_of(path: str) -> str:
 
 
 def axis_label(words: str, unit: str) -> str:
-    """Words with their unit in brackets, as axes have them."""
+    """Axis label: a text with its unit in brackets."""
     return f"{words} [{unit}]" if unit else words

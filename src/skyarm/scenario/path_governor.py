@@ -1,4 +1,4 @@
-"""Path governor: slows the path parameter of a reference that the nominal vehicle could not follow.
+"""Path governor: slow a reference along its path where the nominal vehicle could not follow it.
 
 The path stays as it is: no corner is cut. Errors are taken against the reference as it is commanded at each instant,
 and the lag t - s(t) stands beside them. The plan is made before the flight, from the law's model; the scenario
@@ -49,11 +49,11 @@ LONGEST = 1000.0
 
 
 class GovernorWarning(RuntimeWarning):
-    """A governor cannot keep its limits."""
+    """Warning that a path governor cannot satisfy its limits."""
 
 
 def govern(scenario: Scenario, **options: float) -> Scenario:
-    """Return the scenario with a governor of its reference's path parameter.
+    """Return the scenario with a path governor, which slows the reference to feasible speeds.
 
     Where the reference may be flown as it is commanded nothing is changed.
 
@@ -77,7 +77,7 @@ def govern(scenario: Scenario, **options: float) -> Scenario:
 
 
 def planner_from(table: object, setting: Setting) -> Callable[[Scenario], Scenario]:
-    """Planner of the time of a reference that is read for a setting.
+    """Read [reference.governor]; return the function that adds the governor's timing to a scenario.
 
     Args:
         table: [reference.governor]: true, or limits.
@@ -93,7 +93,7 @@ def planner_from(table: object, setting: Setting) -> Callable[[Scenario], Scenar
 
 
 def governed_scenario(scenario: Scenario, options: GovernorOptions, events: Sequence[TaskEvent] = ()) -> Scenario:
-    """The scenario with a planned time of its reference; without any where none is needed.
+    """Scenario with a governed time scale of its reference; unchanged if the reference is already feasible.
 
     Raises:
         ValueError: one line: events at fixed instants, after which a slowed vehicle would arrive; or a long flight.
@@ -110,7 +110,7 @@ def governed_scenario(scenario: Scenario, options: GovernorOptions, events: Sequ
 
 
 def _reasons_against(scenario: Scenario, events: Sequence[TaskEvent]) -> Iterator[str]:
-    """Why a scenario has no plan."""
+    """Reasons why a reference cannot be slowed by a path governor."""
     if events:
         yield f"of a reference that picks or places something ({events[0].where})"
     if scenario.duration > LONGEST:
@@ -125,12 +125,12 @@ def _reasons_against(scenario: Scenario, events: Sequence[TaskEvent]) -> Iterato
 
 
 def _switches(scenario: Scenario) -> list[float]:
-    """Times within the flight at which the reference may jump, s."""
+    """Times within the flight at which the reference may be discontinuous, s."""
     return [t for t in scenario.reference.switch_times() if 0.0 < t < scenario.duration]
 
 
 def plan_of(scenario: Scenario, options: GovernorOptions) -> Plan:
-    """The plan of a scenario's reference, from its law's model."""
+    """Plan the timing along a scenario's reference with the model of its law."""
     trajectory, limits = scenario.reference, Limits(scenario.controller.par.model, options)
     ceilings = Ceilings(duration=float(scenario.duration), stops=_corners(trajectory, scenario))
 
@@ -142,7 +142,7 @@ def plan_of(scenario: Scenario, options: GovernorOptions) -> Plan:
 
 
 def _corners(trajectory: Trajectory, scenario: Scenario) -> list[float]:
-    """Times (s) at which the path turns a corner, or sets off at speed from where the vehicle rests."""
+    """Times (s) at which the path has a corner, or starts with nonzero speed from rest."""
     found = []
     first = trajectory.at(0.0)
     rest = dataclasses.replace(first, velocity=ZERO3, joint_rates=(0.0,) * len(first.joint_rates))
@@ -187,7 +187,7 @@ class GovernorOptions:
 
 
 class Limits:
-    """The limits of the nominal vehicle, and demands as shares of them.
+    """Limits of the nominal vehicle; demands are computed as fractions of them.
 
     Args:
         model: of the law. options: of the governor.
@@ -211,7 +211,7 @@ class Limits:
             self._efforts[i] = min(float(self._efforts[i, 0]), float(servo.largest_effort()))
 
     def names(self) -> list[str]:
-        """Name of the limit of each row of the shares."""
+        """Name of the limit of each row of the demand fractions."""
         rotors = [rotor.name for rotor in self._vehicle.rotors]
         joints = [link.joint.name for link in self._vehicle.links]
         return [
@@ -224,7 +224,7 @@ class Limits:
         ]
 
     def shares(self, motion: Motion) -> Array:
-        """(limits, K) demands of a motion as shares of their limits: above 1 is infeasible."""
+        """Demands of a motion as fractions of the vehicle's limits, (limits, K): above 1 is infeasible."""
         settled = self._window_means(motion.time)
         demand = demand_of_motion(self._vehicle, self._gravity, motion, settled)
         found = self._shares(demand)
@@ -236,7 +236,7 @@ class Limits:
         return found
 
     def _shift(self, motion: Motion, settled: Any) -> Array:
-        """(3, K) m/s^2, additional acceleration of a tilted base that keeps its tip where a level base has it."""
+        """Additional acceleration of a tilted base that keeps its tip where a level base has it, (3, K), m/s^2."""
         force = motion.acceleration + np.array([[0.0], [0.0], [self._gravity]])
         held = frame_pose(self._vehicle, self._vehicle.frame(self._tip), tuple(motion.joints)).p
         arm = np.stack([np.broadcast_to(np.asarray(c, dtype=float), len(motion.time)) for c in held])
@@ -247,7 +247,7 @@ class Limits:
         return np.asarray(settled(np.gradient(velocity, motion.time, axis=1, edge_order=2)))
 
     def at_rest(self, motion: Motion) -> Array:
-        """(limits, K) the same if it stood still where it is: what no slower motion can lessen."""
+        """Static demands of each posture of a motion as fractions of the limits, (limits, K): a lower bound."""
         nothing = np.zeros_like
         still = Motion(
             time=motion.time, acceleration=nothing(motion.acceleration), yaw=motion.yaw, joints=motion.joints,
@@ -276,7 +276,7 @@ class Limits:
         )
 
     def _window_means(self, time: Array) -> Any:
-        """Means over two windows of SETTLES seconds: the attitude's response to the force's direction."""
+        """Smoothing function for a force, two moving averages over SETTLES seconds: models the attitude's response."""
         step = float(time[1] - time[0]) if len(time) > 1 else SETTLES
         half = max(0, round(0.5 * SETTLES / step))
 
@@ -295,7 +295,7 @@ def _upright(force: Array) -> Array:
 
 
 def _mean(rows: Array, half: int) -> Array:
-    """Mean over 2 half + 1 neighbours; at the ends, of as many as there are on both sides."""
+    """Centred moving average over 2 half + 1 samples; the window shrinks symmetrically at the ends."""
     if half == 0:
         return rows
     padded = np.concatenate([np.repeat(rows[:, :1], half, axis=1), rows, np.repeat(rows[:, -1:], half, axis=1)], axis=1)

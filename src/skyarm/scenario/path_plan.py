@@ -1,4 +1,4 @@
-"""Timing of a reference along its path: ceilings of ds/dt over the path, and the time that keeps below them.
+"""Time scaling of a reference: upper bounds of ds/dt along the path, and the time law that satisfies them.
 
 1. The ceilings are at most the commanded speed (1), and 0 where the path turns a corner: where a velocity jumps.
 2. ds/dt falls and rises no faster than the path's acceleration allows; a flight stands still at a corner for a moment.
@@ -53,7 +53,7 @@ DIGITS = 9
 
 @dataclass(kw_only=True)
 class Ceilings:
-    """Upper bounds of ds/dt over the path, a number every GRID seconds of it.
+    """Upper bounds of the path speed ds/dt, sampled every GRID seconds of the path.
 
     Attributes:
         rate: ds/dt. acceleration: 1/s. stops: s, corners at which the path stands still.
@@ -69,7 +69,7 @@ class Ceilings:
         self.rate, self.acceleration = np.ones(count), np.full(count, ACCELERATION)
 
     def lower(self, values: Array, at: Array, to: Array, least: float, rate: float = 1.0) -> None:
-        """Lower some values, at places of the path (s) and CALM seconds of a flight at a rate around them.
+        """Lower the bounds around some places of the path (s); each lowering spreads over CALM seconds of flight.
 
         None comes below ``least``.
         """
@@ -82,7 +82,7 @@ class Ceilings:
         np.copyto(values, np.maximum(np.minimum(values, around), least))
 
     def squares(self) -> Array:
-        """(ds/dt)^2 over the path: below the ceilings, with no more than the path's acceleration."""
+        """Squared path speed (ds/dt)^2 that satisfies the speed bounds and the path's acceleration limit."""
         square = self.rate**2
         for stop in self.stops:
             index = min(round(stop / GRID), len(square) - 1)
@@ -98,7 +98,7 @@ class Ceilings:
 
 
 def follow(ceilings: Ceilings, duration: float) -> PathTime:
-    """The time of a reference that goes as fast as the ceilings let it, at rest at each stop for a moment."""
+    """Time law of the fastest path speed within the bounds, with a short rest at each stop."""
     square, parts = ceilings.squares(), 10
     small = STEP / parts
     stops = [stop for stop in sorted(ceilings.stops) if stop < duration]
@@ -127,7 +127,7 @@ def follow(ceilings: Ceilings, duration: float) -> PathTime:
 
 
 def _first_rate(square: Array) -> float:
-    """The largest ds/dt that is feasible for the first two steps.
+    """Largest initial ds/dt that is feasible for the first two steps.
 
     Of the control points in these s(0) is made: they stand on one line, so that it is exactly 0.
     """
@@ -137,7 +137,7 @@ def _first_rate(square: Array) -> float:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Plan:
-    """A planned time of a reference.
+    """Planned time law of a reference.
 
     Attributes:
         path_time: None where the reference may go as it is commanded.
@@ -160,7 +160,7 @@ NOTHING = 1e-7
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Judge:
-    """Demands of a motion along the path on the vehicle.
+    """Evaluator of the vehicle's demands for a motion along the path.
 
     Attributes:
         motion: from the reference's time and its derivatives at K instants, and these, s.
@@ -172,7 +172,7 @@ class Judge:
     at_rest: Callable[[Motion], Array]
 
     def over(self, s: Derivatives, time: Array) -> Array:
-        """(limits, K) shares over the allowed one: 1, or the share of the static posture."""
+        """Ratios of demand to allowed demand, (limits, K): the limit, or the posture's static demand if larger."""
         with np.errstate(all="ignore"):
             motion = self.motion(s, time)
             found = np.asarray(self.shares(motion) / np.maximum(1.0, self.at_rest(motion)))
@@ -184,7 +184,7 @@ class Judge:
 
 
 def even_rates(judge: Judge, ceilings: Ceilings) -> None:
-    """Lower the ceilings to the largest even rate that keeps within the limits at each place of the path."""
+    """Lower the bounds to the largest constant path speed that is feasible at each place of the path."""
     path = np.arange(-BEYOND, ceilings.duration + BEYOND + 0.5 * GRID, GRID)
     inside = (path > -0.5 * GRID) & (path < ceilings.duration + 0.5 * GRID)
     open_, still = np.ones(len(path), dtype=bool), np.zeros_like(path)
@@ -198,7 +198,7 @@ def even_rates(judge: Judge, ceilings: Ceilings) -> None:
 
 
 def plan(judge: Judge, ceilings: Ceilings) -> Plan:
-    """Lower the ceilings until the motion keeps within all limits, also while its rate changes."""
+    """Plan the time law: lower the bounds until the motion, with its speed changes, satisfies all limits."""
     duration = ceilings.duration
     time = np.arange(0.0, duration + BEYOND + 0.5 * LOOK, LOOK)
     inside = time < duration + 0.5 * LOOK
@@ -221,7 +221,7 @@ def plan(judge: Judge, ceilings: Ceilings) -> Plan:
 
 
 def _calm(ceilings: Ceilings, s: Derivatives, over: Array) -> None:
-    """Lower ds/dt a little and limit its rate of change where the motion exceeds a limit."""
+    """Lower ds/dt slightly and limit its rate of change where the motion exceeds a limit."""
     more = over > SLACK
     place, rate = s[0][more], np.maximum(s[1][more], SLOWEST)
     index = np.clip(np.round(place / GRID).astype(int), 0, len(ceilings.rate) - 1)

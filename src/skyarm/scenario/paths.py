@@ -1,4 +1,4 @@
-"""Parameter paths: names in a scenario file, and the places of the scenario's records that they denote.
+"""Parameter paths: dotted names of a scenario file, resolved to places in the scenario's records.
 
 One number of a file may have several places in the records (a circle's radius is the amplitude of two sines), and a
 file's word may be another than the record's (``force`` is ``force_W``). Both words lead to the record.
@@ -55,7 +55,7 @@ OLD_PATHS = {"reference.joined": TRACKING_START}
 
 
 def places_of(scenario: Scenario, path: str) -> tuple[Place, ...]:
-    """Places of the scenario record that a path denotes; all hold the same number.
+    """Places in the scenario record that a path denotes; all hold the same number.
 
     Raises:
         ScenarioError: a field that does not exist (with those that do), or one that is structure.
@@ -82,7 +82,7 @@ def places_of(scenario: Scenario, path: str) -> tuple[Place, ...]:
 
 
 def roots(scenario: Scenario) -> dict[str, Place]:
-    """Beginnings of paths, the longest first where one begins another."""
+    """Roots of parameter paths with their places: named sensors and drives, then the fixed ``ROOTS``."""
     named: dict[str, Place] = {
         f"sensors.{each.name}": ("agent", "sensors", str(i), "sensor") for i, each in enumerate(scenario.sensors)
     }
@@ -116,13 +116,13 @@ def _follow(scenario: Scenario, path: str, start: Place, words: list[str]) -> tu
 
 
 def _further(scenario: Scenario, path: str) -> list[str]:
-    """Named parts of the scenario that a path may have meant: sensors, drives."""
+    """Suggestions for a misspelt path: named sensors and drives of the scenario."""
     head = path[: path.index(".") + 1]
     return [name.removeprefix(head) for name in roots(scenario) if name not in ROOTS and name.startswith(head)]
 
 
 def _with_heads(heads: tuple[Place, ...], found: object) -> Any:
-    """Places relative to the scenario; a tree of more names is relative to the first head."""
+    """Prefix places with each of several parent places, so that they are relative to the scenario."""
     if isinstance(found, tuple):
         return tuple((*head, *tail) for head in heads for tail in found)
     return found
@@ -146,7 +146,7 @@ REGISTERED: Mapping[type, str] = {Air: "air", Force: "force", Ending: "ending"}
 
 
 def names(record: object) -> dict[str, tuple[Place, ...] | Tree]:
-    """Names that lead on from a record."""
+    """Names that may follow a record in a path."""
     found: dict[str, tuple[Place, ...] | Tree] = {}
     if isinstance(record, tuple):
         found |= {number: ((number,),) for number in parts(record)}
@@ -179,7 +179,7 @@ def names(record: object) -> dict[str, tuple[Place, ...] | Tree]:
 
 
 def _name(item: object) -> str | None:
-    """An item's own name, or that under which its class is registered."""
+    """Name of a list item: its ``name`` field, else the name under which its class is registered."""
     own = getattr(item, "name", None)
     if isinstance(own, str):
         return own
@@ -188,7 +188,7 @@ def _name(item: object) -> str | None:
 
 
 def _every_joint(vehicle: Vehicle) -> Tree:
-    """[plant] joints = { damping, ... }: the same number for every joint."""
+    """Path names for [plant] joints = { damping, ... }, which set one number for every joint."""
     return {
         field: tuple(("vehicle", "links", str(i), "joint", field) for i in range(vehicle.n))
         for field in JOINT_NUMBERS
@@ -197,7 +197,7 @@ def _every_joint(vehicle: Vehicle) -> Tree:
 
 
 def _signal(signal: Signal) -> dict[str, tuple[Place, ...] | Tree]:
-    """A signal's own fields, and those of the signal that a window or a shift holds."""
+    """Path names of a signal's fields, including those of a signal inside a window or shift."""
     found: dict[str, tuple[Place, ...] | Tree] = {}
     if isinstance(signal, (Windowed, Shifted)):
         found |= {name: _under(("signal",), at) for name, at in names(signal.signal).items()}
@@ -211,14 +211,14 @@ def _signal(signal: Signal) -> dict[str, tuple[Place, ...] | Tree]:
 
 
 def _under(head: Place, at: tuple[Place, ...] | Tree) -> tuple[Place, ...] | Tree:
-    """The same places relative to an outer record."""
+    """Prefix places with the place of the record that contains them."""
     if isinstance(at, tuple):
         return tuple((*head, *place) for place in at)
     return {name: _under(head, inner) for name, inner in at.items()}
 
 
 def _motions(motion: Trajectory | TipMotion) -> Tree:
-    """[reference.base] and the tip's path as the file has it: hover, circle, signals, or a list of them."""
+    """Path names of [reference.base] and the tip's path, as in the file: hover, circle, signals, or a list of them."""
     axes = (motion.x, motion.y, motion.z)
     if all(_is_list(axis) for axis in axes):
         each = zip(*(_items(axis) for axis in axes), strict=False)
@@ -232,7 +232,7 @@ def _motions(motion: Trajectory | TipMotion) -> Tree:
 
 
 def _is_list(signal: Signal) -> bool:
-    """A sum ((0 + a) + b) ... that starts from the motionless trajectory, as lists of motions are read."""
+    """True for a sum ((0 + a) + b) ... that starts from the motionless trajectory: the result of a list of motions."""
     while isinstance(signal, Sum) and len(signal.signals) == 2:
         signal = signal.signals[0]
         if isinstance(signal, Constant) and isinstance(signal.value, (int, float)) and signal.value == 0.0:
@@ -241,7 +241,7 @@ def _is_list(signal: Signal) -> bool:
 
 
 def _items(signal: object) -> list[tuple[Signal, Place]]:
-    """Terms of such a sum in the order of the file, with their places."""
+    """Terms of a sum of motions in the order of the file, each with its place."""
 
     def backwards() -> Iterator[tuple[Signal, Place]]:
         rest: Any = signal
@@ -254,7 +254,7 @@ def _items(signal: object) -> list[tuple[Signal, Place]]:
 
 
 def _motion(axes: tuple[Signal, ...], places: tuple[Place, ...]) -> Tree:
-    """One motion, by what its three signals are."""
+    """Path names of one motion, by the kinds of its three signals."""
     found: dict[str, Any] = dict(zip("xyz", ((place,) for place in places), strict=True))
     if all(isinstance(axis, Constant) for axis in axes):
         found["position"] = _vector([(*place, "value") for place in places])
@@ -274,7 +274,7 @@ def _motion(axes: tuple[Signal, ...], places: tuple[Place, ...]) -> Tree:
 
 
 def _is_circle(signal: object) -> bool:
-    """A centre and a windowed, shifted sine, as :func:`skyarm.reference.circle` makes them."""
+    """True for a centre plus a windowed, shifted sine, the form that :func:`skyarm.reference.circle` builds."""
     if not isinstance(signal, Sum) or len(signal.signals) != 2:
         return False
     center, turn = signal.signals
@@ -287,5 +287,5 @@ def _is_circle(signal: object) -> bool:
 
 
 def _vector(places: Sequence[Place]) -> Tree:
-    """Three numbers by letter and by number."""
+    """Path names of a vector's components, by letter and by index."""
     return {name: (place,) for i, place in enumerate(places) for name in ("xyz"[i], str(i))}

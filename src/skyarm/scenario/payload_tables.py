@@ -1,4 +1,4 @@
-"""``[[payloads]]`` of a scenario file, and the payloads and grippers of a reference's phases.
+"""Payload tables of a scenario file, and the payloads and grippers named by a reference's phases.
 
 ::
 
@@ -44,7 +44,7 @@ FIELD = {"pick": "pick", "place": "drop"}
 
 
 def payloads_from(tables: object, where: str = "payloads") -> tuple[TimedPayload, ...]:
-    """Payloads of a list of tables.
+    """Payloads that a list of tables describes.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
@@ -69,7 +69,7 @@ def _payload(fields: Fields) -> TimedPayload:
 
 
 def _instant(fields: Fields, name: str) -> tuple[float, Reach | None]:
-    """An instant (s), or a place with the earliest instant."""
+    """Read an instant (s), or a place to be reached with the earliest instant."""
     if not isinstance(fields.table.get(name), dict):
         return fields.number(name, low=0.0), None
     inner = fields.inner(name)
@@ -82,7 +82,7 @@ def _instant(fields: Fields, name: str) -> tuple[float, Reach | None]:
 def with_model_changes(
     payloads: Sequence[TimedPayload], trajectory: Trajectory, duration: float, rate: int
 ) -> tuple[tuple[TimedPayload, ...], tuple[Change, ...]]:
-    """Payloads, and changes of the model's payload to the mass that is held at each frame.
+    """Payloads, and scheduled changes of the model's payload mass at each frame.
 
     Those of waiting phases, whose instants are unknown, keep ``believed``: the loop follows them.
 
@@ -110,12 +110,12 @@ def with_model_changes(
 
 
 def _whole_period(time: float, rate: float) -> float:
-    """The first instant (s) of a control period that does not begin before a time (s)."""
+    """Start (s) of the first control period at or after a time (s)."""
     return math.ceil(time * rate - 1e-9) / rate
 
 
 def with_instants(tables: object, events: Sequence[TaskEvent], control_rate: float) -> Any:
-    """The tables of ``[[payloads]]`` with the instants at which phases pick and place them.
+    """Payload tables completed with the instants at which phases pick and place the payloads.
 
     Args:
         tables: as the file has them.
@@ -152,7 +152,7 @@ def with_instants(tables: object, events: Sequence[TaskEvent], control_rate: flo
 
 
 def with_commands(contact: Any, events: Sequence[TaskEvent], control_rate: float) -> Any:
-    """The contact whose grippers close and open with the phases that name them.
+    """World contact whose grippers close and open at the phases that name them.
 
     Args:
         contact: as read; None without a world.
@@ -178,7 +178,7 @@ def with_commands(contact: Any, events: Sequence[TaskEvent], control_rate: float
 
 
 def _with_task_windows(gripper: Any, events: Sequence[TaskEvent], rate: float) -> Any:
-    """A gripper that is closed from each pick to the next place."""
+    """Gripper that is closed from each pick to the next place."""
     windows: list[Windowed] = []
     since: float | None = None
     for event in (each for each in events if each.gripper == gripper.name):

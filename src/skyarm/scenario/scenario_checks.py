@@ -64,7 +64,7 @@ FLOWN = (
 
 
 def check_scenario(scenario: Scenario) -> None:
-    """Refuse records that could not fly together, before anything is built.
+    """Raise an error if the records of a scenario are inconsistent, before anything is built.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
@@ -90,7 +90,7 @@ def check_scenario(scenario: Scenario) -> None:
 
 
 def _check_times(scenario: Scenario) -> None:
-    """Require whole numbers of steps for duration and delays; a varied delay stays below its longest."""
+    """Check that duration and delays are whole numbers of steps, and that a varied delay stays below its maximum."""
     rates, delays = scenario.rates, scenario.delays
     if scenario.duration * rates.control > LONGEST_FLIGHT:
         most = f"{LONGEST_FLIGHT / rates.control:g} s"
@@ -120,14 +120,14 @@ def _check_times(scenario: Scenario) -> None:
 
 
 def require_whole(field: str, seconds: float, rate: int, unit: str) -> None:
-    """A time is a whole number of ticks of a clock (Hz), at least one if it is above 0."""
+    """Check that a time is a whole number of ticks of a clock (Hz), at least one if it is above 0."""
     count = seconds * rate
     if abs(count - round(count)) > 1e-6 or (seconds > 0.0 and round(count) < 1):
         raise ValueError(f"{field} = {seconds!r}: must be a whole number of {unit} of {1.0 / rate:g} s")
 
 
 def _check_clocks_of_law(scenario: Scenario) -> None:
-    """Periods and filters among a law's constants are those of the scenario's clocks."""
+    """Check that periods and filters among a law's constants match the scenario's clocks."""
     par, rates = innermost(scenario.controller.par), scenario.rates
     cutoff = getattr(par, "cutoff", None)
     if cutoff is not None and concrete(cutoff) and not 2.0 * cutoff < rates.control:
@@ -143,7 +143,7 @@ def _check_clocks_of_law(scenario: Scenario) -> None:
 
 
 def _check_reference(scenario: Scenario) -> None:
-    """The law starts tracking within the flight, and a planned time lasts for all of it."""
+    """Check that the law starts tracking within the flight and that a planned time law covers all of it."""
     if concrete(scenario.tracking_start):
         start = number(scenario.tracking_start, "reference.tracking_start", low=0.0)
         if start > scenario.duration:
@@ -158,7 +158,7 @@ def _check_reference(scenario: Scenario) -> None:
 
 
 def _check_sensors(scenario: Scenario) -> None:
-    """Check named sensors: periods of the loop, unique names, and the sensors that law, phases and estimator need."""
+    """Check named sensors: periods, unique names, and all sensors that the law, phases and estimator need."""
     rates, vehicle = scenario.rates, scenario.plant.vehicle
     sensors: dict[str, Sensor] = {}
     for each in scenario.sensors:
@@ -189,7 +189,7 @@ def _check_sensors(scenario: Scenario) -> None:
 
 
 def _check_drives(scenario: Scenario) -> None:
-    """Drives are of joints that are there and have torque; surroundings, drives and contact bear a control period."""
+    """Check that drives belong to joints with torque, and that all components are stable at the control period."""
     period, vehicle = 1.0 / scenario.rates.control, scenario.plant.vehicle
     joints, own = [link.joint.name for link in vehicle.links], [each.joint for each in scenario.drives]
     added: list[tuple[str, Component | Drive]] = [
@@ -213,7 +213,7 @@ def _check_drives(scenario: Scenario) -> None:
 
 
 def _check_vehicles(scenario: Scenario) -> None:
-    """Truth and model have the same joints and rotors, the law fits them, and the truth can be simulated.
+    """Check that plant and model have the same joints and rotors, that the law fits, and that the plant is simulable.
 
     Its rotors must reach every torque and thrust; whether they are strong enough to carry it, the flight shows.
     """
@@ -236,7 +236,7 @@ def _check_vehicles(scenario: Scenario) -> None:
 
 
 def _counts_of_law(par: object, joints: int, rotors: int) -> Iterator[tuple[str, Sequence[Any], int]]:
-    """(field, values, how many there must be) of gains, mixer, and the recovery under the safety layer."""
+    """Required lengths of a law's arrays (gains, mixer, recovery): (field, values, length)."""
     layer = par
     while getattr(layer, "recovery", None) is None and hasattr(layer, "inner"):
         layer = layer.inner
@@ -260,7 +260,7 @@ def _counts_of_law(par: object, joints: int, rotors: int) -> Iterator[tuple[str,
 
 
 def _check_surroundings(scenario: Scenario) -> None:
-    """Faults and components name actuators, frames and links that the true vehicle has."""
+    """Check that faults and components name existing actuators, frames and links of the plant."""
     vehicle, period = scenario.plant.vehicle, 1.0 / scenario.rates.control
     for i, fault in enumerate(scenario.faults):
         try:
@@ -276,7 +276,7 @@ def _check_surroundings(scenario: Scenario) -> None:
 
 
 def _check_initial(state: State, vehicle: Vehicle) -> None:
-    """An initial state has a number for each joint and rotor, speeds that the rotors can turn at, and a quaternion."""
+    """Check an initial state: a number for each joint and rotor, feasible rotor speeds, and a unit quaternion."""
     rotors, tilts = len(vehicle.rotors), len(vehicle.tilts)
     counts = (("joints", vehicle.n), ("joint_rates", vehicle.n), ("rotor_speeds", rotors), ("tilts", tilts))
     for name, count in counts:
@@ -297,7 +297,7 @@ def _check_initial(state: State, vehicle: Vehicle) -> None:
 
 
 def check_quaternion(values: tuple[Any, ...]) -> None:
-    """Four numbers of unit length."""
+    """Check that a quaternion is four numbers of unit length."""
     good = len(values) == 4
     if good and concrete(*values):
         good = abs(math.sqrt(sum(c * c for c in values)) - 1.0) <= TOLERANCE
@@ -308,7 +308,7 @@ def check_quaternion(values: tuple[Any, ...]) -> None:
 
 
 def require_flight(scenario: object) -> None:
-    """Require one scenario whose numbers are plain, not lanes, and whose vehicle starts outside of all surfaces.
+    """Check for one scenario of plain numbers, not a batch, whose vehicle starts outside of all surfaces.
 
     Raises:
         ScenarioError: one line with field and value.
@@ -328,7 +328,7 @@ def require_flight(scenario: object) -> None:
 
 
 def require_start_outside(scenario: Scenario) -> None:
-    """Refuse a start from which surfaces would throw the vehicle, or at which its rotors or joints are in one.
+    """Raise an error if the vehicle starts inside a surface, or so deep that contact would throw it.
 
     Raises:
         ValueError: one line.
@@ -365,7 +365,7 @@ def _require_tip_sensor(at: str, sensors: Sequence[tuple[str, Sensor]], vehicle:
 
 
 def _check_guards(trajectory: Trajectory, sensors: Sequence[tuple[str, Sensor]], vehicle: Vehicle) -> None:
-    """Require the sensors that guards of phases read."""
+    """Check that the sensors that phase guards read exist."""
     if not trajectory.guards:
         return
     from skyarm.sensing.sensor_kinds import TactileSwitch

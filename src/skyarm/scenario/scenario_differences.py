@@ -1,4 +1,4 @@
-"""Numbers and parts in which two scenarios differ, by their paths."""
+"""Differences of two scenarios, by parameter path."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SEVERAL = (("environment", "air"), ("environment", "forces"), ("endings",))
 
 
 def scenario_differences(a: object, b: object) -> dict[str, tuple[Any, Any]]:
-    """Path -> values in two scenarios, where they differ.
+    """Values that differ between two scenarios: path -> pair of values.
 
     Args:
         a: plain data of a scenario (``log.info["scenario_record"]``); anything else has nothing in it.
@@ -36,7 +36,7 @@ def scenario_differences(a: object, b: object) -> dict[str, tuple[Any, Any]]:
 
 
 def _leaves(data: object, words: Words) -> Iterator[tuple[Words, Any]]:
-    """Paths and values of all leaves of plain data."""
+    """Path and value of each leaf of plain data."""
     inner = data.items() if isinstance(data, Mapping) else enumerate(data) if isinstance(data, list) else ()
     if not inner:
         yield words, data
@@ -47,12 +47,12 @@ def _leaves(data: object, words: Words) -> Iterator[tuple[Words, Any]]:
 
 
 def _has_choice(words: Words) -> bool:
-    """True if the value at this place may be of several classes."""
+    """True if values of several classes are allowed at this place."""
     return words in (("environment", "wind"), ("agent", "estimator")) or words[:-1] in SEVERAL
 
 
 def _path(words: Words) -> str:
-    """The sweep's path of a place in the record; the record's own words where there is none."""
+    """Parameter path of a place in the scenario record; the record's field names joined where it has none."""
     roots = sorted(ROOTS.items(), key=lambda pair: -len(pair[1]))
     for root, place in roots:
         if words[: len(place)] == place and len(words) > len(place):

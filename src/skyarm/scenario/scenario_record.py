@@ -1,4 +1,4 @@
-"""One experiment: truth, model, controller, reference, environment, clocks, and what changes in flight."""
+"""Scenario: plant, model, controller, reference, environment, clocks and scheduled changes of one experiment."""
 
 from __future__ import annotations
 
@@ -56,11 +56,11 @@ Held = TypeVar("Held")
 
 
 class ScenarioError(ValueError):
-    """A scenario's description is wrong."""
+    """Error in a scenario's description."""
 
 
 def whole(value: object) -> int | None:
-    """A whole number, NumPy's too, as Python's; None for anything else."""
+    """Convert a whole number (NumPy's too) to int; None for anything else."""
     return int(value) if not isinstance(value, bool) and isinstance(value, numbers.Integral) else None
 
 
@@ -83,7 +83,7 @@ class Rates:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Delays:
-    """Dead times of the loop.
+    """Time delays of the control loop.
 
     ``measurement`` is a whole number of control periods, the others are of physics steps. ``rotors`` and ``joints`` are
     what the rotors' and the joints' part of a command takes on top of ``command``; an int of 0 is structure: they
@@ -108,7 +108,7 @@ class Delays:
 
     @property
     def longest(self) -> float:
-        """Longest delay of a command, s; the upper bound of numbers that vary."""
+        """Longest command delay, s; the upper bound if the delays vary."""
         if self.longest_command is not None:
             return self.longest_command
         return float(self.command) + max(float(self.rotors), float(self.joints))
@@ -130,7 +130,7 @@ class NamedSensor:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class JointDrive:
-    """The drive of one joint, by the joint's name."""
+    """Actuator of one joint, given by the joint's name."""
 
     joint: str
     drive: Drive
@@ -144,7 +144,7 @@ class JointDrive:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Change:
-    """Scheduled change; it takes effect in the first control period that does not begin before ``at``.
+    """Scheduled change of a parameter or part, from the first control period that starts at or after ``at``.
 
     Attributes:
         at: s.
@@ -172,7 +172,7 @@ class Change:
             raise ScenarioError("value: has too many lists or tables within each other") from None
 
     def tick(self, rate: int) -> int:
-        """The control period in which it takes effect, at this control rate (Hz)."""
+        """Index of the first control period with the change, at a control rate in Hz."""
         k = math.floor(self.at * rate)
         # against the instants as the loop has them: k / rate
         while k / rate < self.at:
@@ -181,17 +181,17 @@ class Change:
 
     @property
     def of_law(self) -> bool:
-        """True for a change of the controller, which another law does not take over."""
+        """True for a change of the controller, which is dropped when the law is replaced."""
         return self.path.split(".", maxsplit=1)[0] == "controller"
 
     @property
     def table(self) -> Any:
-        """The value as a file's reader gives it: tuples are lists."""
+        """Value of the change with lists in place of tuples, as a file's reader returns it."""
         return _table(self.value)
 
 
 def _plain_value(field: str, value: object, whole: bool = True) -> Any:
-    """Value of a change: lists as tuples, a number as a float unless ``whole`` numbers stay, as within a list."""
+    """Convert the value of a change: lists to tuples, a number to float unless ``whole`` numbers are kept."""
     value = coerce.plain_number(value)
     if isinstance(value, Mapping):
         if not all(isinstance(name, str) for name in value):
@@ -218,13 +218,13 @@ def _table(value: object) -> Any:
 
 
 def in_order(changes: Iterable[Change], rate: int) -> tuple[Change, ...]:
-    """Changes in order of their control periods, those of one period in the given order."""
+    """Sort changes by control period, and keep the order within one period."""
     return tuple(sorted(changes, key=lambda change: change.tick(rate)))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Solver:
-    """Simulation of a plant.
+    """Simulation settings of a plant.
 
     Attributes:
         kind: "rigid_body" or "mujoco". integrator: "rk4", "euler" or "rk4_staged".
@@ -244,7 +244,7 @@ class Solver:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Environment:
-    """Surroundings that all vehicles share.
+    """Surroundings shared by all vehicles.
 
     Attributes:
         wind: of the air. air, forces: further components (:mod:`skyarm.world.component`).
@@ -332,7 +332,7 @@ GROUPS: Mapping[str, type] = {"solver": Solver, "agent": Agent, "environment": E
 
 @dataclass(frozen=True, kw_only=True, slots=True, init=False)
 class Scenario:
-    """Everything that fixes an episode.
+    """Complete definition of one experiment.
 
     It is made of its fields, or of the words of a group in the group's place: ``Scenario(wind=...)``,
     ``dataclasses.replace(scenario, wind=...)`` and ``scenario.wind`` mean ``environment.wind``.
@@ -378,13 +378,13 @@ class Scenario:
             raise ScenarioError(str(error)) from None
 
     def with_words(self, **words: Any) -> Scenario:
-        """The scenario with other fields, or words of its groups."""
+        """Scenario with some fields replaced, also those of its groups."""
         made: Any = dataclasses.replace(self, **words)
         return made  # type: ignore[no-any-return]
 
     @property
     def as_begun(self) -> Scenario:
-        """The scenario as its flight begins, with nothing scheduled."""
+        """Scenario at the start of the flight, without scheduled changes."""
         return self.with_words(changes=()) if self.changes else self
 
     def under(self, controller: Controller) -> Scenario:
@@ -420,12 +420,12 @@ class Scenario:
 
     @property
     def components(self) -> tuple[Component, ...]:
-        """The wind, the air and the forces that are added to it, timed payloads, contact, the load on the battery."""
+        """All force and flow components: wind, air, added forces, timed payloads, contact, the battery's load."""
         return (self.wind, *self.air, *self.forces, *self.payloads, *self.worlds, *self.power)
 
     @property
     def placed_components(self) -> tuple[tuple[str, Component], ...]:
-        """The same, each with its place in a file, as ``environment.air[0]``."""
+        """All components with their paths in a file, such as ``environment.air[0]``."""
         lists = {"environment.air": self.air, "environment.forces": self.forces, "payloads": self.payloads}
         numbered = (f"{where}[{i}]" for where, several in lists.items() for i in range(len(several)))
         last = *("world" for _ in self.worlds), *("plant.vehicle.battery" for _ in self.power)
@@ -433,12 +433,12 @@ class Scenario:
 
     @property
     def worlds(self) -> tuple[Contact, ...]:
-        """The contact, if there is something to touch."""
+        """The world's contact model in a tuple; empty if there is nothing to touch."""
         return () if self.world is None else (self.world,)
 
     @property
     def power(self) -> tuple[BatteryDrain, ...]:
-        """The load on the true vehicle's battery, if it has one."""
+        """Load on the battery of the plant's vehicle; empty without a battery."""
         vehicle = self.plant.vehicle
         if vehicle.battery is None:
             return ()
@@ -448,36 +448,36 @@ class Scenario:
 
     @property
     def has_estimator(self) -> bool:
-        """True if the law reads an estimator instead of the state."""
+        """True if the law receives an estimator's output in place of the state."""
         return type(self.estimator) is not PassThrough
 
     @property
     def all_sensors(self) -> tuple[tuple[str, Sensor], ...]:
-        """(name, sensor): the full state, then the named ones."""
+        """All sensors by name: the full state first, then the named ones."""
         return ((FULL_STATE, self.noise), *((each.name, each.sensor) for each in self.sensors))
 
     @property
     def joint_drives(self) -> tuple[JointDrive, ...]:
-        """Drives of joints by name: the scenario's, and the vehicle's for joints that the scenario leaves out."""
+        """Drives of joints by name: the scenario's, else those of the vehicle."""
         named = [each.joint for each in self.drives]
         carried = (each for each in self.plant.vehicle.drives if each.name not in named)
         return (*self.drives, *(JointDrive(joint=each.name, drive=each.drive) for each in carried))
 
     @property
     def commands_setpoints(self) -> tuple[bool, ...]:
-        """Joint by joint, whether its command is a setpoint of its drive in place of a torque or force."""
+        """For each joint, true if its command is a setpoint of its drive rather than a torque or force."""
         drives = self.all_drives or (TORQUE_DRIVE,) * self.plant.vehicle.n
         return tuple(not isinstance(drive, TorqueDrive) for drive in drives)
 
     @property
     def all_drives(self) -> tuple[Drive, ...]:
-        """A drive for each joint; empty where every joint takes its torque."""
+        """Drive of each joint in order; empty if every joint is commanded by torque."""
         given = {each.joint: each.drive for each in self.joint_drives}
         return tuple(given.get(link.joint.name, TORQUE_DRIVE) for link in self.plant.vehicle.links) if given else ()
 
 
 def _group_fields(words: dict[str, Any]) -> dict[str, Any]:
-    """Every field of a scenario from fields and words of groups."""
+    """All fields of a scenario, gathered from its own fields and those of its groups."""
     found: dict[str, Any] = {}
     for name, default in defaults(Scenario).items():
         kind = GROUPS.get(name)
@@ -497,13 +497,13 @@ def _group_fields(words: dict[str, Any]) -> dict[str, Any]:
 
 
 def check_name(name: str) -> None:
-    """A scenario's name becomes the name of its files."""
+    """Check that a scenario's name is valid as the name of its files."""
     if not is_result_name(name):
         raise ScenarioError(f"name = {shown(name)}: {ALLOWED}")
 
 
 def noise_key(field: str, value: object) -> int:
-    """A key of the noise generator."""
+    """Key of the random number generator for noise."""
     held = whole(value)
     if held is None or not 0 <= held < 2**32:
         raise ScenarioError(f"{field} = {shown(value)}: must be a whole number from 0 to 2**32 - 1")
@@ -511,7 +511,7 @@ def noise_key(field: str, value: object) -> int:
 
 
 def trimmed_state(world: Truth, position: Vec3, yaw: Scalar, joints: tuple[Any, ...]) -> State:
-    """The truth at rest and level, rotors at the speeds that hold its weight and its arm's torque.
+    """Hover trim of the plant: at rest and level, with rotor speeds that hold its weight and its arm's torque.
 
     No rotor turns faster than it can: a truth that is too heavy to hover starts at full speed and sinks.
     """
@@ -531,7 +531,7 @@ def trimmed_state(world: Truth, position: Vec3, yaw: Scalar, joints: tuple[Any, 
 
 
 def first_state(scenario: Scenario) -> State:
-    """The scenario's initial state, or hover trim at the reference."""
+    """Initial state of a scenario: the stated one, else hover trim at the reference."""
     if scenario.initial is not None:
         return scenario.initial
     start = scenario.reference.at(0.0)
@@ -539,7 +539,7 @@ def first_state(scenario: Scenario) -> State:
 
 
 def _as_data(state: State) -> State:
-    """The state without integers, which would be structure, its quaternion exactly of unit length."""
+    """State with all numbers as floats, which marks them as variable, and a quaternion of exactly unit length."""
 
     def as_data(value: Any) -> Any:
         numbers = (data(each) for each in value)

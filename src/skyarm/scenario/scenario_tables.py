@@ -1,4 +1,4 @@
-"""The tables of a scenario file, one reader each; the grammar is in :mod:`skyarm.scenario.scenario_file`."""
+"""Readers of the tables of a scenario file; the grammar is in :mod:`skyarm.scenario.scenario_file`."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ if TYPE_CHECKING:
 
 
 def _several(kind: str, base: type, tables: object, where: str) -> tuple[Any, ...]:
-    """Records of a list of tables ``{ kind = NAME, numbers ... }``."""
+    """Read a list of tables ``{ kind = NAME, numbers ... }`` as records."""
     return tuple(registered_from(kind, base, each.table, each.where) for each in list_of_tables(tables, where))
 
 
 def _estimator(table: object, where: str) -> Estimator:
-    """An estimator, or its kind alone."""
+    """Read an estimator from a table, or from the name of its kind."""
     found: Estimator = registered_from(
         "estimator", Estimator, {"kind": table} if isinstance(table, str) else table, where
     )
@@ -70,7 +70,7 @@ PARTS: Mapping[str, tuple[Place, Callable[[Any, str], Any]]] = {
 
 
 def parts_from(tables: Mapping[str, Fields]) -> dict[str, Any]:
-    """Fields of a scenario from those of the ``PARTS`` that are present, by the name of their table."""
+    """Read the optional ``PARTS`` of a scenario file; returns fields by the name of their table."""
     found = {}
     for path, (place, read) in PARTS.items():
         within, _, name = path.rpartition(".")
@@ -81,7 +81,7 @@ def parts_from(tables: Mapping[str, Fields]) -> dict[str, Any]:
 
 
 def vehicle(fields: Fields, folder: Path) -> Vehicle:
-    """The named vehicle, as its file describes it."""
+    """Vehicle that the file names, without the scenario's own changes."""
     named = fields.take("vehicle")
     if not isinstance(named, str) or not named:
         raise ValueError(f"{fields.at('vehicle')} = {shown(named)}: must be a name of the library or a path")
@@ -93,7 +93,7 @@ def vehicle(fields: Fields, folder: Path) -> Vehicle:
 
 
 def truth(plant: Fields, folder: Path) -> Vehicle:
-    """The vehicle of [plant] or [model] with its payload and its numbers of joints, [model] with its drives."""
+    """Vehicle of [plant] or [model] with its payload, overridden joint numbers and, for [model], drives."""
     found = vehicle(plant, folder)
     if "payload" in plant.table:
         try:
@@ -108,7 +108,7 @@ def truth(plant: Fields, folder: Path) -> Vehicle:
 
 
 def _tables_by_name(fields: Fields, name: str) -> dict[str, Any]:
-    """Tables by name."""
+    """Read nested tables by name."""
     table: Any = fields.take(name, {})
     if not isinstance(table, dict):
         raise ValueError(f"{fields.at(name)} = {shown(table)}: must be a table of tables by name")
@@ -116,7 +116,7 @@ def _tables_by_name(fields: Fields, name: str) -> dict[str, Any]:
 
 
 def _with_joint_numbers(found: Vehicle, table: Fields) -> Vehicle:
-    """The vehicle with other numbers of its joints: one for every joint, or a list of one for each."""
+    """Vehicle with overridden joint numbers: one value for every joint, or a list of one for each."""
     rows: list[dict[str, Any]] = [{} for _ in found.links]
     for name in JOINT_NUMBERS:
         value, at = table.take(name, None), table.at(name)
@@ -136,12 +136,12 @@ def _with_joint_numbers(found: Vehicle, table: Fields) -> Vehicle:
 
 
 def gravity(fields: Fields) -> float:
-    """Gravity, m/s^2."""
+    """Read gravity, m/s^2."""
     return fields.number("gravity", 9.81, low=0.0)
 
 
 def contact(table: object, folder: Path) -> Contact | None:
-    """[world]: surfaces, and points of the vehicle that touch them; files of meshes stand below a folder."""
+    """Read [world]: surfaces and the vehicle's contact points; mesh files are relative to a folder."""
     if table is None:
         return None
     from skyarm.world.contact.contact import Contact
@@ -150,7 +150,7 @@ def contact(table: object, folder: Path) -> Contact | None:
 
 
 def with_meshes(table: object, where: str, folder: Path) -> Any:
-    """The tables of a world whose paths of meshes stand below a folder, as absolute paths.
+    """Tables of a world with its mesh paths made absolute.
 
     Args:
         table: plain, of a file.
@@ -179,7 +179,7 @@ def with_meshes(table: object, where: str, folder: Path) -> Any:
 
 
 def sensors(table: Mapping[str, Any]) -> tuple[SensorNoise, tuple[NamedSensor, ...]]:
-    """Standard deviations of the full state, of which an exact zero is structure; tables in it, sensors by name."""
+    """Read sensors: standard deviations of the full state, and named sensors in nested tables."""
     named = {name: value for name, value in table.items() if isinstance(value, dict)}
     noise = record_from(SensorNoise, Fields({name: table[name] for name in table if name not in named}, "sensors"))
     read = {name: registered_from("sensor", Sensor, value, f"sensors.{name}") for name, value in named.items()}
@@ -188,7 +188,7 @@ def sensors(table: Mapping[str, Any]) -> tuple[SensorNoise, tuple[NamedSensor, .
 
 
 def drives(plant: Fields) -> tuple[JointDrive, ...]:
-    """[plant.drives.JOINT]."""
+    """Read [plant.drives.JOINT]: the drives of joints."""
     read = {
         joint: registered_from("drive", Drive, table, f"plant.drives.{joint}")
         for joint, table in _tables_by_name(plant, "drives").items()
@@ -197,21 +197,21 @@ def drives(plant: Fields) -> tuple[JointDrive, ...]:
 
 
 def setting_of(world: Truth, duration: float) -> Setting:
-    """Facts of the flight for a reference's tables."""
+    """Vehicle, gravity, duration and thrust-to-weight ratio of the flight, for the readers of a reference."""
     weight = float(world.vehicle.mass) * float(world.gravity)
     most = float(highest_thrust(world.vehicle)) / weight if weight > 0.0 else math.inf
     return Setting(vehicle=world.vehicle, gravity=float(world.gravity), duration=duration, thrust_to_weight=most)
 
 
 def feasibility_of(scenario: Scenario) -> Feasibility | None:
-    """Reach and limits of the plan of a scenario's tip; None where the tip has no reference of its own."""
+    """Feasibility of the tip's reference against reach and limits; None where the tip has no reference."""
     from skyarm.reference.feasibility import feasibility
 
     return feasibility(scenario.reference, setting_of(scenario.plant, scenario.duration))
 
 
 def _in_folder(table: object, folder: Path) -> Any:
-    """A reference's table whose files of samples stand below a folder."""
+    """Table of a reference with its sample files' paths made absolute."""
     if isinstance(table, list):
         return [_in_folder(item, folder) for item in table]
     if not isinstance(table, dict):
@@ -223,7 +223,7 @@ def _in_folder(table: object, folder: Path) -> Any:
 
 
 def _as_commanded(scenario: Scenario) -> Scenario:
-    """The scenario of a reference without a governor."""
+    """Return a scenario unchanged: the default for a reference without a governor."""
     return scenario
 
 
@@ -252,7 +252,7 @@ def reference(
 
 
 def initial(fields: Fields, scenario: Scenario) -> State:
-    """Hover trim at the reference with the given fields replaced; ``standing`` sets it down below, rotors at rest."""
+    """Initial state: hover trim with given fields replaced; ``standing`` puts the vehicle on a surface, rotors off."""
     stands = fields.flag("standing", False)
     start = scenario.reference.at(0.0)
     joints = fields.numbers("joints", [float(q) for q in start.joints])
@@ -286,7 +286,7 @@ def initial(fields: Fields, scenario: Scenario) -> State:
 
 
 def _require_standing(fields: Fields, scenario: Scenario) -> None:
-    """Refuse a standing start without a world, or with a motion."""
+    """Raise an error for a standing start without a world, or with an initial motion."""
     if not scenario.worlds:
         raise ValueError(f"{fields.at('standing')} = true: must be false without a [world] to stand on")
     for name in ("quaternion_wxyz", "velocity", "rate", "joint_rates", "rotor_speeds"):
@@ -295,7 +295,7 @@ def _require_standing(fields: Fields, scenario: Scenario) -> None:
 
 
 def require_plugins(top: Fields) -> None:
-    """[plugins] need = [...] of a scenario or study: plugins that must be loaded; a file loads none itself.
+    """Raise an error if a plugin that a file requires by [plugins] need = [...] is not loaded.
 
     Raises:
         ValueError: one is not loaded, with how to load it.

@@ -1,4 +1,4 @@
-"""Suspicious values: numbers of a vehicle or a scenario that are allowed and probably in other units.
+"""Warnings about suspicious values: allowed numbers of a vehicle or scenario that are probably in other units.
 
 They cause warnings, never errors. A field declares its usual size (:class:`skyarm.records.units.Unit`): tens of times
 what flying robots have, and less than the factors between units. What depends on several numbers is looked at here.
@@ -64,14 +64,14 @@ def unlikely_numbers(scenario: Scenario) -> tuple[str, ...]:
 
 
 def part_warnings(scenario: Scenario) -> tuple[str, ...]:
-    """Lines that the parts of a scenario have about themselves."""
+    """Warnings issued by the components of a scenario."""
     vehicle, step = scenario.plant.vehicle, 1.0 / scenario.rates.physics
     parts = scenario.placed_components
     return tuple(f"{where}: {line}" for where, part in parts for line in part.warnings(vehicle, step))
 
 
 def unlikely_units(scenario: Scenario) -> tuple[str, ...]:
-    """Lines about numbers that are probably in other units, without those of the plant's vehicle."""
+    """Warnings about scenario numbers that are probably in other units, without those of the plant's vehicle."""
     records = {
         "plant": scenario.plant, "model": scenario.controller.par.model, "environment.wind": scenario.wind,
         "sensors": scenario.noise, "delays": scenario.delays, "initial": scenario.initial,
@@ -81,25 +81,25 @@ def unlikely_units(scenario: Scenario) -> tuple[str, ...]:
 
 
 def plan_warnings(scenario: Scenario) -> tuple[str, ...]:
-    """Lines about limits that the plan of a tip's reference does not keep."""
+    """Warnings about limits of the vehicle that the tip's reference exceeds."""
     found = feasibility_of(scenario)
     return tuple(found.warnings()) if found is not None else ()
 
 
 def law_warnings(scenario: Scenario) -> tuple[str, ...]:
-    """Lines about a law that the vehicle's joints or rotors do not suit."""
+    """Warnings about a control law that does not suit the vehicle's joints or rotors."""
     return tuple(law_of_undriven(scenario))
 
 
 def unlikely_in_vehicle(vehicle: Vehicle) -> tuple[str, ...]:
-    """Lines about numbers that are probably in other units; empty for a vehicle without any."""
+    """Warnings about vehicle numbers that are probably in other units."""
     heavy = _too_large("mass =", float(vehicle.mass), HEAVIEST, "kg")
     declared = (line for where, record in parts(vehicle).items() for line in _unusual(record, where))
     return (*heavy, *declared, *_inertias(vehicle), *_rotors(vehicle))
 
 
 def _unusual(record: object, where: str) -> Iterator[str]:
-    """Lines about the numbers below a record that are larger than their fields declare as usual; one for each field."""
+    """Warnings about numbers of a record beyond the usual range that their fields declare; one for each field."""
     found: dict[tuple[type, str], list[str]] = {}
     for key, line in _unusual_fields(record, where):
         found.setdefault(key, []).append(line)
@@ -126,14 +126,14 @@ def _unusual_fields(record: object, where: str) -> Iterator[tuple[tuple[type, st
 
 
 def _too_large(before: str, size: float, most: float, unit: str, behind: str = "") -> Iterator[str]:
-    """A line about a finite number that is larger than usual."""
+    """Warning about a finite number that is larger than usual."""
     if most < abs(size) < math.inf:
         other = f", not {OTHER[unit]}" if unit in OTHER else ""
         yield f"{before} {size:g} {unit}{behind}: is more than {most:g}; {unit}{other}?"
 
 
 def _size(value: Any) -> float:
-    """A number, the length of a vector, or the largest of a column."""
+    """Magnitude of a field's value: absolute value, vector length, or largest entry of a column."""
     if isinstance(value, tuple):
         return max(map(float, value), default=0.0)
     return _norm(value) if parts(value) else float(value)
@@ -166,7 +166,7 @@ def _model(scenario: Scenario) -> Iterator[str]:
 
 
 def _without_drag(scenario: Scenario) -> Iterator[str]:
-    """Air that moves about a vehicle on which it has no effect."""
+    """Warning about wind or moving air that has no effect, because the vehicle has no drag."""
     vehicle, wind = scenario.plant.vehicle, scenario.wind
     drags = [(rotor.drag_coefficient, rotor.rolling_moment_coefficient) for rotor in vehicle.rotors]
     if any(float(value) for pair in drags for value in pair):
@@ -184,7 +184,7 @@ def _without_drag(scenario: Scenario) -> Iterator[str]:
 
 
 def _inertias(vehicle: Vehicle) -> Iterator[str]:
-    """Inertias larger than those of their masses anywhere within the vehicle."""
+    """Warnings about inertias too large for a mass distribution within the vehicle's dimensions."""
     placed: tuple[Any, ...] = (*vehicle.rotors, *vehicle.frames, *(link.joint for link in vehicle.moving))
     extent = max([SMALLEST, *(_norm(each.position) for each in placed), *(_norm(body.com) for body in vehicle.bodies)])
     extent = max(extent, sum(_norm(link.joint.position) for link in vehicle.links))
@@ -207,7 +207,7 @@ def _gyration(body: Body, moment: float) -> float:
 
 
 def _rotors(vehicle: Vehicle) -> Iterator[str]:
-    """Highest thrust far from the weight."""
+    """Warning about a highest total thrust far from the vehicle's weight."""
     weight, top = float(vehicle.mass) * EARTH, float(highest_thrust(vehicle)) if vehicle.rotors else math.nan
     if not 0.0 <= top < math.inf or MARGINS[0] * weight <= top <= MARGINS[1] * weight:
         return

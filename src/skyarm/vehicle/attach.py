@@ -1,4 +1,4 @@
-"""Arms on an airframe: the bodies, joints and frames of one description at a link or a frame of another."""
+"""Arms on an airframe: attach the bodies, joints and frames of one description to a link or frame of another."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ FrameOrLook = TypeVar("FrameOrLook", Frame, Look)
 
 
 def place_in(bodies: RigidBodies, name: str, field: str) -> Frame:
-    """Index of the moving body that carries a named link or frame, and the pose of that one in it."""
+    """Frame of a named link or frame: index of the moving body that carries it, and its pose in that body."""
     names = [link.name for link in bodies.links]
     if name in ("base", bodies.root):
         return Frame(name=name, link=BASE, position=Vec3(0, 0, 0))
@@ -56,13 +56,13 @@ def place_in(bodies: RigidBodies, name: str, field: str) -> Frame:
 
 
 def posed_in(frame: Frame, R: Mat3, p: Vec3, name: str = "") -> Frame:
-    """A frame at a pose (m) in another one, in the moving body that carries both."""
+    """Frame with a given pose (m) relative to another frame of the same moving body."""
     position = description.vector([float(c) for c in frame.position + frame.rotation.apply(p)])
     return Frame(name=name, link=frame.link, position=position, rotation=description.rotation(frame.rotation @ R))
 
 
 def attach(airframe: RigidBodies, arm: RigidBodies, mount: Mount) -> RigidBodies:
-    """Airframe and arm as one; the arm's root link becomes a part of the body that it sits on, and a frame.
+    """Join an airframe and an arm; the arm's root link becomes a part of the body that carries it, and a frame.
 
     Args:
         airframe: with the arms that came before.
@@ -109,7 +109,7 @@ def attach(airframe: RigidBodies, arm: RigidBodies, mount: Mount) -> RigidBodies
 
 
 def bodies_of(vehicle: Vehicle) -> RigidBodies:
-    """A vehicle's bodies without its rotors, with its followers as mimics."""
+    """Bodies, joints and frames of a vehicle without its rotors; followers are listed as mimic joints."""
     leaders = [link.joint.name for link in vehicle.links]
     mimics = {
         each.link.joint.name: Mimic(leaders[each.leader], float(each.ratio), float(each.offset))
@@ -134,7 +134,7 @@ def _with_prefix(arm: RigidBodies, prefix: str) -> RigidBodies:
 
 
 def _require_new_names(airframe: RigidBodies, arm: RigidBodies, root: list[str], mount: Mount) -> None:
-    """Refuse links, frames and joints of an arm whose names the airframe has."""
+    """Raise an error if links, frames or joints of an arm have names that the airframe uses."""
     taken = {"base", airframe.root, *(link.name for link in airframe.links), *(f.name for f in airframe.frames)}
     joints = {link.joint.name for link in airframe.links}
     found = [("link", link.name) for link in arm.links if link.name in taken]
@@ -166,19 +166,19 @@ class Mimic:
     offset: float = 0.0
 
     def at_rest(self, lower: float = 0.0, upper: float = 0.0) -> float:
-        """Value where the joint that it follows, of these limits, is at zero, or at the limit next to zero."""
+        """Joint value where the leader is at zero, or at the limit nearest to zero."""
         return self.ratio * min(max(0.0, lower), upper) + self.offset
 
 
 def held_pose(kind: str, axis: Vec3, value: float) -> tuple[Mat3, Vec3]:
-    """R and p (m) by which a joint at a value, rad or m, places its child in the joint's frame."""
+    """Rotation and translation (m) of a joint's child in the joint's frame at a joint value, rad or m."""
     return (axis_rotation(axis, value), ZERO3) if kind == "revolute" else (Mat3.identity(), axis * value)
 
 
 def couple(
     links: Sequence[Link], frames: Sequence[Frame], mimics: Mapping[str, Mimic]
 ) -> tuple[tuple[Link, ...], tuple[Follower, ...], tuple[Frame, ...]]:
-    """Independent links, followers, and the frames with the new indices of both.
+    """Separate followers from independent links; return both, and the frames with the new link indices.
 
     Damping and armature of a follower's joint act at its leader, by the square of the ratio; its dry friction by
     the ratio, at the leader's own rate. Its limits narrow those of its leader; where they would leave it no range, as
@@ -219,7 +219,7 @@ def couple(
 
 
 def follow(name: str, mimics: Mapping[str, Mimic]) -> Mimic:
-    """The joint at the end of a chain of joints that follow each other, and how a joint follows that one.
+    """Leader at the end of a chain of mimic joints, with the total ratio and offset.
 
     Raises:
         VehicleError: the chain is a ring.
@@ -236,7 +236,7 @@ def follow(name: str, mimics: Mapping[str, Mimic]) -> Mimic:
 
 
 def resolve(name: str, mimics: Mapping[str, Mimic], links: Sequence[Link]) -> Mimic:
-    """As :func:`follow`, of a joint that moves with another one of the links."""
+    """Leader of a mimic joint as of :func:`follow`, after a check that it is a moving joint of the links."""
     known, found = [link.joint.name for link in links], follow(name, mimics)
     if found.joint not in known:
         last = next(each for each in mimics if mimics[each].joint == found.joint)
@@ -247,7 +247,7 @@ def resolve(name: str, mimics: Mapping[str, Mimic], links: Sequence[Link]) -> Mi
 
 
 def _with_friction(leader: Joint, follower: Joint, ratio: float) -> Joint:
-    """A leader with the friction of its follower's drive added."""
+    """Leader joint with its follower's friction added."""
     values: dict[str, Any] = {}
     for name, by in (("damping", ratio * ratio), ("armature", ratio * ratio), ("coulomb", abs(ratio))):
         more = getattr(follower, name)
@@ -257,7 +257,7 @@ def _with_friction(leader: Joint, follower: Joint, ratio: float) -> Joint:
 
 
 def _range_of_leader(leader: Joint, follower: Joint, ratio: object, offset: object) -> tuple[Any, Any] | None:
-    """Values of a leader with which both joints are within their limits; None where there are none."""
+    """Range of a leader joint within its own and its follower's limits; None if it is empty."""
     if not concrete(leader.lower, leader.upper, follower.lower, follower.upper, ratio, offset):
         return leader.lower, leader.upper
     first, last = sorted(((follower.lower - offset) / ratio, (follower.upper - offset) / ratio))
@@ -273,7 +273,7 @@ def _narrow_range(leader: Joint, follower: Joint, mimic: Mimic) -> Joint:
 
 
 def limits_that_contradict(links: Sequence[Link], followers: Sequence[Follower]) -> tuple[str, ...]:
-    """A note on the followers whose limits leave their leaders no range, and so do not count."""
+    """Notes on followers whose limits leave their leaders no range and are therefore ignored."""
     notes = Notes()
     for each in followers:
         if _range_of_leader(links[each.leader].joint, each.link.joint, each.ratio, each.offset) is None:
@@ -314,7 +314,7 @@ SHOWN = 4
 
 
 class Notes:
-    """Notes of a file's reader; names that share one are listed in a single line: ``joints a, b: TEXT``."""
+    """Notes of a file reader; names with the same note are listed in one line: ``joints a, b: TEXT``."""
 
     def __init__(self) -> None:
         self._names: dict[tuple[str, str], list[str]] = {}
@@ -338,7 +338,7 @@ def _line(kind: str, text: str, names: list[str]) -> str:
 
 
 class BodyTree:
-    """Tree of rigid bodies under construction, parents first.
+    """Tree of rigid bodies under construction, parents before children.
 
     Attributes:
         links, frames, looks: read so far. parts: bodies of the base and of each link.
@@ -353,17 +353,17 @@ class BodyTree:
         self.mimics, self.notes = mimics, notes
 
     def add_link(self, name: str, parent: int, joint: Joint) -> Frame:
-        """Add a link behind a joint of the body ``parent``; returns the link's own frame."""
+        """Add a link with its joint to the body ``parent``; returns the link's frame."""
         self.links.append(Link(name=name, parent=parent, joint=joint, body=Body(mass=0)))
         self.parts.append([])
         return Frame(name="", link=len(self.links) - 1, position=Vec3(0, 0, 0))
 
     def add_body(self, link: int, body: Body) -> None:
-        """Add a mass, in the axes of a link or the base."""
+        """Add a mass to a link or the base, in that body's axes."""
         self.parts[link + 1].append(body)
 
     def bodies(self, name: str, root: str, coupled: bool) -> RigidBodies:
-        """The finished tree; ``coupled`` keeps its followers as such."""
+        """Completed tree of bodies; ``coupled`` keeps mimic joints as moving followers."""
         base, *bodies = (description.body(each) if each else Body(mass=0.0) for each in self.parts)
         links = tuple(replace(link, body=body) for link, body in zip(self.links, bodies, strict=True))
         moving = {link.joint.name for link in links} if coupled else ()

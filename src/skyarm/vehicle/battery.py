@@ -1,4 +1,4 @@
-"""A battery: cells in series with an open-circuit voltage by their charge, a resistance, and what rotors draw."""
+"""Battery model: cells in series with open-circuit voltage and resistance, and the power that rotors draw."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ HOUR = 3600.0
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class CellCurve:
-    """Open-circuit voltage of one cell by its charge; a monotone cubic runs between the points."""
+    """Open-circuit voltage of one cell against its charge, by monotone cubic interpolation."""
 
     charge: Annotated[tuple[Scalar, ...], Unit("", "share of the capacity", low=0.0, high=1.0)]
     voltage: Annotated[tuple[Scalar, ...], Unit("V", low=0.0)]
@@ -88,7 +88,7 @@ class Battery:
         return rotor_power(rotors, speeds, self.efficiency, self.reference_voltage, self.standing_power)
 
     def voltage(self, charge: Any, power: Any) -> Any:
-        """Voltage of the pack under a load (W), V: V = V_0 - R P / V; beyond its greatest power, that at it.
+        """Voltage of the pack under a load (W), V: V = V_0 - R P / V; that at peak power for larger loads.
 
         Zero for an empty one, which is cut off.
         """
@@ -97,7 +97,7 @@ class Battery:
         return where(charge > 0.0, under_load, 0.0)
 
     def discharge(self, charge: Any, power: Any, seconds: Any) -> Any:
-        """Charge after some seconds of a load (W)."""
+        """Charge after supplying a load (W) for some seconds."""
         voltage = self.voltage(charge, power)
         current = divide(power, where(voltage > 0.0, voltage, 1.0))
         spent = divide(current * seconds, HOUR * self.capacity)

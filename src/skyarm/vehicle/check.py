@@ -1,4 +1,4 @@
-"""Checks of a vehicle: topology always, numbers where they are concrete.
+"""Checks of a vehicle: its topology always, its numbers where they are plain numbers.
 
 Each message names the field, the value and what is allowed; the file is added by the reader that knows it.
 """
@@ -36,11 +36,11 @@ SHARE: Mapping[str, Any] = {"low": 0.0, "folds": True, "rule": coefficient}
 
 
 class VehicleError(RecordError):
-    """A vehicle's description is wrong."""
+    """Error in a vehicle's description."""
 
 
 def accept_named(record: Any, kind: str) -> None:
-    """Convert a named record to its stored types; messages call it by the name, ``joints[shoulder].axis``.
+    """Convert a named record to its stored types; errors state its name, as in ``joints[shoulder].axis``.
 
     Raises:
         VehicleError: one line with field, value and what is allowed.
@@ -50,12 +50,12 @@ def accept_named(record: Any, kind: str) -> None:
 
 
 def refuse(field: str, value: object, allowed: str) -> NoReturn:
-    """Raise with field, value and what is allowed, on one line."""
+    """Raise an error with field, value and the allowed values, on one line."""
     raise VehicleError(f"{field} = {shown(value)}: {allowed}")
 
 
 def inertia(field: str, inertia_com: Sym3, *, planar: bool) -> None:
-    """Moments that a real body can have: positive semi-definite and the triangle inequality of principal moments."""
+    """Check an inertia for physical consistency: positive semi-definite, triangle inequality of principal moments."""
     if not concrete(*inertia_com.entries):
         return
     for name, value in zip(("xx", "yy", "zz", "xy", "xz", "yz"), inertia_com.entries, strict=True):
@@ -76,7 +76,7 @@ def inertia(field: str, inertia_com: Sym3, *, planar: bool) -> None:
 
 
 def principal_moments(inertia_com: Sym3) -> list[float]:
-    """Principal moments of inertia, kg m^2, rising."""
+    """Principal moments of inertia, kg m^2, in ascending order."""
     import numpy as np
 
     rows = [[float(each) for each in row] for row in inertia_com.full().rows]
@@ -84,7 +84,7 @@ def principal_moments(inertia_com: Sym3) -> list[float]:
 
 
 def joint(field: str, value: Joint) -> None:
-    """Kind and limits of one joint."""
+    """Check the kind and limits of one joint."""
     if value.kind not in ("revolute", "prismatic"):
         refuse(f"{field}.kind", value.kind, "must be 'revolute' or 'prismatic'")
     if concrete(value.lower, value.upper) and not value.lower < value.upper:
@@ -92,7 +92,7 @@ def joint(field: str, value: Joint) -> None:
 
 
 def unique(field: str, names: list[str]) -> None:
-    """No name twice, none empty."""
+    """Check that names are unique and not empty."""
     for name in names:
         if not name:
             refuse(field, name, "must have a name")
@@ -101,7 +101,7 @@ def unique(field: str, names: list[str]) -> None:
 
 
 def vehicle(value: Vehicle) -> None:
-    """Check conditions over several fields or records; each record checks its own numbers."""
+    """Check conditions across several records of a vehicle; each record checks its own numbers."""
     inertia("base.inertia", value.base.inertia, planar=value.base.planar)
     if concrete(value.base.mass) and not value.base.mass > 0.0:
         refuse("base.mass", value.base.mass, "must be greater than 0")
@@ -136,7 +136,7 @@ def vehicle(value: Vehicle) -> None:
 
 
 def _drives(value: Vehicle) -> None:
-    """Require a different joint for each drive, one that lets it give a torque."""
+    """Check that each drive has a joint of its own with an effort limit above zero."""
     joints = [link.joint.name for link in value.links]
     for name in (each.name for each in value.drives):
         if name not in joints or [each.name for each in value.drives].count(name) > 1:
@@ -148,7 +148,7 @@ def _drives(value: Vehicle) -> None:
 
 
 def _follower(value: Vehicle, each: Follower, index: int) -> None:
-    """Require of a follower a leader, an earlier parent, and a joint without friction, armature or stops."""
+    """Check a follower: existing leader, earlier parent, and a joint without friction, armature or stops."""
     field, link = f"followers[{each.name}]", each.link
     inertia(f"{field}.link.inertia", link.body.inertia, planar=link.body.planar)
     joint(f"{field}.link.joint", link.joint)
@@ -164,7 +164,7 @@ def _follower(value: Vehicle, each: Follower, index: int) -> None:
 
 
 def require_plant(value: Vehicle) -> None:
-    """Refuse a vehicle that no real body could be: a planar model may serve as a law's model, not as a plant.
+    """Raise an error if a vehicle has bodies that are not physical; planar ones are allowed only in a law's model.
 
     Raises:
         VehicleError: with the first planar body.
@@ -186,13 +186,13 @@ REPAIRABLE = 0.1
 
 
 def excess(moments: Sequence[float]) -> float:
-    """By what share of the largest principal moment the largest exceeds the sum of the others; at most 0 in a body."""
+    """Violation of the triangle inequality of principal moments, relative to the largest; at most 0 for a real body."""
     a, b, c = sorted(moments)
     return (c - a - b) / c if c > 0.0 else 0.0
 
 
 def nearest_inertia(inertia: Sym3) -> Sym3:
-    """The nearest inertia of a real body, kg m^2, about the same centre of mass in the same axes."""
+    """Nearest physically consistent inertia, kg m^2, about the same centre of mass in the same axes."""
     import numpy as np
 
     given = np.array([[float(each) for each in row] for row in inertia.full().rows])
@@ -206,7 +206,7 @@ def nearest_inertia(inertia: Sym3) -> Sym3:
 
 
 def with_real_inertias(bodies: RigidBodies) -> RigidBodies:
-    """Bodies whose inertias that no body has, by up to a tenth, are the nearest real ones, with notes."""
+    """Replace inertias that violate physical consistency by up to a tenth with the nearest consistent ones."""
     notes: list[str] = []
     base = _checked_body(f"link {bodies.root}", bodies.base, notes)
     links = tuple(replace(link, body=_checked_body(f"link {link.name}", link.body, notes)) for link in bodies.links)
@@ -214,7 +214,7 @@ def with_real_inertias(bodies: RigidBodies) -> RigidBodies:
 
 
 def _checked_body(name: str, body: Body, notes: list[str]) -> Body:
-    """A body and, in the notes, what was changed of it."""
+    """Body with a repaired inertia where it violates physical consistency; the change is added to the notes."""
     if body.planar or not all(math.isfinite(float(entry)) for entry in body.inertia.entries):
         return body
     moments = principal_moments(body.inertia)

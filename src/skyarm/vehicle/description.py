@@ -1,4 +1,4 @@
-"""From the numbers of a file to records: exact zeros and ones become structure.
+"""Convert numbers of a vehicle file for records: exact zeros and ones become constants of compiled code.
 
 What stands as 0 or 1 in a file, and what is computed from it to exactly 0.0 (a product of inertia of a symmetric
 body), is structure and folds away; every other number stays data (see :mod:`skyarm.algebra.scalars`).
@@ -22,17 +22,17 @@ ROUNDING = 1e-15
 
 
 def zero_is_structure(value: float) -> int | float:
-    """An exact zero as structure, any other number as data."""
+    """Convert an exact zero to a constant of compiled code; other numbers stay variable."""
     return 0 if value == 0.0 else float(value)
 
 
 def vector(values: Sequence[float]) -> Vec3:
-    """Three numbers."""
+    """Vector of three numbers of a file."""
     return Vec3.from_numbers([float(value) for value in values])
 
 
 def unit_axis(field: str, values: Sequence[float]) -> Vec3:
-    """Unit vector along any nonzero vector."""
+    """Unit vector in the direction of a nonzero vector."""
     length = math.hypot(*values)
     if not (length > 0.0 and math.isfinite(length)):
         refuse(field, list(values), "must have a direction (three finite numbers, not all zero; any length)")
@@ -42,7 +42,7 @@ def unit_axis(field: str, values: Sequence[float]) -> Vec3:
 
 
 def rotation(R: Mat3) -> Mat3:
-    """A rotation with the rounding of sin and cos taken off its zeros and ones."""
+    """Rotation matrix with entries rounded to 0 and 1 where sin and cos left rounding errors."""
     return Mat3.from_numbers([[_snap(float(entry)) for entry in row] for row in R.rows])
 
 
@@ -66,7 +66,7 @@ def rotation_rpy(rpy: Sequence[float]) -> Mat3:
 
 
 def rotation_quaternion(field: str, wxyz: Sequence[float]) -> Mat3:
-    """R of a quaternion that is of unit length to 1e-6."""
+    """Rotation matrix of a quaternion, whose length must be 1 to 1e-6."""
     length = math.hypot(*wxyz)
     if not abs(length - 1.0) <= TOLERANCE:
         refuse(field, list(wxyz), f"must be of unit length within {TOLERANCE:g}; its length is {length:.9g}")
@@ -74,12 +74,12 @@ def rotation_quaternion(field: str, wxyz: Sequence[float]) -> Mat3:
 
 
 def inertia(values: Sequence[float]) -> Sym3:
-    """From xx yy zz or xx yy zz xy xz yz, kg m^2."""
+    """Inertia from xx yy zz or xx yy zz xy xz yz, kg m^2."""
     return Sym3.from_numbers(*(float(value) for value in values))
 
 
 def body(parts: Sequence[Body]) -> Body:
-    """Parts of one link as one body, its exact zeros as structure."""
+    """Merge the parts of one link into one body, with exact zeros as constants."""
     # a part that weighs nothing would still move the centre of mass by a rounding error
     weighed = [part for part in parts if not _nothing(part)] or parts[:1]
     whole = weighed[0] if len(weighed) == 1 else Body.of_parts(weighed)
@@ -97,7 +97,7 @@ def _nothing(part: Body) -> bool:
 
 
 def tree_order(parents: Mapping[str, str], root: str, field: str) -> list[str]:
-    """Links in an order in which every parent precedes its children, else in the order given.
+    """Order links so that every parent precedes its children, and otherwise keep the given order.
 
     Args:
         parents: name of each link's parent; ``root`` is the base.
@@ -128,7 +128,7 @@ def tree_order(parents: Mapping[str, str], root: str, field: str) -> list[str]:
 
 
 def _ring(parents: Mapping[str, str], start: str) -> list[str]:
-    """The ring that a walk from ``start`` to its parents ends in, first name repeated."""
+    """Cycle of links that is reached from ``start`` through the parents, with the first name repeated."""
     walked = [start]
     while parents[walked[-1]] not in walked:
         walked.append(parents[walked[-1]])

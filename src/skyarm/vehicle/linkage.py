@@ -1,4 +1,4 @@
-"""The tree of a vehicle: bodies, joints, links, and followers whose joints move with others.
+"""Kinematic tree of a vehicle: bodies, joints, links, and followers (links with coupled joints).
 
 Plain frozen records of scalars, as all of :mod:`skyarm.vehicle.vehicle_records`.
 """
@@ -24,7 +24,7 @@ BASE = -1
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Body:
-    """A body is the mass distribution of one link, in the link's frame.
+    """Mass distribution of one link, in the link's frame.
 
     Attributes:
         mass: kg.
@@ -44,7 +44,7 @@ class Body:
 
     @classmethod
     def of_parts(cls, parts: Sequence[Body]) -> Body:
-        """Bodies of one link as one: masses add, inertias move to the common centre of mass (Steiner)."""
+        """Merge several bodies of one link: masses add, inertias move to the common centre of mass (Steiner)."""
         mass: Scalar = 0
         moment, inertia = ZERO3, Sym3(0, 0, 0)
         for part in parts:
@@ -55,23 +55,23 @@ class Body:
         return cls(mass=mass, com=com, inertia=inertia, planar=any(part.planar for part in parts))
 
     def posed(self, R: Mat3, p: Vec3) -> Body:
-        """The body in the axes of a frame in which its own has this pose (m)."""
+        """Body expressed in another frame, in which its own frame has the given pose (m)."""
         return Body(mass=self.mass, com=p + R.apply(self.com), inertia=self.inertia.rotate(R), planar=self.planar)
 
     def merge(self, other: Body) -> Body:
-        """Body and another one of the same link as one."""
+        """Merge two bodies of the same link."""
         return Body.of_parts((self, other))
 
 
 def _quotient(moment: Vec3, mass: Scalar) -> Vec3:
-    """moment / mass; zero for a massless body, whose moment is zero."""
+    """Quotient moment / mass; zero for a massless body, whose moment is zero."""
     divisor = where(mass > 0, mass, 1.0)
     return Vec3(*(0 if type(c) is int and c == 0 else divide(c, divisor) for c in moment))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Joint:
-    """A joint is one degree of freedom between a link and its parent.
+    """Joint with one degree of freedom between a link and its parent.
 
     Attributes:
         name: unique among the joints.
@@ -119,22 +119,22 @@ class Joint:
 
     @property
     def has_stops(self) -> bool:
-        """True if stops hold the joint at its limits; a structural question, also where the numbers are traced."""
+        """True if a joint has end stops at its limits; independent of traced numbers."""
         return not (type(self.stop_stiffness) is int and self.stop_stiffness == 0)
 
     @property
     def turns(self) -> bool:
-        """True of a revolute joint; else it slides."""
+        """True for a revolute joint, false for a prismatic one."""
         return self.kind == "revolute"
 
     @property
     def units(self) -> tuple[str, str]:
-        """Units of its value and of its effort."""
+        """Units of the joint's value and effort."""
         return ("rad", "N m") if self.turns else ("m", "N")
 
     @property
     def motion_subspace(self) -> Motion:
-        """Motion of the child against its parent per unit of joint rate, child axes, at the child's origin."""
+        """Spatial velocity of the child against its parent per unit joint rate, child axes, at the child's origin."""
         return Motion(self.axis, ZERO3) if self.turns else Motion(ZERO3, self.axis)
 
 
@@ -144,7 +144,7 @@ JOINT_NUMBERS = ("damping", "coulomb", "coulomb_rate", "effort_limit", "armature
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Link:
-    """A link is a body that one joint moves against its parent (an index into ``Vehicle.links``; BASE for the base)."""
+    """Link: a body moved by one joint relative to its parent (index into ``Vehicle.links``; BASE for the base)."""
 
     name: str
     parent: int
@@ -157,7 +157,7 @@ class Link:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Follower:
-    """A follower is a link whose joint moves with another joint: q = ratio q_leader + offset, exactly and at any load.
+    """Link whose joint is coupled to a leader joint: q = ratio q_leader + offset, exactly and at any load.
 
     URDF calls such a joint a mimic: the second finger of a hand, the bars of a parallelogram. It has no coordinate,
     no drive, no friction and no limits of its own; its inertia acts at its leader.

@@ -1,4 +1,4 @@
-"""MJCF files: the rigid bodies and joints of a vehicle, as MuJoCo's own parser reads them.
+"""MJCF files: read a vehicle's rigid bodies and joints with MuJoCo's parser.
 
 The body with the free joint is the base; without one it is the only body of the world, which then floats, or the world
 itself. Hinges and slides become joints, several of one body joints with massless links between them. Sites, and bodies
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 class _Tree(BodyTree):
-    """Body tree of a compiled model, with the seat of each of its bodies; ``coupled`` lets followers move."""
+    """Kinematic tree of a compiled MuJoCo model, with the frame of each of its bodies."""
 
     def __init__(self, model: MjModel, coupled: bool, notes: Notes) -> None:
         super().__init__(mimics_of(model), notes)
@@ -35,7 +35,7 @@ class _Tree(BodyTree):
         self.seats: dict[int, Frame] = {}
 
     def unique(self, name: str) -> str:
-        """The name, with underscores until it is unique: MuJoCo has a list of names for each kind of element."""
+        """Unique name, with underscores appended where needed: MuJoCo has separate names for each kind of element."""
         taken = {frame.name for frame in self.frames} | {link.name for link in self.links}
         while name in taken:
             name += "_"
@@ -68,7 +68,7 @@ def read_mjcf(path: Path, mimic: str = "lock") -> RigidBodies:
 
 
 def _compile(path: Path) -> MjModel:
-    """MuJoCo's model of a file; its warnings are silenced, and its errors on many lines become one line."""
+    """Compile an MJCF file to MuJoCo's model; warnings are silenced, and an error is shortened to one line."""
     root = read_xml(path)
     if root.tag != "mujoco":
         refuse("root element", root.tag, "must be <mujoco>; a URDF file's name ends in .urdf")
@@ -85,11 +85,11 @@ def _compile(path: Path) -> MjModel:
 
 
 def _ignore(text: str) -> None:
-    """Ignore a warning of MuJoCo."""
+    """Discard a warning of MuJoCo."""
 
 
 def _root(model: MjModel) -> tuple[int, list[int]]:
-    """The body that is the base (0 for the world), and bodies of the world that are left out."""
+    """Body that becomes the base (0 for the world), and other bodies fixed to the world, which are ignored."""
     top = [body for body in range(1, int(model.nbody)) if model.body_parentid[body] == 0]
     free = [body for body in top if _joints(model, body) and kind_of(model, _joints(model, body)[0]) == "free"]
     if len(free) > 1:
@@ -107,7 +107,7 @@ def _root(model: MjModel) -> tuple[int, list[int]]:
 
 
 def _below(model: MjModel, body: int) -> list[int]:
-    """A body and all that it carries."""
+    """Body and all its descendants."""
     found = [body]
     for each in range(body + 1, int(model.nbody)):
         if int(model.body_parentid[each]) in found:
@@ -121,7 +121,7 @@ def _joints(model: MjModel, body: int) -> list[int]:
 
 
 def _read_child(tree: _Tree, body: int) -> None:
-    """A body with its joints; MuJoCo turns and shifts it by one after the other, about anchors in its own axes."""
+    """Add a body and its joints to the tree; MuJoCo applies the joints in sequence, each about its own anchor."""
     model, name = tree.model, name_of(tree.model, "body", body)
     carrier = tree.seats[int(model.body_parentid[body])]
     at = posed_in(carrier, _rotation(model.body_quat[body]), _vector(model.body_pos[body]))
@@ -143,7 +143,7 @@ def _read_child(tree: _Tree, body: int) -> None:
 
 
 def _is_fixed(tree: _Tree, joint: int) -> bool:
-    """True if a joint is fixed: it follows another one and followers are locked, or one that is fixed itself."""
+    """True if a joint cannot move: it follows a fixed joint, or it follows another one while followers are locked."""
     name = name_of(tree.model, "jnt", joint)
     if name not in tree.mimics or not tree.coupled:
         return name in tree.mimics
@@ -152,7 +152,7 @@ def _is_fixed(tree: _Tree, joint: int) -> bool:
 
 
 def _held_pose(tree: _Tree, joint: int, at: Frame) -> Frame:
-    """Pose of the body of a fixed joint."""
+    """Pose of a body behind a fixed joint."""
     name = name_of(tree.model, "jnt", joint)
     value = resting(tree.model, name, tree.mimics)
     tree.notes.add(f"tied by an equality: fixed at {value:g}", name)
@@ -160,7 +160,7 @@ def _held_pose(tree: _Tree, joint: int, at: Frame) -> Frame:
 
 
 def _read_body(tree: _Tree, body: int) -> None:
-    """Mass and sites of a body at its seat."""
+    """Add the mass and sites of a body to the tree."""
     model, at = tree.model, tree.seats[body]
     mass = float(model.body_mass[body])
     if mass > 0.0 and body:
@@ -190,12 +190,12 @@ AT_JOINT = (0, 1)
 
 
 def kind_of(model: MjModel, joint: int) -> str:
-    """One of ``KINDS``."""
+    """Kind of a MuJoCo joint, one of ``KINDS``."""
     return KINDS[int(model.jnt_type[joint])]
 
 
 def read_joint(model: MjModel, joint: int, R: Mat3, p: Vec3, notes: Notes) -> Joint:
-    """Joint record at a pose in its parent; its zero is the model's reference position (``ref``)."""
+    """Convert a MuJoCo joint to a record; its zero is the model's reference position (``ref``)."""
     name = name_of(model, "jnt", joint)
     if model.qpos0[model.jnt_qposadr[joint]]:
         notes.add("with a ref: its zero here is where the file's model stands", name)
@@ -223,7 +223,7 @@ def read_joint(model: MjModel, joint: int, R: Mat3, p: Vec3, notes: Notes) -> Jo
 
 
 def _effort(model: MjModel, joint: int) -> float:
-    """Largest effort of all actuators at a joint, N m or N; 0 without any."""
+    """Effort limit of a joint from all its actuators together, N m or N; 0 without actuators."""
     total = 0.0
     for actuator in range(int(model.nu)):
         if int(model.actuator_trntype[actuator]) in AT_JOINT and int(model.actuator_trnid[actuator][0]) == joint:
@@ -234,7 +234,7 @@ def _effort(model: MjModel, joint: int) -> float:
 
 
 def _largest_force(model: MjModel, actuator: int) -> float:
-    """N m or N before the gear: by the range of the force, or of the control where the force is proportional to it."""
+    """Largest actuator force before the gear, N m or N, from its force range or a proportional control range."""
     found = math.inf
     if model.actuator_forcelimited[actuator]:
         found = max(abs(float(each)) for each in model.actuator_forcerange[actuator])
@@ -246,7 +246,7 @@ def _largest_force(model: MjModel, actuator: int) -> float:
 
 
 def mimics_of(model: MjModel) -> dict[str, Mimic]:
-    """Joint -> the one that it follows, from the equalities of joints; a joint fixed by an equality follows none ("").
+    """Mimic relation of each joint from the file's joint equalities; a joint locked by one follows none ("").
 
     Raises:
         VehicleError: an equality that is no straight line.
@@ -268,13 +268,13 @@ def mimics_of(model: MjModel) -> dict[str, Mimic]:
 
 
 def resting(model: MjModel, name: str, mimics: Mapping[str, Mimic]) -> float:
-    """Value of a joint where the one that it follows in the end rests."""
+    """Value of a mimic joint when the leader of its chain is at rest."""
     found = follow(name, mimics)
     return found.at_rest(*(limits(model, model.joint(found.joint).id) if found.joint else (0.0, 0.0)))
 
 
 def limits(model: MjModel, joint: int) -> tuple[float, float]:
-    """Lowest and highest value of a joint from its reference position, rad or m; infinite for one without limits."""
+    """Lower and upper joint limit relative to the reference position, rad or m; infinite without limits."""
     if not model.jnt_limited[joint]:
         return -math.inf, math.inf
     zero = float(model.qpos0[model.jnt_qposadr[joint]])
@@ -283,7 +283,7 @@ def limits(model: MjModel, joint: int) -> tuple[float, float]:
 
 
 def name_of(model: MjModel, kind: str, index: int) -> str:
-    """Name of an element, made up from its number where the file gives none."""
+    """Name of an element; generated from its index if the file states none."""
     return str(getattr(model, kind)(index).name) or f"{kind}{index}"
 
 
@@ -291,7 +291,7 @@ TENDON_FORCES = ("tendon_stiffness", "tendon_damping", "tendon_frictionloss", "t
 
 
 def require_supported(model: MjModel, notes: Notes) -> None:
-    """Refuse springs, balls, closed chains, pulling tendons, soft bodies; note elements that the vehicle ignores.
+    """Raise an error for springs, balls, closed chains, tendons that pull, soft bodies; note ignored elements.
 
     Raises:
         VehicleError: the first of them.
@@ -318,12 +318,12 @@ def require_supported(model: MjModel, notes: Notes) -> None:
 
 
 def _is_stated(model: MjModel, names: tuple[str, ...], index: int) -> bool:
-    """True if one of these arrays has a number other than 0 there."""
+    """True if one of the named model arrays is nonzero at an index."""
     return any(getattr(model, name)[index].any() for name in names)
 
 
 def _require_plain_joints(model: MjModel) -> None:
-    """Refuse balls, springs, nonlinear damping and closed chains."""
+    """Raise an error for ball joints, springs, nonlinear damping and closed chains."""
     import mujoco
 
     for joint in range(int(model.njnt)):

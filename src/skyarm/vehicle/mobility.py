@@ -1,4 +1,4 @@
-"""Does every joint move mass? A joint that moves none makes the mass matrix singular: its acceleration is not defined.
+"""Regularity of the mass matrix: a joint that moves no mass makes it singular, and its acceleration undefined.
 
 A link whose inertia is positive definite always passes. Only vehicles with point masses, thin rods, planar links or
 massless links are tested, by eliminating joint after joint from the tips to the base at a few joint values.
@@ -26,7 +26,7 @@ GOLDEN = 0.6180339887498949
 
 
 def what_does_not_move(value: Vehicle) -> tuple[str, Any, str] | None:
-    """Field, value and what is allowed where a motion moves no mass at the joint values tried; None if all do."""
+    """Field, value and allowed values of a motion without inertia; None if the mass matrix is regular."""
     found = immobile(value) if concrete(*_rigid_numbers(value)) else None
     if found is None:
         return None
@@ -47,7 +47,7 @@ def what_does_not_move(value: Vehicle) -> tuple[str, Any, str] | None:
 
 
 def immobile(vehicle: Vehicle) -> tuple[str, tuple[float, ...]] | None:
-    """First field found whose motion moves no mass, with the joint values; None if the mass matrix is regular.
+    """Field and joint values of the first motion without inertia; None if the mass matrix is regular.
 
     All numbers of the vehicle must be concrete.
     """
@@ -69,7 +69,7 @@ def _joint_values(vehicle: Vehicle, turn: int) -> tuple[float, ...]:
 
 
 def _solid(body: Body) -> bool:
-    """Positive mass and an inertia that is positive definite."""
+    """True if a body has positive mass and a positive definite inertia."""
     import numpy as np
 
     moments = np.linalg.eigvalsh(_matrix(body.inertia.full()))
@@ -77,14 +77,14 @@ def _solid(body: Body) -> bool:
 
 
 def _joint_value(joint: Joint, turn: int, index: int) -> float:
-    """Zero (or the limit next to it) first, then values without any symmetry."""
+    """Test value of a joint: zero (or the nearest limit) in turn 0, then values without symmetry."""
     free = 0.0 if turn == 0 else 0.2 + ((turn * 7 + index * 3 + 1) * GOLDEN) % 1.0
     lower, upper = _numbers(joint.lower, joint.upper)
     return min(max(free, lower), upper)
 
 
 def mass_matrix(vehicle: Vehicle, joints: Sequence[float]) -> tuple[Any, list[Any]]:
-    """Mass matrix of base (rotation first) and joints, and the 6 x (6 + n) Jacobian of each body in its own axes."""
+    """Mass matrix of base (rotation first) and joints, and the 6 x (6 + n) Jacobian of each body in its axes."""
     import numpy as np
 
     J = [np.eye(6, 6 + vehicle.n)]
@@ -103,7 +103,7 @@ def mass_matrix(vehicle: Vehicle, joints: Sequence[float]) -> tuple[Any, list[An
 
 
 def _eliminate(vehicle: Vehicle, joints: Sequence[float]) -> str:
-    """Field of the first degree of freedom, from the tips, that moves no inertia; empty if there is none.
+    """Field of the first degree of freedom, counted from the tips, without inertia; empty if there is none.
 
     The pivot of a joint in the mass matrix is the articulated inertia about it: with the joints after it free.
     """
@@ -132,7 +132,7 @@ def _eliminate(vehicle: Vehicle, joints: Sequence[float]) -> str:
 
 
 def joint_mobility(vehicle: Vehicle) -> list[Any]:
-    """Joint accelerations per joint effort, (n, n), at six configurations within the limits; NaN if undefined.
+    """Joint mobility (n, n): acceleration per effort at six configurations within the limits; NaN if undefined.
 
     The block of the joints in the inverse of the mass matrix, with all that is not a joint free to move.
     """
@@ -160,7 +160,7 @@ def _matrix(m: Mat3) -> Any:
 
 
 def rigid_inertia(body: Body) -> Any:
-    """6x6 inertia about the link's origin."""
+    """Spatial inertia (6 x 6) of a body about its link's origin."""
     import numpy as np
 
     S = _matrix(Mat3.cross(body.com))
@@ -176,7 +176,7 @@ def _direction(joint: Joint) -> Any:
 
 
 def _to_child(joint: Joint, value: float) -> Any:
-    """6x6 map of a motion at the parent's origin to the child's."""
+    """Spatial transform (6 x 6) of a motion at the parent's origin to the child's."""
     import numpy as np
 
     R, p = _matrix(joint.rotation), np.array(_numbers(*joint.position))
@@ -190,14 +190,14 @@ def _to_child(joint: Joint, value: float) -> Any:
 
 
 def _definite(value: Body) -> bool:
-    """True if the body resists turning about every axis."""
+    """True if a body has inertia about every axis."""
     import numpy as np
 
     return bool(np.linalg.eigvalsh(_matrix(value.inertia.full()))[0] > 0.0)
 
 
 def _describe(value: Vehicle, field: str) -> str:
-    """Words for the link or the base of a refused field."""
+    """Text for the link or base whose field caused an error."""
     for link in value.links:
         if field == f"joints[{link.joint.name}]":
             return f"{link.joint.kind} joint of '{link.name}', mass {link.body.mass} kg"
@@ -205,7 +205,7 @@ def _describe(value: Vehicle, field: str) -> str:
 
 
 def _rigid_numbers(value: Vehicle) -> list[Any]:
-    """Every number that the mass matrix depends on."""
+    """All numbers of a vehicle on which its mass matrix depends."""
     joints = [(j.axis, j.position, j.rotation, j.lower, j.upper, j.armature) for j in (k.joint for k in value.moving)]
     ties = [(each.ratio, each.offset) for each in value.followers]
     return leaves((value.bodies, tuple(joints), tuple(ties)))

@@ -1,4 +1,4 @@
-"""Hard stops for joints of a vehicle file that does not state them.
+"""Stiffness and damping of joint end stops for vehicle files that do not state them.
 
 A real joint meets metal or rubber at its limits. How hard these are is rarely known. The default gives way little to
 the joint's own drive, and asks for no shorter steps of integration at an ordinary control period of 5 ms, unless a
@@ -31,7 +31,7 @@ DAMPING_RATIO = 0.5
 
 
 def with_stops(vehicle: Vehicle, own: Collection[str] = ()) -> Vehicle:
-    """Vehicle whose limited joints have stops.
+    """Vehicle with end stops at all limited joints.
 
     The stiffness of a joint's stop holds its drive's effort at ``DEPTH``, but moves the joint at ``SOFTEST`` to
     ``USUAL``; if the effort would then press deeper than ``DEEPEST``, it holds it there, at up to ``STIFFEST``. A
@@ -59,7 +59,7 @@ def _has_limits(joint: Joint) -> bool:
 
 
 def _stiffness(joint: Joint, ease: float) -> float:
-    """N m/rad or N/m for a joint that an effort moves with ``ease``, 1/(kg m^2) or 1/kg."""
+    """Stop stiffness, N m/rad or N/m, for a joint's effort limit and its mobility ``ease``, 1/(kg m^2) or 1/kg."""
     if not math.isfinite(joint.effort_limit):
         return USUAL**2 / ease
     shallow = float(joint.effort_limit) / DEPTH[joint.kind]
@@ -68,7 +68,7 @@ def _stiffness(joint: Joint, ease: float) -> float:
 
 
 def _with_stops(joint: Joint, ease: float) -> Joint:
-    """A joint with stops, and with the damping that suits them if it has none."""
+    """Joint with end stops, and with matching stop damping if it has none."""
     effort, stiffness = float(joint.effort_limit), _stiffness(joint, ease)
     if float(joint.stop_damping) > 0.0:
         return dataclasses.replace(joint, stop_stiffness=stiffness)
@@ -91,7 +91,7 @@ NOTE = "dry friction too stiff to integrate, bent by a larger coulomb_rate; stat
 
 
 def with_smooth_friction(vehicle: Vehicle, names: Collection[str]) -> Vehicle:
-    """Vehicle whose dry friction can be integrated.
+    """Vehicle whose dry friction is smooth enough to be integrated.
 
     Args:
         vehicle: with concrete numbers.
@@ -124,7 +124,7 @@ def with_smooth_friction(vehicle: Vehicle, names: Collection[str]) -> Vehicle:
 
 
 def _dry(joint: Joint) -> float:
-    """Slope of a joint's dry friction at rest, N m s/rad or N s/m."""
+    """Slope of a joint's dry friction against its rate at rest, N m s/rad or N s/m."""
     return float(joint.coulomb) / float(joint.coulomb_rate)
 
 
@@ -133,7 +133,7 @@ def _slopes(links: Sequence[Link]) -> list[float]:
 
 
 def _fastest(slopes: Sequence[float], mobilities: Sequence[Any]) -> tuple[float, list[float]]:
-    """Largest decay rate of friction at rest, 1/s, and how much each joint moves in its mode, per slope."""
+    """Fastest decay rate of friction at rest, 1/s, and the contribution of each joint to its mode, per slope."""
     import numpy as np
 
     root = np.sqrt(np.array(slopes))

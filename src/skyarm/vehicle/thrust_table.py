@@ -1,4 +1,4 @@
-"""A rotor's table of a data sheet or a test stand: thrust, drag torque, current and throttle against its speed."""
+"""Measured rotor data: thrust, drag torque, current and throttle against speed, from a data sheet or test stand."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ COLUMNS = ("speed", "thrust", "torque", "current", "throttle")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ThrustTable:
-    """A thrust table is a rotor's behaviour in still air by its steady speed, at the voltage it was measured with.
+    """Rotor performance in still air against steady speed, at the voltage of the measurement.
 
     Between its rows a monotone cubic runs over the squared speed, on which thrust and torque depend almost linearly.
     Before the first row it begins at zero thrust and torque at rest; beyond the last one it goes straight on. The two
@@ -62,23 +62,23 @@ class ThrustTable:
             refuse(f"thrust_table.{name}[0]", first, "must be 0 at rest and above 0 at a speed")
 
     def push(self, speed: Any) -> Any:
-        """Thrust at a speed over the thrust coefficient, (rad/s)^2: the table's replacement of the squared speed."""
+        """Thrust at a speed divided by the thrust coefficient, (rad/s)^2; the squared speed for a quadratic rotor."""
         return divide(curve(speed * speed, *self._points(self.thrust)), self.thrust_coefficient)
 
     def twist(self, speed: Any) -> Any:
-        """Drag torque at a speed over both coefficients, (rad/s)^2; that of the thrust without a column."""
+        """Drag torque at a speed over both rotor coefficients, (rad/s)^2; equals ``push`` without torque data."""
         if not self.torque:
             return self.push(speed)
         scale = self.thrust_coefficient * self.moment_coefficient
         return divide(curve(speed * speed, *self._points(self.torque)), scale)
 
     def speed_of_push(self, push: object) -> Any:
-        """The inverse of ``push``, rad/s."""
+        """Speed (rad/s) for a value of ``push``: its inverse function."""
         square = inverse_curve(push * self.thrust_coefficient, *self._points(self.thrust))
         return sqrt(maximum(square, 0.0))
 
     def current_at(self, speed: Any) -> Any:
-        """Current of the rotor at a steady speed and the table's voltage, A."""
+        """Rotor current at a steady speed and the table's voltage, A."""
         return curve(speed * speed, *self._points(self.current))
 
     def throttle_at(self, speed: Any) -> Any:
@@ -86,11 +86,11 @@ class ThrustTable:
         return curve(speed, *self._throttles())
 
     def speed_at(self, throttle: Any) -> Any:
-        """Steady speed (rad/s) at a throttle (0 to 1) and the table's voltage; the inverse of ``throttle_at``."""
+        """Steady speed (rad/s) at a throttle (0 to 1) and the table's voltage: inverse of ``throttle_at``."""
         return inverse_curve(throttle, *self._throttles())
 
     def _points(self, column: Sequence[Any]) -> tuple[list[Any], list[Any]]:
-        """Squared speeds and a column, from rest on."""
+        """Interpolation points of a table column against squared speed, starting at rest."""
         squares = [w * w for w in self.speed]
         if concrete(self.speed[0]) and self.speed[0] == 0.0:
             return squares, list(column)
@@ -103,5 +103,5 @@ class ThrustTable:
 
 
 def _fit(xs: Sequence[Any], ys: Sequence[Any]) -> Any:
-    """k of the line y = k x that is nearest to the points."""
+    """Slope k of the least-squares line y = k x through points."""
     return divide(sum(x * y for x, y in zip(xs, ys, strict=True)), sum(x * x for x in xs))

@@ -1,4 +1,4 @@
-"""The servo that turns a rotor's thrust axis: its axis, range and speed."""
+"""Tilting rotor: axis, range and speed of the servo that turns its thrust axis."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ NUMBERS = ("lower", "upper", "time_constant", "max_rate")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Tilt:
-    """A tilt turns a rotor about an axis of the base, through its hub and across its thrust.
+    """Servo that tilts a rotor about an axis of the base through its hub, perpendicular to its thrust.
 
     The angle follows its setpoint as a first-order lag whose rate is limited. At angle 0, its rest, the thrust is along
     the rotor's own axis; a positive angle turns it by the right-hand rule. Left out are
@@ -48,7 +48,7 @@ class Tilt:
         accept_fields(self, "tilt", VehicleError)
 
     def require(self, field: str, thrust_axis: Vec3) -> None:
-        """Refuse numbers that no servo has, or an axis that is not across the thrust; one line with the field."""
+        """Raise an error for invalid servo numbers, or an axis that is not perpendicular to the thrust."""
         if concrete(*self.axis, *thrust_axis) and abs(self.axis.dot(thrust_axis)) > ACROSS:
             refuse(f"{field}.axis", tuple(self.axis), f"must be perpendicular to the rotor's axis {tuple(thrust_axis)}")
         for name, low in (("lower", -math.pi), ("upper", 0.0)):
@@ -61,7 +61,7 @@ class Tilt:
 
 
 def arm_direction(field: str, position: Sequence[float], thrust_axis: Vec3) -> Vec3:
-    """The direction from the base's origin to a hub, across the thrust: the usual axis of a servo in the arm.
+    """Direction from the base's origin to a rotor hub, perpendicular to its thrust: the usual tilt axis.
 
     Raises:
         VehicleError: the hub lies on the line of its thrust through the origin.

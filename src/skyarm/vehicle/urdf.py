@@ -1,4 +1,4 @@
-"""URDF files: the rigid bodies and joints of a vehicle.
+"""URDF files: read a vehicle's rigid bodies and joints.
 
 The root link is the base. Fixed joints disappear: their child's mass joins the parent and its frame stays as a named
 frame. So do joints whose two limits are one number, by which simulators hang up sensors: they are fixed there; and
@@ -32,7 +32,7 @@ READ = ("link", "joint", "material")
 
 @dataclass(frozen=True, slots=True)
 class _File:
-    """Links and joints of a file by name, the joint above each link, and what each joint follows."""
+    """Contents of a URDF file: links and joints by name, parent joint of each link, and mimic joints."""
 
     links: Mapping[str, ET.Element]
     joints: Mapping[str, ET.Element]
@@ -67,7 +67,7 @@ def read_urdf(path: str | os.PathLike[str], mimic: str = "lock") -> RigidBodies:
 
 
 def urdf_vehicle(bodies: RigidBodies) -> Vehicle:
-    """A vehicle without rotors; the frame 'tip', if there is one, is the end effector."""
+    """Vehicle without rotors from a URDF file; a frame named 'tip' becomes the end effector."""
     if float(bodies.base.mass) == 0.0:
         allowed = (
             f"must be greater than 0; its root '{bodies.root}' weighs nothing, and an airframe can carry it (attach)"
@@ -118,7 +118,7 @@ def _bodies(robot: ET.Element, mimic: str, notes: Notes, path: Path) -> RigidBod
 
 
 def _held_at(joint: ET.Element, file: _File, mimic: str, notes: Notes) -> float | None:
-    """Value of a fixed joint, rad or m; None if it moves."""
+    """Constant value of a fixed joint, rad or m; None for a moving one."""
     name = joint.get("name", "")
     follows = file.mimics.get(name)
     if follows is None:
@@ -157,7 +157,7 @@ def _by_name(robot: ET.Element, tag: str) -> dict[str, ET.Element]:
 
 
 def _joints_above(links: dict[str, ET.Element], joints: dict[str, ET.Element]) -> dict[str, ET.Element]:
-    """The joint above each child link, in the order of the file; every joint refused that cannot be simulated."""
+    """Parent joint of each link, in the order of the file; unsupported joints raise an error."""
     above: dict[str, ET.Element] = {}
     for name, joint in joints.items():
         kind_of_joint(joint)
@@ -178,7 +178,7 @@ def _end(joint: ET.Element, tag: str, links: Mapping[str, ET.Element]) -> str:
 
 
 def _inertial(link: ET.Element) -> list[Body]:
-    """Body of one link in its own axes; none if the file gives no inertial. An inertial must be complete."""
+    """Mass distribution of one link in its axes; an empty list if the file states no <inertial>."""
     inertial = child(link, "inertial", f"link[{link.get('name')}]")
     if inertial is None:
         return []
@@ -195,7 +195,7 @@ KINDS = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismat
 
 
 def kind_of_joint(joint: ET.Element) -> str:
-    """Kind of a joint, as records name it, or "fixed"."""
+    """Kind of a URDF joint as records name it, or "fixed"."""
     kind = joint.get("type", "")
     if kind not in KINDS:
         refuse(f"joint[{joint.get('name')}].type", kind, f"must be one of {', '.join(KINDS)}")
@@ -203,7 +203,7 @@ def kind_of_joint(joint: ET.Element) -> str:
 
 
 def limits(joint: ET.Element) -> tuple[float, float]:
-    """Lowest and highest value of a joint, rad or m; infinite where the file states none.
+    """Lower and upper limit of a joint, rad or m; infinite where the file states none.
 
     By the specification a limit that is not stated is 0. That is taken where the other one leaves the joint room to
     move; elsewhere it has been forgotten.
@@ -222,7 +222,7 @@ def limits(joint: ET.Element) -> tuple[float, float]:
 
 
 def fixed_at(joint: ET.Element) -> float | None:
-    """Value of a joint without travel, rad or m; None if it can move."""
+    """Constant value of a fixed joint or one with equal limits, rad or m; None if it can move."""
     if kind_of_joint(joint) == "fixed":
         return 0.0
     limit = child(joint, "limit", f"joint[{joint.get('name')}]")
@@ -232,7 +232,7 @@ def fixed_at(joint: ET.Element) -> float | None:
 
 
 def axis_of(joint: ET.Element) -> Vec3:
-    """Unit vector of a joint's axis; the specification's default is x, where there is no <axis> at all."""
+    """Unit vector along a joint's axis; x if there is no <axis>, as the specification defines."""
     field = f"joint[{joint.get('name')}]"
     axis = child(joint, "axis", field)
     if axis is not None and axis.get("xyz") is None:
@@ -241,7 +241,7 @@ def axis_of(joint: ET.Element) -> Vec3:
 
 
 def read_joint(joint: ET.Element, R: Mat3, p: Vec3, notes: Notes) -> Joint:
-    """Joint of a moving link, with the pose of its frame in the parent."""
+    """Joint record of a moving link, with the pose of its frame in the parent."""
     name = joint.get("name", "")
     field = f"joint[{name}]"
     limit, dynamics = child(joint, "limit", field), child(joint, "dynamics", field)
@@ -262,7 +262,7 @@ def read_joint(joint: ET.Element, R: Mat3, p: Vec3, notes: Notes) -> Joint:
 
 
 def read_mimics(joints: Mapping[str, ET.Element]) -> dict[str, Mimic]:
-    """Name of each joint that follows another one -> how; of joints that can move only."""
+    """Mimic relation (leader, ratio, offset) of each movable joint that follows another one."""
     found: dict[str, Mimic] = {}
     for name, joint in joints.items():
         field = f"joint[{name}]"
@@ -275,7 +275,7 @@ def read_mimics(joints: Mapping[str, ET.Element]) -> dict[str, Mimic]:
 
 
 def resting(follows: Mimic, joints: Mapping[str, ET.Element]) -> float:
-    """Value of a joint where the one that it follows in the end rests."""
+    """Value of a mimic joint when the leader of its chain is at rest."""
     if follows.joint not in joints:
         return follows.at_rest()
     leader = joints[follows.joint]
@@ -287,7 +287,7 @@ PACKAGE, FILE = "package://", "file://"
 
 
 def mesh_file(address: str, urdf: Path) -> Path | None:
-    """File of a mesh's address; None where there is none.
+    """Path of the file that a mesh address denotes; None if there is no such file.
 
     Args:
         address: ``package://PACKAGE/PATH``, ``file://PATH`` or a path beside the URDF file.
@@ -315,7 +315,7 @@ def _candidates(address: str, urdf: Path) -> list[Path]:
 
 
 def looks_of(link: ET.Element, urdf: Path, notes: Notes) -> list[Look]:
-    """Meshes of a link's visuals, in the link's own axes; one that cannot be drawn is noted.
+    """Visual meshes of a link in its axes; meshes that cannot be drawn are noted.
 
     Args:
         link: of the file.
@@ -347,7 +347,7 @@ def looks_of(link: ET.Element, urdf: Path, notes: Notes) -> list[Look]:
 
 
 def read_xml(path: str | os.PathLike[str]) -> ET.Element:
-    """The root element of a file; blank lines before its declaration are skipped.
+    """Root element of an XML file; blank lines before its declaration are skipped.
 
     Raises:
         VehicleError: without the file's name, which the caller adds.
@@ -359,7 +359,7 @@ def read_xml(path: str | os.PathLike[str]) -> ET.Element:
 
 
 def child(element: ET.Element, tag: str, field: str) -> ET.Element | None:
-    """The child element of a kind that may occur once."""
+    """Child element of a kind that may occur at most once."""
     found = element.findall(tag)
     if len(found) > 1:
         refuse(f"{field}.{tag}", f"{len(found)} elements <{tag}>", "must be at most one")
@@ -367,7 +367,7 @@ def child(element: ET.Element, tag: str, field: str) -> ET.Element | None:
 
 
 def required_numbers(element: ET.Element, tag: str, names: Sequence[str], field: str) -> list[float]:
-    """Numbers of a child element that must be there, with all of them."""
+    """Required numbers of a required child element."""
     found = child(element, tag, field)
     if found is None:
         refuse(f"{field}.{tag}", "(missing)", f"must give {', '.join(names)}; a link without mass has no <inertial>")
@@ -378,13 +378,13 @@ def required_numbers(element: ET.Element, tag: str, names: Sequence[str], field:
 
 
 def number(element: ET.Element | None, name: str, field: str, default: float, *, infinite: bool = False) -> float:
-    """An optional number; infinite only where that is allowed."""
+    """Read an optional number of an element; infinity only if it is allowed."""
     text: Any = None if element is None else element.get(name)
     return default if text is None else finite(text, f"{field}.{name}", infinite=infinite)
 
 
 def numbers(element: ET.Element | None, name: str, field: str, default: tuple[float, float, float]) -> Sequence[float]:
-    """Three optional numbers."""
+    """Read three optional numbers of an element."""
     text: Any = None if element is None else element.get(name)
     if text is None:
         return default
@@ -395,7 +395,7 @@ def numbers(element: ET.Element | None, name: str, field: str, default: tuple[fl
 
 
 def finite(text: str, field: str, *, infinite: bool = False) -> float:
-    """A number from text."""
+    """Read a finite number from text."""
     try:
         value = float(text)
     except ValueError:
@@ -406,7 +406,7 @@ def finite(text: str, field: str, *, infinite: bool = False) -> float:
 
 
 def origin_of(element: ET.Element, field: str) -> tuple[Mat3, Vec3]:
-    """Rotation and position (m) that an element's <origin> states; none without one."""
+    """Rotation and position (m) of an element's <origin>; identity and zero without one."""
     origin = child(element, "origin", field)
     xyz = numbers(origin, "xyz", f"{field}.origin", (0.0, 0.0, 0.0))
     rpy = numbers(origin, "rpy", f"{field}.origin", (0.0, 0.0, 0.0))

@@ -1,4 +1,4 @@
-"""Vehicles from files: the shipped library, TOML (see :mod:`skyarm.vehicle.vehicle_tables`), URDF and MJCF."""
+"""Read vehicles from TOML (see :mod:`skyarm.vehicle.vehicle_tables`), URDF and MJCF files and from the library."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def load_vehicle(name_or_path: str | os.PathLike[str]) -> Vehicle:
 
 
 def _name_file_in_errors(file: str, read: Any) -> Vehicle:
-    """Return value of ``read``; its errors as one line that begins with the file."""
+    """Call ``read``; its errors become one line that begins with the file's name."""
     try:
         vehicle: Vehicle = read()
     except VehicleError as error:
@@ -79,7 +79,7 @@ def _name_file_in_errors(file: str, read: Any) -> Vehicle:
 
 
 def vehicle_of_text(text: str, file: Path) -> Vehicle:
-    """Vehicle of the text of a TOML file that is not written yet.
+    """Vehicle from the text of a TOML file that is not written yet.
 
     Args:
         text: of the file.
@@ -92,7 +92,7 @@ def vehicle_of_text(text: str, file: Path) -> Vehicle:
 
 
 def _from_toml(content: bytes, file: Path | None, above: tuple[Path, ...] = ()) -> Vehicle:
-    """Vehicle of a TOML file; ``above`` are the files that refer to it."""
+    """Read the vehicle of a TOML file; ``above`` are the files that refer to it."""
     chain = above if file is None else (*above, file.resolve())
     refer = partial(_read, folder=Path() if file is None else file.parent, chain=chain)
     try:
@@ -110,12 +110,12 @@ RIGID = (".urdf", ".xml", ".mjcf")
 
 
 def expand(path: Path) -> str:
-    """Refuse a xacro file, and explain how to expand it."""
+    """Raise an error for a xacro file, with instructions to expand it."""
     return f"must be expanded first: xacro {path.name} -o {path.with_suffix('').with_suffix('.urdf').name}"
 
 
 def read_rigid(path: Path, mimic: str) -> RigidBodies:
-    """Bodies of a URDF or an MJCF file.
+    """Read the bodies of a URDF or MJCF file.
 
     Raises:
         VehicleError: without the file's name, which the caller adds.
@@ -130,7 +130,7 @@ def read_rigid(path: Path, mimic: str) -> RigidBodies:
 
 
 def plain_vehicle(path: Path) -> Vehicle:
-    """A URDF or MJCF file as a vehicle without rotors."""
+    """Vehicle without rotors from a URDF or MJCF file."""
     from skyarm.vehicle.urdf import urdf_vehicle
 
     return urdf_vehicle(with_real_inertias(read_rigid(path, "lock")))
@@ -139,7 +139,7 @@ def plain_vehicle(path: Path) -> Vehicle:
 def _read(
     field: str, name: str, suffixes: Collection[str], mimic: str, folder: Path, chain: tuple[Path, ...]
 ) -> RigidBodies | Vehicle:
-    """Bodies of a URDF or MJCF file, or the vehicle of a TOML file or of the library, as a field names it."""
+    """Read the file that a field names: bodies from URDF or MJCF, or a vehicle from TOML or the library."""
     named = "a name of the library, or " if ".toml" in suffixes else ""
     allowed = f"must be {named}the path of a file that ends in {' or '.join(suffixes)}"
     try:
@@ -172,12 +172,12 @@ CARRIED = Path("share") / "example-robot-data" / "robots"
 
 
 def is_robot(name: str) -> bool:
-    """True if a name means a robot of an installed package."""
+    """True if a name denotes a robot of an installed package."""
     return name.startswith(PREFIX)
 
 
 def robot_file(name: str) -> Path:
-    """URDF file of a robot of example-robot-data.
+    """Path of the URDF file of a robot of example-robot-data.
 
     Args:
         name: ``robot:NAME``; NAME is the stem of the file (``ur5_robot``).
@@ -195,7 +195,7 @@ def robot_file(name: str) -> Path:
 
 
 def carried_robots() -> dict[str, Path]:
-    """Name -> file of the robots of example-robot-data; empty where it is not installed."""
+    """URDF files of the robots of example-robot-data by name; empty if the package is not installed."""
     for folder in dict.fromkeys((*sys.path, sys.prefix)):
         for prefix in (Path(folder) / "cmeel.prefix", Path(folder)):
             if (prefix / CARRIED).is_dir():

@@ -1,4 +1,4 @@
-"""The vehicle: a rigid base with rotors and a tree of links.
+"""Vehicle records: a rigid base with rotors and a tree of links.
 
 Plain frozen records of scalars: a mass may be a float, a lane of a batch, a traced node or a JAX array. Integers are
 structure (see :mod:`skyarm.algebra.scalars`). Where a record holds a vector, matrix or tuple it also takes plain
@@ -30,7 +30,7 @@ from skyarm.vehicle.tilt import Tilt
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Rotor:
-    """A rotor sits on the base and gives thrust and drag torque.
+    """Rotor fixed to the base, with thrust and drag torque.
 
     Attributes:
         position: hub in the base frame, m.
@@ -76,7 +76,7 @@ class Rotor:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Frame:
-    """A frame is a named pose fixed to a link: tip, sensor (position in m and R_LF in the link's frame)."""
+    """Named pose fixed to a link, such as tip or sensor (position in m and R_LF in the link's frame)."""
 
     name: str
     link: int
@@ -91,7 +91,7 @@ class Frame:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Look(Frame):
-    """A visual mesh of a link, at a pose in it; it has no mass and touches nothing.
+    """Visual mesh of a link with its pose; without mass or contact.
 
     Attributes:
         name: of the link in the file that describes it.
@@ -104,7 +104,7 @@ class Look(Frame):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class BodyDrag:
-    """Drag of the airframe in base axes: force_i = -1/2 rho area_i |v| v_i at the base origin.
+    """Quadratic drag of the airframe in base axes: force_i = -1/2 rho area_i |v| v_i at the base origin.
 
     Attributes:
         area: drag coefficient times reference area per axis, m^2.
@@ -122,7 +122,7 @@ class BodyDrag:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class MountedDrive:
-    """A mounted drive is the actuator of one joint as the vehicle carries it.
+    """Actuator of one joint, as a part of the vehicle.
 
     Attributes:
         name: of the joint. drive: a :class:`skyarm.Drive`, which a room further up knows.
@@ -183,31 +183,31 @@ class Vehicle:
 
     @property
     def sizes(self) -> tuple[int, int, int]:
-        """Numbers of joints, rotors and rotors that tilt."""
+        """Numbers of joints, of rotors and of tilting rotors."""
         return self.n, len(self.rotors), len(self.tilts)
 
     @property
     def tilts(self) -> tuple[Tilt, ...]:
-        """Servos that turn rotors, in the order of their rotors."""
+        """Servos of the tilting rotors, in the order of their rotors."""
         return tuple(each.tilt for each in self.rotors if each.tilt is not None)
 
     @property
     def bodies(self) -> tuple[Body, ...]:
-        """Base first, then the links and the followers."""
+        """All bodies: base first, then the links, then the followers."""
         return (self.base, *(link.body for link in self.moving))
 
     @property
     def moving(self) -> tuple[Link, ...]:
-        """Everything that joints move: the links, then the followers."""
+        """All bodies that joints move: the links, then the followers."""
         return (*self.links, *(each.link for each in self.followers)) if self.followers else self.links
 
     @property
     def with_free_followers(self) -> Vehicle:
-        """The vehicle with its followers as links that have independent joints."""
+        """Vehicle whose followers are links with independent joints."""
         return self.with_checked(links=self.moving, followers=())
 
     def with_checked(self, **parts: Any) -> Vehicle:
-        """The vehicle with other parts, every number of which is checked already: traced code makes it many times."""
+        """Vehicle with some parts replaced by parts that are already checked; skips the checks for speed."""
         made = object.__new__(Vehicle)
         for name in field_names(Vehicle) or ():
             object.__setattr__(made, name, parts.get(name, getattr(self, name)))
@@ -223,11 +223,11 @@ class Vehicle:
 
     @property
     def planar(self) -> bool:
-        """True if a body is a planar model: such a vehicle can serve as a law's model, not as a plant."""
+        """True if a body is a planar model; such a vehicle can be a law's model but not a plant."""
         return any(body.planar for body in self.bodies)
 
     def frame(self, name: str | None = None) -> Frame:
-        """Frame by name, the end effector by default; raises VehicleError that lists the frames there are."""
+        """Frame by name, by default the end effector; raises VehicleError with the list of frames."""
         wanted = name or self.end_effector
         for candidate in self.frames:
             if candidate.name == wanted:
@@ -238,12 +238,12 @@ class Vehicle:
         )
 
     def with_payload(self, mass: Scalar, frame: str | None = None) -> Vehicle:
-        """Vehicle with a point mass (kg) held at a frame (the end effector by default)."""
+        """Vehicle with a point mass (kg) attached at a frame (by default the end effector)."""
         at = self.frame(frame)
         return self.with_body(at.link, Body(mass=mass, com=at.position))
 
     def with_body(self, link: int, load: Body) -> Vehicle:
-        """Vehicle with a load (in the axes of a link or follower, or ``BASE``) as a part of that one's body."""
+        """Vehicle with a load merged into the body of a link, follower or ``BASE``, in that body's axes."""
         if link == BASE:
             return dataclasses.replace(self, base=self.base.merge(load))
         if link >= self.n:
@@ -262,7 +262,7 @@ class Vehicle:
 
 
 def undriven_joints(vehicle: Vehicle, driven: Collection[str] = ()) -> tuple[str, ...]:
-    """Names of passive joints: ``effort_limit = 0``, and no drive of the vehicle or of ``driven`` moves them."""
+    """Names of passive joints: ``effort_limit = 0``, and no drive of the vehicle or in ``driven`` moves them."""
     driven = {*driven, *(each.name for each in vehicle.drives)}
     joints = (link.joint for link in vehicle.links)
     return tuple(joint.name for joint in joints if joint.name not in driven and float(joint.effort_limit) == 0.0)

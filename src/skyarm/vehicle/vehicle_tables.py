@@ -1,4 +1,4 @@
-"""Vehicles from the tables of a TOML file (``schema = 1``); docs/vehicle_files.md has the grammar."""
+"""Read vehicles from the tables of a TOML file (``schema = 1``); docs/vehicle_files.md has the grammar."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ Refer = Callable[[str, str, Collection[str], str], RigidBodies | Vehicle]
 
 
 def vehicle_from(document: Mapping[str, Any], refer: Refer) -> Vehicle:
-    """The vehicle of a file's tables.
+    """Read the vehicle that a file's tables describe.
 
     Args:
         document: tables of the file.
@@ -107,19 +107,19 @@ def vehicle_from(document: Mapping[str, Any], refer: Refer) -> Vehicle:
 
 
 def _optional(kind: type[Record], top: Fields, name: str, default: Default) -> Record | Default:
-    """The record of a table that may be left out."""
+    """Read the record of an optional table."""
     return default if top.take(name, None) is None else record_from(kind, top.inner(name))
 
 
 def _named_tables(fields: Fields, name: str) -> list[Fields]:
-    """Tables of a list, whose names must be unique."""
+    """Read a list of tables with unique names."""
     tables = fields.tables(name)
     check.unique(fields.at(f"{name}.name"), [each.text("name") for each in tables])
     return tables
 
 
 def _source(top: Fields) -> str:
-    """The field that names the file of the bodies; empty if they are in this file."""
+    """Name of the field that refers to a file of bodies; empty if the bodies are in this file."""
     given = [name for name in SOURCES if top.take(name, None) is not None]
     if len(given) > 1:
         refuse(given[1], top.table[given[1]], f"must not be given together with '{given[0]}'")
@@ -127,7 +127,7 @@ def _source(top: Fields) -> str:
 
 
 def _bodies(top: Fields, refer: Refer, mimic: str) -> tuple[RigidBodies, Vehicle | None]:
-    """The bodies of a file or of the one that it names, and the vehicle that this one describes."""
+    """Bodies of a vehicle file or of the file that it refers to; for a vehicle file also its vehicle."""
     source = _source(top)
     base, links = top.take("base", None), top.take("links", [])
     if not source:
@@ -168,7 +168,7 @@ def _own_bodies(top: Fields) -> RigidBodies:
 
 
 def _body(fields: Fields, known: Sequence[str]) -> Body:
-    """Own mass and parts of a link as one body; ``known`` are words of its table that others read."""
+    """Merge mass and parts of a link into one body; ``known`` are keys of its table that other readers use."""
     for word in known:
         fields.take(word, None)
     parts = _named_tables(fields, "parts")
@@ -201,12 +201,12 @@ def _joint(fields: Fields) -> Joint:
 
 
 def _actuation(fields: Fields) -> dict[str, Any]:
-    """Limits and friction of a joint that are given."""
+    """Read the stated limits and friction of a joint."""
     return numbers_from(Joint, fields, ACTUATION)
 
 
 def _pose(fields: Fields) -> tuple[Mat3, Any]:
-    """Rotation and position (m) of a frame in another one."""
+    """Read rotation and position (m) of a frame in another one."""
     R, rpy, wxyz = Mat3.identity(), fields.take("rpy", None), fields.take("quaternion_wxyz", None)
     if rpy is not None and wxyz is not None:
         refuse(fields.at("rpy"), rpy, "must not be given together with quaternion_wxyz")
@@ -221,7 +221,7 @@ def _pose(fields: Fields) -> tuple[Mat3, Any]:
 
 
 def _frame(fields: Fields, bodies: RigidBodies) -> Frame:
-    """Frame in the moving body that carries the named link."""
+    """Read a frame, relative to the moving body that carries the named link."""
     (R, p), name = _pose(fields), fields.text("name")
     at = place_in(bodies, fields.text("link", "base"), fields.at("link"))
     fields.done()
@@ -229,7 +229,7 @@ def _frame(fields: Fields, bodies: RigidBodies) -> Frame:
 
 
 def _attach(bodies: RigidBodies, fields: Fields, refer: Refer, mimic: str) -> tuple[RigidBodies, Vehicle | None]:
-    """Bodies with an arm on them, and the vehicle that the arm's own file describes it as."""
+    """Bodies with an arm attached, and the vehicle of the arm's own file."""
     arm = fields.text("arm")
     found = refer(fields.at("arm"), arm, SOURCES["airframe"], fields.choice("mimic", MIMIC, mimic))
     carried = found if isinstance(found, Vehicle) else None
@@ -246,7 +246,7 @@ def _attach(bodies: RigidBodies, fields: Fields, refer: Refer, mimic: str) -> tu
 
 
 def _with_armature(arm: RigidBodies, armature: float) -> RigidBodies:
-    """An arm whose turning joints have drives, where its own file has none."""
+    """Add drive armature to the revolute joints of an arm whose own file states none."""
     if armature == 0.0:
         return arm
     links = [
@@ -257,7 +257,7 @@ def _with_armature(arm: RigidBodies, armature: float) -> RigidBodies:
 
 
 def _override_joints(changes: Mapping[str, Mapping[str, Any]], bodies: RigidBodies, own: Sequence[str]) -> RigidBodies:
-    """Bodies with the limits and friction that the file states for joints that another file describes."""
+    """Override joint limits and friction of bodies that come from another file."""
     known = [link.joint.name for link in bodies.links if link.joint.name not in own]
     for name in changes:
         if name in own:
@@ -283,7 +283,7 @@ COEFFICIENTS = ("thrust_coefficient", "moment_coefficient")
 
 
 def _rotor_values(fields: Fields) -> dict[str, Any]:
-    """Fields that a rotor's table, or that of all rotors, states; of a tilt without an axis the numbers alone."""
+    """Read the rotor fields that a table states, of one rotor or of all."""
     values: dict[str, Any] = numbers_from(Rotor, fields, ROTOR_NUMBERS)
     values |= _axis(fields)
     if fields.take("thrust_table", None) is not None:
@@ -296,14 +296,14 @@ def _rotor_values(fields: Fields) -> dict[str, Any]:
 
 
 def _axis(fields: Fields) -> dict[str, Vec3]:
-    """The axis of a table that states one."""
+    """Axis of a rotor or tilt as a keyword argument; empty if the table states none."""
     if fields.take("axis", None) is None:
         return {}
     return {"axis": description.unit_axis(fields.at("axis"), fields.vector("axis"))}
 
 
 def _rotor(fields: Fields, usual: Mapping[str, Any]) -> Rotor:
-    """A rotor whose table leaves to the defaults what it does not state."""
+    """Read a rotor; fields that its table lacks get their defaults."""
     values = {**usual, **_rotor_values(fields)}
     name, position = fields.text("name"), fields.vector("position")
     direction = {"ccw": 1, "cw": -1}[fields.choice("direction", ("ccw", "cw"))]
@@ -326,7 +326,7 @@ def _rotor(fields: Fields, usual: Mapping[str, Any]) -> Rotor:
 
 
 def mounted_drives(tables: Mapping[str, Any], where: str) -> tuple[MountedDrive, ...]:
-    """Drives of tables by the joint's name, each with the ``kind`` under which it is registered and its numbers.
+    """Read drives by their joint's name: the registered ``kind`` and its numbers.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
@@ -338,7 +338,7 @@ def mounted_drives(tables: Mapping[str, Any], where: str) -> tuple[MountedDrive,
 def _with_limits_of_drives(
     links: Sequence[Link], drives: Sequence[MountedDrive], stated: Collection[str]
 ) -> tuple[Link, ...]:
-    """Links with the limit of their drive where they have a drive and, as URDF files write it, an effort limit of 0."""
+    """Links with an effort limit of 0 replaced by their drive's limit (URDF files often state 0)."""
     given = {each.name: each.drive for each in drives if each.name not in stated}
 
     def limit_effort(link: Link) -> Link:
@@ -351,6 +351,6 @@ def _with_limits_of_drives(
 
 
 def _sources(top: Fields) -> dict[str, str]:
-    """[sources]: texts by the dotted path of a field of the file."""
+    """Read [sources]: a source's text for the dotted path of each field."""
     found = top.inner("sources")
     return {key: found.text(key) for key in found.table}

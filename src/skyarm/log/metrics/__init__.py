@@ -1,1 +1,1 @@
-"""Metrics of an episode: counted while it flies, or computed from its log."""
+"""Metrics of an episode, accumulated during the flight or computed from its log."""

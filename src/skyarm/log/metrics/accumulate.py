@@ -1,4 +1,4 @@
-"""Running sums and extremes from which metrics follow, counted while an episode flies, over any scalar.
+"""Running sums and extremes for the metrics of an episode.
 
 A total is a sum, a sum of squares, a largest or smallest value, or the value of largest magnitude with its sign, of one
 quantity over one window. Only the totals that the requested metrics need are counted; what they do not need is not even
@@ -29,7 +29,7 @@ CONTINUOUS = "_continuous"
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Goal:
-    """Desired position of the base (m) and of the joints, and of a level tool there (m)."""
+    """Desired position of the base (m) and of the joints, and the desired tip position (m) at a level base."""
 
     position: Vec3
     joints: tuple[Scalar, ...]
@@ -38,7 +38,7 @@ class Goal:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Instant:
-    """One control instant as metrics see it.
+    """Quantities of one control instant for the metrics.
 
     Attributes:
         state: of the plant. tool: its tip, world, m.
@@ -62,7 +62,7 @@ class Instant:
     parts: tuple[tuple[str, tuple[Scalar, ...]], ...] = ()
 
     def part(self, name: str) -> tuple[Scalar, ...]:
-        """Numbers of an array of the components; () in a flight without."""
+        """Logged array of the flight's components at this instant; () if the flight has none."""
         return next((numbers for each, numbers in self.parts if each == name), ())
 
 
@@ -75,7 +75,7 @@ def joint_norm(joints: tuple[Scalar, ...], wanted: tuple[Scalar, ...]) -> Scalar
 
 
 def distance(a: Vec3, b: Vec3) -> Scalar:
-    """Length of a - b."""
+    """Distance between two points."""
     return (a - b).norm()
 
 
@@ -87,12 +87,12 @@ def roll_and_pitch(q: Quaternion) -> tuple[Scalar, Scalar]:
 
 
 def tilt(q: Quaternion) -> Any:
-    """Angle between body z and world z of a unit quaternion, rad; the arcsine of the half angle is sharp at zero."""
+    """Tilt of the body's z axis against the vertical, from a unit quaternion, rad; accurate near zero."""
     return 2.0 * asin(minimum(sqrt(q.x * q.x + q.y * q.y), 1.0))
 
 
 def _jitter(now: Instant, size: Callable[[Any], Any]) -> Scalar:
-    """Mean over the rotors of a size of the change of commanded speed since a period ago."""
+    """Command jitter: mean over the rotors of the commanded speed's change since the previous period."""
     total: Scalar = 0.0
     for new, old in zip(now.command.rotor_speeds, now.before, strict=True):
         total = total + size(new - old)
@@ -135,7 +135,7 @@ STARTS = {"sum": 0.0, "square": 0.0, "max": -HUGE, "min": HUGE, "peak": 0.0, "la
 
 
 def quantity(name: str, now: Instant) -> Any:
-    """Value of a quantity at an instant; None in a flight without it."""
+    """Value of a quantity at an instant; None if the flight does not have it."""
     goal = now.held
     if name.endswith(CONTINUOUS):
         name, goal = name.removesuffix(CONTINUOUS), now.continuous
@@ -145,7 +145,7 @@ def quantity(name: str, now: Instant) -> Any:
 
 
 def added_metric(name: str) -> Metric:
-    """A registered metric, with its numbers by default; or totals of the interaction.
+    """User-registered metric with its default parameters, or a built-in metric of the interaction.
 
     Raises:
         RegistryError: what is registered is no metric, or cannot be called as one.
@@ -163,14 +163,14 @@ def added_metric(name: str) -> Metric:
 
 
 def first_totals(wanted: Sequence[Total]) -> tuple[Any, ...]:
-    """Totals before the first period."""
+    """Initial values of the running sums."""
     return tuple(added_metric(name).start() if kind == ADDED else STARTS[kind] for kind, _, name in wanted)
 
 
 def advance_totals(
     totals: tuple[Any, ...], wanted: Sequence[Total], now: Instant, inside: Mapping[str, Any]
 ) -> tuple[Any, ...]:
-    """Totals with one more control instant.
+    """Update the running sums by one control instant.
 
     Args:
         totals: so far.

@@ -1,4 +1,4 @@
-"""Metrics of the interaction with the world: a commanded contact, a gripped handle, and what is moved.
+"""Metrics of contact and manipulation: commanded contact force, a gripped handle, and moved mechanisms.
 
 Forces are the sum of the normal forces at the vehicle's points. An instant of a commanded contact counts while the
 reference asks for a force above 0: for losses from 0.3 s after the first touch on, for the statistics of the force from
@@ -36,7 +36,7 @@ NOT_YET = 1e30
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PushMemory:
-    """Totals of a commanded contact so far.
+    """Running sums of a commanded contact.
 
     Attributes:
         first: s, of the first touch while contact is asked for. touching: 1 while a point is touched.
@@ -60,14 +60,14 @@ class PushMemory:
 
 @dataclass(frozen=True, slots=True)
 class PushTotals(Metric):
-    """Force, losses and the tip's error of a commanded contact; nothing is counted where none is commanded."""
+    """Metrics of a commanded contact: force, losses of contact and tip error; idle where none is commanded."""
 
     def start(self) -> PushMemory:
-        """Totals before any contact."""
+        """Initial running sums."""
         return PushMemory()
 
     def count(self, memory: PushMemory, now: Instant) -> PushMemory:
-        """Totals with one more instant; those of a flight without contact stay as they are."""
+        """Update the running sums by one control instant; unchanged in a flight without contact."""
         forces = now.part("contact_force")
         if not now.push or not forces:
             return memory
@@ -106,7 +106,7 @@ def _sum(forces: tuple[Scalar, ...]) -> Scalar:
 
 
 def _across(now: Instant, normal: tuple[Scalar, ...]) -> Scalar:
-    """Distance of the tip from its reference across the model's normal, m."""
+    """Distance of the tip from its reference tangential to the modelled surface, m."""
     away = now.tool - now.held.tool
     along = away.x * normal[0] + away.y * normal[1] + away.z * normal[2]
     return type(away)(*(a - along * n for a, n in zip(away, normal, strict=True))).norm()
@@ -114,7 +114,7 @@ def _across(now: Instant, normal: tuple[Scalar, ...]) -> Scalar:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class GripMemory:
-    """Totals of a handle so far.
+    """Running sums of a gripped handle.
 
     Attributes:
         held: instants in which it is held. force, largest: sum and largest of the radial force's size, N.
@@ -135,14 +135,14 @@ class GripMemory:
 
 @dataclass(frozen=True, slots=True)
 class GripTotals(Metric):
-    """Radial force and lag of a handle that turns; nothing is counted where the tip never holds one."""
+    """Metrics of a gripped, turning handle: radial force and lag; idle while the tip grips none."""
 
     def start(self) -> GripMemory:
-        """Totals before any grasp."""
+        """Initial running sums."""
         return GripMemory()
 
     def count(self, memory: GripMemory, now: Instant) -> GripMemory:
-        """Totals with one more instant."""
+        """Update the running sums by one control instant."""
         hinge, turned_to = now.part("mechanism_hinge"), now.part("mechanism_position")
         if not hinge or not now.part("gripper_pull") or len(now.push) <= 6:
             return memory
@@ -174,7 +174,7 @@ class GripTotals(Metric):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PhaseMemory:
-    """Number of the last phase that began, and when: s."""
+    """Index and start time (s) of the latest phase."""
 
     phase: Scalar = 0.0
     when: Scalar = 0.0
@@ -182,14 +182,14 @@ class PhaseMemory:
 
 @dataclass(frozen=True, slots=True)
 class PhaseTotals(Metric):
-    """Time at which the last phase of a task began."""
+    """Metric: start time of the latest phase of a task."""
 
     def start(self) -> PhaseMemory:
-        """Before the first phase."""
+        """Initial memory, before the first phase."""
         return PhaseMemory()
 
     def count(self, memory: PhaseMemory, now: Instant) -> PhaseMemory:
-        """With one more instant."""
+        """Update the memory by one control instant."""
         more = now.phase > memory.phase
         return PhaseMemory(
             phase=where(more, now.phase, memory.phase),
@@ -202,7 +202,7 @@ TOTALS: Mapping[str, Metric] = {"push": PushTotals(), "grip": GripTotals(), "pha
 
 
 def _of_part(name: str, index: int) -> Callable[[Instant, Any], Any]:
-    """A number of an array of components; None in a flight without."""
+    """Number from a component's logged array at an instant; None if the flight does not have it."""
     return lambda now, _: now.part(name)[index] if now.part(name) else None
 
 
@@ -226,23 +226,23 @@ COUNTED: Mapping[str, tuple[str, str, str, str]] = {
 
 
 def _share(total: Any, count: Any) -> Any:
-    """Mean over instants that counted; NaN for none."""
+    """Mean from a sum and a count of instants; NaN for a count of zero."""
     return np.where(np.asarray(count) > 0, np.asarray(total) / np.maximum(count, 1), np.nan)
 
 
 def _ripple(held: PushMemory) -> Any:
-    """RMS of the force about its mean."""
+    """Force ripple: RMS deviation of the force from its mean."""
     mean = _share(held.error, held.count)
     return np.sqrt(np.maximum(_share(held.square, held.count) - mean * mean, 0.0))
 
 
 def _met(held: PushMemory, number: Any) -> Scalar:
-    """A number of a contact; NaN where there was none."""
+    """Metric of a contact; NaN if there was none."""
     return np.where(np.asarray(held.first) < NOT_YET, number, np.nan)
 
 
 def _gripped(memory: Any, number: Any) -> Scalar:
-    """A number of a grasp; NaN where none was held."""
+    """Metric of a grasp; NaN if there was none."""
     return np.where(np.asarray(memory.held) > 0, number, np.nan)
 
 

@@ -1,4 +1,4 @@
-"""User-defined metrics: counted while an episode flies, or over a log, by the same functions."""
+"""Base class of user-defined metrics, computed during a flight or from a log by the same functions."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 
 class Metric:
-    """A metric is a number of a flight. A subclass is a frozen dataclass of numbers whose fields all have defaults.
+    """User-defined metric: one number of a flight. A subclass is a frozen dataclass whose fields all have defaults.
 
     ``count`` is pure, over any scalar, and is asked at every control instant in the window while the episode lives;
     ``result`` gets the last memory, whose scalars are arrays over the lanes of a batch.
@@ -19,19 +19,19 @@ class Metric:
 
     @property
     def window(self) -> str:
-        """When it looks: a window of :class:`skyarm.log.metrics.windows.Windows`, or "whole"."""
+        """Name of a window of :class:`skyarm.log.metrics.windows.Windows`, or "whole" for the whole flight."""
         return "whole"
 
     def start(self) -> Any:
-        """First memory: a record or tuple of scalars."""
+        """Initial memory: a record or tuple of scalars."""
         raise NotImplementedError(f"{type(self).__name__} must say where it starts")
 
     def count(self, memory: Any, now: Instant) -> Any:
-        """Memory with one more control instant."""
+        """Update the memory by one control instant."""
         raise NotImplementedError(f"{type(self).__name__} must say what it counts")
 
     def result(self, memory: Any, instants: Any, period: float) -> Any:
-        """The metric.
+        """Value of the metric from the final memory.
 
         Args:
             memory: the last one.

@@ -1,4 +1,4 @@
-"""The metrics: their names, windows and formulas, counted in flight or over a log by the same functions.
+"""Catalogue of metrics: names, windows and formulas, for flights and logs alike.
 
 Position and joint errors are norms. A metric that needs a reference exists twice: against the held samples, as a
 recorded bag would see it, and with the suffix ``_continuous`` against the continuous reference. Those of the gust
@@ -32,7 +32,7 @@ Array = npt.NDArray[Any]
 
 @dataclass(frozen=True, slots=True)
 class Measure:
-    """One metric.
+    """Definition of one metric.
 
     Attributes:
         totals: that it needs. window: in which its instants are counted.
@@ -48,7 +48,7 @@ class Measure:
 
 
 def _or_nan(_n: Any, _dt: Scalar, total: Any) -> Scalar:
-    """An extreme or last value; NaN where no instant had the quantity."""
+    """Extreme or last value of a quantity; NaN if no instant had it."""
     return np.where(np.abs(total) < HUGE, total, np.nan)
 
 
@@ -160,7 +160,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
 
 
 def measures(joints: int) -> dict[str, Measure]:
-    """Every metric there is for an arm of so many joints."""
+    """All available metrics for an arm with a given number of joints."""
     found = (
         REFERRED
         | FREE
@@ -179,13 +179,13 @@ def measures(joints: int) -> dict[str, Measure]:
 
 
 def _registered_measure(name: str) -> Measure:
-    """A registered metric."""
+    """Definition of a user-registered metric."""
     metric = added_metric(name)
     return Measure(((ADDED, metric.window, name),), metric.window, lambda n, dt, held: metric.result(held, n, dt))
 
 
 def metric_names(wanted: Sequence[str], joints: int, told: Sequence[bool] = ()) -> tuple[str, ...]:
-    """Names of metrics and groups, with groups written out, each once.
+    """Names of metrics, with groups expanded, each once.
 
     A group with the suffix ``_continuous`` stands for the twins of those of its metrics that have one.
 
@@ -225,7 +225,7 @@ def _written_out(name: str, joints: int) -> list[str]:
 
 
 def required_totals(names: Sequence[str], joints: int) -> tuple[Total, ...]:
-    """Totals that metrics need, each once."""
+    """Running sums that the given metrics need, each once."""
     known = measures(joints)
     return tuple(dict.fromkeys(total for name in names for total in known[name].totals))
 
@@ -233,7 +233,7 @@ def required_totals(names: Sequence[str], joints: int) -> tuple[Total, ...]:
 def values(
     names: Sequence[str], totals: Mapping[Total, Array], instants: Mapping[str, Array], joints: int, period: float
 ) -> dict[str, Array]:
-    """Metrics of each lane; NaN where no instant of its flight fell into the window, 0 for integrals over the whole.
+    """Metrics of each lane; NaN if its flight had no instant in the window, 0 for integrals over the whole flight.
 
     Args:
         names: of the metrics.
@@ -254,7 +254,7 @@ def values(
 
 
 def metric_words(name: str) -> tuple[str, str]:
-    """Words and unit of a metric; of a user's its name, without a unit.
+    """Description and unit of a metric; for a user-registered one its name, without a unit.
 
     Joint errors are in rad; those of joints that slide in m.
     """

@@ -1,4 +1,4 @@
-"""Distance of a point from a path as a curve, at any time along the path."""
+"""Distance of a point from a path, regardless of time."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ AT_ONCE = 256
 
 
 def path_distance(points: Array, path: Array) -> Array:
-    """Distance of each point to the line through the samples of a path.
+    """Distance of each point from the polyline through the samples of a path.
 
     Of a flight: ``path_distance(log.tip, log.tip_reference)``, which stays small on a slowed path where the
     error against the reference of that instant does not.

@@ -1,4 +1,4 @@
-"""Metrics of a log: the functions that count them in flight, mapped over its instants."""
+"""Compute metrics from a log with the functions that also accumulate them during a flight."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Array = npt.NDArray[Any]
 
 
 def score(log: Log, metrics: Sequence[str] = ("standard",), windows: Windows | None = None) -> dict[str, float]:
-    """Return metrics of a flight.
+    """Compute metrics of a flight.
 
     Args:
         log: of the flight.
@@ -76,7 +76,7 @@ SETTLING_BAND = 0.02
 
 
 def settling_time(log: Log, steady: Window, *, continuous: bool = False) -> float:
-    """First time (s) after which the position error stays within 0.02 m of its steady mean to the end.
+    """Settling time (s): from then on the position error stays within 0.02 m of its steady mean.
 
     Args:
         log: of the flight.
@@ -96,7 +96,7 @@ def settling_time(log: Log, steady: Window, *, continuous: bool = False) -> floa
 
 
 def over_log(log: Log, name: str) -> Array:
-    """A quantity (:data:`skyarm.log.metrics.accumulate.QUANTITIES`) at every instant of a log: (N,)."""
+    """Time series (N,) of a quantity (:data:`skyarm.log.metrics.accumulate.QUANTITIES`) of a log."""
     instants = _instants(log)
     columns = leaves(instants)
     program = trace(lambda now: quantity(name, now), rebuild(instants, iter([0.0] * len(columns))))
@@ -105,7 +105,7 @@ def over_log(log: Log, name: str) -> Array:
 
 
 def _instants(log: Log, *, whole: bool = False) -> Instant:
-    """Every control instant of a log, as a record of arrays; ``pushes`` with the commanded push."""
+    """All control instants of a log as a record of arrays; ``pushes`` adds the commanded contact force."""
 
     def rows(table: Any) -> tuple[Any, ...]:
         return tuple(table.T)
@@ -144,7 +144,7 @@ def _instants(log: Log, *, whole: bool = False) -> Instant:
 
 
 def _parts(log: Log) -> tuple[tuple[str, tuple[Array, ...]], ...]:
-    """Arrays of the components of a log, and their constants."""
+    """Arrays and constants of the components of a log."""
     arrays = tuple(
         (name.partition(".")[2], tuple(each.T)) for name, each in log.received.items() if name.startswith(COMPONENTS)
     )
@@ -155,7 +155,7 @@ def _parts(log: Log) -> tuple[tuple[str, tuple[Array, ...]], ...]:
 
 
 def wanted_push(log: Log) -> tuple[Array, ...]:
-    """The commanded push of the reference at every instant; () of a flight without one.
+    """Commanded contact force at every instant of a log; () if the flight has none.
 
     Raises:
         ValueError: as of :attr:`skyarm.Log.scenario`.

@@ -1,4 +1,4 @@
-"""Shortfall of a flight: commands that its actuators could not carry out, and references that it did not reach.
+"""Shortfall of a flight: saturated actuators and missed references.
 
 A flight that comes to its end is not yet a success: a diverged law may fly on with its commands cut, a tip may never
 press. Every summary of a flight (command line, JSON, pages) says the same of it, from :attr:`skyarm.Log.shortfall`.
@@ -42,7 +42,7 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Saturation:
-    """Commands at or beyond the limits of the actuators.
+    """Saturation of the actuators: commands at or beyond their limits.
 
     Attributes:
         share: of the control periods in which any command is.
@@ -58,7 +58,7 @@ class Saturation:
 
     @property
     def counts(self) -> bool:
-        """True if it is worth a line: not for a law that cuts its own commands for a moment."""
+        """True if the saturation should be reported: it is frequent, or a command exceeded its limit."""
         return self.share >= SELDOM or not abs(self.command) <= (1.0 + ROUNDING) * abs(self.limit)  # nan counts
 
     def __str__(self) -> str:
@@ -70,7 +70,7 @@ class Saturation:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Unreached:
-    """A reference that a flight did not reach.
+    """Reference that a flight did not reach.
 
     Attributes:
         reference: "position", "tip", "force" or "phase". start, stop: s, where it was looked for.
@@ -88,7 +88,7 @@ class Unreached:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Shortfall:
-    """Saturation and unreached references of a flight; printed, a line for each.
+    """Saturation and missed references of a flight; its text has a line for each.
 
     Attributes:
         saturation: None where every command stayed within its limits.
@@ -100,13 +100,13 @@ class Shortfall:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """A sentence for each; none for a flight that lacks nothing."""
+        """One sentence for each saturation or missed reference; none if there are none."""
         saturated = self.saturation is not None and self.saturation.counts
         return (*((str(self.saturation),) if saturated else ()), *map(str, self.unreached))
 
 
 def shortfall(log: Log) -> Shortfall:
-    """Commands of a flight beyond the limits of its actuators, and references that it did not reach."""
+    """Shortfall of a logged flight: commands beyond the actuator limits and references that were not reached."""
     if not log.time.size:
         return Shortfall(saturation=None, unreached=())
     wanted, pushing = _wanted_force(log)
@@ -114,7 +114,7 @@ def shortfall(log: Log) -> Shortfall:
 
 
 def _saturation(log: Log) -> Saturation | None:
-    """Saturation of the actuators; none if a log has no vehicle."""
+    """Saturation of the actuators; None if no command reached a limit or the log has no vehicle."""
     beyond, found = np.zeros(log.time.size, dtype=bool), list[tuple[float, str, float, float, str]]()
     for actuator, unit, sent, low, high in _actuator_limits(log):
         over = np.where(np.isfinite(sent), np.maximum(sent - high, low - sent), np.inf)
@@ -133,7 +133,7 @@ def _saturation(log: Log) -> Saturation | None:
 
 
 def _actuator_limits(log: Log) -> Iterator[tuple[str, str, Array, float, float]]:
-    """Name, unit, commands (N,), lower and upper limit of every actuator that has one."""
+    """Name, unit, commands (N,), lower and upper limit of every limited actuator."""
     vehicle = restored_part(log.info, "agent", "plant", "vehicle")
     if vehicle is None:
         return
@@ -151,7 +151,7 @@ def _actuator_limits(log: Log) -> Iterator[tuple[str, str, Array, float, float]]
 
 
 def _far(log: Log, pushing: Array) -> Iterator[Unreached]:
-    """Base and tip whose mean error at the end is too large: over the last window, or where the flight ended.
+    """Position references of base and tip with a large mean error at the end of the flight.
 
     A reference may lag behind its plan: the distance to the path counts. While the tip presses its reference
     lies anywhere along the normal.
@@ -174,7 +174,7 @@ def _far(log: Log, pushing: Array) -> Iterator[Unreached]:
 
 
 def _wanted_force(log: Log) -> tuple[Array, Array]:
-    """Contact force of the reference at the tip (N,), and whether the tip presses or grips then."""
+    """Reference contact force of the tip (N,), and a mask of the instants at which the tip presses or grips."""
     try:
         push = wanted_push(log) if written_part(log.info, "agent", "reference", "push") else ()
     except ValueError:  # of a plugin that is not loaded
@@ -187,7 +187,7 @@ def _wanted_force(log: Log) -> tuple[Array, Array]:
 
 
 def _forces(log: Log, wanted: Array) -> Iterator[Unreached]:
-    """Pushes whose force stayed below the band about the desired one all the time."""
+    """Commanded contacts whose force stayed below the tolerance band throughout."""
     force = _force_at_tip(log)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], wanted > 0.0, [0]])))
     for first, after in edges.reshape(-1, 2):
@@ -199,7 +199,7 @@ def _forces(log: Log, wanted: Array) -> Iterator[Unreached]:
 
 
 def _force_at_tip(log: Log) -> Array:
-    """Normal force at the points of the tip's frame (N,), at all points where it has none; skids and objects apart."""
+    """Sum of the contact forces at the tip (N,), at all contact points if the tip has none."""
     tip = written_part(log.info, "agent", "plant", "vehicle", "end_effector")
     points = written_part(log.info, "environment", "world", "points") or ()
     at_tip = {str(each["name"]) for each in points if each["frame"] == tip}
@@ -209,7 +209,7 @@ def _force_at_tip(log: Log) -> Array:
 
 
 def _phases(log: Log) -> Iterator[Unreached]:
-    """Phases that never ended, in one sentence: those behind one that waits for ever are among them."""
+    """One sentence on the phases that never ended."""
     ends = [0.0, *(end for _, end in log.phase_ends if end is not None)]
     names = [f"{number} ({name})" for number, (name, end) in enumerate(log.phase_ends, 1) if end is None]
     if names:

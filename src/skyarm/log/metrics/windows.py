@@ -1,4 +1,4 @@
-"""Time windows of the metrics, and their default: the flight after a settling share."""
+"""Time windows of the metrics; by default the flight after an initial settling time."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ NAMES = ("steady", "transient", "gust", "hover")
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """Half-open interval of time [start, stop), s."""
+    """Half-open time interval [start, stop), s."""
 
     start: float
     stop: float
@@ -45,7 +45,7 @@ class Window:
 
     @classmethod
     def from_table(cls, value: object, where: str) -> Window:
-        """Window of a list [start, stop], s."""
+        """Window from a list [start, stop], s."""
         if not isinstance(value, list) or len(value) != 2:
             raise ValueError(f"{where} = {shown(value)}: must be [start, stop] in s")
         start, stop = (number(item, f"{where}[{i}]", low=0.0) for i, item in enumerate(value))
@@ -54,7 +54,7 @@ class Window:
         return cls(start, stop)
 
     def of(self, log: Log) -> Mask:
-        """Mask over the log's instants."""
+        """Mask of the log's instants within the window."""
         return (log.time >= self.start) & (log.time < self.stop)
 
     def __str__(self) -> str:
@@ -63,7 +63,7 @@ class Window:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FlightWindows:
-    """When metrics look in a flight of known duration.
+    """Time windows of the metrics for a flight of known duration.
 
     Attributes:
         steady: of means, RMS and extremes. transient: of peaks.
@@ -82,21 +82,21 @@ class FlightWindows:
     duration: float
 
     def masks(self, time: Array) -> dict[str, Mask]:
-        """Name of a window -> which control instants (s) lie in it."""
+        """Mask of the control instants (s) in each window, by the window's name."""
         found = {name: _within(time, [getattr(self, name)]) for name in NAMES}
         found["holds"] = _within(time, self.holds)
         found["last"] = time >= self.duration - self.last
         return found | {"whole": np.ones_like(time, dtype=bool)}
 
     def plain(self) -> dict[str, Any]:
-        """As plain data, s."""
+        """Time windows as plain data, s."""
         found: dict[str, Any] = {name: _pair(getattr(self, name)) for name in NAMES}
         return found | {"holds": [_pair(each) for each in self.holds], "last": self.last}
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Windows:
-    """When metrics shall look; what is None is the scenario's, or else general.
+    """Requested time windows of the metrics; None takes the scenario's window, else the default.
 
     The general windows are the flight after a settling share of a third (``transient``: that share; ``last``: the last
     5 s of what follows it). Attributes as of :class:`FlightWindows`.
@@ -113,7 +113,7 @@ class Windows:
         accept_fields(self, "windows")
 
     def of_flight(self, duration: float, own: Windows | None = None) -> FlightWindows:
-        """Windows of a flight: these, else the scenario's ``own`` as far as they lie within it, else general ones.
+        """Time windows of a flight: the requested ones, else the scenario's ``own`` within the flight, else defaults.
 
         Raises:
             ValueError: one of these ends after the flight.
@@ -131,7 +131,7 @@ class Windows:
         return FlightWindows(duration=duration, **found)
 
     def require_within(self, duration: float) -> None:
-        """Refuse windows that end after a flight.
+        """Raise an error if a window ends after the flight.
 
         Raises:
             ValueError: one line.
@@ -141,7 +141,7 @@ class Windows:
                 raise ValueError(f"windows.{name} = {words}: must end within the flight of {duration:g} s")
 
     def _ends(self) -> dict[str, tuple[float, str]]:
-        """Stated window -> its end (s), or the length of ``last``, and its text."""
+        """End (s) and text of each requested window by name; for ``last`` its length."""
         found = {name: (each.stop, str(each)) for name in NAMES if (each := getattr(self, name)) is not None}
         if self.holds is not None:
             found["holds"] = max((each.stop for each in self.holds), default=0.0), ", ".join(map(str, self.holds))
@@ -150,12 +150,12 @@ class Windows:
         return found
 
     def masks(self, time: Array, duration: float) -> dict[str, Mask]:
-        """Name of a window -> mask of the control instants (s) in it, for a flight of that duration (s)."""
+        """Mask of the control instants (s) in each window by name, for a flight of a given duration (s)."""
         return self.of_flight(duration).masks(time)
 
 
 def windows_of(log: Log) -> Windows:
-    """Windows that the scenario of a log's flight had; none of logs from before 0.2, which did not keep them."""
+    """Time windows of a logged scenario; defaults for logs from before 0.2, which did not store them."""
     stated = {name: value for name, value in log.info.get("windows", {}).items() if name != "duration"}
     return record_from(Windows, Fields(stated, "windows"))
 

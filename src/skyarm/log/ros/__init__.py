@@ -1,1 +1,1 @@
-"""A flight as messages of ROS."""
+"""Export of flights as ROS messages."""

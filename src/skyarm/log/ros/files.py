@@ -1,4 +1,4 @@
-"""A flight as messages: an MCAP file of ROS 2, written and read back."""
+"""MCAP files: write a log as ROS 2 messages, and read it back."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ PIECE = 10_000
 
 
 def write_mcap(log: Log, path: Path) -> Path:
-    """Write a log as an MCAP file, which appears whole or not at all; equal flights give equal bytes.
+    """Write a log as an MCAP file, atomically; equal flights give equal bytes.
 
     Raises:
         ValueError: mcap is missing. OSError: it cannot be written.
@@ -65,7 +65,7 @@ def write_mcap(log: Log, path: Path) -> Path:
 
 
 def read_mcap(path: Path) -> Log:
-    """Read a log from an MCAP file, to the bit.
+    """Read a log from an MCAP file, bit for bit.
 
     Raises:
         OSError: the file cannot be read. ValueError: one line: it is no such file, it is damaged, or mcap is missing.
@@ -84,7 +84,7 @@ def read_mcap(path: Path) -> Log:
 
 
 def _messages(topics: FlightTopics, log: Log) -> Iterator[tuple[int, Topic, Any]]:
-    """Time in ns, topic and bytes of every message, in the order of time."""
+    """Time in ns, topic and bytes of every message, ordered by time."""
     length = topics.period * max(1, PIECE // topics.period)
     for begin in range(0, log.time.size, length):
         piece, rows = rows_of(log, slice(begin, begin + length)), []

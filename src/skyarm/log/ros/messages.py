@@ -1,4 +1,4 @@
-"""Messages of ROS: their definitions, and many of one type at once as bytes.
+"""ROS message definitions, and vectorized encoding of many messages of one type.
 
 Definitions: ros2/common_interfaces, ros2/geometry2 and ros2/rcl_interfaces, branch humble, without comments and
 constants. They are written into every file, so that a reader needs no ROS.
@@ -77,20 +77,20 @@ LINE = "=" * 80
 
 
 def full_name(kind: str) -> str:
-    """A type's name as ROS 2 files have it: ``std_msgs/msg/Header``."""
+    """Full name of a message type in ROS 2: ``std_msgs/msg/Header``."""
     package, _, name = kind.partition("/")
     return f"{package}/msg/{name}"
 
 
 def flight_definition(columns: Sequence[Column]) -> str:
-    """Definition of FLIGHT, whose comments say units and meaning."""
+    """Definition of the FLIGHT message, with units and meanings as comments."""
     width = max(len(each.name) for each in columns)
     rows = ((each.name, ", ".join(filter(None, (each.unit, each.meaning)))) for each in columns)
     return "\n".join(f"float64 {name:{width}} # {words}" if words else f"float64 {name}" for name, words in rows)
 
 
 def definition(kind: str, definitions: Mapping[str, str]) -> str:
-    """A type's definition followed by those of the types in it, as MCAP's encoding ``ros2msg`` requires."""
+    """Definition of a message type followed by those of its nested types, as MCAP's encoding ``ros2msg`` requires."""
     found = list(dict.fromkeys(_inner(kind, definitions)))
     parts = (f"{LINE}\nMSG: {each}\n{definitions[each]}\n" for each in found)
     return "".join([f"{definitions[kind]}\n", *parts])
@@ -105,7 +105,7 @@ def _inner(kind: str, definitions: Mapping[str, str]) -> Iterator[str]:
 
 
 def fields(text: str) -> list[tuple[str, str]]:
-    """(type, name) of each field of a definition."""
+    """Type and name of each field of a message definition."""
     lines = (line.partition("#")[0].split() for line in text.splitlines())
     return [(line[0], line[1]) for line in lines if line]
 
@@ -133,7 +133,7 @@ NANO = 1_000_000_000
 
 
 class Template:
-    """The bytes that all messages share, and the numbers that go into each of them."""
+    """Byte template of many messages of one type: constant bytes and the places of varying numbers."""
 
     def __init__(self, definitions: Mapping[str, str]) -> None:
         self._definitions = definitions
@@ -141,7 +141,7 @@ class Template:
         self._numbers: list[tuple[int, Any]] = []
 
     def record(self, kind: str, values: Values) -> None:
-        """Lay out a record: its fields that ``values`` lacks are zeros, empty texts and empty lists."""
+        """Append a record; fields missing in ``values`` become zeros, empty texts and empty lists."""
         for part, name in fields(self._definitions[kind]):
             self._field(part, values.get(name))
 
@@ -173,7 +173,7 @@ class Template:
             self.record(kind, value or {})
 
     def _list(self, kind: str, length: int | None, value: Any) -> None:
-        """Numbers in a row, (k,) of all messages or (N, k); of a list that is not fixed, its length before them."""
+        """Append a list of numbers, (k,) for all messages or (N, k); one of variable length begins with its length."""
         given = np.zeros(length or 0) if value is None else np.asarray(value)
         if length is None:
             self._numbers_at("<u4", given.shape[-1])
@@ -181,7 +181,7 @@ class Template:
             self._numbers_at(PRIMITIVES[kind], given, row=True)
 
     def _numbers_at(self, form: str, value: Any, row: bool = False) -> None:
-        """Room for a number or a row of them, which are written now where they are the same in every message."""
+        """Append a number or list: its bytes if constant over the messages, else a gap to be filled per message."""
         array, size = np.asarray(value).astype(form, copy=False), int(form[2:])
         self._bytes += bytes(-(len(self._bytes) - len(HEADER)) % size)
         if array.ndim == int(row):
@@ -192,7 +192,7 @@ class Template:
         self._bytes += bytes(size * columns.shape[1])
 
     def messages(self, count: int) -> Bytes:
-        """The messages (count, size)."""
+        """Encoded messages as bytes (count, size)."""
         rows = np.empty((count, len(self._bytes)), dtype=np.uint8)
         rows[:] = np.frombuffer(bytes(self._bytes), dtype=np.uint8)
         for start, array in self._numbers:
@@ -202,7 +202,7 @@ class Template:
 
 
 def encode(kind: str, definitions: Mapping[str, str], values: Values, count: int) -> Bytes:
-    """Messages of a type.
+    """Encode messages of a type as bytes.
 
     Args:
         kind: key of ``definitions``.

@@ -1,4 +1,4 @@
-"""Frames and shapes of a flight for viewers of ROS: transforms, markers of the vehicle."""
+"""Coordinate frames and shapes of a flight for ROS viewers: transforms and markers of the vehicle."""
 
 from __future__ import annotations
 
@@ -22,34 +22,34 @@ Array = npt.NDArray[np.float64]
 
 
 class Part:
-    """Some instants of a log, and what messages need of them."""
+    """Section of a log in a form suitable for messages."""
 
     def __init__(self, log: Log, chosen: slice) -> None:
         self.log, self._chosen = log, chosen
         self.stamps = nanoseconds(log.time[chosen])
 
     def __getitem__(self, array: str) -> Array:
-        """The instants' rows of one of the log's arrays."""
+        """Rows of one of the log's arrays at the section's instants."""
         return self.log[array][self._chosen]
 
     def header(self, frame: str, time: Array | None = None) -> dict[str, Any]:
-        """A std_msgs/Header; its stamps are ``time`` (s), or the instants of the log."""
+        """Fields of a std_msgs/Header, stamped with ``time`` (s) or with the instants of the log."""
         stamps = self.stamps if time is None else nanoseconds(np.nan_to_num(time))
         return {"stamp": stamps, "frame_id": frame}
 
     def unit(self, array: str = "quaternion") -> Array:
-        """Attitudes wxyz of length 1."""
+        """Attitude quaternions wxyz, normalized."""
         found: Array = self[array] / np.linalg.norm(self[array], axis=1, keepdims=True)
         return found
 
     def in_base(self, vectors: Array, array: str = "quaternion") -> Array:
-        """World vectors (N, 3) in base axes."""
+        """Rotate world vectors (N, 3) to base axes."""
         R = Quaternion(*self.unit(array).T).rotation()
         return np.stack(list(R.apply_T(Vec3(*vectors.T))), axis=1)
 
 
 def nanoseconds(time: Array) -> npt.NDArray[np.int64]:
-    """Times in s as the clock of messages, ns."""
+    """Convert times in s to integer ns."""
     return np.rint(np.asarray(time) * NANO).astype(np.int64)
 
 
@@ -57,7 +57,7 @@ WORLD, BASE_LINK, BASE_REFERENCE = "world", "base_link", "base_reference"
 
 
 class Frames:
-    """Names of a vehicle's frames: unique, those of the world and the base among them.
+    """Unique names of a vehicle's coordinate frames, including world and base.
 
     Attributes:
         links: name of each link. named: name of each named frame. rotors: name of each rotor's frame.
@@ -74,11 +74,11 @@ class Frames:
         self.rotors = every[len(links) + len(named) :]
 
     def of_body(self, body: int) -> str:
-        """Frame of a link, or of the base."""
+        """Frame name of a link or the base."""
         return BASE_LINK if body == BASE else self.links[body]
 
     def moving(self, stamps: Any, joints: Array) -> list[dict[str, Any]]:
-        """Transform of each link against its parent."""
+        """Transform of each link relative to its parent."""
         found = []
         values = every_joint(self._vehicle, list(joints.T))
         for i, link in enumerate(self._vehicle.moving):
@@ -88,7 +88,7 @@ class Frames:
         return found
 
     def fixed_transforms(self) -> list[dict[str, Any]]:
-        """Transforms of named frames and of the rotors' hubs, whose z is the axis of positive thrust."""
+        """Transforms of named frames and rotor hubs; a hub's z axis is the direction of positive thrust."""
         found = []
         for name, frame in zip(self.named, self._vehicle.frames, strict=True):
             turn = quaternions_of(_turns(frame.rotation, 1))[0]
@@ -99,7 +99,7 @@ class Frames:
 
 
 def transform(stamps: Any, parent: str, child: str, position: Iterable[Any], wxyz: Any) -> dict[str, Any]:
-    """A geometry_msgs/TransformStamped of many instants, or of none in particular."""
+    """Fields of a geometry_msgs/TransformStamped, for many instants or a constant one."""
     return {
         "header": {"stamp": stamps, "frame_id": parent},
         "child_frame_id": child,
@@ -108,25 +108,25 @@ def transform(stamps: Any, parent: str, child: str, position: Iterable[Any], wxy
 
 
 def xyz(vector: Any) -> dict[str, Any]:
-    """A vector, (3,) or (N, 3), or a record of three, as fields."""
+    """Message fields x, y, z of a vector: (3,), (N, 3) or a record of three."""
     parts = vector.T if isinstance(vector, np.ndarray) else list(vector)
     return dict(zip("xyz", parts, strict=True))
 
 
 def quaternion(wxyz: Array) -> dict[str, Any]:
-    """A quaternion wxyz, (4,) or (N, 4), as fields of ROS, whose order is xyzw."""
+    """Message fields x, y, z, w of a quaternion wxyz, (4,) or (N, 4)."""
     return dict(zip("wxyz", wxyz.T, strict=True))
 
 
 def _turns(R: Mat3, count: int) -> Array:
-    """Matrices (N, 3, 3) of a rotation whose entries are numbers or arrays."""
+    """Rotation matrices (N, 3, 3) from a rotation whose entries are numbers or arrays."""
     return np.array([[np.broadcast_to(np.asarray(c, dtype=float), (count,)) for c in row] for row in R.rows]).transpose(
         2, 0, 1
     )
 
 
 def _upright(axis: Vec3) -> Array:
-    """A rotation (1, 3, 3) that turns z onto an axis."""
+    """Rotation matrix (1, 3, 3) that turns the z axis onto a given axis."""
     return np.array([turn_onto((float(axis.x), float(axis.y), float(axis.z)))])
 
 

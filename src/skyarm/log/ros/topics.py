@@ -1,4 +1,4 @@
-"""Topics of a flight: which messages there are, how often, and what they hold.
+"""ROS topics of a flight: message types, rates and contents.
 
 Every number of the log stands at each control instant in ``/skyarm/flight``, from which a log is read back to the bit.
 Base and joints are written at 200 Hz as viewers know them, frames, shapes, reference and tip at 50 Hz.
@@ -49,7 +49,7 @@ MARKERS = "visualization_msgs/MarkerArray"
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """A topic.
+    """ROS topic: its message type, rate and content.
 
     Attributes:
         name, kind: of the topic and of its messages.
@@ -66,7 +66,7 @@ class Topic:
 
 
 class FlightTopics:
-    """The topics of a flight.
+    """All ROS topics of a flight.
 
     Args:
         log: of the flight, or its first part.
@@ -91,7 +91,7 @@ class FlightTopics:
         )
 
     def encode(self, topic: Topic, log: Log) -> tuple[npt.NDArray[np.int64], Bytes]:
-        """Times (ns) and messages of a topic in a part of the flight.
+        """Times (ns) and encoded messages of a topic in a section of the flight.
 
         Args:
             topic: one of :attr:`topics`; one without a rate is written at the part's first instant.
@@ -145,33 +145,33 @@ class FlightTopics:
 
 
 def vehicle_of(log: Log) -> Vehicle | None:
-    """The plant's vehicle; None of a log without one, or of one that needs user code that is not loaded."""
+    """Vehicle of the plant; None if the log has none or needs user code that is not loaded."""
     found = restored_part(log.info, "agent", "plant", "vehicle")
     shape = log.joints.shape[1], log.rotor_speeds.shape[1]
     return found if isinstance(found, Vehicle) and (found.n, len(found.rotors)) == shape else None
 
 
 def every_of(log: Log) -> tuple[int, int]:
-    """Control instants from one message to the next: of the state, and of the rest, a multiple of it."""
+    """Number of control instants between two messages, of the state and of the slower other topics."""
     rate = control_rate(log)
     fast = max(1, round(rate / FAST))
     return fast, fast * max(1, round(rate / fast / SLOW))
 
 
 def period_of(log: Log) -> int:
-    """Control instants after which the pattern of messages begins again."""
+    """Number of control instants after which the message pattern repeats."""
     return math.lcm(every_of(log)[1], *(each.every for each in sources_of(log.info).values()))
 
 
 def control_rate(log: Log) -> float:
-    """Control instants in a second."""
+    """Control rate of a log, Hz."""
     rates = log.info.get("rates_hz")
     rate = rates.get("control") if isinstance(rates, dict) else None
     return float(rate) if isinstance(rate, (int, float)) and 0 < rate <= HIGHEST else FAST
 
 
 def _joints(name: str, every: int, joints: Sequence[str], arrays: Mapping[str, str]) -> list[Topic]:
-    """A sensor_msgs/JointState, by field and array of the log; nothing of a vehicle without joints."""
+    """Topic of type sensor_msgs/JointState from arrays of the log; none for a vehicle without joints."""
 
     def values(part: Part) -> dict[str, Any]:
         return {"header": part.header(""), "name": joints} | {field: part[array] for field, array in arrays.items()}
@@ -207,7 +207,7 @@ Message = dict[str, Any]
 
 
 class Origin(NamedTuple):
-    """Source of a reading, names of the vehicle's joints, and names of the numbers."""
+    """Source of a reading, with the names of the vehicle's joints and of the reading's components."""
 
     source: str
     joints: Sequence[str]
@@ -266,7 +266,7 @@ MESSAGES: Mapping[str, tuple[str, Mapping[str, int], Callable[[Part, Fields, Ori
 
 
 def _sensor_topics(log: Log, fast: int, names: Names) -> list[Topic]:
-    """A topic for each sensor, at the instants at which its readings arrive, and the estimate; none without them."""
+    """Topics of the estimate and of each sensor, at the instants of its readings; none without sensors."""
     sources = {name: each for name, each in sources_of(log.info).items() if set(each.fields) - {"time"}}
     found: list[Topic] = []
     for name, (source, each) in zip(distinct([word(last_of(name)) for name in sources]), sources.items(), strict=True):
@@ -282,7 +282,7 @@ def _sensor_topics(log: Log, fast: int, names: Names) -> list[Topic]:
 
 
 def _reading(source: str, described: Source, names: Names) -> tuple[str, Callable[[Part], Message]]:
-    """Type of a source's messages, and their fields: the message of ROS that fits its numbers, else one of our own."""
+    """Message type and fields of a sensor: the ROS type that fits its numbers, else one of this library."""
     sizes = {field: len(each.axes or ()) for field, each in described.fields.items()}
     stamped = sizes.pop("time", 1) == 0
     kind = next((kind for kind, (_, wanted, _) in MESSAGES.items() if wanted == sizes), "skyarm_msgs/Reading")
@@ -303,7 +303,7 @@ def _reading(source: str, described: Source, names: Names) -> tuple[str, Callabl
 
 
 def last_of(source: str) -> str:
-    """The name of a sensor, or ``estimate``."""
+    """Last part of a source's name: a sensor's name or ``estimate``."""
     return source.rpartition(".")[2]
 
 

@@ -1,4 +1,4 @@
-"""One table of a file, read field by field."""
+"""Reader of one table of a file, field by field."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _REQUIRED: Any = object()
 
 
 class Fields:
-    """Reader of a table: checks each value on access, and refuses unread fields by name.
+    """Reader of a table: checks each value on access and raises an error for fields that were not read.
 
     Every error is a ValueError of one line: field, value, what is allowed. ``named`` calls the tables of a list by
     their names: ``links[arm].mass``.
@@ -25,11 +25,11 @@ class Fields:
         self._asked: list[str] = []
 
     def at(self, name: str) -> str:
-        """Name of a field as messages show it."""
+        """Full name of a field for error messages."""
         return f"{self.where}.{name}" if self.where else name
 
     def take(self, name: str, default: object = _REQUIRED) -> Any:
-        """Raw value of a field."""
+        """Unchecked value of a field."""
         self._asked.append(name)
         if name in self.table:
             return self.table[name]
@@ -49,11 +49,11 @@ class Fields:
         strict: bool = False,
         infinite: bool = False,
     ) -> float:
-        """Check a number: finite by default, not below ``low`` (above it if strict)."""
+        """Read a number: finite by default, not below ``low`` (above it if strict)."""
         return number(self.take(name, default), self.at(name), low=low, strict=strict, infinite=infinite)
 
     def vector(self, name: str, default: object = _REQUIRED) -> tuple[float, float, float]:
-        """Three finite numbers."""
+        """Read three finite numbers."""
         value, at = self.take(name, default), self.at(name)
         if not isinstance(value, (list, tuple)) or len(value) != 3:
             raise ValueError(f"{at} = {shown(value)}: must be three numbers")
@@ -61,43 +61,43 @@ class Fields:
         return x, y, z
 
     def numbers(self, name: str, *default: Any, low: float = -math.inf) -> tuple[float, ...]:
-        """A list of finite numbers, none below ``low``."""
+        """Read a list of finite numbers, none below ``low``."""
         values, at = self.take(name, *default), self.at(name)
         if not isinstance(values, (list, tuple)):
             raise ValueError(f"{at} = {shown(values)}: must be a list of numbers")
         return tuple(number(value, f"{at}[{i}]", low=low) for i, value in enumerate(values))
 
     def choice(self, name: str, options: tuple[str, ...], default: object = _REQUIRED) -> str:
-        """One of several words."""
+        """Read one of several allowed texts."""
         value = self.take(name, default)
         if value not in options:
             raise ValueError(f"{self.at(name)} = {shown(value)}: {must_be_one_of(options, value)}")
         return str(value)
 
     def text(self, name: str, *default: str) -> str:
-        """Text; not empty where there is no default."""
+        """Read text; it must not be empty unless there is a default."""
         value = self.take(name, *default)
         if not isinstance(value, str) or (not value and not default):
             raise ValueError(f"{self.at(name)} = {shown(value)}: must be text{'' if default else ' that is not empty'}")
         return value
 
     def flag(self, name: str, *default: bool) -> bool:
-        """True or false."""
+        """Read a boolean."""
         value = self.take(name, *default)
         if not isinstance(value, bool):
             raise ValueError(f"{self.at(name)} = {shown(value)}: must be true or false")
         return value
 
     def inner(self, name: str) -> Fields:
-        """Reader of a table within this one; of an empty table where it is left out."""
+        """Reader of a nested table; of an empty table if it is missing."""
         return Fields(self.take(name, {}), self.at(name), self._named)
 
     def tables(self, name: str) -> list[Fields]:
-        """Readers of a list of tables; none where it is left out."""
+        """Readers of a list of tables; none if it is missing."""
         return list_of_tables(self.take(name, []), self.at(name), self._named)
 
     def done(self) -> None:
-        """Refuse a field that was not read."""
+        """Raise an error if a field of the table was not read."""
         for name, value in self.table.items():
             if name not in self._asked:
                 allowed, meant = comma_list(dict.fromkeys(self._asked)), did_you_mean(name, self._asked)

@@ -17,7 +17,7 @@ LONGEST_LINE = 1000
 
 
 def printable(text: str) -> str:
-    r"""Text whose control characters are written out, so that a name in a file is no command of a terminal.
+    r"""Text with its control characters escaped, so that a name from a file cannot control a terminal.
 
     Written out, as ``\x1b`` or ``\u202e``, is what Unicode counts as control, format (the reversal of what is read from
     right to left among them), line separator, surrogate or unassigned; blanks other than the usual one, too.
@@ -28,7 +28,7 @@ def printable(text: str) -> str:
 
 
 def one_line(text: str) -> str:
-    """A message on one line, its middle left out where it is too long."""
+    """Shorten a message to one line of bounded length by leaving out its middle."""
     line = printable(" ".join(text.split()))
     if len(line) <= LONGEST_LINE:
         return line
@@ -36,13 +36,13 @@ def one_line(text: str) -> str:
 
 
 def comma_list(names: Iterable[Any]) -> str:
-    """Names as messages list them: parted by commas, on one line of bounded length."""
+    """Names for a message, separated by commas, on one line of bounded length."""
     text = printable(", ".join(map(str, names)))
     return text if len(text) <= LONGEST_LIST else text[: LONGEST_LIST - 3] + "..."
 
 
 def shown(value: object) -> str:
-    """A value as messages show it: on one line, not for pages."""
+    """Value as text for a message, on one line of bounded length."""
     try:
         text = " ".join(repr(value).split())  # an array's text has several lines
     except (ValueError, RecursionError):  # a whole number of over 4300 digits; lists in lists
@@ -71,12 +71,12 @@ def did_you_mean(word: object, known: Iterable[str]) -> str:
 
 
 def nearest(word: object, known: Iterable[str]) -> list[str]:
-    """The ``NEAREST`` names that are most like a word, the most alike first."""
+    """The ``NEAREST`` names most similar to a word, the most similar first."""
     return difflib.get_close_matches(str(word), list(known), n=NEAREST, cutoff=0.0)
 
 
 def must_be_one_of(known: Iterable[str], word: object, see: str = "") -> str:
-    """Allowed names in words, after a suggestion.
+    """List of allowed names for a message, after a suggestion for a misspelt one.
 
     Args:
         known: names.

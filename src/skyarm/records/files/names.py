@@ -1,4 +1,4 @@
-"""Names of files: readable, writable on every system, and of which kind by suffix or tables."""
+"""File names: checks that a file is readable or a name portable, and the kind of a file by suffix or content."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ NOT_THERE = (errno.ENOENT, errno.ENOTDIR, errno.ELOOP)
 
 
 def file_name(value: object, field: str) -> str:
-    """A name or path that was given, as text.
+    """Convert a file name or path to text.
 
     Raises:
         ValueError: it is neither.
@@ -32,7 +32,7 @@ def file_name(value: object, field: str) -> str:
 
 
 def unreadable(path: Path) -> str:
-    """Reason why there is no file to read at a path; empty if there is one."""
+    """Reason why no file can be read at a path; empty if one can."""
     # not path.is_file(), which keeps the reason to itself since Python 3.14
     try:
         mode = os.stat(path).st_mode
@@ -78,7 +78,7 @@ SUFFIXES = ("png", "svg", "pdf")
 
 
 def picture_file(name: str, field: str = "file") -> Path:
-    """Path of a picture to be written, checked before the work.
+    """Path of a picture to be written, checked before any computation.
 
     Raises:
         ValueError: another suffix; one line with those there are. OSError: it cannot be written.
@@ -89,7 +89,7 @@ def picture_file(name: str, field: str = "file") -> Path:
 
 
 def require_suffix(path: Path, field: str = "file") -> str:
-    """The suffix of a picture's file, without its dot.
+    """Suffix of a picture's file without its dot; an unsupported one raises an error.
 
     Raises:
         ValueError: one line.
@@ -113,7 +113,7 @@ READS = {
 
 
 def kind_of(document: Mapping[str, Any]) -> str:
-    """One of ``READS``, or empty if the tables do not show it."""
+    """Kind of a file, one of ``READS``, by the tables that it has; empty if they do not show it."""
     if "scenario" in document and ("vary" in document or "episodes" in document or "design" in document):
         return "study"
     if "gains" in document and "law" in document:
@@ -124,7 +124,7 @@ def kind_of(document: Mapping[str, Any]) -> str:
 
 
 def require_kind(document: object, wanted: str) -> None:
-    """Refuse a file of another kind.
+    """Raise an error if a file is of another kind than expected.
 
     Raises:
         ValueError: one line.
@@ -137,12 +137,12 @@ def require_kind(document: object, wanted: str) -> None:
 
 
 def names_in(library: Traversable) -> tuple[str, ...]:
-    """Names of the shipped files of a folder."""
+    """Names of the files that the library ships in a folder."""
     return tuple(sorted(Path(entry.name).stem for entry in library.iterdir() if entry.name.endswith(".toml")))
 
 
 def read_named(text: str, kind: str, library: Traversable, others: str = "") -> tuple[dict[str, Any], Path]:
-    """Tables of a shipped file by its name, or of a file by its path, and the folder in which its paths start.
+    """Read a shipped file by name, or a file by path; return its tables and the folder of its relative paths.
 
     Args:
         text: name or path.
@@ -177,7 +177,7 @@ def read_named(text: str, kind: str, library: Traversable, others: str = "") -> 
 
 
 def distinct(names: Sequence[str]) -> list[str]:
-    """The names, a number behind those that another one before them has."""
+    """Make names unique: repeated ones get a number appended."""
     found: list[str] = []
     for name in names:
         unique, k = name, 2

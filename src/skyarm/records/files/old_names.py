@@ -1,4 +1,4 @@
-"""Old names in users' files: they work for one minor version, with a warning that names the new one."""
+"""Old names in users' files: accepted for one minor version, with a warning that states the new name."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ LAST = "0.3"
 
 
 class OldNameWarning(DeprecationWarning):
-    """An old name was used, which goes with the next minor version."""
+    """Warning that an old name was used; the next minor version removes it."""
 
 
 def warn_of_old_name(old: str, new: str, *, stacklevel: int = 2) -> None:
-    """Warn that ``old`` is called ``new`` now.
+    """Warn that the name ``old`` was replaced by ``new``.
 
     Args:
         old: the name that was used, with what it is ("law 'a'").
@@ -27,7 +27,7 @@ def warn_of_old_name(old: str, new: str, *, stacklevel: int = 2) -> None:
 
 
 def present_name(where: str, value: object, old_names: Mapping[str, str]) -> Any:
-    """The value that an old one is called now, with a warning; any other value as it is.
+    """New name for an old name, with a warning; any other value unchanged.
 
     Args:
         where: the field, for the warning.

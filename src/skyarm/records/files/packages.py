@@ -1,4 +1,4 @@
-"""Installed packages: their versions, the lowest supported ones, and how extras are installed."""
+"""Installed packages: versions, lowest supported versions, and commands that install extras."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ NUMBERS = re.compile(r"\d+(?:\.\d+)*")
 
 
 def installed_versions(packages: Iterable[str], path: Iterable[str] | None = None) -> dict[str, str]:
-    """Versions of those packages that are installed, from the names of their metadata folders.
+    """Versions of the installed packages among the given ones, from the names of their metadata folders.
 
     Half a millisecond for all; ``importlib.metadata`` reads and parses a file for each and takes twenty.
 
@@ -49,7 +49,7 @@ def installed_versions(packages: Iterable[str], path: Iterable[str] | None = Non
 
 
 def below_floor(versions: dict[str, str]) -> str | None:
-    """One line that names the first package whose version is too low, what is needed, and what to do."""
+    """Message about the first package whose version is too low, with the version required and the remedy."""
     for package, floor in FLOORS.items():
         version = versions.get(package)
         if version is not None and _order(version) < _order(floor):
@@ -68,7 +68,7 @@ def _entries(folder: str) -> list[str]:
 
 
 def _order(version: str) -> tuple[int, ...]:
-    """The leading numbers of a version, for comparison: without trailing zeros, which mean nothing."""
+    """Leading numbers of a version for comparison, without trailing zeros."""
     match = NUMBERS.match(version)
     numbers = [int(part) for part in match[0].split(".")] if match else []
     while numbers and numbers[-1] == 0:
@@ -80,7 +80,7 @@ ABSENT = "not installed"
 
 
 def versions(*packages: str) -> dict[str, str]:
-    """Versions of Python, of skyarm and of some packages."""
+    """Versions of Python, skyarm and the given packages."""
     return {"python": platform.python_version(), **{name: _version(name) for name in ("skyarm", *packages)}}
 
 
@@ -100,7 +100,7 @@ PACKAGE = "skyarm"
 
 
 def how_to_install(*extras: str) -> str:
-    """The command that installs extras of this package; of one that is installed, from wherever, it adds them."""
+    """Command that installs extras of this package, whichever way the package was installed."""
     return f'python -m pip install "{PACKAGE}[{",".join(extras)}]"'
 
 

@@ -1,4 +1,4 @@
-"""Private folders and files of one user: not writable by others, and not read if another user may write them.
+"""Private folders and files of one user: not writable by others, and not read if another user can write them.
 
 On systems without such rights (Windows, whose user folders are closed by themselves) owner and mode are not looked at.
 """
@@ -22,7 +22,7 @@ _NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | sum(getattr(os, name, 0) for name 
 
 
 def private_folder(folder: Path, ours: Callable[[str], bool]) -> str:
-    """Make a private folder; an existing one is closed to others if it holds nothing else.
+    """Create a private folder; restrict the access to an existing one if it holds nothing else.
 
     A folder with other files in it keeps its rights: it is used if no other user may write there.
 
@@ -64,7 +64,7 @@ def private_folder(folder: Path, ours: Callable[[str], bool]) -> str:
 
 
 def read_private(file: Path, most: int, *, secret: bool = False) -> bytes | None:
-    """Content of a file that only its user may write; None if there is none, or others may write it.
+    """Content of a file that only its user can write; None if it is missing or others can write it.
 
     Args:
         file: a regular file of this user; a link is not followed.
@@ -90,7 +90,7 @@ def read_private(file: Path, most: int, *, secret: bool = False) -> bytes | None
 
 
 def write_private(file: Path, content: bytes, *, replace: bool = True) -> None:
-    """Write a file with mode 0600 that appears whole or not at all; a link in its place is replaced, not followed.
+    """Write a file atomically with mode 0600; a link at its path is replaced, not followed.
 
     Args:
         file: to write, in a folder that is there.
@@ -114,7 +114,7 @@ def write_private(file: Path, content: bytes, *, replace: bool = True) -> None:
 
 
 def _link(temporary: Path, file: Path) -> None:
-    """Rename a file unless the name is taken."""
+    """Rename a file unless the new name is taken."""
     with contextlib.suppress(FileExistsError):
         try:
             os.link(temporary, file)

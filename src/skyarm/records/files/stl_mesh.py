@@ -1,4 +1,4 @@
-"""Triangles of an STL file, binary or text: what a body of the world is drawn as."""
+"""Triangle meshes from STL files, binary or text."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ METRES: Scale = (1.0, 1.0, 1.0)
 
 
 def read_corners(path: str | os.PathLike[str], scale: Scale = METRES) -> Array:
-    """Corners (F, 3, 3) of the triangles of a file, m.
+    """Read the triangle corners (F, 3, 3) of an STL file, m.
 
     Args:
         path: of the file.
@@ -76,14 +76,14 @@ def read_corners(path: str | os.PathLike[str], scale: Scale = METRES) -> Array:
 
 
 def read_stl(path: str | os.PathLike[str], scale: Scale = METRES) -> tuple[Array, Faces]:
-    """Vertices (V, 3), m, each once, and triangles (F, 3) of a file; arguments and errors as :func:`read_corners`."""
+    """Read an STL file: unique vertices (V, 3), m, and triangles as indices (F, 3)."""
     vertices, places = np.unique(read_corners(path, scale).reshape(-1, 3), axis=0, return_inverse=True)
     return vertices, places.reshape(-1, 3)
 
 
 @functools.lru_cache(maxsize=16)
 def mesh_or_none(path: str, scale: Scale = METRES) -> tuple[Array, Faces] | None:
-    """The same for a drawing; None where the file has gone, of a log that was carried to another machine."""
+    """Read an STL mesh for a drawing; None if its file is missing, as for a log from another machine."""
     try:
         return read_stl(path, scale)
     except ValueError:
@@ -91,7 +91,7 @@ def mesh_or_none(path: str, scale: Scale = METRES) -> tuple[Array, Faces] | None
 
 
 def _is_binary(content: bytes) -> bool:
-    """Detect a binary file by its length: its header, too, may begin with "solid"."""
+    """Detect a binary STL file by its length: a binary header, too, may begin with "solid"."""
     if len(content) < HEADER:
         return False
     count = int.from_bytes(content[HEADER - 4 : HEADER], "little")
@@ -99,12 +99,12 @@ def _is_binary(content: bytes) -> bool:
 
 
 def _binary(content: bytes) -> Array:
-    """Corners (F, 3, 3)."""
+    """Triangle corners (F, 3, 3) of a binary STL file."""
     return np.frombuffer(content, RECORD, offset=HEADER)["corners"].astype(float)
 
 
 def _text(content: bytes) -> Array:
-    """Corners (F, 3, 3) of ``vertex x y z`` lines."""
+    """Triangle corners (F, 3, 3) of a text STL file, from its ``vertex x y z`` lines."""
     allowed = "must be an STL file, binary or text"
     if not content.lstrip().startswith(b"solid") or b"endsolid" not in content:
         raise ValueError(allowed)

@@ -1,4 +1,4 @@
-"""TOML text as tables, and tables as TOML text; tomli-w would write each number of a vector on a line of its own."""
+"""Conversion between TOML text and tables, with each vector on one line."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _CHAIN = re.compile(rf"""(?<![\w-])(?:["']?[\w-]++["']?[ \t]*+\.[ \t]*+){{{DEEPE
 
 
 def read_toml(content: bytes) -> dict[str, Any]:
-    """Tables of a TOML file; a byte order mark before it is skipped, as editors on Windows write one.
+    """Read a TOML file as tables; a byte order mark, as editors on Windows write one, is skipped.
 
     Raises:
         ValueError: one line, without the file's name, which the caller adds.
@@ -46,7 +46,7 @@ def read_toml(content: bytes) -> dict[str, Any]:
 
 
 def _require_bounded(document: dict[str, Any], deep: str) -> None:
-    """Refuse what is nested too deeply, and whole numbers that no field can hold."""
+    """Raise an error for tables nested too deeply and for integers too large for any field."""
     waiting: list[tuple[Any, str, int]] = [(document, "", 1)]
     while waiting:
         value, at, depth = waiting.pop()
@@ -71,7 +71,7 @@ _ESCAPES = {"\\": "\\\\", '"': '\\"', "\b": "\\b", "\t": "\\t", "\n": "\\n", "\f
 
 
 def toml_value(value: object) -> str:
-    """A value on one line; tables are written inline.
+    """TOML text of a value on one line; tables are written inline.
 
     Raises:
         TypeError: what TOML has no words for.
@@ -94,7 +94,7 @@ def toml_value(value: object) -> str:
 
 
 def toml_key(name: str) -> str:
-    """A key, in quotes where it must be."""
+    """TOML text of a key, in quotes where it needs them."""
     return name if _BARE.fullmatch(name) else toml_value(name)
 
 
@@ -106,7 +106,7 @@ def _character(character: str) -> str:
 
 
 def toml_text(document: Mapping[str, Any]) -> str:
-    """A document: its plain values first, then a section for each table and for each table of a list of tables."""
+    """TOML document of a table: plain values first, then a section for each table and list of tables."""
     lines = [f"{toml_key(name)} = {toml_value(value)}" for name, value in document.items() if not _is_section(value)]
     for name, value in document.items():
         if isinstance(value, Mapping):

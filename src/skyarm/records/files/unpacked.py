@@ -1,4 +1,4 @@
-"""Compressed files, whose sizes are checked before they are unpacked: a small file may unpack to gigabytes."""
+"""Compressed files, with a check of their unpacked size: a small file may unpack to gigabytes."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ RATIO = 20
 
 
 class TooLargeError(ValueError):
-    """A file that would unpack to more than the limit, which the message states."""
+    """Error for a file that would unpack to more than the size limit."""
 
 
 def require_size(unpacked: float, content: bytes) -> None:
-    """Refuse what a file would unpack to.
+    """Raise an error if a file would unpack to more than the size limit.
 
     Args:
         unpacked: bytes.
@@ -35,7 +35,7 @@ def require_size(unpacked: float, content: bytes) -> None:
 
 
 def npz_arrays(content: bytes) -> dict[str, Any]:
-    """Arrays of an npz file, by name; none of Python's objects.
+    """Arrays of an npz file by name; pickled Python objects are not loaded.
 
     Raises:
         TooLargeError: it unpacks to too much. ValueError: it is no such file.

@@ -1,4 +1,4 @@
-"""Code of users: the file and line of a function or an error, and the identity of a file."""
+"""User code: file and line of a function or an error, and a digest of a file's content."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ DEPTH = 8
 
 
 def own_code(thing: object, depth: int = DEPTH) -> types.CodeType | None:
-    """The first part of a function that is user code; None if all of it is the library's.
+    """Code object of the first user-written part of a function; None if the library wrote all of it.
 
     Args:
         thing: a function, a method, a partial one, an object that can be called, or a class.
@@ -54,7 +54,7 @@ def own_code(thing: object, depth: int = DEPTH) -> types.CodeType | None:
 
 
 def _of_class(kind: type) -> types.CodeType | None:
-    """The first method of a class or of its ancestors that is not the library's."""
+    """First method of a class or its ancestors that the library did not write."""
     for each in kind.__mro__:
         methods = vars(each)
         for held in (methods.get("__call__"), *methods.values()):
@@ -67,7 +67,7 @@ def _of_class(kind: type) -> types.CodeType | None:
 
 
 def is_own(code: types.CodeType, module: str) -> bool:
-    """True if code is the user's: not the library's, Python's, an installed package's, nor generated."""
+    """True if code was written by the user: not by the library, Python or an installed package, nor generated."""
     file = code.co_filename
     if file.startswith("<string"):
         # what python -c runs has no file, as the methods that dataclasses write
@@ -76,21 +76,21 @@ def is_own(code: types.CodeType, module: str) -> bool:
 
 
 def is_own_file(file: str, module: str) -> bool:
-    """True if a module's file is the user's: not the library's, Python's, nor an installed package's."""
+    """True if a module's file was written by the user: not by the library, Python or an installed package."""
     if file.startswith((PACKAGE, "<frozen")) or (file.startswith(PYTHON) and INSTALLED not in file):
         return False
     return module.partition(".")[0] not in LIBRARIES
 
 
 def is_beside(file: str, folder: str) -> bool:
-    """True if a file lies in a folder or below it, and is not the library's, Python's, nor an installed package's."""
+    """True if a user-written file lies in a folder or below it."""
     if not file.startswith(f"{folder.rstrip(os.sep)}{os.sep}"):
         return False
     return INSTALLED not in file and not file.startswith((PACKAGE, PYTHON))
 
 
 def place_of(thing: object) -> str:
-    """File and line at which a function, or an object's or a class's first method, begins; else its name."""
+    """File and line where a function, or the first method of an object or class, begins; else its name."""
     code = own_code(thing) or getattr(thing, "__code__", None)
     if code is None:
         return str(getattr(thing, "__qualname__", type(thing).__qualname__))
@@ -98,17 +98,17 @@ def place_of(thing: object) -> str:
 
 
 class OwnCodeError(ValueError):
-    """User code failed in another process; one line with its file and line."""
+    """Error of user code in another process: one line with its file and line."""
 
 
 def failure(error: BaseException) -> str:
-    """An error of user code on one line: file, line, kind, words; empty for an error of the library."""
+    """One-line text of an error in user code: file, line, class, message; empty for an error of the library."""
     place = place_of_error(error)
     return f"{place}: {type(error).__name__}: {error}" if place else ""
 
 
 def own_failure(error: BaseException) -> str:
-    """An error raised by user code, on one line as in :func:`failure`; empty where the library refuses.
+    """One-line text of an error raised directly by user code; empty if the library raised it.
 
     A ValueError, an OSError or an exit is of the code that raises it: the library's refusals pass through code of
     someone's own too. Of an error that the library tells on in words of its own, the first one counts; but what a
@@ -135,7 +135,7 @@ COMMAND_LINE = f"{os.path.basename(os.path.dirname(PACKAGE))}.cli."
 
 
 def _frames(error: BaseException) -> list[tuple[str, str, str]]:
-    """Owner ("own", "ours"), function and module of each frame of an error; frames of packages are left out."""
+    """Owner ("own" for the user's, "ours"), function and module of each stack frame, without other packages."""
     trace, found = error.__traceback__, []
     while trace is not None:
         code, module = trace.tb_frame.f_code, str(trace.tb_frame.f_globals.get("__name__", ""))
@@ -148,7 +148,7 @@ def _frames(error: BaseException) -> list[tuple[str, str, str]]:
 
 
 def place_of_error(error: BaseException) -> str:
-    """File and line of the innermost code that is neither ours nor a library's; empty where there is none."""
+    """File and line of the innermost user code in an error's stack trace; empty without any."""
     trace, found = error.__traceback__, ""
     while trace is not None:
         frame = trace.tb_frame
@@ -163,7 +163,7 @@ MISSING = "missing"
 
 
 def number_duplicates(pairs: Iterable[tuple[str, str]]) -> dict[str, str]:
-    """Names and identities as a table in which another identity of the same name gets a number."""
+    """Table of names and digests; a second digest of the same name gets a number."""
     found: dict[str, str] = {}
     for plain, identity in pairs:
         name = plain
@@ -174,18 +174,18 @@ def number_duplicates(pairs: Iterable[tuple[str, str]]) -> dict[str, str]:
 
 
 def file_of(module: types.ModuleType | None) -> str:
-    """Path of a module's file, without links; empty where it has none."""
+    """Path of a module's file with links resolved; empty if it has none."""
     file = getattr(module, "__file__", None)
     return os.path.realpath(file) if isinstance(file, str) else ""
 
 
 def identity_of(content: bytes) -> str:
-    """Identity of a file's content: "sha256:..."."""
+    """Digest of a file's content: "sha256:..."."""
     return f"sha256:{hashlib.sha256(content).hexdigest()}"
 
 
 def identity_of_file(file: str) -> str:
-    """Identity of a file as it is now."""
+    """Digest of a file's present content."""
     try:
         return identity_of(Path(file).read_bytes())
     except OSError:
@@ -193,7 +193,7 @@ def identity_of_file(file: str) -> str:
 
 
 def source_of(code: types.CodeType) -> tuple[str, str]:
-    """Name and identity of the file that code comes from; of typed code its lines, else the object itself."""
+    """Name and digest of the file of some code; for code typed interactively its source lines, else the object."""
     file = code.co_filename
     identity = identity_of_file(file)
     if identity != MISSING:
@@ -203,7 +203,7 @@ def source_of(code: types.CodeType) -> tuple[str, str]:
 
 
 def _told(code: types.CodeType) -> str:
-    """All that code does, as a text that is the same in each process."""
+    """Text of a code object's instructions, names and constants, the same in each process."""
     held = [_told(each) if isinstance(each, types.CodeType) else _constant(each) for each in code.co_consts]
     return f"{code.co_name} {code.co_code.hex()} {code.co_names} {code.co_varnames} {code.co_freevars} {held}"
 

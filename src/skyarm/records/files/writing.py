@@ -1,4 +1,4 @@
-"""Files written whole or not at all, folders with one writer, and the clean-up after a failed run."""
+"""Atomic writing of files, folders with a single writer, and the clean-up after a failed run."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ CANNOT_SYNC = (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP)
 
 
 def write_atomically(path: str | os.PathLike[str], content: bytes, *, entry: bool = True) -> Path:
-    """Write to a temporary file beside the target, then rename; a cut-off run leaves no half file.
+    """Write a file atomically: to a temporary file next to the target, then rename.
 
     Args:
         path: of the file.
@@ -39,7 +39,7 @@ def write_atomically(path: str | os.PathLike[str], content: bytes, *, entry: boo
 
 @contextmanager
 def writing_atomically(path: str | os.PathLike[str], *, entry: bool = True) -> Iterator[IO[bytes]]:
-    """Open a temporary file beside the target, to be written piece by piece, and rename it at the end.
+    """Context that writes a file atomically, piece by piece: yields a temporary file and renames it at the end.
 
     The content is on disk before the file has its name, so that no power failure leaves an empty file under it.
     A link is followed. A device or a pipe, such as /dev/stdout, is written into, never replaced. If what is done
@@ -80,7 +80,7 @@ def writing_atomically(path: str | os.PathLike[str], *, entry: bool = True) -> I
 
 
 def sync_folder(folder: Path) -> None:
-    """Force the names in a folder to disk, where the system can.
+    """Flush the entries of a folder to disk, where the system supports it.
 
     Raises:
         OSError: the disk failed.
@@ -96,7 +96,7 @@ def sync_folder(folder: Path) -> None:
 
 
 def _sync(handle: int) -> None:
-    """Force an open file to disk; a file system that has no such thing is no error."""
+    """Flush an open file to disk; a file system without this operation is no error."""
     try:
         os.fsync(handle)
     except OSError as error:
@@ -105,13 +105,13 @@ def _sync(handle: int) -> None:
 
 
 def _forget(temporary: Path) -> None:
-    """Remove a temporary file if it exists; an error of the removal itself is not reported."""
+    """Remove a temporary file if it exists; errors are ignored."""
     with contextlib.suppress(OSError):
         temporary.unlink()
 
 
 def require_writable(folder: str | os.PathLike[str]) -> Path:
-    """Make an output folder and prove that a file can be written there, before any work is done.
+    """Create an output folder and check that a file can be written there, before any computation.
 
     Raises:
         ValueError: no name at all.
@@ -131,7 +131,7 @@ def require_writable(folder: str | os.PathLike[str]) -> Path:
 
 
 def output_file(name: str, field: str) -> Path:
-    """Path of a file to come, checked before any work is done.
+    """Path of an output file, checked before any computation.
 
     Args:
         name: as it was given.
@@ -150,7 +150,7 @@ def output_file(name: str, field: str) -> Path:
 
 
 def require_replaceable(*files: Path) -> None:
-    """Refuse names of files to come that are taken by folders, before any work is done.
+    """Raise an error if a folder has the name of an output file, before any computation.
 
     Raises:
         OSError: with one line that names the first of them.
@@ -165,7 +165,7 @@ LONGEST_NAME = 80
 
 
 def file_names(labels: Iterable[str], before: str, after: str) -> dict[str, str]:
-    """A file's name for each label: letters, digits, ``.``, ``_`` and ``-`` are kept, and no two names are alike.
+    """Unique file names for labels: letters, digits, ``.``, ``_`` and ``-`` are kept.
 
     Args:
         labels: any texts, each once.
@@ -189,7 +189,7 @@ def file_names(labels: Iterable[str], before: str, after: str) -> dict[str, str]
 
 
 def require_no_link(path: Path) -> Path:
-    """Refuse a link where a file or a folder of the library must be: it may lead anywhere.
+    """Raise an error if a link is at the path of a library file or folder: it may lead anywhere.
 
     Raises:
         OSError: with one line that names it.
@@ -200,7 +200,7 @@ def require_no_link(path: Path) -> Path:
 
 
 def write_inside(path: Path, content: bytes, *, entry: bool = True) -> Path:
-    """Write a file as :func:`write_atomically` does, but through no link and into no pipe or device.
+    """Write a file atomically as :func:`write_atomically` does, but not through a link, pipe or device.
 
     Raises:
         OSError: with one line that names the file.
@@ -213,7 +213,7 @@ def write_inside(path: Path, content: bytes, *, entry: bool = True) -> Path:
 
 @contextmanager
 def taken_back(*paths: str | os.PathLike[str]) -> Iterator[None]:
-    """Clean-up after failed work: remove its files, unless the disk failed or a result was written.
+    """Context that removes the files of failed work, unless the disk failed or a result was written.
 
     Args:
         paths: folders that the work makes, outermost first (with those above them), and files that mean nothing
@@ -237,7 +237,7 @@ def taken_back(*paths: str | os.PathLike[str]) -> Iterator[None]:
 
 
 def _with_parents(paths: tuple[str | os.PathLike[str], ...]) -> list[Path]:
-    """Each path behind the folders that it lies in, once."""
+    """Each path and all its parent folders, parents first, without duplicates."""
     every = [each for path in paths for each in (*reversed(Path(path).parents), Path(path))]
     return list(dict.fromkeys(every))
 
@@ -252,12 +252,12 @@ _OPEN = os.O_RDWR | os.O_CREAT | sum(getattr(os, name, 0) for name in ("O_NOFOLL
 
 
 class TakenError(ValueError):
-    """Another process writes there."""
+    """Error: another process is writing to the folder."""
 
 
 @contextmanager
 def one_writer(folder: Path) -> Iterator[None]:
-    """Hold a folder while files are written into it.
+    """Context that locks a folder for a single writer.
 
     The lock is the system's (flock, on Windows a locked byte), not the file's being there: it goes when the process
     ends, so a kill leaves nothing to clear away. On a file system without locks everyone may write, as before.
@@ -287,7 +287,7 @@ def one_writer(folder: Path) -> Iterator[None]:
 
 
 def _lock_file(path: Path, folder: Path) -> int | None:
-    """The lock's file, opened and locked; None if it is not the one at the path any more."""
+    """Open and lock a folder's lock file; None if another file has replaced it at the path."""
     try:
         handle = os.open(path, _OPEN, 0o666)
     except OSError as error:
@@ -314,7 +314,7 @@ def _lock_file(path: Path, folder: Path) -> int | None:
 
 
 def _lock(handle: int) -> None:
-    """Lock an open file against every other process, without waiting."""
+    """Lock an open file against other processes, without waiting."""
     if sys.platform == "win32":
         import msvcrt
 
@@ -332,7 +332,7 @@ FAR = 4096
 
 
 def _process(handle: int) -> str:
-    """Holder of a lock, from the lock's file."""
+    """Process that holds a lock, from the lock file."""
     with contextlib.suppress(OSError):
         os.lseek(handle, 0, os.SEEK_SET)
         number = os.read(handle, 20).decode("ascii", "replace")

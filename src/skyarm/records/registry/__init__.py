@@ -1,4 +1,4 @@
-"""The registry: names of everything that can be added, and where each is found."""
+"""Registry of extensions: names of all components that can be added, and the location of each."""
 
 from skyarm.records.registry.plugins import load_plugin
 from skyarm.records.registry.registrations import (

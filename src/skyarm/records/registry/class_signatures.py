@@ -1,4 +1,4 @@
-"""Checks of a registered class against its base: a dataclass whose methods take the library's arguments.
+"""Checks of a registered class against its base: a dataclass whose methods accept the library's arguments.
 
 The base itself says what is right: a method that overrides one of the library's takes the same arguments in the same
 order, and what is a number there is none that must be called.
@@ -21,7 +21,7 @@ RECORDS = "air", "force", "sensor", "estimator", "drive", "metric", "ending"
 
 
 def class_mistake(kind: type) -> tuple[str, str] | None:
-    """Mistake of a user's subclass: file and line, and words; None if there is none.
+    """Error in a user's subclass, as (file and line, message); None if there is none.
 
     Args:
         kind: a subclass of one of the library's; any other class is right.
@@ -42,7 +42,7 @@ def class_mistake(kind: type) -> tuple[str, str] | None:
 
 
 def format_mistake(thing: object) -> tuple[str, str] | None:
-    """Mistake of a log format: file and line, and words; None if there is none."""
+    """Error in a registered log format, as (file and line, message); None if there is none."""
     for name, call in (("write", "write(log, path)"), ("read", "read(path)")):
         held = getattr(thing, name, None)
         if held is None and name == "read" and not isinstance(thing, type):
@@ -57,7 +57,7 @@ def format_mistake(thing: object) -> tuple[str, str] | None:
 
 
 def thing_mistake(kind: str, thing: object) -> tuple[str, str] | None:
-    """Mistake of a registered thing: file and line, and words; None if none is found."""
+    """Error in a registered object, as (file and line, message); None if there is none."""
     if isinstance(thing, str):
         return None  # where it is found, which nobody has read yet
     if kind == "log_format":
@@ -66,7 +66,7 @@ def thing_mistake(kind: str, thing: object) -> tuple[str, str] | None:
 
 
 def _members(bases: list[type]) -> Iterator[tuple[str, Any]]:
-    """Public members of the library's bases, each as the first of them defines it, the highest base first."""
+    """Public members of the library's base classes, the highest base first, each once."""
     seen: set[str] = set()
     for each in reversed(bases):
         for name, given in vars(each).items():
@@ -76,14 +76,14 @@ def _members(bases: list[type]) -> Iterator[tuple[str, Any]]:
 
 
 def _number_mistake(name: str, held: object) -> str | None:
-    """Reason why a value cannot replace the base's number or text; None if it can."""
+    """Reason why a value cannot override the base's number or text; None if it can."""
     if not isinstance(held, (staticmethod, classmethod)) and not inspect.isfunction(held):
         return None
     return f"has a function {name}: must be a field, a class attribute or a property"
 
 
 def _function_mistake(name: str, held: Any, given: Any) -> str | None:
-    """Why something cannot be called as the base's function is; None where it can."""
+    """Reason why an object cannot override the base's function; None if it can."""
     wanted = list(inspect.signature(given).parameters)[1:]
     call = f"{name}({', '.join(wanted)})"
     function = held.__func__ if isinstance(held, (staticmethod, classmethod)) else held
@@ -95,7 +95,7 @@ def _function_mistake(name: str, held: Any, given: Any) -> str | None:
 
 
 def _call_mistake(name: str, function: Any, wanted: list[str], hidden: int) -> str | None:
-    """Reason why a function does not take these arguments, after so many that Python passes itself."""
+    """Reason why a function does not accept the given arguments; None if it does."""
     call = f"{name}({', '.join(wanted)})"
     try:
         signature = inspect.signature(function)

@@ -1,4 +1,4 @@
-"""Plugins: files named on the command line and installed packages that register names of their own.
+"""Plugins: files from the command line and installed packages that register additional names.
 
 A file that is loaded runs as code. Therefore only the command line, :func:`load_plugin` and installed packages load
 any: a scenario file may name what it needs, and never runs it. A plugin has an identity: SHA-256 of the file, or
@@ -54,7 +54,7 @@ class Plugin:
     beside: tuple[tuple[str, str], ...] = ()
 
     def identities(self) -> list[tuple[str, str]]:
-        """Name without the folder and identity: of the plugin, and of the modules beside it."""
+        """File name and digest of the plugin and of the modules that it imported from its folder."""
         folder = Path(self.name).parent
         beside = [(Path(file).relative_to(folder).as_posix(), identity) for file, identity in self.beside]
         return [(Path(self.name).name, self.identity), *beside]
@@ -65,17 +65,17 @@ _MODULES: dict[str, ModuleType] = {}
 
 
 def loaded_plugins() -> tuple[Plugin, ...]:
-    """Every plugin of this process, in the order in which they were loaded."""
+    """All plugins loaded in this process, in the order of loading."""
     return tuple(_LOADED.values())
 
 
 def file_modules() -> dict[str, ModuleType]:
-    """Modules of the plugins' files by name."""
+    """Modules of the loaded plugin files, by name."""
     return {module.__name__: module for module in _MODULES.values()}
 
 
 def plugin_of(module: str) -> Plugin | None:
-    """The plugin to whose file, or to what it imported from its folder, a module belongs; None for any other."""
+    """Plugin that a module belongs to, as its file or as an import from its folder; None for any other module."""
     file = file_of(sys.modules.get(module))
     for key, plugin in _LOADED.items():
         if (key in _MODULES and _MODULES[key].__name__ == module) or file in dict(plugin.beside):
@@ -84,7 +84,7 @@ def plugin_of(module: str) -> Plugin | None:
 
 
 def identities() -> dict[str, str]:
-    """File or distribution name -> identity, for the metadata of results; a second file of a name gets a number.
+    """Digests of the loaded plugins by file or distribution name, for the metadata of results.
 
     The order in which they were loaded does not count.
     """
@@ -92,12 +92,12 @@ def identities() -> dict[str, str]:
 
 
 def known_names() -> set[str]:
-    """Names of plugins that a file may require: those in results."""
+    """Names of loaded plugins, as a file may require them."""
     return {*identities()}
 
 
 def load_plugin(path: str | Path, expected: str | None = None) -> ModuleType:
-    """Run a plugin's file and keep what it registers.
+    """Run a plugin's file and store the names that it registers.
 
     Args:
         path: of the .py file.
@@ -136,7 +136,7 @@ def load_plugin(path: str | Path, expected: str | None = None) -> ModuleType:
 
 
 def _beside(key: str, before: set[str]) -> list[str]:
-    """Names of the modules that were imported since, from files of a plugin's own folder or below it."""
+    """Names of the newly imported modules from a plugin's own folder or below it."""
     folder = str(Path(key).parent)
     since = {name: file_of(module) for name, module in [*sys.modules.items()] if name not in before}
     return [name for name, file in since.items() if file != key and is_beside(file, folder)]
@@ -169,7 +169,7 @@ def _run(name: str, file: Path, content: bytes) -> ModuleType:
 
 
 def _where(error: BaseException, file: Path) -> str:
-    """The plugin's line at which it failed."""
+    """Line of a plugin's file at which an error occurred."""
     if isinstance(error, SyntaxError):
         return f"line {error.lineno}: " if error.lineno else ""
     trace, found = error.__traceback__, 0
@@ -193,7 +193,7 @@ def _require_version(module: ModuleType, name: str) -> None:
 
 
 def _require_right(source: str) -> None:
-    """Refuse what a source has registered and what cannot be called as the library calls it."""
+    """Raise an error if an object that a plugin registered does not have the required signature."""
     for kind in KINDS:
         for row in registrations(kind).values():
             mistake = thing_mistake(kind, row.target) if row.source == source else None
@@ -206,7 +206,7 @@ FROM_FILE = re.compile(r"(?P<file>.+\.py):(?P<maker>[A-Za-z_]\w*)")
 
 
 def laws_of_files() -> tuple[str, ...]:
-    """Every law FILE.py:make of this process, for processes that fly for it."""
+    """All laws given as FILE.py:make in this process, to be loaded in worker processes."""
     return tuple(name for name in registrations("law") if is_law_of_file(name))
 
 
@@ -216,13 +216,13 @@ def is_law_of_file(text: object) -> bool:
 
 
 def law_of_file_name(text: str) -> str:
-    """A name without its folder for results and their files: ``make of FILE.py``; any other text as it is."""
+    """Name of a law FILE.py:make for results, without its folder: ``make of FILE.py``; other texts unchanged."""
     match = FROM_FILE.fullmatch(text)
     return text if match is None else f"{match['maker']} of {Path(match['file']).name}"
 
 
 def law_of_file_key(text: str) -> str:
-    """One text for all ways to write the same FILE.py:make; any other text as it is."""
+    """Normalized text of a law FILE.py:make with its path resolved; other texts unchanged."""
     match = FROM_FILE.fullmatch(text)
     return text if match is None else f"{Path(match['file']).resolve()}:{match['maker']}"
 
@@ -276,7 +276,7 @@ def load_installed() -> None:
 
 
 def load_again(plugins: Iterable[Plugin]) -> None:
-    """Load the plugins of another process, before anything of theirs is unpickled.
+    """Load the plugins of another process, before its objects are unpickled.
 
     Raises:
         RegistryError: one is missing here or is not the same.
@@ -294,7 +294,7 @@ def load_again(plugins: Iterable[Plugin]) -> None:
 
 
 def code_of(name: str, plugins: Mapping[str, str]) -> Any:
-    """The class or function of a name ``module:qualified.name``.
+    """Class or function with the name ``module:qualified.name``.
 
     Args:
         name: as :func:`skyarm.records.plain.dotted_name` gives it.
@@ -332,7 +332,7 @@ def _module(module: str, name: str, plugins: Mapping[str, str]) -> ModuleType:
 
 
 def _require_plugin(module: str, plugins: Mapping[str, str]) -> None:
-    """Refuse a module of a plugin's file that is not loaded, or has changed."""
+    """Raise an error if a plugin's module is not loaded or its file has changed."""
     for file, identity in plugins.items():
         if f"{FILE_MODULE}{Path(file).stem}_{identity.removeprefix('sha256:')[:8]}" != module:
             continue
@@ -345,7 +345,7 @@ def _require_plugin(module: str, plugins: Mapping[str, str]) -> None:
 
 
 def _registered_packages() -> set[str]:
-    """Packages, or top-level modules, of everything that was registered from outside."""
+    """Names of the packages or top-level modules that registered additional names."""
     return {module.split(".")[0] for module in _modules()}
 
 

@@ -1,4 +1,4 @@
-"""Names of airs, forces, sensors, laws and all else that can be added, each with where it is found.
+"""Registry: names of wind fields, forces, sensors, laws and other components, each with its location.
 
 What ships stands in :mod:`skyarm.records.registry.shipped` and goes through the same doors as what a user adds: a
 decorator
@@ -45,12 +45,12 @@ LOADED_BY = "--plugin {0} or skyarm.load_plugin('{0}')"
 
 
 class RegistryError(ValueError):
-    """A name that is not there, is taken, or cannot be loaded."""
+    """Error: a name is unknown, already taken, or cannot be loaded."""
 
 
 @dataclass(frozen=True, slots=True)
 class Registration:
-    """One name.
+    """Registry entry of one name.
 
     Attributes:
         kind: a key of ``KINDS``. name: in files and on the command line.
@@ -65,7 +65,7 @@ class Registration:
     source: str
 
     def load(self) -> Any:
-        """The thing itself.
+        """Import and return the registered object.
 
         Raises:
             RegistryError: its module cannot be imported or lacks it.
@@ -89,7 +89,7 @@ LETTERS = "_-.+"
 
 
 def add(kind: str, name: str, target: object, title: str = "", source: str = "", letters: str = LETTERS) -> None:
-    """Register a name; ``letters`` are those that it may have beside letters and digits.
+    """Register a name; ``letters`` are the characters allowed besides letters and digits.
 
     Raises:
         RegistryError: an unknown kind, no name, or a name that another source has taken.
@@ -114,7 +114,7 @@ SHIPPED = "skyarm"
 
 
 def _ready() -> dict[str, dict[str, Registration]]:
-    """All names, those of the library and of installed packages included."""
+    """All registry entries, after the library and installed packages have registered theirs."""
     if not _READY:
         _READY.append(True)
         from skyarm.records.registry import plugins
@@ -127,24 +127,24 @@ def _ready() -> dict[str, dict[str, Registration]]:
 
 
 def registrations(kind: str) -> Mapping[str, Registration]:
-    """Every name of a kind, in the order in which they were registered."""
+    """Registry entries of a kind by name, in the order of registration."""
     return _ready()[kind]
 
 
 def names(kind: str) -> tuple[str, ...]:
-    """Names of a kind."""
+    """Registered names of a kind."""
     return tuple(registrations(kind))
 
 
 def canonical(kind: str, name: object) -> Any:
-    """The registered name for an old name; any other value unchanged."""
+    """New name for an old name; any other value unchanged."""
     if not isinstance(name, str):
         return name
     return OLD_NAMES.get(kind, {}).get(name, name)
 
 
 def full_name(kind: str, name: object) -> Any:
-    """As :func:`canonical`, with a warning that names the new name of an old one."""
+    """New name for an old name, with a warning; any other value unchanged."""
     if isinstance(name, str) and name in OLD_NAMES.get(kind, {}):
         from skyarm.records.files.old_names import warn_of_old_name
 
@@ -153,7 +153,7 @@ def full_name(kind: str, name: object) -> Any:
 
 
 def find(kind: str, name: object, field: str = "") -> Any:
-    """The thing of a name.
+    """Registered object of a name.
 
     Args:
         kind: a key of ``KINDS``.
@@ -171,7 +171,7 @@ def find(kind: str, name: object, field: str = "") -> Any:
 
 
 def name_of(kind: str, thing: object) -> str | None:
-    """The name under which a class is registered, or None; imports nothing."""
+    """Name under which a class is registered, or None; imports no module."""
     if not hasattr(thing, "__qualname__"):
         return None
     ours = f"{thing.__module__}:{thing.__qualname__}"
@@ -180,7 +180,7 @@ def name_of(kind: str, thing: object) -> str | None:
 
 @contextmanager
 def registering_for(source: str) -> Iterator[None]:
-    """Context whose registrations belong to this source; after a failure none of them stays."""
+    """Context that assigns registrations to a source; after an error all of them are removed."""
     before = {kind: dict(rows) for kind, rows in _ready().items()}
     _SOURCE.append(source)
     try:
@@ -193,10 +193,10 @@ def registering_for(source: str) -> Iterator[None]:
 
 
 class Register:
-    """Decorators that register what they decorate: ``@register.force("ground_effect", title="...")``."""
+    """Decorators that register a class or function: ``@register.force("ground_effect", title="...")``."""
 
     def __getattr__(self, kind: str) -> Callable[..., Callable[[Thing], Thing]]:
-        """The decorator of a kind."""
+        """Decorator that registers objects of a kind."""
         if kind not in KINDS:
             raise AttributeError(f"register.{kind}: there are {', '.join(KINDS)}")
 

@@ -1,4 +1,4 @@
-"""Names that the library registers itself, kind -> name -> (location, one line), and their old names."""
+"""Names registered by the library, kind -> name -> (location, title), and their old names."""
 
 from __future__ import annotations
 
@@ -169,7 +169,7 @@ TUNED = "_tuned"
 
 
 def reserved_for(kind: str, name: str) -> str | None:
-    """Kind of the library that a name already denotes, in words; None if it is free or registered itself."""
+    """Kind of library object that a name already denotes; None if the name is free."""
     if kind == "law" and name.endswith(TUNED) and name.removesuffix(TUNED) in SHIPPED["law"]:
         return f"the tuned gains of {name.removesuffix(TUNED)!r}"
     return next((what for what, names in RESERVED.get(kind, {}).items() if name in names), None)
