@@ -1,4 +1,4 @@
-"""Small vector algebra over any scalar: Vec3, Mat3, Sym3, Quaternion and the spatial types of rigid-body dynamics."""
+"""Small vector algebra over any scalar type: Vec3, Mat3, Sym3, Quaternion and spatial vectors and inertias."""
 
 from skyarm.algebra.linear_solve import ldl_solve
 from skyarm.algebra.matrix import Mat3, Sym3, axis_rotation

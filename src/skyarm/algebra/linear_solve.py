@@ -25,7 +25,7 @@ def ldl_solve(A: Sequence[Sequence[Any]], b: Sequence[Any]) -> list[Scalar]:
 
 
 def _groups(A: Sequence[Sequence[Any]]) -> list[list[int]]:
-    """Indices of unknowns that are coupled, however indirectly."""
+    """Index groups of unknowns that are coupled directly or indirectly."""
     groups: list[list[int]] = []
     for i, row in enumerate(A):
         coupled = [g for g in groups if any(not (type(row[j]) is int and row[j] == 0) for j in g)]
@@ -35,7 +35,7 @@ def _groups(A: Sequence[Sequence[Any]]) -> list[list[int]]:
 
 
 def _solve_group(A: list[list[Any]], b: list[Any]) -> list[Scalar]:
-    """Solve a system whose matrix and right-hand side are the function's to overwrite."""
+    """Solve one coupled system in place; its matrix and right-hand side are overwritten."""
     n = len(b)
     first = max(0, n - 2)
     L: list[list[Any]] = [[0] * n for _ in range(n)]
@@ -56,7 +56,7 @@ def _solve_group(A: list[list[Any]], b: list[Any]) -> list[Scalar]:
 
 
 def _solve_two(A: list[list[Any]], b: list[Any]) -> list[Scalar]:
-    """The last two unknowns of a reduced system, by their determinant."""
+    """Solve for the last two unknowns of a reduced system by their determinant."""
     p, q, r = A[-2][-2], A[-1][-2], A[-1][-1]
     inverse = divide(1.0, sub(mul(p, r), mul(q, q)))
     return [

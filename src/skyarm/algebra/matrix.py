@@ -20,28 +20,28 @@ class Mat3(ArrayLike):
 
     @classmethod
     def identity(cls) -> Mat3:
-        """1, as structure."""
+        """Identity matrix with structural (int) entries."""
         return cls(Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1))
 
     @classmethod
     def zero(cls) -> Mat3:
-        """0, as structure."""
+        """Zero matrix with structural (int) entries."""
         return cls(Vec3(0, 0, 0), Vec3(0, 0, 0), Vec3(0, 0, 0))
 
     @classmethod
     def columns(cls, c0: Vec3, c1: Vec3, c2: Vec3) -> Mat3:
-        """From three columns."""
+        """Matrix from three columns."""
         return cls(Vec3(c0.x, c1.x, c2.x), Vec3(c0.y, c1.y, c2.y), Vec3(c0.z, c1.z, c2.z))
 
     @classmethod
     def from_numbers(cls, rows: Sequence[Sequence[float]]) -> Mat3:
-        """From numbers of a description: exact 0, 1 and -1 become structure."""
+        """Matrix from plain numbers; exact 0, 1 and -1 become structural ints."""
         r0, r1, r2 = rows
         return cls(Vec3.from_numbers(r0), Vec3.from_numbers(r1), Vec3.from_numbers(r2))
 
     @classmethod
     def cross(cls, v: Vec3) -> Mat3:
-        """S(v), with S(v) a = v x a."""
+        """Cross-product matrix S(v), with S(v) a = v x a."""
         return cls(Vec3(0, neg(v.z), v.y), Vec3(v.z, 0, neg(v.x)), Vec3(neg(v.y), v.x, 0))
 
     @property
@@ -72,7 +72,7 @@ class Mat3(ArrayLike):
         return Mat3(self.r0 - other.r0, self.r1 - other.r1, self.r2 - other.r2)
 
     def __neg__(self) -> Mat3:
-        """Opposite."""
+        """Negation."""
         return Mat3(-self.r0, -self.r1, -self.r2)
 
     def __mul__(self, scalar: Scalar) -> Mat3:
@@ -95,13 +95,13 @@ class Mat3(ArrayLike):
         return self.r0 * v.x + self.r1 * v.y + self.r2 * v.z
 
     def cleared_row(self, i: int) -> Mat3:
-        """The matrix with a row of structural zeros."""
+        """Matrix with one row replaced by structural zeros."""
         rows = list(self.rows)
         rows[i] = Vec3(0, 0, 0)
         return Mat3(*rows)
 
     def turning_axis(self) -> int | None:
-        """Index of the coordinate axis that this rotation turns about by an angle that is data; None for any other.
+        """Index of the coordinate axis of a rotation by a variable angle; None for any other matrix.
 
         A rotation of structural entries only, as the identity, is none: it folds away by itself.
         """
@@ -114,7 +114,7 @@ class Mat3(ArrayLike):
         return None
 
     def rotate(self, R: Mat3) -> Mat3:
-        """R A R^T; about a coordinate axis in half of the operations, as trace and antisymmetry do not change."""
+        """Rotated tensor R A R^T, computed in half the operations if R is about a coordinate axis."""
         k = R.turning_axis()
         if k is None:
             return R @ self @ R.T
@@ -127,7 +127,7 @@ class Mat3(ArrayLike):
         return Mat3(*(Vec3(*row) for row in A))
 
     def vee_antisymmetric(self) -> Vec3:
-        """vee((A - A^T) / 2)."""
+        """Axial vector of the skew-symmetric part: vee((A - A^T) / 2)."""
         return Vec3(
             mul(0.5, sub(self.r2.y, self.r1.z)),
             mul(0.5, sub(self.r0.z, self.r2.x)),
@@ -148,33 +148,33 @@ class Sym3:
 
     @classmethod
     def from_numbers(cls, xx: float, yy: float, zz: float, xy: float = 0.0, xz: float = 0.0, yz: float = 0.0) -> Sym3:
-        """From numbers of a description: exact zeros become structure, every other number stays data."""
+        """Symmetric matrix from plain numbers; exact zeros become structural, all others stay variable."""
         return cls(*(0 if value == 0.0 else float(value) for value in (xx, yy, zz, xy, xz, yz)))
 
     @classmethod
     def isotropic(cls, value: Any) -> Sym3:
-        """Scale the identity by ``value``."""
+        """Identity matrix times ``value``."""
         return cls(value, value, value)
 
     @classmethod
     def of_matrix(cls, a: Mat3) -> Sym3:
-        """Upper triangle of a symmetric matrix."""
+        """Symmetric matrix from the upper triangle of a full one."""
         return cls(a.r0.x, a.r1.y, a.r2.z, a.r0.y, a.r0.z, a.r1.z)
 
     @classmethod
     def parallel_axis(cls, mass: Any, c: Vec3) -> Sym3:
-        """Return m S(c)^T S(c): the inertia of a point mass at ``c`` (Steiner)."""
+        """Return m S(c)^T S(c), the inertia of a point mass at ``c`` (parallel-axis theorem)."""
         mx, my, mz = c * mass
         xx, yy, zz = mul(mx, c.x), mul(my, c.y), mul(mz, c.z)
         return cls(add(yy, zz), add(xx, zz), add(xx, yy), neg(mul(mx, c.y)), neg(mul(mx, c.z)), neg(mul(my, c.z)))
 
     @property
     def entries(self) -> tuple[Any, Any, Any, Any, Any, Any]:
-        """xx, yy, zz, xy, xz, yz."""
+        """Six entries xx, yy, zz, xy, xz, yz."""
         return self.xx, self.yy, self.zz, self.xy, self.xz, self.yz
 
     def full(self) -> Mat3:
-        """As a general matrix."""
+        """Convert to a general 3x3 matrix."""
         return Mat3(Vec3(self.xx, self.xy, self.xz), Vec3(self.xy, self.yy, self.yz), Vec3(self.xz, self.yz, self.zz))
 
     def __add__(self, other: Sym3) -> Sym3:
@@ -194,12 +194,12 @@ class Sym3:
         return self.full().apply(v)
 
     def clear_axis(self, i: int) -> Sym3:
-        """The matrix with a row and a column of structural zeros."""
+        """Matrix with the row and column of one axis replaced by structural zeros."""
         full = self.full().cleared_row(i)
         return Sym3.of_matrix(full.T.cleared_row(i).T)
 
     def rotate(self, R: Mat3) -> Sym3:
-        """R A R^T; about a coordinate axis in a third of the operations, as the trace does not change."""
+        """Rotated tensor R A R^T, computed in a third of the operations if R is about a coordinate axis."""
         if R.turning_axis() is not None:
             return Sym3.of_matrix(self.full().rotate(R))
         a = self.full() @ R.T
@@ -215,7 +215,7 @@ _OTHERS = ((1, 2), (2, 0), (0, 1))
 def _turn(
     first: Scalar, second: Scalar, above: Scalar, below: Scalar, c: Scalar, s: Scalar
 ) -> tuple[Scalar, Scalar, Scalar, Scalar]:
-    """Entries xx, yy, xy, yx of a 2x2 matrix turned by the angle with cosine c and sine s.
+    """Entries xx, yy, xy, yx of a 2x2 tensor rotated by the angle with cosine c and sine s.
 
     What is not symmetric and the trace stay; the rest turns by the double angle, which is c and s applied in turn.
     """
@@ -225,7 +225,7 @@ def _turn(
 
 
 def _turned_pair(x: Scalar, y: Scalar, c: Scalar, s: Scalar) -> tuple[Scalar, Scalar]:
-    """A vector of the plane turned by the angle with cosine c and sine s."""
+    """Planar vector rotated by the angle with cosine c and sine s."""
     return sub(mul(c, x), mul(s, y)), add(mul(s, x), mul(c, y))
 
 

@@ -1,4 +1,4 @@
-"""Monotone curves through given points: piecewise cubics that never turn back (PCHIP), and their inverse.
+"""Monotone piecewise cubic interpolation (PCHIP) of given points, and its inverse.
 
 Source: Fritsch, Butland 1984, with the end slopes of Moler 2004, section 3.6, as SciPy's PchipInterpolator has them.
 Over any scalar: which piece holds is a chain of ``where``.
@@ -16,7 +16,7 @@ ITERATIONS = 10
 
 
 def slopes(xs: Sequence[Scalar], ys: Sequence[Scalar]) -> list[Scalar]:
-    """Slopes of the curve at its points, of strictly increasing ``xs`` and ``ys``, at least two."""
+    """PCHIP slopes at two or more points with strictly increasing ``xs`` and ``ys``."""
     widths = [b - a for a, b in pairwise(xs)]
     steep = [divide(b - a, h) for (a, b), h in zip(pairwise(ys), widths, strict=True)]
     if len(steep) == 1:
@@ -29,19 +29,19 @@ def slopes(xs: Sequence[Scalar], ys: Sequence[Scalar]) -> list[Scalar]:
 
 
 def _end(h0: Scalar, h1: Scalar, d0: Scalar, d1: Scalar) -> Scalar:
-    """Slope at an end by a parabola through three points, not below zero."""
+    """PCHIP end slope: that of a parabola through three points, at least zero."""
     return maximum(divide((2.0 * h0 + h1) * d0 - h0 * d1, h0 + h1), 0.0)
 
 
 def curve(x: Scalar, xs: Sequence[Scalar], ys: Sequence[Scalar]) -> Scalar:
-    """Value at ``x`` of the rising curve through the points; straight on beyond the last, level before the first."""
+    """Interpolated value at ``x``: linear beyond the last point, constant before the first."""
     start, width, low, rise, before, after, last = _piece(x, xs, ys, xs)
     t = clip(divide(x - start, width), 0.0, 1.0)
     return low + _cubic(t, rise, before, after) + last * maximum(x - xs[-1], 0.0)
 
 
 def inverse_curve(y: Scalar, xs: Sequence[Scalar], ys: Sequence[Scalar]) -> Scalar:
-    """Argument at which the curve has the value ``y``; the first point below it, extrapolated beyond the last."""
+    """Argument at which the curve reaches ``y``; the first point if ``y`` is below it, linear beyond the last."""
     start, width, low, rise, before, after, last = _piece(y, xs, ys, ys)
     wanted = clip(y - low, 0.0, rise)
     t, bottom, top = divide(wanted, rise), 0.0 * wanted, 0.0 * wanted + 1.0
@@ -57,12 +57,12 @@ def inverse_curve(y: Scalar, xs: Sequence[Scalar], ys: Sequence[Scalar]) -> Scal
 
 
 def _cubic(t: Scalar, rise: Scalar, before: Scalar, after: Scalar) -> Scalar:
-    """Hermite's cubic from 0 to ``rise`` with slopes per unit of t at both ends."""
+    """Hermite cubic in t from 0 to ``rise``, with given slopes at both ends."""
     return t * (before + t * ((3.0 * rise - 2.0 * before - after) + t * (before + after - 2.0 * rise)))
 
 
 def _piece(at: Scalar, xs: Sequence[Scalar], ys: Sequence[Scalar], knots: Sequence[Scalar]) -> tuple[Scalar, ...]:
-    """Start, width, value, rise and slopes by t of the piece in which ``at`` is among the knots; the last slope."""
+    """Curve piece that contains ``at``: start, width, value, rise and end slopes; and the curve's last slope."""
     d = slopes(xs, ys)
     rows = [
         (x0, x1 - x0, y0, y1 - y0, d0 * (x1 - x0), d1 * (x1 - x0))

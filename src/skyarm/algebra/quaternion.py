@@ -28,7 +28,7 @@ class Quaternion(ArrayLike):
 
     @classmethod
     def of(cls, values: Sequence[Any]) -> Quaternion:
-        """From any sequence w, x, y, z."""
+        """Quaternion from any sequence w, x, y, z."""
         w, x, y, z = values
         return cls(w, x, y, z)
 
@@ -46,7 +46,7 @@ class Quaternion(ArrayLike):
 
     @classmethod
     def of_small_rotation(cls, rate: Vec3, seconds: Scalar = 1.0) -> Quaternion:
-        """:meth:`of_rotation_vector` of ``rate * seconds``, as an integration step makes it, in half the operations.
+        """Quaternion of the small rotation ``rate * seconds`` of an integration step; cheaper than the general one.
 
         Series of sine and cosine of a quarter of the angle, doubled once: no square root, no division, no branch. Off
         by 1e-17 at 1 rad, 1e-11 at 3 rad and 2e-5 at 10 rad a step.
@@ -64,7 +64,7 @@ class Quaternion(ArrayLike):
         return cls(1.0 - (sine * sine) * (0.5 * square), factor * rate.x, factor * rate.y, factor * rate.z)
 
     def __iter__(self) -> Iterator[Any]:
-        """w, x, y, z."""
+        """Iterate over w, x, y, z."""
         return iter((self.w, self.x, self.y, self.z))
 
     def __getitem__(self, index: Any) -> Any:
@@ -72,7 +72,7 @@ class Quaternion(ArrayLike):
         return (self.w, self.x, self.y, self.z)[index]
 
     def __mul__(self, other: Quaternion) -> Quaternion:
-        """Hamilton product: first ``other``, then ``self``."""
+        """Hamilton product: the rotation ``other`` followed by ``self``."""
         a, b = self, other
         return Quaternion(
             a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z,
@@ -87,18 +87,18 @@ class Quaternion(ArrayLike):
         return Quaternion(a.w + factor * b.w, a.x + factor * b.x, a.y + factor * b.y, a.z + factor * b.z)
 
     def renormalized(self) -> Quaternion:
-        """Return the unit quaternion along one that is of unit length but for rounding: one Newton step."""
+        """Return a quaternion of nearly unit length, renormalised by one Newton step."""
         length_squared = self.w * self.w + self.x * self.x + self.y * self.y + self.z * self.z
         scale = 1.5 - 0.5 * length_squared
         return Quaternion(self.w * scale, self.x * scale, self.y * scale, self.z * scale)
 
     def normalized(self) -> Quaternion:
-        """Return the unit quaternion along self; NaN for zero."""
+        """Return the quaternion divided by its length; NaN for zero."""
         scale = divide(1.0, sqrt(self.w * self.w + self.x * self.x + self.y * self.y + self.z * self.z))
         return Quaternion(self.w * scale, self.x * scale, self.y * scale, self.z * scale)
 
     def rotation(self) -> Mat3:
-        """R_WB of a unit quaternion."""
+        """Rotation matrix R_WB of a unit quaternion."""
         w, x, y, z = self
         x2, y2, z2 = x + x, y + y, z + z
         wx, wy, wz = w * x2, w * y2, w * z2
@@ -110,7 +110,7 @@ class Quaternion(ArrayLike):
         )
 
     def derivative(self, w_B: Vec3) -> Quaternion:
-        """Return qdot = 1/2 q o (0, w_B)."""
+        """Return the time derivative 1/2 q o (0, w_B) for a body rate w_B."""
         w, x, y, z = self
         p, q, r = w_B
         return Quaternion(
@@ -122,7 +122,7 @@ class Quaternion(ArrayLike):
 
 
 def euler_angles(R_WB: Mat3) -> tuple[Any, Any, Any]:
-    """phi, theta, psi with R = Rz(psi) Ry(theta) Rx(phi); theta in [-pi/2, pi/2].
+    """Euler angles (phi, theta, psi) with R = Rz(psi) Ry(theta) Rx(phi); theta in [-pi/2, pi/2].
 
     The pitch comes from atan2, not asin, which loses half the digits near 90 degrees.
 

@@ -1,4 +1,4 @@
-"""Spatial types: pairs of 3-vectors at one point, in the axes of one frame.
+"""Spatial vectors and inertias of rigid-body dynamics, about one point in the axes of one frame.
 
 Accelerations here are *classical* (the second derivative of position), not Featherstone's spatial accelerations; they
 move between points by the same law, with the velocity products kept in a separate term by the recursions.
@@ -17,7 +17,7 @@ from skyarm.algebra.vector import Vec3
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """Angular and linear acceleration (or joint direction) at a frame's origin."""
+    """Spatial motion vector: angular and linear acceleration (or joint direction) at a frame's origin."""
 
     angular: Vec3
     linear: Vec3
@@ -31,17 +31,17 @@ class Motion:
         return Motion(self.angular * scalar, self.linear * scalar)
 
     def dot(self, force: Force) -> Any:
-        """Power of a force along this motion."""
+        """Power of a spatial force along this motion."""
         return add(self.angular.dot(force.torque), self.linear.dot(force.force))
 
     def into_child(self, R_PC: Mat3, p_PC: Vec3) -> Motion:
-        """Move the motion to the child's origin, in child axes."""
+        """Transform the motion to the child's origin and axes."""
         return Motion(R_PC.apply_T(self.angular), R_PC.apply_T(self.linear + self.angular.cross(p_PC)))
 
 
 @dataclass(frozen=True, slots=True)
 class Force:
-    """Torque about a frame's origin and force."""
+    """Spatial force vector: torque about a frame's origin, and force."""
 
     torque: Vec3
     force: Vec3
@@ -59,17 +59,17 @@ class Force:
         return Force(self.torque * scalar, self.force * scalar)
 
     def at_origin(self, p: Vec3) -> Force:
-        """The force, which acts at ``p``, as it acts at the origin."""
+        """Equivalent force about the origin of a force that acts at the point ``p``."""
         return Force(self.torque + p.cross(self.force), self.force)
 
     def into_parent(self, R_PC: Mat3, p_PC: Vec3) -> Force:
-        """Move the force to the parent's origin, in parent axes."""
+        """Transform the force to the parent's origin and axes."""
         force = R_PC.apply(self.force)
         return Force(R_PC.apply(self.torque) + p_PC.cross(force), force)
 
 
 def centripetal(w: Vec3, r: Vec3) -> Vec3:
-    """w x (w x r) in products of rates: r (w w^T - w.w 1)."""
+    """Centripetal acceleration w x (w x r), computed from products of the rates."""
     p, q, s = w
     pq, qs, ps = mul(p, q), mul(q, s), mul(p, s)
     pp, qq, ss = mul(p, p), mul(q, q), mul(s, s)
@@ -89,7 +89,7 @@ def _sum(*terms: Any) -> Scalar:
 
 @dataclass(frozen=True, slots=True)
 class SpatialInertia:
-    """Mass, first moment m c and rotational inertia about the frame's origin."""
+    """Spatial inertia: mass, first moment m c and rotational inertia about the frame's origin."""
 
     mass: Scalar
     moment: Vec3
@@ -97,15 +97,15 @@ class SpatialInertia:
 
     @classmethod
     def of_body(cls, mass: Any, com: Vec3, inertia_com: Sym3) -> SpatialInertia:
-        """From mass, centre of mass and the inertia about it."""
+        """Spatial inertia from mass, centre of mass and the inertia about it."""
         return cls(mass, com * mass, inertia_com + Sym3.parallel_axis(mass, com))
 
     def __add__(self, other: SpatialInertia) -> SpatialInertia:
-        """Two bodies as one."""
+        """Spatial inertia of two bodies joined rigidly."""
         return SpatialInertia(add(self.mass, other.mass), self.moment + other.moment, self.inertia + other.inertia)
 
     def apply(self, a: Motion) -> Force:
-        """Force that gives the acceleration ``a`` from rest."""
+        """Spatial force that gives a body at rest the acceleration ``a``."""
         return Force(
             self.inertia.apply(a.angular) + self.moment.cross(a.linear),
             a.linear * self.mass + a.angular.cross(self.moment),
@@ -128,11 +128,11 @@ class SpatialInertia:
         return Force(torque, centripetal(w, self.moment))
 
     def rotate(self, R: Mat3) -> SpatialInertia:
-        """The body in axes turned by R about its origin."""
+        """Spatial inertia expressed in axes rotated by R about the origin."""
         return SpatialInertia(self.mass, R.apply(self.moment), self.inertia.rotate(R))
 
     def into_parent(self, R_PC: Mat3, p_PC: Vec3) -> SpatialInertia:
-        """Move the body to the parent's origin, in parent axes.
+        """Transform the inertia to the parent's origin and axes.
 
         I' = R I R^T + S(h)^T S(p) + S(p)^T S(h) + m S(p)^T S(p) with h = R m c, which needs no division by the mass.
         """
@@ -143,36 +143,36 @@ class SpatialInertia:
         )
 
     def as_articulated(self) -> ArticulatedInertia:
-        """As the articulated inertia of a single body."""
+        """Articulated inertia of this single body."""
         return ArticulatedInertia(self.inertia, Mat3.cross(self.moment), Sym3.isotropic(self.mass))
 
 
 def _steiner(a: Vec3, b: Vec3) -> Sym3:
-    """Upper triangle of S(a)^T S(b) = (a.b) 1 - b a^T."""
+    """Upper triangle of the product S(a)^T S(b) = (a.b) 1 - b a^T."""
     m = Mat3.cross(a).T @ Mat3.cross(b)
     return Sym3.of_matrix(m)
 
 
 @dataclass(frozen=True, slots=True)
 class ArticulatedInertia:
-    """Symmetric 6x6 [[J, H], [H^T, M]] that maps (angular, linear) acceleration to (torque, force)."""
+    """Articulated inertia [[J, H], [H^T, M]], which maps (angular, linear) acceleration to (torque, force)."""
 
     J: Sym3
     H: Mat3
     M: Sym3
 
     def __add__(self, other: ArticulatedInertia) -> ArticulatedInertia:
-        """Two bodies as one."""
+        """Sum of two articulated inertias."""
         return ArticulatedInertia(self.J + other.J, self.H + other.H, self.M + other.M)
 
     def apply(self, a: Motion) -> Force:
-        """Force that gives the acceleration ``a`` with free joints further out."""
+        """Spatial force that gives the acceleration ``a`` while the outer joints move freely."""
         return Force(
             self.J.apply(a.angular) + self.H.apply(a.linear), self.H.apply_T(a.angular) + self.M.apply(a.linear)
         )
 
     def without(self, S: Motion, U: Force, inverse_d: Any, *, free: bool = True) -> ArticulatedInertia:
-        """Joint direction S eliminated: self - U U^T / d with U = self S, d = S.U plus the drive's own inertia.
+        """Articulated inertia without the joint direction S: self - U U^T / d, U = self S, d = S.U + drive inertia.
 
         A joint is free if its drive has none. Then nothing is left along S: where S is a coordinate axis, its row and
         column are exact zeros and become structure.
@@ -191,7 +191,7 @@ class ArticulatedInertia:
         return ArticulatedInertia(J, H, M)
 
     def into_parent(self, R_PC: Mat3, p_PC: Vec3) -> ArticulatedInertia:
-        """Move the inertia to the parent's origin, in parent axes."""
+        """Transform the articulated inertia to the parent's origin and axes."""
         J, M = self.J.rotate(R_PC), self.M.rotate(R_PC)
         H = self.H.rotate(R_PC)
         S = Mat3.cross(p_PC)
@@ -202,6 +202,6 @@ class ArticulatedInertia:
 
 
 def _outer_symmetric(a: Vec3, b: Vec3) -> Sym3:
-    """Return a b^T, symmetric because b is parallel to a."""
+    """Outer product a b^T, symmetric because b is parallel to a."""
     m = Mat3(b * a.x, b * a.y, b * a.z)
     return Sym3.of_matrix(m)

@@ -12,7 +12,7 @@ from skyarm.algebra.scalars import Scalar, add, mul, neg, sqrt, structural, sub
 
 
 class ArrayLike:
-    """Numbers that NumPy reads as an array, and whose products with a NumPy number or array are their own."""
+    """Base class with NumPy conversion, whose own operators handle products with NumPy numbers and arrays."""
 
     __slots__ = ()
     __array_ufunc__: ClassVar[None] = None
@@ -25,7 +25,7 @@ class ArrayLike:
         return len(self[:])
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
-        """An array of the numbers, whose scalars may be arrays of one shape: their axes follow.
+        """Convert to a NumPy array; components that are arrays of one shape add their axes at the end.
 
         Raises:
             TypeError: a number that has no value, as a traced one.
@@ -45,7 +45,7 @@ class ArrayLike:
 
 @dataclass(frozen=True, slots=True)
 class Vec3(ArrayLike):
-    """A vector of three scalars; integer components are structure and fold away."""
+    """Vector of three scalars; int components are structural constants that fold away."""
 
     x: Scalar
     y: Scalar
@@ -53,18 +53,18 @@ class Vec3(ArrayLike):
 
     @classmethod
     def of(cls, values: Sequence[Scalar]) -> Vec3:
-        """From any sequence of three scalars."""
+        """Vector from any sequence of three scalars."""
         x, y, z = values
         return cls(x, y, z)
 
     @classmethod
     def from_numbers(cls, values: Sequence[float]) -> Vec3:
-        """From numbers of a description: exact 0, 1 and -1 become structure."""
+        """Vector from plain numbers; exact 0, 1 and -1 become structural ints."""
         x, y, z = values
         return cls(structural(x), structural(y), structural(z))
 
     def __iter__(self) -> Iterator[Any]:
-        """x, y, z."""
+        """Iterate over x, y, z."""
         return iter((self.x, self.y, self.z))
 
     def __getitem__(self, index: Any) -> Any:
@@ -80,7 +80,7 @@ class Vec3(ArrayLike):
         return Vec3(sub(self.x, other.x), sub(self.y, other.y), sub(self.z, other.z))
 
     def __neg__(self) -> Vec3:
-        """Opposite."""
+        """Negation."""
         return Vec3(neg(self.x), neg(self.y), neg(self.z))
 
     def __mul__(self, scalar: Any) -> Vec3:
@@ -90,7 +90,7 @@ class Vec3(ArrayLike):
     __rmul__ = __mul__
 
     def hadamard(self, other: Vec3) -> Vec3:
-        """Component by component product (diagonal gains)."""
+        """Component-wise product (diagonal gains)."""
         return Vec3(mul(self.x, other.x), mul(self.y, other.y), mul(self.z, other.z))
 
     def dot(self, other: Vec3) -> Any:
@@ -106,7 +106,7 @@ class Vec3(ArrayLike):
         )
 
     def coordinate_axis(self) -> int | None:
-        """Index of the axis this is, forwards or backwards, by structure; None for any other vector."""
+        """Index of the coordinate axis along this constant vector, of either sign; None for any other vector."""
         marks = [type(c) is int and abs(c) for c in self]
         zeros = sum(1 for c in self if type(c) is int and c == 0)
         return marks.index(1) if zeros == 2 and 1 in marks else None
@@ -123,7 +123,7 @@ E_Z = Vec3(0, 0, 1)
 
 
 def inner_product(a: Sequence[Scalar], b: Sequence[Scalar]) -> Scalar:
-    """Inner product of two sequences of scalars; terms that are structurally zero are left out."""
+    """Inner product of two sequences of scalars; structurally zero terms are omitted."""
     total: Scalar = 0
     for x, y in zip(a, b, strict=True):
         total = add(total, mul(x, y))

@@ -1,1 +1,1 @@
-"""Controllers: pure laws step(memory, measurement, reference, dt, *, par) -> (memory, command)."""
+"""Controllers: control laws as pure functions step(memory, measurement, reference, dt, *, par) -> (memory, command)."""

@@ -1,4 +1,4 @@
-"""A layer between a law and real actuators: torques as setpoints of servos, k_f W^2 as speeds of a thrust table."""
+"""Actuator layer of a control law: converts torques to servo setpoints, and k_f W^2 rotor speeds by thrust tables."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ActuatorParameters(LayerParameters):
-    """Constants of a law on real actuators: its model has servos and thrust tables."""
+    """Constants of a control law whose commands pass through servos and rotor thrust tables."""
 
     @property
     def inner_model(self) -> Model:
-        """The model of the law inside: rotors without tables."""
+        """Model of the inner law: the same vehicle with k_f W^2 rotors in place of thrust tables."""
         return plain_model(self.model)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ActuatorMemory:
-    """State of a law on real actuators between two steps.
+    """Memory of a law with the actuator layer between two steps.
 
     Attributes:
         inner: memory of the law. started: 0 before the first step.
@@ -57,7 +57,7 @@ def has_tables(model: Model) -> bool:
 
 
 def plain_model(model: Model) -> Model:
-    """The model of the inner law: rotors of k_f W^2 in place of tables, at speeds that give the same thrust."""
+    """Model with each rotor's thrust table replaced by k_f W^2, with speed limits that give the same thrust."""
     if not has_tables(model):
         return model
     rotors = tuple(_plain(rotor) for rotor in model.vehicle.rotors)
@@ -69,14 +69,14 @@ def _plain(rotor: Rotor) -> Rotor:
 
 
 def _as_plain(rotor: Rotor, speed: Any) -> Any:
-    """The speed at which k_f W^2 is the thrust of the rotor's table; of its highest speed for None."""
+    """Speed at which k_f W^2 equals the table's thrust at ``speed`` (at the rotor's highest speed for None), rad/s."""
     if rotor.table is None:
         return speed
     return sqrt(maximum(push(rotor, rotor.max_speed if speed is None else speed), 0.0))
 
 
 def with_actuators(controller: Controller, model: Model, control_period: float, *, servos: bool = True) -> Controller:
-    """Return a law whose commands are those of real actuators: setpoints of servos, speeds of rotors with tables.
+    """Return the law with its torques sent as servo setpoints, and its rotor speeds converted by the thrust tables.
 
     A servo's loop acts while its setpoint is held, so that the torque varies as the joint moves. The setpoint is
     therefore that whose torque is the law's on average over the control period: the believed servo's law is inverted at
@@ -119,12 +119,12 @@ def with_actuators(controller: Controller, model: Model, control_period: float, 
 
 
 def _first_memories(drives: Sequence[Any], control_period: float) -> tuple[Any, ...]:
-    """Memories of the modelled drives, which settle where the joints are in the first period."""
+    """Initial memories of the modelled joint drives, at joint position zero."""
     return tuple(drive.begin(0.0, 0.0, control_period) for drive in drives)
 
 
 def with_believed_queues(controller: Controller, control_period: float) -> Controller:
-    """The law with the modelled drives at rest in its first memory; their numbers may have changed meanwhile."""
+    """Controller with the memories of its modelled drives reset to rest, after their parameters may have changed."""
     memory = controller.memory
     if not isinstance(memory, ActuatorMemory) or not memory.drives:
         return controller
@@ -133,7 +133,7 @@ def with_believed_queues(controller: Controller, control_period: float) -> Contr
 
 
 def believed_drives(model: Model) -> tuple[Any, ...]:
-    """The modelled drive of each joint."""
+    """Modelled drive of each joint; a torque drive where the vehicle has none."""
     carried = {each.name: each.drive for each in model.vehicle.drives}
     return tuple(carried.get(link.joint.name, TORQUE_DRIVE) for link in model.vehicle.links)
 
@@ -148,7 +148,7 @@ def actuator_law(
     inner: Law,
     servos: bool,
 ) -> tuple[ActuatorMemory, Command]:
-    """One step of the law ``inner``; its command as the actuators take it."""
+    """One step of the law ``inner``, with its command converted for the real actuators."""
     own, rotors = par.own, par.model.vehicle.rotors
     turning = tuple(_as_plain(rotor, w) for rotor, w in zip(rotors, measurement.rotor_speeds, strict=True))
     told = dataclasses.replace(measurement, rotor_speeds=turning)
@@ -167,7 +167,7 @@ def actuator_law(
 def _setpoints(
     memory: ActuatorMemory, measurement: Measurement, efforts: Any, plain: Model, model: Model, dt: Scalar
 ) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
-    """Setpoints whose torques are the efforts on average over the period in which they act; the drives' memories."""
+    """Setpoints that give the desired efforts on average over a period, and next memories of the modelled drives."""
     setpoints, kept = [], []
     angles = _angles(plain.vehicle, memory, measurement)
     rows = zip(
@@ -189,14 +189,14 @@ def _setpoints(
 
 
 def _mean_motion(drive: Any, q: Scalar, qd: Scalar, qdd: Scalar, dt: Scalar) -> tuple[Scalar, Scalar]:
-    """Mean position and rate from where a setpoint arrives to one period later, of a joint that accelerates evenly."""
+    """Mean joint position and rate over the period that begins when a setpoint arrives, at constant acceleration."""
     ahead = add(getattr(drive, "latency", 0), 0.5 * dt)
     square = add(mul(ahead, ahead), dt * dt / 12.0)
     return add(add(q, mul(qd, ahead)), mul(qdd, mul(0.5, square))), add(qd, mul(qdd, ahead))
 
 
 def _angles(vehicle: Vehicle, memory: ActuatorMemory, measurement: Measurement) -> tuple[Scalar, ...]:
-    """Angles of the rotors that tilt, rad: measured, else estimated by the law that turns them, else at rest."""
+    """Angles of the tilting rotors, rad: measured, else estimated by the inner law, else zero."""
     inner = memory.inner
     return angles_seen(measurement, inner.angles if isinstance(inner, VectoredMemory) else (0.0,) * len(vehicle.tilts))
 
@@ -204,7 +204,7 @@ def _angles(vehicle: Vehicle, memory: ActuatorMemory, measurement: Measurement) 
 def _accelerations(
     model: Model, measurement: Measurement, angles: Sequence[Scalar], efforts: Any
 ) -> tuple[Scalar, ...]:
-    """Joint accelerations of the model under torques and the thrust of its rotors, in calm air."""
+    """Joint accelerations of the model under joint torques and rotor thrust, in calm air."""
     vehicle, rates = model.vehicle, measurement.joint_rates
     torque, force = rotor_thrust(turn_rotors(vehicle, angles), measurement.rotor_speeds)
     rows = zip(vehicle.links, efforts, rates, strict=True)

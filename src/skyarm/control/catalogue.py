@@ -45,16 +45,16 @@ class Entry:
 
     @property
     def title(self) -> str:
-        """The law in one line."""
+        """Title of the law in one line."""
         return self.row.title
 
     def function(self) -> Callable[..., Controller]:
-        """The maker (model, **options) -> Controller; its keyword arguments are the law's options."""
+        """Maker function (model, **options) -> Controller, whose keyword arguments are the law's options."""
         found: Callable[..., Controller] = self.row.load()
         return found
 
     def options(self) -> tuple[str, ...]:
-        """Names of the options; a maker that takes ``**options`` lists theirs as ``ENTRIES`` of its module."""
+        """Names of the law's options, read from the maker's signature or its module's ``ENTRIES``."""
         maker = self.function()
         parameters = inspect.signature(maker).parameters.values()
         named = tuple(p.name for p in parameters if p.kind is p.KEYWORD_ONLY)
@@ -63,7 +63,7 @@ class Entry:
 
 
 class _Laws(Mapping[str, Entry]):
-    """The law registry, read when it is used."""
+    """Lazy mapping of law names to registered laws."""
 
     def __getitem__(self, name: str) -> Entry:
         return Entry(registrations("law")[name])
@@ -106,7 +106,7 @@ def make_controller(name: str, model: Model, **options: Any) -> Controller:
 
 
 def suitable_options(law: str, known: Mapping[str, Any]) -> dict[str, Any]:
-    """The subset of some options that a law has."""
+    """Subset of the given options that a law accepts."""
     options = LAWS[law].options()
     return {name: value for name, value in known.items() if name in options}
 
@@ -192,7 +192,7 @@ def preset(name: str, model: Model, known: Mapping[str, Any] | None = None) -> C
 
 
 def rescale(controller: Controller, factors: Mapping[str, Any]) -> Controller:
-    """The controller with the numbers below some paths of its constants multiplied; factors may be traced.
+    """Controller with the constants at given paths multiplied by factors, which may be traced.
 
     Raises:
         ControllerError: a path that its constants do not have.
@@ -210,7 +210,7 @@ def rescale(controller: Controller, factors: Mapping[str, Any]) -> Controller:
 
 @lru_cache(maxsize=1)
 def tuned_factors() -> Mapping[str, Mapping[str, float]]:
-    """Tuned gains as factors on a law's default gains, which fit any vehicle, by law and path.
+    """Tuned gains by law and parameter path, as factors on the law's default gains for any vehicle.
 
     How the factors in the file next to this one were found is described in docs/laws.md, Tuned gains.
     """
@@ -220,7 +220,7 @@ def tuned_factors() -> Mapping[str, Mapping[str, float]]:
 
 
 def make_tuned(name: str, model: Model, **options: Any) -> Controller:
-    """A law with its tuned gains.
+    """Make a controller with its tuned gains.
 
     Raises:
         ControllerError: a law that has not been tuned.
@@ -232,7 +232,7 @@ def make_tuned(name: str, model: Model, **options: Any) -> Controller:
 
 
 def make_named(name: str, model: Model, known: Mapping[str, Any] | None = None) -> Controller:
-    """A controller by one name, with default options.
+    """Make a controller by any name (preset, law or tuned law), with default options.
 
     Args:
         name: a key of ``PRESETS`` or ``LAWS``, or that of a tuned law and ``TUNED``.
@@ -258,7 +258,7 @@ def is_named(name: Any) -> bool:
 
 
 def is_one_of(name: Any, names: Container[str]) -> bool:
-    """True if a value of any type is one of these names."""
+    """True if a value of any type is a string among ``names``."""
     return isinstance(name, str) and name in names
 
 
@@ -268,7 +268,7 @@ def every_name() -> tuple[str, ...]:
 
 
 def require_different(names: Sequence[str], field: str) -> None:
-    """Refuse two names of one controller: the same twice, or two paths of one FILE.py:make.
+    """Reject a list in which two names denote the same controller.
 
     Raises:
         ControllerError: one line with the field and the two names.
@@ -292,7 +292,7 @@ FILE_LIKE = re.compile(r"(?P<stem>.+?)(\.py:?|\.\w+:\w*|\.py:.*)")
 
 
 def must_be_named(name: Any, others: str = "") -> str:
-    """Allowed values in place of an unknown name, in words; ``others`` are allowed next to presets and laws."""
+    """Error text for an unknown controller name: suggestions and the allowed values."""
     every = every_name()
     if isinstance(name, str) and (found := FILE_LIKE.fullmatch(name)):
         hint = f"a law of a file is FILE.py:make, its function named behind a colon, as {found['stem']}.py:make; "
@@ -304,5 +304,5 @@ def must_be_named(name: Any, others: str = "") -> str:
 
 
 def no_option(law: str, options: Iterable[str]) -> str:
-    """Refusal of an option that a law does not have."""
+    """Error text for an option that a law does not have."""
     return f"law {law!r} has no such option; it has {', '.join(options)}"

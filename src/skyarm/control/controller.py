@@ -1,4 +1,4 @@
-"""A law ready to fly: step function, constants, first memory."""
+"""Controller: a control law's step function with its constants and initial memory."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ Law = Callable[..., tuple[Any, Any]]
 
 
 class ControllerError(ValueError):
-    """A controller's description is wrong."""
+    """Invalid description of a controller."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Controller:
-    """A controller is a control law with its constants and its first memory.
+    """A controller is a control law with its constants and its initial memory.
 
     Attributes:
         name: of the law. law: the step function. memory: its first memory.
@@ -57,7 +57,7 @@ class Controller:
             raise ControllerError(str(error)) from None
 
     def require_compiled(self, what: str) -> None:
-        """Refuse a law that cannot be traced for something that needs it traced.
+        """Reject a law that cannot be traced where compilation is required.
 
         Raises:
             ControllerError: the law cannot be traced.
@@ -67,7 +67,7 @@ class Controller:
 
 
 def _whole(par: Any) -> Any:
-    """Constants of a law; those nested in layers (``inner``) with the model that they share."""
+    """Constants of a law, with the shared model filled in for the nested ones (``inner``) of its layers."""
     inner: Any = getattr(par, "inner", None)
     if inner is None or getattr(inner, "model", par) is not None:
         return par
@@ -76,7 +76,7 @@ def _whole(par: Any) -> Any:
 
 
 def innermost(record: Any) -> Any:
-    """Constants (or the memory) of the law itself, under whatever layers.
+    """Constants (or memory) of the innermost law, inside all layers.
 
     Layers share model and mixer, which stand with the outermost and are None in what this gives.
     """
@@ -86,13 +86,13 @@ def innermost(record: Any) -> Any:
 
 
 def with_innermost(record: Any, own: Any) -> Any:
-    """The same constants (or memory) around those of another law."""
+    """Replace the innermost law's constants (or memory) inside the layers of ``record``."""
     inner = getattr(record, "inner", None)
     return dataclasses.replace(record, inner=with_innermost(inner, own)) if is_record(inner) else own
 
 
 def with_applied_command(memory: Any, sent: Command) -> Any:
-    """Return the memory with the command that was applied, if the law keeps its commands.
+    """Return the law's memory with the command that was applied, if it stores its commands.
 
     A law that observes or integrates must know the applied command, not the desired one. It keeps them in a field
     ``sent`` of its memory: one :class:`Command`, or a tuple of them with the newest last. Whoever alters a command on
@@ -114,7 +114,7 @@ def with_applied_command(memory: Any, sent: Command) -> Any:
 
 
 def part_of(record: Any, name: str) -> Any:
-    """A part of a law's constants or memory by its name, inside whatever layers; None of a law without it."""
+    """Named part of a law's constants or memory, inside any layers; None if the law lacks it."""
     own = innermost(record)
     return getattr(getattr(own, "parts", own), name, None)
 
@@ -136,12 +136,12 @@ def learns_load(par: Any) -> bool:
 
 
 def all_applied(joints: int) -> tuple[float, ...]:
-    """Return 1 for the rotors together and 1 for each joint: every command was applied as desired."""
+    """Initial flags, 1 for the rotors together and 1 for each joint: all commands applied as desired."""
     return (1.0,) * (1 + joints)
 
 
 def _applied_flags(desired: Command, sent: Command) -> tuple[Scalar, ...]:
-    """Return 1 for the rotors, and for each joint, whose applied commands are the desired ones; else 0, as for NaN."""
+    """Flags for the rotors together and each joint: 1 where the applied command equals the desired one, else 0."""
     rotors: Any = True
     for a, b in zip(desired.rotor_speeds, sent.rotor_speeds, strict=True):
         rotors = logical_and(rotors, logical_and(a <= b, a >= b))

@@ -1,4 +1,4 @@
-"""Checks of a user-defined law and of its results; each mistake is one line with the law's file and line.
+"""Checks of a user-defined control law and of its results; errors name the law's file and line.
 
 Shipped laws are not looked at: all of their code stands in the library, and its tests fly them. A law of which any
 function stands elsewhere, in a plugin, another package or a script, is
@@ -49,16 +49,16 @@ AS_FLOATS = "or Controller(compiled=False), which calls it with floats"
 
 
 class LawError(ControllerError):
-    """A user-defined law is wrong; one line with its file and line."""
+    """Error in a user-defined law, as one line with its file and line."""
 
 
 def is_own(controller: Controller) -> bool:
-    """Return True if any of a law's code is not the library's."""
+    """Return True if any of a law's code lies outside this library."""
     return own_code(controller.law) is not None
 
 
 def wrong(controller: Controller, words: str, place: str = "") -> LawError:
-    """The error to raise.
+    """Make the one-line error about a user-defined law, with its file and line.
 
     Args:
         controller: whose law it is.
@@ -69,7 +69,7 @@ def wrong(controller: Controller, words: str, place: str = "") -> LawError:
 
 
 def check_controller(controller: Controller) -> None:
-    """Refuse what can be seen before the law is called: no function, other parameters, constants, a first memory.
+    """Reject a controller with an invalid step function, signature, constants or initial memory, before the law runs.
 
     Raises:
         LawError: one line.
@@ -96,13 +96,13 @@ def check_controller(controller: Controller) -> None:
 
 
 def memory_mistake(memory: Any, path: str) -> str | None:
-    """Why a program cannot keep a first memory, in words; None where it can."""
+    """Explain why a compiled program cannot store an initial memory; None if it can."""
     found = (_kept_mistake(value, at) for at, value in named_parts(memory, path))
     return next((words for words in found if words), None)
 
 
 def _kept_mistake(value: Any, path: str) -> str | None:
-    """The same of a value without parts."""
+    """Explain why a compiled program cannot store a single value of a memory; None if it can."""
     if isinstance(value, (bool, int)) and not isinstance(value, Enum):
         number = "1.0 or 0.0" if isinstance(value, bool) else f"{value}.0"
         return f"has {path} = {value!r}: an int never changes in a program; must be {number}"
@@ -112,7 +112,7 @@ def _kept_mistake(value: Any, path: str) -> str | None:
 
 
 def checked_law(controller: Controller) -> Law:
-    """The law with a check of each result; a shipped law as it is.
+    """Wrap a user-defined law with a check of each result; a shipped law is returned unchanged.
 
     A wrong result raises LawError. An error of the law's own code passes as it is.
     """
@@ -124,7 +124,7 @@ def checked_law(controller: Controller) -> Law:
 
 
 def _counts(controller: Controller) -> dict[str, int]:
-    """Field of a command -> its number of values."""
+    """Number of values of each field of a command."""
     vehicle = controller.par.model.vehicle
     return {"rotor_speeds": len(vehicle.rotors), "efforts": vehicle.n, "tilts": len(vehicle.tilts)}
 
@@ -141,7 +141,7 @@ def _check_step(
     compiled: bool,
     counts: Mapping[str, int],
 ) -> tuple[Any, Command]:
-    """One step of a law, its result looked at."""
+    """One step of a user-defined law, with its result checked."""
 
     def fault(words: str, place: str = "") -> LawError:
         return LawError(f"{place or place_of(law)}: law {name!r} {words}")
@@ -170,7 +170,7 @@ def _check_step(
 
 
 def _field_mistake(field: str, values: Any, count: int) -> str | None:
-    """Why a field of a command is wrong, in words; angles of rotors that tilt may be left out."""
+    """Explain why a field of a command is wrong; the angles of tilting rotors may be omitted."""
     if not isinstance(values, tuple):
         return f"gives {field} as {kind_of(values)}: must be a tuple of {count} numbers"
     if len(values) != count and (values or field not in MAY_BE_EMPTY):
@@ -182,7 +182,7 @@ def _field_mistake(field: str, values: Any, count: int) -> str | None:
 
 
 def mistake_in(error: Exception) -> str | None:
-    """Explanation of an error of traced user-defined code; None for an error of the code itself."""
+    """Explain an error that tracing has caused in user-defined code; None for an ordinary bug of that code."""
     text = " ".join(str(error).split())
     if isinstance(error, TracedBranchError):
         return f"{TRACED}: {text.rpartition('.py:')[2].partition(': ')[2] or text}"
@@ -201,7 +201,7 @@ def mistake_in(error: Exception) -> str | None:
 
 
 def difference(example: Any, record: Any, path: str) -> str | None:
-    """The first difference between the structures of two records, in words; None where they are the same."""
+    """Describe the first difference between the structures of two records; None if they are equal."""
     below = pairs(example, record, path)
     if below is None:
         tuples = isinstance(example, tuple) or isinstance(record, tuple)
@@ -211,14 +211,14 @@ def difference(example: Any, record: Any, path: str) -> str | None:
 
 
 def _is_number(value: Any) -> bool:
-    """Return True if a value is one number that may vary: not an int, which is structure."""
+    """Return True if a value is a single variable number; an int is a constant and gives False."""
     if isinstance(value, (int, str, Enum, np.ndarray)) or is_record(value):
         return False
     return isinstance(value, (float, Node)) or (hasattr(value, "__mul__") and hasattr(value, "__float__"))
 
 
 def kind_of(value: Any) -> str:
-    """Kind of a value, in a few words."""
+    """Short description of a value's type."""
     if value is None or isinstance(value, (int, str)):
         return shown(value) if not isinstance(value, int) or isinstance(value, bool) else f"the int {value}"
     if isinstance(value, tuple):
@@ -229,7 +229,7 @@ def kind_of(value: Any) -> str:
 
 
 def call_maker(maker: Callable[..., Any], name: str, model: Model, options: dict[str, Any]) -> Controller:
-    """The controller that a maker makes; an error of the maker's own code passes as it is.
+    """Call a user-defined maker and return its controller; errors raised inside the maker pass unchanged.
 
     Raises:
         LawError: it cannot be called as maker(model, **options), makes a record that cannot be, or no controller.
@@ -258,7 +258,7 @@ def call_maker(maker: Callable[..., Any], name: str, model: Model, options: dict
 
 
 def try_law(controller: Controller, period: float, seen: Measurement, wanted: Sequence[Reference]) -> None:
-    """Refuse a law that is no function of its arguments, or whose first command is no number.
+    """Reject a user-defined law that is not a pure function, or whose first command is not finite.
 
     A shipped law is not tried, nor one that is called with floats: such a law may keep what it likes.
 
@@ -291,7 +291,7 @@ def try_law(controller: Controller, period: float, seen: Measurement, wanted: Se
 
 
 def _require_numbers(controller: Controller, instant: Any, command: Sequence[float]) -> None:
-    """Refuse a first command that is not finite although its inputs are."""
+    """Reject a first command that is not finite although its inputs are."""
     if not all(map(math.isfinite, leaves(instant))):
         return
     fields = [f"{name}[{i}]" for name, count in _counts(controller).items() for i in range(count)]
@@ -301,12 +301,12 @@ def _require_numbers(controller: Controller, instant: Any, command: Sequence[flo
 
 
 def _drifting(first: Measurement, period: float) -> list[Measurement]:
-    """Measurements of a vehicle that drifts a little."""
+    """Test measurements of a slowly drifting vehicle, one per period."""
     return [dataclasses.replace(perturb(first, k), time=float(first.time) + k * period) for k in range(PERIODS)]
 
 
 def perturb(record: Any, k: int) -> Any:
-    """A record of floats with a quaternion, every number a little other in every period ``k`` but the first."""
+    """Perturb every number of a record slightly in period ``k``; period 0 is unchanged."""
     start = [float(leaf) for leaf in leaves(record)]
     if k == 0:
         return rebuild(record, iter(start))

@@ -1,4 +1,4 @@
-"""Online estimates in a law's memory: for the log, and for parts with no more information than the law."""
+"""Online estimates in a law's memory, for the log and for code that may read the law's estimates only."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from skyarm.records.leaves import is_record
 
 
 def found_by_law(memory: Any) -> Mapping[str, tuple[Any, ...]]:
-    """Arrays of a log, and their numbers in the memory of a law, also of one under layers; none of most laws.
+    """Estimates to log from a law's memory by array name (lags, load); empty for most laws.
 
     A law shows a load by a field ``load`` of its memory: a record with a ``mass`` (kg) and a ``place`` (m, axes of the
     tip). Any other field of this name is not logged.
@@ -26,7 +26,7 @@ def found_by_law(memory: Any) -> Mapping[str, tuple[Any, ...]]:
 
 
 def lags_found(memory: Any) -> tuple[Scalar, ...]:
-    """Lags of the rotors' and the joints' loops (s) in a law's memory, also under layers; () without them.
+    """Estimated lags of the rotor and joint loops (s) from a law's memory; () if it has none.
 
     A law shows them by a field ``lag`` of its memory: a record whose ``found`` is a tuple.
     """
@@ -36,12 +36,12 @@ def lags_found(memory: Any) -> tuple[Scalar, ...]:
 
 
 def numbers_found(memory: Any) -> tuple[Scalar, ...]:
-    """The same numbers in a row."""
+    """Estimates to log from a law's memory, as one flat tuple."""
     return tuple(number for numbers in found_by_law(memory).values() for number in numbers)
 
 
 def observed_push(memory: Any) -> Vec3 | None:
-    """Force on the tip (N, world axes) that a law's memory holds; None of a law that observes none.
+    """Estimated force on the tip (N, world axes) from a law's memory; None if it has none.
 
     A law says it in a field ``tip_force`` of its memory, or presses on surfaces (``interaction``), or gives way
     (``admittance``).
@@ -56,12 +56,12 @@ def observed_push(memory: Any) -> Vec3 | None:
 
 @dataclass(frozen=True, slots=True)
 class PushAlone:
-    """Tip force estimated in a memory that only its law can read; empty for a law without an estimate."""
+    """Record of the estimated tip force alone; empty if the law has no estimate."""
 
     tip_force: Vec3 | tuple[()]
 
     @classmethod
     def of(cls, memory: Any) -> PushAlone:
-        """Extract the estimate from a law's memory."""
+        """Extract the estimated tip force from a law's memory."""
         found = observed_push(memory)
         return cls(() if found is None else found)

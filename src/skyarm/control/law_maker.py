@@ -1,4 +1,4 @@
-"""Makers of laws: options read from the declaration of the law's constants, default gains that fit a model."""
+"""Makers of control laws: options from the declared constants, and default gains that fit a model."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def default_gains(model: Model) -> GeometricGains:
 
 
 def default_joint_gains(model: Model, *, torque: bool = False) -> JointGains:
-    """Gains on acceleration; with ``torque`` those times the joint's own inertia, on torque.
+    """Default joint gains: on acceleration, or with ``torque`` on torque, scaled by each joint's inertia.
 
     Friction is not in the laws: a joint of inertia J with damping d lags by d rate / (J stiffness), which is large on a
     light link behind a real gear. Give such joints their own gains.
@@ -56,7 +56,7 @@ def default_joint_gains(model: Model, *, torque: bool = False) -> JointGains:
 
 
 def fitting_mixer(model: Model, policy: str) -> Mixer:
-    """The mixer of a model's rotors.
+    """Mixer for the rotors of a model.
 
     Raises:
         ControllerError: unknown policy.
@@ -84,7 +84,7 @@ def law_maker(
     rate_error: str = "corrected",
     **of_controller: Any,
 ) -> Callable[..., Controller]:
-    """Maker (model, **options) of a law.
+    """Make the function (model, **options) -> Controller of a law.
 
     Its options are ``gains`` of the base and ``joint_gains`` (defaults that fit the model), ``mixer_policy``
     (:class:`skyarm.dynamics.actuators.Mixer`), and the fields with a default of the law's constants, each checked by
@@ -138,7 +138,7 @@ def law_maker(
 def checked_option(
     kind: type, option: str, value: Any, model: Model, readers: Mapping[str, tuple[Any, Reader]] = MappingProxyType({})
 ) -> Any:
-    """An option as a law's constants hold it: read by its reader, else checked by its field.
+    """Validated option in the type of the law's constants.
 
     Raises:
         ControllerError: one line with field, value and what is allowed.
@@ -153,7 +153,7 @@ def checked_option(
 
 
 def option_numbers(option: str, value: Any, count: int) -> tuple[Any, ...]:
-    """As many plain numbers.
+    """Option value as a tuple of ``count`` plain numbers.
 
     Raises:
         ControllerError: one line.
@@ -167,7 +167,7 @@ def option_numbers(option: str, value: Any, count: int) -> tuple[Any, ...]:
 
 
 def _require_fitting(values: Mapping[str, Any], joints: int) -> None:
-    """Refuse another number of gains than joints, and an unknown rate error."""
+    """Reject joint gains that do not match the number of joints, and an unknown rate error."""
     gains = values["joint_gains"]
     for field, row in (("stiffness", gains.stiffness), ("damping", gains.damping)):
         if len(row) != joints:

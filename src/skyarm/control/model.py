@@ -19,7 +19,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Model:
-    """The controller's model: a vehicle and gravity (m/s^2). Never the truth."""
+    """Model of a controller: its nominal vehicle and gravity (m/s^2), which may differ from the simulated plant."""
 
     vehicle: Vehicle
     gravity: Annotated[Scalar, Unit("m/s^2", low=0.0, usual=25.0)] = 9.81
@@ -66,7 +66,7 @@ TORQUE_GAINS: Mapping[str, Unit] = {
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Terms:
-    """Parts of the computed torque law that an ablation may take away.
+    """Terms of the computed torque law that an ablation can disable.
 
     Attributes:
         coriolis: velocity products C(q, qd) qd. Body coordinates have other velocity products than Euler rates: the
@@ -89,7 +89,7 @@ class Terms:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Parameters:
-    """All constants of a law: model, gains, mixer, choices.
+    """Constants of a law: model, gains, mixer and options.
 
     Attributes:
         rate_error: see :func:`skyarm.control.blocks.geometric.rate_error`.
@@ -112,7 +112,7 @@ class Parameters:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LayerParameters:
-    """Constants of a law inside a layer: safety, rotors that tilt, servos and thrust tables.
+    """Constants of a law inside a layer (safety, tilting rotors, servos and thrust tables).
 
     Attributes:
         model, mixer: of all that is inside, given to it at each call.
@@ -128,15 +128,15 @@ class LayerParameters:
 
     @classmethod
     def around(cls, par: Any, **constants: Any) -> Self:
-        """Constants of the layer around those of a law."""
+        """Constants of the layer wrapped around the constants of a law."""
         return cls(**{"mixer": par.mixer, "inner": dataclasses.replace(par, model=None, mixer=None)} | constants)
 
     @property
     def inner_model(self) -> Model:
-        """The model of the law inside."""
+        """Model of the law inside the layer."""
         return self.model
 
     @property
     def own(self) -> Any:
-        """Constants of the law inside, with its model."""
+        """Constants of the law inside the layer, with its model filled in."""
         return dataclasses.replace(self.inner, model=self.inner_model, mixer=self.mixer)

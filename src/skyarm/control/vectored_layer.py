@@ -1,4 +1,4 @@
-"""A layer between a law and tilting rotors: the law has two fixed rotors for each, the servos' lag stays here."""
+"""Layer for tilting rotors: the inner law sees two fixed rotors per tilting one; the layer handles the servo lag."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ angles at which thrusts give none of it ask for none."""
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class VectoredParameters(LayerParameters):
-    """Constants of a law on rotors that tilt; the mixer is that of the pairs of fixed rotors.
+    """Constants of a law with the tilting-rotor layer; the mixer is that of the pairs of fixed rotors.
 
     Attributes:
         lead: of each servo's setpoint.
@@ -76,13 +76,13 @@ class VectoredParameters(LayerParameters):
 
     @property
     def inner_model(self) -> Model:
-        """The model of the law inside: two fixed rotors for each that tilts."""
+        """Model of the inner law: two fixed rotors in place of each tilting one."""
         return pairs_model(self.model)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class VectoredMemory:
-    """State of a law on rotors that tilt between two steps.
+    """Memory of a law with the tilting-rotor layer between two steps.
 
     Attributes:
         inner: memory of the law.
@@ -97,14 +97,14 @@ class VectoredMemory:
 
 
 def law_inside(controller: Controller) -> Controller:
-    """The law for pairs of fixed rotors that a controller of :func:`with_tilting` has inside."""
+    """Inner controller, for pairs of fixed rotors, of a controller made by :func:`with_tilting`."""
     held: Any = controller.law
     law, memory = held.keywords["inner"], controller.memory.inner
     return dataclasses.replace(controller, law=law, par=controller.par.own, memory=memory)
 
 
 def turns_rotors(controller: Controller) -> bool:
-    """Return True if a law's commands have angles of tilting rotors, under whatever other layers."""
+    """Return True if a law, inside any layers, commands angles of tilting rotors."""
     par = controller.par
     while par is not None and not getattr(par, "turns_rotors", False):
         par = getattr(par, "inner", None)
@@ -112,12 +112,12 @@ def turns_rotors(controller: Controller) -> bool:
 
 
 def pairs_model(model: Model) -> Model:
-    """The model of the inner law: two fixed rotors for each that tilts."""
+    """Model with two fixed rotors in place of each tilting one."""
     return dataclasses.replace(model, vehicle=as_pairs(model.vehicle))
 
 
 def with_tilting(controller: Controller, model: Model) -> Controller:
-    """Return a law for ``pairs_model(model)`` whose commands are speeds and angles of the rotors that tilt.
+    """Wrap a law for ``pairs_model(model)`` so that it commands speeds and angles of tilting rotors.
 
     The law's wrench is a sum of forces, one for each rotor: its size is a squared speed, its direction an angle. Servos
     are slow beside motors, so the thrusts are those that give torque and thrust of the wrench at the angles that are
@@ -148,17 +148,17 @@ def with_tilting(controller: Controller, model: Model) -> Controller:
 
 
 def _lead(rotor: Rotor, tilt: Tilt) -> float:
-    """Lead of a servo's setpoint, with which its angle lags as the rotor's speed does."""
+    """Lead factor on a tilt servo's setpoint that makes its lag equal to the rotor's motor lag."""
     return min(max(1.0, float(tilt.time_constant) / float(_motor_lag(rotor))), MOST_LEAD)
 
 
 def _motor_lag(rotor: Rotor) -> Scalar:
-    """Mean of a rotor's two time constants, s."""
+    """Mean of a rotor's two motor time constants, s."""
     return mul(0.5, add(rotor.time_constant_up, rotor.time_constant_down))
 
 
 def _lagging_angles(vehicle: Vehicle, angles: Sequence[Scalar], goals: Sequence[Scalar], dt: Scalar) -> list[Scalar]:
-    """Angles of servos that lag as the motors of their rotors do, one period later."""
+    """Angles of tilt servos one period later, with the lag of their rotors' motors."""
     rotors = [each for each in vehicle.rotors if each.tilt is not None]
     return [
         add(goal, mul(sub(now, goal), exp(divide(sub(0.0, dt), _motor_lag(rotor)))))
@@ -175,7 +175,7 @@ def vectored_law(
     par: VectoredParameters,
     inner: Law,
 ) -> tuple[VectoredMemory, Command]:
-    """One step of the law ``inner``, whose model has pairs of fixed rotors; its command as speeds and angles."""
+    """One step of the law ``inner`` for pairs of fixed rotors, with its command converted to speeds and angles."""
     vehicle = par.model.vehicle
     own = par.own
     angles = angles_seen(measurement, memory.angles)
@@ -201,7 +201,7 @@ def vectored_law(
 
 
 def angles_seen(measurement: Measurement, believed: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
-    """Measured angles, rad; the modelled servos' where there are none, and in place of one that is not finite."""
+    """Measured servo angles, rad; the modelled ones where measurements are missing or not finite."""
     if not measurement.tilts:
         return believed
     rows = zip(measurement.tilts, believed, strict=True)
@@ -209,7 +209,7 @@ def angles_seen(measurement: Measurement, believed: tuple[Scalar, ...]) -> tuple
 
 
 def goal_angles(model: Model, forces: Sequence[Force], last: Sequence[Scalar], dt: Scalar) -> tuple[Scalar, ...]:
-    """Angles of the desired forces, rad; a force near zero, whose direction is noise, moves its angle slowly."""
+    """Servo angles of the desired rotor forces, rad; changes slowly where a force is near zero."""
     vehicle = model.vehicle
     total: Scalar = 0.0
     for each in vehicle.rotors:
@@ -226,7 +226,7 @@ def goal_angles(model: Model, forces: Sequence[Force], last: Sequence[Scalar], d
 
 
 def squares_at(vehicle: Vehicle, forces: Sequence[Force], angles: Sequence[Scalar]) -> list[Scalar]:
-    """Squared speeds that give the desired forces' torque and thrust with the rotors at ``angles``.
+    """Squared rotor speeds that give the desired torque and thrust with the rotors at ``angles``.
 
     Beginning with each wanted force's part along its rotor's axis as it stands, the least change (in squares) gives the
     four rows; as much of it is taken as the rotors' limits leave room for. Torque about z, which thrusts alone may

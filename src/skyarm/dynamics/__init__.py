@@ -1,4 +1,4 @@
-"""Rigid-body dynamics of a floating base with any tree of joints, over any scalar.
+"""Rigid-body dynamics of a floating base with any tree of joints, over any scalar type.
 
 Accelerations are *proper* (gravity already subtracted: R^T (dv/dt + g e_z)) and in base axes, so that neither attitude,
 position nor velocity of the base enters the recursions. :mod:`skyarm.dynamics.array_front` is the NumPy front.

@@ -1,4 +1,4 @@
-"""The NumPy front of the dynamics: stable, array in, array out, leading axes broadcast.
+"""NumPy interface of the dynamics: arrays in, arrays out, leading axes broadcast.
 
 Generalized velocity is [v_W, w_B, joint rates]: velocity of the base *origin* in world axes, angular velocity in base
 axes, joint rates. ``acceleration`` is its plain time derivative; ``force`` is its dual: world force at, and base-axes
@@ -26,7 +26,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 def _read(
     vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike, **rows: ArrayLike
 ) -> tuple[State, dict[str, tuple[Scalar, ...]], tuple[int, ...]]:
-    """State as scalars, further rows of 6+n numbers, and the leading axes of all; at rest without a ``velocity``."""
+    """Read a state, further rows of 6+n numbers, and their common leading axes; velocity defaults to zero."""
     if not isinstance(vehicle, Vehicle):
         refuse("vehicle", vehicle, "must be a Vehicle")
     n = vehicle.n
@@ -85,7 +85,7 @@ def forward_dynamics(
     *,
     gravity: float = 9.81,
 ) -> Array:
-    """Return the acceleration (..., 6+n) under a generalized force (..., 6+n); as :func:`inverse_dynamics`."""
+    """Return the acceleration (..., 6+n) under a generalized force (..., 6+n)."""
     at, rows, lead = _read(vehicle, position, quaternion_wxyz, joints, velocity=velocity, force=force)
     R, f = at.quaternion.rotation(), rows["force"]
     applied = Force(Vec3(*f[3:6]), R.apply_T(Vec3(*f[:3])))
@@ -97,7 +97,7 @@ def forward_dynamics(
 def mass_matrix(
     vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike, *, gravity: float = 9.81
 ) -> Array:
-    """Return the mass matrix (..., 6+n, 6+n); ``gravity`` is accepted for symmetry, without effect."""
+    """Return the mass matrix (..., 6+n, 6+n); ``gravity`` has no effect and is accepted for uniformity."""
     one_number("gravity", gravity)
     at, _, lead = _read(vehicle, position, quaternion_wxyz, joints)
     return stack_leaves(dynamics.mass_matrix(vehicle, at.quaternion.rotation(), at.joints), lead)
@@ -166,7 +166,7 @@ QUATERNION_TOLERANCE = 1e-6
 
 
 def components(name: str, value: ArrayLike, size: int) -> tuple[Scalar, ...]:
-    """Last axis as scalars: floats for one state, arrays over the leading axes for many.
+    """Split the last axis of an array into scalars: floats for one state, arrays over the leading axes for many.
 
     Raises:
         ValueError: what is given are no finite numbers, or the last axis has not ``size`` entries; the message says
@@ -181,7 +181,7 @@ def components(name: str, value: ArrayLike, size: int) -> tuple[Scalar, ...]:
 
 
 def finite_numbers(name: str, value: Any, allowed: str = "finite numbers") -> Array:
-    """Array of floats; text, truth values, complex numbers and what is not finite are refused by name.
+    """Convert to an array of floats; reject text, booleans, complex and non-finite numbers.
 
     Raises:
         ValueError: says ``name`` and what was given.
@@ -201,7 +201,7 @@ def finite_numbers(name: str, value: Any, allowed: str = "finite numbers") -> Ar
 
 
 def one_number(name: str, value: Scalar) -> float:
-    """One finite number, such as gravity.
+    """Return a value after the check that it is one finite number, such as gravity.
 
     Raises:
         ValueError: anything else.
@@ -213,7 +213,7 @@ def one_number(name: str, value: Scalar) -> float:
 
 
 def unit_quaternion(quaternion_wxyz: ArrayLike) -> Quaternion:
-    """Attitude of (..., 4) numbers, base to world, of unit length to 1e-6; its length is then made exact.
+    """Read unit quaternions (..., 4), base to world, of length 1 to within 1e-6, and normalise them exactly.
 
     Raises:
         ValueError: wrong shape, or further off unit length.
@@ -228,7 +228,7 @@ def unit_quaternion(quaternion_wxyz: ArrayLike) -> Quaternion:
 
 
 def stack_leaves(values: Any, lead: tuple[int, ...]) -> Array:
-    """Nested lists of scalars as one array with the leading axes first."""
+    """Stack nested lists of scalars into one array with the leading axes first."""
     if isinstance(values, (list, tuple)):
         parts = [stack_leaves(value, lead) for value in values]
         return np.stack(parts, axis=len(lead)) if parts else np.zeros((*lead, 0))
@@ -236,7 +236,7 @@ def stack_leaves(values: Any, lead: tuple[int, ...]) -> Array:
 
 
 def leading_axes(*arrays: ArrayLike) -> tuple[int, ...]:
-    """Axes that arguments have before their last one, broadcast against each other.
+    """Broadcast shape of the arguments without their last axes.
 
     Raises:
         ValueError: they do not broadcast; the message lists them.

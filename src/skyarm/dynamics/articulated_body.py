@@ -1,4 +1,4 @@
-"""Forward dynamics: the articulated-body algorithm for a floating base, O(n).
+"""Forward dynamics: the O(n) articulated-body algorithm for a floating base.
 
 Source: Featherstone 2008, sections 7.3 and 9.4, with classical accelerations at link origins.
 """
@@ -24,7 +24,7 @@ def forward_dynamics(
     applied: Force,
     joint_torques: Sequence[Scalar],
 ) -> tuple[Motion, tuple[Scalar, ...]]:
-    """Acceleration that applied forces give.
+    """Forward dynamics: base and joint accelerations under applied forces.
 
     Args:
         vehicle: the rigid bodies.
@@ -85,7 +85,7 @@ def _by_mass_matrix(
     applied: Force,
     joint_torques: Sequence[Scalar],
 ) -> tuple[Motion, tuple[Scalar, ...]]:
-    """The same for a vehicle with followers, whose joints are not those of a tree: M a = f - bias, solved whole."""
+    """Forward dynamics of a vehicle with followers (coupled joints): solves M a = f - bias."""
     still = Motion(Vec3(0, 0, 0), Vec3(0, 0, 0))
     bias, holding = inverse_dynamics(vehicle, joints, rate, joint_rates, still, (0,) * vehicle.n)
     pushed = applied - bias
@@ -95,7 +95,7 @@ def _by_mass_matrix(
 
 
 def _solve_base(inertia: ArticulatedInertia, force: Force) -> Motion:
-    """Acceleration of the floating base; the linear block first, where a bare airframe is diagonal."""
+    """Acceleration of the floating base from its articulated inertia and the force on it."""
     M, J, H = inertia.M.full().rows, inertia.J.full().rows, inertia.H.rows
     A: list[list[Scalar]] = [[0] * 6 for _ in range(6)]
     for i in range(3):

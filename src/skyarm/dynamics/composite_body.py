@@ -17,7 +17,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 
 def mass_matrix(vehicle: Vehicle, R_WB: Mat3, joints: Sequence[Scalar]) -> list[list[Scalar]]:
-    """M of the generalized velocity [v_W, w_B, joint rates], (6+n) x (6+n), rows as lists.
+    """Mass matrix of the generalized velocity [v_W, w_B, joint rates], (6+n) x (6+n), rows as lists.
 
     Args:
         vehicle: the rigid bodies.
@@ -50,14 +50,14 @@ def mass_matrix(vehicle: Vehicle, R_WB: Mat3, joints: Sequence[Scalar]) -> list[
 
 
 def _of_leaders(vehicle: Vehicle, M: list[list[Any]]) -> list[list[Scalar]]:
-    """G^T M G of the mass matrix of all joints."""
+    """Mass matrix G^T M G of the independent joints, from that of all joints with followers."""
     rows = [[*row[:6], *onto_leaders(vehicle, row[6:])] for row in M]
     columns = [list(column) for column in zip(*rows, strict=True)]
     return [[*column[:6], *onto_leaders(vehicle, column[6:])] for column in columns]
 
 
 def _base_block(whole: SpatialInertia, R_WB: Mat3, size: int) -> list[list[Scalar]]:
-    """[[m 1, -R S(mc)], [S(mc) R^T, I]] in the corner of a matrix of structural zeros."""
+    """Mass matrix with the base block [[m 1, -R S(mc)], [S(mc) R^T, I]] filled in, structural zeros elsewhere."""
     M: list[list[Any]] = [[0] * size for _ in range(size)]
     coupling = R_WB @ Mat3.cross(-whole.moment)
     rotational = whole.inertia.full()

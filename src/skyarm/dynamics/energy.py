@@ -31,7 +31,7 @@ class _BodyMotion:
 
 
 def _body_motions(vehicle: Vehicle, state: State) -> list[_BodyMotion]:
-    """Move the base, then the links, by straightforward differentiation of positions in world axes."""
+    """World poses and velocities of base and links, by differentiation of their positions."""
     base = Pose(state.quaternion.rotation(), state.position)
     poses = [base, *(base @ pose for pose in link_poses(vehicle, state.joints))]
     rates, origins = [base.R.apply(state.rate)], [state.velocity]
@@ -59,7 +59,7 @@ def center_of_mass(vehicle: Vehicle, state: State) -> Vec3:
 
 
 def momentum(vehicle: Vehicle, state: State) -> Momentum:
-    """Linear momentum and angular momentum about the centre of mass; both are conserved in free fall but for weight."""
+    """Linear momentum, and angular momentum about the centre of mass, world axes."""
     linear, angular = ZERO3, ZERO3
     vehicle, state = untie_followers(vehicle, state)
     com = center_of_mass(vehicle, state)

@@ -45,7 +45,7 @@ def placements(vehicle: Vehicle, joints: Sequence[Scalar]) -> list[Pose]:
 
 
 def link_poses(vehicle: Vehicle, joints: Sequence[Scalar]) -> list[Pose]:
-    """Pose of every link in the base frame, then of every follower."""
+    """Poses of all links, then of all followers (coupled joints), in the base frame."""
     if vehicle.followers:
         return link_poses(vehicle.with_free_followers, every_joint(vehicle, joints))
     poses: list[Pose] = []
@@ -66,7 +66,7 @@ def forward_kinematics(vehicle: Vehicle, frame: Frame, base: Pose, joints: Seque
 
 
 def jacobian_columns(vehicle: Vehicle, frame: Frame, joints: Sequence[Scalar]) -> list[Motion]:
-    """Columns d(angular, linear velocity of the frame's origin)/d(joint rates), base axes, base at rest.
+    """Jacobian columns of a frame by the joint rates: angular velocity and velocity of its origin, base axes.
 
     A joint that does not carry the frame gives a structural zero.
     """
@@ -88,17 +88,17 @@ def jacobian_columns(vehicle: Vehicle, frame: Frame, joints: Sequence[Scalar]) -
 
 
 def every_joint(vehicle: Vehicle, joints: Sequence[Scalar]) -> tuple[Scalar, ...]:
-    """Values of the links' joints and of the followers', rad or m."""
+    """Positions of all joints, followers (coupled joints) included, rad or m."""
     return (*joints, *(add(mul(each.ratio, joints[each.leader]), each.offset) for each in vehicle.followers))
 
 
 def every_rate(vehicle: Vehicle, rates: Sequence[Scalar]) -> tuple[Scalar, ...]:
-    """First or second time derivatives of the links' joints and of the followers'."""
+    """First or second time derivatives of all joint positions, followers (coupled joints) included."""
     return (*rates, *(mul(each.ratio, rates[each.leader]) for each in vehicle.followers))
 
 
 def onto_leaders(vehicle: Vehicle, efforts: Sequence[Scalar]) -> tuple[Scalar, ...]:
-    """Generalised forces of the links' joints, from forces (N m or N) of all joints."""
+    """Generalised forces of the independent joints, from forces (N m or N) of all joints with followers."""
     found = list(efforts[: vehicle.n])
     for each, effort in zip(vehicle.followers, efforts[vehicle.n :], strict=True):
         found[each.leader] = add(found[each.leader], mul(each.ratio, effort))
@@ -106,7 +106,7 @@ def onto_leaders(vehicle: Vehicle, efforts: Sequence[Scalar]) -> tuple[Scalar, .
 
 
 def columns_of_leaders(vehicle: Vehicle, columns: Sequence[Motion]) -> list[Motion]:
-    """Columns of a Jacobian by the rates of the links' joints, from those by the rates of all joints."""
+    """Jacobian columns by the rates of the independent joints, from those by the rates of all joints."""
     found = list(columns[: vehicle.n])
     for each, column in zip(vehicle.followers, columns[vehicle.n :], strict=True):
         found[each.leader] = found[each.leader] + column * each.ratio
@@ -114,7 +114,7 @@ def columns_of_leaders(vehicle: Vehicle, columns: Sequence[Motion]) -> list[Moti
 
 
 def untie_followers(vehicle: Vehicle, state: State) -> tuple[Vehicle, State]:
-    """The same motion of a vehicle whose followers have joints of their own."""
+    """Same vehicle and state with every follower (coupled joint) turned into an independent joint."""
     if not vehicle.followers:
         return vehicle, state
     joints, rates = every_joint(vehicle, state.joints), every_rate(vehicle, state.joint_rates)

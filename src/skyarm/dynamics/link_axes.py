@@ -25,7 +25,7 @@ _SAME = Mat3.identity()
 
 @dataclass(frozen=True, slots=True)
 class LinkInAxes:
-    """A link in its working axes, in which its joint has the direction that it has in the link's own axes.
+    """Link in its working axes, where its joint has the same direction as in the link's own axes.
 
     Attributes:
         place: pose of the working axes at the link's origin, in the parent's working axes.
@@ -42,7 +42,7 @@ def spatial_inertia(body: Body) -> SpatialInertia:
 
 
 def members(vehicle: Vehicle, joints: Sequence[Scalar]) -> list[LinkInAxes]:
-    """Every link in its working axes, in the order of the vehicle's links."""
+    """All links in their working axes, in the order of the vehicle's links."""
     links = vehicle.links
     follows = [link.parent != BASE and _parallel(links[link.parent].joint, link.joint) for link in links]
     leads = {link.parent for link, follower in zip(links, follows, strict=True) if follower}
@@ -70,7 +70,7 @@ def members(vehicle: Vehicle, joints: Sequence[Scalar]) -> list[LinkInAxes]:
 
 
 def _parallel(parent: Joint, child: Joint) -> bool:
-    """Return True if two hinges turn about one direction, by structure or by equal numbers."""
+    """Return True if two joints are hinges with parallel axes, by structure or by equal numbers."""
     entries = [entry for row in child.rotation.rows for entry in row]
     straight = all(type(entry) is int for entry in entries) and entries == [1, 0, 0, 0, 1, 0, 0, 0, 1]
     hinges = parent.turns and child.turns

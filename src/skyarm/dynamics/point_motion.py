@@ -1,4 +1,4 @@
-"""Positions and velocities of points of a vehicle in the world: inputs of external forces."""
+"""Positions and velocities of points on a vehicle in the world, as inputs of external forces."""
 
 from __future__ import annotations
 
@@ -74,11 +74,11 @@ class PointMotion:
         return self._links[body].R.apply_T(total)
 
     def to_world(self, vector: Vec3, body: int = BASE) -> Vec3:
-        """A vector of a body's axes in world axes."""
+        """Rotate a vector from a body's axes to world axes."""
         return self.rotation.apply(vector if body == BASE else self._links[body].R.apply(vector))
 
     def frame(self, name: str | None = None) -> tuple[Vec3, int]:
-        """(point, body) of a named frame, the tip by default."""
+        """Point and body of a named frame, the tip by default."""
         found = self.vehicle.frame(name)
         return found.position, found.link
 

@@ -14,7 +14,7 @@ from skyarm.records.units import Unit
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class State:
-    """A state holds everything that a plant integrates."""
+    """State of a vehicle: all quantities that the simulation integrates."""
 
     position: Annotated[Vec3, Unit("m", "base origin, world axes", usual=1000.0)]
     quaternion: Annotated[Quaternion, Unit("", "w x y z, unit, base to world")]
@@ -41,5 +41,5 @@ def proper_acceleration(R_WB: Mat3, linear_W: Vec3, angular_B: Vec3, gravity: Sc
 
 
 def coordinate_acceleration(R_WB: Mat3, proper: Motion, gravity: Scalar) -> tuple[Vec3, Vec3]:
-    """(dv_W/dt, dw_B/dt) from a proper acceleration."""
+    """Coordinate accelerations (dv_W/dt, dw_B/dt) from a proper acceleration, as an accelerometer measures it."""
     return R_WB.apply(proper.linear) - E_Z * gravity, proper.angular

@@ -28,12 +28,12 @@ MANY, FEW = 27, 400_000
 
 
 def samples_of(joints: int) -> int:
-    """Random joint values from which a search begins; of more than :data:`MANY` joints fewer are tried."""
+    """Number of random joint positions that start a search; fewer for more than :data:`MANY` joints."""
     return SAMPLES if joints <= MANY else max(min(SAMPLES, FEW // joints), 8)
 
 
 def _limits(vehicle: Vehicle) -> tuple[Array, Array]:
-    """Joint values to search between: the limits; a full turn, or 1 m, where unlimited."""
+    """Search range of each joint: its limits, at most half a turn or 1 m either way from zero."""
     free = [math.pi if k.joint.turns else 1.0 for k in vehicle.links]
     low = [max(float(k.joint.lower), -span) for k, span in zip(vehicle.links, free, strict=True)]
     high = [min(float(k.joint.upper), span) for k, span in zip(vehicle.links, free, strict=True)]

@@ -1,4 +1,4 @@
-"""sin, cos, exp, log ... from + - * / and a few exact bit operations, without a branch.
+"""Branch-free sin, cos, exp, log and others, from + - * / and a few exact bit operations.
 
 Every compiled engine and the Python floats evaluate these same lines, so that they agree to the last bit: a library's
 ``sin`` differs from one machine to the next, and none is written for vectors of any width. Largest errors in units of
@@ -79,7 +79,7 @@ TANH_Q = (4.84406305325125486048e3, 2.23548839060100448583e3, 1.1281167849163293
 
 
 def _polynomial(z: Scalar, coefficients: Sequence[float]) -> Any:
-    """c0 + c1 z + c2 z^2 ... by Horner's rule."""
+    """Polynomial c0 + c1 z + c2 z^2 + ... by Horner's rule."""
     total: Any = coefficients[-1]
     for c in reversed(coefficients[:-1]):
         total = total * z + c
@@ -87,13 +87,13 @@ def _polynomial(z: Scalar, coefficients: Sequence[float]) -> Any:
 
 
 def _is_even(z: Scalar, c: Sequence[float]) -> Scalar:
-    """c0 + c1 z + ... + c5 z^5 in pairs (Estrin): as many operations as Horner's rule but for z^2, half as deep."""
+    """Polynomial c0 + c1 z + ... + c5 z^5 by Estrin's scheme."""
     square = z * z
     return (c[0] + c[1] * z) + square * ((c[2] + c[3] * z) + square * (c[4] + c[5] * z))
 
 
 def _quarter(x: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
-    """sin and cos of the remainder of x modulo pi/2; is the number of quarter turns odd, is that of half turns."""
+    """Sine and cosine of x reduced modulo pi/2; whether the counts of quarter and of half turns are odd."""
     turns = f.floor(x * TWO_OVER_PI + 0.5)
     r = x
     for part in HALF_PI_PARTS:
@@ -107,31 +107,31 @@ def _quarter(x: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
 
 
 def _odd(x: Scalar, value: Scalar) -> Scalar:
-    """Value of an odd function with slope 1 at zero: x itself where x * x vanishes, which keeps the sign of a zero."""
+    """Value of an odd function of unit slope at zero; returns x where x * x underflows."""
     return f.where(x * x <= 0.0, x, value)
 
 
 def sin(x: Scalar) -> Scalar:
-    """sin x."""
+    """Sine of x."""
     sine, cosine, odd, turned = _quarter(x)
     value = f.where(odd, cosine, sine)
     return f.where(turned, -value, value)
 
 
 def cos(x: Scalar) -> Scalar:
-    """cos x."""
+    """Cosine of x."""
     sine, cosine, odd, turned = _quarter(x)
     value = f.where(odd, -sine, cosine)
     return f.where(turned, -value, value)
 
 
 def tan(x: Scalar) -> Scalar:
-    """tan x."""
+    """Tangent of x."""
     return f.divide(sin(x), cos(x))
 
 
 def exp(x: Scalar) -> Scalar:
-    """e**x; +inf above 709.78, 0 below -745."""
+    """Exponential function; +inf above 709.78, 0 below -745."""
     k = f.floor(f.clip(x, -746.0, 710.0) * ONE_OVER_LN2 + 0.5)
     high, low = x - k * LN2_HIGH, k * LN2_LOW
     r = high - low
@@ -168,7 +168,7 @@ def _atan01(t: Scalar) -> Scalar:
 
 
 def atan2(y: Scalar, x: Scalar) -> Scalar:
-    """Angle of the point (x, y), in [-pi, pi], with the signs of zeros as IEEE has them."""
+    """Angle of the point (x, y) in [-pi, pi], with IEEE signed zeros."""
     ax, ay = f.absolute(x), f.absolute(y)
     steep = ay > ax
     low, high = f.where(steep, ax, ay), f.where(steep, ay, ax)

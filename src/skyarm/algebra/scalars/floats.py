@@ -1,4 +1,4 @@
-"""Basic operations on Python floats as IEEE defines them: inf or NaN where Python raises."""
+"""Basic operations on Python floats with IEEE results: inf or NaN where Python raises."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def sqrt(x: float) -> float:
 
 
 def floor(x: float) -> float:
-    """Largest whole number not above x, as a float."""
+    """Largest integer not above x, as a float."""
     # math.floor would lose the sign of -0.0 on its way through an integer
     return float(math.floor(x)) if math.isfinite(x) and x != 0.0 else float(x)
 
@@ -32,41 +32,41 @@ absolute = math.fabs
 
 
 def copysign(size: float, sign: float) -> float:
-    """|size| with the sign of the other, that of a zero too."""
+    """Magnitude of the first number with the sign of the second, signed zeros included."""
     return math.copysign(size, sign)
 
 
 def power_of_two(k: float) -> float:
-    """2**k for a whole k from -1022 to 1023, NaN for NaN."""
+    """Return 2**k for an integer k from -1022 to 1023; NaN for NaN."""
     return math.ldexp(1.0, int(k)) if -1100.0 < k < 1100.0 else NAN
 
 
 def exponent(x: float) -> float:
-    """Whole e with |x| = m 2**e and 1 <= m < 2, for normal numbers."""
+    """Binary exponent e of |x| = m 2**e with 1 <= m < 2, for normal numbers."""
     return float(math.frexp(x)[1] - 1) if math.isfinite(x) and x != 0.0 else NAN
 
 
 def mantissa(x: float) -> float:
-    """m of :func:`exponent`, with the sign of x."""
+    """Binary mantissa m of x = m 2**e with 1 <= |m| < 2."""
     return 2.0 * math.frexp(x)[0] if math.isfinite(x) and x != 0.0 else NAN
 
 
 def where(condition: bool, a: float, b: float) -> float:
-    """Choose ``a`` where the condition holds, else ``b``; what was chosen is data: an integer becomes a float."""
+    """Choose ``a`` where the condition holds, else ``b``; an int becomes a float."""
     chosen = a if condition else b
     return float(chosen) if type(chosen) is int else chosen
 
 
 def logical_and(a: bool, b: bool) -> bool:
-    """Both."""
+    """Logical and of two conditions."""
     return bool(a and b)
 
 
 def logical_or(a: bool, b: bool) -> bool:
-    """Either."""
+    """Logical or of two conditions."""
     return bool(a or b)
 
 
 def logical_not(a: bool) -> bool:
-    """Not a."""
+    """Logical negation."""
     return not a

@@ -1,4 +1,4 @@
-"""Scalars, and arithmetic that folds structure: ints 0, 1 and -1 disappear, everything else is computed.
+"""Scalar arithmetic with constant folding: ints 0, 1 and -1 are structural, all other numbers are computed.
 
 Only exact IEEE identities are used (x * 1 = x, x + 0 = x for a structural zero, (-1) * x = -x), so folding never
 changes the value of a program, whatever engine runs it.
@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 
 class Scalar(Protocol):
-    """A number of any engine: float, NumPy array, JAX array, CasADi SX, tracer node; an int marks structure."""
+    """Scalar type of any engine: float, NumPy array, JAX array, CasADi SX, tracer node; an int is a constant."""
 
     def __add__(self, other: Any, /) -> Scalar: ...
     def __radd__(self, other: Any, /) -> Scalar: ...
@@ -29,22 +29,22 @@ class Scalar(Protocol):
 
 
 def structural(value: float) -> int | float:
-    """Mark an exact 0, 1 or -1 of a description as structure (int); any other number stays data (float)."""
+    """Convert an exact 0, 1 or -1 to a structural int, any other number to a float."""
     return int(value) if value in (0.0, 1.0, -1.0) else float(value)
 
 
 def data(value: Scalar) -> Scalar:
-    """A structural number as data, so that it keeps its place among a record's leaves whatever it folds to."""
+    """Convert a structural int to a float, so that it keeps its place in a flattened record."""
     return float(value) if type(value) is int else value
 
 
 def same(a: Scalar, b: Scalar) -> bool:
-    """True if two scalars are one: the same object, or equal plain numbers of one kind."""
+    """True if two scalars are identical: the same object, or equal plain numbers of one type."""
     return a is b or (type(a) is type(b) and type(a) in (int, float) and a == b)
 
 
 def add(a: Scalar, b: Scalar) -> Scalar:
-    """Return a + b, a structural zero folded."""
+    """Return a + b, with a structural zero folded."""
     if type(a) is int and a == 0:
         return b
     if type(b) is int and b == 0:
@@ -53,7 +53,7 @@ def add(a: Scalar, b: Scalar) -> Scalar:
 
 
 def sub(a: Scalar, b: Scalar) -> Scalar:
-    """Return a - b, a structural zero folded."""
+    """Return a - b, with a structural zero folded."""
     if type(b) is int and b == 0:
         return a
     if type(a) is int and a == 0:
@@ -67,7 +67,7 @@ def neg(a: Scalar) -> Scalar:
 
 
 def mul(a: Scalar, b: Scalar) -> Scalar:
-    """Return a * b, structural 0, 1 and -1 folded."""
+    """Return a * b, with structural 0, 1 and -1 folded."""
     if type(a) is int:
         if a == 0:
             return 0

@@ -1,4 +1,4 @@
-"""sin, cos, where ...: each call uses the namespace of its arguments.
+"""Scalar functions sin, cos, where and others, dispatched on the type of their arguments.
 
 Python numbers go to :mod:`skyarm.algebra.scalars.floats`. Arrays go to the library they come from, which must already
 be imported for such an array to exist: nothing heavy is imported here. The tracer registers its own node type.
@@ -18,7 +18,7 @@ _NAMESPACES: dict[type, Any] = {}
 
 
 def register(kind: type, namespace: Any) -> None:
-    """Make ``kind`` a scalar whose functions are the attributes of ``namespace``."""
+    """Register a scalar type ``kind`` with the module ``namespace`` that implements its functions."""
     _NAMESPACES[kind] = namespace
 
 
@@ -53,7 +53,7 @@ def _casadi_namespace(casadi: Any) -> SimpleNamespace:
 
 
 def _discover(kind: type) -> SimpleNamespace:
-    """Namespace of an array type, from the library its class or a base class comes from."""
+    """Namespace of an array type, from the library that defines its class or a base class."""
     for base in kind.__mro__:
         root = base.__module__.split(".")[0]
         if root == "numpy":
@@ -68,7 +68,7 @@ def _discover(kind: type) -> SimpleNamespace:
 
 
 def _namespace(*values: Any) -> Any:
-    """Namespace of the first value that is not a plain Python number."""
+    """Function namespace of the first value that is not a plain Python number."""
     kind: type = float
     for value in values:
         if type(value) not in _PYTHON:
@@ -82,7 +82,7 @@ def _namespace(*values: Any) -> Any:
 
 
 def _function(name: str, meaning: str) -> Callable[..., Scalar]:
-    """The function of this name in the namespace of its arguments."""
+    """Look up a function by name in the namespace of its arguments."""
 
     def call(*values: Any) -> Any:
         return getattr(_namespace(*values), name)(*values)
@@ -115,7 +115,7 @@ logical_not = _function("logical_not", "Opposite condition.")
 
 
 def divide(a: Scalar, b: Scalar) -> Scalar:
-    """Return a / b with IEEE zeros; use it wherever the denominator can vanish."""
+    """Return a / b with IEEE results for division by zero; for any denominator that can vanish."""
     if type(b) is int and b == 1:
         return a
     quotient: Scalar = _namespace(a, b).divide(a, b)
@@ -123,20 +123,20 @@ def divide(a: Scalar, b: Scalar) -> Scalar:
 
 
 def minimum(value: Scalar, bound: Scalar) -> Scalar:
-    """Return the smaller of two; a NaN in ``value`` stays NaN, so a crash is never hidden by a limit."""
+    """Return the smaller of two numbers; a NaN in ``value`` stays NaN, so that limits never hide a failure."""
     return where(bound < value, bound, value)
 
 
 def maximum(value: Scalar, bound: Scalar) -> Scalar:
-    """Return the larger of two; a NaN in ``value`` stays NaN, so a crash is never hidden by a limit."""
+    """Return the larger of two numbers; a NaN in ``value`` stays NaN, so that limits never hide a failure."""
     return where(bound > value, bound, value)
 
 
 def clip(value: Scalar, lower: Scalar, upper: Scalar) -> Scalar:
-    """Value held between two limits; NaN stays NaN."""
+    """Value clipped between two limits; NaN stays NaN."""
     return minimum(maximum(value, lower), upper)
 
 
 def sign(x: Scalar) -> Scalar:
-    """-1, 0 or +1."""
+    """Sign of a number: -1, 0 or +1."""
     return where(x > 0.0, 1.0, where(x < 0.0, -1.0, x))  # what is left is a signed zero or NaN

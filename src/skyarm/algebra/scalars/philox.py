@@ -1,4 +1,4 @@
-"""Counter-based noise: Philox4x32-10, so that every engine draws the same numbers from the same four keys.
+"""Counter-based random numbers (Philox4x32-10), identical on every engine for the same keys.
 
 A draw has no memory: it is a pure function of (seed, episode, channel, step), whatever was drawn before it, in whatever
 order and on whatever engine. The layout is a promise; an engine that draws noise itself must follow it bit by bit.
@@ -42,7 +42,7 @@ Words = NDArray[np.uint64]
 
 
 def philox4x32(counter: tuple[Any, Any, Any, Any], key: tuple[Any, Any]) -> tuple[Words, Words, Words, Words]:
-    """Encrypt counters with a key: four words of 32 bits, each in an array of uint64.
+    """Philox4x32 block function: four 32-bit words from a counter and a key, each in an array of uint64.
 
     Args:
         counter: c0 ... c3, numbers or arrays below 2**32 that broadcast.
@@ -62,7 +62,7 @@ def philox4x32(counter: tuple[Any, Any, Any, Any], key: tuple[Any, Any]) -> tupl
 
 
 def uniform(seed: int, episode: ArrayLike, channel: int, steps: ArrayLike) -> NDArray[np.float64]:
-    """One uniform number of (0, 1) for each episode and step (they broadcast).
+    """One uniform random number in (0, 1) for each episode and step, which broadcast.
 
     Args:
         seed: whole number of 64 bits.
@@ -77,7 +77,7 @@ def uniform(seed: int, episode: ArrayLike, channel: int, steps: ArrayLike) -> ND
 
 
 def uniforms(seed: int, episode: ArrayLike, channel: int, steps: ArrayLike, count: int) -> NDArray[np.float64]:
-    """Independent uniform numbers, ``count`` for each episode and step along a new last axis."""
+    """Independent uniform random numbers, ``count`` for each episode and step along a new last axis."""
     key = _whole("seed", seed, 64)
     c1, c2, c3 = _whole("step", steps, 32), _whole("channel", channel, 32), _whole("episode", episode, 32)
     blocks = np.arange((_whole("count", count, 32) + np.uint64(1)) // np.uint64(2), dtype=np.uint64)
@@ -88,7 +88,7 @@ def uniforms(seed: int, episode: ArrayLike, channel: int, steps: ArrayLike, coun
 
 
 def normal(seed: int, episode: ArrayLike, channel: int, steps: ArrayLike, count: int) -> NDArray[np.float64]:
-    """Independent standard normal numbers, ``count`` for each episode and step along a new last axis.
+    """Independent standard normal random numbers, ``count`` for each episode and step along a new last axis.
 
     The first numbers do not depend on ``count``. Arguments and errors as :func:`uniform`.
     Source: Box, Muller 1958.
@@ -99,7 +99,7 @@ def normal(seed: int, episode: ArrayLike, channel: int, steps: ArrayLike, count:
 
 
 def normal_pair(a: Scalar, b: Scalar) -> tuple[Any, Any]:
-    """Two independent standard normal numbers from two uniform ones, over any scalar, equal on all engines to the bit.
+    """Two independent standard normal numbers from two uniform ones (Box-Muller), bitwise equal on all engines.
 
     Source: Box, Muller 1958.
     """
@@ -116,14 +116,14 @@ def normals(uniforms: Sequence[Scalar]) -> list[Scalar]:
 
 
 def _unit(low: Words, high: Words) -> NDArray[np.float64]:
-    """Odd multiples of 2**-53 from the upper 52 of 64 bits."""
+    """Uniform numbers in (0, 1), odd multiples of 2**-53, from the upper 52 of 64 bits."""
     kept = ((high << np.uint64(32)) | low) >> np.uint64(12)
     numbers: NDArray[np.float64] = (kept * np.uint64(2) + np.uint64(1)).astype(np.float64) * 2.0**-53
     return numbers
 
 
 def _whole(name: str, value: ArrayLike, bits: int) -> Any:
-    """Whole numbers below 2**bits as uint64."""
+    """Integers as uint64 after the check that they are below 2**bits."""
     numbers = np.asarray(value)
     whole = numbers.dtype.kind in "iu"
     if not whole or bool(np.any(numbers < 0)) or (bits < 64 and bool(np.any(numbers >= 2**bits))):

@@ -1,4 +1,4 @@
-"""Truncated Taylor series as scalars: laws written over any scalar then give time derivatives, exactly.
+"""Truncated Taylor series as a scalar type, for exact time derivatives of functions over any scalar.
 
 A series holds x(t0 + s) = c_0 + c_1 s + ... + c_K s^K; the k-th derivative is k! c_k. Coefficients are scalars of any
 kind and structural zeros among them fold, so that a constant costs nothing.
@@ -16,7 +16,7 @@ from skyarm.algebra.scalars.fold import Scalar, add, mul, neg, sub
 
 
 class Taylor:
-    """A series of fixed order; an operation keeps the lower order of its two series."""
+    """Taylor series of fixed order; an operation on two series keeps the lower order."""
 
     __slots__ = ("c",)
     __array_ufunc__ = None
@@ -26,16 +26,16 @@ class Taylor:
 
     @classmethod
     def of_derivatives(cls, derivatives: Sequence[Scalar]) -> Taylor:
-        """From value, first derivative, second ..."""
+        """Series from its value, first derivative, second derivative and so on."""
         return cls([mul(d, 1 if k < 2 else 1.0 / math.factorial(k)) for k, d in enumerate(derivatives)])
 
     @classmethod
     def constant(cls, value: Scalar, order: int) -> Taylor:
-        """A value that does not change."""
+        """Constant series."""
         return cls((value, *(0,) * order))
 
     def derivative(self, k: int) -> Scalar:
-        """The k-th derivative."""
+        """Value of the k-th derivative."""
         return mul(self.c[k], 1 if k < 2 else float(math.factorial(k)))
 
     def derivative_series(self) -> Taylor:
@@ -43,11 +43,11 @@ class Taylor:
         return Taylor([mul(c, 1 if k == 1 else float(k)) for k, c in enumerate(self.c) if k])
 
     def truncate(self, order: int) -> Taylor:
-        """The same series to a lower order."""
+        """Series truncated to a lower order."""
         return Taylor(self.c[: order + 1])
 
     def _terms(self, other: Any) -> tuple[Scalar, ...]:
-        """Coefficients of another operand, a constant if it is no series."""
+        """Coefficients of the other operand; a plain scalar counts as a constant series."""
         return other.c if isinstance(other, Taylor) else (other, *(0,) * (len(self.c) - 1))
 
     def __add__(self, other: Scalar) -> Taylor:
@@ -65,7 +65,7 @@ class Taylor:
         return Taylor([sub(a, b) for a, b in zip(self._terms(other), self.c, strict=False)])
 
     def __neg__(self) -> Taylor:
-        """Opposite."""
+        """Negation."""
         return Taylor([neg(a) for a in self.c])
 
     def __mul__(self, other: Any) -> Taylor:
@@ -88,7 +88,7 @@ class Taylor:
         return Taylor(q)
 
     def __rtruediv__(self, other: Scalar) -> Taylor:
-        """Quotient of a constant."""
+        """Quotient of a constant and this series."""
         return Taylor(self._terms(other)) / self
 
     def __lt__(self, other: Scalar) -> Any:
@@ -108,7 +108,7 @@ class Taylor:
         return self.c[0] >= self._terms(other)[0]
 
     def __float__(self) -> float:
-        """Refused: a series is not a number."""
+        """Always raise: a series is not a number."""
         raise TypeError("float() of a Taylor series; take derivative(0)")
 
     def __repr__(self) -> str:
@@ -124,7 +124,7 @@ def _convolve(a: Sequence[Scalar], b: Sequence[Scalar], k: int) -> Scalar:
 
 
 def _sine_cosine(x: Taylor) -> tuple[Taylor, Taylor]:
-    """k s_k = sum_j j x_j c_(k-j), k c_k = -sum_j j x_j s_(k-j)."""
+    """Sine and cosine series by k s_k = sum_j j x_j c_(k-j), k c_k = -sum_j j x_j s_(k-j)."""
     s, c = [functions.sin(x.c[0])], [functions.cos(x.c[0])]
     slope = [mul(float(j), x.c[j]) if j > 1 else x.c[j] for j in range(len(x.c))]
     for k in range(1, len(x.c)):
@@ -139,7 +139,7 @@ def _sine_cosine(x: Taylor) -> tuple[Taylor, Taylor]:
 
 
 class _TaylorFunctions:
-    """The functions of :mod:`skyarm.algebra.scalars` that series have."""
+    """Scalar functions of Taylor series, as a namespace for :mod:`skyarm.algebra.scalars`."""
 
     @staticmethod
     def sin(x: Taylor) -> Taylor:
@@ -171,7 +171,7 @@ class _TaylorFunctions:
 
 
 def choose(condition: Any, a: Any, b: Any) -> Taylor:
-    """``a`` where the condition (on values, not a series) holds, else ``b``, coefficient by coefficient."""
+    """Choose series ``a`` where the condition (on values, not a series) holds, else ``b``."""
     order = len((a if isinstance(a, Taylor) else b).c) - 1
     first, second = (x.c if isinstance(x, Taylor) else Taylor.constant(x, order).c for x in (a, b))
     pairs = zip(first, second, strict=False)

@@ -1,1 +1,1 @@
-"""Building blocks of several laws."""
+"""Building blocks shared by several control laws."""

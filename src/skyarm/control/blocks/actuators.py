@@ -1,4 +1,4 @@
-"""Actuators as a law models them: saturation, and commands that invert the motors' lag."""
+"""Modelled actuators of a law: saturation, and inversion of the motor lag."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def rotors_follow(mixer: Mixer, squares: Sequence[Scalar]) -> Any:
 
 
 def all_follow(applied: Sequence[Scalar]) -> Any:
-    """True while no command was changed on its way (:func:`skyarm.control.controller.with_applied_command`).
+    """True while every command was applied as desired, by flags from ``with_applied_command``.
 
     One for all: through the coupled dynamics what one actuator does not do is missing from every acceleration.
     """
@@ -38,13 +38,13 @@ def joints_follow(vehicle: Vehicle, efforts: Sequence[Scalar]) -> list[Scalar]:
 
 
 def limit_efforts(par: Parameters, efforts: Any) -> tuple[Scalar, ...]:
-    """Joint torques within the model's effort limits."""
+    """Joint torques clipped to the model's effort limits."""
     limits = [link.joint.effort_limit for link in par.model.vehicle.links]
     return tuple(clip(effort, -limit, limit) for effort, limit in zip(efforts, limits, strict=True))
 
 
 def command_for(rotor: Rotor, speed: Scalar, wanted: Scalar, dt: Scalar, share: Scalar) -> Any:
-    """Speed command (rad/s) after which the rotor's speed at the end of the period is ``wanted``.
+    """Speed command (rad/s) that brings a lagging rotor to the speed ``wanted`` at the end of the period.
 
     Args:
         rotor: with its two time constants.
@@ -66,7 +66,7 @@ def command_for(rotor: Rotor, speed: Scalar, wanted: Scalar, dt: Scalar, share: 
 def compensate_motor_lag(
     rotors: Sequence[Rotor], mixer: Mixer, force_rate: Vec3, squares: Sequence[Scalar], dt: Scalar, share: Scalar
 ) -> tuple[Scalar, ...]:
-    """Squared speeds, (rad/s)^2, changed by what the motors lag behind a force that varies as planned.
+    """Squared rotor speeds, (rad/s)^2, advanced to compensate the motor lag under a planned force rate.
 
     A target that :func:`command_for` is given once a period is followed dt / (1 - (1 - share) e) late, e = exp(-dt /
     tau); without that the mean speed of a period is the wanted one at its middle.

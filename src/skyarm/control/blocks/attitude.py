@@ -26,7 +26,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, slots=True)
 class Posture:
-    """Kinematics of a posture, base axes; every component a series or a structural number.
+    """Centre of mass, tip and link poses as Taylor series in time, base axes.
 
     Attributes:
         com: centre of mass of the whole vehicle. tip: its tip (the base origin if there is none).
@@ -39,7 +39,7 @@ class Posture:
 
 
 def posture(vehicle: Vehicle, joints: Sequence[Taylor], order: int) -> Posture:
-    """Posture of joint signals, to ``order`` derivatives."""
+    """Centre of mass, tip and link poses for joint trajectories given as Taylor series, to ``order`` derivatives."""
     # every number a series: an engine's scalar on the left of a product would not know what a series is
     lifted = rebuild(vehicle, iter([Taylor.constant(number, order) for number in leaves(vehicle)]))
     poses = tuple(link_poses(lifted, [q.truncate(order) for q in joints]))
@@ -55,12 +55,12 @@ def posture(vehicle: Vehicle, joints: Sequence[Taylor], order: int) -> Posture:
 
 
 def derivative(v: Vec3, k: int) -> Vec3:
-    """The k-th derivative of a vector of series, structural components constant."""
+    """The k-th derivative of a vector of Taylor series; structural components count as constant."""
     return Vec3(*(c.derivative(k) if isinstance(c, Taylor) else (c if k == 0 else 0) for c in v))
 
 
 def moving(values: Sequence[Scalar], *rates: Sequence[Any]) -> list[Taylor]:
-    """Series of signals from their values and derivatives."""
+    """Taylor series in time of signals from their values and derivatives."""
     return [Taylor.of_derivatives(each) for each in zip(values, *rates, strict=True)]
 
 
@@ -81,7 +81,7 @@ class Attitude:
 
 
 def reachable(force: Vec3, tilt: Scalar, floor: Scalar) -> Vec3:
-    """A force (series, N) with a vertical part of at least ``floor`` and at most the tangent ``tilt`` of tilt."""
+    """Force (Taylor series, N) with a vertical part of at least ``floor`` and a tilt of at most atan(``tilt``)."""
     z = choose(force.z > floor, force.z, floor)
     side = force.x * force.x + force.y * force.y
     steep = side > z * z * (tilt * tilt)
@@ -91,7 +91,7 @@ def reachable(force: Vec3, tilt: Scalar, floor: Scalar) -> Vec3:
 
 
 def upright(force: Vec3, weight: Scalar, start: Any) -> Vec3:
-    """The force with a larger vertical part where that is less than ``start`` of the weight: for the attitude alone.
+    """Force with its vertical part raised where it is below ``start`` of the weight, used for the attitude only.
 
     Near free fall the direction of a small force turns quickly, and noise in it asks for more torque than rotors at
     low speed give. With t = (start - f_z / weight) / width from 0 to 1 the vertical part is f_z + width weight
@@ -108,7 +108,7 @@ def upright(force: Vec3, weight: Scalar, start: Any) -> Vec3:
 
 
 def attitude(force: Vec3, yaw: Taylor) -> Attitude:
-    """Attitude whose b3 lies along a force and whose b1 is as near the heading as b3 allows; series of one order."""
+    """Attitude with body z along a force and body x as near the heading as possible, as Taylor series of one order."""
     c, s = cos(yaw), sin(yaw)
     b3 = _unit(force)
     # b3 x heading, heading = [c, s, 0]
@@ -128,7 +128,7 @@ def _unit(v: Vec3) -> Vec3:
 
 
 def _vee(R: Mat3, columns: list[Vec3]) -> Vec3:
-    """Axial vector of R^T A, A given by columns."""
+    """Axial vector of the skew part of R^T A, with A given by its columns."""
     return (R.T @ Mat3.columns(*columns)).vee_antisymmetric()
 
 
@@ -145,7 +145,7 @@ def angular_acceleration(gains: BaseGains, desired: Attitude, R: Mat3, w: Vec3) 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class BaseGains:
-    """Gains on accelerations.
+    """Feedback gains of the base: on the centre of mass and on the attitude, each as an acceleration.
 
     Attributes:
         position: 1/s^2. velocity: 1/s. Of the centre of mass, world axes.

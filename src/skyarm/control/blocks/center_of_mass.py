@@ -24,13 +24,13 @@ def locked_inertia(vehicle: Vehicle, joints: Sequence[Scalar]) -> SpatialInertia
 
 
 def central_inertia(locked: SpatialInertia) -> tuple[Vec3, Sym3]:
-    """Centre of mass (base frame, m) and rotational inertia about it (base axes, kg m^2): Steiner backwards."""
+    """Centre of mass (m, base frame) and rotational inertia about it (kg m^2, base axes): parallel-axis theorem."""
     center: Vec3 = locked.moment * divide(1.0, locked.mass)
     return center, locked.inertia - Sym3.parallel_axis(locked.mass, center)
 
 
 def center_velocity(vehicle: Vehicle, joints: Sequence[Scalar], joint_rates: Sequence[Scalar]) -> Vec3:
-    """Velocity of the centre of mass against the base, base axes, m/s: what the joint rates give it."""
+    """Velocity of the centre of mass relative to the base, due to the joint rates, m/s, base axes."""
     total: Vec3 = ZERO3
     for i, link in enumerate(vehicle.moving):
         columns = jacobian_columns(vehicle, Frame(name="com", link=i, position=link.body.com), joints)
@@ -46,7 +46,7 @@ def axes(vehicle: Vehicle, poses: Sequence[Pose]) -> list[Vec3]:
 
 
 def com_columns(vehicle: Vehicle, poses: Sequence[Pose]) -> list[Vec3]:
-    """Velocity of the centre of mass in base axes per unit of each joint rate, times the vehicle's mass."""
+    """Jacobian columns of the centre of mass by the joint rates, times the vehicle's mass, base axes."""
     if vehicle.followers:
         own = com_columns(vehicle.with_free_followers, poses)
         for each, column in zip(vehicle.followers, own[vehicle.n :], strict=True):
@@ -74,7 +74,7 @@ def arm_reaction(
     joint_rates: Sequence[Scalar],
     joint_accelerations: Sequence[Any],
 ) -> Force:
-    """Force and torque at the base origin that the arm's motion and the velocity products need, base axes.
+    """Force and torque at the base origin required by the arm's motion and by velocity products, base axes.
 
     With the base's origin and its rate unaccelerated; at rate zero the force is the mass times the acceleration of the
     centre of mass against the base.
@@ -93,7 +93,7 @@ def forces_under_thrust(
     angular: Vec3,
     joint_accelerations: Sequence[Any],
 ) -> tuple[Force, tuple[Any, ...], Vec3]:
-    """Torque on the base and joint torques for desired angular and joint accelerations under a given force.
+    """Inverse dynamics for desired angular and joint accelerations when the force on the base is given.
 
     The translational block of the mass matrix is m 1: the proper acceleration that follows is (f - F0) / m, with F0
     the force that the wanted accelerations need while the base's origin does not accelerate.
@@ -120,7 +120,7 @@ def forces_under_thrust(
 
 @dataclass(frozen=True, slots=True)
 class Reaction:
-    """Joint torques for joint accelerations under a given force on a base whose angular acceleration stays as desired.
+    """Reduced mass matrix of the joints, for a freely translating base whose angular acceleration stays as desired.
 
     Blocks of the mass matrix: t the base's translation, w its rotation, j the joints; the base's origin moves freely.
 
@@ -133,16 +133,16 @@ class Reaction:
     base: list[list[Scalar]]
 
     def torque(self, accelerations: Sequence[Scalar]) -> Vec3:
-        """Body torque of joint accelerations, N m, base axes."""
+        """Body torque required by joint accelerations, N m, base axes."""
         return Vec3(*(inner_product(row, accelerations) for row in self.base))
 
     def accelerations(self, efforts: Sequence[Scalar]) -> list[Scalar]:
-        """Joint accelerations of joint torques or forces."""
+        """Joint accelerations caused by joint torques or forces."""
         return ldl_solve(self.joints, list(efforts)) if self.joints else []
 
 
 def reaction(vehicle: Vehicle, joints: Sequence[Scalar]) -> Reaction:
-    """The reaction of an arm at a posture (rad or m)."""
+    """Reduced mass matrix of an arm at joint positions (rad or m), see :class:`Reaction`."""
     if not joints:
         return Reaction([], [[], [], []])
     M = dynamics.mass_matrix(vehicle, Mat3.identity(), joints)

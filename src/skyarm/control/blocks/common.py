@@ -19,7 +19,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 
 def wanted_specific_force(par: Parameters, measurement: Measurement, reference: Reference) -> Vec3:
-    """PD on position plus the reference's acceleration plus gravity, world axes, m/s^2: it points up in hover."""
+    """Desired specific force: position PD plus reference acceleration plus gravity, m/s^2, world axes (up in hover)."""
     down = downward_acceleration(
         par.gains,
         par.model.vehicle.mass,
@@ -32,7 +32,7 @@ def wanted_specific_force(par: Parameters, measurement: Measurement, reference: 
 
 
 def turn_towards(par: Parameters, measurement: Measurement, reference: Reference, R: Mat3, up: Vec3) -> Vec3:
-    """Angular acceleration that turns body z along ``up`` and the nose to the yaw, base axes, rad/s^2."""
+    """Angular acceleration, rad/s^2, base axes, that turns body z towards ``up`` and the heading to the desired yaw."""
     return attitude_loop(
         par.gains,
         par.model.vehicle.base.inertia,
@@ -46,14 +46,14 @@ def turn_towards(par: Parameters, measurement: Measurement, reference: Reference
 
 
 def arm_alone(par: Parameters, R: Mat3, joints: Any, joint_accelerations: Any) -> tuple[Scalar, ...]:
-    """Joint torques of an arm on a base that does not move: inertia and weight by the true attitude."""
+    """Joint torques for desired joint accelerations on a motionless base at attitude R, gravity included."""
     vehicle = par.model.vehicle
     weight = Motion(ZERO3, R.apply_T(E_Z * par.model.gravity))
     return dynamics.inverse_dynamics(vehicle, joints, ZERO3, (0,) * vehicle.n, weight, joint_accelerations)[1]
 
 
 def make_command(par: Parameters, torque: Vec3, thrust: Any, efforts: Any) -> tuple[Command, tuple[Any, ...]]:
-    """The command, and the squared rotor speeds before any limit."""
+    """Limited command for a body torque, a thrust and joint torques, and the squared rotor speeds before the limits."""
     speeds, squares = mix(par.mixer, torque, thrust)
     return Command(rotor_speeds=speeds, efforts=limit_efforts(par, efforts)), squares
 
@@ -64,7 +64,7 @@ def no_command(vehicle: Vehicle) -> Command:
 
 
 def standing_command(model: Model) -> Command:
-    """Command of a level hover with the joints at zero, as the model sees it."""
+    """Command of the model in level hover with all joints at zero."""
     vehicle = model.vehicle
     trim = hover_trim(vehicle, (0.0,) * vehicle.n, model.gravity)
     speeds = tuple(minimum(w, rotor.max_speed) for w, rotor in zip(trim.speeds, vehicle.rotors, strict=True))
@@ -80,7 +80,7 @@ def coupled_forces(
 
 
 def rotor_thrust(vehicle: Vehicle, speeds: Any) -> tuple[Vec3, Vec3]:
-    """Torque about and force at the base origin of rotors that turn in calm air, base axes."""
+    """Torque about and force at the base origin of rotors at given speeds in calm air, base axes."""
     torque, force = ZERO3, ZERO3
     for rotor, speed in zip(vehicle.rotors, speeds, strict=True):
         thrust = rotor.axis * (rotor.thrust_coefficient * (speed * speed))
@@ -90,5 +90,5 @@ def rotor_thrust(vehicle: Vehicle, speeds: Any) -> tuple[Vec3, Vec3]:
 
 
 def inverse_mass(vehicle: Vehicle) -> Scalar:
-    """1 / m."""
+    """Reciprocal of the vehicle's mass, 1/kg."""
     return divide(1.0, vehicle.mass)

@@ -50,7 +50,7 @@ from skyarm.sensing.measurement import Measurement
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class AccelerometerGains:
-    """Bandwidths, rad/s.
+    """Bandwidths of the observer with an accelerometer, rad/s.
 
     Attributes:
         force: at which the unknown force follows the accelerometer.
@@ -63,7 +63,7 @@ class AccelerometerGains:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Felt:
-    """Measurement of the base's translation over one period.
+    """Estimated velocity, accelerometer bias and change of the unknown force over one period.
 
     Attributes:
         velocity: of the base origin, world axes, m/s. bias: of the accelerometer, base axes, m/s^2; empty without one.
@@ -89,7 +89,7 @@ def measure_translation(
     joints: Sequence[Scalar],
     dt: Scalar,
 ) -> Felt:
-    """Measured translation over one period, with the accelerometer.
+    """Estimate the base's velocity and change of the unknown force over one period, with the accelerometer.
 
     A joint at its limit shakes the base by what the model lacks, because the disturbance of that joint is held: the
     measured velocity alone says the force then. Rotors at their limit hold nothing up: what they give is in the model.
@@ -133,7 +133,7 @@ def measure_translation(
 
 
 def first_observed(joints: int, rotor_speeds: Sequence[Scalar], accelerometer: bool = False) -> Observed:
-    """Memory before the first measurement, with the bias of an accelerometer where one is used."""
+    """Initial observer memory, with an accelerometer bias if ``accelerometer``."""
     zero, still = Vec3(0.0, 0.0, 0.0), (0.0,) * joints
     return Observed(
         position=zero,
@@ -151,7 +151,7 @@ def first_observed(joints: int, rotor_speeds: Sequence[Scalar], accelerometer: b
 
 
 def disturbance(observed: Observed) -> Disturbance:
-    """The observer's estimate of the disturbance."""
+    """Disturbance stored in the observer's memory."""
     return Disturbance(force=observed.force, torque=observed.torque, efforts=observed.efforts)
 
 
@@ -166,7 +166,7 @@ def observe(
     free: Sequence[Scalar],
     dt: Scalar,
 ) -> tuple[Observed, Told]:
-    """Memory at the measurement's time, and the accelerations of the model on the way to it.
+    """One observer update: its memory at the measurement's time, and the model's accelerations over the period.
 
     Args:
         model: belief.
@@ -244,7 +244,7 @@ def observe_uncompensated(
     free: Sequence[Scalar],
     dt: Scalar,
 ) -> Observed:
-    """:func:`observe` with its own estimate as what else pushes; modelled rotors begin at the measured speeds."""
+    """One observer update that uses its own estimate as the known disturbance; rotors start at the measured speeds."""
     speeds = choose_each(started > 0.5, memory.rotor_speeds, measurement.rotor_speeds)
     before = dataclasses.replace(memory, rotor_speeds=speeds)
     return observe(model, gains, before, measurement, acted, disturbance(before), started, free, dt)[0]
@@ -253,7 +253,7 @@ def observe_uncompensated(
 def unmodelled_thrust(
     model: Model, squares: Sequence[Scalar], half: Sequence[Scalar], speeds: Sequence[Scalar]
 ) -> Vec3:
-    """Thrust of all rotors at the end of a period minus the thrust in the model's prediction; N, base axes.
+    """Thrust of all rotors at the end of a period minus its mean in the model's prediction, N, base axes.
 
     Args:
         model: belief.
@@ -268,7 +268,7 @@ def unmodelled_thrust(
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Told:
-    """The model's prediction for the period before a measurement.
+    """Predicted accelerations of the model over the period before a measurement.
 
     Attributes:
         angular, joints: accelerations under the commands and the disturbance believed before, rad/s^2 or m/s^2.
@@ -283,7 +283,7 @@ class Told:
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Position (m), attitude and joints."""
+    """Base position (m), attitude and joint positions."""
 
     position: Vec3
     quaternion: Quaternion
@@ -291,7 +291,7 @@ class Place:
 
 
 def filter_pose(bandwidth: Scalar, memory: Observed, measurement: Measurement, started: Scalar, dt: Scalar) -> Place:
-    """Place carried by the estimated velocities and pulled towards the measured one; the measured one at first."""
+    """Filtered pose and joints: integrated from the estimated velocities, corrected by the measurement (low-pass)."""
     share = where(started > 0.5, low_pass_share(bandwidth, dt), 1.0)
     position = memory.position + memory.velocity * dt
     quaternion = memory.quaternion * Quaternion.of_small_rotation(memory.rate * dt)
@@ -306,7 +306,7 @@ def filter_pose(bandwidth: Scalar, memory: Observed, measurement: Measurement, s
 
 
 def nearer_sign(q: Quaternion, before: Quaternion) -> Quaternion:
-    """The representation, q or -q, of an attitude that is nearer to the attitude before."""
+    """Quaternion of the same attitude, q or -q, whose sign is nearer to ``before``."""
     near = q.w * before.w + q.x * before.x + q.y * before.y + q.z * before.z
     side = where(near < 0.0, -1.0, 1.0)
     return Quaternion(*(c * side for c in q))
@@ -315,7 +315,7 @@ def nearer_sign(q: Quaternion, before: Quaternion) -> Quaternion:
 def inertia_times(
     model: Model, R: Mat3, joints: Sequence[Scalar], linear_W: Vec3, angular_B: Vec3, joint: Sequence[Scalar]
 ) -> tuple[Vec3, Vec3, tuple[Scalar, ...]]:
-    """M times an acceleration, by inverse dynamics at rest without weight: force in W, torque in B, joint torques."""
+    """Mass matrix times an acceleration: force (world axes), torque (base axes) and joint torques."""
     still = (0,) * len(joints)
     base = Motion(angular_B, R.apply_T(linear_W))
     force, torques = dynamics.inverse_dynamics(model.vehicle, joints, ZERO3, still, base, joint)
@@ -361,7 +361,7 @@ class Observed:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ObserverGains:
-    """Bandwidths, rad/s: of the disturbance on the base's force, its torque, the joints; of the filter of the pose.
+    """Bandwidths of the disturbance observer, rad/s: force, torque, joint torques, and the pose filter.
 
     ``accelerometer`` is None where the measured velocity alone gives the force.
     """
@@ -378,6 +378,6 @@ UNFILTERED = 1e6
 
 
 def observer_gains(_model: Model, bandwidths: Any) -> ObserverGains:
-    """Gains from bandwidths of force, torque and joint torques, rad/s, without a filter of the pose."""
+    """Observer gains from bandwidths of force, torque and joint torques, rad/s, without a pose filter."""
     force, torque, joints = option_numbers("observer", bandwidths, 3)
     return ObserverGains(force=force, torque=torque, joints=joints, pose=UNFILTERED)

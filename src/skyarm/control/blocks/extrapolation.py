@@ -1,4 +1,4 @@
-"""Held reference samples continued to the present, with derivatives up to the fourth.
+"""Extrapolation of sampled and held reference signals to the present, with derivatives up to the fourth.
 
 A sample brings value, rate and acceleration, as a trajectory message does; jerk and snap come from the accelerations of
 the last three samples, and are zero after a jump. At the sample with a_0 and those before it, a_1 and a_2, a period T
@@ -24,7 +24,7 @@ Sample = tuple[Any, Any, Any]
 
 
 def samples(reference: Reference) -> list[Sample]:
-    """(value, rate, acceleration) of x, y, z, yaw and the joints."""
+    """Reference samples (value, rate, acceleration) of x, y, z, yaw and each joint."""
     found = list(zip(reference.position, reference.velocity, reference.acceleration, strict=True))
     found.append((reference.yaw, reference.yaw_rate, reference.yaw_acceleration))
     joints = zip(reference.joints, reference.joint_rates, reference.joint_accelerations, strict=True)
@@ -39,7 +39,7 @@ def extrapolate(
     dt: Scalar,
     period: Scalar,
 ) -> tuple[list[Taylor], tuple[Channel, ...], Scalar]:
-    """Series of every signal at the present instant, the channels to remember, and the sample's new age.
+    """Reference signals extrapolated to the present as Taylor series, with their memory and the sample's age.
 
     Args:
         channels: as remembered.
@@ -63,7 +63,7 @@ def extrapolate(
 
 
 def _after(channel: Channel, sample: Sample, new: Any, due: Any, started: Scalar, period: Scalar) -> Channel:
-    """The channel with the held sample in it.
+    """Memory of a reference signal after the sample now held.
 
     Where one is due and nothing has changed, the motion is over: what jerk and snap it ended with do not go on.
     """
@@ -84,7 +84,7 @@ def _after(channel: Channel, sample: Sample, new: Any, due: Any, started: Scalar
 
 
 def _series(channel: Channel, sample: Sample, age: Scalar, period: Scalar) -> Taylor:
-    """Value to fourth derivative, ``age`` seconds after the sample; a constant signal keeps its structure."""
+    """Taylor series to fourth order of a reference signal, ``age`` seconds after its sample."""
     if all(type(c) is int and c == 0 for c in sample[1:]):
         return Taylor.constant(sample[0], 4)
     p, v, a = (data(c) for c in sample)
@@ -109,7 +109,7 @@ def _series(channel: Channel, sample: Sample, age: Scalar, period: Scalar) -> Ta
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Channel:
-    """The last sample of one reference signal, the accelerations before it, and how many of them are of one motion."""
+    """Memory of one reference signal: its last sample, two earlier accelerations, and how many belong to one motion."""
 
     value: Annotated[Scalar, Unit("", "last sample of a reference signal: x, y, z, yaw, joints")] = 0.0
     rate: Annotated[Scalar, Unit("", "per second")] = 0.0

@@ -1,4 +1,4 @@
-"""Low-pass filters in discrete time, one scalar signal each."""
+"""Discrete-time low-pass filters of scalar signals."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ def low_pass(old: Any, new: Any, bandwidth: Scalar, dt: Scalar) -> Any:
 
 
 def low_pass_share(bandwidth: Any, dt: Scalar) -> Scalar:
-    """The share of a difference that a first-order low-pass makes good in one period; bandwidth in rad/s, dt in s."""
+    """Gain 1 - exp(-w dt) of a first-order low-pass per period, for a bandwidth w in rad/s and dt in s."""
     return 1.0 - exp(-(bandwidth * dt))
 
 
 def double_pole(bandwidth: Scalar, dt: Scalar) -> tuple[Scalar, Scalar]:
-    """L1 and L2, which place both poles of an observer at b = exp(-bandwidth dt); bandwidth in rad/s, dt in s."""
+    """Observer gains (L1, L2) that place both poles at exp(-bandwidth dt); bandwidth in rad/s, dt in s."""
     b = exp(-(bandwidth * dt))
     return 1.0 - b * b, (1.0 - b) * (1.0 - b)
 
@@ -41,14 +41,14 @@ class Butterworth:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Taps:
-    """State of one filtered signal: the two sums of the transposed direct form."""
+    """State of one Butterworth filter: the two sums of the transposed direct form."""
 
     first: Annotated[Scalar, Unit("", "first sum of a filter, in its signal's unit")] = 0.0
     second: Annotated[Scalar, Unit("", "second sum of a filter, in its signal's unit")] = 0.0
 
 
 def butterworth(cutoff: Scalar, dt: Scalar) -> Butterworth:
-    """Coefficients for a cut-off frequency in Hz, below 1 / (2 dt); bilinear transform, prewarped.
+    """Butterworth coefficients for a cut-off frequency in Hz, below 1 / (2 dt); prewarped bilinear transform.
 
     Source: Oppenheim, Schafer, Discrete-Time Signal Processing, chapter 7; the filter of Smeur, Chu, de Croon 2016.
     """
@@ -59,12 +59,12 @@ def butterworth(cutoff: Scalar, dt: Scalar) -> Butterworth:
 
 
 def settle(value: Any, par: Butterworth) -> Taps:
-    """Taps of a filter that has seen ``value`` for ever."""
+    """Steady filter state for a constant input ``value``."""
     return Taps(first=value * (1.0 - par.b0), second=value * (par.b0 - par.a2))
 
 
 def apply_butterworth(taps: Taps, value: Any, par: Butterworth) -> tuple[Taps, Scalar]:
-    """Next taps and the output."""
+    """One Butterworth filter step: next filter state and output."""
     out = par.b0 * value + taps.first
     return Taps(first=par.b1 * value - par.a1 * out + taps.second, second=par.b0 * value - par.a2 * out), out
 
@@ -72,6 +72,6 @@ def apply_butterworth(taps: Taps, value: Any, par: Butterworth) -> tuple[Taps, S
 def filtered_all(
     taps: Sequence[Taps], values: Sequence[Scalar], par: Butterworth
 ) -> tuple[tuple[Taps, ...], list[Scalar]]:
-    """:func:`filtered` for each of several signals."""
+    """One Butterworth filter step of each of several signals: next states and outputs."""
     pairs = [apply_butterworth(each, value, par) for each, value in zip(taps, values, strict=True)]
     return tuple(following for following, _ in pairs), [out for _, out in pairs]

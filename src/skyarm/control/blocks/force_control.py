@@ -61,7 +61,7 @@ def interact(
     dt: Scalar,
     felt: Vec3 | None = None,
 ) -> tuple[InteractionMemory, Pressing]:
-    """One period of pressing.
+    """One control period of the contact force controller: its next memory, and its outputs for the rest of the law.
 
     Args:
         gains: constants.
@@ -123,7 +123,7 @@ def interact(
 def touches(
     gains: InteractionGains, memory: InteractionMemory, asked: Scalar, along: Scalar, into: Scalar, dt: Scalar
 ) -> tuple[Scalar, Scalar]:
-    """Contact of the tip (1 or 0), with hysteresis; and progress towards its loss, 1 at the loss."""
+    """Contact detection with hysteresis: contact (1 or 0), and progress towards its loss (1 at the loss)."""
     was = memory.touching > 0.5
     weak, through = (
         where(along < gains.lost, dt / gains.loss_time, 0.0),
@@ -139,7 +139,7 @@ def touches(
 
 
 def ramp_share(gains: InteractionGains, share: Scalar, touching: Scalar, dt: Scalar) -> Scalar:
-    """The share of the desired force one period later."""
+    """Ramp of the desired force one period later, 0 to 1: rises in contact, falls without."""
     return clip(share + where(touching > 0.5, dt / gains.rise, -dt / gains.fall), 0.0, 1.0)
 
 
@@ -154,7 +154,7 @@ def integrate_force_error(
     dt: Scalar,
     signed: bool = False,
 ) -> Scalar:
-    """The bounded integral of the force's error, N: still while the ramp runs, none without contact.
+    """Bounded integral of the force error, N: held while the force ramps up, zero without contact.
 
     With ``relieved`` (0 to 1, at an actuator's limit) the order does not grow.
     """
@@ -167,7 +167,7 @@ def integrate_force_error(
 def normal_shift(
     gains: InteractionGains, memory: InteractionMemory, asked: Scalar, touching: Scalar, speed: Scalar, dt: Scalar
 ) -> tuple[Scalar, Scalar, Scalar]:
-    """Shift of the reference along the normal with two derivatives: it comes, follows the surface, or returns."""
+    """Shift of the reference along the normal with two derivatives: approaches, follows the surface, or returns."""
     s, rate, w = memory.shift, memory.shift_rate, gains.follow
     speed = where(memory.found > 0.0, minimum(speed, gains.again), speed)
     coming = where(s > -gains.furthest, -speed, 0.0)
@@ -183,7 +183,7 @@ def normal_shift(
 def update_bias(
     gains: InteractionGains, bias: Disturbance, d: Disturbance, force: Vec3, asked: Scalar, free: Scalar, dt: Scalar
 ) -> Disturbance:
-    """The bias one period later: all of it in free flight, the base's force by what the tip's does not explain."""
+    """Bias of the observed disturbance one period later: all of it in free flight, only the base force in contact."""
     learns = logical_and(logical_not(asked), free > gains.rest)
     share = where(learns, low_pass_share(gains.bias_rate, dt), 0.0)
     wind = where(learns, share, where(asked, low_pass_share(gains.wind_rate, dt), 0.0))
@@ -192,13 +192,13 @@ def update_bias(
 
 
 def contact_cleared(gains: InteractionGains, memory: InteractionMemory) -> Scalar:
-    """1 where nothing of a contact is left in what is observed, else 0."""
+    """1 when the observed disturbance is free of contact effects, else 0."""
     return where(maximum(memory.free - gains.rest, 0.0) > 0.0, 1.0, 0.0)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Pressing:
-    """Contact order of an instant for the rest of the law.
+    """Contact force command of one period, for the rest of the law.
 
     Attributes:
         n: out of the surface. share: 0 free, 1 pressing. damping: 1/s, of the tip along n where it presses.
@@ -220,7 +220,7 @@ class Pressing:
     asked: Scalar = False
 
     def with_order(self, d: Disturbance, then: TipLevers, now: TipLevers) -> Disturbance:
-        """The disturbance with the order in place of the observed force along n, by the present levers."""
+        """Disturbance with the observed contact force replaced by the commanded one along the normal."""
         across = self.force - self.n * self.n.dot(self.force)
         wanted = across * self.kept + self.n * self.order
         borne = wanted + self.n * self.beyond
@@ -239,7 +239,7 @@ SENSING = 60.0
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class InteractionGains:
-    """Constants of pressing; touch and lost are options, the others are in no unit of the vehicle's size."""
+    """Constants of the contact force controller."""
 
     touch: Annotated[Scalar, Unit("N", "along the normal, above which the tip touches")]
     lost: Annotated[Scalar, Unit("N", "along the normal, below which it is lost after a while")]
@@ -273,7 +273,7 @@ class InteractionGains:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class InteractionMemory:
-    """Memory of pressing."""
+    """Memory of the contact force controller."""
 
     touching: Annotated[Scalar, Unit("", "1 while the tip touches as it is wanted to")] = 0.0
     losing: Annotated[Scalar, Unit("", "0 to 1, how far contact is on its way to count as lost")] = 0.0
@@ -292,7 +292,7 @@ class InteractionMemory:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Wanted:
-    """A desired contact of the reference: N, m/s and the unit normal out of the surface, world axes.
+    """Desired contact: force (N), approach speed (m/s) and unit normal out of the surface, world axes.
 
     Attributes:
         grip: 1 while the tip grips; a structural 0 where it never does.
@@ -308,7 +308,7 @@ class Wanted:
 
     @property
     def grips(self) -> bool:
-        """True if the tip ever grips: structure."""
+        """True if the tip may grip in this flight; known before compilation."""
         return type(self.grip) is not int
 
     @property
@@ -319,12 +319,12 @@ class Wanted:
 
     @property
     def presses(self) -> Scalar:
-        """True if the tip shall press on a surface, which it may slide along."""
+        """True while the tip shall press on a surface, and not grip."""
         wanted: Scalar = self.force > 0.0
         return logical_and(wanted, self.grip < 0.5) if self.grips else wanted
 
     def about_the_pivot(self, tip: Vec3) -> Wanted:
-        """The same contact with the normal out of the axis to the tip (m, world axes) while it grips."""
+        """Desired contact with the normal away from the arc's axis towards the tip (m, world axes) while it grips."""
         if self.pivot is None or self.axis is None:
             return self
         out = out_of_axis(tip, self.pivot, self.axis, self.grip > 0.5, self.normal)
@@ -332,7 +332,7 @@ class Wanted:
 
 
 def require_thresholds(thresholds: tuple[float, float], leads: bool, mode: str = "tip") -> None:
-    """Refuse forces of touch and loss (N) that are none, or a law that leads no tip; it would in a mode ``mode``.
+    """Reject invalid force thresholds of contact (N), or a law that does not control the tip.
 
     Raises:
         ControllerError: one line.
@@ -348,12 +348,12 @@ def require_thresholds(thresholds: tuple[float, float], leads: bool, mode: str =
 
 
 def first_interaction(joints: int, sensor: bool = False) -> InteractionMemory:
-    """Free flight, nothing known."""
+    """Initial memory of the contact force controller: free flight."""
     return InteractionMemory(bias=no_disturbance(joints), felt=Vec3(0.0, 0.0, 0.0) if sensor else ())
 
 
 def wanted_of(push: Sequence[Scalar]) -> Wanted:
-    """The field ``push`` of a reference."""
+    """Desired contact from the field ``push`` of a reference."""
     force, speed, *normal = push[:5]
     grip = where(push[5] > 0.5, 1.0, 0.0) if len(push) > 5 else 0
     pivot, axis = (Vec3(*push[6:9]), Vec3(*push[9:])) if len(push) > 6 else (None, None)

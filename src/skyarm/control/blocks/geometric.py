@@ -1,4 +1,4 @@
-"""The geometric position controller as RotorS flies it.
+"""Geometric position controller of RotorS.
 
 Source: Lee, Leok, McClamroch 2010; Furrer et al. 2016 (RotorS), lee_position_controller.cpp at commit cd813b7a8c37;
 eq. (80)-(85) of Barakou et al. 2026. Deviations: two degenerate cases have a value, which RotorS leaves as NaN.
@@ -56,7 +56,7 @@ def desired_attitude(a_d: Vec3, yaw: Scalar, R_WB: Mat3) -> Mat3:
 
 
 def _unit(v: Vec3, length: Scalar, vanishes: Any, otherwise: Vec3) -> Vec3:
-    """Return v / length, or ``otherwise`` where the length vanishes; never by way of an infinity."""
+    """Unit vector v / length, or ``otherwise`` where ``vanishes``; never divides by zero."""
     direction = v * divide(1.0, where(vanishes, 1.0, length))
     return Vec3(*(where(vanishes, x, y) for x, y in zip(otherwise, direction, strict=True)))
 
@@ -97,7 +97,7 @@ def attitude_loop(
     w_B: Vec3,
     rate_form: str,
 ) -> Vec3:
-    """alpha_d, body axes, rad/s^2, that turns the thrust towards -a_d and the nose to the yaw: (83) to (85)."""
+    """Angular acceleration that turns the thrust to -a_d and the nose to the yaw, body axes, rad/s^2: (83) to (85)."""
     R_d = desired_attitude(a_d, yaw, R_WB)
     e_w = rate_error(w_B, R_WB, R_d, yaw_rate, rate_form)
     return angular_acceleration(gains, inertia, attitude_error(R_WB, R_d), e_w)

@@ -1,4 +1,4 @@
-"""The model in motion: forces of its rotors in still air, its acceleration, and its steps across a known delay."""
+"""Model prediction for control laws: rotor forces in still air, accelerations, and integration over a known delay."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Disturbance:
-    """Forces outside of the model: N, world axes, at the base origin; N m, base axes; of the joints."""
+    """Disturbance on the model: force (N, world axes) and torque (N m, base axes) on the base, and joint efforts."""
 
     force: Annotated[Vec3, Unit("N", "fed forward, world axes")]
     torque: Annotated[Vec3, Unit("N m", "fed forward, base axes")]
@@ -43,7 +43,7 @@ class Disturbance:
         )
 
     def blend_towards(self, new: Disturbance, share: Scalar, force_share: Scalar) -> Disturbance:
-        """A share of the way towards a new one, and another share of its force: as a memory keeps it."""
+        """Low-pass step towards a new disturbance, with a separate filter gain for its force."""
         return Disturbance(
             force=vector_data(self.force + (new.force - self.force) * force_share),
             torque=vector_data(self.torque + (new.torque - self.torque) * share),
@@ -52,7 +52,7 @@ class Disturbance:
 
 
 def no_disturbance(joints: int) -> Disturbance:
-    """None, as a memory keeps it."""
+    """Zero disturbance in the data types of a law's memory."""
     zero = Vec3(0.0, 0.0, 0.0)
     return Disturbance(force=zero, torque=zero, efforts=(0.0,) * joints)
 
@@ -62,14 +62,14 @@ SUBSTEPS = 5
 
 
 def rotor_wrench(model: Model, squares: Sequence[Scalar], sideways: bool = False) -> Force:
-    """Torque and thrust along body z of squared rotor speeds, or in all directions: what the mixer commands."""
+    """Mixer's wrench of squared rotor speeds: torque and thrust along body z; with ``sideways`` the whole force."""
     rows = allocation_matrix(model.vehicle, sideways)
     x, y, z, thrust, *across = (inner_product(row, squares) for row in rows)
     return Force(Vec3(x, y, z), Vec3.of([*(across or (0, 0)), thrust]))
 
 
 def side_wrench(model: Model, speeds: Sequence[Scalar], velocity_B: Vec3, rate: Vec3, sideways: bool = False) -> Force:
-    """Rotor wrench in addition to :func:`rotor_wrench`: hub drag in still air, rolling moment, thrust across body z."""
+    """Rotor wrench that the mixer omits: hub drag in still air, rolling moment, and thrust across body z."""
     total = Force(ZERO3, ZERO3)
     for rotor, speed in zip(model.vehicle.rotors, speeds, strict=True):
         total = total + rotor_force(rotor, speed, velocity_B + rate.cross(rotor.position))
@@ -77,7 +77,7 @@ def side_wrench(model: Model, speeds: Sequence[Scalar], velocity_B: Vec3, rate: 
 
 
 def pushes_across(vehicle: Vehicle) -> bool:
-    """Return True if some rotor's axis is not body z."""
+    """Return True if some rotor's axis differs from body z."""
     return any(float(each) != 0.0 for rotor in vehicle.rotors for each in (rotor.axis.x, rotor.axis.y))
 
 
@@ -90,7 +90,7 @@ def reference_drag(
     moving: bool,
     across: bool,
 ) -> list[Vec3]:
-    """Force of the rotors but for thrust along body z at the reference's motion (N, world), two derivatives.
+    """Rotor force other than thrust along body z, for the reference's motion, with two derivatives, N, world axes.
 
     The present motion would feed noise and errors into the posture. Hub drag is linear in the velocity; the push of
     tilted rotors across body z is constant, and the derivatives leave it out.
@@ -122,7 +122,7 @@ def with_side(
     rate: Vec3,
     sideways: bool = False,
 ) -> Disturbance:
-    """A disturbance plus the :func:`side_wrench` at a world velocity."""
+    """Disturbance plus the rotor wrench that the mixer omits (:func:`side_wrench`), at a world velocity."""
     side = side_wrench(model, speeds, R.apply_T(velocity), rate, sideways)
     return Disturbance(
         force=unknown.force + R.apply(side.force),
@@ -141,7 +141,7 @@ def acceleration(
     efforts: Sequence[Scalar],
     unknown: Disturbance,
 ) -> tuple[Vec3, Vec3, tuple[Scalar, ...]]:
-    """d/dt of world velocity, body rate and joint rates."""
+    """Accelerations of the model: derivatives of world velocity, body rate and joint rates."""
     total = Force(applied.torque + unknown.torque, applied.force + R.apply_T(unknown.force))
     given = [limited_effort(link.joint, effort) for link, effort in zip(model.vehicle.links, efforts, strict=True)]
     return acceleration_under(model, R, rate, joints, joint_rates, total, given, unknown.efforts, joint_rates)
@@ -158,7 +158,7 @@ def acceleration_under(
     extra: Sequence[Scalar],
     dry_rates: Sequence[Scalar],
 ) -> tuple[Vec3, Vec3, tuple[Scalar, ...]]:
-    """The same under ``total``, the total wrench on the base: the one right-hand side of every law's model.
+    """Accelerations of the model under the total wrench ``total`` on the base, joint efforts and extra joint forces.
 
     ``efforts`` are what drives give, within their limits; friction is taken from them, its dry part at ``dry_rates``;
     ``extra`` acts on the joints beside them.

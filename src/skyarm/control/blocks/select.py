@@ -1,4 +1,4 @@
-"""Choose between two values, vectors or tuples by a condition that may be traced."""
+"""Selection between two values, vectors or tuples by a condition that may be traced."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from skyarm.algebra.scalars import Scalar, where
 
 
 def data(value: Any) -> Any:
-    """A structural number as data: a memory keeps its shape whatever the reference folds to."""
+    """Convert an int constant to a float, so that a memory keeps its data types."""
     return float(value) if type(value) is int else value
 
 
 def vector_data(v: Vec3) -> Vec3:
-    """:func:`data` of a vector."""
+    """Convert the int constants of a vector to floats, so that a memory keeps its data types."""
     return Vec3(*(data(c) for c in v))
 
 
@@ -24,5 +24,5 @@ def choose(condition: Any, a: Vec3, b: Vec3) -> Vec3:
 
 
 def choose_each(condition: Scalar, a: tuple[Scalar, ...], b: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
-    """Entries of ``a`` where the condition holds, else those of ``b``."""
+    """Select, entry by entry, tuple ``a`` where the condition holds, else ``b``."""
     return tuple(where(condition, data(x), data(y)) for x, y in zip(a, b, strict=True))

@@ -1,4 +1,4 @@
-"""Force at the tip from the estimate of the disturbance observer.
+"""Estimate of the force at the tip from the disturbance observer.
 
 A force f at the tip (base axes) appears in the observed disturbance as J^T f at the joints, r x f in the base's torque
 and f in its force, in addition to the bias b of wind, wrong masses and friction: f is the weighted least squares
@@ -28,21 +28,21 @@ AXES = (Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1))
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ForceErrors:
-    """Errors of the tip force from parts of the disturbance: the error of each that weighs as 1 N of the base's."""
+    """Error weights of the tip force estimate: error of each disturbance part that counts as 1 N on the base."""
 
     turning: Annotated[Scalar, Unit("N m", "of a joint that turns, as much as 1 N of the base's force")] = 0.0045
     sliding: Annotated[Scalar, Unit("N", "of a joint that slides, as much as 1 N of the base's force")] = 0.02
     base: Annotated[Scalar, Unit("N m", "of the base's torque, as much as 1 N of its force")] = 0.055
 
     def weight_of(self, link: Link) -> Scalar:
-        """Weight of a joint's effort against the base's force."""
+        """Least-squares weight of a joint's effort relative to the base force."""
         error = self.turning if link.joint.turns else self.sliding
         return divide(1.0, error * error)
 
 
 @dataclass(frozen=True, slots=True)
 class TipLevers:
-    """Levers from a force at the tip to base and joints.
+    """Tip Jacobian at one configuration: maps a force at the tip to base and joints.
 
     Attributes:
         vehicle: model. R: R_WB.
@@ -55,13 +55,13 @@ class TipLevers:
     columns: tuple[Vec3, ...]
 
     def disturbance(self, force: Vec3) -> Disturbance:
-        """Disturbance on base and joints of a force at the tip (N, world axes)."""
+        """Disturbance on base and joints caused by a force at the tip (N, world axes)."""
         own = self.R.apply_T(force)
         efforts = tuple(column.dot(own) for column in self.columns)
         return Disturbance(force=force, torque=self.tip.cross(own), efforts=efforts)
 
     def velocity(self, base: Vec3, rate: Vec3, joint_rates: Sequence[Scalar]) -> Vec3:
-        """Velocity of the tip (m/s, world axes) under those of base (world axes), body and joints."""
+        """Velocity of the tip (m/s, world axes) from base velocity (world axes), body rate and joint rates."""
         moving = rate.cross(self.tip)
         for column, joint_rate in zip(self.columns, joint_rates, strict=True):
             moving = moving + column * joint_rate
@@ -70,14 +70,14 @@ class TipLevers:
 
 
 def levers(vehicle: Vehicle, R: Mat3, joints: Sequence[Scalar]) -> TipLevers:
-    """Levers of the tip at an attitude and joint positions."""
+    """Tip Jacobian at an attitude and joint positions."""
     frame = vehicle.frame()
     columns = tuple(column.linear for column in jacobian_columns(vehicle, frame, joints))
     return TipLevers(vehicle, R, frame_pose(vehicle, frame, joints).p, columns)
 
 
 def tip_force(errors: ForceErrors, at: TipLevers, rest: Disturbance) -> Vec3:
-    """Force at the tip, N, world axes, in the observed disturbance without its bias: weighted least squares."""
+    """Force at the tip, N, world axes, by weighted least squares from the observed disturbance less its bias."""
     squares = LeastSquares(3)
     squares.prefer(at.R.apply_T(rest.force), 1)
     for link, column, effort in zip(at.vehicle.links, at.columns, rest.efforts, strict=True):
@@ -89,27 +89,27 @@ def tip_force(errors: ForceErrors, at: TipLevers, rest: Disturbance) -> Vec3:
 
 
 class LeastSquares:
-    """Normal equations A x = b of weighted least squares, of which the lower triangle of A counts."""
+    """Normal equations A x = b of a weighted least-squares problem; only the lower triangle of A is used."""
 
     def __init__(self, n: int) -> None:
         self.A: list[list[Scalar]] = [[0] * n for _ in range(n)]
         self.b: list[Scalar] = [0] * n
 
     def require(self, columns: Sequence[Any], wanted: Any, weight: Scalar) -> None:
-        """Add weight |columns x - b|^2 with b = ``wanted``, of numbers or of vectors."""
+        """Add the term weight |columns x - b|^2 for the target b = ``wanted``, of numbers or vectors."""
         for i, c in enumerate(columns):
             self.b[i] = add(self.b[i], mul(weight, _product(c, wanted)))
             for j, d in enumerate(columns[: i + 1]):
                 self.A[i][j] = add(self.A[i][j], mul(weight, _product(c, d)))
 
     def prefer(self, values: Iterable[Scalar], weight: Scalar, first: int = 0) -> None:
-        """Add weight |x - values|^2, of the unknowns from ``first`` on."""
+        """Add the term weight |x - values|^2 for the unknowns from index ``first`` on."""
         for i, value in enumerate(values, first):
             self.A[i][i] = add(self.A[i][i], weight)
             self.b[i] = add(self.b[i], mul(weight, value))
 
     def solve(self) -> tuple[Scalar, ...]:
-        """The least-squares solution."""
+        """Solution of the least-squares problem."""
         return tuple(ldl_solve(self.A, self.b))
 
 

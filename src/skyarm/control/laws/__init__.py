@@ -1,1 +1,1 @@
-"""Control laws, one folder or file each."""
+"""Control laws, one file or folder each."""

@@ -1,4 +1,4 @@
-"""The paper's computed torque with any of the steps that lead from it to the centroidal law.
+"""Ablation ladder: the paper's computed torque with any of the steps that lead to the centroidal law.
 
     a* = pdd_d + g e_z - (Kp e_p + Kv e_v) / m                         as (82), upwards
     f  = m a* [+ R F_arm(q, qd, qdd*)] [- d_f]                          thrust direction; thrust = f . R e_z
@@ -58,7 +58,7 @@ COUPLED_THRUST, CONSISTENT, OBSERVER, FEEDFORWARD, EXTRAPOLATION, LAG_INVERSION 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class StepParameters(Parameters):
-    """Constants in addition to the paper's.
+    """Constants of the ablation ladder in addition to the paper's.
 
     Attributes:
         steps: how many are taken, 1 to 6.
@@ -76,7 +76,7 @@ class StepParameters(Parameters):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class StepMemory:
-    """Memory of the law; parts of steps that are not taken are empty.
+    """Memory of the ablation ladder; fields of steps that are not taken are empty.
 
     Attributes:
         started: 0 before the first measurement.
@@ -100,7 +100,7 @@ TILT, FLOOR = 1.2, 0.15
 def stepped_computed_torque(
     memory: StepMemory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: StepParameters
 ) -> tuple[StepMemory, Command]:
-    """One control step."""
+    """One control step of the computed torque law with the first ``par.steps`` extensions."""
     steps, R = par.steps, measurement.quaternion.rotation()
     goal, channels, age = _present(memory, reference, dt, par)
     observed, unknown = _estimate_disturbance(memory, measurement, dt, par)
@@ -132,7 +132,7 @@ def stepped_computed_torque(
 def _present(
     memory: StepMemory, reference: Reference, dt: Scalar, par: StepParameters
 ) -> tuple[Reference, tuple[Any, ...], Any]:
-    """The reference at the present instant, and what to remember of its samples."""
+    """Reference extrapolated to the present, and the memory and age of its samples."""
     if par.steps < EXTRAPOLATION:
         return reference, (), memory.age
     series, channels, age = extrapolate(
@@ -162,7 +162,7 @@ def _present(
 def _estimate_disturbance(
     memory: StepMemory, measurement: Measurement, dt: Scalar, par: StepParameters
 ) -> tuple[Any, Disturbance]:
-    """The observer's memory and its estimate; nothing without it."""
+    """Observer memory and disturbance estimate; both empty or zero without an observer."""
     if not memory.observed:
         return (), Disturbance(force=ZERO3, torque=ZERO3, efforts=(0,) * par.model.vehicle.n)
     observed = observe_uncompensated(
@@ -177,7 +177,7 @@ def _estimate_disturbance(
 def _force(
     wanted: Vec3, measurement: Measurement, R: Mat3, qdd: Any, unknown: Disturbance, par: StepParameters
 ) -> Vec3:
-    """Desired force of the rotors, world axes, N: its direction is the desired thrust direction."""
+    """Desired rotor force, world axes, N; its direction is the desired thrust direction."""
     vehicle = par.model.vehicle
     force: Vec3 = wanted * vehicle.mass - unknown.force
     if par.steps < COUPLED_THRUST:
@@ -190,7 +190,7 @@ def _force(
 def _turn(
     force: Vec3, measurement: Measurement, goal: Reference, R: Mat3, unknown: Disturbance, par: StepParameters
 ) -> Vec3:
-    """Angular acceleration towards the force, base axes, rad/s^2."""
+    """Angular acceleration that turns the thrust towards a force, base axes, rad/s^2."""
     if par.steps < FEEDFORWARD:
         return turn_towards(par, measurement, goal, R, force)
     model = par.model
@@ -211,7 +211,7 @@ def _turn(
 def _force_series(
     force: Vec3, measurement: Measurement, goal: Reference, R: Mat3, unknown: Disturbance, par: StepParameters
 ) -> Vec3:
-    """The force with two derivatives: of the reference and of the PD, by the acceleration that the thrust gives."""
+    """Desired force with two derivatives, from the reference, the tracking errors and the present thrust."""
     mass, b3 = par.model.vehicle.mass, R.column(2)
     per_mass = divide(1.0, mass)
     b3d = R.apply(measurement.rate.cross(E_Z))
@@ -235,7 +235,7 @@ def _forces(
     unknown: Disturbance,
     par: StepParameters,
 ) -> tuple[Vec3, Any, list[Any]]:
-    """Body torque, thrust and joint efforts of the inverse dynamics, less what the disturbance does already."""
+    """Body torque, thrust and joint efforts by inverse dynamics, with the disturbance compensated."""
     vehicle, q = par.model.vehicle, measurement.joints
     rate, rates, weight = measurement.rate, measurement.joint_rates, R.apply_T(unknown.force)
     if par.steps >= CONSISTENT:
@@ -256,7 +256,7 @@ def _forces(
 
 
 def first_memory(par: StepParameters) -> StepMemory:
-    """Memory before the first measurement: a level hover with the joints at zero."""
+    """Initial memory: level hover with the joints at zero."""
     vehicle, steps = par.model.vehicle, par.steps
     standing = standing_command(par.model)
     return StepMemory(

@@ -28,7 +28,7 @@ from skyarm.sensing.measurement import Measurement
 def geometric_accelerations(
     par: Parameters, measurement: Measurement, reference: Reference, *, feedforward: bool
 ) -> tuple[Mat3, Vec3, Vec3]:
-    """R_WB, a_d of (82) (points down in hover) and alpha_d of (85)."""
+    """Attitude R_WB, desired acceleration a_d of (82) (down in hover), and angular acceleration alpha_d of (85)."""
     R = measurement.quaternion.rotation()
     vehicle = par.model.vehicle
     a_d = downward_acceleration(
@@ -45,7 +45,7 @@ def geometric_accelerations(
 def rotors_sim_position(
     memory: Any, measurement: Measurement, reference: Reference, dt: Scalar, *, par: Parameters
 ) -> tuple[Any, Command]:
-    """RotorS's geometric position controller alone; joints get no torque."""
+    """RotorS's geometric position controller for the base; zero joint torques."""
     del dt
     speeds = _base_speeds(par, measurement, reference, feedforward=True)
     return memory, Command(rotor_speeds=speeds, efforts=(0.0,) * par.model.vehicle.n)
@@ -54,7 +54,7 @@ def rotors_sim_position(
 def decoupled_pd(
     memory: Any, measurement: Measurement, reference: Reference, dt: Scalar, *, par: Parameters
 ) -> tuple[Any, Command]:
-    """The paper's baseline: RotorS's controller on the base, PD with reduced gravity on the joints.
+    """The paper's baseline: RotorS's controller for the base, PD with simplified gravity for the joints.
 
     tau = Kp e + Kd ed + G(joints) at R = 1, limited to the joint's effort. Position and velocity references only.
 
@@ -71,7 +71,7 @@ def decoupled_pd(
 def hybrid_computed_torque(
     memory: Any, measurement: Measurement, reference: Reference, dt: Scalar, *, par: Parameters
 ) -> tuple[Any, Command]:
-    """Geometric accelerations into the fully coupled inverse dynamics, in body coordinates (no Euler singularity).
+    """Hybrid geometric computed torque: geometric accelerations through the coupled inverse dynamics, body axes.
 
     [-a_d; alpha_d; etadd_d] -> recursive Newton-Euler = M qdd + C qd + G of (49), (88); thrust is the force along body
     z (103), the torque goes to the rotors through the mixer, joint torques are limited.
@@ -92,7 +92,7 @@ def hybrid_computed_torque(
 def generalized_force(
     par: Parameters, R: Mat3, measurement: Measurement, base: Motion, qdd: tuple[Scalar, ...]
 ) -> tuple[Force, tuple[Scalar, ...]]:
-    """Inverse dynamics of the model at the measured state, less the terms an ablation takes away."""
+    """Inverse dynamics at the measured state, without the terms that an ablation disables."""
     vehicle, terms = par.model.vehicle, par.terms
     q = measurement.joints
     rate, rates = measurement.rate, measurement.joint_rates
@@ -114,14 +114,14 @@ def generalized_force(
 
 
 def level_joint_gravity(model: Model, joints: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
-    """Joint torques that carry the arm's weight with a level base: the reduced gravity of (78)-(79), for any arm."""
+    """Joint torques that hold the arm against gravity under a level base, (78)-(79), for any arm."""
     still = (0,) * model.vehicle.n
     level = Motion(ZERO3, E_Z * model.gravity)
     return dynamics.inverse_dynamics(model.vehicle, joints, ZERO3, still, level, still)[1]
 
 
 def joint_accelerations(par: Parameters, measurement: Measurement, reference: Reference) -> tuple[Scalar, ...]:
-    """etadd_d of (92): PD on acceleration, and the reference's acceleration if it is fed forward."""
+    """Desired joint accelerations of (92): PD, plus the reference's acceleration if it is fed forward."""
     pd = _joint_pd(par, measurement, reference)
     if not par.terms.feedforward:
         return pd
@@ -131,7 +131,7 @@ def joint_accelerations(par: Parameters, measurement: Measurement, reference: Re
 def with_friction(
     par: Parameters, measurement: Measurement, reference: Reference, efforts: Sequence[Scalar]
 ) -> tuple[Scalar, ...]:
-    """Joint torques with a share of the model's friction compensated.
+    """Joint torques with a share of the modelled friction compensated.
 
     Viscous friction is taken at the measured rate, Coulomb's at the reference's, which does not chatter. It belongs
     behind the inertia matrix: a joint's own friction moves nothing else.
@@ -152,7 +152,7 @@ def with_friction(
 
 
 def with_weighted_rates(par: Parameters, reference: Reference) -> Reference:
-    """The reference with weighted joint rates: set-point weights of the derivative."""
+    """Reference with weighted joint rates (set-point weighting of the derivative action)."""
     if not par.rate_weights:
         return reference
     rates = tuple(mul(weight, qd_d) for weight, qd_d in zip(par.rate_weights, reference.joint_rates, strict=True))
@@ -183,7 +183,7 @@ def _joint_pd(par: Parameters, measurement: Measurement, reference: Reference) -
 def _base_speeds(
     par: Parameters, measurement: Measurement, reference: Reference, *, feedforward: bool
 ) -> tuple[Scalar, ...]:
-    """Rotor speeds of RotorS's controller: torque I_b alpha_d, thrust -m a_d . (R e_3)."""
+    """Rotor speeds of RotorS's controller, for torque I_b alpha_d and thrust -m a_d . (R e_3)."""
     R, a_d, alpha = geometric_accelerations(par, measurement, reference, feedforward=feedforward)
     vehicle = par.model.vehicle
     speeds, _ = mix(par.mixer, vehicle.base.inertia.apply(alpha), body_thrust(vehicle.mass, a_d, R))

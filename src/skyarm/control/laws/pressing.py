@@ -1,4 +1,4 @@
-"""Two laws that press a surface with the paper's laws: hybrid force and motion control, and admittance control.
+"""Two contact laws built on the paper's laws: hybrid force/motion control, and admittance control.
 
 Both share an observer whose estimates are not compensated, only read: the tip's force along the surface's normal, its
 bias, touch and loss are those of the centroidal law (:mod:`skyarm.control.laws.centroidal.interaction`), so that only
@@ -71,7 +71,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PressingParameters(Parameters):
-    """Constants in addition to the paper's."""
+    """Constants of the contact laws in addition to the paper's."""
 
     observer: ObserverGains
     interaction: InteractionGains
@@ -79,7 +79,7 @@ class PressingParameters(Parameters):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PressingMemory:
-    """Memory of a rival that presses.
+    """Memory of the contact laws.
 
     Attributes:
         started: 0 before the first measurement. observed: of the observer. sent: the last command. interaction: of
@@ -94,7 +94,7 @@ class PressingMemory:
 
 @dataclass(frozen=True, slots=True)
 class Touch:
-    """State of the contact in a period.
+    """State of the contact in one period.
 
     Attributes:
         at: levers of the tip, as measured. pressing: of the interaction. force: N, wanted. along: N, observed, of the
@@ -113,7 +113,7 @@ class Touch:
 def observe_contact(
     memory: PressingMemory, measurement: Measurement, reference: Reference, dt: Scalar, par: PressingParameters
 ) -> tuple[PressingMemory, Touch | None]:
-    """One period of the observer and of touch and loss; no touch where the reference never requests contact."""
+    """One period of disturbance observer and contact detection; no contact state unless contact is requested."""
     vehicle = par.model.vehicle
     free = (1.0,) * (1 + vehicle.n)
     observed = observe_uncompensated(
@@ -132,7 +132,7 @@ def observe_contact(
 
 
 def shift_base(reference: Reference, n: Vec3, shift: tuple[Scalar, Scalar, Scalar]) -> Reference:
-    """The reference with the base's path moved along a normal (m, m/s, m/s^2)."""
+    """Reference with the base's path shifted along a normal (m, m/s, m/s^2)."""
     s, rate, acceleration = shift
     return dataclasses.replace(
         reference,
@@ -143,7 +143,7 @@ def shift_base(reference: Reference, n: Vec3, shift: tuple[Scalar, Scalar, Scala
 
 
 def thresholds(model: Model, forces: Any) -> InteractionGains:
-    """Constants of touch and loss from two forces along the normal, N: the tip touches above, and is lost below.
+    """Contact detection constants from two normal forces, N: contact above the first, loss below the second.
 
     Raises:
         ControllerError: forces that are none, or a vehicle whose joints move no tip.
@@ -157,7 +157,7 @@ def thresholds(model: Model, forces: Any) -> InteractionGains:
 
 
 def first_memory(par: PressingParameters) -> PressingMemory:
-    """Nothing was sent and nothing is known."""
+    """Initial memory: no command, no contact."""
     vehicle = par.model.vehicle
     return PressingMemory(
         started=0.0,
@@ -176,7 +176,7 @@ VAGUE = 0.01
 def hybrid_ct(
     memory: PressingMemory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: PressingParameters
 ) -> tuple[PressingMemory, Command]:
-    """The paper's computed torque across the normal, force along it."""
+    """Hybrid force/motion control: the paper's computed torque across the normal, force control along it."""
     after, touch = observe_contact(memory, measurement, reference, dt, par)
     if touch is None:
         _, command = hybrid_computed_torque((), measurement, reference, dt, par=par)
@@ -190,13 +190,13 @@ def hybrid_ct(
 
 
 def level_tip(vehicle: Vehicle, reference: Reference) -> Vec3:
-    """Tip position of a level base at its reference, m, world axes."""
+    """Tip position for a level base at its reference, m, world axes."""
     arm: Vec3 = axis_rotation(E_Z, reference.yaw).apply(frame_pose(vehicle, vehicle.frame(), reference.joints).p)
     return reference.position + arm
 
 
 def pressing_command(par: PressingParameters, measurement: Measurement, reference: Reference, touch: Touch) -> Command:
-    """The command with the order along the normal; with no order and no touch the paper's law."""
+    """Command of the paper's law plus the contact force command along the normal."""
     vehicle, R = par.model.vehicle, measurement.quaternion.rotation()
     up = wanted_specific_force(par, measurement, reference)
     known = touch.at.disturbance(touch.pressing.n * touch.pressing.order)
@@ -210,7 +210,7 @@ def pressing_command(par: PressingParameters, measurement: Measurement, referenc
 
 
 def release_normal(touch: Touch, wanted: Sequence[Scalar]) -> tuple[Scalar, ...]:
-    """Joint accelerations that leave the tip damping alone along the normal, as far as it presses."""
+    """Joint accelerations with only damping of the tip left along the normal, while it presses."""
     own = touch.at.R.apply_T(touch.pressing.n)
     row = [own.dot(column) for column in touch.at.columns]
     length: Scalar = VAGUE * VAGUE
@@ -237,7 +237,7 @@ LEAST = 0.01
 def admittance_pd(
     memory: PressingMemory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: PressingParameters
 ) -> tuple[PressingMemory, Command]:
-    """The paper's baseline, its reference shifted by the virtual mass."""
+    """Admittance control: the paper's baseline with its reference shifted by a virtual mass."""
     after, touch = observe_contact(memory, measurement, reference, dt, par)
     if touch is not None:
         shift = admittance_motion(par, memory, touch, dt)
@@ -254,7 +254,7 @@ def admittance_pd(
 def admittance_motion(
     par: PressingParameters, memory: PressingMemory, touch: Touch, dt: Scalar
 ) -> tuple[Scalar, Scalar, Scalar]:
-    """Place, velocity and acceleration of the virtual mass one period later, m along the normal."""
+    """Position, velocity and acceleration (m, s) of the virtual mass along the normal, one period later."""
     s, rate = memory.interaction.shift, memory.interaction.shift_rate
     damping = divide(maximum(touch.force, LEAST), maximum(touch.speed, LEAST))
     driven = divide(touch.along - touch.force, damping)  # m/s, at which it would settle

@@ -1,1 +1,1 @@
-"""Controllers for a flight computer: C code and what it needs."""
+"""Export of controllers to a flight computer as C code."""

@@ -1,4 +1,4 @@
-"""A controller as one C99 file: structs in and out, gains and masses in a struct, nothing to link but libm.
+"""Export of a controller as one C99 file with struct inputs, outputs and parameters; needs libm only.
 
 The file is written from the program that the law's own lines compute, so a double build without contraction gives
 the bits of the Python law. Structure (topology, exact zeros of the description, ablations) is folded in; every number
@@ -51,7 +51,7 @@ SPEEDS = {"rotor_speeds": Unit("rad/s", "unsigned, in the order of the rotors ab
 
 
 def units_of(joint: Joint, vehicle: Vehicle) -> str:
-    """Kind, unit of the position, and what the command is: an effort, or a setpoint in its unit."""
+    """Text with a joint's kind, position unit and command unit (effort or drive setpoint)."""
     slides = not joint.turns
     drive = drives_of(vehicle).get(joint.name, TORQUE_DRIVE)
     takes = drive.takes.split(" or ")[-1 if slides else 0]
@@ -61,18 +61,18 @@ def units_of(joint: Joint, vehicle: Vehicle) -> str:
 
 
 def drives_of(vehicle: Vehicle) -> dict[str, Any]:
-    """Drives by joint whose setpoint is no torque."""
+    """Drives by joint name, of the joints commanded by a setpoint other than torque."""
     return {each.name: each.drive for each in vehicle.drives if not isinstance(each.drive, TorqueDrive)}
 
 
 def command_units(vehicle: Vehicle, *place: str) -> Units:
-    """Units of the command at a place, where it holds setpoints."""
+    """Units of a command record at a path; empty if all joints are commanded by torque."""
     return {place: SPEEDS | SETPOINTS} if drives_of(vehicle) else {}
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FilterReadings:
-    """The last reading of each sensor that has arrived, with its instant; nothing where a sensor is not used.
+    """Latest reading of each sensor with its time stamp; empty for a sensor that is not used.
 
     The filter tells by the instant whether a reading is new: a reading that did not come is the one before. The
     force at the tip goes past the filter to a law that uses it.
@@ -88,7 +88,7 @@ class FilterReadings:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class EstimatedConstants:
-    """Constants over all calls: of the law and of the filter, and the time between two calls (s)."""
+    """Constants of law and state estimator, and the time between two calls (s)."""
 
     parameters: Any
     estimator: ErrorStateFilter
@@ -97,7 +97,7 @@ class EstimatedConstants:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class EstimatedMemory:
-    """Memory of filter and law, and the last command, which acts until the next."""
+    """Memory of estimator and law, and the last command."""
 
     estimate: FilterMemory
     law: Any
@@ -105,7 +105,7 @@ class EstimatedMemory:
 
 
 def blank_readings(estimator: ErrorStateFilter, joints: int, tip_force: int = 0) -> FilterReadings:
-    """Readings whose numbers are not used, of the sensors that a filter takes, and of so many axes of a force."""
+    """Placeholder sensor readings with the shapes that a state estimator requires."""
     named: dict[type, str] = {PoseReading: "pose", PositionReading: "position", HeadingReading: "heading"}
     aids: dict[str, Any] = {named[kind]: BLANK_READINGS[kind] for kind in AIDS[estimator.aiding]}
     still = (0.0,) * joints
@@ -114,7 +114,7 @@ def blank_readings(estimator: ErrorStateFilter, joints: int, tip_force: int = 0)
 
 
 def first_estimated_memory(controller: Controller, estimator: ErrorStateFilter) -> EstimatedMemory:
-    """Before the first readings, in hover with all joints at zero: the command that acts then, setpoints for drives."""
+    """Initial memory of estimator and law, in hover with all joints at zero."""
     model = controller.par.model
     trim = hover_trim(model.vehicle, (0.0,) * model.vehicle.n, model.gravity)
     drives = drives_of(model.vehicle)
@@ -127,7 +127,7 @@ def first_estimated_memory(controller: Controller, estimator: ErrorStateFilter) 
 
 
 def estimated_law(controller: Controller) -> Callable[..., tuple[EstimatedMemory, Command]]:
-    """The step (constants, readings, reference, memory) -> (memory, command) of a controller behind a filter."""
+    """Step function (constants, readings, reference, memory) -> (memory, command) of a law behind a state estimator."""
     law = checked_law(controller)
 
     def step(
@@ -163,7 +163,7 @@ NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
 
 @dataclasses.dataclass(frozen=True, kw_only=True, slots=True)
 class Constants:
-    """Constants over all calls: of the law, and the time between two calls (s)."""
+    """Constants of a law, and the time between two calls (s)."""
 
     parameters: Any
     period: Annotated[float, Unit("s", "between two calls")]
@@ -171,7 +171,7 @@ class Constants:
 
 @dataclasses.dataclass(frozen=True, kw_only=True, slots=True)
 class ExportedC:
-    """A C file and what is in it."""
+    """An exported C file: its name, text, number of operations and parameter names."""
 
     name: str
     text: str
@@ -233,7 +233,7 @@ def export_c(
 
 
 def _examples(controller: Controller, period: float, estimator: ErrorStateFilter | None) -> dict[str, Any]:
-    """Records of data: their values are not used but for the constants and the memory, which become defaults."""
+    """Example inputs of the exported function: shapes for all, default values for constants and memory."""
     vehicle = controller.par.model.vehicle
     joints = (0.0,) * vehicle.n
     arm: dict[str, Any] = {f"joint{word}": joints for word in ("s", "_rates", "_accelerations", "_jerks", "_snaps")}
@@ -251,18 +251,18 @@ def _examples(controller: Controller, period: float, estimator: ErrorStateFilter
 
 
 def _blank(controller: Controller) -> Measurement:
-    """Example measurement of a law without an estimator."""
+    """Example measurement for a law without a state estimator."""
     vehicle = controller.par.model.vehicle
     return blank_measurement(vehicle.n, len(vehicle.rotors), len(vehicle.tilts), tip_force=_axes_at_tip(controller))
 
 
 def _axes_at_tip(controller: Controller) -> int:
-    """Numbers of the force at the tip that the law measures."""
+    """Number of tip force components that the law measures: 3 or 0."""
     return 3 if senses_force(controller.par) else 0
 
 
 def _reference_inputs(par: Any) -> dict[str, Any]:
-    """Inputs of a reference, in addition to the motion, that the law uses."""
+    """Reference fields that the law uses in addition to the motion (contact, load), as placeholders."""
     return {"push": (0.0,) * 12 if presses(par) else (), "load": (0.0,) if learns_load(par) else ()}
 
 
@@ -283,7 +283,7 @@ def _trace_step(controller: Controller, records: dict[str, Any], estimator: Erro
 def _structs(
     controller: Controller, records: dict[str, Any], program: Program, *, behind_filter: bool
 ) -> dict[str, Struct]:
-    """Struct of each record; of the parameters only what the law reads."""
+    """C struct of each record, with only those parameters that the law reads."""
     live = {node.index for node in program.lowered.nodes}
     used = [node.index in live for node in program.lowered.inputs]  # the parameters are the first inputs
     vehicle = controller.par.model.vehicle
@@ -310,7 +310,7 @@ MOST_LAYERS = 3
 
 
 def _on_torque(controller: Controller) -> Units:
-    """Units of the joints' gains where they act on torque: in the safety layer's recovery, and in two laws."""
+    """Units of joint gains that act on torque, by parameter path."""
     deep: list[Place] = [("inner",) * layers for layers in range(MOST_LAYERS + 1)]
     places: list[Place] = [(*place, "recovery", "joint_gains") for place in deep]
     if controller.name.removeprefix("guarded_") in ("decoupled_pd", "admittance_pd"):
@@ -319,7 +319,7 @@ def _on_torque(controller: Controller) -> Units:
 
 
 def _member(path: Place) -> str:
-    """Name of a struct's member: ("parameters", "model", "vehicle", "links", "0", "body", "mass") is link0_mass."""
+    """Name of a struct member from a field path, as link0_mass from (..., "links", "0", "body", "mass")."""
     words: list[str] = []
     for part in path:
         if part.isdigit() and words and words[-1] in SHORTER.values():
@@ -331,7 +331,7 @@ def _member(path: Place) -> str:
 
 
 def _header(controller: Controller, file: StepFile, period: float, operations: int, generator: str) -> list[str]:
-    """Lines of the opening comment: what the file is, of which law and vehicle, its conventions, how to compile it."""
+    """Opening comment of the C file: purpose, law, vehicle, conventions and how to compile."""
     name, vehicle = file.name, controller.par.model.vehicle
     step = controller.law.func if isinstance(controller.law, partial) else controller.law
     paragraphs = (inspect.getdoc(step) or controller.name).split("\n\n")

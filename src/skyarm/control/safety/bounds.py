@@ -1,4 +1,4 @@
-"""Bounded references and commands of the safety layer.
+"""Limits on references and commands in the safety layer.
 
 Reference: a wrapper sees neither the law's attitude loop nor its gains, but it may move the reference. With the law
 taken for a = stiffness e_p + damping e_v + a_ref, the errors and a_ref are scaled together, which keeps the balance of
@@ -51,7 +51,7 @@ def govern_base(
     damping: Scalar,
     gravity: Scalar,
 ) -> Reference:
-    """The reference with position, velocity and acceleration as far from the measurement as the limits allow.
+    """Reference whose position, velocity and acceleration are limited relative to the measurement.
 
     1. No faster than ``speed``. 2. A position error pulls no harder than that speed brakes. 3. The acceleration asked
     stays within ``climb`` and, level, within tan(tilt) times the specific force along the vertical. 4. Errors within
@@ -91,14 +91,14 @@ def _length(v: Vec3) -> Scalar:
 
 
 def _limit_length(v: Vec3, longest: Scalar) -> Vec3:
-    """A vector no longer than ``longest``; the same bits if it is not."""
+    """Vector clipped to the length ``longest``; bitwise unchanged if it is shorter."""
     length = _length(v)
     share = divide(longest, length + TINY)
     return Vec3(*(where(length > longest, mul(c, share), c) for c in v))
 
 
 def _longer(v: Vec3, shortened: Vec3) -> Any:
-    """True where the second is a shortened first."""
+    """True where ``shortened`` is shorter than ``v``."""
     return _length(shortened) < _length(v)
 
 
@@ -113,7 +113,7 @@ def govern_joints(
     model: Model,
     limits: Limits,
 ) -> tuple[Reference, tuple[Scalar, ...]]:
-    """Joint references inside the joints' limits and no faster than ``speeds`` beyond ``steps``; else as it is.
+    """Joint references clipped to the joint limits and limited in rate where they jump by more than ``steps``.
 
     Args:
         reference: wanted.
@@ -172,7 +172,7 @@ def govern_joints(
 
 
 def with_priorities(model: Model, mixer: Mixer) -> Mixer:
-    """Return the mixer with priorities, if the rotors allow them: then a demand is ranked before it is cut off.
+    """Return the mixer with priorities (roll and pitch torque first) if the rotors allow it, else unchanged.
 
     A law that ranks demands already, in whatever order, keeps its own.
     """
@@ -186,7 +186,7 @@ def with_priorities(model: Model, mixer: Mixer) -> Mixer:
 
 
 def reachable(model: Model, mixer: Mixer, speeds: Sequence[Scalar]) -> tuple[Scalar, ...]:
-    """Return speeds within the rotors' limits: torque and thrust of the given ones mixed again where one is beyond.
+    """Rotor speeds within limits: mixed again from their torque and thrust where one exceeds its limit.
 
     A law that commands more than it wants, to undo the motors' lag, may ask for such speeds with any mixer.
     """
@@ -208,7 +208,7 @@ def reachable(model: Model, mixer: Mixer, speeds: Sequence[Scalar]) -> tuple[Sca
 def limit_slew(
     command: Command, last: Command, started: Scalar, rotor_slew: Scalar, effort_slew: Sequence[Scalar], dt: Scalar
 ) -> Command:
-    """Return the command no farther from the last one than the slew limits allow; the first one is free."""
+    """Limit the change of a command since the last one by slew rates; the first command is unlimited."""
 
     def near(value: Any, before: Any, slew: Scalar) -> Scalar:
         step = mul(slew, dt)
@@ -227,7 +227,7 @@ def limit_slew(
 def apply_joint_barrier(
     model: Model, limits: Limits, measurement: Measurement, efforts: Sequence[Scalar]
 ) -> tuple[Scalar, ...]:
-    """Return joint efforts under which no joint runs into its limits.
+    """Joint efforts modified by a barrier function so that no joint reaches its limits.
 
     With d the distance to a limit (less the margin) and k the pole, d'' + 2 k d' + k^2 d >= 0 bounds the acceleration
     towards it; 4 k (speed - rate) bounds it near the largest speed. The model says which accelerations the efforts and
@@ -247,7 +247,7 @@ def apply_joint_barrier(
 
 
 def _accelerations(model: Model, measurement: Measurement, efforts: Sequence[Scalar]) -> tuple[Scalar, ...]:
-    """Joint accelerations by the model: rotors at their measured speeds, calm air."""
+    """Joint accelerations of the model at the measured rotor speeds in calm air."""
     total = Force(ZERO3, ZERO3)
     for rotor, speed in zip(model.vehicle.rotors, measurement.rotor_speeds, strict=True):
         total = total + rotor_force(rotor, speed, ZERO3)
@@ -257,7 +257,7 @@ def _accelerations(model: Model, measurement: Measurement, efforts: Sequence[Sca
 
 
 def _within_barrier(model: Model, limits: Limits, measurement: Measurement, caused: Sequence[Scalar]) -> list[Scalar]:
-    """Accelerations within the barrier."""
+    """Joint accelerations clipped to the barrier."""
     found: list[Any] = []
     k = limits.joint_pole
     for q, rate, qdd, link, speed, margin in zip(
@@ -278,7 +278,7 @@ def _within_barrier(model: Model, limits: Limits, measurement: Measurement, caus
 
 
 def floating_inertia_times(model: Model, joints: Sequence[Scalar], change: Sequence[Scalar]) -> list[Scalar]:
-    """Joint torques that change the joints' accelerations by ``change`` while nothing more pushes on the base.
+    """Joint torques for a ``change`` of joint accelerations on a free-floating base.
 
     [M_bb M_bj; M_jb M_jj] [a; change] = [0; torque].
     """
@@ -297,5 +297,5 @@ def _row(entries: Sequence[Scalar], values: Sequence[Scalar]) -> Any:
 
 
 def within_efforts(limits: Limits, efforts: Sequence[Scalar]) -> tuple[Scalar, ...]:
-    """Efforts within their limits; NaN stays NaN."""
+    """Efforts clipped to their limits; NaN stays NaN."""
     return tuple(clip(effort, 0.0 - most, most) for effort, most in zip(efforts, limits.effort, strict=True))

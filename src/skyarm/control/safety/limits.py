@@ -1,4 +1,4 @@
-"""Limits of the safety layer, their defaults for a controller, and the stiffness of a law measured at its actuators."""
+"""Limits of the safety layer, default limits for a controller, and the stiffness of a law found by test steps."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ USUAL = (5.0, 2.7)
 
 
 def law_stiffness(controller: Controller) -> tuple[float, float]:
-    """(1/s^2, 1/s): commanded vertical acceleration per position and velocity error, in hover at the model's zero pose.
+    """Stiffness and damping (1/s^2, 1/s) of a law: vertical acceleration per position and velocity error in hover.
 
     Vertical, because there the thrust answers in the same period; horizontal gains are taken to be the same. Each call
     starts from the first memory, so that an observer has nothing to learn.
@@ -55,7 +55,7 @@ def law_stiffness(controller: Controller) -> tuple[float, float]:
 
 
 def _thrust(controller: Controller, position: float, velocity: float) -> float:
-    """Thrust along body z, N, of the model's rotors at the speeds a law settles on with these errors of z."""
+    """Settled thrust of a law along body z, N, for constant vertical position and velocity errors."""
     model = controller.par.model
     vehicle, joints = model.vehicle, (0.0,) * model.vehicle.n
     trim = hover_trim(vehicle, joints, model.gravity)
@@ -82,7 +82,7 @@ _limit = partial(_finite, infinite=True)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Limits:
-    """Limits of references, commands and states of a law with the safety layer. Tuples have one entry per joint.
+    """Limits of references, commands and states in the safety layer; tuples have one entry per joint.
 
     Attributes:
         tilt: rad, largest tilt that position and velocity errors together may ask for.
@@ -135,7 +135,7 @@ STEEPEST = math.radians(85.0)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class UsualJoint:
-    """Default limits of a joint of one kind, rad or m, and per second.
+    """Default limits of one joint kind, in rad or m and per second.
 
     Attributes:
         speed: twice what the shipped flights request of their arms, and less than small gear motors run free.
@@ -162,13 +162,13 @@ USUAL_JOINTS = {
 
 
 def usual_joint_errors(vehicle: Vehicle, *, keeps_tip: bool) -> tuple[float, ...]:
-    """Default ``trusted_joint_error`` of a law that keeps the tip, or of one that tracks joints."""
+    """Default ``trusted_joint_error`` of each joint, larger for a law that moves the joints to hold the tip."""
     usual = [USUAL_JOINTS[link.joint.kind] for link in vehicle.links]
     return tuple(each.tip_error if keeps_tip else each.error for each in usual)
 
 
 def limits_for(controller: Controller, **given: Any) -> Limits:
-    """Limits that leave a controller its ordinary flights.
+    """Default safety limits of a controller, wide enough for its ordinary flights.
 
     Args:
         controller: its model gives efforts and rotor speeds, its law is asked how hard it pulls.
@@ -205,7 +205,7 @@ def limits_for(controller: Controller, **given: Any) -> Limits:
 
 
 def _defaults(controller: Controller) -> dict[str, Any]:
-    """Limits that follow from the vehicle, and whether the law keeps the tip."""
+    """Default limits from the vehicle's properties and from whether the law holds the tip."""
     model: Model = controller.par.model
     joints = [link.joint for link in model.vehicle.links]
     usual = [USUAL_JOINTS[joint.kind] for joint in joints]
@@ -228,7 +228,7 @@ def _defaults(controller: Controller) -> dict[str, Any]:
 
 
 def _fastest(model: Model) -> float:
-    """rad/s, the highest speed of a rotor; twice that of hover where it has no limit."""
+    """Highest rotor speed, rad/s; twice the hover speed for rotors without a limit."""
     trim = hover_trim(model.vehicle, (0.0,) * model.vehicle.n, model.gravity)
     hover = max((float(speed) for speed in trim.speeds), default=0.0)
     tops = [float(rotor.max_speed) for rotor in model.vehicle.rotors]

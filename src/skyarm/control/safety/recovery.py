@@ -1,4 +1,4 @@
-"""Recovery after the supervisor has rejected a law, and the supervisor.
+"""Supervisor of a law and the recovery law that replaces it.
 
 The recovery hovers level where the law was given up, the arm on its way to its stowed pose.
 """
@@ -50,7 +50,7 @@ CALM_TILT, CALM_RATE, CALM_SPEED = math.radians(15.0), 1.0, 0.5
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Confidence:
-    """Confidence in a law.
+    """State of the supervisor that decides between a law and the recovery.
 
     Attributes:
         given_up: 1 while the recovery flies.
@@ -79,7 +79,7 @@ def not_finite(record: Any) -> Scalar:
 def update_confidence(
     limits: Limits, confidence: Confidence, measurement: Measurement, joints: Any, failed: Any, dt: Scalar
 ) -> Confidence:
-    """Return the confidence after one measurement.
+    """Supervisor update: confidence in a law after one measurement.
 
     A law is given up when it failed (a command or a memory that is not finite, an attitude where it is not defined), at
     once when the vehicle is beyond ``lost_*``, and after ``patience`` s beyond ``trusted_*``: a large attitude error
@@ -132,7 +132,7 @@ class Recovery:
 
 
 def stow_position(joint: Joint) -> float:
-    """Middle of a joint's range; where a side is open zero, or the value in the range next to it."""
+    """Stowed position of a joint: middle of its range; if unbounded on a side, zero or the nearest allowed value."""
     low, high = float(joint.lower), float(joint.upper)
     if low > -float("inf") and high < float("inf"):
         return 0.5 * (low + high)
@@ -140,7 +140,7 @@ def stow_position(joint: Joint) -> float:
 
 
 def pose_of(stow: Any, links: tuple[Link, ...]) -> tuple[float, ...]:
-    """A pose within the joints' limits."""
+    """Check a stowed pose: one number per joint, within the joint limits."""
     listed = stow if isinstance(stow, (str, bytes)) or not hasattr(stow, "__iter__") else list(stow)
     if not isinstance(listed, list) or len(listed) != len(links):
         raise ControllerError(f"safety.stow = {shown(listed)}: must be {len(links)} numbers, one per joint")
@@ -158,7 +158,7 @@ def pose_of(stow: Any, links: tuple[Link, ...]) -> tuple[float, ...]:
 
 
 def recover(recovery: Recovery, model: Model, mixer: Mixer, measurement: Measurement, reference: Reference) -> Command:
-    """Geometric control of the base and PD of the joints, with the weight of the arm at the present attitude.
+    """Recovery command: geometric control of the base, joint PD with gravity compensation.
 
     The law has no memory and needs no model of motion: torque = I alpha_d + the arm's static moment about the base.
 
@@ -199,7 +199,7 @@ def recover(recovery: Recovery, model: Model, mixer: Mixer, measurement: Measure
 
 
 def steep_error(R_WB: Mat3, R_d: Mat3) -> Vec3:
-    """Attitude error 2 sin(angle / 2) along the axis, which grows up to 180 degrees, where sin(angle) has vanished.
+    """Attitude error 2 sin(angle / 2) along the rotation axis, which does not vanish at 180 degrees.
 
     Source: Lee 2012, "Exponential stability of an attitude tracking control system on SO(3) for large-angle rotational
     maneuvers": e_R / sqrt(1 + tr(R_d^T R)), doubled so that it is the angle where that is small.
@@ -211,5 +211,5 @@ def steep_error(R_WB: Mat3, R_d: Mat3) -> Vec3:
 
 
 def base_stiffness(recovery: Recovery, mass: Scalar) -> tuple[Scalar, Scalar]:
-    """(1/s^2, 1/s) of the law along the vertical, for bounded references."""
+    """Vertical stiffness and damping (1/s^2, 1/s) of the recovery law, per unit of mass."""
     return divide(recovery.gains.position.z, mass), divide(recovery.gains.velocity.z, mass)

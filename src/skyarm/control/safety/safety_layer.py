@@ -1,4 +1,4 @@
-"""The safety layer around any controller: bounded reference, law, supervisor, recovery and bounded command."""
+"""Safety layer around any controller: limited reference, law, supervisor, recovery and limited command."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ from skyarm.sensing.measurement import Measurement
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SafetyParameters(LayerParameters):
-    """Constants of a law with the safety layer; the mixer has priorities where the rotors allow them.
+    """Constants of a law with the safety layer; its mixer has priorities if the rotors allow them.
 
     Attributes:
         limits: of references and commands. recovery: law that flies when the other is given up.
@@ -62,7 +62,7 @@ class SafetyParameters(LayerParameters):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SafetyMemory:
-    """State of a law with the safety layer between two steps.
+    """Memory of a law with the safety layer between two steps.
 
     Attributes:
         inner: memory of the law.
@@ -85,7 +85,7 @@ class SafetyMemory:
 
 
 def first_memory(controller: Controller) -> SafetyMemory:
-    """Return the memory of a controller with the safety layer before its first step."""
+    """Initial memory of a controller with the safety layer."""
     vehicle = controller.par.model.vehicle
     still = (0.0,) * vehicle.n
     return SafetyMemory(
@@ -103,7 +103,7 @@ def first_memory(controller: Controller) -> SafetyMemory:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Governed:
-    """The governed reference of a law.
+    """Limited (governed) reference of a law.
 
     Attributes:
         reference: governed. ramping: 1 for each joint whose reference is on its way.
@@ -118,7 +118,7 @@ class Governed:
 def govern(
     par: SafetyParameters, memory: SafetyMemory, measurement: Measurement, reference: Reference, dt: Scalar
 ) -> Governed:
-    """Return the governed reference."""
+    """Limit the reference before it reaches the law."""
     limits = par.limits
     joints = choose_each(memory.started > 0.5, memory.joints, measurement.joints)
     base = govern_base(
@@ -144,7 +144,7 @@ def arbitrate(
     failed: Any,
     dt: Scalar,
 ) -> SafetyMemory:
-    """Decide whether the law or the recovery flies; return the memory after the step, the law's own as it was.
+    """Select the law or the recovery, and return the safety layer's next memory.
 
     Args:
         par: constants.
@@ -175,7 +175,7 @@ def arbitrate(
 
 
 def _place(before: Any, memory: SafetyMemory, measurement: Measurement) -> tuple[Vec3, Scalar]:
-    """Hover position and heading of the recovery: measured while the law flies, held since it was given up."""
+    """Hover position and heading for the recovery: tracks the measurement while the law flies, held afterwards."""
     hold = choose(before, memory.hold, measurement.position)
     return hold, where(before, memory.yaw, yaw_of(measurement.quaternion))
 
@@ -183,7 +183,7 @@ def _place(before: Any, memory: SafetyMemory, measurement: Measurement) -> tuple
 def _hold_reference(
     par: SafetyParameters, measurement: Measurement, hold: Vec3, yaw: Scalar, arm: Any, dt: Scalar
 ) -> Reference:
-    """Return the reference of the recovery: hover, and stow the arm."""
+    """Reference of the recovery: hover in place and stow the arm."""
     still = (0.0,) * len(par.recovery.stow)
     wanted = Reference(
         position=hold,
@@ -206,7 +206,7 @@ def _hold_reference(
 def limit_command(
     par: SafetyParameters, memory: SafetyMemory, measurement: Measurement, command: Command, dt: Scalar
 ) -> Command:
-    """Return the command within its limits."""
+    """Limit the command to actuator limits, slew rates and the joint barrier."""
     limits = par.limits
     held = within_efforts(limits, command.efforts)
     if held:
@@ -233,7 +233,7 @@ FAILURES = (ArithmeticError, ValueError, RuntimeError)
 def with_safety_layer(
     controller: Controller, limits: Limits | Mapping[str, Any] | None = None, *, stow: tuple[float, ...] | None = None
 ) -> Controller:
-    """Return the controller with the safety layer around it.
+    """Return the controller wrapped in the safety layer.
 
     In order, each period: the reference is governed (:mod:`skyarm.control.safety.bounds`); the law steps on it; if
     it is given up (:mod:`skyarm.control.safety.recovery`) the recovery flies in its place, the arm on its way to
@@ -292,7 +292,7 @@ def with_safety_layer(
 
 
 def _limits(controller: Controller, limits: Any) -> Limits:
-    """Limits as given, checked, the rest by default."""
+    """Check the given safety limits and fill in defaults."""
     if limits is None:
         return limits_for(controller)
     if isinstance(limits, Limits):
@@ -303,7 +303,7 @@ def _limits(controller: Controller, limits: Any) -> Limits:
 
 
 def _layer(controller: Controller) -> Law:
-    """The step function with the safety layer; a partial function of the module, so that a record can be read back."""
+    """Step function of a law with the safety layer, as a picklable partial."""
     step = _traced_law if controller.compiled else _called_law
     return partial(step, inner=checked_law(controller), first=controller.memory, margin=controller.margin)
 
@@ -319,7 +319,7 @@ def _traced_law(
     first: Any,
     margin: Callable[[Any], Any] | None,
 ) -> tuple[SafetyMemory, Command]:
-    """A traceable law with the safety layer: reference governed, commands limited, a recovery in its place if it fails.
+    """Step of a traceable law with the safety layer: limited reference and command, recovery on failure.
 
     ``inner`` is the law, ``first`` its first memory and ``margin`` its distance to where it is not defined.
     """
@@ -347,7 +347,7 @@ def _called_law(
     first: Any,
     margin: Callable[[Any], Any] | None,
 ) -> tuple[SafetyMemory, Command]:
-    """The same for a law that is called with floats and keeps a memory of any kind."""
+    """Step of a law that cannot be traced, called with floats, with the safety layer."""
     if not finite(measurement):
         return memory, memory.sent
     governed = govern(par, memory, measurement, reference, dt)

@@ -1,4 +1,4 @@
-"""Joint drives: from a setpoint to the torque on the joint, with its limit, friction and hard stops."""
+"""Joint drives: from a setpoint to the torque on the joint, with effort limit, friction and hard stops."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def joint_force(joint: Joint, command: Scalar, rate: Scalar, effectiveness: Scal
 
 
 def limited_effort(joint: Joint, command: Scalar) -> Scalar:
-    """Commanded torque (N m) or force (N) within the drive's limit, either way."""
+    """Commanded torque (N m) or force (N) clipped to the drive's limit."""
     return clip(command, -joint.effort_limit, joint.effort_limit)
 
 
@@ -36,7 +36,7 @@ def friction(joint: Joint, rate: Scalar, dry_rate: Scalar) -> Scalar:
 
 
 def stop_force(joint: Joint, position: Scalar, rate: Scalar) -> Scalar:
-    """Torque or force of the stops at a joint's limits, N m or N; a structural 0 without stops.
+    """Torque (N m) or force (N) of the hard stops at a joint's limits; a structural 0 without stops.
 
     k depth (1 + d speed), with the depth past the limit and the speed into the stop; never a pull. It begins at zero,
     so that integrators of both plants meet no jump, and takes energy away with every push.
@@ -67,30 +67,30 @@ class Drive:
 
     @classmethod
     def require_stated(cls, stated: Collection[str]) -> None:
-        """Refuse a file's table that leaves out what others of its numbers need; ``stated`` are those that it has.
+        """Reject a parameter table without the numbers that its others require; ``stated`` are the given names.
 
         Raises:
             ValueError: one line that begins with the field.
         """
 
     def why_short_steps(self) -> str:
-        """The numbers from which a very short ``largest_step`` follows, in words; empty where that is a field."""
+        """Text with the numbers that require a very short ``largest_step``; empty where that is itself given."""
         return ""
 
     def start(self, position: Scalar) -> Any:
-        """First memory, a record or tuple of scalars; ``position`` is the joint's at the start, rad or m."""
+        """Initial memory for a joint at ``position`` (rad or m), as a record or tuple of scalars."""
         return ()
 
     def begin(self, position: Scalar, setpoint: Scalar, dt: float) -> Any:
-        """First memory of a drive that needs more inputs: the setpoint before the first command, the period (s)."""
+        """Initial memory of a drive that also requires the first setpoint and the control period (s)."""
         return self.start(position)
 
     def steady_memory(self, memory: Any, position: Scalar, setpoint: Scalar) -> Any:
-        """A memory like ``memory``, of a drive that received its setpoint long ago: initial state of its model."""
+        """Steady-state memory for a constant setpoint, of the same structure as ``memory``."""
         return memory
 
     def advance(self, memory: Any, setpoint: Scalar, position: Scalar, rate: Scalar, dt: float) -> Any:
-        """Memory for the period of ``dt`` (s) that begins with this position and rate; the setpoint is its mean."""
+        """Memory for the period of ``dt`` (s) that begins at this position and rate; the setpoint is its mean."""
         return memory
 
     def effort(self, memory: Any, setpoint: Scalar, position: Scalar, rate: Scalar) -> Scalar:
@@ -98,15 +98,15 @@ class Drive:
         raise NotImplementedError(f"{type(self).__name__} must say its effort")
 
     def largest_effort(self) -> Scalar:
-        """Largest torque (N m) or force (N) that it gives a joint at rest; infinite where it states none."""
+        """Largest torque (N m) or force (N) on a joint at rest; infinite if unlimited."""
         return math.inf
 
     def standing(self, effort: Scalar, position: Scalar) -> Scalar:
-        """The setpoint that holds the arm before the first command arrives, from the torque that holds it."""
+        """Setpoint that holds the joint before the first command, from the holding torque."""
         return position
 
     def setpoint(self, memory: Any, effort: Scalar, position: Scalar, rate: Scalar, dt: float) -> Any:
-        """The setpoint with which the drive gives an effort, by which torque laws fly it.
+        """Setpoint with which the drive gives a desired effort, for laws that command torque.
 
         The inverse of ``effort`` after ``advance`` from ``memory`` with it, at this position and rate for ``dt`` (s).
         """
@@ -115,16 +115,16 @@ class Drive:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TorqueDrive(Drive):
-    """The setpoint is the torque or force."""
+    """Ideal torque drive: its setpoint is the torque or force."""
 
     takes: ClassVar[str] = "N m or N"
 
     def effort(self, memory: Any, setpoint: Scalar, position: Scalar, rate: Scalar) -> Scalar:
-        """The setpoint itself."""
+        """Torque or force on the joint: the setpoint itself."""
         return setpoint
 
     def standing(self, effort: Scalar, position: Scalar) -> Scalar:
-        """The torque that holds the arm."""
+        """Setpoint before the first command: the holding torque."""
         return effort
 
 
@@ -153,24 +153,24 @@ class LaggedTorque(TorqueDrive):
         accept_fields(self, "lagged_torque")
 
     def start(self, position: Scalar) -> LaggedTorqueMemory:
-        """No torque yet."""
+        """Initial memory: zero torque."""
         return LaggedTorqueMemory(0.0, 0.0)
 
     def begin(self, position: Scalar, setpoint: Scalar, dt: float) -> LaggedTorqueMemory:
-        """The torque that has held the joint before the first command."""
+        """Initial memory: the torque that held the joint before the first command."""
         return LaggedTorqueMemory(setpoint, setpoint)
 
     def steady_memory(self, memory: LaggedTorqueMemory, position: Scalar, setpoint: Scalar) -> LaggedTorqueMemory:
-        """The setpoint itself."""
+        """Steady-state memory: the torque equals the setpoint."""
         return LaggedTorqueMemory(setpoint, setpoint)
 
     def advance(self, memory: LaggedTorqueMemory, setpoint: Scalar, position: Scalar, rate: Scalar, dt: float) -> Any:
-        """The lag of one period, exactly: from the torque at its begin, towards a setpoint that is held."""
+        """Exact solution of the lag over one period, towards a constant setpoint."""
         share: Scalar = dt / self.time_constant
         left = exp(-share)
         before = memory.following - setpoint
         return LaggedTorqueMemory(setpoint + before * left, setpoint + before * ((1.0 - left) / share))
 
     def effort(self, memory: LaggedTorqueMemory, setpoint: Scalar, position: Scalar, rate: Scalar) -> Scalar:
-        """Mean torque of the period."""
+        """Mean torque (N m) or force (N) over the period."""
         return memory.mean

@@ -14,7 +14,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, slots=True)
 class HoverTrim:
-    """A level hover.
+    """Trim of a level hover: rotor speeds, thrust and joint torques.
 
     Attributes:
         speeds: rad/s, one per rotor. squared: the squared speeds the mixer asks for; negative means no such hover.

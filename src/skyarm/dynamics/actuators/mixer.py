@@ -33,7 +33,7 @@ ENDLESS = 1e100
 
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """Bounds of the yaw torque, N m: from ``low`` + ``slope`` f to ``high`` + ``slope`` f, f the thrust in N."""
+    """Linear bounds of the yaw torque, N m: ``low`` + ``slope`` f to ``high`` + ``slope`` f for a thrust f in N."""
 
     low: Scalar
     high: Scalar
@@ -48,7 +48,7 @@ def yaw_bounds(
     wanted: Scalar,
     slack: Scalar,
 ) -> list[Bound]:
-    """Bounds of the yaw torque by its demand and by each rotor.
+    """Bounds of the yaw torque from its demand and from the limits of each rotor.
 
     Args:
         taken: squared speeds for roll and pitch, (rad/s)^2.
@@ -110,7 +110,7 @@ class AllocationError(ValueError):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Mixer:
-    """Squared rotor speeds per unit of (torque x, y, z, thrust along body z).
+    """Control allocation: matrix from body torque and thrust to squared rotor speeds, and policy at the limits.
 
     Attributes:
         inverse: one row of four per rotor, (rad/s)^2 per N m or N.
@@ -140,7 +140,7 @@ class Mixer:
 
 
 def allocation_matrix(vehicle: Vehicle, sideways: bool = False) -> list[list[Scalar]]:
-    """A: rows torque x, y, z (base axes, about the base origin) and thrust along body z, per squared rotor speed.
+    """Allocation matrix A: torque x, y, z (about the base origin) and thrust along body z, per squared rotor speed.
 
     ``sideways`` adds the rows of force along body x and y.
     """
@@ -153,7 +153,7 @@ def allocation_matrix(vehicle: Vehicle, sideways: bool = False) -> list[list[Sca
 
 
 def make_mixer(vehicle: Vehicle, policy: str = "clip", sideways: bool = False, yaw_slack: Scalar = 0.0) -> Mixer:
-    """Moore-Penrose inverse A^T (A A^T)^-1 of the vehicle's allocation matrix; ``sideways`` of all its six rows.
+    """Make a mixer from the Moore-Penrose inverse of the allocation matrix; ``sideways`` uses all six rows.
 
     Raises:
         AllocationError: unknown policy, the rotors do not span torque and thrust (rank below 4; for ``sideways`` below
@@ -178,7 +178,7 @@ def make_mixer(vehicle: Vehicle, policy: str = "clip", sideways: bool = False, y
 
 
 def _require_rank(vehicle: Vehicle, A: list[list[Scalar]]) -> None:
-    """Concrete layouts must reach torque about three axes and thrust, or all of a wrench, independently."""
+    """Reject rotors that cannot give independent torques about three axes and thrust, or a full wrench."""
     if not concrete(*(entry for row in A for entry in row)):
         return
     import numpy as np
@@ -205,7 +205,7 @@ def _require_rank(vehicle: Vehicle, A: list[list[Scalar]]) -> None:
 
 
 def _require_thrust_shares(vehicle: Vehicle, per_newton: Sequence[Scalar]) -> None:
-    """Every rotor must speed up with thrust: the priority policy makes room for torque by moving the thrust."""
+    """Reject priorities for a layout with a rotor that does not speed up with thrust."""
     if not concrete(*per_newton):
         return
     for rotor, value in zip(vehicle.rotors, per_newton, strict=True):
@@ -305,7 +305,7 @@ def _largest_share(fixed: Sequence[Scalar], wanted: Sequence[Scalar], highest: S
 def _with_side(
     mixer: Mixer, raw: Sequence[Scalar], allowed: Sequence[Scalar], side: Sequence[Scalar]
 ) -> tuple[Scalar, ...]:
-    """Squared speeds with the largest share of a force across body z that fits.
+    """Squared rotor speeds plus the largest share of a sideways force that fits their limits.
 
     It may be what brings torque and thrust (``raw``) within the limits; where no share of it does, it takes what room
     is left beside what the limits leave of them (``allowed``).

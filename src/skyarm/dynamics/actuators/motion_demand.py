@@ -1,4 +1,4 @@
-"""Rotor speeds and joint torques with which a vehicle moves exactly along a reference, at many instants at once.
+"""Exact actuator demand of a reference: rotor speeds and joint torques at many instants at once.
 
 The vehicle is differentially flat but for the reaction of its arm: the force that the base needs fixes where its z axis
 points, the heading the rest, their derivatives the angular velocity and acceleration, and inverse dynamics the torques.
@@ -27,7 +27,7 @@ REACTIONS = 2
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Motion:
-    """A motion of base and joints at K instants; every number of the vehicle's own frame follows.
+    """Motion of base and joints at K instants.
 
     Attributes:
         time: (K,) s, rising. acceleration: (3, K) of the base origin, world axes, m/s^2. yaw: (K,) rad.
@@ -62,7 +62,7 @@ class Demand:
 
 
 def motion_of(reference: Any, time: Array) -> Motion:
-    """The motion of a reference whose scalars are arrays of K numbers, or numbers."""
+    """Motion of a reference whose fields are arrays of K numbers or single numbers."""
 
     def lanes(values: Any) -> Array:
         rows = [np.broadcast_to(np.asarray(v, dtype=float), len(time)) for v in values]
@@ -129,7 +129,7 @@ def demand_of_motion(
 
 
 def attitude(force: Array, yaw: Array) -> Array:
-    """R_WB (3, 3, K) whose z is along the force and whose x heads along the yaw (Mellinger, Kumar 2011)."""
+    """Attitude R_WB (3, 3, K) with z along the force and x along the heading (Mellinger, Kumar 2011)."""
     length = np.linalg.norm(force, axis=0)
     z = force / np.where(np.isinf(length), np.nan, np.maximum(length, 1e-12))  # a square that overflows: no direction
     heading = np.stack([np.cos(yaw), np.sin(yaw), np.zeros_like(yaw)])
@@ -139,7 +139,7 @@ def attitude(force: Array, yaw: Array) -> Array:
 
 
 def rates_of(R: Array, time: Array) -> tuple[Array, Array]:
-    """Angular velocity and acceleration (3, K), base axes, by central differences."""
+    """Angular velocity and acceleration (3, K) of an attitude, base axes, by central differences."""
     dR = np.gradient(R, time, axis=2, edge_order=2)
     W = np.einsum("jik,jlk->ilk", R, dR)
     rate = 0.5 * np.stack([W[2, 1] - W[1, 2], W[0, 2] - W[2, 0], W[1, 0] - W[0, 1]])

@@ -1,4 +1,4 @@
-"""One rotor: speed lag, thrust, drag torque, hub drag, rolling moment.
+"""Model of one rotor: speed lag, thrust, drag torque, hub drag and rolling moment.
 
 Source: Furrer, Burri, Achtelik, Siegwart 2016 (RotorS), gazebo_motor_model.cpp at commit cd813b7a8c37. Left out:
 RotorS's delay of one physics step between a filtered speed and its force.
@@ -80,17 +80,17 @@ Turning = tuple[Rotor, Any, Any]
 
 
 def _components(group: Sequence[Turning]) -> list[tuple[Scalar, ...]]:
-    """All x, all y and all z of the rotors' positions."""
+    """Coordinates of the rotors' positions: all x, all y and all z."""
     return list(zip(*(rotor.position for rotor, *_ in group), strict=True))
 
 
 def _offset(position: Vec3, center: Vec3) -> Vec3:
-    """Position from the centre, whose components are the position's own or structural zeros."""
+    """Position with structural zeros in the components that equal those of ``center``."""
     return Vec3(*(0 if same(a, b) else a for a, b in zip(position, center, strict=True)))
 
 
 def _similar(a: Rotor, b: Rotor) -> bool:
-    """Return True if two rotors have one axis and one set of coefficients."""
+    """Return True if two rotors have the same axis and the same coefficients."""
 
     def numbers(rotor: Rotor) -> tuple[Scalar, ...]:
         drags = (rotor.drag_coefficient, rotor.rolling_moment_coefficient)
@@ -101,22 +101,22 @@ def _similar(a: Rotor, b: Rotor) -> bool:
 
 
 def push(rotor: Rotor, speed: Scalar) -> Any:
-    """Thrust over the thrust coefficient, (rad/s)^2: the squared speed, or what the rotor's table has in its place."""
+    """Effective squared speed, (rad/s)^2: thrust over the thrust coefficient, from the rotor's table if it has one."""
     return speed * speed if rotor.table is None else rotor.table.push(speed)
 
 
 def speed_of_push(rotor: Rotor, value: Any) -> Scalar:
-    """The inverse of :func:`push`, rad/s."""
+    """Rotor speed for an effective squared speed, rad/s: the inverse of :func:`push`."""
     return sqrt(maximum(value, 0.0)) if rotor.table is None else rotor.table.speed_of_push(value)
 
 
 def _have_inertia(rotors: Sequence[Rotor]) -> bool:
-    """Return True if a change of some rotor's speed pushes the base."""
+    """Return True if some rotor's inertia is modelled."""
     return any(not (type(rotor.inertia) is int and rotor.inertia == 0) for rotor in rotors)
 
 
 def spin_torque(rotors: Sequence[Rotor], speeds: Sequence[Scalar], commands: Sequence[Scalar], rate: Vec3) -> Vec3:
-    """Torque on the base of rotors that turn faster or slower and whose spin is turned with the base, base axes, N m.
+    """Reaction torque on the base due to rotor acceleration and gyroscopic effects, N m, base axes.
 
     The spin h = J direction W n of each is part of the angular momentum: the base feels -dh/dt = -J direction
     (dW/dt n + W w x n), with dW/dt of the lag. Source: Hughes 1986, Spacecraft Attitude Dynamics, section 3.4, of
@@ -141,7 +141,7 @@ def spin_torque(rotors: Sequence[Rotor], speeds: Sequence[Scalar], commands: Seq
 
 
 def _alike(group: Sequence[Turning], positions: Sequence[Vec3], velocity: Vec3, rate: Vec3) -> Force:
-    """Torque about the origin and force of rotors that differ in position and direction of rotation only.
+    """Torque about the origin and force of rotors that differ only in position and direction of rotation.
 
     v_perp = v - (v.n) n is written so that a structural axis leaves two components.
     """

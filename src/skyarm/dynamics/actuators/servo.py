@@ -1,4 +1,4 @@
-"""Servos of joints: a loop around a geared DC motor whose setpoint is an angle or a rate, as in hobby and robot servos.
+"""Joint servos: geared DC motors with a position or rate loop, as in hobby and robot servos.
 
 The proportional and derivative parts act at every stage of the integrator: a servo's own loop runs at 1 kHz and faster,
 which is as good as continuous beside a control period. What has a memory (the integral, the goal that its speed limit
@@ -42,7 +42,7 @@ NEEDS = {"voltage": ("torque_constant", "resistance"), "current_limit": ("torque
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Servo(Drive):
-    """A servo is a motor behind a gear with a loop of its own; positions and rates are the joint's.
+    """A servo is a geared DC motor with a control loop; positions and rates are those of the joint.
 
     Motor and supply bound the torque. The current is at most ``current_limit``, and what the supply drives through the
     winding against the motor's counter-voltage: between (-U - k_e qd) / R and (U - k_e qd) / R with k_e = gear
@@ -76,7 +76,7 @@ class Servo(Drive):
 
     @classmethod
     def require_stated(cls, stated: Collection[str]) -> None:
-        """A motor's voltage bounds its torque by its winding, its current by its constant: none of them is guessed."""
+        """Reject a motor with a voltage or current limit but without the constants that turn it into a torque limit."""
         for given, needed in NEEDS.items():
             for name in needed:
                 if given in stated and name not in stated:
@@ -95,26 +95,26 @@ class Servo(Drive):
 
     @property
     def no_load_speed(self) -> float:
-        """Speed (rad/s or m/s) of the joint at which the motor's counter-voltage is the supply's; may be infinite."""
+        """Joint speed (rad/s or m/s) at which the motor's back-EMF equals the supply voltage; may be infinite."""
         return float(self.voltage) / (float(self.gear) * float(self.torque_constant))
 
     def largest_effort(self) -> Scalar:
-        """The stall torque (N m) or force (N), within the current's and the torque's own limit."""
+        """Stall torque (N m) or force (N), within the limits of current and torque."""
         return self.bounds(0.0)[1]
 
     def start(self, position: Scalar) -> ServoMemory:
-        """A loop that holds the joint where it is."""
+        """Unsupported for a servo: its initial memory also requires a setpoint and a control period."""
         raise RecordError(f"{type(self).__name__}: begins with a setpoint and a control period")
 
     def why_short_steps(self) -> str:
-        """Numbers of loop and motor that make short steps necessary."""
+        """Text with the loop and motor constants that require short integration steps."""
         names = [name for name in ("stiffness", "gain", "damping") if getattr(self, name, 0.0)]
         if math.isfinite(self.voltage):
             names += ["gear", "torque_constant", "resistance"]
         return ", ".join(f"{name} = {float(getattr(self, name)):g}" for name in (*names, "inertia"))
 
     def _half_time(self, D: float, K: float) -> float:
-        """Half of one over the faster root of inertia s^2 + D s + K, or over that of the motor against its supply.
+        """Half the fastest time constant, s, of the loop inertia s^2 + D s + K and of the motor on its supply.
 
         RK4 then errs by (1/2)^5 / 120 of the motion in a step at most.
         """
@@ -125,12 +125,12 @@ class Servo(Drive):
         return 0.5 / max(loop, motor if math.isfinite(self.voltage) else 0.0)
 
     def steady_memory(self, memory: ServoMemory, position: Scalar, setpoint: Scalar) -> ServoMemory:
-        """A loop that received its setpoint long ago."""
+        """Steady-state memory for a constant setpoint."""
         waiting = (setpoint,) * len(memory.waiting)
         return ServoMemory(goal=self._loop_setpoint(setpoint), integral=0.0, rounding=0.0, waiting=waiting)
 
     def begin(self, position: Scalar, setpoint: Scalar, dt: float) -> ServoMemory:
-        """A loop that received its setpoint long ago; the latency sets how many more are on their way."""
+        """Initial memory: steady state, with a queue of delayed setpoints as long as the latency."""
         if not concrete(self.latency):
             raise RecordError("latency: must be the same in all episodes: it says how many setpoints are on their way")
         count = math.ceil(self.latency / dt - 1e-9)
@@ -138,7 +138,7 @@ class Servo(Drive):
         return self.steady_memory(empty, position, setpoint)
 
     def advance(self, memory: ServoMemory, setpoint: Scalar, position: Scalar, rate: Scalar, dt: float) -> ServoMemory:
-        """Receive the next setpoint, move the goal, read the encoder, integrate the error."""
+        """Advance the servo's memory by one period: setpoint queue, loop goal, encoder rounding and integral."""
         received, waiting = self._arriving_setpoint(memory, setpoint, dt)
         goal, rounding = self._next_goal(memory.goal, received, dt), self._rounding(position)
         error, asked = self._loop(goal, memory.integral, position + rounding, rate)
@@ -146,28 +146,28 @@ class Servo(Drive):
         return ServoMemory(goal=goal, integral=integral, rounding=rounding, waiting=waiting)
 
     def effort(self, memory: ServoMemory, setpoint: Scalar, position: Scalar, rate: Scalar) -> Scalar:
-        """Torque of the loop, within the bounds of motor and supply."""
+        """Torque (N m) or force (N) of the loop, clipped to the bounds of motor and supply."""
         low, high = self.bounds(rate)
         return clip(self._loop(memory.goal, memory.integral, position + memory.rounding, rate)[1], low, high)
 
     def _loop_setpoint(self, setpoint: Scalar) -> Scalar:
-        """The setpoint as the loop holds it."""
+        """Setpoint after the loop's quantisation, if any."""
         return setpoint
 
     def _next_goal(self, goal: Scalar, received: Scalar, dt: float) -> Scalar:
-        """The goal after a period in which a setpoint arrived."""
+        """Goal of the loop after a period in which ``received`` arrived."""
         raise NotImplementedError
 
     def _rounding(self, position: Scalar) -> Scalar:
-        """Rounding error of the encoder at a position."""
+        """Rounding error of the encoder at a joint position."""
         return 0.0
 
     def _loop(self, goal: Scalar, integral: Scalar, position: Scalar, rate: Scalar) -> tuple[Scalar, Scalar]:
-        """Error of the loop, and the torque that its law gives without bounds."""
+        """Control error, and the torque of the loop before its limits."""
         raise NotImplementedError
 
     def _arriving_setpoint(self, memory: ServoMemory, setpoint: Scalar, dt: float) -> tuple[Scalar, tuple[Scalar, ...]]:
-        """The setpoint that arrives in this period on average, and those still on their way."""
+        """Mean setpoint that arrives in this period, and the queue of those still delayed."""
         count = len(memory.waiting)
         if count == 0:
             return setpoint, ()
@@ -177,7 +177,7 @@ class Servo(Drive):
         return newer + (older - newer) * share, seen[1:]
 
     def _integrate(self, memory: ServoMemory, error: Scalar, asked: Scalar, rate: Scalar, dt: float) -> Scalar:
-        """The integral after a period; it stands still while a bound holds the torque and the error would wind it up.
+        """Integral of the error after a period, held while it would wind up at a torque bound.
 
         Source: conditional integration; Astrom, Hagglund 2006, section 3.5.
         """
@@ -211,7 +211,7 @@ class PositionServo(Servo):
 
     @property
     def largest_step(self) -> float | None:  # type: ignore[override]
-        """Half the time in which loop and motor change, s."""
+        """Largest integration step, s: half the fastest time constant of loop and motor."""
         return self._half_time(float(self.damping), float(self.stiffness))
 
     def _loop_setpoint(self, setpoint: Scalar) -> Scalar:
@@ -225,11 +225,11 @@ class PositionServo(Servo):
         return self._quantize(position) - position
 
     def standing(self, effort: Scalar, position: Scalar) -> Scalar:
-        """Next to the joint, by the deflection of the loop's spring under the torque."""
+        """Setpoint that holds the joint under a torque: its position plus the loop's spring deflection."""
         return position + divide(effort, self.stiffness)
 
     def setpoint(self, memory: ServoMemory, effort: Scalar, position: Scalar, rate: Scalar, dt: float) -> Any:
-        """The inverse of the loop's law, whose integral takes this period's error before it acts."""
+        """Setpoint with which the loop gives an effort: the inverse of its control law."""
         per_error = add(self.stiffness, mul(self.integral, dt))
         return position + divide(effort + self.damping * rate - self.integral * memory.integral, per_error)
 
@@ -257,7 +257,7 @@ class VelocityServo(Servo):
 
     @property
     def largest_step(self) -> float | None:  # type: ignore[override]
-        """Half the time in which loop and motor change, s."""
+        """Largest integration step, s: half the fastest time constant of loop and motor."""
         return self._half_time(float(self.gain), 0.0)
 
     def _next_goal(self, goal: Scalar, received: Scalar, dt: float) -> Scalar:
@@ -268,7 +268,7 @@ class VelocityServo(Servo):
         return divide(effort, self.gain)
 
     def setpoint(self, memory: ServoMemory, effort: Scalar, position: Scalar, rate: Scalar, dt: float) -> Any:
-        """The inverse of the loop's law, whose integral takes this period's error before it acts."""
+        """Setpoint with which the loop gives an effort: the inverse of its control law."""
         return rate + divide(effort - self.integral * memory.integral, add(self.gain, mul(self.integral, dt)))
 
     def _loop(self, goal: Scalar, integral: Scalar, position: Scalar, rate: Scalar) -> tuple[Scalar, Scalar]:

@@ -1,4 +1,4 @@
-"""Rotors tilted by servos: the angle's lag, the vehicle at its angles, and a tilting rotor as two fixed ones.
+"""Rotors tilted by servos: servo lag, vehicle at given tilt angles, and equivalent pairs of fixed rotors.
 
 A force k s in the plane that a rotor turns in is linear in the pair (s cos a, s sin a) of its squared speed s and angle
 a, and so are its torques, the drag torque included, which stays along the turned axis. Here the pair stands in the
@@ -67,7 +67,7 @@ def angles_after(
 
 
 def turned_rotor(rotor: Rotor, angle: Scalar) -> Rotor:
-    """A rotor with its axis at the angle of its servo: n cos a + (t x n) sin a, with t across n."""
+    """Rotor with its axis n turned to the servo angle a: n cos a + (t x n) sin a, for a tilt axis t."""
     if rotor.tilt is None:
         return rotor
     axis = rotor.axis * cos(angle) + rotor.tilt.axis.cross(rotor.axis) * sin(angle)
@@ -75,7 +75,7 @@ def turned_rotor(rotor: Rotor, angle: Scalar) -> Rotor:
 
 
 def turn_rotors(vehicle: Vehicle, angles: Sequence[Scalar]) -> Vehicle:
-    """The vehicle with its rotors' axes where the servos hold them; the same record where none tilts."""
+    """Vehicle with its rotor axes turned to the servo angles; unchanged without tilting rotors."""
     if not vehicle.tilts:
         return vehicle
     left = iter(angles)
@@ -84,7 +84,7 @@ def turn_rotors(vehicle: Vehicle, angles: Sequence[Scalar]) -> Vehicle:
 
 
 def with_rest(vehicle: Vehicle, command: Command) -> Command:
-    """A command without angles for the vehicle's servos, with all of them at rest; any other as it is."""
+    """Command with zero tilt angles added if it lacks them; otherwise unchanged."""
     if not vehicle.tilts or command.tilts:
         return command
     return dataclasses.replace(command, tilts=(0.0,) * len(vehicle.tilts))
@@ -96,19 +96,19 @@ WIDEST = math.pi / 4.0
 
 @dataclass(frozen=True, slots=True)
 class Force:
-    """A rotor's part of a wrench: squared speed, (rad/s)^2, and angle, rad."""
+    """Force of one rotor as squared speed, (rad/s)^2, and tilt angle, rad."""
 
     push: Scalar
     angle: Scalar
 
 
 def ends(tilt: Tilt) -> tuple[Scalar, Scalar]:
-    """Angles of the two axes of a rotor's pair, rad: the servo's range within +-WIDEST."""
+    """Angles, rad, of the two fixed axes that replace a tilting rotor: the servo's range within +-WIDEST."""
     return maximum(tilt.lower, -WIDEST), minimum(tilt.upper, WIDEST)
 
 
 def as_pairs(vehicle: Vehicle) -> Vehicle:
-    """The vehicle with two fixed rotors in place of each that tilts; the same record where none does.
+    """Vehicle with each tilting rotor replaced by two fixed ones; unchanged without tilting rotors.
 
     Each of the two goes so far that both together give the rotor's largest thrust midway between them, and never more
     than it: at an end of the range that leaves 1 / (2 cos h) of it, h half the angle between them (0.71 at 45 deg).
@@ -142,7 +142,7 @@ def _pair(rotor: Rotor, tilt: Tilt) -> list[Rotor]:
 
 
 def speeds_of_pairs(vehicle: Vehicle, speeds: Sequence[Scalar], angles: Sequence[Scalar]) -> tuple[Scalar, ...]:
-    """Speeds (rad/s) of the pairs that push as the rotors do; an angle beyond an end counts as that end."""
+    """Speeds (rad/s) of the fixed rotor pairs equivalent to tilting rotors at given angles."""
     found: list[Any] = []
     left = iter(angles)
     for rotor, speed in zip(vehicle.rotors, speeds, strict=True):
@@ -157,7 +157,7 @@ def speeds_of_pairs(vehicle: Vehicle, speeds: Sequence[Scalar], angles: Sequence
 
 
 def forces_of_pairs(vehicle: Vehicle, speeds: Sequence[Scalar]) -> tuple[Force, ...]:
-    """Squared speed and angle of every rotor for speeds (rad/s) of the pairs; the angle of a fixed one is 0."""
+    """Squared speed and tilt angle of every rotor from the speeds (rad/s) of its pair of fixed rotors."""
     found, left = [], iter(speeds)
     for rotor in vehicle.rotors:
         first = next(left)

@@ -51,14 +51,14 @@ def _towards(old: Scalar, new: Scalar, share: Scalar) -> Scalar:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Regressor:
-    """Regressor of one joint in the planned motion."""
+    """Adaptation regressor of one joint for the planned motion."""
 
     load: Annotated[Scalar, Unit("N m/kg or N/kg", "effort of 1 kg at the tip in the planned motion, late")]
     place: Annotated[Scalar, Unit("rad or m", "planned position, late")]
     rate: Annotated[Scalar, Unit("rad/s or m/s", "planned rate, late")]
 
     def towards(self, new: Regressor, share: Scalar) -> Regressor:
-        """A low-pass filter's next value."""
+        """Low-pass filter step towards a new regressor."""
         pairs = ((self.load, new.load), (self.place, new.place), (self.rate, new.rate))
         load, place, rate = (_towards(a, b, share) for a, b in pairs)
         return Regressor(load=load, place=place, rate=rate)
@@ -66,7 +66,7 @@ class Regressor:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class JointLearned:
-    """Estimates of one joint, and the filtered signals behind them.
+    """Adapted parameters of one joint, and the filtered signals that they follow from.
 
     ``once`` and ``twice`` are the planned signals after one and two stages of the observer's lag.
     """
@@ -80,7 +80,7 @@ class JointLearned:
     off: Annotated[Scalar, Unit("(rad/s)^2 or (m/s)^2", "mean square of what the rate is off")]
 
     def filtered(self, regressor: Regressor, rate: Scalar, share: Scalar, dt: Scalar) -> JointLearned:
-        """The filtered regressor one period later, and how well the joint's rate follows its plan."""
+        """Filtered regressor one period later, with statistics of how well the joint tracks its planned rate."""
         once, slow = self.once.towards(regressor, share), low_pass_share(FOLLOWING, dt)
         off = sub(rate, regressor.rate)
         return dataclasses.replace(
@@ -92,7 +92,7 @@ class JointLearned:
         )
 
     def trust(self, slow: Scalar) -> Scalar:
-        """1 for a joint that keeps its planned rate, 0 for one that is off by 0.7 of it, in the mean square."""
+        """Adaptation weight of a joint: 1 if it tracks its planned rate, 0 from an RMS error of 0.7 of that rate."""
         return maximum(0.0, sub(1.0, divide(mul(2.0, self.off), add(self.moving, slow))))
 
     def learned(
@@ -104,7 +104,7 @@ class JointLearned:
         limits: tuple[Scalar, Scalar],
         dt: Scalar,
     ) -> JointLearned:
-        """Damping, level and slope one period later, along their normalised gradients."""
+        """Friction damping, and level and slope of the observed effort, after one normalised gradient step."""
         (small, slow), (low, high), place, rate = least, limits, self.twice.place, self.twice.rate
         error = mul(weight, sub(sub(left, self.level), mul(self.slope, place)))
         step = divide(mul(error, rate), add(mul(rate, rate), slow))
@@ -119,7 +119,7 @@ class JointLearned:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Learned:
-    """Slow estimates and their feed-forward, which the next period takes as a known disturbance."""
+    """Slow estimates, and their feed-forward as the known disturbance of the next period."""
 
     tip_mass: Annotated[Scalar, Unit("kg", "adapted")]
     joints: tuple[JointLearned, ...]
@@ -128,7 +128,7 @@ class Learned:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class AdaptationGains(Part):
-    """Constants of the adaptation; a rate of None leaves an estimate out."""
+    """Constants of the adaptation; a rate of None disables its estimate."""
 
     load: Annotated[Scalar, Unit("1/s", "rate of the adapted tip mass")] | None
     mass_limit: Annotated[Scalar, Unit("kg", "largest adapted tip mass")]
@@ -141,13 +141,13 @@ class AdaptationGains(Part):
     ]
 
     def start(self, joints: int) -> Learned:
-        """Memory before the first measurement: nothing is known."""
+        """Initial memory: all estimates zero."""
         silent = Regressor(load=0.0, place=0.0, rate=0.0)
         joint = JointLearned(damping=0.0, level=0.0, slope=0.0, once=silent, twice=silent, moving=0.0, off=0.0)
         return Learned(tip_mass=0.0, joints=(joint,) * joints, feedforward=no_disturbance(joints))
 
     def learn(self, memory: Learned, step: Step) -> Learned:
-        """The estimates one period later."""
+        """Adapted estimates one period later."""
         if step.demand is None:
             return memory
         observed = step.observed
@@ -157,7 +157,7 @@ class AdaptationGains(Part):
 
 
 def adaptation_gains(vehicle: Vehicle, gains: Mapping[str, Any], limit: float) -> AdaptationGains | None:
-    """Rates and bounds of the adaptation; None where nothing is adapted. A load that is learned is not adapted too."""
+    """Rates and bounds of the adaptation, None if disabled; never adapts a load that is estimated elsewhere."""
     load = gains["adaptation"] if vehicle.n and vehicle.end_effector and not gains["load"] else 0.0
     friction = gains["friction_adaptation"] if vehicle.n else 0.0
     if not load and not friction:
@@ -184,7 +184,7 @@ def adapt(
     free: Sequence[Scalar],
     dt: Scalar,
 ) -> Learned:
-    """Slow estimates one period later.
+    """Adapted estimates of tip mass, joint friction and effort one period later.
 
     ``rates`` of the joints now; ``left``: efforts of the observer; ``free``: 1 or 0 for the base and each joint,
     0 holds its estimates.
@@ -222,7 +222,7 @@ def adapt(
 
 
 def unit_load(vehicle: Vehicle, planned: Planned) -> Disturbance:
-    """Wrench on base and joints of a mass of 1 kg at the tip in a planned motion: -Y, by d'Alembert."""
+    """Wrench on base and joints of a 1 kg point mass at the tip in a planned motion, by d'Alembert."""
     tip = posture(vehicle, planned.joints, 2).tip
     r, rd, rdd = (derivative(tip, k) for k in range(3))
     w = planned.rate

@@ -46,7 +46,7 @@ FASTEST = 50.0
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Compliance:
-    """Constants along the axes (unit vectors; empty for those of the world); a structural inertia 0 holds one."""
+    """Virtual mass, damping and stiffness of the admittance along its axes; a structural mass 0 fixes an axis."""
 
     inertia: Annotated[tuple[Scalar, ...], Unit("kg", "of the virtual body; 0 holds an axis", low=0.0)]
     damping: Annotated[tuple[Scalar, ...], Unit("N s/m", "along each axis", low=0.0)]
@@ -57,14 +57,14 @@ class Compliance:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class VirtualBody:
-    """Memory of the virtual body, along its axes: x and w."""
+    """State of the admittance's virtual body: offset and rate along its axes."""
 
     offset: Annotated[tuple[Scalar, ...], Unit("m", "from the reference, along each axis")] = (0.0, 0.0, 0.0)
     rate: Annotated[tuple[Scalar, ...], Unit("m/s", "along each axis, without the lead")] = (0.0, 0.0, 0.0)
 
 
 def move(gains: Compliance, memory: VirtualBody, force: Vec3, dt: Scalar) -> tuple[VirtualBody, tuple[Vec3, ...]]:
-    """Memory and offset with two derivatives (m, m/s, m/s^2, world axes) one period later, under a force in N."""
+    """Next state of the virtual body under a force (N), and its offset with two derivatives (m, world axes)."""
     along = [axis.dot(force) for axis in gains.axes] if gains.axes else list(force)
     axes = zip(gains.inertia, gains.damping, gains.stiffness, memory.offset, memory.rate, along, strict=True)
     rates, motions = zip(*(_axis_step(axis, gains.lead, dt) for axis in axes), strict=True)
@@ -76,7 +76,7 @@ def move(gains: Compliance, memory: VirtualBody, force: Vec3, dt: Scalar) -> tup
 
 
 def _axis_step(axis: Sequence[Scalar], lead: Scalar, dt: Scalar) -> tuple[Scalar, tuple[Scalar, Scalar, Scalar]]:
-    """Rate of one axis one period later; offset, velocity, acceleration then, structural zeros where it is held."""
+    """One integration step of the virtual body along one axis: its rate, then offset, velocity and acceleration."""
     M, D, K, x, w, f = axis
     if type(M) is int:
         return data(w), (0, 0, 0)
@@ -95,7 +95,7 @@ def _axis_step(axis: Sequence[Scalar], lead: Scalar, dt: Scalar) -> tuple[Scalar
 
 
 def along_world(axes: Sequence[Vec3], values: Sequence[Scalar]) -> Vec3:
-    """A vector along the axes as one along those of the world."""
+    """Vector in world axes from its components along the given axes."""
     if not axes:
         return Vec3(*values)
     first, second, third = (axis * value for axis, value in zip(axes, values, strict=True))
@@ -105,7 +105,7 @@ def along_world(axes: Sequence[Vec3], values: Sequence[Scalar]) -> Vec3:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Detection:
-    """Constants of detection; the threshold is an option, the others are in no unit of the vehicle's size."""
+    """Constants for the detection of an external force at the tip."""
 
     threshold: Annotated[Scalar, Unit("N", "at the tip, above which a force counts", low=0.0)] = 0.3
     patience: Annotated[Scalar, Unit("s", "below the threshold until it counts no more")] = 0.3
@@ -117,7 +117,7 @@ class Detection:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class AdmittanceMemory:
-    """Memory of the admittance; ``sensed`` and ``sensor_bias`` are empty without a sensor."""
+    """Memory of the admittance control; ``sensed`` and ``sensor_bias`` are empty without a force sensor."""
 
     age: Annotated[Scalar, Unit("s", "since the start of the flight")] = 0.0
     bias: Disturbance
@@ -131,7 +131,7 @@ class AdmittanceMemory:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class AdmittanceGains(Part):
-    """Constants of the admittance."""
+    """Constants of the admittance control."""
 
     tip: Compliance
     detection: Detection = Detection()
@@ -143,12 +143,12 @@ class AdmittanceGains(Part):
         require_moderate("controller.parts.admittance.tip", "inertia", self.tip)
 
     def start(self, joints: int) -> AdmittanceMemory:
-        """At rest on the reference, nothing known."""
+        """Initial memory: virtual body at rest on the reference, zero bias."""
         zero = () if self.sensing is None else Vec3(0.0, 0.0, 0.0)
         return AdmittanceMemory(bias=no_disturbance(joints), sensed=zero, sensor_bias=zero)
 
     def adjust_reference(self, memory: AdmittanceMemory, step: Step) -> AdmittanceMemory:
-        """Move the reference; nothing is adapted while an external force is in what is observed, and after it."""
+        """Shift the reference by the virtual body; stop adaptation during an external force and shortly after it."""
         vehicle, reading = step.par.model.vehicle, step.measurement.tip_force
         memory, step.signals = shift_reference(self, memory, vehicle, step.observed, step.signals, reading, step.dt)
         step.external = memory.detected
@@ -156,7 +156,7 @@ class AdmittanceGains(Part):
         return memory
 
     def force_cleared(self, memory: AdmittanceMemory) -> Scalar:
-        """1 where nothing of an external force is left in what is observed, else 0."""
+        """1 if the observed disturbance has been free of an external force for a while, else 0."""
         return where(memory.quiet > self.rest, 1.0, 0.0)
 
 
@@ -169,7 +169,7 @@ def shift_reference(
     reading: Sequence[Scalar],
     dt: Scalar,
 ) -> tuple[AdmittanceMemory, list[Taylor]]:
-    """One period: the memory, and the reference's signals with x, y and z shifted."""
+    """One admittance step: next memory, and the reference signals with x, y and z shifted."""
     at = levers(vehicle, observed.quaternion.rotation(), observed.joints)
     d = disturbance(observed)
     estimate = tip_force(gains.errors, at, d - memory.bias)
@@ -188,7 +188,7 @@ def shift_reference(
 def detect(
     gains: Detection, memory: AdmittanceMemory, observed: Disturbance, force: Vec3, dt: Scalar
 ) -> AdmittanceMemory:
-    """Detection and bias one period later; ``force`` (N, world axes) is the tip's in ``observed``, beyond the bias."""
+    """Update the detection of an external force, and the bias of the observed disturbance."""
     settled = memory.age >= gains.settle
     loud = logical_and(settled, memory.force.dot(memory.force) > gains.threshold * gains.threshold)
     quiet = where(loud, 0.0, memory.quiet + dt)
@@ -212,7 +212,7 @@ def detect(
 
 
 def admittance_gains(table: Any, gains: Mapping[str, Any], leads: bool, lead: float) -> AdmittanceGains:
-    """Constants of the option ``admittance``: mass, damping, stiffness; normal, threshold.
+    """Admittance constants from the option ``admittance``: mass, damping, stiffness, normal and threshold.
 
     ``gains`` are the law's other options; ``leads``: whether it leads a tip; ``lead``: lag of its observer, s.
 
@@ -239,7 +239,7 @@ def admittance_gains(table: Any, gains: Mapping[str, Any], leads: bool, lead: fl
 
 
 def _compliance(fields: Fields, lead: float, axes: tuple[Vec3, ...]) -> Compliance:
-    """The compliance of a table; structural zeros along axes that are held."""
+    """Virtual mass, damping and stiffness from an option table; axes of mass 0 become structural zeros."""
     rows: list[tuple[Scalar, ...]] = []
     for each in ("mass", "damping", "stiffness"):
         rows.append(fields.vector(each))
@@ -254,7 +254,7 @@ def _compliance(fields: Fields, lead: float, axes: tuple[Vec3, ...]) -> Complian
 
 
 def require_moderate(at: str, name: str, body: Compliance) -> None:
-    """Refuse numbers of a virtual body that no loop can follow, of a table or of a sweep.
+    """Reject a virtual mass, damping or stiffness that is too extreme for a control loop.
 
     ``name`` is that of the masses in messages; an axis whose mass is a structural 0 is held.
 
@@ -277,7 +277,7 @@ def require_moderate(at: str, name: str, body: Compliance) -> None:
 
 
 def _axes(normal: tuple[float, float, float], at: str) -> tuple[Vec3, ...]:
-    """The unit normal, a level tangent (of a level surface: x), and the one across both."""
+    """Orthonormal axes of a surface: its unit normal, a horizontal tangent, and their cross product."""
     length = math.sqrt(sum(c * c for c in normal))
     if not 1e-6 < length < math.inf:
         raise ValueError(f"{at} = {shown(list(normal))}: must have a direction")

@@ -34,7 +34,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Planned:
-    """Motion without errors.
+    """Planned motion without tracking errors: attitude, accelerations and joint signals.
 
     Attributes:
         R: R_WB, quasi-static attitude. rate, alpha: its angular velocity and acceleration, base axes.
@@ -51,7 +51,7 @@ class Planned:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Demand:
-    """Demands on rotors and joints.
+    """Demand of the law at one instant: thrust, angular acceleration and joint accelerations.
 
     Attributes:
         thrust: N, along body z. across: N, body axes.
@@ -73,7 +73,7 @@ class Demand:
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """Desired configuration of the vehicle at this instant.
+    """Desired configuration of the vehicle at one instant.
 
     Attributes:
         base: of the base origin, value to fourth derivative, world axes.
@@ -94,7 +94,7 @@ class Course:
 
 
 def demands(step: Step) -> Demand:
-    """The demand at this step, whose steady force, trend and pressing are known."""
+    """Compute the demanded thrust, angular acceleration and joint accelerations of one control step."""
     par, state, before = step.par, step.state, step.memory.following
     model, pressing = par.model, step.pressing
     vehicle, mass = model.vehicle, model.vehicle.mass
@@ -167,7 +167,7 @@ def demands(step: Step) -> Demand:
 
 
 def _course(step: Step) -> Course:
-    """References, and in tip mode those under the quasi-static attitude.
+    """Desired configuration of one step; in tip mode the joints are corrected for the quasi-static attitude.
 
     Attitude and drag along the path are those of the base as it shifts.
     """
@@ -220,12 +220,12 @@ def joint_accelerations(par: CentroidalParameters, state: State, joints: Sequenc
 
 
 def _velocity(R: Mat3, w: Vec3, point: Vec3) -> Vec3:
-    """World velocity of a point of the vehicle against the base origin."""
+    """World velocity of a point of the vehicle relative to the base origin."""
     return R.apply(w.cross(derivative(point, 0)) + derivative(point, 1))
 
 
 def wanted_attitude(par: CentroidalParameters, force: Vec3, yaw: Taylor, reach: Reach | None) -> Attitude:
-    """Attitude of a force (series of second order, world axes, N); ``reach`` of its sideways part, None without one."""
+    """Desired attitude for a force (Taylor series, N, world axes); with ``reach``, rotors give part of it sideways."""
     center = par.center
     if reach is not None and center.sideways is not None:
         held = center.sideways.attitude
@@ -251,7 +251,7 @@ def within_limits(
     references: Sequence[Taylor],
     accelerations: Sequence[Scalar],
 ) -> tuple[Scalar, ...]:
-    """Joint accelerations (rad/s^2 or m/s^2) that run into no limit.
+    """Joint accelerations (rad/s^2 or m/s^2) limited by a control barrier that keeps joints off their limits.
 
     A joint may go a share of the way from its reference to a limit, more where a hard stop holds it. With d the way
     that is left and k the pole of the joint's own loop, half of its damping (the root of its stiffness where that is
@@ -278,7 +278,7 @@ def within_limits(
 
 
 def towards(limit: Scalar, reference: Taylor, share: Scalar, pole: Scalar) -> Scalar:
-    """q'' + 2 k q' + k^2 q (rad/s^2 or m/s^2) of a joint at rest in its allowed position."""
+    """Barrier term q'' + 2 k q' + k^2 q (rad/s^2 or m/s^2) of the allowed position between reference and limit."""
     told, square, twice = reference.derivative(0), mul(pole, pole), mul(2.0, pole)
     # the place where it may go moves with the reference, the limit does not
     moved = mul(sub(1.0, share), add(reference.derivative(2), mul(twice, reference.derivative(1))))

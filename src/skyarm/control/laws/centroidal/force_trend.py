@@ -1,4 +1,4 @@
-"""Trend of an observed force: its rate, weighted by the accuracy of its past predictions.
+"""Trend of the observed force: its rate, weighted by the accuracy of past predictions.
 
 A steady turn of the wind can be predicted, turbulence and noise cannot. The rate comes from a second-order tracker,
     level' = rate + 2 w (d - level),    rate' = w^2 (d - level),
@@ -40,7 +40,7 @@ SLOWEST, STEEPEST = 0.1, 5.0
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TrendGains(Part):
-    """Constants of the tracker and of the trust in its rate."""
+    """Constants of the force tracker, and of the weight of its rate."""
 
     bandwidth: Annotated[Scalar, Unit("rad/s", "tracker of the observed force")]
     horizon: Annotated[Scalar, Unit("s", "over which the force is foretold to find the trust")]
@@ -49,13 +49,13 @@ class TrendGains(Part):
     steep: Annotated[Scalar, Unit("N/s", "rate beyond which a change is a step")]
 
     def start(self, joints: int) -> ForceTrend:
-        """Memory before the first measurement: as if rates of half a step's had predicted nothing."""
+        """Initial memory: zero force, and zero weight of its rate."""
         zero, size = Vec3(0.0, 0.0, 0.0), 0.25 * self.steep * self.steep
         chain = (zero,) * STAGES
         return ForceTrend(level=zero, rate=zero, forces=chain, rates=chain, agreement=0.0, size=size)
 
     def adjust_reference(self, memory: ForceTrend, step: Step) -> ForceTrend:
-        """Predict the disturbance by what the observer is late; an impact or a push is no trend."""
+        """Extrapolate the disturbance over the observer's delay; impacts and pushes are excluded."""
         trend = update_trend(self, memory, step.observed.force, step.dt)
         rate = weighted_rate(self, trend)
         free: Scalar = 1.0
@@ -69,7 +69,7 @@ class TrendGains(Part):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ForceTrend:
-    """Memory of the force trend; ``forces`` and ``rates`` are the stages of the two chains."""
+    """Memory of the force trend: tracker, delay lines (``forces``, ``rates``) and prediction statistics."""
 
     level: Annotated[Vec3, Unit("N", "of the tracker, world axes")]
     rate: Annotated[Vec3, Unit("N/s", "of the tracker, world axes")]
@@ -80,7 +80,7 @@ class ForceTrend:
 
 
 def trend_gains(bandwidth: float, mass: float) -> TrendGains:
-    """Constants for a tracker's bandwidth (rad/s) and a vehicle's mass (kg)."""
+    """Constants of the force trend for a tracker bandwidth (rad/s) and a vehicle mass (kg)."""
     return TrendGains(
         bandwidth=bandwidth,
         horizon=HORIZON,
@@ -91,7 +91,7 @@ def trend_gains(bandwidth: float, mass: float) -> TrendGains:
 
 
 def update_trend(gains: TrendGains, memory: ForceTrend, force: Vec3, dt: Scalar) -> ForceTrend:
-    """The memory one period later; ``force`` is the observer's, N, world axes."""
+    """Force trend one period later; ``force`` is the observed one, N, world axes."""
     b = exp(-(gains.bandwidth * dt))
     ahead = memory.level + memory.rate * dt
     miss = force - ahead
@@ -112,7 +112,7 @@ def update_trend(gains: TrendGains, memory: ForceTrend, force: Vec3, dt: Scalar)
 
 
 def _advance_delay(chain: tuple[Vec3, ...], value: Vec3, share: Scalar) -> tuple[Vec3, ...]:
-    """The stages one period later."""
+    """Delay line one period later: a chain of first-order lags driven by ``value``."""
     found = []
     for each in chain:
         value = vector_data(each + (value - each) * share)
@@ -121,20 +121,20 @@ def _advance_delay(chain: tuple[Vec3, ...], value: Vec3, share: Scalar) -> tuple
 
 
 def rate_weight(gains: TrendGains, memory: ForceTrend) -> Scalar:
-    """Weight of the rate, 0 to 1: the share confirmed by its past predictions."""
+    """Weight of the force rate, 0 to 1, from the accuracy of its past predictions."""
     slope = divide(memory.agreement, memory.size + gains.noise)
     believed = minimum(maximum((slope - CHANCE) * (1.0 / (1.0 - CHANCE)), 0.0), 1.0)
     return believed * _no_step(gains, memory.rate)
 
 
 def weighted_rate(gains: TrendGains, memory: ForceTrend) -> Vec3:
-    """Weighted rate of the observed force, N/s, world axes."""
+    """Rate of the observed force times its weight, N/s, world axes."""
     rate: Vec3 = memory.rate * rate_weight(gains, memory)
     return rate
 
 
 def lateness(par: CentroidalParameters) -> Scalar:
-    """By how long the observed force is late where it changes steadily, s."""
+    """Delay of the observed force while it changes steadily, s."""
     accelerometer = par.observer.accelerometer
     if accelerometer is None:
         return divide(2.0, maximum(par.observer.force, AHEAD))
@@ -142,6 +142,6 @@ def lateness(par: CentroidalParameters) -> Scalar:
 
 
 def _no_step(gains: TrendGains, rate: Vec3) -> Scalar:
-    """1 for a rate well below that of a step, 0 far beyond."""
+    """1 for a force rate well below that of a step, 0 far above it."""
     square = rate.dot(rate) * divide(1.0, gains.steep * gains.steep)
     return divide(1.0, square * square + 1.0)

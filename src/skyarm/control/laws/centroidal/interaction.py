@@ -1,4 +1,4 @@
-"""Pressing on a surface: force along its estimated normal n, motion across it.
+"""Pressing on a surface: force control along its estimated normal, motion control across it.
 
 Force, touch and loss are those of :mod:`skyarm.control.blocks.force_control`; along n the tip has damping alone, across
 n everything is as without a surface. While the tip presses with its full force and its reference moves along the
@@ -36,14 +36,14 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Interaction(InteractionGains, Part):
-    """The part of the law that presses."""
+    """Part of the centroidal law that presses the tip on a surface."""
 
     def start(self, joints: int) -> InteractionMemory:
-        """Memory of free flight."""
+        """Initial memory: no contact."""
         return first_interaction(joints, self.sensing is not None)
 
     def adjust_reference(self, memory: InteractionMemory, step: Step) -> InteractionMemory:
-        """Replace the observed force by the desired one; a surface is no load, no friction and no lag."""
+        """Replace the observed contact force by the commanded one, and stop adaptation during contact."""
         if not step.reference.push:
             return memory
         observed, state, dt, vehicle = step.observed, step.state, step.dt, step.par.model.vehicle
@@ -75,7 +75,7 @@ class Interaction(InteractionGains, Part):
         return dataclasses.replace(memory, lean=vector_data(lean))
 
     def learn(self, memory: InteractionMemory, step: Step) -> InteractionMemory:
-        """Take the tip's distance from its reference along the normal."""
+        """Store the tip's distance from its reference along the normal."""
         if step.pressing is None or step.demand is None:
             return memory
         return dataclasses.replace(memory, gap=step.demand.gap)
@@ -86,7 +86,7 @@ SLIDES = 0.01
 
 
 def _effort(vehicle: Vehicle, sent: Command) -> Scalar:
-    """The largest share of its limit that a joint's effort or a rotor's squared speed takes."""
+    """Largest actuator load: joint effort or squared rotor speed, as a share of its limit."""
     most: Scalar = 0.0
     for link, effort in zip(vehicle.links, sent.efforts, strict=True):
         limit = link.joint.effort_limit  # 0 is none
@@ -98,13 +98,13 @@ def _effort(vehicle: Vehicle, sent: Command) -> Scalar:
 
 
 def shift_reference(pressing: Pressing, signals: Sequence[Taylor]) -> list[Taylor]:
-    """The reference's signals with x, y and z moved along the normal."""
+    """Reference signals with x, y and z shifted along the normal."""
     s = Taylor((pressing.shift[0], pressing.shift[1], mul(0.5, pressing.shift[2]), 0.0, 0.0))
     return [*(each + s * c for each, c in zip(signals[:3], pressing.n, strict=True)), *signals[3:]]
 
 
 def release_normal(pressing: Pressing, goal: Goal, tip: Vec3, tip_velocity: Vec3, velocity_gain: Scalar) -> Goal:
-    """The tip's goal without a position along n, where the gains on it leave a_n = -damping v_n."""
+    """Tip goal without position control along the normal, where only damping remains."""
     p, v, a = goal.tip
     n, slower = pressing.n, 1.0 - pressing.damping / velocity_gain
     return dataclasses.replace(
@@ -125,7 +125,7 @@ STEEPEST = 0.4
 
 
 def estimated_normal(told: Vec3, lean: Vec3) -> Vec3:
-    """The estimated unit normal."""
+    """Unit normal of the surface: the reference's normal corrected by its estimated lean."""
     n = told + lean
     # a reference that has not begun has no normal
     unit: Vec3 = n * divide(1.0, sqrt(n.dot(n) + 1e-12))
@@ -133,7 +133,7 @@ def estimated_normal(told: Vec3, lean: Vec3) -> Vec3:
 
 
 def update_lean(lean: Vec3, n: Vec3, velocity: Vec3, rate: Scalar, asked: Scalar, slides: Scalar, dt: Scalar) -> Vec3:
-    """The lean one period later; ``velocity`` of the tip in m/s, world axes, ``rate`` in 1/s."""
+    """Estimated lean of the normal one period later, from the tip velocity (m/s, world axes); ``rate`` in 1/s."""
     share = where(slides, rate * dt, 0.0) * divide(n.dot(velocity), velocity.dot(velocity) + SLOW * SLOW)
     moved = lean - velocity * share
     return Vec3(*(where(asked, clip(each, -STEEPEST, STEEPEST), 0.0) for each in moved))

@@ -1,4 +1,4 @@
-"""Estimated lag of the loop beyond the nominal one, and the bandwidth that it allows.
+"""Estimate of the loop's additional lag, and the bandwidth that it allows.
 
 With a(t) the accelerations of the sent commands by the model and y(t) the measured ones, the mean M_j of
 |y(t) - a(t - L_j)|^2 is followed for a bank of lags L_j, whole control periods, in a band in which the loop is active
@@ -51,14 +51,14 @@ IGNORED = 0.002
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LagGains(Part):
-    """Lags that halve the bandwidth; ``stride`` is the control periods between two lags of the bank."""
+    """Constants of the lag estimate, with the lags that halve the bandwidths of the rotor and joint loops."""
 
     base: Annotated[Scalar, Unit("s", "lag of the rotors' loops that halves their bandwidth", low=0.0, strict=True)]
     joints: Annotated[Scalar, Unit("s", "lag of the joints' loops that halves theirs", low=0.0, strict=True)]
     stride: int
 
     def start(self, joints: int) -> LagMemory:
-        """Memory before the first measurement."""
+        """Initial memory of the lag estimate, before the first measurement."""
         none = (0.0,) * (3 + joints)
         bank = Bank(means=(0.0,) * CANDIDATES, scale=0.0)
         return LagMemory(
@@ -74,11 +74,11 @@ class LagGains(Part):
         )
 
     def adjust_gains(self, memory: LagMemory, par: CentroidalParameters, dt: Scalar) -> CentroidalParameters:
-        """Gains at the shares of the bandwidth that the lags leave."""
+        """Reduce the law's bandwidths for the estimated lags."""
         return at_shares(par, *self.shares(memory, dt))
 
     def shares(self, memory: LagMemory, dt: Scalar) -> tuple[Scalar, Scalar]:
-        """Shares of the bandwidth that the lags leave: of the rotors' loops and of the joints', 0 to 1."""
+        """Allowed shares of the nominal bandwidth under the estimated lags: rotor loops, joint loops; 0 to 1."""
         base, joints = self.lags(memory, dt)
 
         def share(half: Scalar, lag: Any) -> Any:
@@ -87,12 +87,12 @@ class LagGains(Part):
         return share(self.base, base), share(self.joints, joints)
 
     def lags(self, memory: LagMemory, dt: Scalar) -> tuple[Scalar, Scalar]:
-        """Lags of the rotors' loops and of the joints', s."""
+        """Estimated lags of the rotor loops and of the joint loops, s."""
         step = dt * self.stride
         return estimate(memory.base, step), estimate(memory.arm, step)
 
     def learn(self, memory: LagMemory, step: Step) -> LagMemory:
-        """The estimate one period later; it is held in contact and before the second measurement."""
+        """Lag estimate one period later; held in contact and before the second measurement."""
         told, measurement, free, dt = step.told, step.measurement, step.memory.free, step.dt
         running = where(step.memory.started > 0.5, 1.0, 0.0)
         rates = (*measurement.rate, *measurement.joint_rates)
@@ -128,7 +128,7 @@ class LagGains(Part):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Bank:
-    """Means of one group of residuals, by lag, and their scale."""
+    """Mean residuals of the candidate lags for one group of axes, and their scale."""
 
     means: Annotated[tuple[Scalar, ...], Unit("", "0 to 1, residual of each lag of the bank")]
     scale: Annotated[Scalar, Unit("(rad/s^2)^2", "size of the residuals")]
@@ -136,7 +136,7 @@ class Bank:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LagMemory:
-    """Memory of the lag estimate: of roll, pitch, yaw and the joints; ``past`` is in the band, newest first."""
+    """Memory of the lag estimate: filtered accelerations of roll, pitch, yaw and joints, and mean residuals."""
 
     count: Annotated[Scalar, Unit("", "periods seen")]
     rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "measured one period ago")]
@@ -150,12 +150,12 @@ class LagMemory:
 
 
 def stride_of(control_period: float) -> int:
-    """Control periods between two lags of the bank."""
+    """Spacing of the candidate lags, in control periods."""
     return max(1, round(STEP / control_period))
 
 
 def estimate(bank: Bank, step: Scalar) -> Any:
-    """Lag in seconds, the bank's lags being ``step`` apart."""
+    """Estimated lag, s: likelihood-weighted mean of the candidate lags, which are ``step`` apart."""
     paid, least = _price_lags(bank.means)
     total: Scalar = 0.0
     weighted: Scalar = 0.0
@@ -166,7 +166,7 @@ def estimate(bank: Bank, step: Scalar) -> Any:
 
 
 def _price_lags(means: Sequence[Scalar]) -> tuple[list[Scalar], Scalar]:
-    """Means with the prices of their lags, and the least of them."""
+    """Mean residuals plus a penalty that grows with the lag, and the smallest of these sums."""
     paid = [mean + PRIOR * j for j, mean in enumerate(means)]
     least = paid[0]
     for each in paid[1:]:
@@ -177,7 +177,7 @@ def _price_lags(means: Sequence[Scalar]) -> tuple[list[Scalar], Scalar]:
 def _in_row(
     before: Sequence[Sequence[Scalar]], new: Sequence[Scalar], running: Scalar, dt: Scalar
 ) -> tuple[tuple[Scalar, ...], ...]:
-    """Two low passes at the band's upper edge and one at its lower edge, each fed by the one before."""
+    """Three low-pass filters in series: two at the band's upper edge, one at its lower edge."""
     found = []
     for old, edge in zip(before, (HIGH, HIGH, LOW), strict=True):
         share = running * low_pass_share(edge, dt)
@@ -187,14 +187,14 @@ def _in_row(
 
 
 def _band_pass(filtered: Sequence[Sequence[Scalar]]) -> tuple[Scalar, ...]:
-    """The part in the band: below its upper edge without what is below its lower one."""
+    """Band-pass output: the low-pass at the upper edge minus the one at the lower edge."""
     return tuple(sub(above, below) for above, below in zip(filtered[1], filtered[2], strict=True))
 
 
 def _bank(
     bank: Bank, seen: Sequence[Scalar], delayed: Sequence[Sequence[Scalar]], keep: Scalar, passed: Scalar
 ) -> Bank:
-    """Means and scale with one more residual of each lag."""
+    """Mean residuals of the candidate lags, and their scale, after one more measurement."""
     if not seen:
         return bank
     squares = []

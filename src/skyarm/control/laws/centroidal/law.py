@@ -35,7 +35,7 @@ from skyarm.sensing.measurement import Measurement
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PartMemories:
-    """Memory of each part of :class:`Parts`; empty for one that is left out."""
+    """Memories of the law's parts (:class:`Parts`); empty for a disabled part."""
 
     lag: Any = ()
     interaction: Any = ()
@@ -47,7 +47,7 @@ class PartMemories:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class CentroidalMemory:
-    """State of the law between two steps.
+    """Memory of the centroidal law between two steps.
 
     Attributes:
         channels: samples of x, y, z, yaw and joints.
@@ -147,7 +147,7 @@ def centroidal(
 
 
 def _present(step: Step) -> State:
-    """The state now: filtered, carried across the delay by the commands sent since."""
+    """Present state: the filtered estimate, predicted over the delay with the commands sent since."""
     par, state = step.par, step.observed.state()
     for command in step.memory.sent[1:]:
         state = predict(par.model, state, command, step.unknown, step.dt, par.center.sideways is not None)

@@ -1,4 +1,4 @@
-"""Estimate of a load at the tip from the observed disturbance during a grasp, and its use in the law's model.
+"""Estimate of a load at the tip from the observed disturbance during a grasp, for the law's model.
 
 A mass dm beyond the model's is the weight -dm g e_z at the tip, one that lies elsewhere a horizontal torque t about the
 tip: the weighted least squares (lengths as in :mod:`skyarm.control.blocks.tip_force`) of both in the disturbance beyond
@@ -40,7 +40,7 @@ VAGUE = 1e6
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Hang:
-    """Wrench on base and joints of a weight at the tip, and of a horizontal torque about it.
+    """Regressor of a tip load: wrench on base and joints per kg, and per N m of horizontal torque.
 
     Attributes:
         lift: N on the base, world z, per kg.
@@ -55,7 +55,7 @@ class Hang:
 
 
 def hang(vehicle: Vehicle, R: Mat3, joints: Sequence[Scalar], gravity: Scalar) -> Hang:
-    """Rows of the regression at an attitude and joint positions."""
+    """Regressor of a tip load at an attitude and joint positions."""
     frame = vehicle.frame()
     pose = frame_pose(vehicle, frame, joints)
     weight, about_x, about_y = (R.apply_T(each) for each in (Vec3(0, 0, -gravity), Vec3(1, 0, 0), Vec3(0, 1, 0)))
@@ -71,7 +71,7 @@ def hang(vehicle: Vehicle, R: Mat3, joints: Sequence[Scalar], gravity: Scalar) -
 
 
 def missing(vehicle: Vehicle, gains: LoadGains, at: Hang, rest: Disturbance) -> tuple[Scalar, ...]:
-    """Mass (kg) and horizontal torque about the tip (N m, world x and y) in ``rest``: weighted least squares."""
+    """Mass (kg) and horizontal torque (N m, world x and y) at the tip that explain ``rest``, by least squares."""
     squares, errors = LeastSquares(3), gains.errors
     squares.require((at.lift, 0, 0), rest.force.z, 1)
     for turned, torque in zip(zip(*at.turning, strict=True), rest.torque, strict=True):
@@ -96,7 +96,7 @@ def learn_load(
     bandwidth: Scalar,
     dt: Scalar,
 ) -> tuple[LoadMemory, Disturbance]:
-    """The load one period later, and the disturbance that the law shall not compensate.
+    """Load estimate one period later, and the part of the disturbance that the law must not compensate.
 
     A held load that lies on something pushes the tip up as soon as the reference is low; a law that compensated this
     would push down ever harder. So an upward force beyond the load's weight is taken out of the disturbance.
@@ -131,13 +131,13 @@ def learn_load(
 
 
 def _step(pace: Scalar, bandwidth: Scalar, holds: Scalar, learns: Scalar, dt: Scalar) -> Scalar:
-    """The share of an error that is learned in one period."""
+    """Filter gain of the load estimate in one period."""
     return where(holds, low_pass_share(mul(pace, bandwidth), dt), 0.0) * learns
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LoadGains(Part):
-    """Constants of the estimated load; ``limit`` is the law's option.
+    """Constants of the load estimate.
 
     Mass and observer find the same weight at once: from a ``pace`` of 2 on they would swing. ``size`` is small: a
     load with less inertia than modelled makes its joints too stiff, and one with ten times as much does not.
@@ -156,11 +156,11 @@ class LoadGains(Part):
     bias_rate: Annotated[Scalar, Unit("rad/s", "filter of what is observed without a load")] = 0.5
 
     def start(self, joints: int) -> LoadMemory:
-        """Nothing is held and nothing is known."""
+        """Initial memory: no load."""
         return LoadMemory(mass=0.0, place=Vec3(0.0, 0.0, 0.0), bias=no_disturbance(joints))
 
     def adjust_gains(self, memory: LoadMemory, par: CentroidalParameters, dt: Scalar) -> CentroidalParameters:
-        """The load that the tip holds belongs to the model of all that follows."""
+        """Add the estimated load to the tip of the law's model."""
         vehicle, about = par.model.vehicle, memory.mass * (self.size * self.size)
         tip = vehicle.frame()
         com = tip.position + tip.rotation.apply(memory.place)
@@ -168,7 +168,7 @@ class LoadGains(Part):
         return dataclasses.replace(par, model=dataclasses.replace(par.model, vehicle=vehicle.with_body(tip.link, load)))
 
     def adjust_reference(self, memory: LoadMemory, step: Step) -> LoadMemory:
-        """Learn the load; what holds it up from below is not answered."""
+        """Update the load estimate; an upward force of a support under the load is not compensated."""
         if not step.reference.load:
             return memory
         par, before, dt, observed = step.par, step.memory, step.dt, step.observed
@@ -192,7 +192,7 @@ class LoadGains(Part):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LoadMemory:
-    """Memory of the load; ``bias`` is the disturbance without it."""
+    """Load estimate: mass, centre of mass, and the disturbance without the load (``bias``)."""
 
     mass: Annotated[Scalar, Unit("kg", "learned")]
     place: Annotated[Vec3, Unit("m", "centre of mass, axes of the tip")]
@@ -200,7 +200,7 @@ class LoadMemory:
 
 
 def load_gains(limit: float, vehicle: Vehicle) -> LoadGains:
-    """Constants of the estimated load for its largest mass, kg.
+    """Constants of the load estimate for a largest mass, kg.
 
     Raises:
         ControllerError: a vehicle without a tip that joints move.

@@ -1,4 +1,4 @@
-"""The centroidal law ready to fly."""
+"""Construction of the centroidal law from its options."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def make_centroidal(
     admittance: Mapping[str, Any] | None = None,
     **changes: Any,
 ) -> Controller:
-    """The centroidal law for any vehicle.
+    """Make the centroidal law for any vehicle.
 
     The presets were chosen on the Hummingbird with its arm of 0.3 m: the lengths (reach, damping, shift_limit) are
     that arm's, and "stiff" needs motors about as fast as its (12.5 ms up, 25 ms down).
@@ -172,20 +172,20 @@ def make_centroidal(
 
 
 def _interaction(gains: Mapping[str, Any], leads: bool) -> Interaction:
-    """Constants of pressing."""
+    """Constants of contact force control from the law's options."""
     require_thresholds(gains["interaction"], leads)
     touch, lost = gains["interaction"]
     return Interaction(touch=touch, lost=lost, sensing=SENSING if gains["force_sensor"] else None)
 
 
 def ends_of(vehicle: Vehicle) -> tuple[tuple[bool, bool], ...]:
-    """Which limits the joints of a vehicle have."""
+    """For each joint of a vehicle, whether it has a lower and an upper limit."""
     joints = (link.joint for link in vehicle.links)
     return tuple((math.isfinite(float(joint.lower)), math.isfinite(float(joint.upper))) for joint in joints)
 
 
 def _of_options(kind: type[Gains], gains: Mapping[str, Any], **others: Any) -> Gains:
-    """Constants of which some are options of the same name; one that may be None is left out by 0."""
+    """Make a record of constants from options of the same name; for optional constants 0 becomes None."""
     for field in dataclasses.fields(kind):  # type: ignore[arg-type]
         if field.name in gains and field.name not in others:
             others[field.name] = (gains[field.name] or None) if "None" in str(field.type) else gains[field.name]
@@ -193,12 +193,12 @@ def _of_options(kind: type[Gains], gains: Mapping[str, Any], **others: Any) -> G
 
 
 def _row(names: str, values: Iterable[Any]) -> dict[str, Any]:
-    """Values of a row of gains by name."""
+    """Dictionary from a row of gain names and its values."""
     return dict(zip(names.split(), values, strict=True))
 
 
 def _mixer(vehicle: Vehicle, sideways: bool, yaw_slack: float, given: bool) -> Mixer:
-    """Allocation; ``yaw_slack`` in rad/s^2 of the vehicle with its joints at zero.
+    """Make the law's mixer; ``yaw_slack`` is a yaw acceleration in rad/s^2, with the joints at zero.
 
     Rotors that allow no priorities fly a preset without a slack; one that is ``given`` is refused there.
     """
@@ -217,7 +217,7 @@ def _mixer(vehicle: Vehicle, sideways: bool, yaw_slack: float, given: bool) -> M
 
 
 def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMemory:
-    """Memory before the first step: a level hover with the joints at zero, as the model sees it."""
+    """Initial memory: level hover of the model with the joints at zero."""
     model, vehicle, moves = par.model, par.model.vehicle, par.tip.shift
     zero, standing = Vec3(0.0, 0.0, 0.0), standing_command(model)
     speeds = standing.rotor_speeds

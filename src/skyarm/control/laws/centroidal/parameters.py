@@ -1,4 +1,4 @@
-"""Constants of the centroidal law: its core, and the parts that are built in."""
+"""Constants of the centroidal law: its core, and its optional parts."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MODES = ("joint", "tip")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SidewaysGains:
-    """Force across the thrust axis; an attitude of None is level."""
+    """Constants of sideways force by the rotors; an ``attitude`` of None is level."""
 
     share: Annotated[Scalar, Unit("", "share of the rotors' room that a force at level attitude takes")]
     attitude: Annotated[tuple[Scalar, Scalar], Unit("rad", "roll and pitch that sideways force holds")] | None
@@ -28,7 +28,7 @@ class SidewaysGains:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class CenterGains:
-    """Bounds and shape of the force on the centre of mass; None leaves a part out."""
+    """Bounds and shaping of the force on the centre of mass; None disables one."""
 
     tilt: Annotated[Scalar, Unit("", "largest tangent of the commanded tilt")]
     floor: Annotated[Scalar, Unit("N", "smallest commanded vertical force")]
@@ -40,7 +40,7 @@ class CenterGains:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RotorGains:
-    """Commands of the rotors.
+    """Constants of the rotor commands.
 
     Attributes:
         leads_thrust: commands the planned force ahead by the motors' lag.
@@ -55,7 +55,7 @@ class RotorGains:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class GustGains:
-    """Pace of the base's shift under a changing force."""
+    """Speed of the base's shift under a changing external force."""
 
     pace: Annotated[Scalar, Unit("rad/s", "pace of the base's shift where the force changes by much", low=0.0)]
     size: Annotated[Scalar, Unit("N", "change of the force below which the base shifts slowly", low=0.0, strict=True)]
@@ -63,7 +63,7 @@ class GustGains:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ShiftGains:
-    """Motion of the base's shift in tip mode; None leaves a part of it out."""
+    """Constants of the base's shift in tip mode; None disables a part of its motion."""
 
     bandwidth: Annotated[Scalar, Unit("rad/s", "differentiators of the base's shift")]
     swing_rate: Annotated[Scalar, Unit("1/s", "rate of the adapted pace of the arm's swing")] | None
@@ -73,7 +73,7 @@ class ShiftGains:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TipGains:
-    """Gains of the tip mode; without ``shift`` the base's shift is taken as standing still.
+    """Gains of the tip mode; without ``shift`` the base's shift counts as constant.
 
     ``damping`` over ``reach`` weighs the references of sliding joints.
     """
@@ -90,7 +90,7 @@ class TipGains:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Parts:
-    """Parts with a memory, in the order in which they act; None leaves one out. See :class:`Part`."""
+    """Optional parts of the law (:class:`Part`), in order of execution; None disables one."""
 
     lag: Part | None = None
     interaction: Part | None = None
@@ -100,7 +100,7 @@ class Parts:
     adaptation: Part | None = None
 
     def present(self) -> list[tuple[str, Part]]:
-        """Name and constants of each part that there is."""
+        """Names and constants of the enabled parts."""
         return [(name, part) for name, part in parts(self).items() if part is not None]
 
 
@@ -131,7 +131,7 @@ class CentroidalParameters:
 
 
 def at_shares(par: CentroidalParameters, rotors: Scalar, joints: Scalar) -> CentroidalParameters:
-    """Constants at shares of the bandwidth of the rotors' loops (position, attitude, their observer) and the joints'.
+    """Constants of the law with the bandwidths of rotor loops and joint loops scaled by given shares.
 
     Stiffnesses go with the square of the bandwidth, dampings and observers with the bandwidth.
     """
@@ -149,7 +149,7 @@ def at_shares(par: CentroidalParameters, rotors: Scalar, joints: Scalar) -> Cent
 
 
 def _times(gains: Any, **shares: Scalar) -> Any:
-    """Gains with some of them, one or one for each joint, multiplied."""
+    """Gains with the named fields multiplied by given factors."""
     held = {name: getattr(gains, name) for name in shares}
     scaled = {
         name: tuple(each * share for each in held[name]) if type(held[name]) is tuple else held[name] * share

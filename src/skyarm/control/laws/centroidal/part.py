@@ -1,4 +1,4 @@
-"""Protocol of the parts of the centroidal law, and the control step that they see.
+"""Interface of the centroidal law's parts, and the control step that they share.
 
 A part is a record of constants with any of the functions below; its memory is its own record, which the law keeps. A
 part that is left out is not in the law's program at all.
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 @dataclass(kw_only=True, slots=True)
 class Step:
-    """One control step; parts change it in the order of :class:`Parts`.
+    """Data of one control step, read and changed by the law's parts in the order of :class:`Parts`.
 
     Attributes:
         par: constants of this step. memory: of the law, one period earlier. dt: s.
@@ -70,27 +70,27 @@ class Step:
     demand: Demand | None = None
 
     def isolate(self, share: Scalar) -> None:
-        """Stop adaptation where ``share`` is 0: an external force is part of what is observed."""
+        """Stop adaptation where ``share`` is 0, as the observed disturbance contains an external force."""
         self.free, self.isolated = tuple(mul(each, share) for each in self.free), mul(self.isolated, share)
 
 
 class Part:
-    """One part of the law; by default each function leaves things as they are."""
+    """Optional part of the centroidal law; by default its methods change nothing."""
 
     __slots__ = ()
 
     def start(self, joints: int) -> Any:
-        """Memory before the first measurement, of a model with so many joints."""
+        """Initial memory of the part, for a model with the given number of joints."""
         return ()
 
     def adjust_gains(self, memory: Any, par: CentroidalParameters, dt: Scalar) -> CentroidalParameters:
-        """Constants of the step."""
+        """Return the law's constants for this step."""
         return par
 
     def adjust_reference(self, memory: Any, step: Step) -> Any:
-        """Change reference and disturbance of the step; returns the part's memory one period later."""
+        """Change reference and disturbance of the step; return the part's next memory."""
         return memory
 
     def learn(self, memory: Any, step: Step) -> Any:
-        """The part's memory one period later, with the demand of the step."""
+        """Update the part's memory at the end of a step, from the computed demand."""
         return memory

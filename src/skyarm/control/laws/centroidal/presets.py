@@ -125,12 +125,12 @@ SHORTEST = 0.01
 
 
 def name_of(mode: str, preset: str) -> str:
-    """Name of the law, that of the catalogue's preset: "adaptive" is the one that is not named."""
+    """Catalogue name of the law for a mode and preset; the preset "adaptive" has no suffix."""
     return f"centroidal_{mode}" if preset == "adaptive" else f"centroidal_{mode}_{preset}"
 
 
 def without_preset(name: str) -> str:
-    """The name of a law as all presets of the centroidal law have it in a mode; any other law's as it stands."""
+    """Law name without the suffix of a centroidal preset; any other name unchanged."""
     for preset in PRESETS:
         if name in (name_of(mode, preset) for mode in ("joint", "tip")):
             return name.removesuffix(f"_{preset}")
@@ -148,7 +148,7 @@ def arm_length(vehicle: Vehicle) -> float:
 
 
 def damping_share(vehicle: Vehicle) -> float:
-    """Share of the presets' damping for a vehicle's arm: the root of its length over theirs.
+    """Scale of the presets' damping for a vehicle: root of its arm length over that of the presets.
 
     Small errors of height fold a longer arm that hangs straight. A damping that grows as the length costs a hover's
     accuracy under noise two thirds, one that grows as its root a tenth to a third; both hold the arm.
@@ -157,12 +157,12 @@ def damping_share(vehicle: Vehicle) -> float:
 
 
 def refuse(name: str, value: Any, words: str) -> NoReturn:
-    """Raise the error of an option's value: one line with what is allowed."""
+    """Raise the error for an option's value, in one line with the allowed values."""
     raise ControllerError(f"controller.{name} = {shown(value)}: must be {words}")
 
 
 def number_within(name: str, value: Any, low: float, high: float = math.inf) -> float:
-    """A finite number from ``low`` to ``high``."""
+    """Return a number after the check that it is finite and from ``low`` to ``high``."""
     try:
         held = number(value, f"controller.{name}", low=low)
     except ValueError as error:
@@ -171,7 +171,7 @@ def number_within(name: str, value: Any, low: float, high: float = math.inf) -> 
 
 
 def check_entry(name: str, value: Any) -> Any:
-    """A preset's entry of its own kind, within its range.
+    """Check type and range of a preset's entry.
 
     Raises:
         ControllerError: no such entry, another count, or something that is no such number.
@@ -189,7 +189,7 @@ def check_entry(name: str, value: Any) -> Any:
 
 
 def must_act(changes: Mapping[str, Any], gains: Mapping[str, Any], mode: str, admits: bool) -> None:
-    """Refuse options that need others, without which they do nothing; ``admits`` with the option ``admittance``."""
+    """Reject options without effect because another option is missing; ``admits`` if ``admittance`` is set."""
     for name in ("gust_shift", "swing_rate", "path_rate"):
         if changes.get(name) and not gains["shift_bandwidth"]:
             refuse(name, changes[name], "0 without shift_bandwidth")
@@ -205,7 +205,7 @@ def must_act(changes: Mapping[str, Any], gains: Mapping[str, Any], mode: str, ad
 
 
 def periods_of(delay: Any, control_period: Any) -> int:
-    """Control periods of a known delay.
+    """Known delay as a whole number of control periods.
 
     Raises:
         ControllerError: no whole number of them, too many, or a period that is none.

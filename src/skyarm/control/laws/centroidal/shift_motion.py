@@ -1,4 +1,4 @@
-"""Motion of the base's shift: its derivatives, while the arm swings, along a path, and under a changing force.
+"""Motion of the base's shift in tip mode: derivatives, arm swing, path following and changing forces.
 
 Swing. With c the sideways position of the common centre of mass, sigma the tilt under a steady force, delta the tilt
 beyond it and lambda the height of the centre of mass above the tip, c - (lambda / g) c'' = -lambda sigma keeps the tip.
@@ -47,7 +47,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ShiftMotion:
-    """Memory of two differentiators in a row, of the acceleration of the base's shift."""
+    """Memory of two differentiators in series, for jerk and snap of the base's shift."""
 
     acceleration: Annotated[Vec3, Unit("m/s^2", "of the base's shift, filtered")]
     jerk: Annotated[Vec3, Unit("m/s^3", "of the base's shift, filtered")]
@@ -56,7 +56,7 @@ class ShiftMotion:
 def differentiate(
     memory: ShiftMotion, acceleration: Vec3, bandwidth: Scalar, dt: Scalar
 ) -> tuple[ShiftMotion, Vec3, Vec3]:
-    """The memory one period later, jerk and snap of the shift; ``bandwidth`` of each differentiator in rad/s."""
+    """Next memory, and jerk and snap of the base's shift, by filtered differentiation; ``bandwidth`` in rad/s."""
     jerk = (acceleration - memory.acceleration) * bandwidth
     snap = (jerk - memory.jerk) * bandwidth
     following = ShiftMotion(
@@ -77,7 +77,7 @@ RESONANT = 0.25
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SwingPace:
-    """Memory: mean squares of the first and the second derivative of the tip's height below the centre of mass."""
+    """Swing statistics of the arm: mean squared derivatives of the tip's height below the centre of mass."""
 
     rate: Annotated[Scalar, Unit("(m/s)^2", "mean square of the lever's rate")]
     acceleration: Annotated[Scalar, Unit("(m/s^2)^2", "mean square of the lever's acceleration")]
@@ -85,7 +85,7 @@ class SwingPace:
 
 @dataclass(frozen=True, slots=True)
 class SwingShift:
-    """The shift to its second derivative (m to m/s^2, world axes); third and fourth of the swing's part.
+    """Base shift to its second derivative (m, world axes); jerk and snap of its swing part.
 
     ``steady`` is its acceleration without the swing's part.
     """
@@ -97,19 +97,19 @@ class SwingShift:
 
 
 def levers(level: Posture) -> list[Scalar]:
-    """Height of the centre of mass above the tip with four derivatives, m, of a level base."""
+    """Height of the centre of mass above the tip of a level vehicle, m, with four derivatives."""
     return [derivative(level.com, k).z - derivative(level.tip, k).z for k in range(5)]
 
 
 def tilt_of(needed: Vec3, level: Posture) -> Vec3:
-    """The tilt that a shift answers, rad: the shift over the height of the tip against the base."""
+    """Tilt that a base shift compensates, rad: the shift over the tip's height relative to the base."""
     height = derivative(level.tip, 0).z
     per_height = divide(height, height * height + SHORT * SHORT)
     return Vec3(needed.x * per_height, needed.y * per_height, 0)
 
 
 def swing_pace(memory: SwingPace, lever: list[Scalar], rate: Scalar, dt: Scalar) -> SwingPace:
-    """The memory one period later; ``rate`` in 1/s."""
+    """Swing statistics of the arm one period later; filter ``rate`` in 1/s."""
     share = low_pass_share(rate, dt)
     return SwingPace(
         rate=memory.rate + (lever[1] * lever[1] - memory.rate) * share,
@@ -118,7 +118,7 @@ def swing_pace(memory: SwingPace, lever: list[Scalar], rate: Scalar, dt: Scalar)
 
 
 def shift_for_swing(memory: SwingPace, needed: list[Vec3], level: Posture, gravity: Scalar) -> SwingShift:
-    """The shift that the tip needs while the arm swings.
+    """Base shift that keeps the tip in place while the arm swings.
 
     ``needed`` is the shift (m, world axes) required by each instant, with two derivatives.
     """
@@ -140,7 +140,7 @@ def shift_for_swing(memory: SwingPace, needed: list[Vec3], level: Posture, gravi
 def move_shift(
     par: CentroidalParameters, before: Following, needed: list[Vec3], level: Posture, dt: Scalar, own: Vec3 = ZERO3
 ) -> tuple[Following, list[Vec3]]:
-    """Memory one period later, and the shift with as many derivatives as the law uses.
+    """Next memory, and the base's shift with as many derivatives as the law uses.
 
     ``needed`` has two derivatives; ``own`` (m/s^2, world axes) jumps with a force and is not differentiated.
     """
@@ -172,7 +172,7 @@ LEAST = 1e-6
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class AxisShift:
-    """Memory of one horizontal axis: means of a^2 - v a' and a'^2 - a a'' of the reference; u' and u''."""
+    """Path statistics along one horizontal axis, and rate and acceleration of the centre of mass's shift."""
 
     size: Annotated[Scalar, Unit("(m/s^2)^2", "mean square of the path's acceleration, doubled")]
     change: Annotated[Scalar, Unit("(m/s^3)^2", "mean square of the path's jerk, doubled")]
@@ -188,7 +188,7 @@ AT_REST = AxisShift(size=0.0, change=0.0, rate=0.0, acceleration=0.0)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Following:
-    """Memory of the demands: shift of the base, motion of the arm, paces of swing and path; empty if left out."""
+    """Memory of base shift, arm motion, arm swing and path; empty where disabled."""
 
     shift: ShiftMotion | tuple[()] = ()
     arm: ArmMotion | tuple[()] = ()
@@ -197,7 +197,7 @@ class Following:
 
 
 def first_following(par: CentroidalParameters) -> Following:
-    """Memory before the first step: everything rests."""
+    """Initial memory: everything at rest."""
     zero, moves = Vec3(0.0, 0.0, 0.0), par.tip.shift
     return Following(
         shift=() if moves is None else ShiftMotion(acceleration=zero, jerk=zero),
@@ -208,7 +208,7 @@ def first_following(par: CentroidalParameters) -> Following:
 
 
 def with_shift(path: PathShift | tuple[()], base: list[Vec3], level: Posture, gravity: Scalar) -> list[Vec3]:
-    """The base's reference, value to fourth derivative, with the horizontal shift in all but its position.
+    """Base reference to fourth derivative, with the horizontal shift added to its derivatives but not its position.
 
     ``path`` is empty where the attitude answers the reference alone; ``level`` the references' posture on a level base.
     """
@@ -233,7 +233,7 @@ def path_step(
     par: CentroidalParameters,
     dt: Scalar,
 ) -> PathShift | tuple[()]:
-    """The memory one period later.
+    """Path statistics and shift of both horizontal axes, one period later.
 
     ``asked`` is the shift of the base under the attitude ``still``, that of the result of :func:`with_shift`; ``level``
     and ``turned`` are the postures of a level base's references and of the arm under the attitude.
@@ -252,7 +252,7 @@ def path_step(
 
 
 def square_of_pace(axis: AxisShift, per: Scalar) -> Scalar:
-    """w^2, (rad/s)^2; ``per`` is l / g in s^2."""
+    """Squared angular frequency of a path along one axis, (rad/s)^2; ``per`` is l / g in s^2."""
     most = divide(BELOW, maximum(maximum(per, per * (-BELOW / ABOVE)), LEAST))
     return minimum(divide(maximum(axis.change, 0.0), maximum(axis.size, 0.0) + STILL), most)
 
@@ -264,7 +264,7 @@ def _per(level: Posture, gravity: Scalar) -> Scalar:
 def axis_step(
     axis: AxisShift, reference: tuple[Scalar, ...], asked: tuple[Scalar, Scalar], per: Scalar, rate: Scalar, dt: Scalar
 ) -> AxisShift:
-    """Memory of an axis one period later; ``asked`` are u' and u'' of the present attitude, ``rate`` in 1/s."""
+    """Path statistics of one axis one period later; ``asked`` are rate and acceleration of the required shift."""
     _, v, a, jerk, snap = reference
     share = low_pass_share(rate, dt)
     w2, size = square_of_pace(axis, per), maximum(axis.size, 0.0)
@@ -287,7 +287,7 @@ NOISE = 0.3
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class GustMemory:
-    """Memory in addition to the filtered force."""
+    """Additional memory of the second-order force filter."""
 
     rate: Annotated[Vec3, Unit("N/s", "of the filtered force, world axes")]
 
@@ -303,7 +303,7 @@ class SlowForce:
 
 
 def gust_gains(share: float, vehicle: Vehicle, gravity: Scalar) -> GustGains:
-    """Constants for a share of the pendulum's pace; the arm's length approximates the height above the tip."""
+    """Constants for shifts under a changing force: a share of the frequency of a pendulum of the arm's length."""
     pace = math.sqrt(float(gravity) / max(arm_length(vehicle), SHORTEST))
     return GustGains(pace=share * min(pace, QUICKEST), size=NOISE * float(vehicle.mass))
 
@@ -311,7 +311,7 @@ def gust_gains(share: float, vehicle: Vehicle, gravity: Scalar) -> GustGains:
 def slow_force(
     par: CentroidalParameters, before: Vec3, memory: GustMemory | tuple[()], force: Vec3, dt: Scalar
 ) -> SlowForce:
-    """The force that the shift follows (N, world axes), one period later: first order, second order with ``gust``.
+    """Low-pass filtered force that the base's shift follows, N, world axes; of second order with ``gust``.
 
     The filter's step is exact for a constant force, so that it is stable at any period.
     """
@@ -329,7 +329,7 @@ def slow_force(
 
 
 def steady_force(par: CentroidalParameters, step: Step, slow: SlowForce, adapted: Vec3) -> tuple[Vec3, SlowForce]:
-    """Force that the attitude balances (N, world axes), and the filtered one with its derivatives, predicted."""
+    """Predicted steady force that the attitude balances (N, world axes), and the filtered force."""
     steady, rate, shift = (slow.force if par.mode == "tip" else step.force) + adapted, step.rate, par.tip.shift
     if step.trend is None:
         return steady, slow
@@ -348,7 +348,7 @@ def steady_force(par: CentroidalParameters, step: Step, slow: SlowForce, adapted
 def shift_acceleration(
     par: CentroidalParameters, still: Attitude, force: Vec3, turned: Sequence[Taylor], level: Posture, bend: Vec3
 ) -> Vec3:
-    """Acceleration of the base's shift from the filtered force's second derivative, m/s^2, world axes.
+    """Acceleration of the base's shift from the second derivative of the filtered force, m/s^2, world axes.
 
     It jumps with the force; its derivatives would require more torque than rotors have, and are left out.
 

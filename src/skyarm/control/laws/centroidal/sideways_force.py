@@ -1,4 +1,4 @@
-"""Force across the thrust axis: the rotors' share of it in hover, and the rest for a tilt.
+"""Sideways force: the part given by the rotors across the thrust axis, and the rest given by tilting.
 
 A force F at the common centre of mass r_c of a vehicle that does not turn is the wrench (r_c x F, F) about the base
 origin; each rotor's squared speed is linear in it. With b_i of the vertical part, c_i of the rest and room_i the
@@ -29,7 +29,7 @@ goes away for a moment; more counts on force that is not there (tried from 0.05 
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """Rotor speeds needed for forces, and their limits.
+    """Squared rotor speeds per unit of force, and their limits.
 
     Attributes:
         rows: squared speed of each rotor per force at the centre of mass, body axes, (rad/s)^2 / N.
@@ -42,7 +42,7 @@ class Reach:
 
 
 def reach_of(mixer: Mixer, com: Vec3, weight: Scalar) -> Reach:
-    """Reach of a mixer of six rows; ``com`` in base axes, m, ``weight`` in N."""
+    """Squared rotor speeds per unit of force from a six-row mixer; ``com`` in base axes, m, ``weight`` in N."""
     rows = []
     for turning, across in zip(mixer.inverse, mixer.across, strict=True):
         rows.append(Vec3.of([*across, turning[3]]) + Vec3.of(turning[:3]).cross(com))
@@ -51,7 +51,7 @@ def reach_of(mixer: Mixer, com: Vec3, weight: Scalar) -> Reach:
 
 
 def gauge(reach: Reach, force: Vec3) -> Taylor:
-    """Eighth power of the share that a force across body z takes of the rotors' room; body axes, series."""
+    """Eighth power of the share of the rotors' margin that a sideways force takes (body axes, Taylor series)."""
     total: Any = 0
     for row, top, least in zip(reach.rows, reach.highest, reach.least, strict=True):
         held, change = force.z * row.z, force.x * row.x + force.y * row.y
@@ -66,7 +66,7 @@ def gauge(reach: Reach, force: Vec3) -> Taylor:
 
 
 def leaning(reach: Reach, force: Vec3, share: Scalar, upright: Vec3 | None = None) -> Vec3:
-    """The force (series of second order, world axes, N) that the attitude is computed with: without its sideways part.
+    """Force for the attitude: the desired one (Taylor series, N, world axes) less the part given sideways.
 
     Sideways is across ``upright`` (series), or world z. The second derivative counts as the rest does: the snap of a
     reference is rough where its acceleration bends.
@@ -82,7 +82,7 @@ def leaning(reach: Reach, force: Vec3, share: Scalar, upright: Vec3 | None = Non
 
 
 def thrust_axis(attitude: Sequence[Scalar], yaw: Taylor) -> Vec3:
-    """Body z in world axes (series) at a roll and pitch (rad, Z-Y-X angles) that do not change."""
+    """Body z in world axes (Taylor series) for a constant roll and pitch (rad, Z-Y-X angles) and a moving yaw."""
     roll, pitch = attitude
     forward, left, up = cos(roll) * sin(pitch), -sin(roll), cos(roll) * cos(pitch)
     c, s = cos(yaw), sin(yaw)
@@ -90,7 +90,7 @@ def thrust_axis(attitude: Sequence[Scalar], yaw: Taylor) -> Vec3:
 
 
 def slightest(reach: Reach, vertical: Taylor) -> Taylor:
-    """Square of the gauge of 1 N across z in the worst direction, 1/N^2, next to a vertical force (series, N)."""
+    """Squared share of the rotors' margin per N of sideways force in the worst direction, 1/N^2 (Taylor series)."""
     total: Any = 0
     for row, top, least in zip(reach.rows, reach.highest, reach.least, strict=True):
         held, size = vertical * row.z, row.x * row.x + row.y * row.y
@@ -106,7 +106,7 @@ def _square(value: Taylor) -> Taylor:
 
 
 def achievable_force(reach: Reach | None, force: Sequence[Vec3], R: Mat3, w: Vec3) -> Vec3:
-    """Force achievable by the rotors at this attitude, world axes, N, or its first derivative, N/s.
+    """Force that the rotors can give at this attitude, N, world axes, or its first derivative, N/s.
 
     ``force`` is the desired one, with its derivative for that of the result; ``reach`` None for none across body z.
     """
@@ -133,7 +133,7 @@ def achievable_force(reach: Reach | None, force: Sequence[Vec3], R: Mat3, w: Vec
 
 
 def across(force: Vec3) -> Vec3:
-    """Part of a force across z."""
+    """Part of a force perpendicular to z."""
     return Vec3(force.x, force.y, 0)
 
 

@@ -1,4 +1,4 @@
-"""Tip mode: tip and links of a level base, the shift of the base, joint accelerations.
+"""Tip mode: tip and link references of a level base, base shift, and joint accelerations.
 
 What the arm cannot reach goes to a slow, bounded shift of the base, and base errors beyond the arm's reach go to the
 tip's reference.
@@ -30,7 +30,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """Level-base reference, world axes: the tip and the links, value to second derivative.
+    """Tip and link references of a level base, world axes, value to second derivative.
 
     Attributes:
         tip: position (m), velocity, acceleration. tip_B: position against the base.
@@ -45,14 +45,14 @@ class Goal:
 
 
 def turn_by_yaw(yaw: Taylor, v: Vec3) -> Vec3:
-    """Return R_z(yaw) v as a series."""
+    """Return R_z(yaw) v as a Taylor series."""
     c, s = cos(yaw), sin(yaw)
     x, y = (Taylor.constant(k, len(yaw.c) - 1) if not isinstance(k, Taylor) else k for k in (v.x, v.y))
     return Vec3(c * x - s * y, s * x + c * y, v.z)
 
 
 def goal(vehicle: Vehicle, base: list[Vec3], yaw: Taylor, joints: Sequence[Taylor], level: Posture) -> Goal:
-    """Return where a level base at its reference has tip and links."""
+    """Tip and link references for a level base that is at its own reference."""
     yaw = yaw.truncate(2)
     arm = turn_by_yaw(yaw, level.tip)
     tip = (base[0] + derivative(arm, 0), base[1] + derivative(arm, 1), base[2] + derivative(arm, 2))
@@ -79,7 +79,7 @@ def goal(vehicle: Vehicle, base: list[Vec3], yaw: Taylor, joints: Sequence[Taylo
 
 
 def move_goal(goal: Goal, error: Sequence[Vec3], reach: Scalar) -> Goal:
-    """Move the goal by base errors (value to second derivative) that are longer than the arm shall compensate.
+    """Move the tip's reference with base errors (value to second derivative) too large for the arm to compensate.
 
     The tip takes over e |e|^4 / (|e|^4 + reach^4): nothing of small errors, all of large ones.
     """
@@ -93,7 +93,7 @@ def move_goal(goal: Goal, error: Sequence[Vec3], reach: Scalar) -> Goal:
 
 
 def shift(level: Posture, yaw: Taylor, turned_arm: Posture, still: Attitude, limit: Scalar) -> list[Vec3]:
-    """Offset of the base that puts the tip of a tilted vehicle on its level-base reference, with two derivatives.
+    """Base shift, with two derivatives, that keeps the tip of a tilted vehicle on its level-base reference.
 
     ``turned_arm`` is the posture whose links are turned as those of a level base; the offset stays within ``limit``
     (m), hardly changed up to half of it.
@@ -107,7 +107,7 @@ def shift(level: Posture, yaw: Taylor, turned_arm: Posture, still: Attitude, lim
 
 
 def needed_shift(level: Vec3, yaw: Taylor, turned: Vec3, still: Attitude) -> list[Vec3]:
-    """Offset of a point of a level vehicle from the same point of a tilted one, with two derivatives.
+    """Offset, with two derivatives, from a point of a tilted vehicle to the same point of a level one.
 
     ``level`` is the point of the references, ``turned`` that of an arm whose links turn as those of a level base.
     """
@@ -122,7 +122,7 @@ def needed_shift(level: Vec3, yaw: Taylor, turned: Vec3, still: Attitude) -> lis
 
 
 def chain(vehicle: Vehicle, index: int) -> list[int]:
-    """Joints from the base to a link."""
+    """Indices of the joints from the base to a link."""
     found: list[int] = []
     while index != BASE:
         own = index < vehicle.n
@@ -132,7 +132,7 @@ def chain(vehicle: Vehicle, index: int) -> list[int]:
 
 
 def orientation_error(R: Mat3, R_d: Mat3) -> Vec3:
-    """Rotation (world axes, sine of the angle times its axis) that turns R towards R_d."""
+    """Rotation error from R to R_d: the axis times the sine of the angle, world axes."""
     total = ZERO3
     for k in range(3):
         total = total + R.column(k).cross(R_d.column(k))
@@ -140,7 +140,7 @@ def orientation_error(R: Mat3, R_d: Mat3) -> Vec3:
 
 
 def orientation_rows(vehicle: Vehicle, axes_B: Sequence[Vec3], i: int) -> list[Vec3]:
-    """Angular velocity of link ``i`` in base axes per unit of each joint rate."""
+    """Jacobian columns of the angular velocity of link ``i`` by the joint rates, base axes."""
     carriers = chain(vehicle, i)
     return [axes_B[j] if j in carriers and vehicle.links[j].joint.turns else ZERO3 for j in range(vehicle.n)]
 
@@ -148,7 +148,7 @@ def orientation_rows(vehicle: Vehicle, axes_B: Sequence[Vec3], i: int) -> list[V
 def joints_of_turns(
     vehicle: Vehicle, gains: TipGains, directions: Sequence[Vec3], turns: Sequence[Vec3], preferred: Sequence[Scalar]
 ) -> tuple[Scalar, ...]:
-    """Motion of the joints that turns each link by its own vector (base axes), the rest as preferred: least squares."""
+    """Joint motion that gives each link its rotation (base axes), by least squares regularised to ``preferred``."""
     problem = LeastSquares(vehicle.n)
     for i, turn in enumerate(turns):
         problem.require(orientation_rows(vehicle, directions, i), turn, gains.damping * gains.damping)
@@ -159,7 +159,7 @@ def joints_of_turns(
 def link_turning(
     vehicle: Vehicle, directions: Sequence[Vec3], joint_rates: Sequence[Scalar], rate: Vec3, acceleration: Vec3
 ) -> list[tuple[Vec3, Vec3]]:
-    """Angular velocity of each link, and its acceleration without those of the joints; base axes."""
+    """Angular velocity of each link, and its angular acceleration at zero joint accelerations, base axes."""
     found: list[tuple[Vec3, Vec3]] = []
     for i, link in enumerate(vehicle.links):
         turn, bias = (rate, acceleration) if link.parent == BASE else found[link.parent]
@@ -171,14 +171,14 @@ def link_turning(
 
 
 def level_joints(vehicle: Vehicle, gains: TipGains, wanted: Goal, R: Mat3, poses: Sequence[Pose]) -> tuple[Scalar, ...]:
-    """Change of the joints that turns the links of a base at attitude R as those of a level base: one Newton step."""
+    """Joint correction that gives the links of a tilted base their level-base orientations: one Newton step."""
     pairs = zip(poses[: vehicle.n], wanted.links, strict=True)
     errors = [R.apply_T(orientation_error(R @ pose.R, link)) for pose, link in pairs]
     return joints_of_turns(vehicle, gains, axes(vehicle, poses), errors, (0.0,) * vehicle.n)
 
 
 def level_turn(vehicle: Vehicle, gains: TipGains, turn: Vec3, poses: Sequence[Pose]) -> tuple[Scalar, ...]:
-    """Change of the joints that keeps the links as they are while the base turns by a small ``turn``, base axes.
+    """Joint correction that keeps the links' orientations while the base turns by a small ``turn``, base axes.
 
     To first order, so that it holds of rates, or of accelerations, too.
     """
@@ -193,7 +193,7 @@ def level_motion(
     poses: Sequence[Pose],
     told: Sequence[Sequence[Scalar]],
 ) -> tuple[tuple[Scalar, ...], tuple[Scalar, ...]]:
-    """Rates and accelerations of joints whose links turn as those of a level base while the base turns.
+    """Joint rates and accelerations that keep the links moving as on a level base while the base turns.
 
     ``poses`` are of the links turned so; ``told`` rates and accelerations of the joints' references, for the rest.
     """
@@ -214,7 +214,7 @@ def turned_joints(
     level: Posture,
     moving: bool,
 ) -> tuple[Taylor, ...]:
-    """The joints whose links turn as those of a level base, at an attitude and, if ``moving``, while it turns."""
+    """Joint signals that give the links their level-base orientations on a tilted and, if ``moving``, turning base."""
     poses = [Pose(Mat3(*(derivative(row, 0) for row in pose.R.rows)), ZERO3) for pose in level.links]
     change = level_joints(vehicle, gains, goal, still.R, poses)
     if not moving:
@@ -228,7 +228,7 @@ def turned_joints(
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Now:
-    """The vehicle's motion at the present instant.
+    """Present motion of the vehicle.
 
     Attributes:
         R: R_WB. rate, alpha: body rate and the angular acceleration to come, body axes.
@@ -251,7 +251,7 @@ class Now:
 def joint_accelerations(
     vehicle: Vehicle, gains: TipGains, wanted: Goal, now: Now, preferred: Sequence[Scalar]
 ) -> tuple[Scalar, ...]:
-    """Joint accelerations of the two tasks; ``preferred`` are those of the joints' own references."""
+    """Joint accelerations for the tip and link tasks; ``preferred`` are those of the joint references."""
     R, w = now.R, now.rate
     poses = link_poses(vehicle, now.joints)
     problem = LeastSquares(vehicle.n)

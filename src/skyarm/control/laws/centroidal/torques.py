@@ -21,7 +21,7 @@ TRIM = 0.1
 
 
 def needed(model: Model, state: State, demand: Demand, unknown: Disturbance) -> tuple[Vec3, tuple[Scalar, ...]]:
-    """Body torque (N m, base axes) and joint torques that give the desired accelerations with the desired thrust.
+    """Body torque (N m, base axes) and joint torques for the desired accelerations under the desired thrust.
 
     The disturbance is subtracted; friction of the model is added, its dry part at the references' rates.
     """
@@ -44,7 +44,7 @@ def needed(model: Model, state: State, demand: Demand, unknown: Disturbance) -> 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Done:
-    """Commands sent, and their saturation.
+    """Command of one step, and its saturation.
 
     Attributes:
         free: 1 for the base and each joint whose actuators are not at their limit, else 0.
@@ -57,7 +57,7 @@ class Done:
 
 
 def actuate(step: Step, demand: Demand) -> Done:
-    """The command for a demand.
+    """Rotor and joint commands for the demanded thrust and accelerations.
 
     Motors that slow down later than they speed up lose thrust under noise: the trim integrates, within bounds, what the
     modelled mean squared speeds miss, but not while others change the rotors' commands.

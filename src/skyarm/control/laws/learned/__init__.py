@@ -1,1 +1,1 @@
-"""A learned compensator: a small network that estimates what the model lacks, around the paper's law."""
+"""Learned compensator: the paper's law with a small network that estimates unmodelled forces."""

@@ -57,7 +57,7 @@ class Layer:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Network:
-    """Layers with tanh between them, on inputs brought to mean 0 and deviation 1.
+    """Feed-forward network with tanh layers and normalised inputs.
 
     Attributes:
         means, factors: of the inputs; factor is one over the deviation.
@@ -72,7 +72,7 @@ class Network:
     limits: Annotated[tuple[Scalar, ...], Unit("", "largest magnitude of each output, in its unit")]
 
     def __call__(self, inputs: Sequence[Scalar]) -> tuple[Scalar, ...]:
-        """Outputs within their limits."""
+        """Network outputs, clipped to their limits."""
         values = [mul(sub(x, m), f) for x, m, f in zip(inputs, self.means, self.factors, strict=True)]
         for i, layer in enumerate(self.layers):
             sums = [_affine(row, values, offset) for row, offset in zip(layer.weights, layer.offsets, strict=True)]
@@ -91,7 +91,7 @@ def _affine(row: Sequence[Scalar], values: Sequence[Scalar], offset: Scalar) -> 
 
 
 def read_network(text: str) -> tuple[Network, dict[str, Any]]:
-    """A network and the record of its training, from the text of its file.
+    """Read a network and its training record from the text of a file.
 
     Raises:
         ValueError: it is not such a file.
@@ -111,7 +111,7 @@ def read_network(text: str) -> tuple[Network, dict[str, Any]]:
 
 
 def numbers_of(vehicle: Vehicle) -> dict[str, list[float]]:
-    """Masses (kg, base first) and joint positions (m, in their parents), which identify the vehicle of a file."""
+    """Masses (kg, base first) and joint positions (m, in their parents) that identify a vehicle."""
     return {
         "masses": [float(body.mass) for body in vehicle.bodies],
         "places": [float(c) for link in vehicle.links for c in link.joint.position],
@@ -119,7 +119,7 @@ def numbers_of(vehicle: Vehicle) -> dict[str, list[float]]:
 
 
 def unlike(vehicle: Vehicle, training: dict[str, Any]) -> str:
-    """Numbers of a vehicle outside a network's training range, in words; empty if none are or none are known."""
+    """Describe where a vehicle differs from the one of a network's training; empty if alike or unknown."""
     known = training.get("numbers", {})
     if not concrete(
         *(body.mass for body in vehicle.bodies), *(c for link in vehicle.links for c in link.joint.position)
@@ -134,7 +134,7 @@ def unlike(vehicle: Vehicle, training: dict[str, Any]) -> str:
 
 
 def shipped_network() -> tuple[Network, dict[str, Any]]:
-    """The network that comes with the package."""
+    """Network shipped with the package, and its training record."""
     return read_network(resources.files("skyarm.control.laws.learned").joinpath(FILE).read_text(encoding="utf-8"))
 
 
@@ -148,7 +148,7 @@ HISTORY = 15.0
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class History:
-    """Filtered motion and commands.
+    """Low-pass filtered motion and commands, for the network's inputs.
 
     Attributes:
         started: 0 before the first measurement. commanded: 0 before the first command.
@@ -163,13 +163,13 @@ class History:
 
 
 def no_history(joints: int) -> History:
-    """Before the first step."""
+    """Initial history: no motion and no commands."""
     still = (0.0,) * (6 + joints)
     return History(started=0.0, commanded=0.0, motion=still, commands=still)
 
 
 def feature_names(joints: int) -> tuple[str, ...]:
-    """Names of the features, in their order."""
+    """Names of the network's input features, in order."""
     axes = ("x", "y", "z")
     arm = tuple(str(i + 1) for i in range(joints))
     groups = {
@@ -186,7 +186,7 @@ def feature_names(joints: int) -> tuple[str, ...]:
 
 
 def features(measurement: Measurement, reference: Reference, history: History) -> tuple[Scalar, ...]:
-    """The network's inputs; accelerations are those of the filtered velocities, HISTORY (x - filtered x)."""
+    """Network inputs; accelerations are high-pass filtered velocities, HISTORY (x - filtered x)."""
     m, R = measurement, measurement.quaternion.rotation()
     new = history.started < 0.5
     pairs = zip(_velocities(m), history.motion, strict=True)
@@ -212,14 +212,14 @@ def _velocities(measurement: Measurement) -> tuple[Scalar, ...]:
 
 
 def with_motion(history: History, measurement: Measurement, dt: Scalar) -> History:
-    """History with a measurement in it."""
+    """History after a new measurement."""
     new = history.started < 0.5
     motion = _filter_values(new, history.motion, _velocities(measurement), dt)
     return dataclasses.replace(history, started=where(new, 1.0, history.started), motion=motion)
 
 
 def with_command(vehicle: Vehicle, history: History, command: Command, dt: Scalar) -> History:
-    """History with the command in it that was sent after its last measurement; as it is before the first."""
+    """History after the command that followed its last measurement; unchanged before the first measurement."""
     pushed = Force(ZERO3, ZERO3)
     for rotor, speed in zip(vehicle.rotors, command.rotor_speeds, strict=True):
         pushed = pushed + rotor_force(rotor, speed, ZERO3)
@@ -233,7 +233,7 @@ def with_command(vehicle: Vehicle, history: History, command: Command, dt: Scala
 
 
 def _filter_values(new: Any, filtered: Any, values: Any, dt: Scalar) -> tuple[Scalar, ...]:
-    """Values through the filter, which starts at the first of them."""
+    """One low-pass filter step of several values; a new filter starts at the first values."""
     share = 1.0 - exp(mul(-HISTORY, dt))
     return tuple(where(new, x, add(y, mul(share, sub(x, y)))) for y, x in zip(filtered, values, strict=True))
 
@@ -248,7 +248,7 @@ class LearnedParameters(Parameters):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LearnedMemory:
-    """History that the network sees, and its filtered answer: force and torque, base axes (N, N m), joint torques.
+    """Memory of the law: input history, last command, and filtered network output (N, N m; base axes).
 
     The last command, ``sent``, enters the history one step later, when it is known whether it was sent as desired.
     """
@@ -261,7 +261,7 @@ class LearnedMemory:
 def learned_compensator(
     memory: LearnedMemory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: LearnedParameters
 ) -> tuple[LearnedMemory, Command]:
-    """The paper's computed torque, less the network's estimate of what the model lacks.
+    """The paper's computed torque minus a network's estimate of unmodelled forces.
 
     Source: Wu et al. 2024 (idea only), Barakou et al. 2026, eq. (82)-(96).
     """
@@ -276,7 +276,7 @@ def learned_compensator(
 def compensate(
     measurement: Measurement, reference: Reference, unknown: tuple[Any, ...], par: LearnedParameters
 ) -> Command:
-    """Commands of the paper's law under an unknown force and torque (base axes) and unknown joint torques."""
+    """Command of the paper's law that compensates a force and torque (base axes) and joint torques."""
     vehicle, R = par.model.vehicle, measurement.quaternion.rotation()
     force_B, torque_B = Vec3(*unknown[:3]), Vec3(*unknown[3:6])
     specific = wanted_specific_force(par, measurement, reference)
@@ -291,7 +291,7 @@ def compensate(
 
 
 def network_for(model: Model, network: Any) -> Network:
-    """A network for a model, by default the shipped one, for a vehicle like that of its training.
+    """Network for a model, by default the shipped one; rejects one trained for a different vehicle.
 
     Raises:
         ControllerError: it is not one of a vehicle with these joints, or the shipped one is not of this vehicle.
@@ -315,7 +315,7 @@ def network_for(model: Model, network: Any) -> Network:
 
 
 def first_memory(par: LearnedParameters) -> LearnedMemory:
-    """No history and no answer."""
+    """Initial memory: no history, zero network output."""
     n = par.model.vehicle.n
     return LearnedMemory(history=no_history(n), sent=no_command(par.model.vehicle), answer=(0.0,) * (6 + n))
 

@@ -1,4 +1,4 @@
-"""Cost of the predictive law: residuals of states and inputs, and the force of a contact that is predicted.
+"""Cost of predictive control: residuals of states and inputs, with the predicted contact force.
 
 While the tip touches, the plan's tip has along the believed outward normal n no motion of its own but that
 
@@ -36,7 +36,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Contact:
-    """Desired contact at a stage.
+    """Desired contact at one stage of the horizon.
 
     Attributes:
         normal: out of the believed surface, world axes.
@@ -51,7 +51,7 @@ class Contact:
 
 
 def tip_acceleration(model: Model, state: State, linear: Vec3, angular: Vec3, joints: tuple[Scalar, ...]) -> Vec3:
-    """Acceleration of the tip, m/s^2, world axes, from those of base (world, base axes) and joints."""
+    """Tip acceleration, m/s^2, world axes, from base accelerations (world and base axes) and joint accelerations."""
     tip = posture(model.vehicle, moving(state.joints, state.joint_rates, joints), 2).tip
     p, v, a = (derivative(tip, k) for k in range(3))
     w = state.rate
@@ -73,7 +73,7 @@ def under_contact(
     dry_rates: tuple[Scalar, ...] | None,
     contact: Contact | tuple[()],
 ) -> tuple[Disturbance, Scalar]:
-    """The disturbance with the surface's force in it, and that force (N); unchanged and 0 without contact.
+    """Disturbance plus the predicted surface force, and that force (N); unchanged and 0 without contact.
 
     Args:
         model: the belief.
@@ -106,7 +106,7 @@ MODES = ("tool", "joints")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Goal:
-    """Desired motion at a stage, of base (world axes, m, rad) and joints (rad or m).
+    """Reference at one stage of the horizon: base (world axes, m, rad) and joints (rad or m).
 
     Attributes:
         position, velocity, yaw, joints, joint_rates, joint_accelerations: those.
@@ -126,7 +126,7 @@ class Goal:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Weights:
-    """Weight of each residual: one over the error that costs 1 per second.
+    """Weights of the residuals; each is one over the error that costs 1 per second.
 
     Attributes:
         position: 1/m. velocity: s/m. heading: 1/rad. rate: s/rad, of the base.
@@ -151,7 +151,7 @@ class Weights:
 
 
 def state_residuals(model: Model, weights: Weights, state: State, goal: Goal, mode: str) -> tuple[Scalar, ...]:
-    """Weighted errors of a state.
+    """Weighted residuals of a state.
 
     In mode "joints" the joints follow their references. In mode "tool" the tip is where a level base would carry it;
     the joints next to the base give way to its tilt, so that for parallel axes the links keep their absolute angles,
@@ -185,7 +185,7 @@ def state_residuals(model: Model, weights: Weights, state: State, goal: Goal, mo
 
 
 def given_way(vehicle: Vehicle, joints: tuple[Scalar, ...], tilt: Vec3) -> tuple[Scalar, ...]:
-    """Joints whose first ones take back a tilt of the base (body axes, sine): what follows keeps its own angle."""
+    """Joint positions whose first joints compensate a base tilt (sine of the angle, body axes)."""
     return tuple(
         sub(q, link.joint.rotation.apply(link.joint.motion_subspace.angular).dot(tilt)) if link.parent == BASE else q
         for link, q in zip(vehicle.links, joints, strict=True)
@@ -195,7 +195,7 @@ def given_way(vehicle: Vehicle, joints: tuple[Scalar, ...], tilt: Vec3) -> tuple
 def input_residuals(
     model: Model, weights: Weights, state: State, inputs: Inputs, disturbance: Disturbance, goal: Goal
 ) -> tuple[Scalar, ...]:
-    """Weighted costs of the inputs.
+    """Weighted residuals of the inputs.
 
     Accelerations of the joints, not their torques, are kept near the wanted ones, and the rates of the rotor speeds,
     not the speeds, small: what holds against a constant disturbance costs nothing, so that it leaves no offset. Where
@@ -213,6 +213,6 @@ def input_residuals(
 def predict_stage(
     model: Model, state: State, inputs: Inputs, disturbance: Disturbance, goal: Goal, dt: Scalar
 ) -> State:
-    """State after a stage of ``dt`` seconds, the surface's force at its beginning held over it."""
+    """State after a stage of ``dt`` seconds, with the surface force constant over the stage."""
     pushed, _ = under_contact(model, state, inputs.efforts, disturbance, goal.joint_rates, goal.contact)
     return integrate_stage(model, state, inputs, pushed, dt, goal.joint_rates)

@@ -64,7 +64,7 @@ FORGIVEN = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Trust:
-    """History of the plans' quality.
+    """History of plan quality, which decides whether plans are flown.
 
     Attributes:
         good: plans to be trusted in a row. resting: s for which the plans are not flown yet; 0 while they are.
@@ -83,7 +83,7 @@ class Trust:
 
 
 def worst_cost(weights: Weights, mode: str, joints: int, horizon: float) -> float:
-    """Most that a plan may cost: :data:`TIMES` the errors :data:`WORST` all along, the tip's in mode "tool" only."""
+    """Largest acceptable plan cost: :data:`TIMES` that of constant errors :data:`WORST` over the horizon."""
     errors = [float(weights.position) * WORST["position"], float(weights.velocity) * WORST["velocity"]]
     errors += [float(weights.joints) * WORST["joints"]] * joints
     if mode == "tool":
@@ -92,13 +92,13 @@ def worst_cost(weights: Weights, mode: str, joints: int, horizon: float) -> floa
 
 
 def is_flyable(plan: Plan, most: float) -> bool:
-    """Return True if a plan may be flown: finite, and no dearer than ``most``."""
+    """Return True if a plan may be flown: finite, with a cost of at most ``most``."""
     # a comparison with NaN is false: a plan without a cost is none
     return bool(plan.cost <= most and np.isfinite(plan.u).all() and np.isfinite(plan.K).all())
 
 
 def after_plan(trust: Trust, good: bool) -> Trust:
-    """Trust after a new plan."""
+    """Plan quality history after a new plan."""
     if good:
         count = trust.good + 1
         resting = 0.0 if trust.resting <= SPENT and count >= GOOD else trust.resting
@@ -111,7 +111,7 @@ def after_plan(trust: Trust, good: bool) -> Trust:
 
 
 def after_period(trust: Trust, dt: float) -> Trust:
-    """Trust after ``dt`` s."""
+    """Plan quality history after ``dt`` seconds."""
     if trust.flies_plans:
         return trust if not trust.rest else Trust(trust.good, 0.0, trust.rest, trust.calm + dt)
     # what is left stays above zero until the plans are good
@@ -123,7 +123,7 @@ SPENT = 1e-9
 
 
 class Stabiliser:
-    """The paper's computed torque law with RotorS's gains scaled to the model, as machine code.
+    """Compiled substitute law: the paper's computed torque with RotorS's gains scaled to the model.
 
     Args:
         model: the belief.
@@ -137,13 +137,13 @@ class Stabiliser:
         self.law = Compiled(partial(_computed_torque, par), blank_measurement(joints, self.rotors), nothing, signals)
 
     def command(self, reading: Array, disturbance: Array, sample: Sample) -> Command:
-        """The law's command for leaves of a measurement and of a disturbance, and a sample of the reference."""
+        """Command of the substitute law for arrays of measurement and disturbance, and a reference sample."""
         values = self.law(reading, disturbance, *sample.motion).tolist()
         return Command(rotor_speeds=tuple(values[: self.rotors]), efforts=tuple(values[self.rotors :]))
 
 
 def _computed_torque(par: Parameters, reading: Measurement, unknown: Disturbance, signals: Any) -> tuple[Scalar, ...]:
-    """Rotor speeds and efforts: the paper's law, which leans no further than it can climb, less what already pushes."""
+    """Rotor speeds and joint efforts of the paper's law, with limited tilt and the disturbance compensated."""
     model, (values, rates, accelerations) = par.model, signals
     vehicle, R = model.vehicle, reading.quaternion.rotation()
     wanted = Reference(
@@ -165,7 +165,7 @@ def _computed_torque(par: Parameters, reading: Measurement, unknown: Disturbance
 
 
 def _near(yaw: Scalar, heading: Scalar) -> Scalar:
-    """A yaw (rad) no further than :data:`TURN` from the heading, on its shorter side.
+    """Desired yaw (rad) limited to within :data:`TURN` of the heading, on the shorter side.
 
     The attitude error is the sine of the turn: a nose that points backwards would take the torque from the tilt.
     """
@@ -175,7 +175,7 @@ def _near(yaw: Scalar, heading: Scalar) -> Scalar:
 
 
 def _climbable(force: Vec3, gravity: Scalar) -> Vec3:
-    """A specific force (m/s^2, world axes) with a share of gravity upwards at least, and no further from the vertical.
+    """Specific force (m/s^2, world axes) with limited tilt and a minimum upward part.
 
     Rotors that carry nothing have no torque to give, and a thrust that lies down does not come up again.
     """
@@ -186,7 +186,7 @@ def _climbable(force: Vec3, gravity: Scalar) -> Vec3:
 
 
 def _parameters(model: Model) -> Parameters:
-    """RotorS's gains scaled to the model; torques before thrust where every rotor lifts."""
+    """RotorS's gains scaled to the model, with priority of torque where every rotor gives lift."""
     try:
         made = make_hybrid_computed_torque(model, mixer_policy="priority")
     except AllocationError:

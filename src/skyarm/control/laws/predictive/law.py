@@ -88,7 +88,7 @@ BANDWIDTHS = Bandwidths(linear=25.0, angular=30.0, joints=40.0)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PredictiveParameters:
-    """Constants of the law.
+    """Constants of the predictive law.
 
     Attributes:
         model: the belief. mixer: of the belief; the law does not use it.
@@ -121,7 +121,7 @@ KEPT = 16
 
 @dataclass(frozen=True, slots=True)
 class Engine:
-    """Compiled parts of the law, without memory of a flight: copies of a flight share them.
+    """Compiled functions of the predictive law, without flight memory, so that copies of a flight share them.
 
     Attributes:
         key: constants that it was made of.
@@ -144,14 +144,14 @@ class Engine:
 
 
 def engine_key(par: PredictiveParameters, dt: float, push: bool) -> EngineKey:
-    """Key of the engine of a law; with ``push`` the reference may request contact."""
+    """Cache key of a law's compiled functions; with ``push`` the reference may request contact."""
     shape = par.mode, par.stages, par.horizon, par.every
     return par.model, par.weights, par.bandwidths, *shape, dt, par.interaction if push else None
 
 
 @lru_cache(maxsize=KEPT)
 def make_engine(key: EngineKey) -> Engine:
-    """The machine code of a law."""
+    """Compile the functions of a predictive law."""
     model, weights, bandwidths, mode, stages, horizon, every, dt, interaction = key
     vehicle, presses = model.vehicle, interaction is not None
     bounds = Bounds(
@@ -175,7 +175,7 @@ def make_engine(key: EngineKey) -> Engine:
 
 
 def stage_lengths(stages: int, every: int, horizon: float, dt: float) -> Array:
-    """Lengths of the stages, s: control periods until the next solution, then growing by one factor."""
+    """Lengths of the prediction stages, s: control periods until the next solution, then growing geometrically."""
     powers = np.maximum(np.arange(stages) - every + 1, 0)
     low, high = 1.0, 10.0
     for _ in range(60):
@@ -186,7 +186,7 @@ def stage_lengths(stages: int, every: int, horizon: float, dt: float) -> Array:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PredictiveMemory:
-    """Memory between two steps.
+    """Memory of the predictive law between two steps.
 
     Attributes:
         engine: machine code. past: of the observer. Both None before the first step.
@@ -210,7 +210,7 @@ class PredictiveMemory:
 def nmpc(
     memory: PredictiveMemory, measurement: Measurement, reference: Reference, dt: float, *, par: PredictiveParameters
 ) -> tuple[PredictiveMemory, Command]:
-    """Whole-body nonlinear model predictive control; see the module. Takes floats only."""
+    """One step of whole-body nonlinear model predictive control; accepts floats only."""
     key = engine_key(par, dt, bool(reference.push))
     engine = memory.engine
     if engine is None or engine.key != key:
@@ -260,7 +260,7 @@ def nmpc(
 
 
 def _standing(x: Array, par: PredictiveParameters) -> Plan:
-    """The first guess: nothing moves."""
+    """Initial guess of a plan: the vehicle at rest."""
     vehicle, stages = par.model.vehicle, par.stages
     joints = tuple(x[13 : 13 + vehicle.n].tolist())
     held = [0.0] * len(vehicle.rotors) + [float(t) for t in level_joint_gravity(par.model, joints)]
@@ -271,7 +271,7 @@ def _standing(x: Array, par: PredictiveParameters) -> Plan:
 
 
 def _solve_plan(engine: Engine, last: Plan | None, passed: float, problem: Problem, par: PredictiveParameters) -> Plan:
-    """A new plan: from the last one, or, if that leads nowhere, from rest."""
+    """Solve for a new plan from the last one or, if that fails, from rest."""
     solver = engine.solver
     if last is not None and is_flyable(last, engine.most):
         with contextlib.suppress(NoPlanError):
@@ -286,7 +286,7 @@ def _solve_plan(engine: Engine, last: Plan | None, passed: float, problem: Probl
 
 
 def _command(engine: Engine, plan: Plan, stage: int, x: Array, dt: float) -> Command:
-    """Inputs of a stage with its feedback, as the actuators take them."""
+    """Command of one stage of a plan, with state feedback, motor lag inversion and effort limits."""
     u = plan.u[stage] + plan.K[stage] @ (x - plan.x[stage])
     lags, most = engine.observation.motors, engine.bounds.efforts
     rotors = len(lags.most)
@@ -311,7 +311,7 @@ def make_predictive_controller(
     delay_periods: int = 0,
     interaction: tuple[float, float] | None = None,
 ) -> Controller:
-    """Whole-body model predictive control; the options are those of :class:`PredictiveParameters`.
+    """Make the whole-body predictive controller; its options are the fields of :class:`PredictiveParameters`.
 
     ``interaction``: N along the normal, above which the tip touches and below which it is lost; twice 0 for a law that
     knows nothing of a push, and the only pair allowed where no tip is led. Left out: :data:`THRESHOLDS` where one is.
@@ -365,7 +365,7 @@ def problem_at(
     par: PredictiveParameters,
     touch: Touch | None = None,
 ) -> Problem:
-    """The problem from the state ``late`` s after now, when a command begins to act."""
+    """Optimisation problem that starts ``late`` seconds from now, when a command begins to act."""
     later = late + np.append(0.0, np.cumsum(engine.solver.steps))
     motion = extrapolate(sample, sample.age + later)
     model, pressed, gains = par.model, disturbance, par.interaction
@@ -397,7 +397,7 @@ def _heading(x: Array) -> float:
 
 
 def bearable(disturbance: Array, most: Array) -> Array:
-    """A disturbance whose torques the arm can hold; its force as it is.
+    """Disturbance with its torques scaled down to the joints' capacity; its force is unchanged.
 
     What pushes harder carries the arm away until it lies along the push. A torque foreseen as constant would spin it
     up over the whole horizon, and no plan would be found.

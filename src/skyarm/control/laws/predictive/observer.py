@@ -34,7 +34,7 @@ from skyarm.sensing.measurement import Measurement, blank_measurement
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Estimate:
-    """Estimate at the instant of the last measurement: state, and disturbance that the model lacks."""
+    """Estimated state and disturbance at the instant of the last measurement."""
 
     state: State
     disturbance: Disturbance
@@ -50,7 +50,7 @@ class Bandwidths:
 
 
 def predict(model: Model, estimate: Estimate, command: Command, dt: Scalar) -> State:
-    """State ``dt`` seconds later under a held command, whose rotors lag."""
+    """State ``dt`` seconds later under a held command, with rotor lag."""
     state = estimate.state
     after = motor_speeds(model, state.rotor_speeds, command, dt)
     rates = tuple(divide(end - start, dt) for end, start in zip(after, state.rotor_speeds, strict=True))
@@ -62,7 +62,7 @@ def predict(model: Model, estimate: Estimate, command: Command, dt: Scalar) -> S
 def observe(
     model: Model, bandwidths: Bandwidths, before: Estimate, command: Command, measurement: Measurement, dt: Scalar
 ) -> Estimate:
-    """Estimate at a measurement from the one a period earlier and the command that acted in between.
+    """Observer update from the previous estimate, the command in between and the new measurement.
 
     The correction is that of :mod:`skyarm.control.blocks.disturbance_observer`, of velocities foreseen over a whole
     period. Pose and joints are the measured ones.
@@ -101,7 +101,7 @@ Array = npt.NDArray[np.float64]
 
 
 class Observation:
-    """The observer and the effect of commands that no measurement shows yet, on arrays of leaves.
+    """Compiled observer, and prediction over commands not yet visible in a measurement, on arrays.
 
     Args:
         model: the belief. bandwidths: of the observer. dt: control period, s.
@@ -121,21 +121,21 @@ class Observation:
         self._advance = Compiled(lambda before, command: predict(model, before, command, dt), estimate, command)
 
     def now(self, estimate: Array, commands: Sequence[Array]) -> Array:
-        """The same after the commands that came since, a period each."""
+        """Estimate predicted over the commands since the last measurement, one period each."""
         for command in commands:
             state = self._advance(estimate, command)
             estimate = np.concatenate([state, estimate[len(state) :]])
         return estimate
 
     def first(self, measurement: Measurement) -> Past:
-        """Before anything was sent: the measured state, no disturbance, no delay."""
+        """Initial memory: the measured state, no disturbance, no delay."""
         m = measurement
         moving = (*m.position, *m.quaternion, *m.velocity, *m.rate, *m.joints, *m.joint_rates, *m.rotor_speeds)
         estimate = np.array([*moving, *(0.0,) * (6 + self.joints)], dtype=float)
         return Past(estimate, first_lateness(np.array(m.rotor_speeds, dtype=float)))
 
     def update(self, past: Past, sent: Command, measurement: Measurement) -> Past:
-        """Memory at a measurement, ``sent`` the command of the period before it, if commands act at once."""
+        """Observer memory after a measurement; ``sent`` is the command of the period before it."""
         reading = np.array(leaves(measurement), dtype=float)
         shown = (*past.shown, sent)[-1 - LONGEST :]
         modelled = speeds_under(self.motors, past.late.modelled[0], np.array(sent.rotor_speeds))
@@ -148,13 +148,13 @@ class Observation:
 
 
 def command_row(command: Command) -> Array:
-    """Leaves of a command."""
+    """Command as a one-dimensional array."""
     return np.array([*command.rotor_speeds, *command.efforts], dtype=float)
 
 
 @dataclass(frozen=True, slots=True)
 class Past:
-    """Memory of the observer.
+    """Memory of the predictive law's observer.
 
     Attributes:
         estimate: leaves of an :class:`Estimate` at the last measurement. late: how late commands act.
@@ -184,7 +184,7 @@ NOTICED = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Lateness:
-    """History of commands and rotors for the delay estimate.
+    """History of modelled rotor speeds for the estimate of the command delay.
 
     Attributes:
         modelled: (LONGEST + 1, rotors) speeds of rotors that obey at once, rad/s; row k is of k periods ago.
@@ -200,12 +200,12 @@ class Lateness:
 
 
 def first_lateness(speeds: Array) -> Lateness:
-    """Initial delay estimate at the first measurement: none."""
+    """Initial estimate of the command delay: zero."""
     return Lateness(np.tile(speeds, (LONGEST + 1, 1)), np.zeros(LONGEST + 1))
 
 
 def update_lateness(before: Lateness, modelled: Array, measured: Array, dt: float) -> Lateness:
-    """The same after ``dt`` s.
+    """Estimate of the command delay after ``dt`` seconds.
 
     Args:
         before: one period earlier.

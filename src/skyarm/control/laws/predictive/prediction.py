@@ -1,4 +1,4 @@
-"""Prediction of the motion: the model of the vehicle under held inputs.
+"""Prediction of the vehicle's motion under held inputs.
 
 An input of a rotor is the rate of its speed: constant over a stage, so that the prediction is smooth although real
 motors speed up faster than they slow down. The command that makes a rotor turn so is found afterwards.
@@ -74,7 +74,7 @@ def base_accelerations(
 
 
 def _on_base(model: Model, state: State, R: Mat3, disturbance: Disturbance) -> Force:
-    """Torque and force of rotors and disturbance at the base origin, base axes."""
+    """Total torque and force of rotors and disturbance about the base origin, base axes."""
     v_B = R.apply_T(state.velocity)
     applied = Force(disturbance.torque, R.apply_T(disturbance.force))
     for rotor, speed in zip(model.vehicle.rotors, state.rotor_speeds, strict=True):
@@ -117,7 +117,7 @@ def integrate_stage(
     dt: Scalar,
     dry_rates: tuple[Scalar, ...] | None = None,
 ) -> State:
-    """State after a stage of ``dt`` seconds: efforts at its beginning, from there on the joint accelerations they give.
+    """State after a stage of ``dt`` seconds, with the joint accelerations of its initial efforts held.
 
     A drive follows gravity and inertia far more often than a stage is long. Torques held over a stage would let a
     light link fall and swing by several radians before the next one corrects it, and no plan of a fast arm converges.
@@ -145,13 +145,13 @@ def _runge_kutta_step(state: State, k1: State, slope: Callable[[State], State], 
 
 
 def euler_step(state: State, rate: State, dt: Scalar) -> State:
-    """Return state + dt * rate, number by number."""
+    """Euler step: state + dt * rate, number by number."""
     return rebuild(state, iter([x + dt * dx for x, dx in zip(leaves(state), leaves(rate), strict=True)]))
 
 
 @dataclass(frozen=True, slots=True)
 class Motors:
-    """Rotors as commands see them, an array each: shares of a change made in a period upward and downward, rad/s."""
+    """Motor lags of all rotors per control period: gains for rising and falling speed, and speed limits (rad/s)."""
 
     up: Any
     down: Any
@@ -159,7 +159,7 @@ class Motors:
 
 
 def motors(rotors: Sequence[Rotor], dt: float) -> Motors:
-    """The motors of rotors at a control period of ``dt`` s."""
+    """Motor lags of rotors for a control period of ``dt`` seconds."""
     up, down = (
         np.array([1.0 - exp(divide(-dt, getattr(rotor, name))) for rotor in rotors])
         for name in ("time_constant_up", "time_constant_down")
@@ -175,6 +175,6 @@ def command_for(lags: Motors, speed: Scalar, acceleration: Scalar, dt: Scalar) -
 
 
 def speeds_under(lags: Motors, speed: Scalar, command: Any) -> Any:
-    """Speeds (rad/s) of lagging rotors after the period of the lags under commanded speeds."""
+    """Speeds (rad/s) of lagging rotors after one control period under commanded speeds."""
     change = np.minimum(np.maximum(command, 0.0), lags.most) - speed
     return speed + change * np.where(change > 0.0, lags.up, lags.down)

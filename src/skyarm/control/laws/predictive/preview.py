@@ -1,4 +1,4 @@
-"""The reference over the horizon: held samples extrapolated, or the known trajectory; shift of the base.
+"""Reference preview over the horizon: extrapolated samples or the known trajectory, and the base's shift.
 
 The base shifts so that the tip is where a level base would carry it although rotors must lean to push. The arm takes
 back what its joints can of the lean: those next to the base turn against it. The base takes the rest: the whole of the
@@ -48,7 +48,7 @@ SETTLED = 2
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """A published sample of the signals [x, y, z, yaw, joints ...].
+    """Sample of the reference signals [x, y, z, yaw, joints ...] that the controller holds.
 
     Attributes:
         motion: (3, signals) values, rates, accelerations. jerks: (signals,). age: s.
@@ -69,12 +69,12 @@ class Sample:
 
     @property
     def stiffness(self) -> Array:
-        """Squared angular frequency of each signal's swing, 1/s^2; 0 where it does not swing."""
+        """Squared angular frequency of each signal's oscillation, 1/s^2; 0 if it does not oscillate."""
         return np.asarray(np.maximum(self.pull, 0.0) / np.maximum(self.weight, TINY))
 
 
 def extrapolate(sample: Sample, ahead: Array) -> Array:
-    """Signals and their first two derivatives (3, T, signals) ``ahead`` (T,) s after the sample was taken.
+    """Signals with two derivatives (3, T, signals), extrapolated to ``ahead`` (T,) s after the sample.
 
     The acceleration goes on as the solution of d2a/dt2 = -k a from the sample's acceleration and jerk, k the signal's
     stiffness: a swing is predicted as a swing, and what does not swing (k = 0) at a constant jerk. A cubic alone is
@@ -98,7 +98,7 @@ def _shares(angle: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def update_sample(reference: Reference, before: Sample | None, dt: float) -> Sample:
-    """The sample that a controller holds now, after ``dt`` s; jerks follow from the accelerations of the last two.
+    """Reference sample held after ``dt`` seconds, with jerks from the accelerations of the last two samples.
 
     A sample has come when it differs; one that came where none was foretold starts with no jerk.
     """
@@ -129,7 +129,7 @@ def update_sample(reference: Reference, before: Sample | None, dt: float) -> Sam
 
 
 def goals(motion: Array, shift: Array) -> Array:
-    """Leaves of a :class:`skyarm.control.laws.predictive.cost.Goal` per instant.
+    """References of the horizon as an array, one row per instant (fields of ``cost.Goal``).
 
     Args:
         motion: (3, T, signals) signals with two derivatives.
@@ -141,7 +141,7 @@ def goals(motion: Array, shift: Array) -> Array:
 
 
 def shift(vehicle: Vehicle, thrust: Vec3, yaw: Scalar, joints: tuple[Scalar, ...]) -> Vec3:
-    """Way of the base, m, world axes.
+    """Base shift that keeps the tip in place while the base tilts to a thrust direction, m, world axes.
 
     Args:
         vehicle: with a tip.
@@ -159,7 +159,7 @@ def shift(vehicle: Vehicle, thrust: Vec3, yaw: Scalar, joints: tuple[Scalar, ...
 
 
 def make_stance(model: Model, mode: str) -> Callable[[Array, Array], Array]:
-    """Shifts (T, 3) for thrusts (T, 3) and signals (T, 4 + joints): :func:`shift` as machine code.
+    """Compile :func:`shift`: base shifts (T, 3) for thrusts (T, 3) and signals (T, 4 + joints).
 
     None in mode "joints" and without a tip.
     """

@@ -1,4 +1,4 @@
-"""Real-time iteration: linearise at the predicted motion, solve the linear-quadratic problem by Riccati, move there.
+"""Real-time iteration of predictive control: linearisation, Riccati recursion and line search.
 
 Every stage and every nudged copy of it is a lane: the prediction that the plant's own compiler turns into machine code
 gives values and differences of a whole horizon in a fraction of a millisecond. A rollout moves the model under a policy
@@ -31,7 +31,7 @@ Array = npt.NDArray[np.float64]
 
 
 class Compiled:
-    """Machine code of a traceable function.
+    """Traceable function compiled to machine code, evaluated on arrays.
 
     Args:
         function: of records; returns a record.
@@ -45,14 +45,14 @@ class Compiled:
         self.kernel = Kernel(trace_loop(step, (0.0,), (), examples), Lanes(1), logging=True)
 
     def __call__(self, *parts: Array) -> Array:
-        """Leaves of the result for the leaves of each argument; for rows of them (T, leaves), rows."""
+        """Evaluate the function on arrays of its flattened arguments, or on rows of them (T, leaves)."""
         rows = np.concatenate(parts, axis=-1)
         _, log = self.kernel.run(np.zeros((1, 1)), np.zeros((0, 1)), np.atleast_2d(rows))
         found = np.ascontiguousarray(log[:, :, 0])
         return found if rows.ndim > 1 else np.asarray(found[0])
 
     def record(self, *parts: Array) -> Any:
-        """The result as a record of floats."""
+        """Evaluate the function and return its result as a record of floats."""
         return rebuild(self.kernel.loop.result[1], iter(self(*parts).tolist()))
 
 
@@ -61,7 +61,7 @@ NUDGE = 1e-5
 
 
 def examples(joints: int, rotors: int, contact: bool = False) -> tuple[State, Inputs, Disturbance, Goal]:
-    """Records of floats that give the shapes; with ``contact`` a goal may request one."""
+    """Example records that fix the array shapes; with ``contact`` the goal includes a contact."""
     zero, arm = Vec3(0.0, 0.0, 0.0), (0.0,) * joints
     state = State(
         position=zero,
@@ -88,7 +88,7 @@ def examples(joints: int, rotors: int, contact: bool = False) -> tuple[State, In
 
 
 class Stages:
-    """Prediction and residuals of all stages as machine code.
+    """Compiled prediction and residuals of all stages.
 
     Args:
         model: the belief. weights, mode: of :mod:`skyarm.control.laws.predictive.cost`.
@@ -120,7 +120,7 @@ class Stages:
         self._nudges = np.vstack([np.zeros(width), np.diag(self.scales), -np.diag(self.scales)]) * NUDGE
 
     def derivatives(self, x: Array, u: Array, dt: Array, d: Array, goals: Array) -> tuple[Array, Array, Array, Array]:
-        """Values and derivatives at N + 1 stages.
+        """Predicted states and residuals at N + 1 stages, with their derivatives.
 
         Args:
             x: (N + 1, nx).
@@ -144,7 +144,7 @@ class Stages:
         return ends[:, 0], self._slopes(ends), errors[:, 0], self._slopes(errors)
 
     def _slopes(self, values: Array) -> Array:
-        """Central differences: (stages, values, inputs)."""
+        """Derivatives by central differences, (stages, values, inputs)."""
         width = self.nx + self.nu
         change = values[:, 1 : width + 1] - values[:, width + 1 :]
         return np.asarray((change / (2.0 * NUDGE * self.scales[:, None])).transpose(0, 2, 1))
@@ -160,7 +160,7 @@ class Bounds:
 
 @dataclass(frozen=True, slots=True)
 class Motions:
-    """Motions, one a lane: states (N + 1, nx, lanes), inputs (N, nu, lanes), sums of squared residuals (lanes,)."""
+    """Candidate motions, one per SIMD lane: states (N + 1, nx, lanes), inputs (N, nu, lanes), costs (lanes,)."""
 
     x: Array
     u: Array
@@ -168,7 +168,7 @@ class Motions:
 
 
 class Rollouts:
-    """u = u_guess + a k + K (x - x_guess) within the limits, for several a, as one call of vector code.
+    """Rollouts of the policy u = u_guess + a k + K (x - x_guess) within limits, for several step sizes a at once.
 
     Args:
         model: the belief. weights, mode: of :mod:`skyarm.control.laws.predictive.cost`. bounds: of the inputs.
@@ -213,7 +213,7 @@ class Rollouts:
     def run(
         self, x: Array, u: Array, found: Policy, a: Array, start: Array, given: tuple[Array, Array, Array]
     ) -> Motions:
-        """Motions from ``start`` of the policy about a guess x (N + 1, nx), u (N, nu).
+        """Roll out a policy from ``start`` about a guess x (N + 1, nx), u (N, nu), once per step size.
 
         Args:
             x: (N + 1, nx) states of the guess.
@@ -251,7 +251,7 @@ HOLD = 1e8
 
 @dataclass(frozen=True, slots=True)
 class Linear:
-    """Stages x[k+1] = A[k] x[k] + B[k] u[k] + c[k] with residuals Jx[k] x[k] + Ju[k] u[k] + r[k], all deviations.
+    """Linear-quadratic problem x[k+1] = A x[k] + B u[k] + c with residuals Jx x[k] + Ju u[k] + r, in deviations.
 
     Attributes:
         AB: (N, nx, nx + nu). c: (N, nx). J: (N + 1, nr, nx + nu), of which the last counts x alone. r: (N + 1, nr).
@@ -265,7 +265,7 @@ class Linear:
 
 @dataclass(frozen=True, slots=True)
 class Policy:
-    """u[k] = k[k] + K[k] x[k]: feed-forward (N, nu), gains (N, nu, nx); P (nx, nx) is the cost-to-go at the start."""
+    """Affine policy u[k] = k[k] + K[k] x[k], shapes (N, nu) and (N, nu, nx); P (nx, nx) is the initial cost-to-go."""
 
     k: Array
     K: Array
@@ -273,7 +273,7 @@ class Policy:
 
 
 def policy(problem: Linear, held: Array | None = None, at: Array | None = None, *, damping: float = 0.0) -> Policy:
-    """Minimise the sum of squared residuals.
+    """Riccati recursion: the affine policy that minimises the sum of squared residuals.
 
     Args:
         problem: the stages.
@@ -312,7 +312,7 @@ def policy(problem: Linear, held: Array | None = None, at: Array | None = None, 
 
 
 def rollout(problem: Linear, found: Policy, first: Array, low: Any, high: Any) -> tuple[Array, Array]:
-    """Deviations x (N + 1, nx) and u (N, nu) from ``first`` on, each input kept within (N, nu) limits."""
+    """Linear rollout: deviations x (N + 1, nx), u (N, nu) from ``first``, inputs clipped to (N, nu) limits."""
     stages, nx, width = problem.AB.shape
     x, u = np.empty((stages + 1, nx)), np.empty((stages, width - nx))
     x[0] = first
@@ -358,7 +358,7 @@ class Plan:
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """Input of the solver.
+    """Optimal control problem for the solver.
 
     Attributes:
         start: (nx,) the state now. disturbance: its leaves. goals: (N + 1, leaves of a goal).
@@ -370,7 +370,7 @@ class Problem:
 
 
 class Riccati:
-    """One damped Gauss-Newton step a call by the Riccati recursion; of the steps along it the cheapest motion is taken.
+    """Solver: one damped Gauss-Newton step per call, by the Riccati recursion with a line search.
 
     Args:
         stages: compiled prediction. rollouts: compiled motions. steps: (N,) lengths of the stages, s.
@@ -387,7 +387,7 @@ class Riccati:
         self._times = np.column_stack([np.append(steps, steps[-1]), counted])
 
     def solve(self, problem: Problem, guess: Plan) -> Plan:
-        """The motion one step nearer to the best, and the policy around it.
+        """Improve a plan by one iteration; return it with its feedback policy.
 
         Raises:
             NoPlanError: the guess leads nowhere.
@@ -408,7 +408,7 @@ class Riccati:
         return Plan(x, u, found.K, next_damping(guess.damping, share), float(cost[best]), share)
 
     def _policy(self, problem: Problem, guess: Plan) -> Policy:
-        """The policy of the linearised problem, inputs at their limits held there."""
+        """Policy of the linearised problem, with inputs fixed where they reach their limits."""
         here = linear_problem(self.stages, problem, guess.x, guess.u, self.steps, self._roots)
         low, high = self._room(guess, len(self.bounds.speeds))
         first = problem.start - guess.x[0]
@@ -426,7 +426,7 @@ class Riccati:
         return found
 
     def _room(self, guess: Plan, rotors: int) -> tuple[Array, Array]:
-        """Room of each input to fall and to rise (N, nu): no rotor stops, none exceeds its highest speed."""
+        """Allowed decrease and increase of each input (N, nu) within rotor speed and effort limits."""
         speeds, dt = guess.x[:-1, -rotors:], self.steps[:, None]
         efforts = np.broadcast_to(self.bounds.efforts, (len(self.steps), len(self.bounds.efforts)))
         low, high = np.hstack([-speeds / dt, -efforts]), np.hstack([(self.bounds.speeds - speeds) / dt, efforts])
@@ -434,7 +434,7 @@ class Riccati:
 
 
 def next_damping(damping: float, share: float) -> float:
-    """Damping of the step that follows one of which a share was taken."""
+    """Damping of the next iteration, from the share of the last step that was taken."""
     least, most = DAMPING
     if share < 0.5:
         return min(max(damping * GROWTH, least), most)
@@ -454,7 +454,7 @@ def linear_problem(stages: Stages, problem: Problem, x: Array, u: Array, steps: 
 
 
 def shift_plan(plan: Plan, steps: Array, dt: float) -> Plan:
-    """The same motion seen ``dt`` s later, on stages of the same lengths; its last piece is held."""
+    """Plan shifted by ``dt`` seconds on the same stage lengths; its end is held."""
     times = np.append(0.0, np.cumsum(steps))
     later = np.minimum(times + dt, times[-1])
     at = np.clip(np.searchsorted(times, later, side="right") - 1, 0, len(steps) - 1)

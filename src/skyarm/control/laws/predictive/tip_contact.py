@@ -1,4 +1,4 @@
-"""Contact of the predictive law: touch and loss by its observer, and the goals that follow.
+"""Tip contact in the predictive law: detection by its observer, and contact references over the horizon.
 
 The tip's force is told by the law's own observer. Touch and loss, the ramp of the wanted force, its integral, and the
 shift of the reference along the believed normal are those of the centroidal law
@@ -45,7 +45,7 @@ against its own push, and the arm of six joints swings up.
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Touch:
-    """State of the contact in a period; forces along the normal in N, displacements along it in m and m/s.
+    """State of the contact in one period; forces (N), displacements (m) and speeds (m/s) along the normal.
 
     Attributes:
         normal: (3,) out of the surface, world axes.
@@ -75,7 +75,7 @@ class Touch:
 
 
 class TipContact:
-    """One period of touch and loss, and the disturbance without the contact force, as machine code.
+    """Compiled contact detection of one period, and the disturbance without the contact force.
 
     Args:
         model: the belief. gains: of pressing. dt: control period, s.
@@ -122,7 +122,7 @@ class TipContact:
     def at(
         self, before: InteractionMemory | None, estimate: Array, push: Sequence[Scalar], wanted: Array
     ) -> tuple[InteractionMemory, Touch]:
-        """Memory and contact of one period.
+        """Contact memory and contact state of one period.
 
         Args:
             before: memory a period earlier; None before the first.
@@ -138,7 +138,7 @@ class TipContact:
 
 
 def shift_ahead(gains: InteractionGains, touch: Touch, later: Array) -> tuple[Array, Array, Array]:
-    """Shift of the reference along the normal, m, with two derivatives, at instants (T,) ``later`` s from now.
+    """Predicted reference shift along the normal, m, with two derivatives, at ``later`` (T,) s from now.
 
     A tip that comes keeps its speed; what follows the surface, or returns, does so as a critically damped swing.
     """
@@ -163,7 +163,7 @@ def shift_ahead(gains: InteractionGains, touch: Touch, later: Array) -> tuple[Ar
 
 
 def contact_goals(gains: InteractionGains, touch: Touch, later: Array) -> Array:
-    """Leaves of :class:`skyarm.control.laws.predictive.cost.Contact` at N + 1 instants (N + 1, 6).
+    """Contact references of the horizon as an array, N + 1 instants (N + 1, 6) (fields of ``cost.Contact``).
 
     The wanted force goes on rising, or falling after a loss, as its ramp does. The damping is that of a stage's length:
     a force that is held over it would turn the tip back by more than its velocity.

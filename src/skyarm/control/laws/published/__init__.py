@@ -1,1 +1,1 @@
-"""Laws of other authors, each in a file of its own: those that the paper cites, and two present standards."""
+"""Laws of other authors, one per file: those that the paper cites, and two current standards (INDI, L1)."""

@@ -58,7 +58,7 @@ def bulut_computed_torque(
 
 
 def _angular(par: Parameters, measurement: Measurement, reference: Reference, wanted: Vec3) -> Vec3:
-    """alpha* of the angles' computed torque, base axes, rad/s^2."""
+    """Desired angular acceleration by computed torque on the Euler angles, base axes, rad/s^2."""
     phi, theta, psi = euler_angles(measurement.quaternion.rotation())
     c, s = cos(psi), sin(psi)
     per_gravity = divide(1.0, par.model.gravity)
@@ -77,7 +77,7 @@ def _angular(par: Parameters, measurement: Measurement, reference: Reference, wa
 
 
 def rate_matrices(phi: Scalar, theta: Scalar) -> tuple[Mat3, Mat3]:
-    """Q of w_B = Q [phi', theta', psi'], and its inverse, singular at a pitch of 90 degrees.
+    """Matrix Q of w_B = Q [phi', theta', psi'], and its inverse (singular at a pitch of 90 degrees).
 
     Source: Barakou, Tzafestas, Valavanis 2026, (3)-(4).
     """
@@ -88,7 +88,7 @@ def rate_matrices(phi: Scalar, theta: Scalar) -> tuple[Mat3, Mat3]:
 
 
 def rate_matrix_rate(phi: Scalar, theta: Scalar, rates: Vec3) -> Mat3:
-    """dQ/dt under rates of the Euler angles, rad/s."""
+    """Time derivative dQ/dt of the Euler angle rate matrix, for rates in rad/s."""
     sp, cp, st, ct = sin(phi), cos(phi), sin(theta), cos(theta)
     by_phi = Mat3(ZERO3, Vec3(0, neg(sp), mul(cp, ct)), Vec3(0, neg(cp), neg(mul(sp, ct))))
     by_theta = Mat3(Vec3(0, 0, neg(ct)), Vec3(0, 0, neg(mul(sp, st))), Vec3(0, 0, neg(mul(cp, st))))

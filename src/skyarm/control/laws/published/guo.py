@@ -47,7 +47,7 @@ def center_reference(vehicle: Vehicle, reference: Reference) -> tuple[Vec3, Vec3
 def guo_center_of_inertia(
     memory: Any, measurement: Measurement, reference: Reference, dt: Scalar, *, par: Parameters
 ) -> tuple[Any, Command]:
-    """SE(3) tracking of the centre of mass with the locked inertia; joints apart."""
+    """SE(3) tracking of the centre of mass with the locked inertia; the joints are controlled separately."""
     del dt
     vehicle, R, w = par.model.vehicle, measurement.quaternion.rotation(), measurement.rate
     c, J = central_inertia(locked_inertia(vehicle, measurement.joints))

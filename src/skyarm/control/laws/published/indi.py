@@ -49,7 +49,7 @@ NYQUIST_SHARE = 0.45
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class IndiParameters(Parameters):
-    """Constants in addition to the gains.
+    """Constants of the INDI law in addition to the gains.
 
     Attributes:
         cutoff: of every filter, Hz. measured_speeds: False models the rotor speeds from the commands.
@@ -64,7 +64,7 @@ class IndiParameters(Parameters):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class IndiMemory:
-    """Memory of the law.
+    """Memory of the INDI law.
 
     Attributes:
         started: 0 before the first measurement.
@@ -85,7 +85,7 @@ class IndiMemory:
 def indi(
     memory: IndiMemory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: IndiParameters
 ) -> tuple[IndiMemory, Command]:
-    """Thrust vector, body torque and joint torques by increments from what was measured."""
+    """Incremental dynamic inversion: increments of thrust vector, body torque and joint torques."""
     vehicle, R, n = par.model.vehicle, measurement.quaternion.rotation(), par.model.vehicle.n
     first = memory.started < 0.5
     speeds = _speeds(memory, measurement, par, first, dt)
@@ -128,7 +128,7 @@ def indi(
 def _speeds(
     memory: IndiMemory, measurement: Measurement, par: IndiParameters, first: Any, dt: Scalar
 ) -> tuple[Scalar, ...]:
-    """Rotor speeds, measured or modelled; the model starts at the measured ones and is as late as a measurement."""
+    """Rotor speeds, measured, or modelled with the delay of a measurement."""
     if par.measured_speeds:
         return measurement.rotor_speeds
     turned = speeds_after(par.model.vehicle.rotors, memory.speeds, memory.sent[0].rotor_speeds, dt)
@@ -145,7 +145,7 @@ def _filter_signals(
     par: IndiParameters,
     first: Any,
 ) -> tuple[tuple[Taps, ...], list[Any]]:
-    """All signals through the filter; at the first call it has seen them for ever."""
+    """Low-pass filter step of all signals; at the first call the filters are in steady state."""
     torque, force = rotor_thrust(par.model.vehicle, speeds)
     efforts = [where(first, a, b) for a, b in zip(hold, memory.sent[0].efforts, strict=True)]
     signals = [
@@ -162,7 +162,7 @@ def _filter_signals(
 
 
 def _command_history(memory: IndiMemory, command: Command, held: Command, first: Any) -> tuple[Command, ...]:
-    """Commands of the last periods with the newest behind; before the first one rotors and arm were held."""
+    """Commands of the last periods, newest last; before the first command the actuators were held."""
 
     def begun(hold: tuple[Scalar, ...], old: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
         return tuple(where(first, a, b) for a, b in zip(hold, old, strict=True))
@@ -180,7 +180,7 @@ def _begun(first: Any, value: Any, old: Taps, par: Butterworth) -> Taps:
 
 
 def first_memory(par: IndiParameters) -> IndiMemory:
-    """Memory before the first measurement."""
+    """Initial memory of the INDI law."""
     vehicle, n = par.model.vehicle, par.model.vehicle.n
     return IndiMemory(
         started=0.0,

@@ -42,7 +42,7 @@ ACCELERATION = "m/s^2, rad/s^2, rad/s^2"
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SlidingParameters(Parameters):
-    """Constants in addition to the gains.
+    """Constants of the sliding mode law in addition to the gains.
 
     Attributes:
         switching: eta of position (m/s^2), attitude (rad/s^2) and joints (rad/s^2).
@@ -63,7 +63,7 @@ class SlidingParameters(Parameters):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SlidingMemory:
-    """Memory of the law.
+    """Memory of the sliding mode law.
 
     Attributes:
         position, attitude, joints: adapted disturbance accelerations, world axes, base axes, of the joints.
@@ -78,7 +78,7 @@ class SlidingMemory:
 
 
 def sliding_rates(stiffness: Scalar, damping: Scalar) -> tuple[Scalar, Scalar]:
-    """Lambda <= K with K + Lambda = kd and K Lambda = kp; both kd / 2 where no real pair exists."""
+    """Sliding slope Lambda and gain K from PD gains, with K + Lambda = kd and K Lambda = kp (kd / 2 if complex)."""
     spread = sqrt(maximum(damping * damping - 4.0 * stiffness, 0.0))
     return 0.5 * (damping - spread), 0.5 * (damping + spread)
 
@@ -86,7 +86,7 @@ def sliding_rates(stiffness: Scalar, damping: Scalar) -> tuple[Scalar, Scalar]:
 def reached(
     error: Scalar, rate: Scalar, kp: Scalar, kd: Scalar, group: int, par: SlidingParameters
 ) -> tuple[Scalar, Scalar, Scalar]:
-    """Sliding variable of one coordinate; linear part and push of the acceleration that reaches and keeps s = 0."""
+    """Sliding variable of one coordinate; linear and switching part of its reaching acceleration."""
     slope, gain = sliding_rates(kp, kd)
     s = rate + slope * error
     push = par.switching[group] * tanh(divide(s, par.boundary[group]))
@@ -96,7 +96,7 @@ def reached(
 def kim_sliding_mode(
     memory: SlidingMemory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: SlidingParameters
 ) -> tuple[SlidingMemory, Command]:
-    """Sliding accelerations through the coupled inverse dynamics."""
+    """Adaptive sliding mode: sliding accelerations through the coupled inverse dynamics."""
     vehicle, R = par.model.vehicle, measurement.quaternion.rotation()
     s_p, up = _translation(memory, measurement, reference, par)
     s_R, alpha = _rotation(memory, measurement, reference, R, up, par)
@@ -126,7 +126,7 @@ def kim_sliding_mode(
 def _translation(
     memory: SlidingMemory, measurement: Measurement, reference: Reference, par: SlidingParameters
 ) -> tuple[list[Scalar], Vec3]:
-    """Sliding variables and desired specific force, world axes."""
+    """Sliding variables of the position, and desired specific force, world axes."""
     per_mass = divide(1.0, par.model.vehicle.mass)
     error, drift = measurement.position - reference.position, measurement.velocity - reference.velocity
     kp, kd = par.gains.position * per_mass, par.gains.velocity * per_mass
@@ -138,7 +138,7 @@ def _translation(
 def _rotation(
     memory: SlidingMemory, measurement: Measurement, reference: Reference, R: Mat3, up: Vec3, par: SlidingParameters
 ) -> tuple[list[Scalar], Vec3]:
-    """Sliding variables and desired angular acceleration, base axes.
+    """Sliding variables of the attitude, and desired angular acceleration, base axes.
 
     Per axis the rates are those of its moment of inertia alone; the linear part is then turned as the PD law's torque
     would: with products of inertia, J alpha = diag(J) linear.
@@ -160,7 +160,7 @@ def _rotation(
 def _arm(
     memory: SlidingMemory, measurement: Measurement, reference: Reference, par: SlidingParameters
 ) -> tuple[list[Scalar], tuple[Scalar, ...]]:
-    """Sliding variables and desired joint accelerations."""
+    """Sliding variables of the joints, and desired joint accelerations."""
     found, wanted = [], []
     for i in range(par.model.vehicle.n):
         error = measurement.joints[i] - reference.joints[i]
@@ -172,7 +172,7 @@ def _arm(
 
 
 def first_memory(par: SlidingParameters) -> SlidingMemory:
-    """Nothing adapted yet."""
+    """Initial memory: adaptation at zero."""
     still, vehicle = Vec3(0.0, 0.0, 0.0), par.model.vehicle
     return SlidingMemory(
         position=still,

@@ -66,7 +66,7 @@ BANDWIDTH = Unit("rad/s", low=0.0, strict=True)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class L1Parameters(Parameters):
-    """Constants in addition to the gains.
+    """Constants of the L1 law in addition to the gains.
 
     Attributes:
         predictor: a of velocity, rate, joint rates, 1/s.
@@ -92,7 +92,7 @@ class L1Parameters(Parameters):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class L1Memory:
-    """Memory of the law.
+    """Memory of the L1 law.
 
     Attributes:
         started: 0 before the first measurement.
@@ -120,7 +120,7 @@ class L1Memory:
 def l1_adaptive(
     memory: L1Memory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: L1Parameters
 ) -> tuple[L1Memory, Command]:
-    """Geometric law through the coupled inverse dynamics, less the filtered estimate of what else acts."""
+    """L1 adaptive control: coupled geometric law minus the filtered estimate of the disturbance."""
     vehicle, R = par.model.vehicle, measurement.quaternion.rotation()
     measured = (*measurement.velocity, *measurement.rate, *measurement.joint_rates)
     begun = memory.started > 0.5
@@ -150,13 +150,13 @@ def l1_adaptive(
 
 
 def _predictor_rates(par: L1Parameters) -> tuple[Scalar, ...]:
-    """Rate a of each channel of z, 1/s."""
+    """Decay rate a of each velocity channel of the state predictor, 1/s."""
     linear, angular, joints = par.predictor
     return (*(linear,) * 3, *(angular,) * 3, *(joints,) * par.model.vehicle.n)
 
 
 def predict_velocities(par: L1Parameters, memory: L1Memory, dt: Scalar) -> tuple[Scalar, ...]:
-    """Zhat one period after the memory's measurement, by Euler's step as the authors take it."""
+    """State predictor: velocities one period after the last measurement, by an Euler step."""
     vehicle, was, sent = par.model.vehicle, memory.measured, memory.sent
     speeds = [minimum(speed, rotor.max_speed) for speed, rotor in zip(sent.rotor_speeds, vehicle.rotors, strict=True)]
     applied = Force(*rotor_thrust(vehicle, speeds))
@@ -167,7 +167,7 @@ def predict_velocities(par: L1Parameters, memory: L1Memory, dt: Scalar) -> tuple
 
 
 def _advance_filters(memory: L1Memory, R: Mat3, force: Force, efforts: Any, dt: Scalar, par: L1Parameters) -> L1Memory:
-    """The memory with the low-pass filters moved on, each held within its limit.
+    """Memory with the low-pass filters advanced by one period, each output clipped to its limit.
 
     The limit comes after the filter: noise cut on one side only would leave a bias.
     """
@@ -193,7 +193,7 @@ def _advance_filters(memory: L1Memory, R: Mat3, force: Force, efforts: Any, dt: 
 
 
 def _command(filtered: L1Memory, measurement: Measurement, reference: Reference, R: Mat3, par: L1Parameters) -> Command:
-    """u_b + u_ad."""
+    """Command u_b + u_ad: baseline plus adaptive part."""
     wanted = up = wanted_specific_force(par, measurement, reference)
     b3 = R.column(2)
     if par.lateral:
@@ -206,7 +206,7 @@ def _command(filtered: L1Memory, measurement: Measurement, reference: Reference,
 
 
 def limits(model: Model) -> dict[str, Any]:
-    """Largest compensated force and torque: half of the weight, and that on one side of the rotors.
+    """Limits of the compensated force (half the weight) and torque (a quarter of the weight at the rotor arm).
 
     More cannot be compensated and flown at once.
     """
@@ -216,7 +216,7 @@ def limits(model: Model) -> dict[str, Any]:
 
 
 def first_memory(par: L1Parameters) -> L1Memory:
-    """Memory before the first measurement: no error and no disturbance."""
+    """Initial memory: no prediction error and no disturbance."""
     still, arm = Vec3(0.0, 0.0, 0.0), (0.0,) * par.model.vehicle.n
     none = (0.0,) * (6 + len(arm))
     return L1Memory(

@@ -40,7 +40,7 @@ from skyarm.sensing.measurement import Measurement
 def li_feedforward(
     memory: Any, measurement: Measurement, reference: Reference, dt: Scalar, *, par: Parameters
 ) -> tuple[Any, Command]:
-    """Geometric base control that carries the arm's reaction ahead; joints apart."""
+    """Geometric base control with feed-forward of the arm's reaction; the joints are controlled separately."""
     del dt
     vehicle, R, q = par.model.vehicle, measurement.quaternion.rotation(), measurement.joints
     reaction = arm_reaction(vehicle, q, measurement.rate, measurement.joint_rates, reference.joint_accelerations)
