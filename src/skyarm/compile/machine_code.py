@@ -16,11 +16,11 @@ NAME = "llvmlite"
 
 
 class NoMachineCodeError(RuntimeError):
-    """Machine code is not available here."""
+    """Error: machine code cannot be compiled on this machine."""
 
 
 class SlowFlightWarning(RuntimeWarning):
-    """An episode flies in Python floats, because machine code cannot be made here."""
+    """Warning: an episode runs in Python floats, because machine code is not available."""
 
 
 @contextmanager

@@ -52,7 +52,7 @@ def example_command(joints: int, rotors: int, tilts: int = 0) -> Command:
 
 
 class Steps(int):
-    """Number of integration steps of an interval, and a smaller number for inactive coupled components.
+    """Number of integration steps of an interval, with a smaller number for when coupled components are inactive.
 
     Attributes:
         far: steps of the plant's integrator where the coupled components are far.
@@ -65,7 +65,7 @@ class Steps(int):
     verlet: bool
 
     def __new__(cls, near: int, far: int, *, verlet: int = 0) -> Self:
-        """Make from step counts for active (``near``) or inactive coupled components; ``verlet`` replaces ``near``."""
+        """Make from the counts for active (``near``) and inactive coupled components; ``verlet`` replaces ``near``."""
         made = super().__new__(cls, verlet or near)
         made.far, made.rounds, made.verlet = far, math.ceil(near / far), verlet > 0
         return made
@@ -86,7 +86,7 @@ class Steps(int):
 def hold(
     world: Truth, integrator: str, count: int, now: Moved, command: Command, around: Surroundings, seconds: Any
 ) -> Moved:
-    """Integrate state and coupled memories over an interval (s) with constant inputs, in ``count`` steps."""
+    """Integrate plant state and coupled components' memories over an interval (s) with constant inputs."""
     near = VERLET if isinstance(count, Steps) and count.verlet else integrator
 
     def step(both: Moved) -> Moved:
@@ -160,7 +160,7 @@ class RigidBodyPlant:
         return whole_steps(seconds, self._physics_step) * divisions(self._physics_step, largest)
 
     def advance(self, state: Flat, command: Flat, around: Flat, seconds: float) -> tuple[float, ...]:
-        """State after ``seconds`` with constant command and surroundings, followed by the coupled memories."""
+        """State after ``seconds`` with constant command and surroundings, then the memories of coupled components."""
         if seconds not in self._programs:
 
             def interval(_: Any, __: Any, given: Any, ___: Any) -> tuple[tuple[()], Moved]:

@@ -54,7 +54,7 @@ def flat(state: State) -> tuple[float, ...]:
 
 
 def number(value: Scalar) -> Any:
-    """Convert a structural integer to a float, so that a traced program keeps it as an output."""
+    """Convert an int to a float, so that a traced program keeps it as an output."""
     return float(value) if type(value) is int else value
 
 

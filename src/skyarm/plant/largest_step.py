@@ -36,8 +36,8 @@ STAGES = 4
 def largest_step(around: Surroundings, *, coupled: bool = True, euler: bool = False) -> float | None:
     """Smallest ``largest_step`` (s) of air, forces and joint drives in a period; None if none states one.
 
-    ``coupled`` says whether components count whose memories go on with the plant: far from acting they bear any step.
-    ``euler`` asks for the steps of the semi-implicit Euler method.
+    ``coupled`` says whether coupled components count: inactive ones allow any step.
+    ``euler`` selects the steps of the semi-implicit Euler method.
     """
     parts = [each for each in around.components if coupled or not each.coupled]
     own = [each.largest_euler_step if euler else each.largest_step for each in parts]
@@ -63,7 +63,7 @@ def lanes_step(around: Surroundings, *, euler: bool) -> float | None:
 def verlet_step(around: Surroundings) -> float | None:
     """Longest Stoermer-Verlet step (s) with active coupled components; None if Runge-Kutta is used instead.
 
-    That is so where anything else asks for short steps: loops of drives and damped air bear fewer of Verlet's.
+    Runge-Kutta is used if anything else needs short steps: drive loops and damped air tolerate less with Verlet.
     """
     if not around.coupled or largest_step(around, coupled=False) is not None:
         return None

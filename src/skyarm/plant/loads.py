@@ -29,12 +29,12 @@ def rigid_loads(around: Surroundings) -> list[tuple[Any, Any]]:
 
 
 def stuck_of(around: Surroundings) -> Sequence[Scalar]:
-    """Flag per joint: 1 stuck, 0 may get stuck, structural 0 never; () without such faults."""
+    """Stuck flag of each joint (1 or 0; an int 0 if it never gets stuck); () without such faults."""
     return () if around.effectiveness is None else around.effectiveness.stuck
 
 
 def changes_inertia(around: Surroundings) -> bool:
-    """True if the inertia of the moving bodies may change between periods, by structure."""
+    """True if payloads or stuck joints may change the inertia of the moving bodies in a period."""
     return bool(rigid_loads(around)) or bool(stuck_of(around))
 
 
@@ -68,7 +68,7 @@ def applied_force(
         vehicle: the truth.
         state: of the vehicle, with the angles of rotors that tilt; its own rotor speeds are not read.
         rotor_speeds: rad/s, now.
-        setpoints: of the joints' drives; torques or forces unless the drive says otherwise.
+        setpoints: of the joints' drives; torques or forces unless the drive defines another quantity.
         around: air, forces, faults and drives of the period.
         commands: rotor speeds that the rotors are on their way to, rad/s; empty for rotors that keep theirs.
         step: s, of a method that takes forces once in the middle of its step; None of others.

@@ -45,7 +45,7 @@ LARGEST_FRICTION_STEP = {"rk4": HELD_FRICTION_STEP, "rk4_staged": FRICTION_STEP}
 class _Quiet:
     """Context that suppresses MuJoCo's warnings, which print and write a log file into the user's folder.
 
-    An episode that diverges says so itself. MuJoCo has one handler for all threads; the caller's comes back.
+    An episode's own checks report divergence. MuJoCo has one handler for all threads; the caller's comes back.
     """
 
     def __init__(self) -> None:
@@ -178,7 +178,7 @@ class MujocoPlant:
         return tuple(number(value) for value in (*forces, *turned, *leaning, *memories))
 
     def advance(self, state: Flat, command: Flat, around: Flat, seconds: float) -> tuple[float, ...]:
-        """State after ``seconds`` (whole physics steps) with constant inputs, followed by the coupled memories.
+        """State after ``seconds`` (whole physics steps) with constant inputs, then the memories of coupled components.
 
         A diverged state stays diverged.
         """

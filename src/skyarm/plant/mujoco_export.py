@@ -47,7 +47,7 @@ class Exported:
 
 
 def mjcf_text(vehicle: Vehicle, gravity: float, start: State | None = None, *, timestep: float = 0.001) -> Exported:
-    """MJCF of a vehicle.
+    """Export a vehicle to MJCF; return the text and counts of its contents.
 
     Args:
         vehicle: with concrete numbers; a planar model is refused.

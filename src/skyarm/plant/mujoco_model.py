@@ -53,7 +53,7 @@ COLORS = {
 def build_spec(
     vehicle: Vehicle, gravity: float, *, timestep: float = 0.001, integrator: str = "rk4", loads: Sequence[Any] = ()
 ) -> Any:
-    """The vehicle as a ``mujoco.MjSpec``.
+    """MuJoCo model specification (``mujoco.MjSpec``) of a vehicle.
 
     Contacts, constraints, implicit damping and MuJoCo's own reset of a diverged state are off; joints have neither
     damping, friction nor limits: everything that pushes is applied from outside, and followers have joints of their own

@@ -77,7 +77,7 @@ def derivative(
     around: Surroundings,
     commands: Sequence[Scalar] = (),
 ) -> Rate:
-    """Right-hand side of the equations of motion."""
+    """Time derivative of the state by the equations of motion."""
     base, joint_accelerations = accelerate(world, state, rotor_speeds, efforts, around, commands)
     linear, angular = coordinate_acceleration(state.quaternion.rotation(), base, world.gravity)
     return Rate(
@@ -170,7 +170,7 @@ def coupled_euler(world: Truth, state: State, command: Command, around: Surround
 
 
 def coupled_verlet(world: Truth, state: State, command: Command, around: Surroundings, dt: Scalar) -> Moved:
-    """One step of the Stoermer-Verlet method: half a step of positions, velocities over the step, the other half.
+    """One Stoermer-Verlet step: positions over half the step, velocities over the whole, positions over the other half.
 
     Forces are taken once, in the middle of the step, with the velocities before the push: of second order and without
     a drift of the energy for springs, of first order for damping. The gyroscopic and centrifugal terms are those of
@@ -190,7 +190,7 @@ def coupled_verlet(world: Truth, state: State, command: Command, around: Surroun
     moving, R = loaded_vehicle(vehicle, there), middle.quaternion.rotation()
 
     def push(at: State, seconds: Scalar) -> State:
-        """Midpoint state after ``seconds`` of constant forces; ``at``: velocities for the inertial forces."""
+        """Midpoint state, velocities advanced by forces over ``seconds``; ``at``: state for inertial forces."""
         base, joints = dynamics.forward_dynamics(moving, at.joints, at.rate, at.joint_rates, force, torques)
         linear, angular = coordinate_acceleration(R, base, world.gravity)
         rates = zip(middle.joint_rates, joints, strict=True)
@@ -217,12 +217,12 @@ def _drift(state: State, dt: Scalar) -> State:
 
 
 def step_rk4(world: Truth, state: State, command: Command, around: Surroundings, dt: float) -> State:
-    """State after one Runge-Kutta step (:func:`coupled_rk4`), without the coupled memories."""
+    """State after one Runge-Kutta step, without the memories that :func:`coupled_rk4` also returns."""
     return coupled_rk4(world, state, command, around, dt)[0]
 
 
 def step_euler(world: Truth, state: State, command: Command, around: Surroundings, dt: float) -> State:
-    """State after one semi-implicit Euler step (:func:`coupled_euler`), without the coupled memories."""
+    """State after one semi-implicit Euler step, without the memories that :func:`coupled_euler` also returns."""
     return coupled_euler(world, state, command, around, dt)[0]
 
 
@@ -238,7 +238,7 @@ def far_step(
         command: held for the period.
         around: surroundings of the period.
         dt: s.
-        rounds: steps in its place that what is coupled asks for.
+        rounds: steps that the coupled components need in its place.
     """
     there = around.with_coupled(now[1])
     after, _ = COUPLED_STEP[name](world, now[0], command, there.without_coupled(), dt)

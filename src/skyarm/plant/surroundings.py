@@ -175,7 +175,7 @@ def push_coupled(around: Surroundings, motion: PointMotion, rotor_speeds: Sequen
 
 
 def places_in(around: Surroundings) -> tuple[int, ...]:
-    """Indices of the coupled memories' numbers among the leaves of the surroundings."""
+    """Indices of the numbers of coupled components' memories among the leaves of the surroundings."""
     first = len(leaves(around.components))
     return tuple(first + place for place in places_among(around.memories, around.coupled))
 

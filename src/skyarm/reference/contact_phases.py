@@ -102,10 +102,10 @@ EASE = 0.05
 """s of the plan between asking for a force and waiting for it."""
 
 CLEARANCE = 0.05
-"""m in front of a surface from which a tip comes and to which it leaves, where a phase says nothing else."""
+"""m, default distance in front of a surface from which a tip approaches and to which it retreats."""
 
 TOUCHED = 0.5
-"""Share of the wanted force from which on a tip counts as touching, where a phase says nothing else."""
+"""Default share of the desired force above which a tip counts as touching."""
 
 MOST_TURNS = 40.0
 """Turns of a spiral or about an axis."""
@@ -115,7 +115,7 @@ FASTEST_TURNING = 1.0
 
 
 def approach(task: Task, phase: Fields) -> None:
-    """Add to the task a motion to a point in front of a place on the surface."""
+    """Add to the task a motion to a point in front of a surface."""
     _tell_normal(task, phase)
     goal = place_of(phase, "position")
     task.go_through(phase, _in_front(task, phase, goal, near="normal" in phase.table), new=False)

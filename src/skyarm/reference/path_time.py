@@ -172,7 +172,7 @@ def offset_reference(
         reference: as planned, at ``time`` (s).
         offset: m, world axes.
         returns: beginning and end (s) of the phases in which the reference comes back.
-        since: s, where the offset began: phases before count no more.
+        since: path time (s) at which the offset began; earlier return phases do not count.
         time: s, of the reference.
     """
     left: Any = Taylor.of_derivatives((1.0, 0.0, 0.0, 0.0, 0.0))

@@ -77,7 +77,7 @@ def switch_times(record: Any) -> tuple[float, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Constant(Signal):
-    """Signal with a constant value; its derivatives are structural zeros."""
+    """Signal with a constant value and zero derivatives."""
 
     value: Annotated[Scalar, Unit("", "in the unit of the signal")] = 0.0
 
@@ -231,7 +231,7 @@ class Shifted(Signal):
 
 @dataclass(frozen=True, slots=True)
 class Sum(Signal):
-    """Sum of several signals; an empty sum is a structural zero."""
+    """Sum of several signals; zero if empty."""
 
     signals: tuple[Signal, ...]
 
@@ -336,7 +336,7 @@ def sequence(
 
 
 def _equal(a: Scalar, b: Scalar) -> bool:
-    """True if both are concrete and equal numbers."""
+    """True if both numbers are equal constants, not traced values."""
     return concrete(a, b) and a == b
 
 

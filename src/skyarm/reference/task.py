@@ -56,8 +56,8 @@ def guard_from(phase: Fields, normal: Vector | None, usual: Mapping[str, Any] | 
 
     Args:
         phase: its table.
-        normal: of the surface that the task touches, where it says one.
-        usual: what the phase asks for where its table says nothing.
+        normal: of the surface that the task touches, if given.
+        usual: default guard of the phase without ``until``.
     """
     if phase.take("until", None) is None:
         return None if usual is None else dict(usual)

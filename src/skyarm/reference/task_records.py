@@ -41,14 +41,14 @@ class Phase:
 class Guard:
     """Guard: condition that the flight must meet before the waiting reference continues.
 
-    All that is asked must hold together for ``hold`` seconds; what is None is not asked. Force, distance and error are
-    those that the law knows of: the measured tip, the force that the law observes, or that a sensor at the tip reads.
+    All conditions must hold together for ``hold`` seconds; None is no condition. Force, distance and error are
+    those available to the law: the measured tip, the force that the law observes, or that a sensor at the tip reads.
 
     Attributes:
         at: s, planned end of what it guards; there the reference rests.
         begin: s, planned beginning: distances count from there.
         phase: number of its phase.
-        error: m, of the tip across the normal while a push is asked for; of the base where the vehicle has no tip.
+        error: m, of the tip (across the normal while a contact force is requested); of the base without a tip.
         force, force_below: N along ``direction``, above and below which it holds.
         sensed: the force is that of the force sensor at the tip. closed, open: names of tactile switches.
         distance: m, that the tip has moved against ``direction``, at least.
@@ -118,7 +118,7 @@ class Setting:
     Attributes:
         vehicle: the plant's; None where a reference is read on its own.
         gravity: m/s^2. duration: s.
-        thrust_to_weight: highest thrust over weight; infinite where nobody knows.
+        thrust_to_weight: highest thrust over weight; infinite if unknown.
         events, guards, phases, pushes, joint_moves: filled while phases are read.
     """
 

@@ -181,7 +181,7 @@ class TipPush:
         return found if self.pivot is None else (*found, *self.pivot, *_unit(self.axis))
 
     def across(self, away: Vec3, t: Scalar, tip: Vec3) -> Vec3:
-        """Part of a tip error (m, world axes) that counts at time t (s), see :func:`counted_error`."""
+        """Tip error at time t (s) without its component along the contact normal, m, world axes."""
         return counted_error(away, self.at(t), tip)
 
 
@@ -192,7 +192,7 @@ def counted_error(away: Vec3, push: Sequence[Any], tip: Vec3) -> Vec3:
 
     Args:
         away: m, world axes, the tip from its reference.
-        push: field of the reference; () where no contact is ever asked for.
+        push: field of the reference; () where no contact is ever requested.
         tip: m, world axes.
     """
     if not push:

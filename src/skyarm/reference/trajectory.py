@@ -67,7 +67,7 @@ class Reference:
             accept_fields(self, "reference")
 
     def map_scalars(self, function: Callable[[Any], Any]) -> Reference:
-        """Apply a function to every scalar, structural ones included."""
+        """Apply a function to every scalar, int constants included."""
         values: dict[str, Any] = {}
         for name, value in parts(self).items():
             if isinstance(value, Vec3):
@@ -95,7 +95,7 @@ class Trajectory:
     """Trajectory: signals of base position, heading and joints.
 
     With a ``tip`` the base is where it carries that tip (:mod:`skyarm.reference.tip_motion`), moved by the
-    signals ``x``, ``y``, ``z``. A ``push`` requests contact, a ``load`` says when the tip has to hold one.
+    signals ``x``, ``y``, ``z``. A ``push`` requests contact, a ``load`` defines when the tip has to hold one.
     With ``guards`` it waits for the flight (:mod:`skyarm.simulate.reference_clock`); ``phases`` are those of its task.
     """
 
@@ -268,7 +268,7 @@ class Publisher:
         return self.held_tick(tick) / self.control_rate
 
     def sample_and_hold(self, trajectory: Trajectory, tick: int) -> Reference:
-        """Reference that the controller receives at a control tick, as data."""
+        """Reference that the controller receives at a control tick, with all numbers as floats."""
         return trajectory.at(self.held_time(tick)).dense()
 
 

@@ -28,7 +28,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 
 def absent(value: Scalar) -> bool:
-    """Return True if a number is a structural zero."""
+    """True for the int 0, which marks a number as absent."""
     return type(value) is int and value == 0
 
 
@@ -137,7 +137,7 @@ class Channel:
         return tuple(found)
 
     def deviation(self, dt: float) -> Scalar:
-        """Standard deviation of a reading's white noise; a structural zero without noise."""
+        """Standard deviation of a reading's white noise; an int 0 without noise."""
         if absent(self.density):
             return self.sigma
         discrete = self.density * dt**-0.5
@@ -230,7 +230,7 @@ class ChannelMemory:
 class ChannelSensor(Sensor):
     """Sensor whose reading is a record of its time stamp and one field per channel.
 
-    A reading that is lost leaves the one before, with that one's instant: who uses readings tells a new one by it.
+    A lost reading leaves the one before with its instant, by which estimators recognise a new reading.
 
     Attributes:
         frequency: readings a second; 0 for one each control period. latency: age of a reading when it arrives, s.

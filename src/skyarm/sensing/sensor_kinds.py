@@ -58,7 +58,7 @@ class PositionReading:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class HeadingReading:
-    """Reading of a compass: yaw of the base's x axis about the vertical."""
+    """Reading of a heading sensor: yaw of the base's x axis about the vertical."""
 
     time: Annotated[Scalar, Unit("s", "when it was read")]
     heading: Annotated[Scalar, Unit("rad", "yaw, not wrapped")]

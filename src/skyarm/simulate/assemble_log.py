@@ -43,10 +43,10 @@ class Samples:
     """Samples of a flight, one row per control instant: states, commands, readings, surroundings and estimates.
 
     Attributes:
-        measurement: that the law received; None if it is not logged. readings: name and record of each sensor.
+        measurement: received by the law; None if not logged. readings: name and record of each sensor.
         wind: its scalars (N,) or longer; numbers that stand for every instant.
-        found: (N, k) what the law found out, or without columns.
-        led: of a reference that waits (``Sample.led``), likewise.
+        found: (N, k) online estimates of the law, k = 0 without any.
+        led: (N, k) columns of the reference clock (``Sample.led``), k = 0 without one.
     """
 
     states: Array
@@ -63,7 +63,7 @@ class Piece:
     """Consecutive control periods of a flight under one scenario.
 
     Attributes:
-        inputs: of the scenario. start: number of the first period. flown: what they left.
+        inputs: of the scenario. start: number of the first period. flown: logged samples.
     """
 
     scenario: Scenario

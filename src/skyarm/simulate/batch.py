@@ -63,7 +63,7 @@ class Batch:
     Args:
         scenario: on the rigid-body plant; its other numbers are constants of the code.
         paths: numbers that differ from lane to lane (:mod:`skyarm.scenario.numbers`).
-        metrics: names and groups of :mod:`skyarm.log.metrics.metric_catalogue`; what is not asked for costs nothing.
+        metrics: names and groups of :mod:`skyarm.log.metrics.metric_catalogue`; others are not computed.
         windows: of the metrics, in place of the scenario's.
         single: 32-bit floats. bit_exact: every lane equals the Python floats bit for bit; else a multiplication and an
             addition may be rounded once.
@@ -165,7 +165,7 @@ class Batch:
     def _fly_legs(
         self, columns: list[Array], count: int, keys: Mapping[str, Any], threads: int
     ) -> tuple[Array, list[tuple[Any, Array]]]:
-        """Fly all legs; return the final carry, and each leg's logged record with its rows (samples, leaves, lanes)."""
+        """Fly all legs of the batch; return the final carry, and for each leg the log record and its rows."""
         last: tuple[Leg, Array] | None = None
         log: list[tuple[Any, Array]] = []
         for leg in self._legs:

@@ -86,9 +86,9 @@ class Feed:
         return goal
 
     def read(self, varied: Scenario, fed: Any) -> tuple[Row, tuple[Goal, ...], dict[str, Any]]:
-        """Decode an input row: row of the closed loop, (held, continuous) goal, window -> condition.
+        """Decode an input row into the loop's inputs, (held, continuous) goals and flags of the metrics' windows.
 
-        Without goals where phases wait: the loop knows where its reference is.
+        Without goals where phases wait for guards: the loop itself evaluates its reference.
         """
         time, flags, *rest = fed
         inside: dict[str, Any] = dict.fromkeys(self._windows, True)
@@ -120,7 +120,7 @@ def _zeros(record: Goal) -> Goal:
 
 
 def _instant(stages: Stages, loop: LoopState, row: Row, sample: Sample, goals: tuple[Goal, ...]) -> Instant:
-    """Quantities of one control instant from which the metrics are computed."""
+    """Quantities of one control instant from which metrics are computed."""
     vehicle, waits, command = stages.scenario.plant.vehicle, stages.waits, sample.command
     if not goals:
         free = waits.reference(*waits.instants(waits.log_values(loop.clock, loop.ticks))[1])
@@ -198,8 +198,8 @@ class Leg:
     share it. A number that a change sets wins over the lanes' own.
 
     Args:
-        begun: the scenario as it began, with its changes.
-        overrides: what holds in this leg.
+        begun: initial scenario with its scheduled changes.
+        overrides: values and parts in force in this leg.
         periods: control periods that it flies.
         options: of the batch.
         before: legs before it.

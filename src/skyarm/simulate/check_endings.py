@@ -58,7 +58,7 @@ def healthy(scenario: Scenario, state: State, goal: Vec3) -> Any:
 
 
 def _both(a: Scalar, b: Scalar) -> Scalar:
-    """Logical and of two conditions; a condition that is structurally True is dropped."""
+    """Logical and of two conditions; a constant True is dropped."""
     return b if a is True else a if b is True else logical_and(a, b)
 
 

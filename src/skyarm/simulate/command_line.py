@@ -49,8 +49,8 @@ def switches(before: Command, after: Command, rotors: Any, joints: Any) -> list[
     Args:
         before: the command before this period's arrives.
         after: this period's.
-        rotors: s within the period at which the rotors hear of it.
-        joints: s within the period at which the joints do.
+        rotors: s within the period at which it takes effect in the rotors.
+        joints: s within the period at which it takes effect in the joints.
     """
     rotors_first, joints_first = joined_parts(after, before), joined_parts(before, after)
     if type(rotors) is float and type(joints) is float:
@@ -119,7 +119,7 @@ def _plain_numbers(command: Command) -> tuple[float, ...]:
     """Numbers of a user's command as floats.
 
     Raises:
-        ScenarioError: one that is none.
+        ScenarioError: an entry is no number.
     """
     found = []
     for field in ("rotor_speeds", "efforts", "tilts"):

@@ -58,7 +58,7 @@ SHORT = 500_000_000
 two-joint arm, where the time saved in making it is the time lost in flying."""
 
 PIECE = 0.1
-"""s that an episode is flown at a stretch: between stretches Ctrl-C is heard."""
+"""s that an episode is flown at a stretch: between stretches Ctrl-C is handled."""
 
 ALIVE, TICKS = 0, 1
 """Places of ``LoopState.alive`` and ``LoopState.ticks`` among a loop state's leaves."""
@@ -152,7 +152,7 @@ class EpisodeCode:
 
     @cached_property
     def measurement(self) -> Loop:
-        """Program that computes the law's measurement of a control period."""
+        """Program that computes the control law's measurement of a control period."""
         return self._trace(self._measure)
 
     def fits(self, key: Any, scenario: Scenario, changed: Sequence[str] | None = None) -> bool:
@@ -338,7 +338,7 @@ class Engine:
 
     @property
     def now(self) -> LoopState:
-        """The loop's state before the next period."""
+        """Loop state before the next period."""
         found: LoopState = rebuild(self.code.carry, iter(self._stepper.carry.tolist()))
         return found if self._memory is None else replace(found, memory=self._memory)
 
@@ -368,7 +368,7 @@ class Engine:
         return stepper, np.empty((1, loop.logged)), loop.result[1]
 
     def measurement(self) -> Measurement:
-        """The law's measurement in the next period."""
+        """Measurement that the control law receives in the next period."""
         stepper, found, example = self._peek
         stepper.carry[:], stepper.parameters[:] = self._stepper.carry, self._stepper.parameters
         stepper.read_tables(self._rows[self.tick : self.tick + 1], found)

@@ -54,7 +54,7 @@ class EpisodeInputs:
 
     @cached_property
     def held_leaves(self) -> Array:
-        """Held reference as a table: one row of leaves per control instant."""
+        """Held reference as a table: one row of numbers per control instant."""
         return _rows(self.held_reference, self.scenario.steps)
 
     def rows(self, start: int, stop: int) -> Array:
@@ -125,7 +125,7 @@ class EpisodeInputs:
         return [float(c) for c in self.held_now(now).position]
 
     def held_now(self, now: LoopState) -> Reference:
-        """Held reference at the reference clock of a loop state, as data."""
+        """Held reference at the reference clock of a loop state, with all numbers as floats."""
         columns = [np.array([float(value)]) for value in self.waits.times(now.clock, now.ticks)]
         held, _, _ = self.waiting_references(columns)
         dense: Reference = held.dense()
@@ -172,11 +172,11 @@ def _motion(scenario: Scenario) -> Program:
 
 
 def _rows(record: Any, count: int) -> Array:
-    """Table of a record of arrays: one row of leaves per instant."""
+    """Table of a record of arrays: one row of numbers per instant."""
     columns = [np.broadcast_to(np.asarray(leaf, dtype=float), (count,)) for leaf in leaves(record)]
     return np.stack(columns, axis=1) if columns else np.zeros((count, 0))
 
 
 def _example(record: Reference) -> Any:
-    """Example of a record of arrays: every array replaced by one float."""
+    """Copy of a record of arrays with every array replaced by one float."""
     return rebuild(record, iter([0.0] * len(leaves(record))))

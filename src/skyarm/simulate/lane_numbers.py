@@ -55,7 +55,7 @@ def require_kind(field: str, value: Any, kind: type) -> None:
 
 
 def require_paths(scenario: Scenario, paths: Any) -> tuple[str, ...]:
-    """Require a list of parameter paths, each of another number that compiled code can read.
+    """Require a list of paths of different parameters that compiled code can read.
 
     Raises:
         ScenarioError: one name alone, whose letters would be taken for names; no names; two names of one number; or
@@ -88,7 +88,7 @@ def checked_array(
     """Convert to an array and require one of some shapes and one of some NumPy kinds.
 
     Raises:
-        ScenarioError: something else; ``allowed`` says in words what must be there.
+        ScenarioError: any other value; ``allowed`` describes the allowed ones.
     """
     try:
         found = np.asarray(given)
@@ -180,10 +180,10 @@ def require_draws(scenario: Scenario, paths: Sequence[str]) -> None:
 
 
 class LaneRules:
-    """Validity check of varied parameters, on the lanes with the smallest or largest value of each.
+    """Check of varied parameters by the scenario's own rules, on the lanes with extreme values.
 
     What lies between numbers that passed once is not looked at again: a batch flies many times. A lane with a NaN is
-    left out: it never flies, and its status says so.
+    left out: it never flies, which its status reports.
 
     Args:
         scenario: of the batch. paths: its varied numbers.
@@ -305,7 +305,7 @@ def require_short_steps(scenario: Scenario, values: Mapping[str, Any], largest: 
 
 
 def _paths_by_record(scenario: Scenario, values: Mapping[str, Any]) -> dict[Place, dict[str, list[Place]]]:
-    """Varied parameters that may affect a largest step: air, force or drive -> path -> places in its record."""
+    """Group varied parameter paths by the air, force or drive record whose largest step they may affect."""
     found: dict[Place, dict[str, list[Place]]] = {}
     for path in values:
         if path.startswith(STATED):

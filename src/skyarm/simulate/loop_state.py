@@ -137,7 +137,7 @@ def _kept(new: Any, old: Any) -> Any:
 
 
 def structure_of(record: Any) -> Any:
-    """Example of a record: every scalar 0.0, same structure."""
+    """Copy of a record with every scalar set to 0.0."""
     if is_record(record) or isinstance(record, tuple):
         return rebuild(record, iter([0.0] * len(leaves(record))))
     return record

@@ -17,7 +17,7 @@ class PlantSteps(Protocol):
         ...
 
     def advance(self, state: Any, before: Any, after: Any, around: Any) -> Any:
-        """State and coupled memories after the period; the previous command acts until the new one arrives."""
+        """Plant state and coupled components' memories after a period in which the new command arrives."""
         ...
 
 

@@ -74,7 +74,7 @@ class RigidBodySteps:
         return force.linear
 
     def advance(self, state: State, before: Command, after: Command, around: Surroundings) -> Moved:
-        """State and coupled memories after the period; the previous command acts until the new one arrives."""
+        """Plant state and coupled components' memories after a period in which the new command arrives."""
         now = after_impact(self._scenario.plant.vehicle, state, around), around.coupled_memories()
         late = self._late
         parts = [(late, before)] if self._apart is None else switches(before, after, *(rest for _, rest in self._apart))
@@ -88,7 +88,7 @@ class RigidBodySteps:
         return self._hold(now, after, around, left)
 
     def _hold(self, now: Moved, command: Command, around: Surroundings, seconds: Scalar) -> Moved:
-        """State and coupled memories after an interval with a constant command."""
+        """Plant state and memories of coupled components after an interval with a constant command."""
         count = self._substeps(seconds if type(seconds) is float else self._period)
         return hold(self._scenario.plant, self._scenario.integrator, count, now, command, around, seconds)
 
@@ -203,7 +203,7 @@ class CalledPlant:
         return Vec3(*graph.external(self._specific_force, groups, 3))
 
     def advance(self, state: State, before: Command, after: Command, around: Surroundings) -> Moved:
-        """State and coupled memories after the period."""
+        """Plant state and memories of coupled components after the period."""
         groups = [leaves(state), leaves(before), leaves(after), leaves(around)]
         numbers = iter(_graph_of(state).external(self._advance, groups, self._end + len(self._coupled)))
         return rebuild(state, numbers), rebuild(around.coupled_memories(), numbers)
@@ -234,14 +234,14 @@ class CalledPlant:
         return self._hold(state, after, around, left)
 
     def _hold(self, state: Flat, command: Flat, around: Flat, seconds: float) -> Flat:
-        """Flat numbers of the state and of the coupled memories after an interval with a constant command."""
+        """Flat plant state and memories of coupled components after an interval with a constant command."""
         found = self._plant.advance(state, command, around, seconds)
         if self._coupled and len(found) != self._end + len(self._coupled):
             raise ScenarioError(f"plant.kind = {self._kind!r}: does not know [world]; it has no coupled memories")
         return found
 
     def _with_memories(self, around: Flat, memories: Flat) -> Flat:
-        """Flat numbers of the surroundings with the coupled memories replaced."""
+        """Flat numbers of the surroundings with the memories of coupled components replaced."""
         if not self._coupled:
             return around
         numbers = list(around)

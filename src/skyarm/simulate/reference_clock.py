@@ -2,7 +2,7 @@
 
 It counts control periods of the reference, goes on with the flight's own, stands still at the
 planned end of a phase with a guard until the flight shows what the guard requires, and skips what is left of a phase
-that may end early. Guards know what the law knows: the measurement, and the force that the law observes.
+that may end early. Guards use the law's measurement and the force that the law observes.
 
 Where no phase waits the clock is ``()``: structure, without an operation.
 """
@@ -78,7 +78,7 @@ class Seen:
     Attributes:
         tip: as measured, m, world axes. goal: its desired position by the held reference. push: of that reference.
         force: on the tip as the law observes it, N, world axes; None of a law that observes none.
-        felt: the same as a force sensor reads it, where a guard asks for that. switches: 1 closed, in the order of
+        felt: the same as a force sensor measures it, for guards that require it. switches: 1 closed, in the order of
             those that ``Waits`` looks at.
     """
 

@@ -50,7 +50,7 @@ class Course:
 
     @staticmethod
     def of(scenario: Scenario) -> Course:
-        """Initial course of a scenario, before its flight begins."""
+        """Course of a flight before its start, with all scheduled changes still to come."""
         return Course(scenario, scenario, coming=in_order(scenario.changes, scenario.rates.control))
 
     @property
@@ -66,7 +66,7 @@ class Course:
         return bool(self.coming) and self.coming[0].tick(self.begun.rates.control) <= tick
 
     def with_due_changes(self, tick: int, piece: Piece) -> Course:
-        """Course after the scheduled changes of a control period; ``piece``: flight under the scenario before."""
+        """Scenario and changes after those scheduled for this control period; ``piece``: the flight before them."""
         rate, overrides = self.begun.rates.control, self.overrides
         due = [change for change in self.coming if change.tick(rate) <= tick]
         for change in due:
@@ -75,7 +75,7 @@ class Course:
         return self._after(due, self.coming[len(due) :], overrides, now, piece)
 
     def with_values(self, tick: int, values: Mapping[str, Any], piece: Piece) -> Course:
-        """Course after interactive changes at the start of a control period.
+        """Scenario and changes after interactive changes at the start of a control period.
 
         Raises:
             ScenarioError: one line: a path, or a value, that cannot be, or with which a change to come cannot be.
@@ -118,7 +118,7 @@ _NUMBERS = itertools.count()
 
 
 class Session:
-    """Session: flies one episode period by period.
+    """Interactive simulation of one episode, period by period.
 
     On the rigid-body plant a law that can be traced flies in machine code, compiled when the session is made; any other
     law or plant flies stage by stage in Python. The numbers are those of :func:`skyarm.run`, to the last bit.
@@ -203,7 +203,7 @@ class Session:
 
     @property
     def measurement(self) -> Measurement:
-        """The law's measurement in the next period."""
+        """Measurement that the control law receives in the next period."""
         self._require_running()
         return self._engine.measurement()
 
@@ -217,10 +217,10 @@ class Session:
         """Fly one control period.
 
         Args:
-            command: in place of the law's; the law is not asked then, and its memory stays.
+            command: in place of the law's; the law is not evaluated then, and its memory stays.
 
         Returns:
-            whether the episode goes on.
+            True if the episode continues.
 
         Raises:
             ScenarioError: a command with another number of rotors or joints.
@@ -331,7 +331,7 @@ class Session:
         return read.parts, tuple(path for path, _ in read.numbers)
 
     def _go_on(self, course: Course) -> None:
-        """Continue the flight under a changed course, in a new engine if the program does not fit."""
+        """Continue the flight under a changed scenario, in a new engine if the program does not fit."""
         new, old = dict(course.overrides.numbers), dict(self._course.overrides.numbers)
         changed = [path for path in {**new, **old} if new.get(path) != old.get(path)]
         # noise that is turned up from none draws other numbers

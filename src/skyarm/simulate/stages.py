@@ -129,7 +129,7 @@ class Stages:
     def surroundings(
         self, memories: tuple[Any, ...], drives: Sequence[tuple[Scalar, ...]], time: Scalar
     ) -> Surroundings:
-        """The plant's inputs from its surroundings in one period."""
+        """Surroundings of the plant in one period: components, memories, faults and drives."""
         scenario = self.scenario
         return Surroundings(
             components=self.components,
@@ -161,7 +161,7 @@ class Stages:
     ) -> Readings:  # fmt: skip
         """Evaluate sensors and estimator: sensor states, delayed readings and the law's measurement.
 
-        What a force sensor on the link of the tip reads goes to the law beside the estimate.
+        The reading of a force sensor on the tip's link is added to the law's measurement.
         """
         going, arrived = [], dict[str, Any]()
         feeling = [i for i, (_, sensor) in enumerate(self.sensors) if sensor.feels is not None]
@@ -277,7 +277,7 @@ def joins_late(scenario: Scenario) -> bool:
 
 
 def joined_reference(scenario: Scenario, going: Reference, time: Scalar) -> Reference:
-    """Reference before and after tracking starts: the initial pose at rest, then the current reference.
+    """Reference for the law: the initial pose at rest until tracking starts, then the current reference.
 
     Costs nothing where the law follows from the first instant. Structural numbers stay: they do not move.
     """

@@ -107,7 +107,7 @@ class Component:
         """
 
     largest_step: float | None = None
-    """Longest integration step that it bears, s; None for any. May be a field, or a property of the other numbers."""
+    """Longest stable integration step, s; None for any. May be a field, or a property of the other numbers."""
 
     @property
     def largest_euler_step(self) -> float | None:
@@ -209,7 +209,7 @@ class Component:
         Args:
             memory: before.
             seconds: s.
-            rounds: parts of the time that are as short as it asks for.
+            rounds: number of parts of the time, each as short as the component needs.
             gravity: m/s^2, along -z.
         """
         return memory

@@ -154,7 +154,7 @@ def _advance(output: Scalar, inner: Scalar, noise: Scalar, d: Scalar) -> tuple[S
 
 
 def _second_order(d: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
-    """Coefficients (a, b, gain, h) of the discrete filter with autocovariance (1 - d|k|/2) exp(-d|k|).
+    """Pole a, direct gain b, inner gain and coupling h of the filter with autocovariance (1 - d|k|/2) exp(-d|k|).
 
     The sequence is (1 - a z)^2 y = b (1 + c z) n with z one step back. Its numerator's autocovariance is
     g0 = 1 - a^4 + 2 a^2 d and g1 = -a ((1 - a^2) + (1 + a^2) d/2); both combinations factor,

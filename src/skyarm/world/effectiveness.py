@@ -9,7 +9,7 @@ from skyarm.algebra.scalars import Scalar
 
 @dataclass(frozen=True, slots=True)
 class Effectiveness:
-    """Remaining share of force of each actuator; a structural 1 marks one without any fault.
+    """Remaining share of force of each actuator; an int 1 marks an actuator without faults.
 
     Attributes:
         rotors: of thrust and drag torque, one per rotor.

@@ -121,5 +121,5 @@ def _turbulence(fields: Fields, velocity: Vec3) -> Dryden | None:
 
 
 def _vector(fields: Fields, name: str, *default: Any) -> Vec3:
-    """Read a vector: exact zeros become structural, other numbers stay data."""
+    """Read a vector; exact zeros become int 0, which removes their terms from compiled code."""
     return Vec3(*(0 if value == 0.0 else value for value in fields.vector(name, *default)))

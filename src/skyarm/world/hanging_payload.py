@@ -68,7 +68,7 @@ class HangingPayload(TimedPayload):
     It is picked up at rest, straight below the frame, with the cord as long as its weight makes it.
 
     Attributes:
-        stretch: of the cord under the load's weight, by its length: it says how stiff the cord is.
+        stretch: of the cord under the load's weight, by its length: it determines the cord's stiffness.
     """
 
     cord: Annotated[Scalar, Unit("m", "length without load", low=0.0, strict=True)] = 0.5

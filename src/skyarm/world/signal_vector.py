@@ -45,7 +45,7 @@ class SignalVector:
 
 
 def _signal(entry: Scalar, where: str) -> Signal:
-    """Time signal from a file's value; an exact zero becomes structural."""
+    """Time signal from a file's value; an exact zero becomes an absent signal."""
     return NONE if type(entry) in (int, float) and entry == 0.0 else signal_from(entry, where)
 
 
@@ -98,5 +98,5 @@ class ColouredNoise:
 
 
 def scale_noise(sigma: Vec3, numbers: Sequence[Any]) -> Vec3:
-    """Unit noise times standard deviations; structural zeros stay zero."""
+    """Unit noise times standard deviations; no noise where a deviation is absent (int 0)."""
     return Vec3(*(mul(each, number) for each, number in zip(sigma, numbers, strict=True)))

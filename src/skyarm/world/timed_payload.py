@@ -73,7 +73,7 @@ class TimedPayload(Component):
         name: for logs and pictures; empty for its number.
         frame: that holds it; empty for the vehicle's tip.
         pick_place, drop_place: where the frame must be; None for anywhere.
-        believed: of a task whose phases wait: the law is told of it as the task has it, at the reference's time.
+        believed: True if the law's model includes the payload while the task carries it, at the reference's time.
     """
 
     name: str = ""

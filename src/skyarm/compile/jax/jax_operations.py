@@ -67,7 +67,7 @@ def mantissa(x: Any) -> Any:
 
 @mantissa.defjvp
 def _(primals: Any, tangents: Any) -> Any:
-    """Derivative rule of the mantissa: for x = m 2**e it is 2**-e."""
+    """Derivative rule of the mantissa m of x = m 2**e: dm/dx = 2**-e."""
     (x,), (dx,) = primals, tangents
     return mantissa(x), dx * power_of_two(-exponent(x))
 

@@ -63,7 +63,7 @@ def host_width(*, single: bool = False) -> int:
 
 
 class Kernel:
-    """Machine code of a stepped program, which runs all its lanes.
+    """Machine code of a stepped program, for many lanes at once.
 
     Args:
         loop: the program. lanes: vector shape; the processor's own if left out.

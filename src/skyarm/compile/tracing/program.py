@@ -168,7 +168,7 @@ def python_function(program: Lowered) -> Callable[[Sequence[float]], tuple[float
 
 @dataclass(frozen=True, slots=True)
 class Loop:
-    """Stepped program of basic operations: carry, parameters and a row of inputs to the next carry and a log.
+    """Stepped program of basic operations: maps carry, parameters and an input row to the next carry and a log.
 
     Inputs come in the order carry, parameters, row, uniforms; outputs are the next carry, then what may be logged.
 

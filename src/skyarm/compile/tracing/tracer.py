@@ -283,7 +283,7 @@ class Graph:
 
 
 class _NodeFunctions:
-    """The functions of :mod:`skyarm.algebra.scalars` for nodes."""
+    """Functions of :mod:`skyarm.algebra.scalars` on nodes of a traced program."""
 
     @staticmethod
     def _graph(*values: Any) -> Graph:

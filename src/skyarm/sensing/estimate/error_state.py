@@ -149,7 +149,7 @@ def navigate(
     """Inertial navigation step: next nominal state, and mean specific force without bias (world axes, m/s^2).
 
     Args:
-        now: belief at the earlier.
+        now: nominal state at the earlier.
         before: reading at the earlier.
         after: reading at the later.
         gravity: m/s^2.

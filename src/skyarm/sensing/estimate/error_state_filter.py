@@ -3,7 +3,7 @@
 The inertial unit is integrated at every reading; what is estimated is the error of that: position, velocity, attitude
 (a rotation, composed with the estimate), biases. A reading that is old when it arrives is compared with the belief of
 its own instant: the filter lags ``delay_periods`` behind the present, and the inertial readings since then carry its
-belief to the present, which is what the law is told. No delay is approximated.
+belief to the present, which is the law's measurement. No delay is approximated.
 
 With ``force = "modelled"`` the believed vehicle's dynamics say the specific force, and the accelerometer tells what
 they lack: a push by the wind or by what is wrong in the model, which is estimated as a random walk.

@@ -35,9 +35,9 @@ class Estimator:
         """Refuse sensors that the estimator cannot use.
 
         Args:
-            sensors: beside the full state, by name.
+            sensors: all but the full state, by name.
             rate: control periods a second.
-            vehicle: the believed one.
+            vehicle: nominal one, of the controller's model.
 
         Raises:
             ValueError: one line with field, value and what is allowed.

@@ -60,9 +60,9 @@ class FilterMemory:
         belief, covariance: at the instant of ``inertial[0]``, up to which readings have been taken in.
         inertial: readings of the inertial unit from then to the present, oldest first.
         aiding: for each kind of aiding reading what has arrived since then, oldest first.
-        modelled: specific force of the believed vehicle over the period that ends with each of ``inertial``, m/s^2,
+        modelled: specific force of the nominal vehicle over the period that ends with each of ``inertial``, m/s^2,
             base axes; nothing where the force is measured.
-        joints: of the encoders. rotor_speeds: of the believed vehicle's motors, rad/s.
+        joints: of the encoders. rotor_speeds: of the nominal vehicle's motors, rad/s.
         taken, refused: how many readings passed the innovation test, and how many did not.
         surprise: normalised squared innovation of the last reading; for a matched filter its mean is the number of the
             reading's components.
@@ -130,7 +130,7 @@ def require_filter_sensors(sensors: Mapping[str, Sensor], aiding: str, lag: floa
     """Refuse missing, duplicate or too late sensors of the filter.
 
     Args:
-        sensors: beside the full state, by name.
+        sensors: all but the full state, by name.
         aiding: of the filter.
         lag: s, by which it lags the present.
         joints: of the vehicle.
@@ -172,7 +172,7 @@ class FilterNumbers(Estimator):
     Attributes:
         aiding: "pose", "position" or "position_heading": the readings that correct the inertial unit's.
         delay_periods: control periods by which the filter lags, at least the age of the oldest aiding reading.
-        force: "measured" by the accelerometer, or "modelled" by the believed vehicle and corrected by it.
+        force: "measured" by the accelerometer, or "modelled" by the nominal vehicle and corrected by it.
         gyro, gyro_walk, accelerometer, accelerometer_walk: densities of noise and of the biases' random walks.
         push_walk: density of the random walk of what the model lacks. push_turn: s; what it lacks may be fixed to the
             base and turn with it, which adds (rate x push)^2 push_turn to the walk's variance a second.
@@ -180,7 +180,7 @@ class FilterNumbers(Estimator):
         gate: normal deviations beyond which a reading is refused; 0 refuses none. inflation: factor of the covariance
             at a refused reading, so that a filter that is wrong itself does not refuse all that would mend it.
         first_velocity, first_tilt, first_heading, first_gyro_bias, first_accelerometer_bias, first_push: deviations of
-            what the first readings do not tell. start_heading: rad, without a reading that tells of it.
+            what the first readings do not determine. start_heading: rad, without a heading reading.
         joint_bandwidth: rad/s, of the filter of the encoders; 0 takes positions and rates as they are read.
         gravity: m/s^2; that of the controller's belief if left out. vehicle: that of its belief, given by the loop.
     """

@@ -34,8 +34,8 @@ class FilteredJoints:
 
     Attributes:
         joints, rates: at the instant ``now``.
-        read: of the last reading of the encoders that was used.
-        heard: of the inertial unit's last reading. now: the joints' own clock.
+        read: instant of the last encoder reading that was used, s.
+        heard: instant of the inertial unit's last reading, s. now: instant of ``joints`` and ``rates``, s.
     """
 
     joints: Annotated[tuple[Scalar, ...], Unit("rad or m", "filtered")]
@@ -92,7 +92,7 @@ def modelled_force(
     With rotors, drag of the airframe, joints with their friction and stops; without the torque of rotors that spin up.
 
     Args:
-        vehicle: the believed one.
+        vehicle: nominal one, of the controller's model.
         velocity_B: m/s, base axes.
         rate: rad/s, base axes.
         joints: at the end of the period.

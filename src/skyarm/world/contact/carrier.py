@@ -94,7 +94,7 @@ class Carrier:
         raise NotImplementedError
 
     def advance(self, memory: Any) -> Any:
-        """Memory at a control instant, with rounding errors removed, such as the length of a quaternion."""
+        """Memory at a control instant without rounding drift: quaternions are normalised."""
         return memory
 
     def frame(self, memory: Any) -> CarriedFrame:

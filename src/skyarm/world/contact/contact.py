@@ -192,7 +192,7 @@ class Contact(Force):
         return None if step is None else VERLET_SHARE * step
 
     def on(self, vehicle: Vehicle) -> Contact:
-        """The contact with the vehicle's tip as the contact point if none is named."""
+        """Contact component that uses the vehicle's tip as contact point if no point is named."""
         if self.points or not vehicle.end_effector:
             return self
         return replace(self, points=(ContactPoint(name=TIP, frame=vehicle.end_effector),))
@@ -264,7 +264,7 @@ class Contact(Force):
         )
 
     def advance(self, memory: ContactMemory, t: Scalar, dt: float, state: State, draws: Sequence[Any]) -> Any:
-        """Memory at a control instant, with rounding errors of clock and attitudes removed."""
+        """Memory at a control instant: clock set to ``t``, quaternions normalised."""
         if not memory.clock and not memory.carried:
             return memory
         carried = tuple(each.advance(held) for each, held in zip(self.carriers, memory.carried, strict=True))
@@ -362,7 +362,7 @@ class Contact(Force):
         )
 
     def before_euler_step(self, memory: ContactMemory, slope: ContactMemory, dt: Scalar) -> ContactMemory:
-        """Memory with bristles advanced by the velocities before the step, which avoids friction chatter."""
+        """Memory with bristles advanced by the velocities at the start of the step, which avoids friction chatter."""
         rows = zip(self.carriers, memory.carried, slope.carried, strict=True)
         carried = tuple(carrier.before_euler_step(held, rate, dt) for carrier, held, rate in rows)
         return replace(memory, bristles=moved_by(memory.bristles, slope.bristles, dt), carried=carried)

@@ -54,7 +54,7 @@ class ContactPoint:
 
     Attributes:
         name: for logs and messages.
-        frame: of the vehicle, in whose axes ``position`` is; empty where ``body`` says them.
+        frame: of the vehicle, in whose axes ``position`` is; empty where ``body`` defines them.
         body: "base" or the name of a link.
         ring: points on a circle about the position, in its place; :meth:`each` makes them.
     """

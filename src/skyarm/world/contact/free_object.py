@@ -241,7 +241,7 @@ class FreeObject(Carrier):
 
 
 def _data(vector: Vec3) -> Vec3:
-    """Convert the structural zeros of a vector to floats."""
+    """Convert int zeros of a vector to floats."""
     return Vec3(*(data(c) for c in vector))
 
 
@@ -327,5 +327,5 @@ def _face(
 
 
 def _size(value: Any) -> Scalar:
-    """Absolute value; a structural zero stays one."""
+    """Absolute value; an int 0 stays an int."""
     return 0 if type(value) is int and value == 0 else absolute(value)

@@ -69,7 +69,7 @@ class Grip:
 
     Attributes:
         taken: number of the carrier that it holds, from 1; 0 for none.
-        ready: 1 where it may take hold: it was opened since it last held something. lost: how often it gave way.
+        ready: 1 where it may take hold: it was opened since it last held something. lost: how often it slipped.
         place: of the gripper's frame in the axes of what it holds, m. normal: outward, of the skin there, these axes.
         turn: axes of what it holds to the gripper's.
     """
@@ -250,12 +250,12 @@ def _not(condition: Scalar) -> Scalar:
 
 
 def _both(a: Any, b: Any) -> Any:
-    """Logical and; a structural True is dropped."""
+    """Logical and of two conditions; a constant True is dropped."""
     return b if a is True else a if b is True else logical_and(a, b)
 
 
 def _any(a: Scalar, b: Scalar) -> Any:
-    """Logical or; a structural False is dropped."""
+    """Logical or of two conditions; a constant False is dropped."""
     return b if a is False else a if b is False else logical_or(a, b)
 
 

@@ -30,7 +30,7 @@ class Mechanism(Carrier):
     Attributes:
         name: for messages, logs and paths. kind: one of ``KINDS``.
         axis: of a hinge or slide; other kinds have their own. size: lengths of the kind's body.
-        parts: surfaces beside that body, as a handle, in the mechanism's axes. A hinge's axis goes through the origin.
+        parts: additional surfaces, such as a handle, in the mechanism's axes. A hinge's axis goes through the origin.
         initial: coordinate at the start.
         lower, upper: coordinates at which it meets stops.
     """
@@ -309,7 +309,8 @@ def inner_effort(of: Mechanism, memory: MechanismMotion) -> tuple[Any, tuple[Any
 def longest_step(of: Mechanism, *, euler: bool = False) -> Scalar:
     """Longest stable integration step (s) of a mechanism's spring, friction, detent and stops.
 
-    That method of an oscillator of frequency w and decay d = c / m is stable while (w h)^2 + 2 d h < 4.
+    With ``euler`` it is stable for the semi-implicit Euler method, too: for an oscillator of frequency w and decay
+    d = c / m that requires (w h)^2 + 2 d h < 4.
     """
     stiffness, damping = of.stiffness, of.damping
     if type(of.friction) is not int:
@@ -341,7 +342,7 @@ def bristle_of(of: Mechanism) -> Scalar:
 
 
 def _at_stop(limit: Any) -> bool:
-    """True if the limit has a stop (is finite), by structure."""
+    """True if the coordinate limit has a stop, that is unless it is infinite."""
     return not (concrete(limit) and math.isinf(limit))
 
 
@@ -351,7 +352,7 @@ class Kind:
 
     Attributes:
         turns: whether it is a hinge; else it slides.
-        axis: of the motion, its own axes; None where the file says it.
+        axis: of the motion, its own axes; None where the file gives it.
         sizes: what the lengths of its body may be; () for a kind whose body is made of parts.
     """
 
@@ -391,7 +392,7 @@ def solid_of(kind: str, size: Sequence[Scalar]) -> Solid:
 
     Args:
         kind: the word.
-        size: as many lengths as ``KINDS`` says of it, m.
+        size: lengths as listed in ``KINDS``, m.
     """
     if kind == "button":
         radius, height = size

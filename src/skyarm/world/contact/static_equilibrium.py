@@ -116,7 +116,7 @@ def _nothing(what: str, position: Vec3) -> str:
 
 
 def with_standing_objects(contact: Contact, gravity: float) -> Contact:
-    """The contact with every standing object placed in static equilibrium.
+    """Contact component whose standing objects are placed in static equilibrium.
 
     Args:
         contact: as read.
@@ -139,7 +139,7 @@ def with_standing_objects(contact: Contact, gravity: float) -> Contact:
 
 
 def _set_down(contact: Contact, index: int, gravity: float, away: Sequence[int]) -> Contact:
-    """The contact with one object placed in static equilibrium, without those that are placed later."""
+    """Contact component with one object placed in static equilibrium, without those that are placed later."""
     body, supports, x = contact.objects[index], _Supports(contact, index, gravity, away), np.zeros(3)
     where = f"world.objects[{index}].standing = true"
     if np.abs(supports.residual(x)).max() < 1e-9:
@@ -228,7 +228,7 @@ class _Supports:
         return np.array(values) / self._weight
 
     def contact_at(self, x: Array) -> Contact:
-        """The contact with the object moved to a candidate position."""
+        """Contact component with the object moved to a candidate position."""
         objects = list(self._contact.objects)
         objects[self._index] = _place_object(objects[self._index], self._displace(x)[self._index])
         return replace(self._contact, objects=tuple(objects))

@@ -95,7 +95,7 @@ class Surface:
 
     @property
     def moves(self) -> bool:
-        """True if the surface has a prescribed motion, by structure."""
+        """True if the surface has a prescribed motion."""
         signals = (self.motion.x, self.motion.y, self.motion.z)
         return any(type(each) is not Constant or type(each.value) is not int or each.value != 0 for each in signals)
 
@@ -261,7 +261,7 @@ def from_plate(size: Sequence[Scalar], p: Vec3) -> tuple[Any, Vec3]:
     """Height of a point above a plate with a hole (m, negative inside), and the outward normal, plate axes.
 
     Args:
-        size: as ``SIZES`` says.
+        size: as listed in ``SIZES``.
         p: the point, m; the origin is in the middle of the hole's mouth, z leads out of it.
     """
     radius, depth, chamfer, outer, length = size

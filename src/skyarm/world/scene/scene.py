@@ -68,7 +68,7 @@ class Scene:
 
     Attributes:
         solids: in the world. lines, arrows: in the world. attached: shapes on the vehicle's bodies.
-        ground: height of the ground, m; None where nothing says it.
+        ground: height of the ground, m; None if unknown.
     """
 
     solids: tuple[Solid, ...] = ()

@@ -104,7 +104,7 @@ def turn_onto(axis: Vector) -> Matrix:
 
 
 def floats(values: Iterable[Any]) -> Vector:
-    """Convert three concrete numbers to floats."""
+    """Convert three numbers to floats."""
     x, y, z = values
     return (float(x), float(y), float(z))
 
