@@ -111,7 +111,7 @@ def run_campaign(
     Args:
         plants: "rigid_body", "mujoco" or both; variations are flown on the first.
         sensitivity: fly the variations too.
-        evidence: whose inferred settings fly; the package's own if left out.
+        evidence: with the inferred settings; the package's own if left out.
         inferred: fly them.
         workers: processes; 1 flies in this one.
         progress: called after every episode.

@@ -112,7 +112,7 @@ def results(measured: Measured, settings: dict[str, Any], inferred: Measured | N
 
     Args:
         measured: metrics by (case, controller, plant).
-        settings: what the numbers depend on.
+        settings: that determine the numbers.
         inferred: metrics under the inferred settings, which each cell holds by plant.
     """
     experiments: dict[str, Any] = {}

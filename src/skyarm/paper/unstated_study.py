@@ -32,7 +32,7 @@ class Cell:
     """Published number of one metric of one flight.
 
     Attributes:
-        flight: of which. name: as tables call it. metric: of :mod:`skyarm.log.metrics.metric_catalogue`.
+        flight: name of the flight. name: of the cell in tables. metric: of :mod:`skyarm.log.metrics.metric_catalogue`.
         measured: the number. half: half a unit of its last digit: that much of a difference is rounding.
     """
 
@@ -163,6 +163,6 @@ def _columns(cells: Sequence[Cell]) -> tuple[Array, Array]:
 
 
 def tally(ours: Array, cells: Sequence[Cell], shares: Sequence[float] = (0.05, 0.10, 0.25)) -> dict[str, Any]:
-    """Agreement counts of one lane: number of cells, and number within each share."""
+    """Agreement counts of a row of values: number of cells, and number within each relative share."""
     lane = np.asarray(ours, dtype=float).reshape(1, -1)
     return {"cells": len(cells)} | {f"within_{share:.0%}": int(within(lane, cells, share).sum()) for share in shares}

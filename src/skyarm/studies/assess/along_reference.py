@@ -38,7 +38,7 @@ class Followed:
     """Actuator demand of a flight that tracks its reference exactly.
 
     Attributes:
-        demand: of rotors and joints. rotors, joints: their shares (rotors or n, K) of what they give.
+        demand: of rotors and joints. rotors, joints: shares (rotors or n, K) of their limits.
     """
 
     demand: Demand

@@ -155,7 +155,7 @@ class ArmPoses:
     """Level hovers of a vehicle in sampled arm poses; undriven joints hang at rest.
 
     Attributes:
-        vehicle: with what it holds. held: that in words, as " with 0.3 kg"; empty without a load.
+        vehicle: with its load. held: text of the load, as " with 0.3 kg"; empty without a load.
         low, high: (n,) rad or m: the limits; at most one turn, and 1 m to either side where there is none.
         joints: (count, n) the poses: zero (or the nearest within limits), corners, and Sobol points.
         gravity: m/s^2.

@@ -26,7 +26,7 @@ QUESTION = "delay margin"
 
 
 def delay_margin(scenario: Scenario) -> list[Finding]:
-    """Delay margin in hover, in addition to the nominal delay of the loop."""
+    """Finding on the delay margin in hover, in addition to the nominal delay of the loop."""
     found = hover_delay_if_known(scenario)
     if isinstance(found, str):
         return [Finding(QUESTION, NOTE, f"not known: {found}")]
@@ -83,7 +83,7 @@ class Assessment:
     """Findings of all checks of a vehicle or of a scenario.
 
     Attributes:
-        name: of what was asked about. vehicle: the one that flies. gravity: m/s^2. payload: kg at the tip.
+        name: of the vehicle or scenario. vehicle: the simulated one. gravity: m/s^2. payload: kg at the tip.
         poses: how many arm poses were sampled. findings: in the order of the questions.
     """
 

@@ -22,7 +22,7 @@ class Finding:
         level: one of LEVELS.
         text: the answer in a sentence.
         field: where the number comes from in the vehicle's or scenario's file; empty where there is no single one.
-        remedy: what to change; empty where all is well.
+        remedy: suggested change; empty if ok.
         value, limit: the number found and the one it is held against, in ``unit``; NaN where there is none.
         unit: of both.
         joints: the arm pose in which it holds, rad or m; empty where no pose matters.

@@ -51,7 +51,7 @@ class FlightPart:
 
     Attributes:
         start, stop: s. scenario: with the changes so far. vehicle: the plant with its loads.
-        words: what it holds, as " with 0.3 kg (box)"; empty without a load.
+        words: text of the load, as " with 0.3 kg (box)"; empty without a load.
     """
 
     start: float

@@ -103,7 +103,7 @@ class Flights:
     """Description of a cell's flights by names, small enough to send to another process.
 
     Attributes:
-        entrant, case, condition: who flies what. plant: that flies. seed: of plants and noise.
+        entrant: controller. case, condition: of the flights. plant: kind of simulated plant. seed: of plants and noise.
     """
 
     entrant: Entrant

@@ -53,7 +53,7 @@ def lacks(task: Task, cell: Cell, weight: float, phases: int) -> dict[str, Flags
     """Failure criterion -> True for each flight that fails it, in the order of the checks.
 
     Args:
-        task: says what counts.
+        task: with its success criteria.
         cell: its flights.
         weight: of the vehicle, N.
         phases: of the scenario that was flown; 0 where none waits.

@@ -53,12 +53,12 @@ class Task:
 
     Attributes:
         name: of the shipped scenario. title: in a few words.
-        push: N, wanted; 0 of a task without. normal: believed, out of the surface.
-        face: m, from the tip's path to the believed surface, against the normal.
-        materials: names of what is touched, as ``surfaces.wall``; all of one stiffness and friction.
+        push: desired push, N; 0 without. normal: nominal, out of the surface.
+        face: distance, m, from the tip's path to the nominal surface, against the normal.
+        materials: names of the touched objects, as ``surfaces.wall``; all of one stiffness and friction.
         friction: bounds. sideways: whether the tip slides so that friction turns the vehicle.
         wind: N, largest. wrong_normal: whether the nominal normal is wrong.
-        hinge: name of a mechanism whose hinge is not where it is believed, and the way from the tip to it, m.
+        hinge: name of a mechanism whose hinge is displaced from nominal, and the vector from tip to hinge, m.
         drags: name of a mechanism of which closer, damping and friction are unknown.
         grip: name of a gripper that holds it with the drawn stiffness, and goes along an arc.
         object: name of an object of unknown mass.

@@ -59,7 +59,7 @@ def draw_worlds(task: Task, scenario: Scenario, count: int, *, seed: int) -> Wor
 
     Args:
         task: with its bounds.
-        scenario: of the task, with the force wind; its truth is what is made wrong.
+        scenario: of the task, with the force wind; its plant is perturbed.
         count: worlds.
         seed: key.
 

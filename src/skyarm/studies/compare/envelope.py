@@ -110,7 +110,7 @@ def axis_flights(
         axis: with the values that fly.
         setting: vehicle and duration.
         seed: of the noise.
-        plant: that flies.
+        plant: kind of simulated plant.
 
     Raises:
         ControllerError: the law does not fit the vehicle.
@@ -139,7 +139,7 @@ class Envelope(Suite[AxisFlights]):
     """Suite that measures performance envelopes.
 
     Attributes:
-        laws: presets or laws, in order. axes: names. vehicle: name or file. seed: of the noise. plant: that flies.
+        laws: presets or laws, in order. axes: names. vehicle: name or file. seed: of the noise. plant: kind of simulated plant.
         quick: the first and the last value of each axis only, in flights of 10 s.
     """
 

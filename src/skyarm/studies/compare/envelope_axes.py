@@ -78,7 +78,7 @@ class Axis:
         share: of the values that the setting's vehicle is given.
         shown: factor from SI to the unit.
         noisy: sensor noise and a measurement that is 5 ms old, a delay that the law knows.
-        start: s, from when on errors count. metric: by which the axis is judged.
+        start: s, beginning of the error metrics. metric: that decides on the axis.
         torques: of joints that take torques only; a vehicle whose joints are servos does not fly it.
     """
 
@@ -231,12 +231,12 @@ def widen(spread: Spread, times: float) -> Spread:
 
 
 def same(*paths: str, factor: float = 1.0) -> Callable[[Setting, float], Numbers]:
-    """Function from an axis value to path -> number: the same number at several paths."""
+    """Function from an axis value to parameters by path: the same number at several paths."""
     return lambda setting, value: dict.fromkeys(paths, value * factor)
 
 
 def frequencies(*axes: str) -> Callable[[Setting, float], Numbers]:
-    """Function from an axis value to path -> frequency: the same for several sine references."""
+    """Function from an axis value to parameters by path: the same frequency of several sine references."""
     return same(*(f"reference.{axis}.signal.frequency_hz" for axis in axes))
 
 

@@ -57,7 +57,7 @@ class OwnScenario(Suite[GivenFlights]):
 
     Attributes:
         scenario: file or name of a shipped one. laws: that fly after the scenario's own, any controllers.
-        plant: that flies. seeds: flights of each law, where the scenario has noise or chance in it; else one.
+        plant: kind of simulated plant. seeds: flights of each law, where the scenario has noise or chance in it; else one.
         seed: of the noise.
     """
 

@@ -27,7 +27,7 @@ GROUND = False
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Case:
-    """Case of the comparison: a scenario.
+    """Case of the comparison: a shipped scenario with its wind direction, unmodelled payload and metric windows.
 
     Attributes:
         name: short name. title: one line. scenario: shipped scenario it starts from.
@@ -100,7 +100,7 @@ class Condition:
     Attributes:
         name: short name. title: one line. noisy: sensor noise and :data:`DELAY`; entrants use their gains for it.
         episodes: flights of each case. cases: names.
-        spread: how wrong the plants are; None flies the truth as it is.
+        spread: model mismatch of the plants; None for the unperturbed plant.
     """
 
     name: str

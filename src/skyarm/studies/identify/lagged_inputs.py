@@ -140,10 +140,10 @@ class Followed:
         """Cut commands (N, columns), one per control period, into time blocks.
 
         Args:
-            commands: as sent; before the first, that one is taken to have been sent for ever.
-            period: s, of the control.
-            longest: s, delay that will be asked for.
-            slowest: s, time constant that will be.
+            commands: as sent; the first one is assumed to hold before the log begins.
+            period: control period, s.
+            longest: longest delay to be evaluated, s.
+            slowest: largest time constant to be evaluated, s.
         """
         periods = len(commands) - 1
         late, before = int(longest / period) + 2, round(FORGOTTEN * slowest / period)
@@ -164,7 +164,7 @@ class Followed:
         The approach to a held command is monotonic: one time constant holds for it, and its mean is exact.
 
         Args:
-            period: s, of the control.
+            period: control period, s.
             delay: (candidates,) s of dead time, from 0 to the longest.
             up: (candidates, columns) time constants, s, toward a larger value.
             down: the same toward a smaller one.

@@ -56,9 +56,9 @@ class Lag:
     Attributes:
         name: "rotors", or the joint's. together: s, dead time and lag, as a small swing meets them.
         delay: s, dead time. up, down: s, time constants of rotors; of a joint drive both are its own.
-        factor: (up, down) over what is believed; NaN where nothing is.
+        factor: (up, down) ratio to the nominal time constants; NaN without nominal ones.
         explained: share of the motion, 0 to 1, that the commands explain once noise and slow disturbances are off.
-        reason: why the flight does not tell; empty where it does. apart: whether delay and lag are told apart.
+        reason: why the log does not determine the lag, else empty. apart: whether delay and lag are separable.
     """
 
     name: str
@@ -83,8 +83,8 @@ class LoopLags:
 
     Attributes:
         period: s, of the control. seconds: of the log.
-        rotors: None of a vehicle without any. joints: of those whose drives take a torque.
-        left_out: joint -> why it was not asked.
+        rotors: lag of the rotors, None without any. joints: lags of torque-driven joints.
+        left_out: joint -> reason why it was not identified.
     """
 
     period: float
@@ -103,7 +103,7 @@ def lag_tables(found: LoopLags, measured: float = 0.0) -> str:
 
     Args:
         found: in a log.
-        measured: s, age of the measurement that the law is told of beside, where the log's rates are true.
+        measured: additional nominal measurement delay, s, of logs with true rates.
     """
     lines: list[str] = []
     rotors = found.rotors
@@ -178,7 +178,7 @@ def loop_lags(log: Log, vehicle: Vehicle, gravity: float = 9.81) -> LoopLags:
 
     Args:
         log: of one flight, a row a control period.
-        vehicle: as it is believed: masses, rotors, and the lags that what is found is compared with.
+        vehicle: nominal model: masses, rotors, and the lags to compare with.
         gravity: m/s^2.
 
     Raises:
@@ -310,7 +310,7 @@ def _fit(
         starts: logarithms of the time constants at which the search may begin.
         bounds: of these logarithms.
         constants: how many time constants there are.
-        friction: (N, 1) what a friction of 1 takes.
+        friction: (N, 1) effect of a friction coefficient of 1.
     """
     own, rows, more = 1 + constants, measured.shape[1], int(friction is not None)
     aim = np.cumsum(measured, axis=0) * period
@@ -347,7 +347,7 @@ def _half(found: Fit, weights: list[float]) -> float:
 
 
 def _constant(value: float, half: float, floor: float) -> Estimated:
-    """Time constant, s, with an interval from the half-width of its logarithm and a least half-width, s."""
+    """Estimate of a time constant, s; interval from the half-width of its logarithm and a least half-width, s."""
     width = math.hypot(min(half, 5.0), floor / value)
     return Estimated(value=value, low=value * math.exp(-width), high=value * math.exp(width))
 

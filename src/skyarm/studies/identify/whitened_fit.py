@@ -38,7 +38,7 @@ Left = Callable[[Array], Array]
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """Result of a fit.
+    """Result of a least-squares fit.
 
     Attributes:
         values: (parameters,). covariance: of them. quantile: of Student's t for the interval's half width.
@@ -78,13 +78,13 @@ def fit(
     """Fit parameters by nonlinear least squares on whitened residuals.
 
     Args:
-        left: what candidates leave.
-        nothing: (N, rows) what is left where the commands explain nothing.
-        starts: (candidates, parameters) of which the best begins the search.
+        left: function from candidates to residuals.
+        nothing: (N, rows) residual without any effect of the commands.
+        starts: (candidates, parameters); the best one is the initial guess.
         bounds: lowest and highest parameters.
-        steps: (parameters,) of the differences.
-        blocks: of the scores.
-        size: (rows,) of what is measured.
+        steps: (parameters,) of the finite differences.
+        blocks: number of jackknife blocks.
+        size: (rows,) size of the measured quantities.
     """
     least_squares, student = scipy_parts()
     rows = len(size)

@@ -43,12 +43,12 @@ class Instant:
 
     @property
     def delay(self) -> float:
-        """Delay margin, s: the smaller one of the rotor lags."""
+        """Delay margin, s: the smallest over the rotor lags."""
         return min(each.delay for each in self.by_lag.values())
 
     @property
     def radius(self) -> float:
-        """Spectral radius of the closed loop: the larger one of the rotor lags."""
+        """Spectral radius of the closed loop: the largest over the rotor lags."""
         return max(each.radius for each in self.by_lag.values())
 
     def gain(self, field: str) -> tuple[float, float]:
@@ -117,8 +117,8 @@ def margins(scenario: Scenario, instants: int = 4, progress: Callable[[int, int]
 
     Args:
         scenario: on any plant; the rigid-body plant is linearised.
-        instants: looked at along the scenario, beside hover.
-        progress: told how many instants are done, and of how many.
+        instants: number of instants along the scenario, in addition to hover.
+        progress: called with the number of finished instants and their total.
 
     Raises:
         ScenarioError: fewer than 0 instants, or the loop has a memory that its linearisation does not know.
@@ -166,7 +166,7 @@ def evidence(scenario: Scenario, instants: int = 4, progress: Callable[[int, int
 def _along(
     flight: Scenario, count: int, hover: bool, told: Callable[[int], None], before: int
 ) -> tuple[list[Instant], bool]:
-    """Margins along one flight, and True if it was completed; progress counts on from ``before``."""
+    """Stability margins at ``count`` instants of one flight, and True if the flight was completed."""
     found: list[Instant] = []
     for frozen in frozen_instants(flight, count):
         found.append(instant_at(frozen.open_loop, hover=hover, time=frozen.time))
@@ -179,7 +179,7 @@ class Frozen:
     """State of a flight at one instant, for linearisation.
 
     Attributes:
-        time: s. differentiator: of the flight. carry: its loop state. row: leaves of what the instant is fed.
+        time: s. differentiator: of the flight. carry: its loop state. row: leaves of the inputs of the instant.
     """
 
     time: float

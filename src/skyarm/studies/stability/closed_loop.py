@@ -21,7 +21,7 @@ class OpenLoop:
 
     Attributes:
         period: s. rotors: how many entries of u are rotor speeds; they come first.
-        lates: s within a period after which the rotors hear of a new command, ascending from 0; the joints hear of it
+        lates: times, s, within a period at which a new command reaches the rotors, ascending from 0; the joints get it
             so much later, or earlier in the period, as their delay differs.
         x_x, x_old, x_new: (lates, ...) of the next state by state, acting and new command.
         y_x, y_old: of the measurement now. m_m, m_y, u_m, u_y: of the law, by its memory and the measurement it sees.
@@ -56,10 +56,10 @@ class Closed:
     """Closed loop for given dead time and variable actuator gains k: matrix ``fixed + enters @ (k sent)``.
 
     Attributes:
-        fixed: (n, n) what no command passes. enters: (n, commands) where commands enter the next period.
-        sent: (commands, n) the law's commands. seen: (measurements, n) what the law is shown.
-        shown: (n, measurements) what the law's memory makes of what it is shown.
-        answered: (commands, measurements) what its commands make of it at once.
+        fixed: (n, n) part without commands. enters: (n, commands) input matrix of the commands.
+        sent: (commands, n) the law's commands. seen: (measurements, n) the law's measurements.
+        shown: (n, measurements) effect of measurements on the law's memory.
+        answered: (commands, measurements) direct effect of measurements on commands.
     """
 
     fixed: Array
@@ -144,7 +144,7 @@ def _split(loop: OpenLoop, delay: float) -> tuple[int, int]:
 
 
 def _in_loop(A: Array, enters: Array, sent: Array, states: int) -> npt.NDArray[np.bool_]:
-    """Mask of the entries inside the feedback loop; clocks and bookkeeping are excluded."""
+    """Mask of the states that belong to the feedback loop; clocks and bookkeeping are excluded."""
     links = (A != 0.0) | (((enters != 0.0).astype(float) @ (sent != 0.0).astype(float)) > 0.0)
     first = np.zeros(len(A), dtype=bool)
     first[:states] = True

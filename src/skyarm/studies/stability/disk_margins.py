@@ -38,8 +38,8 @@ class LoopMargin:
     Attributes:
         name: of the channel or of the group. group: of the channel. port: "commands" or "measurements".
         channels: how many are changed at once.
-        disk: a, from 0 (unstable) to 2. frequency: rad/s at which the loop is most delicate.
-        delay: s of dead time in this one channel that the loop bears; inf beyond what is looked at, and of several.
+        disk: disk margin a, from 0 (unstable) to 2. frequency: critical frequency, rad/s.
+        delay: delay margin of this one channel, s; inf beyond the searched range, and for several channels.
     """
 
     name: str
@@ -72,7 +72,7 @@ def delay_of(T: Complex, frequencies: Array, longest: float) -> float:
     """Delay margin of one channel, s; inf if above ``longest``.
 
     Args:
-        T: response (frequencies,) from what is added to a channel to the channel itself.
+        T: closed-loop response (frequencies,) from an injection at a channel to the channel.
         frequencies: rad/s, ascending.
         longest: s.
     """

@@ -90,7 +90,7 @@ def _follows_state(part: Component, memory: Any, scenario: Scenario) -> bool:
 
 
 def _without_tilts(scenario: Scenario) -> Scenario:
-    """The scenario with rotors fixed at rest."""
+    """Scenario with tilting rotors fixed at their rest angles."""
     vehicle = scenario.plant.vehicle
     if not vehicle.tilts:
         return scenario

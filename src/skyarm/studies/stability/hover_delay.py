@@ -22,10 +22,10 @@ class HoverDelay:
     """Delay margin of a loop in hover.
 
     Attributes:
-        margin: s of further dead time with the worse of the rotors' two time constants; inf beyond 0.1 s, 0 where the
+        margin: further dead time, s, with the worse of the rotors' two time constants; inf beyond 0.1 s, 0 where the
             loop is unstable as it is.
-        swings: s of further dead time from which on flights really swing.
-        believed: s of delay that the law is told of, or the scenario has.
+        swings: further dead time, s, from which on flights oscillate.
+        believed: nominal delay, s: the controller's or the scenario's.
         period: s, of the control: a computer that sends its command in the next period is late by so much.
     """
 

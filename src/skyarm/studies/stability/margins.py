@@ -36,10 +36,10 @@ class Margins:
     Attributes:
         z: eigenvalues per control period, largest first. s: the same as rates, 1/s, log(z) / period.
         radius: largest |z|; the loop is stable below 1.
-        delay: s of further dead time of the commands that the loop bears; inf beyond 0.1 s, 0 if it is unstable.
+        delay: delay margin, s: further dead time of the commands; inf beyond 0.1 s, 0 if unstable.
         rotor_gain, joint_gain: (lower, upper) factors on the effect of all rotor commands, of all torques, between
             which the loop is stable; 0 and inf beyond a hundredfold. The factor is common to the group.
-        loops: disk margins of each channel alone: rotors, their common pushes, joint drives, what is measured.
+        loops: disk margins of single channels: rotors, body torques and thrust, joint drives, measurements.
         together: disk margins of each group of channels under factors of their own, of all commands and of all that is
             measured.
     """

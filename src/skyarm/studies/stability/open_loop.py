@@ -252,7 +252,7 @@ class Differentiator:
 
         Args:
             carry: of the nominal flight.
-            row: leaves of what the instant is fed.
+            row: leaves of the inputs of the instant.
             lag: one of ``SHARES``.
             numbers: of the paths; the scenario's own if left out.
         """

@@ -33,7 +33,7 @@ class SettledHover:
     What a law adapts slowly is held, as in all margins.
 
     Args:
-        scenario: whose hover is flown first, with the same numbers.
+        scenario: its hover is simulated first, with the same parameters.
         paths: of those numbers (:mod:`skyarm.scenario.numbers`), as ``controller.gains.position.x``.
 
     Raises:

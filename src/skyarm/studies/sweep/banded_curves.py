@@ -34,7 +34,7 @@ class Variable:
     """Abscissa of a curve: a varied parameter, or an expression of several.
 
     Attributes:
-        words: its name for people. unit: SI, "" if unknown.
+        words: label. unit: SI, "" if unknown.
         values: (episodes,). logarithmic: it was drawn so.
     """
 

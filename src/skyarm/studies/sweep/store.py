@@ -64,7 +64,7 @@ class Manifest:
     Attributes:
         study: its document, plain values. scenarios: label of the controller -> digest of the scenario.
         versions: of skyarm, which flew it, and of the packages on which the bits of rows may depend.
-        title: one line for people. success: metric -> largest value of a successful episode.
+        title: one-line description. success: metric -> largest value of a successful episode.
         units: path of a varied number -> its SI unit. noise: whether episodes draw random numbers.
     """
 
@@ -88,7 +88,7 @@ class Manifest:
 
     @cached_property
     def digest(self) -> str:
-        """Digest of the facts."""
+        """Digest of the facts that determine the rows."""
         return hashlib.sha256(self.facts.encode()).hexdigest()
 
     @property
@@ -257,7 +257,7 @@ class StudyFolder:
         return sum(len(self.manifest.span(index)) for index in self.done)
 
     def put(self, index: int, content: bytes) -> None:
-        """Write a chunk."""
+        """Write the Parquet file of one chunk."""
         write_inside(chunk_path(self.folder, index), content, entry=False)
         self.done.add(index)
 

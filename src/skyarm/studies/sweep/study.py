@@ -28,7 +28,7 @@ class Study:
     """Definition of a sweep: everything that determines its rows.
 
     Attributes:
-        name: short name. title: one line for people. source: what messages call it.
+        name: short name. title: one-line description. source: its name in messages.
         scenarios: label of the controller -> scenario it flies; all of them fly the same draws.
         vary: dotted path -> its distribution, in the order of the file; or a name that is only derived from.
         derived: dotted path, or a name that is only written into the rows -> its expression of what stands before it.

@@ -112,7 +112,7 @@ def study_from(document: Mapping[str, Any], folder: str | os.PathLike[str] = "",
     Args:
         document: plain tables, as read from TOML.
         folder: where its scenario's path starts.
-        source: what messages call it.
+        source: its name in messages.
 
     Raises:
         StudyError: one line with field, value and what is allowed.

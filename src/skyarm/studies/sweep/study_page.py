@@ -18,7 +18,7 @@ from skyarm.view.pages import page as plain_page
 
 @dataclass(frozen=True, kw_only=True)
 class Pictures:
-    """Pictures of a study.
+    """Pictures of a study, with their file names.
 
     Attributes:
         maps: law -> PNG of its robustness map. constant: law -> the share of successes that all of its map has.

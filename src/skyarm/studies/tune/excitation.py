@@ -161,8 +161,8 @@ def rest_and_size(joint: Joint, joints: int) -> tuple[float, float]:
     """Middle and amplitude of a joint's swing within its limits.
 
     Args:
-        joint: whose.
-        joints: of the arm; more than two share what two may do, for the base must bear them all at once.
+        joint: with its limits.
+        joints: number of joints of the arm; more than two share the amplitude of two, to limit the load on the base.
 
     A tenth of what the joint may do, about its rest or the nearest place that leaves as much room again; a joint that
     may do little, as a short slide, swings about its middle.
@@ -218,10 +218,10 @@ def tuning_flight(
     """Tuning flight of a scenario, on which its gains are scored.
 
     Args:
-        scenario: whose plant, belief, clocks, sensors and air it keeps.
+        scenario: its plant, nominal model, rates, sensors and air are used.
         law: any name of the catalogue in place of its own.
         own_motion: fly the scenario's own reference, for its own duration and windows.
-        unseen: fly the path that is kept aside; errors count once the gust is over.
+        unseen: use the validation path; errors count after the gust.
     """
     noisy = scenario.noise != PERFECT_SENSORS or scenario.sensors or scenario.estimator != PASS_THROUGH
     longest = float(scenario.delays.command) + UNKNOWN_DELAY
@@ -317,8 +317,8 @@ def with_lost(pool: Plants, count: int, lost: npt.NDArray[np.bool_]) -> Plants:
     Those come first that some candidates lost and some flew: they tell one from another. Then those that all lost.
 
     Args:
-        pool: more plants than are wanted.
-        count: of the plants that are wanted.
+        pool: plants, more than ``count``.
+        count: number of plants to return.
         lost: (candidates, plants of the pool).
     """
     times = lost[:, count:].sum(axis=0)

@@ -93,7 +93,7 @@ def search(
     """Run the gain search.
 
     Args:
-        knobs: what may change.
+        knobs: tunable gains.
         effort: how much is flown.
         judge: scores of a round's candidates.
         seed: key of the search.
@@ -128,9 +128,9 @@ def with_margins(scores: Scores, asked: Array, groups: Sequence[tuple[float, sli
     """Add the margin penalty to the scores, computed only for candidates that may lead.
 
     Args:
-        scores: of a round, margins not looked at.
+        scores: of a round, without margins.
         asked: its candidates.
-        groups: (weight, which candidates, how many of the best of them must be known).
+        groups: (weight, candidates, number of the best ones that need margins).
         short: looks at the margins.
     """
     known = np.full(len(asked), np.nan)

@@ -84,7 +84,7 @@ class HoverMargins:
     """Hover margins of candidates; no requirement if the loop cannot be linearised.
 
     Args:
-        scenario: flight of the candidates. knobs: what they change.
+        scenario: flight of the candidates. knobs: their tunable gains.
         threads: results do not depend on it.
     """
 

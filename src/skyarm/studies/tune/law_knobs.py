@@ -82,7 +82,7 @@ def find_knobs(controller: Controller, law: str = "", chosen: Sequence[str] | No
     """Find the tunable gains of a controller.
 
     Args:
-        controller: whose constants are looked through, below its layers.
+        controller: its parameters are searched, below its layers.
         law: its name in the catalogue, if it has one.
         chosen: paths of the knobs to take, or beginnings of them; all if left out.
 
@@ -199,7 +199,7 @@ def with_catalogue_gains(flight: Scenario, knobs: tuple[Knob, ...], label: str) 
     Args:
         flight: with the given gains.
         knobs: of its law.
-        label: of the law, as it was asked for.
+        label: name of the law as requested.
     """
     known = _catalogue_gains(flight, knobs)
     names = [name for name in (label, *known) if name in known]

@@ -51,7 +51,7 @@ def gains_text(tuning: Tuning, point: Point, words: Mapping[str, Any], kept: Map
     """Text of a gain file.
 
     Args:
-        tuning: what was found.
+        tuning: result.
         point: of its front.
         words: of the law, for [law].
         kept: gains that stood in the file before and are no knobs.

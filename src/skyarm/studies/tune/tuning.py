@@ -62,10 +62,10 @@ class Plan:
     """Settings of a tuning.
 
     Attributes:
-        flight: that judges candidates. check: that judges the front; the same but for its motion. aside: the same along
-            the path that is kept aside. own: that judges candidates along the scenario's own motion, where it has one.
-        knobs: what may change. effort: how much is flown. seed: of plants, noise and search.
-        label: of the law, as it was asked for.
+        flight: scores candidates. check: scores the front, with another motion. aside: validates the result, along
+            a path not used in tuning. own: scores candidates along the scenario's own motion, where it has one.
+        knobs: tunable gains. effort: size of the search. seed: of plants, noise and search.
+        label: name of the law as requested.
     """
 
     flight: Scenario
@@ -108,13 +108,13 @@ class Aside:
 
 @dataclass(frozen=True, kw_only=True)
 class Tuning:
-    """Result of a tuning.
+    """Result of a gain tuning.
 
     Attributes:
-        plan: what was tuned, its knobs about the gains that the search went about.
+        plan: of the tuning, its knobs about the centre of the search.
         before: the given gains, flown as the front was. points: from calm to stiff.
-        picked: number of the pick among them. required: margins. plants: by which the search judged.
-        aside: name -> scores of the pick and of every start on plants and a path by which nothing was chosen.
+        picked: index of the selected point. required: margins. plants: of the search.
+        aside: name -> validation scores of the selected point and of every initial set of gains.
     """
 
     plan: Plan
@@ -182,7 +182,7 @@ class Tuner:
 
     @cached_property
     def _telling(self) -> Plants:
-        """Plants of all later rounds: those on which the leaders of the first round crash are included.
+        """Plants of all later rounds, among them plants on which the leaders of the first round crash.
 
         A search that loses one plant in fifty does not see it on two dozen.
         """
@@ -267,7 +267,7 @@ def tune(plan: Plan, *, threads: int = 1, progress: Progress | None = None) -> T
     """Tune the gains of a controller.
 
     Args:
-        plan: what is tuned.
+        plan: of the tuning.
         threads: results do not depend on it.
         progress: called after every round.
     """

@@ -96,7 +96,7 @@ def _panels_figure(
 
 
 def _window(window: tuple[float, float] | None, named: Mapping[str, Log]) -> tuple[float, float]:
-    """Time interval to draw, s."""
+    """Time interval to draw, s; the whole flights by default."""
     end = max(map(end_time, named.values()))
     if window is None:
         return 0.0, end or 1.0

@@ -154,7 +154,7 @@ def by_hold(log: Log, values: Array | None) -> tuple[Array, Array]:
 
 
 def paper_figures(logs: Mapping[str, Mapping[str, Log]], windows: Mapping[str, Window]) -> dict[int, Figure]:
-    """Draw Figures 3-18.
+    """Draw Figures 3-18 of the paper.
 
     Args:
         logs: experiment ("case1", "case2", "case3", "case2_gust", "case3_wind") -> controller ("CT", "PD") -> log.

@@ -99,7 +99,7 @@ def _path(look_at: Array, distance: float, azimuth: float) -> CameraPath:
 
 
 def vehicle_reach(flight: FilmedFlight) -> float:
-    """Largest distance of the vehicle's parts from its base, m, with discs and stretched arm."""
+    """Radius of the vehicle around its base, m: rotor booms with discs, or the arm along the flight."""
     arm = float(np.max(np.linalg.norm(flight.desired_tip - flight.desired_position, axis=1)))
     return max(1.5 * longest_boom(flight.vehicle), arm)
 

@@ -187,7 +187,7 @@ def frame_layout(width: int, height: int, flights: int, layout: str, *, plot: bo
         height: pixels.
         flights: number of them.
         layout: "side" or "over".
-        plot: whether there shall be a plot; a frame that is too low for it has none.
+        plot: whether to draw a plot; omitted in a frame that is too low.
     """
     scale = min(height / DESIGNED, width / (1.2 * DESIGNED))
     title, head, gap = (max(1, round(scale * part)) for part in (TITLE, HEAD, GAP))

@@ -64,13 +64,13 @@ class FilmedFlight:
         position (F, 3), quaternion (F, 4) wxyz, joints (F, n): of the plant.
         desired_position (F, 3), desired_quaternion (F, 4), desired_joints (F, n): the continuous reference, level.
         tip, desired_tip: (F, 3) m. force: (F, 3) N of the wind. air: (F, 3) m/s, velocity of the air.
-        error: (F,) m, distance of the tip from its reference; across the believed normal while it shall press.
+        error: (F,) m, tip error; perpendicular to the nominal normal during a commanded push.
         error_time, error_curve: (N,) s and m, the same at every control instant.
         contact: (F,) N, sum of all normal forces on the vehicle, or of its grips; None without a world.
         contact_curve, wanted_curve: (N,) N, the same, and the force that the reference asks for; the second one None
             where it asks for none.
         tilts: (F, rotors that tilt) rad; without columns where none does.
-        scene: what the parts of the scenario look like.
+        scene: solids, lines and arrows of the scenario's components.
         end: s; from then on the vehicle stays where it was. lost: why it ended early, in words; empty for a whole
             flight.
     """

@@ -67,7 +67,7 @@ class Recording:
 
     Attributes:
         content: of a ``.viser`` file. seconds: how long it plays.
-        html: of one page that holds player and recording, and asks for nothing from elsewhere.
+        html: of one page with player and recording, without external files.
     """
 
     content: bytes
@@ -112,7 +112,7 @@ def save_recording(recording: Recording, path: str | os.PathLike[str]) -> Path:
 
 @contextlib.contextmanager
 def _server() -> Iterator[Any]:
-    """Start a viser server on loopback, in which to build the scene."""
+    """Context manager with a viser server on loopback, in which to build the scene."""
     with contextlib.redirect_stdout(io.StringIO()):
         server = import_viser().ViserServer(host="127.0.0.1", port=0, verbose=False)
     try:

@@ -57,7 +57,7 @@ class Table:
     Attributes:
         head: names of the columns; ">" begins that of numbers.
         rows: one for each line, under the titles of ``groups`` where these are given.
-        caption: what it shows.
+        caption: of the table.
         groups: (title, rows) on a page.
     """
 

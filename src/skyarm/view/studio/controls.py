@@ -35,7 +35,7 @@ class Controls:
 
     Args:
         gui: of viser.
-        page: carries out what they ask for.
+        page: executes their commands.
         laws: that fly at first.
     """
 
@@ -100,7 +100,7 @@ class KnobPanel:
     """Panel of sliders for some parameters.
 
     Args:
-        gui: of viser, within the container that they shall stand in.
+        gui: of viser, within the container of the sliders.
         knobs: in order.
         moved: called with path and value when a hand has moved one, from any thread.
         opened: folder that stands open at first.

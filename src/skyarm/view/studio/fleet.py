@@ -116,7 +116,7 @@ class Fleet:
 
     @property
     def time(self) -> float:
-        """Time of the flight, s."""
+        """Current simulation time, s."""
         return self.tick / self.rate
 
     @property

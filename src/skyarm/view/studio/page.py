@@ -32,7 +32,7 @@ class Page:
 
     Args:
         server: of viser.
-        fleet: to begin with, without flights. laws: that they shall have; None is the scenario's own.
+        fleet: initial one, without flights. laws: of its flights; None is the scenario's own.
         out: folder of saved flights.
     """
 

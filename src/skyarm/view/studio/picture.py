@@ -95,7 +95,7 @@ class FlightNodes:
             self._touches.point(touch_arrows(scene.arrows))
 
     def draw(self, flight: Flight, *, slow: bool) -> Placed:
-        """Draw the flight's current state, surroundings, trail and label only if ``slow``; returns its poses."""
+        """Draw the flight's current state, trail and label only if ``slow``; returns the poses of the bodies."""
         session, placed = flight.session, flight.poses()
         state = session.state
         speeds, turns = np.array([float(w) for w in state.rotor_speeds]), _turns_now(self._vehicle, state)

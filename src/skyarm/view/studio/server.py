@@ -65,7 +65,7 @@ def open_server(listening: socket.socket, guard: Guard, title: str) -> Any:
 
     Args:
         listening: bound.
-        guard: who may speak.
+        guard: access check.
         title: of the page.
     """
     require_viser()
