@@ -139,7 +139,7 @@ class Envelope(Suite[AxisFlights]):
     """Suite that measures performance envelopes.
 
     Attributes:
-        laws: presets or laws, in order. axes: names. vehicle: name or file. seed: of the noise. plant: kind of simulated plant.
+        laws: presets or laws, in order. axes: names. vehicle: name or file. seed: of the noise. plant: its kind.
         quick: the first and the last value of each axis only, in flights of 10 s.
     """
 

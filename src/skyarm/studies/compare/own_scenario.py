@@ -57,7 +57,7 @@ class OwnScenario(Suite[GivenFlights]):
 
     Attributes:
         scenario: file or name of a shipped one. laws: that fly after the scenario's own, any controllers.
-        plant: kind of simulated plant. seeds: flights of each law, where the scenario has noise or chance in it; else one.
+        plant: its kind. seeds: flights of each law, if the scenario has noise or random parts; else one.
         seed: of the noise.
     """
 

@@ -149,7 +149,7 @@ def _leaders(cost: Array, which: slice, count: int) -> list[int]:
 
 
 def costs(found: Sequence[Scores], weight: float) -> Array:
-    """Cost of every candidate of an archive for a weight."""
+    """Cost of every candidate of a search, for a given weight of control activity."""
     return np.concatenate([scores.cost(weight) for scores in found])
 
 

@@ -65,7 +65,7 @@ class Knob:
     numbers: tuple[tuple[Place, float], ...]
 
     def values(self, factor: float) -> tuple[float, ...]:
-        """Numbers multiplied by a factor."""
+        """Numbers of the gain, multiplied by a common factor."""
         return tuple(factor * number for _, number in self.numbers)
 
 
@@ -229,7 +229,7 @@ def with_catalogue_gains(flight: Scenario, knobs: tuple[Knob, ...], label: str) 
 
 
 def values(knob: Knob) -> tuple[float, ...]:
-    """Numbers of a tunable gain."""
+    """Numbers of a tunable gain in the controller's parameters."""
     return knob.values(1.0)
 
 
