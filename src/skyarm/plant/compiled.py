@@ -55,9 +55,9 @@ class Steps(int):
     """Number of integration steps of an interval, with a smaller number for when coupled components are inactive.
 
     Attributes:
-        far: steps of the plant's integrator where the coupled components are far.
-        rounds: steps that what is coupled and far takes by itself in one of those, at least.
-        verlet: whether those near are of the Stoermer-Verlet method, and not of the plant's integrator.
+        far: steps of the plant's integrator while the coupled components are inactive.
+        rounds: least number of the inactive components' own steps within one of those.
+        verlet: True if active components use the Stoermer-Verlet method instead of the plant's integrator.
     """
 
     far: int

@@ -20,8 +20,8 @@ class Phase:
     """Phase of a task, in path time.
 
     Attributes:
-        name: its kind. end: s, planned. back: s and s, from when to when the reference comes back to its plan in it, if
-            a phase before ended early.
+        name: its kind. end: s, planned. back: begin and end (s) of the interval in which an offset, left by
+            a phase that ended early, returns to zero.
     """
 
     name: str
@@ -45,7 +45,7 @@ class Guard:
     those available to the law: the measured tip, the force that the law observes, or that a sensor at the tip reads.
 
     Attributes:
-        at: s, planned end of what it guards; there the reference rests.
+        at: s, planned end of the guarded phase, where the reference waits.
         begin: s, planned beginning: distances count from there.
         phase: number of its phase.
         error: m, of the tip (across the normal while a contact force is requested); of the base without a tip.
@@ -53,9 +53,9 @@ class Guard:
         sensed: the force is that of the force sensor at the tip. closed, open: names of tactile switches.
         distance: m, that the tip has moved against ``direction``, at least.
         direction: unit vector, world axes: out of the surface.
-        hold: s, for which all of it must hold. timeout: s of rest, after which the reference goes on all the same.
-        fails: after the timeout the flight ends in place of that.
-        early: what is left of the phase is skipped when the guard holds before its end.
+        hold: s, for which all conditions must hold. timeout: s of waiting after which the reference continues anyway.
+        fails: True if the flight ends after the timeout instead.
+        early: True if the rest of the phase is skipped once the guard is met before its end.
         loads: names of the payloads that the task takes and leaves, at the reference's time.
     """
 

@@ -150,7 +150,7 @@ class Trajectory:
         return switch_times(self)
 
     def with_joints(self, *joints: Signal | float) -> Trajectory:
-        """Return the same base motion with these joint signals (a number is held)."""
+        """Return the same base motion with these joint signals; a number is a constant signal."""
         return dataclasses.replace(self, joints=signals(joints))
 
     def shifted(self, delay: Any) -> Trajectory:

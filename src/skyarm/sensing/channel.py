@@ -233,7 +233,7 @@ class ChannelSensor(Sensor):
     A lost reading leaves the one before with its instant, by which estimators recognise a new reading.
 
     Attributes:
-        frequency: readings a second; 0 for one each control period. latency: age of a reading when it arrives, s.
+        frequency: sampling rate, Hz; 0 for one reading each control period. latency: s, until a reading arrives.
         dropouts: readings that do not come.
     """
 

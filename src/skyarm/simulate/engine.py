@@ -326,7 +326,7 @@ class Engine:
         return Piece(self.scenario, self.inputs, self.begun, self.samples(self.begun, self.tick))
 
     def samples(self, start: int, stop: int) -> Samples:
-        """The samples of some periods, as tables: views, no copies."""
+        """Samples of control periods ``start`` to ``stop`` as tables (views, no copies)."""
         rows, sample = self._log[start:stop], self.code.sample
         columns: Sample = rebuild(sample, iter(rows.T))
         marks = np.cumsum([len(leaves(part)) for part in (sample.alive, columns.state, columns.command)])

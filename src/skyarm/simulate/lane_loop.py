@@ -35,12 +35,12 @@ class LaneLoop:
     """Closed loop of a scenario whose parameters vary per lane.
 
     Args:
-        scenario: with its own numbers. vary: the scenario of a lane. base: the numbers that it takes, as they are here.
+        scenario: with nominal parameters. vary: makes a lane's scenario from parameters. base: nominal values of these.
         stiffest: the scenario whose joint friction, air, forces and drives fix the integration steps.
 
     Attributes:
         first: loop state before the first period, as an example. substeps: integration steps of an interval.
-        plant: of the stiffest scenario. largest: longest step that it allows, s.
+        plant: of the stiffest scenario. largest: longest integration step of that plant, s.
     """
 
     def __init__(self, scenario: Scenario, vary: Vary, base: Sequence[float], stiffest: Scenario) -> None:

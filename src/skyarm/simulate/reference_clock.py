@@ -46,11 +46,11 @@ class PathClock:
     """State of the reference clock between two control periods; all times in control periods.
 
     Attributes:
-        place: of the reference, now. held: of the sample that is held.
-        guard: number of the guard that comes next. waited: at its end. reached: for which it has held.
-        origin: m, world axes, the tip where the phase began. failed: 1 once a phase has failed that must not.
-        offset: m, of the reference since a phase ended early while it moved. since: place from which on.
-        held_offset, held_since: those of the sample that is held.
+        place: current path time. held: path time of the held sample.
+        guard: number of the next guard. waited: time spent waiting for it. reached: time for which it has been met.
+        origin: tip position at the start of the phase, m, world axes. failed: 1 once a mandatory phase has failed.
+        offset: of the reference after a phase that ended early, m. since: path time at which the offset began.
+        held_offset, held_since: offset and its beginning for the held sample.
     """
 
     place: Scalar
@@ -73,7 +73,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Seen:
-    """Inputs of the guards in a control period.
+    """Inputs of the guards (wait conditions of phases) in one control period.
 
     Attributes:
         tip: as measured, m, world axes. goal: its desired position by the held reference. push: of that reference.

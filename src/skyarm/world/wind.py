@@ -22,7 +22,7 @@ from skyarm.world.gust import Gust
 
 @dataclass(frozen=True, slots=True)
 class WindSample(Component):
-    """Wind sampled at one instant; as a component, constant force and air velocity.
+    """Wind and logged numbers of all components at one instant; as a component, a constant wind.
 
     Attributes:
         force_W: force on the base, world axes, N.

@@ -86,7 +86,7 @@ def update_by_scalar(
         P: before.
         error: mean of the error, as measurements of the same instant have made it so far.
         H: derivative of the measurement by the error.
-        innovation: measurement less its prediction with no error.
+        innovation: measurement minus its prediction by the nominal state.
         variance: of the measurement's noise.
     """
     PH = [_sum(mul(entry(P, i, j), c) for j, c in H.items()) for i in range(len(P))]

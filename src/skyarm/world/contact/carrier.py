@@ -67,12 +67,12 @@ class Carrier:
 
     @property
     def largest_step(self) -> Any:
-        """Longest stable integration step (s) of its own springs and friction; None without any."""
+        """Longest stable integration step (s) of the carrier's own springs and friction; None without any."""
         return None
 
     @property
     def largest_euler_step(self) -> Any:
-        """Longest stable semi-implicit Euler step (s) of its own springs and friction; None without any."""
+        """Longest stable semi-implicit Euler step (s) of the carrier's own springs and friction; None without any."""
         return self.largest_step
 
     def mobility_at(self, reach: Scalar) -> Any:

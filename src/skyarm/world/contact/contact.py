@@ -59,7 +59,7 @@ up to 13 N on a tip of 20 g at a friction of 0.6, as stability of the bristle ha
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ContactMemory:
-    """Memory of the contact component.
+    """Memory of the contact component: clock, friction bristles, carriers and grippers.
 
     Attributes:
         clock: s, of surfaces that move; empty where none does.

@@ -65,7 +65,7 @@ class Command:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Grip:
-    """Memory of a gripper.
+    """Memory of a gripper: the held carrier, where it is held, and past slips.
 
     Attributes:
         taken: number of the carrier that it holds, from 1; 0 for none.
@@ -313,7 +313,7 @@ class Grasps:
     def possible(
         self, grips: Sequence[Grip], frames: Sequence[CarriedFrame], bodies: Sequence[CarriedFrame]
     ) -> list[list[Hold]]:
-        """Wrench that each gripper would exert on each carrier if it held it: [gripper][carrier]."""
+        """Hypothetical wrench of each gripper on each carrier, as if the carrier were held: [gripper][carrier]."""
         masses = [both(LIGHTEST, 1.0 / carrier.mobility) for carrier in self.carriers]
         every = list(zip(bodies, masses, self.carriers, strict=True))
         return [
@@ -322,7 +322,7 @@ class Grasps:
         ]
 
     def holds(self, memory: Any, frames: Sequence[CarriedFrame]) -> list[list[Hold]]:
-        """Wrench of each gripper on each carrier: zero unless it holds it."""
+        """Wrench of each gripper on each carrier: [gripper][carrier], zero for carriers that are not held."""
         possible = self.possible(memory.grips, frames, self.bodies(memory.carried))
         return [
             [_scale_hold(hold, where(is_taken(grip.taken, i + 1.0), 1.0, 0.0)) for i, hold in enumerate(row)]
