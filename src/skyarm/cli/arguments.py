@@ -135,7 +135,7 @@ def words_of(options: Sequence[str] | None) -> list[str] | None:
 
 
 def chosen_names(option: str, words: str | None, there: Collection[str]) -> tuple[str, ...]:
-    """Names of a list, each once, in the order of ``there``; all of ``there`` without a list.
+    """Chosen names, each once, in the order of the available names; all of them if none are chosen.
 
     Raises:
         ValueError: a name that is not there, or is named twice.

@@ -229,7 +229,7 @@ def _refusal(error: Exception) -> str:
 
 
 def _in_users_code(error: BaseException) -> str:
-    """Message for an error in user code, with its file and line; empty for any other error."""
+    """Message for an error in user code with file and line; empty for any other error."""
     from skyarm.records.files.user_code import own_failure
     from skyarm.records.registry.plugins import loaded_plugins
 

@@ -134,7 +134,7 @@ def _law(
     *,
     single: bool,
 ) -> None:
-    """Write a control law as C."""
+    """Write a control law as C code."""
     from skyarm.control.onboard.export_c import export_c
     from skyarm.sensing.estimate.error_state_filter import ErrorStateFilter
 

@@ -101,7 +101,7 @@ def run(
 
 
 def log_files(names: Sequence[str]) -> list[Path]:
-    """Paths of the files of ``--log``, checked before the flight.
+    """Paths of the log files named by ``--log``, checked before the flight.
 
     Raises:
         ValueError: a suffix that no log format is registered for, with those there are; or a file that is named twice.

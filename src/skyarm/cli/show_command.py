@@ -296,5 +296,5 @@ def _whole(vehicle: Vehicle, known: Mapping[str, Any]) -> Iterator[tuple[str, st
 
 
 def _bodies(vehicle: Vehicle) -> tuple[str, ...]:
-    """Names of the moving bodies."""
+    """Names of a vehicle's bodies, base first."""
     return "base", *(link.name for link in vehicle.moving)

@@ -201,7 +201,7 @@ def _margins(margins: LoopMargins) -> tuple[str, str, str]:
 
 
 def plain_tuning(found: Tuning) -> dict[str, Any]:
-    """Result of a tuning, as plain data."""
+    """Result of a tuning as plain data for JSON."""
     from skyarm.studies.tune.tune_page import about, gains_of, plain_aside, plain_point
 
     return {

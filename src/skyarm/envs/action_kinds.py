@@ -31,7 +31,7 @@ class Turn(NamedTuple):
 
     Attributes:
         memory: of the law, ``()`` where it is not used. measurement: of the period. reference: of the law for it.
-        law: of the scenario. par: its constants, with the model. told: True for joints that take setpoints.
+        law: of the scenario. par: its constants, with the model. told: True for joints commanded by setpoints.
     """
 
     memory: Any
@@ -54,7 +54,7 @@ USUAL_EFFORT = 0.5
 
 @dataclass(frozen=True, kw_only=True)
 class Actions:
-    """A kind of action. A subclass is a frozen dataclass of numbers.
+    """Base class of action kinds. A subclass is a frozen dataclass of numbers.
 
     Attributes:
         joints: setpoint of every joint at full action, in its unit: N m or N of a joint that takes its effort, else
@@ -79,7 +79,7 @@ class Actions:
 
         Args:
             action: (size,) numbers in [-1, 1].
-            now: what else there is in the period.
+            now: all other inputs of the period.
         """
         raise NotImplementedError(f"{type(self).__name__} must say its command")
 
@@ -245,5 +245,5 @@ def _free(limit: Scalar) -> bool:
 
 
 def _hover(model: Model) -> tuple[Scalar, ...]:
-    """Hover speeds of the model with the arm at zero, rad/s."""
+    """Rotor speeds of the model in hover with all joints at zero, rad/s."""
     return hover_trim(model.vehicle, (0.0,) * model.vehicle.n, model.gravity).speeds

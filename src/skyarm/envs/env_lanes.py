@@ -32,7 +32,7 @@ AHEAD = 8192
 class EpisodeStarts:
     """Initial data of the episodes of many lanes: pure functions of a lane's seed and the episode number.
 
-    A lane that ends must begin again between two steps that take some microseconds; what it begins with lies ready.
+    Precomputed, because a lane must restart between two steps of some microseconds each.
 
     Args:
         program: of the environment. lanes: how many. dtype: of the numbers.
@@ -113,7 +113,7 @@ class EnvLanes:
     """Parallel episodes of a task. A lane's episodes depend on its seed alone, not on the other lanes.
 
     Args:
-        task: what is flown. lanes: how many. threads: most that work.
+        task: of the episodes. lanes: their number. threads: largest number of threads.
 
     Attributes:
         observation: (numbers, lanes) view that each step and each beginning writes anew. reward: (lanes,) view.

@@ -45,8 +45,8 @@ class EnvState:
     """State of an environment between two steps.
 
     Attributes:
-        loop: state of the closed loop; sensors, estimator and components stand in the period that comes next.
-        seen: leaves of the measurement of that period, those of them that somebody reads.
+        loop: state of the closed loop; sensors, estimator and components are those of the next period.
+        seen: numbers of the next period's measurement that the observation or the law uses.
         action: the last one.
     """
 

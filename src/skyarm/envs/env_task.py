@@ -29,8 +29,8 @@ class Task:
     """Complete definition of an environment apart from its seed.
 
     Attributes:
-        scenario: what is flown; its law is asked where the actions build on it.
-        actions: what they mean. observation, reward: what each is made of.
+        scenario: to simulate; its law is evaluated only if the actions build on it.
+        actions: kind of actions. observation, reward: their parts.
         randomised: numbers that are drawn anew for every episode.
         precision: "single", "double", or "bit_exact" (double without fused multiply-add).
     """

@@ -46,7 +46,7 @@ StepResult = tuple[Any, "JaxState", Any, Any, Info]
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class JaxState:
-    """State of an environment in JAX, a pytree.
+    """State of a JAX environment, as a pytree.
 
     Attributes:
         carry: leaves of :class:`skyarm.envs.env_program.EnvState`. numbers: drawn for the episode, a path each.
@@ -67,7 +67,7 @@ class JaxEnvironment:
     not used: noise and what the next episode begins with follow from the key of the reset.
 
     Args:
-        task: what is flown. numbers: paths that stand in the params, none of them randomised.
+        task: of the environment. numbers: parameter paths that are in the params, none of them randomised.
 
     Attributes:
         task: as given. paths: of the params. default_params: a number for each path.

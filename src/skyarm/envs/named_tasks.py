@@ -35,7 +35,7 @@ class NamedTask:
     """Defaults of a shipped environment.
 
     Attributes:
-        file: of its scenario. actions: what they mean. reward: what it is made of. observation: likewise.
+        file: of its scenario. actions: kind of actions. reward, observation: their parts.
         randomise: path -> distribution of what is drawn for every episode.
     """
 

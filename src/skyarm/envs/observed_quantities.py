@@ -31,7 +31,7 @@ class Sight:
     Attributes:
         measurement: of this period. reference: of the law for this period.
         action: the one before, each number in [-1, 1]; zeros in an episode's first period.
-        model: belief of the scenario's controller.
+        model: nominal model of the scenario's controller.
     """
 
     measurement: Measurement
@@ -47,7 +47,7 @@ class Result:
     Attributes:
         state: of the plant. reference: held at that time. vehicle: the true one.
         action, action_before: of this period and of the one before, each number in [-1, 1].
-        command: that this period's action became.
+        command: of the vehicle, converted from this period's action.
         ended: 1 if the period has ended the episode before its time, else 0.
     """
 

@@ -34,7 +34,7 @@ class PolicyParameters:
     """Constants of a policy that is used as a control law.
 
     Attributes:
-        model: belief. mixer: its rotors.
+        model: nominal model. mixer: of its rotors.
         policy: the policy, if it is a record of numbers; else ``()``.
         inner: constants of the law that the actions build on, without model and mixer; ``()`` where they build on none.
     """

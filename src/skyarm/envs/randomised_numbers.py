@@ -33,7 +33,7 @@ class Randomised:
     """Numbers that are randomised for every episode.
 
     Attributes:
-        vary: path -> distribution. stiffest: the scenario whose numbers ask for the shortest integration steps.
+        vary: path -> distribution. stiffest: the scenario that needs the shortest integration steps.
     """
 
     vary: Mapping[str, Distribution]

@@ -22,7 +22,7 @@ class RewardTerm:
     """Base class of reward terms, with one value per period. A subclass is a frozen dataclass of numbers.
 
     Attributes:
-        weight: by which its value counts.
+        weight: factor of its value in the reward.
     """
 
     weight: Annotated[float, Unit("", "by which its value counts")] = 1.0

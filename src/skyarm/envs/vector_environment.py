@@ -27,7 +27,7 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
     Lane k of ``reset(seed=s)`` flies the episodes of a single environment with ``reset(seed=s + k)``, to the bit.
 
     Args:
-        num_envs: how many.
+        num_envs: number of lanes.
         scenario: record, name or path of a file.
         autoreset_mode: ``"NextStep"`` or ``"SameStep"``, or :class:`gymnasium.vector.AutoresetMode`.
         copy: give observations that stay; else views on one buffer, which every call writes anew.

@@ -37,7 +37,7 @@ class LogDifferences:
     """Differences of two logs over their common instants.
 
     Attributes:
-        instants: how many both have, and how many each has.
+        instants: number of common instants, and number of each log's.
         columns: those that differ, the earliest first, of one time the order of the columns.
         unmatched: columns that only one of them has.
     """

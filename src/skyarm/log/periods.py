@@ -68,7 +68,7 @@ def contact_periods(log: Log) -> tuple[ContactPeriod, ...]:
 
 
 def contact_pairs(log: Log) -> tuple[tuple[str, str], ...]:
-    """Surface and point of each column of ``contact_force``."""
+    """Surface and contact point of each column of ``contact_force``."""
     pairs = (label.partition("/") for label in component_labels(log, "contact_force"))
     return tuple((surface, point) for surface, _, point in pairs)
 

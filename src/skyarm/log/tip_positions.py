@@ -22,7 +22,7 @@ def tip(vehicle: Vehicle, position: Array, quaternion: Array, joints: Array) -> 
 
 
 def level_tip(vehicle: Vehicle, position: Array, yaw: Any, joints: Array) -> Array:
-    """Return the desired tip position p_d + R_z(psi_d) p_e(th_d): the level pose (N, 3)."""
+    """Return the tip position at a level base, p_d + R_z(psi_d) p_e(th_d), (N, 3)."""
     return tip(vehicle, position, yaw_quaternion(yaw), joints)
 
 

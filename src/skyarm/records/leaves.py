@@ -32,7 +32,7 @@ def _map(record: object, visit: Callable[[Any], Any]) -> Any:
 
 
 def leaves(record: object) -> list[Any]:
-    """Scalars of a record in field order."""
+    """Variable scalars of a record in field order, as a flat list."""
     found: list[Any] = []
 
     def visit(leaf: object) -> Any:
@@ -112,7 +112,7 @@ def mismatch(example: object, record: object, path: str) -> str | None:
 
 
 def named_leaves(record: object, where: str = "") -> Iterator[tuple[str, Any]]:
-    """Path and scalar of every leaf of a record, in the order of :func:`leaves`."""
+    """Path and value of every variable scalar of a record, in the order of :func:`leaves`."""
     return ((path, value) for path, value in named_parts(record, where) if is_leaf(value))
 
 

@@ -43,7 +43,7 @@ class Unit:
 
     @property
     def words(self) -> str:
-        """Unit and meaning on one line."""
+        """Unit and meaning as one line of text."""
         return ", ".join(part for part in (self.unit, self.meaning) if part)
 
 

@@ -1,1 +1,1 @@
-"""Scenarios: one experiment, read from a file or made in Python, and its numbers by path."""
+"""Scenarios: definition of one experiment, read from a file or made in Python, and access to its numbers by path."""

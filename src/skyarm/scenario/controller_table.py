@@ -60,7 +60,7 @@ MEASURED = ("stiffness", "damping")
 
 
 def loop_facts(rates: Rates, delays: Delays) -> dict[str, float]:
-    """Timing of the loop for a law: its clocks and the age of its measurements, s."""
+    """Timing of the control loop for building a law: control and reference period, measurement delay, s."""
     return {
         "control_period": 1.0 / rates.control,
         "reference_period": 1.0 / rates.reference,
@@ -77,7 +77,7 @@ def controller_from(
     ``replaced`` is a name of :mod:`skyarm.control.catalogue` in place of the table's law, or a file of gains
     ; ``folder`` is where the table's own file of gains lies.
 
-    ``known`` is what a law may know of its loop (:func:`skyarm.control.catalogue.preset`).
+    ``known`` is the timing of the control loop (:func:`skyarm.control.catalogue.preset`).
     """
     safety, servos = fields.take("safety", False), fields.flag("servos", bool(model.vehicle.drives))
     plain = plain_model(model)
@@ -169,7 +169,7 @@ def _with_safety_of(before: Any, made: Controller, scenario: Scenario) -> Contro
 
 
 def under_law(scenario: Scenario, name: str) -> Scenario:
-    """The scenario with another law by its name (:meth:`skyarm.Scenario.under`).
+    """Scenario with another control law, given by name (see :meth:`skyarm.Scenario.under`).
 
     Raises:
         ControllerError, AllocationError: as :func:`controller_by_name`.
@@ -296,7 +296,7 @@ SUFFIX = ".toml"
 
 
 def is_gains_file(name: object) -> bool:
-    """True if the name of a controller is that of a file of gains."""
+    """True if a controller's name is the path of a gains file."""
     return isinstance(name, str) and name.endswith(SUFFIX)
 
 
@@ -345,13 +345,13 @@ def load_controller(
 
 
 def controller_of_file(name: Any, folder: Path, model: Model, known: Mapping[str, Any], field: str) -> Controller:
-    """Controller that the tables of a gains file describe.
+    """Read the controller from the gains file that a scenario's field names.
 
     Args:
         name: path of the file.
         folder: where it starts.
         model: of the law.
-        known: what it may know of its loop.
+        known: timing of the control loop.
         field: that names the file, for messages.
 
     Raises:
@@ -392,7 +392,7 @@ def with_gains(controller: Controller, gains: object, where: str) -> Controller:
     """Controller with some of its constants replaced, given by parameter path.
 
     Raises:
-        ValueError: a path that they do not have, or numbers that do not fit it: one line.
+        ValueError: a path that the constants do not have, or numbers that do not fit it: one line.
     """
     if not isinstance(gains, Mapping):
         raise ValueError(f"{where} = {shown(gains)}: must be a table of paths and numbers")

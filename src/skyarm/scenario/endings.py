@@ -29,7 +29,7 @@ LONG = 2.0
 
 
 class Ending:
-    """An ending is a condition that ends an episode. A subclass is a frozen dataclass of numbers."""
+    """Base class of termination conditions of an episode. A subclass is a frozen dataclass of numbers."""
 
     __slots__ = ()
 
@@ -110,7 +110,7 @@ class JointLimits(Ending):
         return [(value, link) for value, link in every if self.stops or not link.joint.has_stops]
 
     def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
-        """The first joint past its limit."""
+        """Message naming the first joint beyond its limit."""
         for value, link in self._looked_at(scenario, state):
             joint = link.joint
             if not joint.lower <= value <= joint.upper:

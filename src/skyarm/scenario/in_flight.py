@@ -95,7 +95,7 @@ def _law(scenario: Scenario, name: object) -> Controller:
 
 
 def _below(path: str) -> str:
-    """Prefix of the paths whose numbers are replaced together with a part."""
+    """Common path prefix of the numbers that are replaced together with a part."""
     return "controller." if path == LAW else f"{path}."
 
 
@@ -150,7 +150,7 @@ class Overrides:
         return False
 
     def hides(self, path: str) -> bool:
-        """True if a number of the original scenario is no longer in force: overridden, or its part removed."""
+        """True if the original value of a number is no longer used: it is overridden, or its part replaced."""
         gone = any(_within(path, own, _below(own)) for own, _ in self.parts)
         return gone or any(path == own for own, _ in self.numbers)
 
@@ -184,7 +184,7 @@ class Stretch:
     """Interval of control periods between two scheduled changes.
 
     Attributes:
-        start: number of the first. overrides: what holds in them.
+        start: index of the first control period. overrides: in force during the interval.
     """
 
     start: int
@@ -194,7 +194,7 @@ class Stretch:
 def stretches(scenario: Scenario) -> tuple[Stretch, ...]:
     """Intervals of a flight between its scheduled changes; the first is empty if a change applies at once.
 
-    Changes beyond its end come in none.
+    Changes after the end of the flight are ignored.
     """
     rate, found = scenario.rates.control, [Stretch(0, Overrides())]
     for change in in_order(scenario.changes, rate):
@@ -215,7 +215,7 @@ def is_traceable(scenario: Scenario) -> bool:
 
 
 def overrides_at(scenario: Scenario, tick: int) -> Overrides:
-    """Overrides in force in a control period."""
+    """Overrides that apply in a control period."""
     return [stretch for stretch in stretches(scenario) if stretch.start <= tick][-1].overrides
 
 

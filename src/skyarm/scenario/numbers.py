@@ -68,7 +68,7 @@ def require_apart(scenario: Scenario, paths: Sequence[str]) -> None:
 
 
 def means_the_same(scenario: Scenario, path: str, other: str) -> bool:
-    """True if two paths lead to the same number."""
+    """True if two paths denote the same number of a scenario."""
     return not set(_meant(scenario, path)).isdisjoint(_meant(scenario, other))
 
 
@@ -174,7 +174,7 @@ def _require_numbers(values: object) -> None:
     """Raise an error unless paths are texts and values are scalars.
 
     Raises:
-        ScenarioError: one line that names what is none.
+        ScenarioError: one line that names the wrong path or value.
     """
     if not isinstance(values, Mapping):
         raise ScenarioError(f"values = {shown(values)}: must be a mapping of paths to numbers")
@@ -214,7 +214,7 @@ def is_added(path: str) -> bool:
 
 
 def start_with(scenario: Scenario, values: Mapping[str, Any]) -> State:
-    """Initial state with some numbers replaced."""
+    """Initial state of a scenario with some of its numbers replaced."""
     held = scenario.initial
     if held is None:
         joints = [number(q) for q in first_state(scenario).joints]

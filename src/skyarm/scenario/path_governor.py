@@ -55,7 +55,7 @@ class GovernorWarning(RuntimeWarning):
 def govern(scenario: Scenario, **options: float) -> Scenario:
     """Return the scenario with a path governor, which slows the reference to feasible speeds.
 
-    Where the reference may be flown as it is commanded nothing is changed.
+    A reference that is feasible as commanded is not changed.
 
     Args:
         scenario: whose reference, and whose law's belief.
@@ -167,7 +167,7 @@ LEFT = 1e-3
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class GovernorOptions:
-    """Limits and settings of a governor.
+    """Limits and settings of the path governor.
 
     Attributes:
         reserve: share of rotors and joints that is left to the control: it plans with the rest.
@@ -187,7 +187,7 @@ class GovernorOptions:
 
 
 class Limits:
-    """Limits of the nominal vehicle; demands are computed as fractions of them.
+    """Actuator limits of the nominal vehicle, and demands of a motion as fractions of them.
 
     Args:
         model: of the law. options: of the governor.
@@ -211,7 +211,7 @@ class Limits:
             self._efforts[i] = min(float(self._efforts[i, 0]), float(servo.largest_effort()))
 
     def names(self) -> list[str]:
-        """Name of the limit of each row of the demand fractions."""
+        """Name of the limit in each row of the demand array."""
         rotors = [rotor.name for rotor in self._vehicle.rotors]
         joints = [link.joint.name for link in self._vehicle.links]
         return [

@@ -1,4 +1,4 @@
-"""Time scaling of a reference: upper bounds of ds/dt along the path, and the time law that satisfies them.
+"""Time scaling of a reference: upper bounds (ceilings) of ds/dt along the path, and the time law below them.
 
 1. The ceilings are at most the commanded speed (1), and 0 where the path turns a corner: where a velocity jumps.
 2. ds/dt falls and rises no faster than the path's acceleration allows; a flight stands still at a corner for a moment.
@@ -71,7 +71,7 @@ class Ceilings:
     def lower(self, values: Array, at: Array, to: Array, least: float, rate: float = 1.0) -> None:
         """Lower the bounds around some places of the path (s); each lowering spreads over CALM seconds of flight.
 
-        None comes below ``least``.
+        No bound is lowered below ``least``.
         """
         index = np.clip(np.round(at / GRID).astype(int), 0, len(values) - 1)
         lowered = np.full_like(values, math.inf)
@@ -140,9 +140,9 @@ class Plan:
     """Planned time law of a reference.
 
     Attributes:
-        path_time: None where the reference may go as it is commanded.
-        beyond: share of a limit that is asked for at most, 1 or less where all are kept. limit: number of that limit.
-        at: s of the path, where.
+        path_time: time law; None if the reference is feasible as commanded.
+        beyond: largest demand as a fraction of its limit, at most 1 if feasible. limit: index of that limit.
+        at: place on the path of the largest demand, s.
     """
 
     path_time: PathTime | None
@@ -163,8 +163,8 @@ class Judge:
     """Evaluator of the vehicle's demands for a motion along the path.
 
     Attributes:
-        motion: from the reference's time and its derivatives at K instants, and these, s.
-        shares: of the limits that a motion asks for. at_rest: the same of its postures, which no slower motion lessens.
+        motion: motion from the path parameter and its derivatives at K instants, and from these instants, s.
+        shares: demands of a motion as fractions of the limits. at_rest: static demands of its postures, a lower bound.
     """
 
     motion: Callable[[Derivatives, Array], Motion]
@@ -172,7 +172,7 @@ class Judge:
     at_rest: Callable[[Motion], Array]
 
     def over(self, s: Derivatives, time: Array) -> Array:
-        """Ratios of demand to allowed demand, (limits, K): the limit, or the posture's static demand if larger."""
+        """Demand over allowed demand, (limits, K); allowed is the limit or, if larger, the posture's static demand."""
         with np.errstate(all="ignore"):
             motion = self.motion(s, time)
             found = np.asarray(self.shares(motion) / np.maximum(1.0, self.at_rest(motion)))

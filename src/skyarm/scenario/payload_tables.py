@@ -118,7 +118,7 @@ def with_instants(tables: object, events: Sequence[TaskEvent], control_rate: flo
     """Payload tables completed with the instants at which phases pick and place the payloads.
 
     Args:
-        tables: as the file has them.
+        tables: as in the file.
         events: of the phases.
         control_rate: Hz; instants are whole control periods.
 

@@ -1,6 +1,6 @@
-"""Consistency of a scenario's records with each other: clocks, delays, vehicles, law, sensors, surroundings.
+"""Consistency checks of a scenario: clocks, delays, vehicles, law, sensors and surroundings.
 
-Every refusal is a ValueError of one line; :class:`skyarm.scenario.scenario_record.Scenario` makes it a ScenarioError.
+Every error is a ValueError of one line; :class:`skyarm.scenario.scenario_record.Scenario` makes it a ScenarioError.
 """
 
 from __future__ import annotations
@@ -215,7 +215,7 @@ def _check_drives(scenario: Scenario) -> None:
 def _check_vehicles(scenario: Scenario) -> None:
     """Check that plant and model have the same joints and rotors, that the law fits, and that the plant is simulable.
 
-    Its rotors must reach every torque and thrust; whether they are strong enough to carry it, the flight shows.
+    The plant's rotors must span torque and thrust; whether they can lift the vehicle is not checked.
     """
     check_controller(scenario.controller)
     truth, model = scenario.plant.vehicle, scenario.controller.par.model.vehicle
@@ -348,7 +348,7 @@ def require_start_outside(scenario: Scenario) -> None:
 
 
 def tip_sensor(sensors: Sequence[tuple[str, Sensor]], vehicle: Vehicle) -> tuple[str, Mat3] | None:
-    """Name of the first force-torque sensor on the tip's link, and the rotation of its axes to those of the tip."""
+    """Name of the first force-torque sensor on the tip's link, and the rotation from sensor axes to tip axes."""
     if not sensors or not vehicle.end_effector:
         return None
     from skyarm.sensing.sensor_kinds import ForceTorque

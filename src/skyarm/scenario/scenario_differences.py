@@ -23,8 +23,8 @@ def scenario_differences(a: object, b: object) -> dict[str, tuple[Any, Any]]:
     """Values that differ between two scenarios: path -> pair of values.
 
     Args:
-        a: plain data of a scenario (``log.info["scenario_record"]``); anything else has nothing in it.
-        b: of the other.
+        a: plain data of a scenario (``log.info["scenario_record"]``); anything else counts as empty.
+        b: plain data of the other scenario.
     """
     ours, theirs = (dict(_leaves(each, ())) if isinstance(each, Mapping) else {} for each in (a, b))
     found = {}

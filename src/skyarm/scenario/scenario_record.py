@@ -1,4 +1,4 @@
-"""Scenario: plant, model, controller, reference, environment, clocks and scheduled changes of one experiment."""
+"""Scenario record: plant, model, controller, reference, environment, clocks and scheduled changes of an experiment."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def whole(value: object) -> int | None:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Rates:
-    """Clock rates in Hz; physics / control and control / reference must be whole numbers."""
+    """Rates of physics, control and reference, Hz; physics / control and control / reference are whole numbers."""
 
     physics: Annotated[int, Unit("Hz", low=1.0, high=HIGHEST_RATE)] = 1000
     control: Annotated[int, Unit("Hz", low=1.0, high=HIGHEST_RATE)] = 200
@@ -116,7 +116,7 @@ class Delays:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class NamedSensor:
-    """A sensor in addition to the full state; its readings reach the estimator under this name."""
+    """Named sensor in addition to the full state; an estimator receives its readings under this name."""
 
     name: str
     sensor: Sensor
@@ -266,7 +266,7 @@ class Environment:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Agent:
-    """One vehicle and its parts: plant, law, reference, sensors, estimator, drives, delays, payloads.
+    """One vehicle with its plant, law, reference, sensors, estimator, drives, delays and payloads.
 
     Attributes:
         plant: true vehicle and gravity.
@@ -313,7 +313,7 @@ class Agent:
 
 
 class Word(Generic[Held]):
-    """Field of a group, as an attribute of the scenario: ``scenario.wind`` is ``scenario.environment.wind``."""
+    """Attribute of the scenario for a field of a group: ``scenario.wind`` is ``scenario.environment.wind``."""
 
     def __init__(self, group: str) -> None:
         self._group = group
@@ -338,7 +338,7 @@ class Scenario:
     ``dataclasses.replace(scenario, wind=...)`` and ``scenario.wind`` mean ``environment.wind``.
 
     Attributes:
-        name: short name. title: one line for people.
+        name: short name. title: one-line description.
         duration: s.
         solver: simulation of the plant. agent: the vehicle with its law. environment: surroundings.
         endings: what ends the episode in addition to the library's endings (:mod:`skyarm.scenario.endings`).
@@ -388,7 +388,7 @@ class Scenario:
         return self.with_words(changes=()) if self.changes else self
 
     def under(self, controller: Controller) -> Scenario:
-        """The scenario with another law, without scheduled changes of the one before it."""
+        """Scenario with another law, and without scheduled changes of the present law."""
         kept = tuple(each for each in self.changes if not each.of_law)
         return self.with_words(controller=controller, changes=kept)
 
@@ -415,7 +415,7 @@ class Scenario:
 
     @property
     def steps(self) -> int:
-        """Number of control periods."""
+        """Number of control periods of the flight."""
         return round(self.duration * self.rates.control)
 
     @property

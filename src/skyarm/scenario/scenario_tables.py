@@ -230,7 +230,7 @@ def _as_commanded(scenario: Scenario) -> Scenario:
 def reference(
     table: object, world: Truth, setting: Setting, folder: Path = Path()
 ) -> tuple[dict[str, Any], Callable[[Scenario], Scenario]]:
-    """Trajectory and start of tracking of [reference], and the planner of its governor."""
+    """Read [reference]: trajectory and start of tracking, and the function that adds the path governor."""
     planned: Callable[[Scenario], Scenario] = _as_commanded
     rest, start = table, 0
     if isinstance(table, Mapping):

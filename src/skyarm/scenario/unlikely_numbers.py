@@ -57,7 +57,7 @@ LOOKS = 200
 
 
 def unlikely_numbers(scenario: Scenario) -> tuple[str, ...]:
-    """Warnings about suspicious values of a scenario, which are allowed; empty if there are none."""
+    """Warnings about suspicious but allowed values of a scenario; empty if there are none."""
     vehicle = (f"plant: {line}" for line in unlikely_in_vehicle(scenario.plant.vehicle))
     lines = (*unlikely_units(scenario), *plan_warnings(scenario), *law_warnings(scenario), *part_warnings(scenario))
     return (*vehicle, *lines)
@@ -201,7 +201,7 @@ def _inertias(vehicle: Vehicle) -> Iterator[str]:
 
 
 def _gyration(body: Body, moment: float) -> float:
-    """Radius at which the body's mass would have a moment of inertia, m."""
+    """Radius of gyration of a body for a moment of inertia, m."""
     mass = float(body.mass)
     return math.sqrt(max(moment, 0.0) / mass) if mass > 0.0 else (math.inf if moment > 0.0 else 0.0)
 
@@ -222,7 +222,7 @@ def _norm(vector: Any) -> float:
 
 
 def law_of_undriven(scenario: Scenario) -> Iterator[str]:
-    """A warning about a shipped law that commands torques at the plant's passive joints.
+    """Warning about a shipped law that commands torques at the plant's passive joints.
 
     Such a law takes the reaction of those torques into the base's: a slung load falls within seconds.
     """

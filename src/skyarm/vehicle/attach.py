@@ -287,7 +287,7 @@ def _structure(value: float) -> Any:
 
 @dataclass(frozen=True, slots=True)
 class RigidBodies:
-    """Bodies, joints and frames of a vehicle.
+    """Bodies, joints and frames of a vehicle without rotors.
 
     Attributes:
         name: of the vehicle.

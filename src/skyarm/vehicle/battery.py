@@ -43,7 +43,7 @@ class CellCurve:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Battery:
-    """A battery holds cells in series behind one resistance.
+    """Battery pack: cells in series with one internal resistance.
 
     Attributes:
         cells: in series. capacity: from full to empty. resistance: of the whole pack with its wires.
@@ -81,7 +81,7 @@ class Battery:
         return mul(float(self.cells), curve(charge, self.open_circuit.charge, self.open_circuit.voltage))
 
     def power(self, rotors: Sequence[Rotor], speeds: Sequence[Any]) -> Any:
-        """Electrical power of the rotors at these speeds (rad/s) and of all other loads, W.
+        """Electrical power of the rotors at given speeds (rad/s) and of all other loads, W.
 
         A table's current is that at the reference voltage; without one the drag torque's power over the efficiency.
         """
@@ -90,7 +90,7 @@ class Battery:
     def voltage(self, charge: Any, power: Any) -> Any:
         """Voltage of the pack under a load (W), V: V = V_0 - R P / V; that at peak power for larger loads.
 
-        Zero for an empty one, which is cut off.
+        Zero for an empty battery, which is cut off.
         """
         idle = self.open_circuit_voltage(charge)
         under_load = 0.5 * (idle + sqrt(maximum(idle * idle - 4.0 * self.resistance * power, 0.0)))
@@ -107,7 +107,7 @@ class Battery:
 def rotor_power(
     rotors: Sequence[Rotor], speeds: Sequence[Any], efficiency: Any, voltage: Any, standing: Any = 0.0
 ) -> Any:
-    """Electrical power of rotors, and of all other loads, W.
+    """Electrical power of rotors at given speeds, plus all other loads, W.
 
     Args:
         rotors: of a vehicle.

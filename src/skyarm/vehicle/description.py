@@ -52,7 +52,7 @@ def _snap(entry: float) -> float:
 
 
 def rotation_rpy(rpy: Sequence[float]) -> Mat3:
-    """R = Rz(yaw) Ry(pitch) Rx(roll), rad: child axes to parent axes.
+    """Rotation matrix Rz(yaw) Ry(pitch) Rx(roll) of angles in rad: child axes to parent axes.
 
     Source: URDF specification, element origin.
     """

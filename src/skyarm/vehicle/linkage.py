@@ -119,7 +119,7 @@ class Joint:
 
     @property
     def has_stops(self) -> bool:
-        """True if a joint has end stops at its limits; independent of traced numbers."""
+        """True if a joint has end stops at its limits; also decidable for traced numbers."""
         return not (type(self.stop_stiffness) is int and self.stop_stiffness == 0)
 
     @property
@@ -179,5 +179,5 @@ class Follower:
 
     @property
     def name(self) -> str:
-        """Name of the link."""
+        """Name of the follower's link."""
         return self.link.name

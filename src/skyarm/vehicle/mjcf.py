@@ -43,7 +43,7 @@ class _Tree(BodyTree):
 
 
 def read_mjcf(path: Path, mimic: str = "lock") -> RigidBodies:
-    """Rigid bodies of an MJCF file.
+    """Read rigid bodies, joints and frames of an MJCF file.
 
     Args:
         path: of the file.
@@ -249,7 +249,7 @@ def mimics_of(model: MjModel) -> dict[str, Mimic]:
     """Mimic relation of each joint from the file's joint equalities; a joint locked by one follows none ("").
 
     Raises:
-        VehicleError: an equality that is no straight line.
+        VehicleError: an equality that is not linear.
     """
     import mujoco
 

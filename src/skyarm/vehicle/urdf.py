@@ -41,7 +41,7 @@ class _File:
 
 
 def read_urdf(path: str | os.PathLike[str], mimic: str = "lock") -> RigidBodies:
-    """Rigid bodies of a URDF file.
+    """Read rigid bodies, joints and frames of a URDF file.
 
     Args:
         path: of the file.

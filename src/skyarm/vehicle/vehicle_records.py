@@ -125,7 +125,7 @@ class MountedDrive:
     """Actuator of one joint, as a part of the vehicle.
 
     Attributes:
-        name: of the joint. drive: a :class:`skyarm.Drive`, which a room further up knows.
+        name: of the joint. drive: a :class:`skyarm.Drive`.
     """
 
     name: str
@@ -139,7 +139,7 @@ class MountedDrive:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Vehicle:
-    """Airframe, arm and rotors.
+    """Vehicle: airframe, arm and rotors.
 
     Attributes:
         name: short name.

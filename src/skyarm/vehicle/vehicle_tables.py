@@ -296,7 +296,7 @@ def _rotor_values(fields: Fields) -> dict[str, Any]:
 
 
 def _axis(fields: Fields) -> dict[str, Vec3]:
-    """Axis of a rotor or tilt as a keyword argument; empty if the table states none."""
+    """Read the axis of a rotor or tilt; empty if the table states none."""
     if fields.take("axis", None) is None:
         return {}
     return {"axis": description.unit_axis(fields.at("axis"), fields.vector("axis"))}

@@ -39,8 +39,8 @@ class PushMemory:
     """Running sums of a commanded contact.
 
     Attributes:
-        first: s, of the first touch while contact is asked for. touching: 1 while a point is touched.
-        losses: how often contact was lost. peak: N. count: instants of the force's statistics.
+        first: time of the first touch during a commanded contact, s. touching: 1 during contact.
+        losses: number of contact losses. peak: N. count: instants in the force's statistics.
         error, square: sums of the force's error, N, and of its square. held: instants within the band.
         apart, farthest: sum and largest of the tip's error across the normal, m. near: instants in that sum.
     """

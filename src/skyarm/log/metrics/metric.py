@@ -35,7 +35,7 @@ class Metric:
 
         Args:
             memory: the last one.
-            instants: how many were counted.
+            instants: number of counted instants.
             period: between them, s.
         """
         raise NotImplementedError(f"{type(self).__name__} must say its result")

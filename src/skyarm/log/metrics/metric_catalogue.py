@@ -1,4 +1,4 @@
-"""Catalogue of metrics: names, windows and formulas, for flights and logs alike.
+"""Catalogue of metrics: names, time windows and formulas, for flights and logs alike.
 
 Position and joint errors are norms. A metric that needs a reference exists twice: against the held samples, as a
 recorded bag would see it, and with the suffix ``_continuous`` against the continuous reference. Those of the gust

@@ -30,7 +30,7 @@ def score(log: Log, metrics: Sequence[str] = ("standard",), windows: Windows | N
     Args:
         log: of the flight.
         metrics: names and groups (:mod:`skyarm.log.metrics.metric_catalogue`), registered ones too.
-        windows: when they look, in place of those that the scenario had.
+        windows: time windows, in place of those of the scenario.
 
     Returns:
         metric by name; NaN where no instant of the flight lies in its window: the flight ended before it.
@@ -80,7 +80,7 @@ def settling_time(log: Log, steady: Window, *, continuous: bool = False) -> floa
 
     Args:
         log: of the flight.
-        steady: where the mean is taken.
+        steady: window of the mean.
         continuous: against the continuous reference in place of the held samples.
 
     Returns:

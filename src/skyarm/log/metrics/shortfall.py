@@ -73,8 +73,8 @@ class Unreached:
     """Reference that a flight did not reach.
 
     Attributes:
-        reference: "position", "tip", "force" or "phase". start, stop: s, where it was looked for.
-        words: what was flown in place of what.
+        reference: "position", "tip", "force" or "phase". start, stop: interval that was examined, s.
+        words: description, with actual and desired value.
     """
 
     reference: str

@@ -145,7 +145,7 @@ MARKER_TYPES = {"box": 1, "sphere": 2, "ellipsoid": 2}
 
 
 def markers(vehicle: Vehicle, frames: Frames) -> list[dict[str, Any]]:
-    """A visualization_msgs/Marker for each shape, fixed to the frame of its body."""
+    """Message visualization_msgs/Marker for each shape, fixed to the frame of its body."""
     found = []
     for number, shape in enumerate(vehicle_shapes(vehicle, meshes=False)):
         turn = quaternions_of(np.array([shape.rotation]))[0]

@@ -114,7 +114,7 @@ def list_of_tables(value: object, where: str, named: bool = False) -> list[Field
 
 
 def number(value: object, at: str, *, low: float = -math.inf, strict: bool = False, infinite: bool = False) -> float:
-    """Check a number: finite by default, not below ``low`` (above it if strict)."""
+    """Check that a value is a number: finite by default, not below ``low`` (above it if strict)."""
     if isinstance(value, bool) or not isinstance(value, numbers.Real):  # NumPy's numbers are Real too
         raise ValueError(f"{at} = {shown(value)}: must be a {'number' if infinite else 'finite number'}")
     try:

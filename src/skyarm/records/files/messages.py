@@ -1,4 +1,4 @@
-"""Text of messages: on one line of bounded length, printable, with suggestions for misspelt names."""
+"""Text for messages: one printable line of bounded length, and suggestions for misspelt names."""
 
 from __future__ import annotations
 

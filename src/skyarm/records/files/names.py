@@ -23,7 +23,7 @@ def file_name(value: object, field: str) -> str:
     """Convert a file name or path to text.
 
     Raises:
-        ValueError: it is neither.
+        ValueError: it is neither text nor a path.
     """
     text = os.fspath(value) if isinstance(value, (str, os.PathLike)) else None
     if not isinstance(text, str):

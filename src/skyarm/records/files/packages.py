@@ -105,5 +105,5 @@ def how_to_install(*extras: str) -> str:
 
 
 def needs_extra(extra: str) -> str:
-    """Message for a missing optional library."""
+    """Message for a missing optional package, with the command that installs it."""
     return f"needs the extra {extra!r}; {how_to_install(extra)}"

@@ -28,7 +28,7 @@ def private_folder(folder: Path, ours: Callable[[str], bool]) -> str:
 
     Args:
         folder: made if missing.
-        ours: whether a file of this name is one that belongs there.
+        ours: true if a file of this name belongs there.
 
     Returns:
         Why it must not be used, in words; empty if it may.

@@ -26,7 +26,7 @@ def write_atomically(path: str | os.PathLike[str], content: bytes, *, entry: boo
 
     Args:
         path: of the file.
-        content: all of it.
+        content: complete content.
         entry: whether the name is forced to disk as well; who writes many files calls :func:`sync_folder` once instead.
 
     Raises:

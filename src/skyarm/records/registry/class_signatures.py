@@ -24,7 +24,7 @@ def class_mistake(kind: type) -> tuple[str, str] | None:
     """Error in a user's subclass, as (file and line, message); None if there is none.
 
     Args:
-        kind: a subclass of one of the library's; any other class is right.
+        kind: a subclass of one of the library's; any other class passes.
     """
     bases = [each for each in kind.__mro__ if each.__module__.partition(".")[0] == PACKAGE]
     if not bases or kind in bases:

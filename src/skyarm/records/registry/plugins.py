@@ -42,7 +42,7 @@ FILE_MODULE = "skyarm_plugin_"
 
 @dataclass(frozen=True, slots=True)
 class Plugin:
-    """A loaded plugin.
+    """Loaded plugin: its name, digest and imported modules.
 
     Attributes:
         name: path of the file, or the distribution's name. identity: "sha256:..." or "version ...".
@@ -211,7 +211,7 @@ def laws_of_files() -> tuple[str, ...]:
 
 
 def is_law_of_file(text: object) -> bool:
-    """True if a text is of the form FILE.py:make, which only the command line accepts."""
+    """True for the text FILE.py:make, a law in a user's file, which only the command line accepts."""
     return isinstance(text, str) and FROM_FILE.fullmatch(text) is not None
 
 
@@ -228,7 +228,7 @@ def law_of_file_key(text: str) -> str:
 
 
 def register_law_of_file(text: str) -> bool:
-    """Register the law of FILE.py:make under that name; False if the text is not of this form.
+    """Load and register a law given as FILE.py:make; False if the text has another form.
 
     Only the command line does this: a file that is read never runs code.
 
@@ -246,7 +246,7 @@ def register_law_of_file(text: str) -> bool:
 
 
 def register_loaded_law(text: str) -> bool:
-    """Register the law of FILE.py:make if its file is loaded already; False if it is not.
+    """Register a law given as FILE.py:make if its file is already loaded; False if it is not.
 
     Nothing is run: a file that is read may name such a law, as it may name any other.
 

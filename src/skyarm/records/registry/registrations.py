@@ -1,9 +1,8 @@
 """Registry: names of wind fields, forces, sensors, laws and other components, each with its location.
 
-What ships stands in :mod:`skyarm.records.registry.shipped` and goes through the same doors as what a user adds: a
-decorator
-here, an entry point of an installed package, or ``--plugin FILE.py`` (:mod:`skyarm.records.registry.plugins`). The
-registry imports nothing until a name is used.
+Names of the library are listed in :mod:`skyarm.records.registry.shipped`; users add names in the same way: by a
+decorator of this module, an entry point of an installed package, or ``--plugin FILE.py``
+(:mod:`skyarm.records.registry.plugins`). The registry imports nothing until a name is used.
 """
 
 from __future__ import annotations
@@ -54,8 +53,8 @@ class Registration:
 
     Attributes:
         kind: a key of ``KINDS``. name: in files and on the command line.
-        target: the thing, or "module:attribute" where it is found when it is first asked for.
-        title: one line for people. source: who registered it.
+        target: the object, or its location "module:attribute", which is imported at the first use.
+        title: one-line description. source: library or plugin that registered it.
     """
 
     kind: str
