@@ -15,7 +15,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Push:
-    """External wrench at a frame of the vehicle: resultant of all that acts on the links beyond it."""
+    """External wrench at a frame of the vehicle: resultant of all forces on its link and the links beyond."""
 
     force: Annotated[Vec3, Unit("N", "axes of the frame")]
     torque: Annotated[Vec3, Unit("N m", "about its origin, axes of the frame")]

@@ -1,4 +1,4 @@
-"""Interpenetration check of the initial world: vehicle and objects must not start inside surfaces."""
+"""Interpenetration check of the initial world: vehicle and objects start in the air or at rest on a surface."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ MOST = 2.0
 
 
 def require_start_outside(contact: Contact, vehicle: Vehicle, gravity: float, state: State) -> None:
-    """Refuse an initial state in which the vehicle or objects penetrate surfaces.
+    """Refuse an initial state with contact forces far above those at rest, which would throw bodies apart.
 
     Raises:
         ValueError: one line: the point, the surface, the depth.
