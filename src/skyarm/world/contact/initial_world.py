@@ -13,7 +13,7 @@ MOST = 2.0
 
 
 def require_start_outside(contact: Contact, vehicle: Vehicle, gravity: float, state: State) -> None:
-    """Refuse an initial state with contact forces far above those at rest, which would throw bodies apart.
+    """Refuse an initial state in which a contact force exceeds twice the weight of the bodies in contact.
 
     Raises:
         ValueError: one line: the point, the surface, the depth.
