@@ -20,12 +20,12 @@ class Mat3(ArrayLike):
 
     @classmethod
     def identity(cls) -> Mat3:
-        """Identity matrix with structural (int) entries."""
+        """Identity matrix of constant (int) entries."""
         return cls(Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1))
 
     @classmethod
     def zero(cls) -> Mat3:
-        """Zero matrix with structural (int) entries."""
+        """Zero matrix of constant (int) entries."""
         return cls(Vec3(0, 0, 0), Vec3(0, 0, 0), Vec3(0, 0, 0))
 
     @classmethod
@@ -35,7 +35,7 @@ class Mat3(ArrayLike):
 
     @classmethod
     def from_numbers(cls, rows: Sequence[Sequence[float]]) -> Mat3:
-        """Matrix from plain numbers; exact 0, 1 and -1 become structural ints."""
+        """Matrix from plain numbers; exact 0, 1 and -1 become compile-time constants (ints)."""
         r0, r1, r2 = rows
         return cls(Vec3.from_numbers(r0), Vec3.from_numbers(r1), Vec3.from_numbers(r2))
 
@@ -95,7 +95,7 @@ class Mat3(ArrayLike):
         return self.r0 * v.x + self.r1 * v.y + self.r2 * v.z
 
     def cleared_row(self, i: int) -> Mat3:
-        """Matrix with one row replaced by structural zeros."""
+        """Matrix with one row replaced by constant (int) zeros."""
         rows = list(self.rows)
         rows[i] = Vec3(0, 0, 0)
         return Mat3(*rows)
@@ -148,7 +148,7 @@ class Sym3:
 
     @classmethod
     def from_numbers(cls, xx: float, yy: float, zz: float, xy: float = 0.0, xz: float = 0.0, yz: float = 0.0) -> Sym3:
-        """Symmetric matrix from plain numbers; exact zeros become structural, all others stay variable."""
+        """Symmetric matrix from plain numbers; exact zeros become compile-time constants, all others stay variable."""
         return cls(*(0 if value == 0.0 else float(value) for value in (xx, yy, zz, xy, xz, yz)))
 
     @classmethod
@@ -194,7 +194,7 @@ class Sym3:
         return self.full().apply(v)
 
     def clear_axis(self, i: int) -> Sym3:
-        """Matrix with the row and column of one axis replaced by structural zeros."""
+        """Matrix with the row and column of one axis replaced by constant (int) zeros."""
         full = self.full().cleared_row(i)
         return Sym3.of_matrix(full.T.cleared_row(i).T)
 

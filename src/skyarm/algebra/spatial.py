@@ -128,7 +128,7 @@ class SpatialInertia:
         return Force(torque, centripetal(w, self.moment))
 
     def rotate(self, R: Mat3) -> SpatialInertia:
-        """Spatial inertia expressed in axes rotated by R about the origin."""
+        """Spatial inertia of the body rotated by R about the origin."""
         return SpatialInertia(self.mass, R.apply(self.moment), self.inertia.rotate(R))
 
     def into_parent(self, R_PC: Mat3, p_PC: Vec3) -> SpatialInertia:

@@ -45,7 +45,7 @@ class ArrayLike:
 
 @dataclass(frozen=True, slots=True)
 class Vec3(ArrayLike):
-    """Vector of three scalars; int components are structural constants that fold away."""
+    """Vector of three scalars; int components are compile-time constants that fold away."""
 
     x: Scalar
     y: Scalar
@@ -59,7 +59,7 @@ class Vec3(ArrayLike):
 
     @classmethod
     def from_numbers(cls, values: Sequence[float]) -> Vec3:
-        """Vector from plain numbers; exact 0, 1 and -1 become structural ints."""
+        """Vector from plain numbers; exact 0, 1 and -1 become compile-time constants (ints)."""
         x, y, z = values
         return cls(structural(x), structural(y), structural(z))
 
@@ -123,7 +123,7 @@ E_Z = Vec3(0, 0, 1)
 
 
 def inner_product(a: Sequence[Scalar], b: Sequence[Scalar]) -> Scalar:
-    """Inner product of two sequences of scalars; structurally zero terms are omitted."""
+    """Inner product of two sequences of scalars; terms with a constant (int) zero are omitted."""
     total: Scalar = 0
     for x, y in zip(a, b, strict=True):
         total = add(total, mul(x, y))

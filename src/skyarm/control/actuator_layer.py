@@ -43,7 +43,7 @@ class ActuatorMemory:
 
     Attributes:
         inner: memory of the law. started: 0 before the first step.
-        drives: memories that the believed drives would have; empty where the law's efforts are sent as they are.
+        drives: memories of the modelled drives; empty where the law's efforts are sent as they are.
     """
 
     inner: Any
@@ -79,23 +79,23 @@ def with_actuators(controller: Controller, model: Model, control_period: float, 
     """Return the law with its torques sent as servo setpoints, and its rotor speeds converted by the thrust tables.
 
     A servo's loop acts while its setpoint is held, so that the torque varies as the joint moves. The setpoint is
-    therefore that whose torque is the law's on average over the control period: the believed servo's law is inverted at
-    the mean position and rate of the period, which the believed vehicle's acceleration under that torque predicts. The
-    servo's own integral and latency are followed by its belief. Joints without a servo keep their torques.
+    therefore that whose torque is the law's on average over the control period: the modelled servo's law is inverted at
+    the mean position and rate of the period, which the modelled vehicle's acceleration under that torque predicts. The
+    servo's own integral and latency are followed by its model. Joints without a servo keep their torques.
 
-    To the law a rotor with a thrust table is one with k_f W^2: a commanded speed becomes that at which the believed
+    To the law a rotor with a thrust table is one with k_f W^2: a commanded speed becomes that at which the modelled
     table gives the same thrust, and a measured one the other way round.
 
-    The law, and a safety layer around it, know nothing of either: what they keep of their commands stays as it is.
+    The law, and a safety layer around it, are independent of both: the commands that they store stay unchanged.
 
     Args:
         controller: any law for ``plain_model(model)``.
-        model: belief with drives or tables.
+        model: the controller's, with drives or tables.
         control_period: s.
         servos: whether the law's efforts are torques that drives must be made to give.
 
     Raises:
-        ControllerError: the believed vehicle has neither, or the law has the layer already.
+        ControllerError: the model's vehicle has neither, or the law has the layer already.
     """
     check_controller(controller)
     if isinstance(controller.par, ActuatorParameters):

@@ -128,7 +128,7 @@ TORQUE = JointGains(stiffness=(1.0, 0.5), damping=(0.04, 0.02))
 
 @dataclass(frozen=True, slots=True)
 class Preset:
-    """A law with its published gains or other options.
+    """Named preset: a law with its published gains or other options.
 
     Attributes:
         title: one line for people. law: a key of ``LAWS``. options: of the law.

@@ -62,7 +62,7 @@ def wrong(controller: Controller, words: str, place: str = "") -> LawError:
 
     Args:
         controller: whose law it is.
-        words: what is wrong, and what must be.
+        words: the fault and the requirement.
         place: file and line; where the law begins if left out.
     """
     return LawError(f"{place or place_of(controller.law)}: law {controller.name!r} {words}")
@@ -265,7 +265,7 @@ def try_law(controller: Controller, period: float, seen: Measurement, wanted: Se
     Args:
         controller: as it is to fly.
         period: control period, s.
-        seen: what it measures first; in the periods that follow the vehicle drifts a little from there.
+        seen: its first measurement; in the following periods the vehicle drifts slightly from there.
         wanted: references of the periods.
 
     Raises:

@@ -43,8 +43,8 @@ def numbers_found(memory: Any) -> tuple[Scalar, ...]:
 def observed_push(memory: Any) -> Vec3 | None:
     """Estimated force on the tip (N, world axes) from a law's memory; None if it has none.
 
-    A law says it in a field ``tip_force`` of its memory, or presses on surfaces (``interaction``), or gives way
-    (``admittance``).
+    The estimate is a field ``tip_force`` of the memory, or part of contact force control (``interaction``) or of
+    admittance control (``admittance``).
     """
     own = innermost(memory)
     found = getattr(own, "tip_force", None)

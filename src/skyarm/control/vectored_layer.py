@@ -86,7 +86,7 @@ class VectoredMemory:
 
     Attributes:
         inner: memory of the law.
-        goals: angles that the last wrench asked for. angles: those that the believed servos have reached.
+        goals: angles of the last desired wrench. angles: those that the modelled servos have reached.
         matched: angles of servos that would lag just as the motors do, as the law reckons.
     """
 
@@ -122,10 +122,10 @@ def with_tilting(controller: Controller, model: Model) -> Controller:
     The law's wrench is a sum of forces, one for each rotor: its size is a squared speed, its direction an angle. Servos
     are slow beside motors, so the thrusts are those that give torque and thrust of the wrench at the angles that are
     reached now, with the least change from the wanted forces' parts along the axes as they stand. The force across the
-    thrust comes as the angles come. Angles are measured; where a measurement has none, they are the believed servos'.
+    thrust comes as the angles come. Angles are measured; where a measurement has none, they are the modelled servos'.
 
     Raises:
-        ControllerError: the believed vehicle has no rotor that tilts, or the law has the layer already.
+        ControllerError: the model's vehicle has no rotor that tilts, or the law has the layer already.
     """
     check_controller(controller)
     if getattr(controller.par, "turns_rotors", False):

@@ -169,8 +169,7 @@ def components(name: str, value: ArrayLike, size: int) -> tuple[Scalar, ...]:
     """Split the last axis of an array into scalars: floats for one state, arrays over the leading axes for many.
 
     Raises:
-        ValueError: what is given are no finite numbers, or the last axis has not ``size`` entries; the message says
-            ``name``.
+        ValueError: numbers that are not finite, or a last axis without ``size`` entries; the message names ``name``.
     """
     array = finite_numbers(name, value)
     if array.ndim == 0 or array.shape[-1] != size:
@@ -184,7 +183,7 @@ def finite_numbers(name: str, value: Any, allowed: str = "finite numbers") -> Ar
     """Convert to an array of floats; reject text, booleans, complex and non-finite numbers.
 
     Raises:
-        ValueError: says ``name`` and what was given.
+        ValueError: names ``name`` and the given value.
     """
     try:
         array = np.asarray(value)

@@ -57,7 +57,7 @@ def _of_leaders(vehicle: Vehicle, M: list[list[Any]]) -> list[list[Scalar]]:
 
 
 def _base_block(whole: SpatialInertia, R_WB: Mat3, size: int) -> list[list[Scalar]]:
-    """Mass matrix with the base block [[m 1, -R S(mc)], [S(mc) R^T, I]] filled in, structural zeros elsewhere."""
+    """Mass matrix with the base block [[m 1, -R S(mc)], [S(mc) R^T, I]] filled in, zeros elsewhere."""
     M: list[list[Any]] = [[0] * size for _ in range(size)]
     coupling = R_WB @ Mat3.cross(-whole.moment)
     rotational = whole.inertia.full()

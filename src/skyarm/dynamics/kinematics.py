@@ -25,7 +25,7 @@ class Pose:
         return Pose(self.R @ other.R, self.p + self.R.apply(other.p))
 
     def apply(self, point: Vec3) -> Vec3:
-        """Express a point given in B in A."""
+        """Coordinates in A of a point given in B."""
         return self.p + self.R.apply(point)
 
 

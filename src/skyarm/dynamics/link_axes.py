@@ -1,4 +1,4 @@
-"""Working axes of each link in the recursions, chosen for few rotations.
+"""Working axes of the links for the recursive algorithms, chosen to save rotations.
 
 A recursion may express a link in any axes at its origin. A hinge leaves its own axis where it is, so the link can be
 held in the axes that it has at joint angle zero. Hinges with one common direction then share their axes: nothing that
@@ -70,7 +70,7 @@ def members(vehicle: Vehicle, joints: Sequence[Scalar]) -> list[LinkInAxes]:
 
 
 def _parallel(parent: Joint, child: Joint) -> bool:
-    """Return True if two joints are hinges with parallel axes, by structure or by equal numbers."""
+    """Return True if two joints are hinges with parallel axes."""
     entries = [entry for row in child.rotation.rows for entry in row]
     straight = all(type(entry) is int for entry in entries) and entries == [1, 0, 0, 0, 1, 0, 0, 0, 1]
     hinges = parent.turns and child.turns

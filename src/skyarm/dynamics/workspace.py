@@ -28,7 +28,7 @@ MANY, FEW = 27, 400_000
 
 
 def samples_of(joints: int) -> int:
-    """Number of random joint positions that start a search; fewer for more than :data:`MANY` joints."""
+    """Number of random joint positions at the start of a search; fewer for more than :data:`MANY` joints."""
     return SAMPLES if joints <= MANY else max(min(SAMPLES, FEW // joints), 8)
 
 
@@ -46,7 +46,7 @@ def _largest(vehicle: Vehicle, quantities: Quantities, count: int) -> list[float
     Args:
         vehicle: its joints.
         quantities: from joint values (lanes, n) to ``count`` quantities, each (lanes,) or one number for all.
-        count: how many.
+        count: number of quantities.
     """
     rng, spread, (low, high) = np.random.default_rng(0), 0.1, _limits(vehicle)
     tried = rng.uniform(low, high, (samples_of(vehicle.n), vehicle.n))

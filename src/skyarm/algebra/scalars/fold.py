@@ -1,4 +1,4 @@
-"""Scalar arithmetic with constant folding: ints 0, 1 and -1 are structural, all other numbers are computed.
+"""Scalar arithmetic with constant folding: ints 0, 1 and -1 fold away, all other numbers are computed.
 
 Only exact IEEE identities are used (x * 1 = x, x + 0 = x for a structural zero, (-1) * x = -x), so folding never
 changes the value of a program, whatever engine runs it.
@@ -29,12 +29,12 @@ class Scalar(Protocol):
 
 
 def structural(value: float) -> int | float:
-    """Convert an exact 0, 1 or -1 to a structural int, any other number to a float."""
+    """Convert an exact 0, 1 or -1 to an int, a compile-time constant; any other number to a float."""
     return int(value) if value in (0.0, 1.0, -1.0) else float(value)
 
 
 def data(value: Scalar) -> Scalar:
-    """Convert a structural int to a float, so that it keeps its place in a flattened record."""
+    """Convert an int constant to a float, so that it keeps its place in a flattened record."""
     return float(value) if type(value) is int else value
 
 
@@ -44,7 +44,7 @@ def same(a: Scalar, b: Scalar) -> bool:
 
 
 def add(a: Scalar, b: Scalar) -> Scalar:
-    """Return a + b, with a structural zero folded."""
+    """Return a + b; a constant (int) zero is folded."""
     if type(a) is int and a == 0:
         return b
     if type(b) is int and b == 0:
@@ -53,7 +53,7 @@ def add(a: Scalar, b: Scalar) -> Scalar:
 
 
 def sub(a: Scalar, b: Scalar) -> Scalar:
-    """Return a - b, with a structural zero folded."""
+    """Return a - b; a constant (int) zero is folded."""
     if type(b) is int and b == 0:
         return a
     if type(a) is int and a == 0:
@@ -67,7 +67,7 @@ def neg(a: Scalar) -> Scalar:
 
 
 def mul(a: Scalar, b: Scalar) -> Scalar:
-    """Return a * b, with structural 0, 1 and -1 folded."""
+    """Return a * b; constants (int) 0, 1 and -1 are folded."""
     if type(a) is int:
         if a == 0:
             return 0

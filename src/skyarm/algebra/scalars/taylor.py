@@ -92,27 +92,27 @@ class Taylor:
         return Taylor(self._terms(other)) / self
 
     def __lt__(self, other: Scalar) -> Any:
-        """Compare values."""
+        """Compare the values of two series."""
         return self.c[0] < self._terms(other)[0]
 
     def __le__(self, other: Any) -> Any:
-        """Compare values."""
+        """Compare the values of two series."""
         return self.c[0] <= self._terms(other)[0]
 
     def __gt__(self, other: Scalar) -> Any:
-        """Compare values."""
+        """Compare the values of two series."""
         return self.c[0] > self._terms(other)[0]
 
     def __ge__(self, other: Any) -> Any:
-        """Compare values."""
+        """Compare the values of two series."""
         return self.c[0] >= self._terms(other)[0]
 
     def __float__(self) -> float:
-        """Always raise: a series is not a number."""
+        """Raise an error: a series is not a number."""
         raise TypeError("float() of a Taylor series; take derivative(0)")
 
     def __repr__(self) -> str:
-        """Coefficients."""
+        """Text with the coefficients."""
         return f"Taylor({', '.join(map(repr, self.c))})"
 
 

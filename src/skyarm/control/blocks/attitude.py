@@ -55,7 +55,7 @@ def posture(vehicle: Vehicle, joints: Sequence[Taylor], order: int) -> Posture:
 
 
 def derivative(v: Vec3, k: int) -> Vec3:
-    """The k-th derivative of a vector of Taylor series; structural components count as constant."""
+    """The k-th derivative of a vector of Taylor series; int components count as constant."""
     return Vec3(*(c.derivative(k) if isinstance(c, Taylor) else (c if k == 0 else 0) for c in v))
 
 
@@ -73,7 +73,7 @@ TINY = 1e-12
 
 @dataclass(frozen=True, slots=True)
 class Attitude:
-    """R_d, body rate (rad/s) and angular acceleration (rad/s^2) in the desired body's axes."""
+    """Desired attitude R_d, with its body rate (rad/s) and angular acceleration (rad/s^2) in desired body axes."""
 
     R: Mat3
     rate: Vec3
@@ -93,7 +93,7 @@ def reachable(force: Vec3, tilt: Scalar, floor: Scalar) -> Vec3:
 def upright(force: Vec3, weight: Scalar, start: Any) -> Vec3:
     """Force with its vertical part raised where it is below ``start`` of the weight, used for the attitude only.
 
-    Near free fall the direction of a small force turns quickly, and noise in it asks for more torque than rotors at
+    Near free fall the direction of a small force turns quickly, and noise in it requires more torque than rotors at
     low speed give. With t = (start - f_z / weight) / width from 0 to 1 the vertical part is f_z + width weight
     (t^3 - t^4 / 2), twice continuously differentiable; it ends at start - width / 2.
     """
@@ -133,7 +133,7 @@ def _vee(R: Mat3, columns: list[Vec3]) -> Vec3:
 
 
 def angular_acceleration(gains: BaseGains, desired: Attitude, R: Mat3, w: Vec3) -> Vec3:
-    """Commanded angular acceleration, body axes, rad/s^2.
+    """Commanded angular acceleration from attitude and rate errors, body axes, rad/s^2.
 
     -KR e_R - Kw e_w + R^T R_d w_d' - w x R^T R_d w_d with e_w = w - R^T R_d w_d: Lee's law times the inverse inertia.
     """
@@ -150,7 +150,7 @@ class BaseGains:
     Attributes:
         position: 1/s^2. velocity: 1/s. Of the centre of mass, world axes.
         attitude: 1/s^2. rate: 1/s. Body axes.
-        pull: m/s^2, the most that errors of the centre of mass can ask for.
+        pull: m/s^2, largest acceleration that errors of the centre of mass can request.
     """
 
     position: Annotated[Vec3, Unit("1/s^2", "acceleration of the centre of mass per error")]

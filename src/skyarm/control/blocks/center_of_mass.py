@@ -41,7 +41,7 @@ def center_velocity(vehicle: Vehicle, joints: Sequence[Scalar], joint_rates: Seq
 
 
 def axes(vehicle: Vehicle, poses: Sequence[Pose]) -> list[Vec3]:
-    """Joint axes in base axes."""
+    """Unit vectors of the joint axes, base axes."""
     return [pose.R.apply(link.joint.axis) for link, pose in zip(vehicle.links, poses, strict=False)]
 
 

@@ -1,4 +1,4 @@
-"""Common parts of the published laws: gains, desired specific force, mixing of torque and thrust into a command."""
+"""Common parts of the published laws: desired specific force, attitude control, inverse dynamics and mixing."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ class AccelerometerGains:
 
     Attributes:
         force: at which the unknown force follows the accelerometer.
-        velocity: below which the measured velocity is believed more than the accelerometer.
+        velocity: below which the measured velocity outweighs the accelerometer.
     """
 
     force: Annotated[Scalar, Unit("rad/s", "at which the unknown force follows the accelerometer")]
@@ -92,18 +92,19 @@ def measure_translation(
     """Estimate the base's velocity and change of the unknown force over one period, with the accelerometer.
 
     A joint at its limit shakes the base by what the model lacks, because the disturbance of that joint is held: the
-    measured velocity alone says the force then. Rotors at their limit hold nothing up: what they give is in the model.
+    force is then estimated from the measured velocity alone. Rotors at their limit are no such case: the model has
+    their thrust.
 
     Args:
-        model: belief.
+        model: the controller's model.
         gains: bandwidths.
         velocity: one period earlier, world axes.
-        seen: what the measured velocity alone tells, with the bias of one period earlier.
+        seen: estimate from the measured velocity alone, with the bias of one period earlier.
         measurement: the new one.
         R: R_WB amid the period.
         linear: acceleration of the base origin by the model, mean of the period, world axes.
-        rotors: what their thrust at the end of the period, where it was felt, is beyond ``linear``'s; N, base axes.
-            What their torque is beyond it is left out: by way of the offset of the common centre of mass it accelerates
+        rotors: thrust at the end of the period, where it was measured, less that in ``linear``; N, base axes. The
+            corresponding torque is left out: by way of the offset of the common centre of mass it accelerates
             the base origin too, for a part of a period.
         joints: 1 for each that is not at its limit, else 0.
         dt: s.
@@ -169,12 +170,12 @@ def observe(
     """One observer update: its memory at the measurement's time, and the model's accelerations over the period.
 
     Args:
-        model: belief.
+        model: the controller's model.
         gains: bandwidths.
         memory: one period earlier.
         measurement: the new one.
         acted: the command of the period between them.
-        unknown: what else pushed on them, as believed before the new one.
+        unknown: disturbance over the period, as estimated before the new one.
         started: below 0.5 at the first measurement, which is taken as it is.
         free: 1 or 0 for the base and each joint; 0 holds that disturbance because an actuator is at its limit.
         dt: s.
@@ -256,7 +257,7 @@ def unmodelled_thrust(
     """Thrust of all rotors at the end of a period minus its mean in the model's prediction, N, base axes.
 
     Args:
-        model: belief.
+        model: the controller's model.
         squares: means of the squared speeds, of the thrust along body z.
         half: speeds amid the period, of the thrust across it: see :func:`with_side`.
         speeds: at its end.
@@ -271,7 +272,7 @@ class Told:
     """Predicted accelerations of the model over the period before a measurement.
 
     Attributes:
-        angular, joints: accelerations under the commands and the disturbance believed before, rad/s^2 or m/s^2.
+        angular, joints: accelerations under the commands and the disturbance estimated before, rad/s^2 or m/s^2.
         angular_correction, joint_corrections: accelerations by which that disturbance varies with the measurement.
     """
 

@@ -65,7 +65,7 @@ def extrapolate(
 def _after(channel: Channel, sample: Sample, new: Any, due: Any, started: Scalar, period: Scalar) -> Channel:
     """Memory of a reference signal after the sample now held.
 
-    Where one is due and nothing has changed, the motion is over: what jerk and snap it ended with do not go on.
+    Where a sample is due and nothing has changed, the motion is over: its last jerk and snap do not continue.
     """
     value, rate, acceleration = (data(c) for c in sample)
     change = acceleration - channel.acceleration

@@ -72,7 +72,7 @@ def interact(
         into: speed of the tip into the surface, m/s.
         load: largest share of its limit of the last command of a joint or rotor.
         dt: s.
-        felt: N, the tip's force of a sensor, world axes; it decides on contact and drives the integral.
+        felt: N, force at the tip measured by a sensor, world axes; it decides on contact and drives the integral.
     """
     n, asked = wanted.normal, wanted.requests_contact
     force = tip_force(gains.errors, at, observed - memory.bias)

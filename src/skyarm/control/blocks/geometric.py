@@ -30,7 +30,7 @@ def downward_acceleration(
     velocity_error: Vec3,
     acceleration: Vec3,
 ) -> Vec3:
-    """a_d of (82), world axes, m/s^2: it points DOWN in hover; the desired specific force is -a_d.
+    """Desired acceleration a_d (82), m/s^2, world axes; points down in hover, as the desired specific force is -a_d.
 
     a_d = (Kp e_p + Kv e_v) / m - g e_3 - pdd_d
     """
@@ -40,7 +40,7 @@ def downward_acceleration(
 
 
 def desired_attitude(a_d: Vec3, yaw: Scalar, R_WB: Mat3) -> Mat3:
-    """R_d with b3 along -a_d and b1 as near the heading as b3 allows.
+    """Desired attitude R_d with body z along -a_d and body x as near the heading as possible.
 
     b3 = -a_d/|a_d|, b2 = b3 x [cos psi, sin psi, 0] normalised, R_d = [b2 x b3, b2, b3]. With no commanded force b3 is
     the present one; with b3 along the heading, b2 is the heading's left.
@@ -62,12 +62,12 @@ def _unit(v: Vec3, length: Scalar, vanishes: Any, otherwise: Vec3) -> Vec3:
 
 
 def attitude_error(R_WB: Mat3, R_d: Mat3) -> Vec3:
-    """e_R of (83): vee(1/2 (R_d^T R - R^T R_d)); zero also at 180 degrees, an unstable equilibrium."""
+    """Attitude error e_R (83): vee(1/2 (R_d^T R - R^T R_d)); zero also at 180 degrees, an unstable equilibrium."""
     return (R_d.T @ R_WB).vee_antisymmetric()
 
 
 def rate_error(w_B: Vec3, R_WB: Mat3, R_d: Mat3, yaw_rate: Scalar, form: str) -> Vec3:
-    """e_w of (84) with w_d = [0, 0, yaw rate] in the desired body's axes.
+    """Body rate error e_w (84) against w_d = [0, 0, yaw rate] in the desired body's axes.
 
     "corrected" is Lee's w - R^T R_d w_d; "rotors_sim" is RotorS's own w - R_d^T R w_d, which differs once the yaw
     rate is not zero and the attitude is off.
@@ -78,7 +78,7 @@ def rate_error(w_B: Vec3, R_WB: Mat3, R_d: Mat3, yaw_rate: Scalar, form: str) ->
 
 
 def angular_acceleration(gains: GeometricGains, inertia: Sym3, e_R: Vec3, e_w: Vec3) -> Vec3:
-    """alpha_d of (85), body axes, rad/s^2: I_b^-1 (-KR e_R - Kw e_w).
+    """Angular acceleration alpha_d (85), body axes, rad/s^2: I_b^-1 (-KR e_R - Kw e_w).
 
     RotorS adds w x w, which is zero; the gyroscopic torque is left to the inverse dynamics.
     """

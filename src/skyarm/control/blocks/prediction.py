@@ -178,7 +178,7 @@ def motor_speeds(model: Model, speeds: Sequence[Scalar], command: Command, dt: S
 def predict(
     model: Model, state: State, command: Command, unknown: Disturbance, dt: Scalar, sideways: bool = False
 ) -> State:
-    """The state after one control period of a held command, by symplectic steps of the model."""
+    """State after one control period of a held command, by symplectic integration of the model."""
     h = dt / SUBSTEPS
 
     def step(x: State) -> State:

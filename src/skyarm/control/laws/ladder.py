@@ -1,4 +1,4 @@
-"""Ablation ladder: the paper's computed torque with any of the steps that lead to the centroidal law.
+"""Ablation ladder: computed torque of Barakou et al. 2026 with any of the steps to the centroidal law.
 
     a* = pdd_d + g e_z - (Kp e_p + Kv e_v) / m                         as (82), upwards
     f  = m a* [+ R F_arm(q, qd, qdd*)] [- d_f]                          thrust direction; thrust = f . R e_z
@@ -58,10 +58,10 @@ COUPLED_THRUST, CONSISTENT, OBSERVER, FEEDFORWARD, EXTRAPOLATION, LAG_INVERSION 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class StepParameters(Parameters):
-    """Constants of the ablation ladder in addition to the paper's.
+    """Constants of the ablation ladder in addition to those of the paper's law.
 
     Attributes:
-        steps: how many are taken, 1 to 6.
+        steps: number of extensions taken, 1 to 6.
         observer: bandwidths, rad/s. reference_period: between published samples, s.
         lag_share: of the motors' lag that rotor commands undo; above 1 counts as 1.
         delay_periods: age of the measurement in control periods, for the observer's inputs.

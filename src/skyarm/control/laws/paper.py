@@ -1,4 +1,4 @@
-"""The paper's laws: RotorS's controller alone, the decoupled PD baseline, the hybrid geometric computed torque.
+"""Laws of Barakou et al. 2026: RotorS's controller, decoupled PD baseline, hybrid geometric computed torque.
 
 Each is step(memory, measurement, reference, dt, *, par) -> (memory, command); these have no memory.
 
@@ -160,7 +160,7 @@ def with_weighted_rates(par: Parameters, reference: Reference) -> Reference:
 
 
 def _joint_pd(par: Parameters, measurement: Measurement, reference: Reference) -> tuple[Scalar, ...]:
-    """kp (q_d - q) + kd (qd_d - qd) per joint.
+    """PD feedback kp (q_d - q) + kd (qd_d - qd) of each joint.
 
     The difference of angles is not wrapped: encoders count turns, and a joint wound once past its reference is brought
     back the way it came, so that cables unwind. Wrapping is the reference's choice, not the law's.

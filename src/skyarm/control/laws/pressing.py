@@ -1,10 +1,10 @@
-"""Two contact laws built on the paper's laws: hybrid force/motion control, and admittance control.
+"""Two contact laws on those of Barakou et al. 2026: hybrid force/motion control, and admittance control.
 
 Both share an observer whose estimates are not compensated, only read: the tip's force along the surface's normal, its
 bias, touch and loss are those of the centroidal law (:mod:`skyarm.control.laws.centroidal.interaction`), so that only
 what is done with them differs.
 
-``hybrid_ct``, the paper's computed torque with a force along the believed outward normal n. Across n the law is the
+``hybrid_ct``, the paper's computed torque with a force along the nominal outward normal n. Across n the law is the
 paper's. Along n, from the first touch on, the tip has no position, only damping: of the joints' desired accelerations
 that part which moves the tip along n is replaced by -d v_n, by the pseudo-inverse of the row n'J. The order
 
@@ -71,7 +71,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PressingParameters(Parameters):
-    """Constants of the contact laws in addition to the paper's."""
+    """Constants of the contact laws in addition to those of the paper's laws."""
 
     observer: ObserverGains
     interaction: InteractionGains

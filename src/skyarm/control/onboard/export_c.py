@@ -74,8 +74,8 @@ def command_units(vehicle: Vehicle, *place: str) -> Units:
 class FilterReadings:
     """Latest reading of each sensor with its time stamp; empty for a sensor that is not used.
 
-    The filter tells by the instant whether a reading is new: a reading that did not come is the one before. The
-    force at the tip goes past the filter to a law that uses it.
+    The time stamp shows whether a reading is new; where none has arrived, the previous one is repeated. The force at
+    the tip bypasses the filter, to a law that uses it.
     """
 
     imu: ImuReading
@@ -195,8 +195,8 @@ def export_c(
         name: begins every name of the file that others see; a C identifier.
         period: s, time between two calls.
         single: float in place of double.
-        generator: who writes the file, with its version, for the opening comment.
-        estimator: from readings to what the law is told; the file's measurement then holds the readings.
+        generator: name and version of the writing program, for the opening comment.
+        estimator: from readings to the law's measurement; the file's measurement then holds the readings.
 
     Raises:
         ValueError: the name is no C identifier of at most 64 characters, the law cannot be traced, or the estimator's

@@ -98,7 +98,7 @@ def _limit_length(v: Vec3, longest: Scalar) -> Vec3:
 
 
 def _longer(v: Vec3, shortened: Vec3) -> Any:
-    """True where ``shortened`` is shorter than ``v``."""
+    """True where the vector ``shortened`` is shorter than ``v``."""
     return _length(shortened) < _length(v)
 
 
@@ -188,7 +188,7 @@ def with_priorities(model: Model, mixer: Mixer) -> Mixer:
 def reachable(model: Model, mixer: Mixer, speeds: Sequence[Scalar]) -> tuple[Scalar, ...]:
     """Rotor speeds within limits: mixed again from their torque and thrust where one exceeds its limit.
 
-    A law that commands more than it wants, to undo the motors' lag, may ask for such speeds with any mixer.
+    A law that commands more than it needs, to undo the motors' lag, may command such speeds with any mixer.
     """
     beyond: Any = False
     for speed, top in zip(speeds, mixer.highest, strict=True):
@@ -232,7 +232,7 @@ def apply_joint_barrier(
     With d the distance to a limit (less the margin) and k the pole, d'' + 2 k d' + k^2 d >= 0 bounds the acceleration
     towards it; 4 k (speed - rate) bounds it near the largest speed. The model says which accelerations the efforts and
     the rotors' present thrust cause; to a joint whose own is out of bounds its entry of M_free (bounded - caused) is
-    added, with M_free the inertia the joints feel on a floating base: enough, and more if others may move.
+    added, with M_free the inertia of the joints on a floating base: enough, and more if others may move.
 
     Source: Ames et al. 2019, "Control barrier functions: theory and applications", exponential barrier of degree two.
     """
@@ -257,7 +257,7 @@ def _accelerations(model: Model, measurement: Measurement, efforts: Sequence[Sca
 
 
 def _within_barrier(model: Model, limits: Limits, measurement: Measurement, caused: Sequence[Scalar]) -> list[Scalar]:
-    """Joint accelerations clipped to the barrier."""
+    """Joint accelerations clipped to the bounds of the joint-limit barrier."""
     found: list[Any] = []
     k = limits.joint_pole
     for q, rate, qdd, link, speed, margin in zip(

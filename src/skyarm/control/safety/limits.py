@@ -41,7 +41,7 @@ def law_stiffness(controller: Controller) -> tuple[float, float]:
     starts from the first memory, so that an observer has nothing to learn.
 
     A law that cannot be traced is taken for a usual one: a predictive one spreads its answer over its horizon, so
-    that its first command tells little of its pull, and each first memory may cost it seconds.
+    that its first command says little about its stiffness, and each first memory may cost it seconds.
     """
     if not controller.compiled:
         return USUAL
@@ -85,11 +85,11 @@ class Limits:
     """Limits of references, commands and states in the safety layer; tuples have one entry per joint.
 
     Attributes:
-        tilt: rad, largest tilt that position and velocity errors together may ask for.
-        climb: m/s^2, largest vertical acceleration they may ask for, up or down; below gravity.
-        speed: m/s, largest speed that is asked for.
+        tilt: rad, largest tilt that position and velocity errors together may request.
+        climb: m/s^2, largest vertical acceleration they may request, up or down; below gravity.
+        speed: m/s, largest requested speed.
         step, step_speed: m and m/s, errors that pass whatever a stiff law makes of them.
-        stiffness, damping: 1/s^2 and 1/s, acceleration the law asks per position and velocity error; of the
+        stiffness, damping: 1/s^2 and 1/s, acceleration that the law commands per position and velocity error; of the
             law that bounded references assume.
         joint_speed: rad/s or m/s, of the joints themselves.
         joint_step: rad or m, steps of a reference that pass; a longer one is slewed at ``joint_slew``, rad/s or m/s.
@@ -139,9 +139,9 @@ class UsualJoint:
 
     Attributes:
         speed: twice what the shipped flights request of their arms, and less than small gear motors run free.
-        margin: what a joint of 12 rad/s covers in one control period of 4 ms.
-        error: more than any shipped law that tracks joints loses them by in the paper's cases.
-        tip_error: the same for a law that moves the joints by the tilt, and by more, to keep the tip in place.
+        margin: distance that a joint of 12 rad/s covers in one control period of 4 ms.
+        error: allowed joint error, above that of any shipped law that tracks joints in the paper's cases.
+        tip_error: error allowed for a law that moves the joints by the tilt, and by more, to keep the tip in place.
         step, slew: of a reference: above those a law meets it as a jump, at the pace of a quick reach.
         stow_speed: of the arm's way to its stowed pose, which hardly moves the base.
     """
@@ -171,7 +171,7 @@ def limits_for(controller: Controller, **given: Any) -> Limits:
     """Default safety limits of a controller, wide enough for its ordinary flights.
 
     Args:
-        controller: its model gives efforts and rotor speeds, its law is asked how hard it pulls.
+        controller: its model gives efforts and rotor speeds, its law is tested for its stiffness.
         given: fields of :class:`Limits`, in place of the defaults; one number stands for every joint.
 
     Raises:

@@ -79,11 +79,11 @@ def not_finite(record: Any) -> Scalar:
 def update_confidence(
     limits: Limits, confidence: Confidence, measurement: Measurement, joints: Any, failed: Any, dt: Scalar
 ) -> Confidence:
-    """Supervisor update: confidence in a law after one measurement.
+    """Supervisor state after one measurement.
 
     A law is given up when it failed (a command or a memory that is not finite, an attitude where it is not defined), at
     once when the vehicle is beyond ``lost_*``, and after ``patience`` s beyond ``trusted_*``: a large attitude error
-    for too long, whatever attitude the law wanted, since a bounded reference asks for no such tilt; a joint far from
+    for too long, whatever attitude the law commanded, since a bounded reference requests no such tilt; a joint far from
     its reference ``joints`` (rad or m, bounded) for too long, whose drive may be dead.
     """
     w, v = measurement.rate, measurement.velocity

@@ -68,7 +68,7 @@ class SafetyMemory:
         inner: memory of the law.
         started: 0 before the first step.
         joints: rad or m, governed references of the law. ramping: 1 where one is on its way.
-        arm: those of the recovery.
+        arm: governed joint references of the recovery.
         sent: the last command.
         confidence: of the law. hold: m, where the recovery hovers. yaw: rad, its heading.
     """

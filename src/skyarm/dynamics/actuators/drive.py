@@ -36,7 +36,7 @@ def friction(joint: Joint, rate: Scalar, dry_rate: Scalar) -> Scalar:
 
 
 def stop_force(joint: Joint, position: Scalar, rate: Scalar) -> Scalar:
-    """Torque (N m) or force (N) of the hard stops at a joint's limits; a structural 0 without stops.
+    """Torque (N m) or force (N) of the hard stops at a joint's limits; a constant 0 without stops.
 
     k depth (1 + d speed), with the depth past the limit and the speed into the stop; never a pull. It begins at zero,
     so that integrators of both plants meet no jump, and takes energy away with every push.

@@ -17,7 +17,7 @@ class HoverTrim:
     """Trim of a level hover: rotor speeds, thrust and joint torques.
 
     Attributes:
-        speeds: rad/s, one per rotor. squared: the squared speeds the mixer asks for; negative means no such hover.
+        speeds: rad/s, one per rotor. squared: squared speeds from the mixer; negative means no such hover.
         thrust: N, the vehicle's weight. efforts: joint torques that hold the arm.
     """
 

@@ -2,7 +2,7 @@
 
 Rotors that span all six directions of a wrench may give a force across body z besides.
 
-Yaw torque next to roll and pitch: rotor i asks for 0 <= t_i + p_i f + y_i u <= top_i with t_i the squared speed that
+Yaw torque next to roll and pitch: rotor i requires 0 <= t_i + p_i f + y_i u <= top_i with t_i the squared speed that
 roll and pitch take, f the thrust, u the yaw torque. Each is a lower and an upper bound of u, linear in f; u also stays
 between nothing and its demand, or goes ``slack`` beyond. Where every lower bound is below every upper one a yaw
 torque exists (Fourier-Motzkin elimination): an interval of f. It is never empty if the thrust alone can make room for
@@ -71,7 +71,7 @@ def yaw_bounds(
 
 
 def nearest_thrust(bounds: Sequence[Bound], wanted: Scalar) -> Scalar:
-    """The thrust nearest to the demand, N, for which some yaw torque keeps all bounds."""
+    """Thrust nearest to the demand, N, for which some yaw torque lies within all bounds."""
     low: Scalar = -ENDLESS
     high: Scalar = ENDLESS
     for i, under in enumerate(bounds):
@@ -87,7 +87,7 @@ def nearest_thrust(bounds: Sequence[Bound], wanted: Scalar) -> Scalar:
 
 
 def nearest_yaw(bounds: Sequence[Bound], thrust: Scalar, wanted: Scalar) -> Scalar:
-    """The yaw torque nearest to the demand, N m, within all bounds at this thrust."""
+    """Yaw torque nearest to the demand, N m, within all bounds at a given thrust."""
     for each in bounds:
         moved = mul(each.slope, thrust)
         wanted = minimum(maximum(wanted, add(each.low, moved)), add(each.high, moved))
@@ -265,7 +265,7 @@ def _prioritize(mixer: Mixer, torque: Vec3, thrust: Scalar) -> tuple[Scalar, ...
 def _tilt_share(tilt: Sequence[Scalar], per_newton: Sequence[Scalar], highest: Sequence[Scalar]) -> Scalar:
     """Largest s in [0, 1] for which some thrust keeps s tilt_i + thrust per_newton_i within [0, highest_i] for all i.
 
-    Rotor i asks for thrust >= -s d_i and rotor j for thrust <= e_j - s d_j, with d = tilt / per_newton and
+    Rotor i requires thrust >= -s d_i and rotor j for thrust <= e_j - s d_j, with d = tilt / per_newton and
     e = highest / per_newton: every pair must agree (Fourier-Motzkin elimination of the thrust).
     """
     d = [divide(value, slope) for value, slope in zip(tilt, per_newton, strict=True)]

@@ -44,7 +44,7 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class Demand:
-    """Actuator demand of a motion.
+    """Actuator demand of a motion: squared rotor speeds and joint efforts over time.
 
     Attributes:
         time: (K,) s. squared: (rotors, K) (rad/s)^2, of the exact mixer without limits. efforts: (n, K) N m or N.

@@ -85,7 +85,7 @@ def _components(group: Sequence[Turning]) -> list[tuple[Scalar, ...]]:
 
 
 def _offset(position: Vec3, center: Vec3) -> Vec3:
-    """Position with structural zeros in the components that equal those of ``center``."""
+    """Position with constant (int) zeros in the components that equal those of ``center``."""
     return Vec3(*(0 if same(a, b) else a for a, b in zip(position, center, strict=True)))
 
 

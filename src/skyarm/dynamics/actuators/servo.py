@@ -26,7 +26,7 @@ class ServoMemory:
     Attributes:
         goal: the setpoint that its loop holds, rad or m, or their rates.
         integral: of the loop's error, rad s or rad.
-        rounding: what the encoder's rounding added to the position when it was last read, rad or m.
+        rounding: rounding error of the encoder's last reading, rad or m.
         waiting: setpoints on their way, oldest first.
     """
 
@@ -193,7 +193,7 @@ class PositionServo(Servo):
 
     torque = stiffness (goal - q) - damping qd + integral times the integral of (goal - q). The derivative is of the
     measured position, so that a step of the setpoint gives no kick. The goal follows the setpoint no faster than
-    ``speed_limit``. Goal and position are told in multiples of ``resolution``; the position's rounding is that of its
+    ``speed_limit``. Goal and position are given in multiples of ``resolution``; the position's rounding is that of its
     reading at the beginning of a control period.
     """
 

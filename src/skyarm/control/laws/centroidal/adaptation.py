@@ -157,7 +157,7 @@ class AdaptationGains(Part):
 
 
 def adaptation_gains(vehicle: Vehicle, gains: Mapping[str, Any], limit: float) -> AdaptationGains | None:
-    """Rates and bounds of the adaptation, None if disabled; never adapts a load that is estimated elsewhere."""
+    """Rates and bounds of the adaptation, None if disabled; the load is left to the load estimate if there is one."""
     load = gains["adaptation"] if vehicle.n and vehicle.end_effector and not gains["load"] else 0.0
     friction = gains["friction_adaptation"] if vehicle.n else 0.0
     if not load and not friction:

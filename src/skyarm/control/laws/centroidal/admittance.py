@@ -46,7 +46,7 @@ FASTEST = 50.0
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Compliance:
-    """Virtual mass, damping and stiffness of the admittance along its axes; a structural mass 0 fixes an axis."""
+    """Virtual mass, damping and stiffness of the admittance along its axes; an int mass 0 fixes an axis."""
 
     inertia: Annotated[tuple[Scalar, ...], Unit("kg", "of the virtual body; 0 holds an axis", low=0.0)]
     damping: Annotated[tuple[Scalar, ...], Unit("N s/m", "along each axis", low=0.0)]
@@ -239,7 +239,7 @@ def admittance_gains(table: Any, gains: Mapping[str, Any], leads: bool, lead: fl
 
 
 def _compliance(fields: Fields, lead: float, axes: tuple[Vec3, ...]) -> Compliance:
-    """Virtual mass, damping and stiffness from an option table; axes of mass 0 become structural zeros."""
+    """Virtual mass, damping and stiffness from an option table; axes of mass 0 become int zeros."""
     rows: list[tuple[Scalar, ...]] = []
     for each in ("mass", "damping", "stiffness"):
         rows.append(fields.vector(each))

@@ -209,7 +209,7 @@ def _course(step: Step) -> Course:
 
 
 def joint_accelerations(par: CentroidalParameters, state: State, joints: Sequence[Taylor]) -> tuple[Scalar, ...]:
-    """qdd_d + kd (qd_d - qd) + kp (q_d - q)."""
+    """Desired joint accelerations qdd_d + kd (qd_d - qd) + kp (q_d - q)."""
     gains = par.joint_gains
     return tuple(
         add(add(q_d.derivative(2), mul(kd, sub(q_d.derivative(1), qd))), mul(kp, sub(q_d.derivative(0), q)))

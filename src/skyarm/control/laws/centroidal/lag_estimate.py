@@ -1,4 +1,4 @@
-"""Estimate of the loop's additional lag, and the bandwidth that it allows.
+"""Online estimate of the control loop's additional lag, and reduction of the bandwidth for it.
 
 With a(t) the accelerations of the sent commands by the model and y(t) the measured ones, the mean M_j of
 |y(t) - a(t - L_j)|^2 is followed for a bank of lags L_j, whole control periods, in a band in which the loop is active

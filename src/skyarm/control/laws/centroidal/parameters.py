@@ -63,7 +63,7 @@ class GustGains:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ShiftGains:
-    """Constants of the base's shift in tip mode; None disables a part of its motion."""
+    """Constants of the base's shift in tip mode (offset that keeps the tip in place); None disables a part."""
 
     bandwidth: Annotated[Scalar, Unit("rad/s", "differentiators of the base's shift")]
     swing_rate: Annotated[Scalar, Unit("1/s", "rate of the adapted pace of the arm's swing")] | None

@@ -34,7 +34,7 @@ class Step:
     Attributes:
         par: constants of this step. memory: of the law, one period earlier. dt: s.
         signals: x, y, z, yaw and the joints of the reference, series in time.
-        observed: of the observer, at the measurement's time. told: accelerations of the model on the way to it.
+        observed: of the observer, at the measurement's time. told: accelerations of the model over that period.
         alone: observed disturbance with the adapted feed-forward.
         unknown: disturbance that the demand compensates. force: N, world axes, that the posture follows.
         state: now.

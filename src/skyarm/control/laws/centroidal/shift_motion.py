@@ -1,4 +1,4 @@
-"""Motion of the base's shift in tip mode: derivatives, arm swing, path following and changing forces.
+"""Motion of the base's shift, its offset that keeps the tip in place: derivatives, arm swing, path and gusts.
 
 Swing. With c the sideways position of the common centre of mass, sigma the tilt under a steady force, delta the tilt
 beyond it and lambda the height of the centre of mass above the tip, c - (lambda / g) c'' = -lambda sigma keeps the tip.
@@ -172,7 +172,7 @@ LEAST = 1e-6
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class AxisShift:
-    """Path statistics along one horizontal axis, and rate and acceleration of the centre of mass's shift."""
+    """Path statistics along one horizontal axis; rate and acceleration of the shift of the centre of mass."""
 
     size: Annotated[Scalar, Unit("(m/s^2)^2", "mean square of the path's acceleration, doubled")]
     change: Annotated[Scalar, Unit("(m/s^3)^2", "mean square of the path's jerk, doubled")]
@@ -208,7 +208,7 @@ def first_following(par: CentroidalParameters) -> Following:
 
 
 def with_shift(path: PathShift | tuple[()], base: list[Vec3], level: Posture, gravity: Scalar) -> list[Vec3]:
-    """Base reference to fourth derivative, with the horizontal shift added to its derivatives but not its position.
+    """Base reference to fourth derivative, with the horizontal shift added to all derivatives but not the position.
 
     ``path`` is empty where the attitude answers the reference alone; ``level`` the references' posture on a level base.
     """

@@ -1,6 +1,6 @@
-"""The paper's computed torque with a learned compensator, in the style of Wu 2024.
+"""Computed torque of Barakou et al. 2026 with a learned compensator, in the style of Wu 2024.
 
-Law: a network of two hidden layers of 32 tanh tells, from motion, errors and a short history of velocities and
+Law: a network of two hidden layers of 32 tanh estimates, from motion, errors and a short history of velocities and
 commands, the force and torque at the base and the torques at the joints that the model leaves out. Its filtered answer
 is taken off the wanted force before the thrust is aimed, and off the inverse dynamics.
 

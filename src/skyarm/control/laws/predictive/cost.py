@@ -1,6 +1,6 @@
 """Cost of predictive control: residuals of states and inputs, with the predicted contact force.
 
-While the tip touches, the plan's tip has along the believed outward normal n no motion of its own but that
+While the tip touches, the plan's tip has along the estimated outward normal n no motion of its own but that
 
     n . a = -c n . v,
 
@@ -39,7 +39,7 @@ class Contact:
     """Desired contact at one stage of the horizon.
 
     Attributes:
-        normal: out of the believed surface, world axes.
+        normal: out of the surface as estimated, world axes.
         touching: 1 where the surface holds the tip along the normal, 0 in free flight.
         force: N, wanted. damping: 1/s, c above.
     """
@@ -76,7 +76,7 @@ def under_contact(
     """Disturbance plus the predicted surface force, and that force (N); unchanged and 0 without contact.
 
     Args:
-        model: the belief.
+        model: the controller's model.
         state: of it.
         efforts: of the joints, N m or N.
         disturbance: without the surface's force along the normal.
@@ -109,9 +109,9 @@ class Goal:
     """Reference at one stage of the horizon: base (world axes, m, rad) and joints (rad or m).
 
     Attributes:
-        position, velocity, yaw, joints, joint_rates, joint_accelerations: those.
-        shift: m, world axes: way of the base that leaves the tip where a level base would carry it.
-        contact: of the tip with a surface; empty where none is ever asked for.
+        position, velocity, yaw, joints, joint_rates, joint_accelerations: desired ones.
+        shift: m, world axes, of the base, which keeps the tip where a level base would carry it.
+        contact: of the tip with a surface; empty where none is ever requested.
     """
 
     position: Vec3
@@ -154,8 +154,8 @@ def state_residuals(model: Model, weights: Weights, state: State, goal: Goal, mo
     """Weighted residuals of a state.
 
     In mode "joints" the joints follow their references. In mode "tool" the tip is where a level base would carry it;
-    the joints next to the base give way to its tilt, so that for parallel axes the links keep their absolute angles,
-    and the base gives way by what that leaves: about any axis across which no joint turns, the whole of the tip's way.
+    the joints next to the base compensate its tilt, so that for parallel axes the links keep their absolute angles,
+    and the base moves by the remainder: about any axis across which no joint turns, the whole of the tip's way.
     A tip that touches has no place along the surface's normal.
     """
     vehicle, R = model.vehicle, state.quaternion.rotation()

@@ -1,4 +1,4 @@
-"""Fallback of the predictive law: acceptance test of a plan, time of rejection, and the substitute law.
+"""Fallback of the predictive law: acceptance test of a plan, rejection time, and the substitute law.
 
 A plan is trusted if all its numbers are finite and it costs at most :func:`worst_cost`, which no flight that goes well
 reaches. The first one that is not hands over to the paper's computed torque law, which needs no plan, no iterations and
@@ -78,7 +78,7 @@ class Trust:
 
     @property
     def flies_plans(self) -> bool:
-        """True while plans are flown."""
+        """True while the plans control the vehicle, False while the substitute law does."""
         return self.resting <= 0.0
 
 
@@ -126,7 +126,7 @@ class Stabiliser:
     """Compiled substitute law: the paper's computed torque with RotorS's gains scaled to the model.
 
     Args:
-        model: the belief.
+        model: the controller's model.
     """
 
     def __init__(self, model: Model) -> None:

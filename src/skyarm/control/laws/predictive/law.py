@@ -91,11 +91,11 @@ class PredictiveParameters:
     """Constants of the predictive law.
 
     Attributes:
-        model: the belief. mixer: of the belief; the law does not use it.
+        model: the controller's. mixer: of that model; the law does not use it.
         weights, mode: of the cost. bandwidths: of the observer.
         stages: of the horizon, which grow by one factor from the ``every``-th on. horizon: s.
         every: control periods from one solution to the next. delay_periods: known age of measurements, control periods.
-        interaction: of pressing on surfaces; None for a law that knows nothing of a push.
+        interaction: of pressing on surfaces; None for a law that ignores requested contact.
     """
 
     model: Model
@@ -314,7 +314,7 @@ def make_predictive_controller(
     """Make the whole-body predictive controller; its options are the fields of :class:`PredictiveParameters`.
 
     ``interaction``: N along the normal, above which the tip touches and below which it is lost; twice 0 for a law that
-    knows nothing of a push, and the only pair allowed where no tip is led. Left out: :data:`THRESHOLDS` where one is.
+    ignores requested contact, as every law without a tip must. Left out: :data:`THRESHOLDS` with a tip.
 
     Raises:
         ControllerError: an option with a wrong value.

@@ -104,7 +104,7 @@ class Observation:
     """Compiled observer, and prediction over commands not yet visible in a measurement, on arrays.
 
     Args:
-        model: the belief. bandwidths: of the observer. dt: control period, s.
+        model: the controller's. bandwidths: of the observer. dt: control period, s.
     """
 
     def __init__(self, model: Model, bandwidths: Bandwidths, dt: float) -> None:
@@ -189,7 +189,7 @@ class Lateness:
     Attributes:
         modelled: (LONGEST + 1, rotors) speeds of rotors that obey at once, rad/s; row k is of k periods ago.
         squares: (LONGEST + 1,) forgotten sums of squared differences from the measured speeds, one a delay.
-        weight: the same sum of ones. count: measurements. periods: delay that is believed.
+        weight: the same sum of ones. count: measurements. periods: estimated delay.
     """
 
     modelled: Array

@@ -132,7 +132,7 @@ def integrate_stage(
 
 
 def _runge_kutta_step(state: State, k1: State, slope: Callable[[State], State], dt: Scalar) -> State:
-    """One step of the classical Runge-Kutta method, its first slope known."""
+    """One step of the classical Runge-Kutta method with a given first slope."""
     k2 = slope(euler_step(state, k1, 0.5 * dt))
     k3 = slope(euler_step(state, k2, 0.5 * dt))
     k4 = slope(euler_step(state, k3, dt))

@@ -54,7 +54,7 @@ class Sample:
         motion: (3, signals) values, rates, accelerations. jerks: (signals,). age: s.
         pull, weight: sums of -a d2a/dt2 and of a^2 of the accelerations so far, older ones forgotten; their quotient
             is the squared angular frequency of the swing that fits best, 1/s^2.
-        foretold: samples in a row, this one included, that came where the last one said.
+        foretold: samples in a row, this one included, that came when predicted by the last one.
         secants, gap: mean jerks since the sample before and the time since then, s.
     """
 
@@ -89,7 +89,7 @@ def extrapolate(sample: Sample, ahead: Array) -> Array:
 
 
 def _shares(angle: Array) -> tuple[Array, Array, Array, Array]:
-    """sin(x) / x, 2 (1 - cos(x)) / x^2, 6 (x - sin(x)) / x^3 and cos(x), all 1 at 0."""
+    """Values of sin(x) / x, 2 (1 - cos(x)) / x^2, 6 (x - sin(x)) / x^3 and cos(x), all 1 at 0."""
     still = angle < SLOW
     x = np.where(still, 1.0, angle)
     sine, cosine = np.sin(x), np.cos(x)
@@ -100,7 +100,7 @@ def _shares(angle: Array) -> tuple[Array, Array, Array, Array]:
 def update_sample(reference: Reference, before: Sample | None, dt: float) -> Sample:
     """Reference sample held after ``dt`` seconds, with jerks from the accelerations of the last two samples.
 
-    A sample has come when it differs; one that came where none was foretold starts with no jerk.
+    A sample has come when it differs; one that came where none was predicted starts with no jerk.
     """
     motion = np.array(samples(reference), dtype=float).T
     still = np.zeros(motion.shape[1])
@@ -147,7 +147,7 @@ def shift(vehicle: Vehicle, thrust: Vec3, yaw: Scalar, joints: tuple[Scalar, ...
         vehicle: with a tip.
         thrust: direction in which the rotors must push, world axes.
         yaw: rad.
-        joints: where the tip's place under a level base is told by them.
+        joints: positions, which give the tip's place under a level base.
     """
     frame = vehicle.frame(vehicle.end_effector)
     leaning = desired_attitude(-thrust, yaw, Mat3.identity())

@@ -91,8 +91,8 @@ class Stages:
     """Compiled prediction and residuals of all stages.
 
     Args:
-        model: the belief. weights, mode: of :mod:`skyarm.control.laws.predictive.cost`.
-        scales: size of a unit of each input; nudges are taken in it. contact: whether goals may ask for one.
+        model: the controller's. weights, mode: of :mod:`skyarm.control.laws.predictive.cost`.
+        scales: size of a unit of each input; nudges are taken in it. contact: whether goals may request one.
 
     Attributes:
         nx, nu: numbers of a state and of the inputs. input_errors: residuals at the end that are costs of inputs.
@@ -171,8 +171,8 @@ class Rollouts:
     """Rollouts of the policy u = u_guess + a k + K (x - x_guess) within limits, for several step sizes a at once.
 
     Args:
-        model: the belief. weights, mode: of :mod:`skyarm.control.laws.predictive.cost`. bounds: of the inputs.
-        contact: whether goals may ask for one.
+        model: the controller's. weights, mode: of :mod:`skyarm.control.laws.predictive.cost`. bounds: of the inputs.
+        contact: whether goals may request one.
 
     Source: Tassa, Mansard, Todorov 2014 (limits within the rollout of a policy).
     """
@@ -344,7 +344,7 @@ class Plan:
     """A planned motion: states (N + 1, nx), inputs (N, nu) and the gains (N, nu, nx) of u = u* + K (x - x*).
 
     Attributes:
-        x, u, K: those. damping: of the next step. cost: sum of squared residuals; NaN if not known.
+        x, u, K: states, inputs and gains. damping: of the next step. cost: sum of squared residuals; NaN if not known.
         share: of the last step that was taken.
     """
 
@@ -444,7 +444,7 @@ def next_damping(damping: float, share: float) -> float:
 
 
 def linear_problem(stages: Stages, problem: Problem, x: Array, u: Array, steps: Array, roots: Array) -> Linear:
-    """The problem linearised at a motion x (N + 1, nx), u (N, nu), in deviations from it."""
+    """Linear-quadratic problem about a motion x (N + 1, nx), u (N, nu), in deviations from it."""
     dt, inputs = np.append(steps, steps[-1]), np.vstack([u, u[-1:]])
     ends, AB, errors, slopes = stages.derivatives(x, inputs, dt, problem.disturbance, problem.goals)
     J, r = slopes * roots[:, None, None], errors * roots[:, None]

@@ -1,7 +1,7 @@
 """Tip contact in the predictive law: detection by its observer, and contact references over the horizon.
 
-The tip's force is told by the law's own observer. Touch and loss, the ramp of the wanted force, its integral, and the
-shift of the reference along the believed normal are those of the centroidal law
+The tip's force comes from the law's own observer. Touch and loss, the ramp of the wanted force, its integral, and the
+shift of the reference along the estimated normal are those of the centroidal law
 (:mod:`skyarm.control.laws.centroidal.interaction`); ramp and shift are foreseen over the horizon.
 """
 
@@ -49,13 +49,13 @@ class Touch:
 
     Attributes:
         normal: (3,) out of the surface, world axes.
-        asked, touching: 1 where contact is asked for, and where the surface holds the tip.
+        asked, touching: 1 where contact is requested, and where the surface holds the tip.
         rising: 1 while the order rises. share: of the wanted force so far. force: wanted as a whole.
         damping: 1/s, of the tip.
-        shift, shift_rate: of the reference. gap: of the tip from it. speed: with which the tip comes.
+        shift, shift_rate: of the reference. gap: of the tip from it. speed: of the tip's approach.
         free: leaves of the disturbance without the surface's force along the normal while it holds the tip.
-        pressed: the same with the order in its place.
-        tip_force: (3,) of the surface on the tip, believed, world axes.
+        pressed: leaves of the disturbance with the commanded force in place of the observed one.
+        tip_force: (3,) of the surface on the tip, estimated, world axes.
     """
 
     normal: tuple[Any, ...]
@@ -78,7 +78,7 @@ class TipContact:
     """Compiled contact detection of one period, and the disturbance without the contact force.
 
     Args:
-        model: the belief. gains: of pressing. dt: control period, s.
+        model: the controller's. gains: of pressing. dt: control period, s.
     """
 
     def __init__(self, model: Model, gains: InteractionGains, dt: float) -> None:

@@ -13,7 +13,7 @@ law leaves it; with ``lateral`` its low-pass goes into the wanted acceleration, 
 
 Of a constant disturbance the adaptation finds the share e, one period's decay: 1 - e of it stays, as published.
 
-Deviations: the baseline knows the arm; the predictor is the coupled model with joint rates as further states; the
+Deviations: the baseline models the arm; the predictor is the coupled model with joint rates as further states; the
 compensation is cut at a limit.
 
 Source: Wu, Cheng, Zhao, Gahlawat, Ackerman, Lakshmanan, Yang, Yu, Hovakimyan, L1Quad, IEEE Trans. Control Systems

@@ -7,7 +7,7 @@
     joints: servos, PD on acceleration through the arm's own inertia, and weight by the true attitude
 
 J(q) and h(q) are the inertia and first moment of the whole vehicle with locked joints. The base answers to the arm; the
-arm does not answer to the base, which tells this law from the paper's.
+arm does not answer to the base, which distinguishes this law from the paper's.
 
 Assumed (the texts at hand are Barakou et al. 2026's summary of Li et al., and the preprint of Zhang et al. 2019 on the
 same variable inertia model): the geometric base controller; reference accelerations in the feed-forward; servo joints;
