@@ -92,19 +92,19 @@ class Taylor:
         return Taylor(self._terms(other)) / self
 
     def __lt__(self, other: Scalar) -> Any:
-        """Compare the values of two series."""
+        """Compare the value of the series with a scalar's or another series' value."""
         return self.c[0] < self._terms(other)[0]
 
     def __le__(self, other: Any) -> Any:
-        """Compare the values of two series."""
+        """Compare the value of the series with a scalar's or another series' value."""
         return self.c[0] <= self._terms(other)[0]
 
     def __gt__(self, other: Scalar) -> Any:
-        """Compare the values of two series."""
+        """Compare the value of the series with a scalar's or another series' value."""
         return self.c[0] > self._terms(other)[0]
 
     def __ge__(self, other: Any) -> Any:
-        """Compare the values of two series."""
+        """Compare the value of the series with a scalar's or another series' value."""
         return self.c[0] >= self._terms(other)[0]
 
     def __float__(self) -> float:

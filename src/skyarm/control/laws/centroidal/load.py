@@ -96,7 +96,7 @@ def learn_load(
     bandwidth: Scalar,
     dt: Scalar,
 ) -> tuple[LoadMemory, Disturbance]:
-    """Load estimate one period later, and the part of the disturbance that the law must not compensate.
+    """Load estimate one period later, and the term that excludes an upward support force from the compensation.
 
     A held load that lies on something pushes the tip up as soon as the reference is low; a law that compensated this
     would push down ever harder. So an upward force beyond the load's weight is taken out of the disturbance.

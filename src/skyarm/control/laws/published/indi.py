@@ -85,7 +85,7 @@ class IndiMemory:
 def indi(
     memory: IndiMemory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: IndiParameters
 ) -> tuple[IndiMemory, Command]:
-    """Incremental dynamic inversion: increments of thrust vector, body torque and joint torques."""
+    """Incremental nonlinear dynamic inversion: thrust vector, body torque and joint torques by increments."""
     vehicle, R, n = par.model.vehicle, measurement.quaternion.rotation(), par.model.vehicle.n
     first = memory.started < 0.5
     speeds = _speeds(memory, measurement, par, first, dt)
