@@ -48,6 +48,19 @@ def test_an_axis_of_another_length_is_refused_by_its_vehicle() -> None:
         turned([1.1, 0.0, 0.0])
 
 
+@pytest.mark.parametrize("off", [4e-7, -4e-7, 9.99e-7, -9.99e-7])
+def test_a_rounded_quaternion_becomes_a_unit_one(off: float) -> None:
+    exact = np.array([0.5, -0.5, 0.5, 0.5])
+    found = near_unit_quaternion(Quaternion(*(exact * (1.0 + off)).tolist()))
+    np.testing.assert_allclose(list(found), exact, rtol=0.0, atol=1e-15)
+
+
+@pytest.mark.parametrize("off", [1.004e-6, -1.004e-6])
+def test_a_length_a_millionth_off_and_more_is_kept(off: float) -> None:
+    given = [0.6 * (1.0 + off), 0.0, 0.8 * (1.0 + off)]
+    assert list(near_unit_vector("axis", given)) == given
+
+
 def test_traced_axes_pass() -> None:
     program = trace(lambda axis: skyarm.Joint(name="j", axis=axis).axis, Vec3(1.0, 0.5, 0.25))
     assert tuple(program(Vec3(0.9999999, 0.0, 0.0))) == (0.9999999, 0.0, 0.0)

@@ -57,6 +57,16 @@ def test_a_point_for_a_base_is_refused_wherever_it_sits(com):
         Vehicle(name="v", base=Body(mass=1.0, com=com))
 
 
+def test_a_slanted_rod_for_a_base_is_refused_though_no_diagonal_entry_is_zero():
+    along = np.full(3, np.sqrt(1.0 / 3.0))
+    tensor = 0.01 * (np.eye(3) - np.outer(along, along))
+    places = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]
+    thin, thick = (Sym3(*(each[at] for at in places)) for each in (tensor, tensor + 1e-4 * np.eye(3)))
+    with pytest.raises(VehicleError, match=r"^base\..*singular"):
+        Vehicle(name="v", base=Body(mass=1.0, inertia=thin))
+    Vehicle(name="v", base=Body(mass=1.0, inertia=thick))
+
+
 def test_a_thin_rod_is_accepted_across_its_axis_and_refused_along_it():
     rod = Body(mass=0.1, com=Vec3(0, 0, -0.1), inertia=Sym3(1e-4, 1e-4, 0))
     across = Link(name="a", parent=-1, joint=Joint(name="j", axis=Vec3(0, 1, 0)), body=rod)
