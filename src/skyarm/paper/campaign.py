@@ -55,7 +55,7 @@ class Campaign:
     found: dict[str, dict[tuple[str, str, str], Metrics]] = field(default_factory=dict)
 
     def metrics_by_cell(self) -> dict[tuple[str, str, str], Metrics]:
-        """(case, controller, plant) -> metrics of the paper's flights."""
+        """Metrics of the flights as published, as a mapping (case, controller, plant) -> metrics."""
         return {
             (case, controller, plant): metrics(case, log)
             for plant, cases in self.logs.items()
@@ -79,7 +79,7 @@ class Campaign:
 
 
 def perform(job: Job) -> Log | Metrics:
-    """Simulate one job; returns the log of a flight as published, the metrics of any other."""
+    """Simulate one job; returns the log of a flight as published, or the metrics of a flight with changed settings."""
     if job.kind:
         return measure_inferred(job.flight, dict(job.settings))
     if not job.group:
@@ -89,7 +89,7 @@ def perform(job: Job) -> Log | Metrics:
 
 
 def inferred_jobs(plants: Sequence[str], evidence: Record) -> list[Job]:
-    """Jobs of all flights with inferred settings, and on the first plant with predicted settings."""
+    """Jobs of all flights with inferred settings, then of the flights on the first plant with predicted settings."""
     return [
         Job(flight, kind=kind, settings=tuple(settings_in(evidence, kind).items()))
         for kind, flown in ((INFERRED, plants), (PREDICTED, plants[:1]))

@@ -46,7 +46,7 @@ def inferred_value(plant: str) -> Column:
 
 
 def column_values(experiments: Record, column: Column, cells: Sequence[Cell]) -> Any:
-    """Values (cells,) of a column; NaN where there is none."""
+    """Values (cells,) of one results column, in the order of the cells; NaN for a cell without a value."""
     found = []
     for cell in cells:
         case, _, law = cell.flight.rpartition(" ")
@@ -56,7 +56,7 @@ def column_values(experiments: Record, column: Column, cells: Sequence[Cell]) ->
 
 
 def counts(experiments: Record, column: Column, fits: Callable[[Cell], bool] | None = None) -> dict[str, Any]:
-    """Loss and agreement counts of a column over selected cells (default all); {} if none was simulated."""
+    """Loss and agreement counts of a column over selected cells (default all); {} if no cell has a value."""
     cells = [cell for cell in published_cells() if fits is None or fits(cell)]
     values, shape = column_values(experiments, column, cells), unstated_study()["loss"]
     if np.isnan(values).all():
@@ -66,14 +66,14 @@ def counts(experiments: Record, column: Column, fits: Callable[[Cell], bool] | N
 
 
 def in_group(group: str) -> Callable[[Cell], bool]:
-    """True if a cell belongs to a given group of the study."""
+    """Predicate on table cells: true for the cells of a given cell group of the study."""
     cells = published_cells()
     chosen = {cells[i] for i in group_places(unstated_study()["groups"][group], cells)}
     return lambda cell: cell in chosen
 
 
 def in_case(case: str) -> Callable[[Cell], bool]:
-    """True if a cell belongs to a given case."""
+    """Predicate on table cells: true for the cells of a given case."""
     return lambda cell: cell.flight.rpartition(" ")[0] == case
 
 

@@ -99,7 +99,7 @@ def _metrics_by_name(case: str, joints: int) -> dict[str, str]:
 
 
 def _twin(metric: str, suffix: str) -> str:
-    """Name of the metric against another form of the reference; unchanged if it does not depend on a reference."""
+    """Metric name with the suffix of a reference form, such as ``_continuous``; unchanged if it needs no reference."""
     return metric + suffix if metric in REFERRED or metric == "settling_time" else metric
 
 

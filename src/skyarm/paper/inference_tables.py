@@ -25,7 +25,7 @@ def number(value: float) -> str:
 
 
 def settings_table(evidence: Record) -> Table:
-    """Table of the inferred settings: numbers with the range of nearly equal loss, and choices."""
+    """Table of the inferred settings: continuous ones with their range of nearly equal loss, and discrete choices."""
     study, stages = unstated_study(), evidence["stages"]
     settings = stages["fit"]["settings"]
     rows = []
@@ -41,7 +41,7 @@ def settings_table(evidence: Record) -> Table:
 
 
 def ladder_table(evidence: Record) -> Table:
-    """Table of the loss as settings are added one after the other."""
+    """Table of the loss as the inferred settings are added one after the other."""
     rows = [
         (each["name"], str(each["numbers"]), str(each["choices"]), *_loss_cells(each), *_laws(each))
         for each in evidence["stages"]["ladder"]["rungs"]
@@ -51,7 +51,7 @@ def ladder_table(evidence: Record) -> Table:
 
 
 def choices_table(evidence: Record) -> Table:
-    """Table of the loss with each choice changed and the numbers fitted again."""
+    """Table of the loss for each option of a discrete choice, with the continuous settings refitted."""
     rows = []
     for name, stage in evidence["stages"].items():
         if name.startswith("choice "):
@@ -63,7 +63,7 @@ def choices_table(evidence: Record) -> Table:
 
 
 def profile_tables(evidence: Record) -> list[Table]:
-    """Tables of the loss against each inferred number."""
+    """Tables of the loss against the value of each continuous setting, others held and refitted."""
     study, found = unstated_study(), []
     for name in study["fit"]["free"]:
         stage, each = evidence["stages"][f"profile {name}"], named(study["parameters"], name)
@@ -75,7 +75,7 @@ def profile_tables(evidence: Record) -> list[Table]:
 
 
 def rivals_table(evidence: Record) -> Table:
-    """Table of alternative explanations, each alone on some cells and in addition to the fit."""
+    """Table of alternative explanations: loss with each alone on some cells, and in addition to the fitted settings."""
     study, rows = unstated_study(), []
     for rival in study["rivals"]:
         stage = evidence["stages"][f"rival {rival['name']}"]

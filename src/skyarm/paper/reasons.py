@@ -63,7 +63,7 @@ def _values_of(among: Sequence[Variation], metric: str, measured: Measured) -> T
 
 
 def _nameable(flown: Sequence[Variation], cells: Record, plant: str, measured: Measured) -> list[Variation]:
-    """Variations allowed as explanation: credible ones, and only the best time alignment of the recording."""
+    """Variations allowed as explanation: credible ones, and of the time shifts of the recording only the best."""
     compared = {each: _comparison(cells, plant, measured[each.group, each.value]) for each in flown}
     aligned = [each for each in flown if each.group in ALIGNMENTS and compared[each]]
     best = max(aligned, key=lambda each: score(compared[each]), default=None)
@@ -81,7 +81,7 @@ def _comparison(cells: Record, plant: str, varied: Mapping[str, float | None]) -
 
 
 def score(compared: Compared) -> float:
-    """Share of the summed relative distance from the paper that a variation removes.
+    """Share of the summed relative distance from the published numbers by which a variation reduces it.
 
     Each cell's distance is clipped to [0, 1], so that one cell of nearly zero does not outweigh the flight.
     """

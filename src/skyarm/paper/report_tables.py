@@ -102,7 +102,7 @@ def not_reproduced(experiments: Experiments, plant: str) -> str:
 
 
 def summary_table(experiments: Experiments, files: Mapping[str, str]) -> str:
-    """Table of agreement counts by column; cases link to their pages, by ``files``."""
+    """Table of agreement counts by column; each case links to its page, by ``files`` (case -> file name)."""
     columns = {
         f">{title}: {plant}": column(plant)
         for title, column in (("as stated", stated_value), ("inferred", inferred_value))

@@ -1,4 +1,4 @@
-"""Study of settings that the paper does not state: measured cells, parameters, choices and their fields, as tables.
+"""Study of settings that the paper does not state: its published numbers, varied parameters and choices, as tables.
 
 The grammar is that of ``research/inference/study.py`` of the source, which searches. A study is its file's tables;
 settings are parameter -> number and choice -> option, and what they do not name stays as the scenarios have it.
@@ -44,7 +44,7 @@ class Cell:
 
 
 def named(tables: Iterable[Tables], name: str) -> Tables:
-    """Find the table with a given name."""
+    """Find a table by its entry ``name`` in a list of tables."""
     return next(each for each in tables if each["name"] == name)
 
 
@@ -95,7 +95,7 @@ def scenario_tables(study: Tables, stated: Tables, flight: str, settings: Tables
 
 
 def numbers(study: Tables, flight: str, settings: Tables) -> dict[str, Any]:
-    """Parameter path -> number of a flight for given settings; later entries of the study override earlier ones."""
+    """Values of a flight's parameters by path, for given settings; later entries of the study override earlier ones."""
 
     def acts(target: Tables) -> bool:
         chosen = all(settings.get(choice) == option for choice, option in target.get("when", {}).items())
@@ -112,13 +112,13 @@ def numbers(study: Tables, flight: str, settings: Tables) -> dict[str, Any]:
 
 
 def _options(study: Tables, settings: Tables) -> list[Tables]:
-    """Option tables that the settings choose."""
+    """Tables of the options that given settings select for each choice."""
     choices = [each for each in study.get("choices", ()) if each["name"] in settings]
     return [named(each["options"], settings[each["name"]]) for each in choices]
 
 
 def group_places(patterns: Iterable[str], cells: Sequence[Cell]) -> tuple[int, ...]:
-    """Indices of the cells that match FLIGHT/CELL patterns; a pattern with "!" removes earlier matches."""
+    """Indices of the table cells that match FLIGHT/CELL patterns; a pattern with "!" removes earlier matches."""
     chosen: set[int] = set()
     for pattern in patterns:
         found = {i for i, c in enumerate(cells) if fnmatchcase(f"{c.flight}/{c.name}", pattern.removeprefix("!"))}

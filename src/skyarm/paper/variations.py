@@ -101,7 +101,7 @@ def delay_commands(planned: Scenario) -> Scenario:
 
 
 def shifted_bag(case: str, log: Log, shift: float) -> Metrics:
-    """Metrics of a log with its reference shifted later by ``shift`` seconds against the response."""
+    """Metrics of a log as if its recording (rosbag) were misaligned: reference ``shift`` seconds after the response."""
     rate = log.info["rates_hz"]["control"]
     rows = np.clip(np.arange(log.time.size) - round(shift * rate), 0, log.time.size - 1)
     names = [
@@ -111,7 +111,7 @@ def shifted_bag(case: str, log: Log, shift: float) -> Metrics:
 
 
 def earlier_bag(case: str, log: Log, seconds: float) -> Metrics:
-    """Metrics of a log with all windows moved earlier by ``seconds``."""
+    """Metrics of a log as if its recording (rosbag) had another time origin: windows earlier by ``seconds``."""
     return metrics(case, dataclasses.replace(log, time=log.time + seconds))
 
 

@@ -25,12 +25,12 @@ WRENCH = 4
 
 
 def columns(joints: Array) -> tuple[Array, ...]:
-    """Columns of the joint values (lanes, n): one array per joint."""
+    """Split joint values (poses, n) of many arm poses into one array (poses,) per joint."""
     return tuple(joints[:, i] for i in range(joints.shape[1]))
 
 
 def hover_efforts(vehicle: Vehicle, gravity: float, joints: Array) -> Array:
-    """Generalized forces (4 + n, lanes) of a static level hover: base torque and thrust, then joint efforts.
+    """Generalized forces (4 + n, poses) of a static level hover: base torque and thrust, then joint efforts.
 
     Args:
         vehicle: the rigid bodies.
@@ -61,11 +61,11 @@ class Allocation:
         return cls(np.array(mixer.inverse, dtype=float), np.array(mixer.highest, dtype=float))
 
     def squared_speeds(self, efforts: Array) -> Array:
-        """Squared rotor speeds (rotors, lanes) that produce wrenches (4 ..., lanes); not limited."""
+        """Squared rotor speeds (rotors, poses) for torque and thrust, first four rows of ``efforts``; not limited."""
         return np.asarray(self.inverse @ efforts[:WRENCH], dtype=float)
 
     def room(self, squared: Array, direction: Array) -> Array:
-        """Largest step (lanes,) along a wrench (4,) from squared speeds (rotors, lanes) within the rotor limits.
+        """Largest multiple (poses,) of a wrench (4,) that can be added to a hover within the rotor speed limits.
 
         Negative where a rotor is outside its limits already and the direction takes it further out.
         """
@@ -87,14 +87,14 @@ NOTHING = 1e-9
 
 
 def hanging_joints(vehicle: Vehicle) -> tuple[int, ...]:
-    """Indices of undriven joints, which hang under gravity; joints that lead a coupled joint are left out."""
+    """Indices of undriven joints, which hang under gravity; joints that drive a coupled joint are not included."""
     leaders = {each.leader for each in vehicle.followers}
     free = undriven_joints(vehicle)
     return tuple(i for i, link in enumerate(vehicle.links) if link.joint.name in free and i not in leaders)
 
 
 def rest_of_hanging(vehicle: Vehicle, joints: Array) -> Array:
-    """Joint values (lanes, n) with undriven joints at their lowest potential energy within limits, base level.
+    """Joint values (poses, n) with undriven joints at their lowest potential energy within limits, base level.
 
     The energy of weight is a single sine of each joint that turns while the others stay, so that two torques give its
     lowest point exactly; the joints take turns until none moves.
@@ -111,7 +111,7 @@ def rest_of_hanging(vehicle: Vehicle, joints: Array) -> Array:
 
 
 def _lowest(vehicle: Vehicle, joints: Array, i: int) -> Array:
-    """Values (lanes,) of joint i that minimize the potential energy with all other joints fixed."""
+    """Values (poses,) of joint i that minimize the potential energy with all other joints fixed."""
     joint = vehicle.links[i].joint
     low, high = float(joint.lower), float(joint.upper)
 
@@ -178,7 +178,7 @@ class ArmPoses:
         return poses.of(vehicle, held)
 
     def of(self, vehicle: Vehicle, held: str = "") -> ArmPoses:
-        """The same arm poses with another load on the vehicle."""
+        """These arm poses with another load on the vehicle, undriven joints at rest again."""
         return replace(self, joints=rest_of_hanging(vehicle, self.joints), vehicle=vehicle, held=held)
 
     @cached_property
@@ -187,11 +187,11 @@ class ArmPoses:
         return Allocation.of(make_mixer(self.vehicle))
 
     def efforts(self, joints: Array) -> Array:
-        """Generalized forces (4 + n, lanes) of level hovers: base torque and thrust, then joint efforts."""
+        """Generalized forces (4 + n, poses) of level hovers: base torque and thrust, then joint efforts."""
         return hover_efforts(self.vehicle, self.gravity, joints)
 
     def squared_speeds(self, joints: Array) -> Array:
-        """Squared rotor speeds (rotors, lanes) of level hovers; not limited."""
+        """Squared rotor speeds (rotors, poses) of level hovers; not limited."""
         return self.allocation.squared_speeds(self.efforts(joints))
 
     def worst(self, quantities: Quantities) -> tuple[Array, Array]:
@@ -221,7 +221,7 @@ class ArmPoses:
 
 
 def in_parts(quantities: Quantities, joints: Array) -> Array:
-    """Evaluate quantities for many arm poses, in batches of a few thousand."""
+    """Evaluate a function of arm poses for many of them, in batches of a few thousand."""
     parts = [quantities(joints[i : i + LANES]) for i in range(0, len(joints), LANES)]
     return np.concatenate(parts, axis=1)
 

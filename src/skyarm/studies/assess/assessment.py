@@ -55,7 +55,7 @@ def units_of_vehicle(vehicle: Vehicle) -> list[Finding]:
 
 
 def warnings_of_scenario(scenario: Scenario) -> list[Finding]:
-    """Warnings on a scenario: suspicious values, the plan of its reference, and the controller on this vehicle."""
+    """Warnings on a scenario: suspicious values, vehicle limits that its reference exceeds, unsuitable controller."""
     units = [_finding(line, UNITS, WARNING) for line in unlikely_units(scenario)]
     good = Finding(UNITS, OK, "every number of the scenario is of a likely size")
     return [

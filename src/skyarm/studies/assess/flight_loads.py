@@ -82,7 +82,7 @@ def flight_parts(scenario: Scenario) -> list[FlightPart]:
 
 
 def _payloads(scenario: Scenario) -> list[Load]:
-    """Payloads with the times between which each is held, by time or by the reference's arrival at a place."""
+    """Payloads with pick-up and release times, each set by a time or by the reference's arrival at a position."""
     found = []
     for i, payload in enumerate(scenario.payloads):
         start = stop = math.inf
@@ -107,7 +107,7 @@ def _control_instants(scenario: Scenario) -> Iterator[Array]:
 
 
 def _first(times: Array, found: npt.NDArray[np.bool_]) -> float:
-    """First time at which a condition is true; inf if it never is."""
+    """First of the times at which a boolean array is true; inf if all are false."""
     return float(times[np.argmax(found)]) if np.any(found) else math.inf
 
 
@@ -118,7 +118,7 @@ def reference_at(scenario: Scenario, time: Array) -> Reference:
 
 
 def _along(scenario: Scenario, frame: str, time: Array) -> Array:
-    """Positions (3, K) of a frame along the reference with the base level, m, world axes."""
+    """Positions (3, K) of a vehicle frame at K times if the reference is tracked exactly, base level, m, world axes."""
     reference, vehicle = reference_at(scenario, time), scenario.plant.vehicle
     half = 0.5 * np.asarray(reference.yaw, dtype=float)
     state = State(
@@ -134,6 +134,6 @@ def _along(scenario: Scenario, frame: str, time: Array) -> Array:
 
 
 def lanes(values: Iterable[Any], count: int) -> Array:
-    """Stack numbers and arrays as rows (..., K), broadcast to equal length."""
+    """Stack scalars and arrays into one array (values, K), each broadcast to length K."""
     rows = [np.broadcast_to(np.asarray(v, dtype=float), count) for v in values]
     return np.stack(rows) if rows else np.zeros((0, count))

@@ -110,7 +110,7 @@ def arm_workspace(poses: ArmPoses) -> list[Finding]:
 
 
 def tip_places(vehicle: Vehicle, joints: Array) -> Array:
-    """Tip positions (lanes, 3) in base axes, m."""
+    """Tip positions (poses, 3) in base axes, m."""
     frame = vehicle.frame()
     place = link_poses(vehicle, columns(joints))[frame.link] @ Pose(frame.rotation, frame.position)
     return np.stack([np.broadcast_to(np.asarray(c, dtype=float), len(joints)) for c in place.p], axis=1)

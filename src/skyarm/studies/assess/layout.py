@@ -157,7 +157,7 @@ def _with_rotor_flipped(vehicle: Vehicle, at: int) -> Vehicle:
 
 
 def _spread(vehicle: Vehicle, gravity: float) -> float:
-    """Relative standard deviation of the rotors' hover thrusts, without the offset of the centre of mass."""
+    """Relative standard deviation of the rotors' hover thrusts, as if the centre of mass were not offset."""
     try:
         allocation = Allocation.of(make_mixer(vehicle))
     except AllocationError:

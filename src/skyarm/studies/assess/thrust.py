@@ -98,7 +98,7 @@ def torque_authority(poses: ArmPoses) -> list[Finding]:
 
 
 def locked_inertia(vehicle: Vehicle, joints: Array) -> Array:
-    """Locked inertia (lanes, 3, 3) about the whole centre of mass at joints (lanes, n), base axes, kg m^2.
+    """Locked inertia (poses, 3, 3) of vehicle with arm about its centre of mass, base axes, kg m^2.
 
     Joints that hang give way: they add the inertia that is felt while no torque acts about them.
     """
@@ -149,7 +149,7 @@ def largest_payload(poses: ArmPoses, payload: float = 0.0) -> list[Finding]:
 
 
 def _largest_by_part(poses: ArmPoses, loaded: ArmPoses, joints: Array) -> Array:
-    """Largest payload (parts, lanes) for each rotor and joint, kg; negative if overloaded without payload."""
+    """Largest payload, kg, that each rotor and joint (rows) can carry in each pose; negative if already overloaded."""
     allocation, bare = poses.allocation, poses.efforts(joints)
     per_kilogram = loaded.efforts(joints) - bare
     squared, more = allocation.squared_speeds(bare), allocation.inverse @ per_kilogram[:WRENCH]
@@ -199,7 +199,7 @@ def largest_wind(vehicle: Vehicle, gravity: float, payload: float = 0.0) -> list
 
 
 def _largest_speed(vehicle: Vehicle, weight: float, top: float) -> float:
-    """Wind speed, m/s, from the worst side at which the required thrust reaches ``top``."""
+    """Wind speed, m/s, at which hover in wind from the worst side requires a given total thrust ``top``."""
     headings = 2.0 * math.pi * np.arange(HEADINGS) / HEADINGS
     low, high = 0.0, STRONGEST
     for _ in range(REFINED):

@@ -146,16 +146,16 @@ class Flights:
         return self.plant != "rigid_body" or not is_traceable(scenario)
 
     def episodes(self, scenario: Scenario) -> int:
-        """Number of episodes; fewer perturbed plants if they are simulated one by one."""
+        """Number of episodes of the cell; with perturbed plants, reduced if they cannot be simulated as a batch."""
         every = self.condition.episodes
         return min(ONE_BY_ONE, every) if self.condition.spread and self.alone(scenario) else every
 
     def keys_of_noise(self, count: int) -> Array:
-        """Noise seed of each episode (count,)."""
+        """Noise seed (count,) of each episode; zeros if all episodes share one noise sequence."""
         return np.zeros(count, dtype=int) if self.same_noise else np.arange(count)
 
     def trials(self, count: int) -> Array:
-        """Index of each episode's plant, world or seed (count,)."""
+        """Index of each episode (count,), which identifies its perturbed plant or noise seed."""
         return np.arange(count, dtype=float)
 
     def stiffest(self, values: Mapping[str, Array]) -> dict[str, float]:
@@ -163,7 +163,7 @@ class Flights:
         return {path: float(column.max()) for path, column in values.items() if path.endswith(".damping")}
 
     def metric_names(self, setpoints: Sequence[bool]) -> tuple[str, ...]:
-        """Names of all metrics to compute, with registered ones and torques.
+        """Names of all metrics to compute: common ones, joint torques, user-registered ones and those of the suite.
 
         Args:
             setpoints: joint by joint, whether its command is a setpoint of its drive: its torque is then not counted.
@@ -245,7 +245,7 @@ class Cells:
 
 
 def key(flights: Flights) -> str:
-    """Digest of everything that determines a cell's numbers."""
+    """Digest of everything that determines a cell's results, to detect outdated files."""
     scenario = flights.scenario()
     facts = {
         "versions": versions("numpy", "llvmlite"),

@@ -55,7 +55,7 @@ class Comparison(Suite[Flights]):
         ]
 
     def plan_cells(self) -> tuple[list[Flights], Refused]:
-        """Flights of all cells; no controller is excluded."""
+        """Flights of all cells, and reasons why a controller is excluded: always empty."""
         return self.flights(), {}
 
     def judge(self, todo: Sequence[Flights], cells: Sequence[Cell], refused: Refused) -> Document:

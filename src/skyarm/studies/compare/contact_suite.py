@@ -1,4 +1,4 @@
-"""Contact suite: controllers perform tasks in contact with the world, each in many perturbed worlds."""
+"""Contact suite: controllers perform contact tasks, each in many perturbed worlds (surfaces, objects, wind, thrust)."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ WORLDS, QUICK = 200, 16
 
 @dataclass(frozen=True, kw_only=True)
 class ContactFlights(Flights):
-    """Flights of one controller in the perturbed worlds of a task, simulated as a batch."""
+    """Flights of one controller in a contact task with perturbed surroundings and plant, simulated as a batch."""
 
     further_metrics = METRICS
 
@@ -43,16 +43,16 @@ class ContactFlights(Flights):
         return scenario_of(self.task, self.entrant.law, noisy=noisy, plant=self.plant, seed=self.seed)
 
     def worlds(self) -> Worlds:
-        """Perturbed worlds of the condition, the same for every controller."""
+        """Perturbed surroundings and plants of the condition, the same for every controller."""
         return worlds_of(self.case.name, self.condition.episodes, self.seed)
 
     def values(self, scenario: Scenario) -> dict[str, Array]:
-        """Parameter path -> values in the worlds."""
+        """Parameter path -> values over the perturbed surroundings and plants."""
         count = self.episodes(scenario)
         return {path: column[:count] for path, column in self.worlds().values.items()}
 
     def episodes(self, scenario: Scenario) -> int:
-        """Number of episodes: one per world; fewer if they are simulated one by one."""
+        """Number of episodes: one per perturbed world, reduced if they cannot be simulated as a batch."""
         every = self.condition.episodes
         return min(ONE_BY_ONE, every) if self.alone(scenario) else every
 
@@ -78,7 +78,7 @@ class ContactFlights(Flights):
 
 @lru_cache(maxsize=64)
 def worlds_of(task: str, count: int, seed: int) -> Worlds:
-    """Draw the perturbed worlds of a task around its shipped scenario."""
+    """Draw perturbed worlds (surroundings and plant) of a contact task, around its shipped scenario."""
     found = draw_worlds(TASKS[task], scenario_of(TASKS[task], FLAGSHIP, noisy=False), count, seed=seed)
     for column in found.values.values():
         np.asarray(column).setflags(write=False)
@@ -104,7 +104,7 @@ class ContactSuite(Suite[ContactFlights]):
 
     @property
     def options(self) -> Document:
-        """Number of worlds, seed and plant, as plain data."""
+        """Number of perturbed worlds per task, seed and plant, as plain data."""
         return {"worlds": self.worlds, "seed": self.seed, "plant": self.plant}
 
     def flights(self) -> list[ContactFlights]:

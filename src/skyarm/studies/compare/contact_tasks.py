@@ -1,4 +1,4 @@
-"""Tasks of the contact suite (``library/contact_tasks.toml``): their worlds' bounds, and a scenario per controller.
+"""Tasks of the contact suite (``library/contact_tasks.toml``): bounds of their perturbations, scenarios by controller.
 
 A law that presses flies the scenario as it is shipped. One that follows positions is led to the same places, 1 cm
 behind the believed surface, and its press waits for no force; all else is the same.
@@ -49,7 +49,7 @@ DELAY = 0.010
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Task:
-    """Task of the contact suite.
+    """Task of the contact suite: its scenario, desired push, bounds of the perturbations, success criteria.
 
     Attributes:
         name: of the shipped scenario. title: in a few words.
@@ -132,7 +132,7 @@ def document_of(task: Task) -> dict[str, Any]:
 
 
 def flies_its_own(task: Task, law: str) -> bool:
-    """True if a controller's flights in a task differ from those of the reference controller.
+    """True if a controller's behaviour in a task differs from that of the reference controller.
 
     Without a push the flagship has no interaction to leave out, without an object no load to learn.
     """
@@ -140,7 +140,7 @@ def flies_its_own(task: Task, law: str) -> bool:
 
 
 def scenario_of(task: Task, law: str, *, noisy: bool, plant: str = "rigid_body", seed: int = 0) -> Scenario:
-    """Scenario of a task for one controller, in the shipped world.
+    """Shipped, unperturbed scenario of a task for one controller.
 
     Raises:
         ControllerError: no such law, or one that does not fit the vehicle.
@@ -169,7 +169,7 @@ def scenario_of(task: Task, law: str, *, noisy: bool, plant: str = "rigid_body",
 
 
 def as_positions(task: Task, document: dict[str, Any]) -> dict[str, Any]:
-    """Scenario document for a controller without force control: path offset by ``BEHIND`` into the surface."""
+    """Scenario for a controller without force control: desired tip path offset by ``BEHIND`` into the surface."""
     path = document["reference"]["tip"]["path"]
     way = [-(task.face + BEHIND) * n for n in task.normal]
     start, at, phases = list(path["position"]), list(path["position"]), list[dict[str, Any]]()

@@ -1,4 +1,4 @@
-"""Perturbed worlds of a contact task: drawn from a seed, without those in which the task is infeasible.
+"""Perturbed worlds of a contact task (surroundings and plant): drawn from a seed, infeasible ones discarded.
 
 A world is discarded where friction across the push would use half of the yaw torque or more, where a joint would need
 80 % of its torque, or where the wind is more than half of the push.
@@ -34,7 +34,7 @@ MOST_DISCARDED = 0.3
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Worlds:
-    """Perturbed worlds in which the task is feasible.
+    """Perturbed worlds (surroundings and plant parameters) in which the contact task is feasible.
 
     Attributes:
         values: path -> (count,). drawn: how many had to be drawn for them.
@@ -45,17 +45,17 @@ class Worlds:
 
     @property
     def discard_share(self) -> float:
-        """Share of the drawn worlds that were discarded as infeasible."""
+        """Share of the drawn perturbed scenarios that were discarded as infeasible."""
         return 1.0 - len(next(iter(self.values.values()))) / self.drawn
 
     def plain(self) -> dict[str, int]:
-        """Counts of drawn, used and discarded worlds."""
+        """Counts of drawn, used and discarded perturbed scenarios."""
         count = len(next(iter(self.values.values())))
         return {"worlds": count, "drawn": self.drawn, "discarded": self.drawn - count}
 
 
 def draw_worlds(task: Task, scenario: Scenario, count: int, *, seed: int) -> Worlds:
-    """Draw ``count`` feasible worlds; a larger count extends the sequence and does not change it.
+    """Draw ``count`` feasible perturbed scenarios; a larger count extends the sequence and does not change it.
 
     Args:
         task: with its bounds.
@@ -82,7 +82,7 @@ def draw_worlds(task: Task, scenario: Scenario, count: int, *, seed: int) -> Wor
 
 
 def kept(task: Task, scenario: Scenario, drawn: Mapping[str, Array]) -> npt.NDArray[np.bool_]:
-    """True for each world in which the task is feasible.
+    """True for each perturbed scenario in which the task is feasible.
 
     Args:
         task: what is done.
@@ -111,7 +111,7 @@ def kept(task: Task, scenario: Scenario, drawn: Mapping[str, Array]) -> npt.NDAr
 
 
 def _numbers(task: Task, scenario: Scenario, drawn: Mapping[str, Array], share: Array) -> dict[str, Array]:
-    """Parameter path -> values in the worlds."""
+    """Parameter path -> values over the perturbed scenarios."""
     found: dict[str, Array] = {}
     for name in task.materials:
         found[f"world.{name}.material.stiffness"] = drawn["stiffness"]
@@ -135,7 +135,7 @@ def _numbers(task: Task, scenario: Scenario, drawn: Mapping[str, Array], share: 
 
 
 def _handle_numbers(task: Task, scenario: Scenario, drawn: Mapping[str, Array], share: Array) -> dict[str, Array]:
-    """Parameters of hinges, their resistance, and the gripper on a handle, by path."""
+    """Values of hinge position, mechanism resistance and grip stiffness by parameter path, for tasks with a handle."""
     found: dict[str, Array] = {}
     if task.hinge:
         name, *way = task.hinge
@@ -153,7 +153,7 @@ def _handle_numbers(task: Task, scenario: Scenario, drawn: Mapping[str, Array], 
 
 
 def _tilt(normal: tuple[float, float, float], angle: Array, azimuth: Array) -> list[Array]:
-    """Unit vectors at a given angle from a normal, in a given direction about it."""
+    """Unit vectors obtained by tilting a normal by an angle, towards an azimuth about the normal."""
     n = np.array(normal)
     first = np.cross(n, np.eye(3)[int(np.argmin(np.abs(n)))])
     first /= np.linalg.norm(first)

@@ -71,7 +71,7 @@ class AxisFlights(Flights):
 
     @property
     def label(self) -> str:
-        """File name of the cell; with the value if there is a single one."""
+        """File name of the cell; includes the axis value if the cell has only one."""
         return super().label + (f"_{self.points[0]:g}" if len(self.points) == 1 else "")
 
     def scenario(self) -> Scenario:
@@ -103,7 +103,7 @@ class AxisFlights(Flights):
 def axis_flights(
     law: str, axis: Axis, setting: Setting, *, seed: int = 0, plant: str = "rigid_body"
 ) -> list[AxisFlights]:
-    """Cells of a controller along an axis: one for a batch of all values, otherwise one per value.
+    """Cells of a controller along an axis: one cell if all values can be simulated as a batch, else one per value.
 
     Args:
         law: preset or law.

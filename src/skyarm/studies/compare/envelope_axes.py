@@ -102,7 +102,7 @@ class Axis:
         return tuple(float(f"{value * share:.3g}") for value in self.values)
 
     def scenario(self, setting: Setting, value: float) -> Scenario:
-        """Scenario of the trial at a value, with the sensors of the axis unless the trial has its own noise."""
+        """Scenario of the trial at an axis value; with sensor noise if the axis has it and the trial sets none."""
         built = self.build(setting, value) if self.numbers is None else self.build(setting)
         if self.noisy and built.noise == PERFECT_SENSORS:
             delays = dataclasses.replace(built.delays, measurement=built.delays.measurement or DELAY)
@@ -121,7 +121,7 @@ def along(setting: Setting, **signals: Any) -> Scenario:
 
 
 def swings(setting: Setting, amplitudes: tuple[float, ...], frequency_hz: float, phase: float) -> tuple[Signal, ...]:
-    """Sine references of all joints about mid-range, each ``phase`` behind the one before."""
+    """Sine references of all joints about mid-range, each with a phase lag to the previous joint."""
     return tuple(
         Sum((Constant(middle), sine_from_rest(amplitudes[j % len(amplitudes)] * unit, frequency_hz, phase * j)))
         for j, (middle, unit) in enumerate(zip(setting.middle, setting.swing, strict=True))
@@ -145,7 +145,7 @@ def circle(setting: Setting, radius: float = 1.0, speed: float = 1.0) -> Scenari
 
 
 def slow_circle(setting: Setting, **words: Any) -> Scenario:
-    """Trial: slow circle, used for delays, lags, payloads and noise."""
+    """Trial: slow horizontal circle, basis of the axes for delays, lags, payloads and noise."""
     return circle(setting, *SLOW).with_words(**words)
 
 
@@ -155,7 +155,7 @@ def vertical(setting: Setting) -> Scenario:
 
 
 def pushed_hover(setting: Setting, **force: Any) -> Scenario:
-    """Trial: hover under a disturbance."""
+    """Trial: hover under a given disturbance force."""
     return setting.hover.with_words(forces=(Disturbance(**force),))
 
 
@@ -224,19 +224,19 @@ def plants_at(setting: Setting, scenario: Scenario, times: float, count: int, *,
 
 
 def widen(spread: Spread, times: float) -> Spread:
-    """Scale the width of a spread of plants."""
+    """Scale the width of the distribution of perturbed plants."""
     low, high = spread.thrust
     shares = {place[0]: value * times for place, value in walk(spread) if place[0] != "thrust"}
     return Spread(**shares, thrust=(low * times, high * times))
 
 
 def same(*paths: str, factor: float = 1.0) -> Callable[[Setting, float], Numbers]:
-    """Function from an axis value to parameters by path: the same number at several paths."""
+    """Function from an axis value to parameters by path: every path gets the axis value times a factor."""
     return lambda setting, value: dict.fromkeys(paths, value * factor)
 
 
 def frequencies(*axes: str) -> Callable[[Setting, float], Numbers]:
-    """Function from an axis value to parameters by path: the same frequency of several sine references."""
+    """Function from an axis value to parameters by path: the axis value as frequency of several sine references."""
     return same(*(f"reference.{axis}.signal.frequency_hz" for axis in axes))
 
 

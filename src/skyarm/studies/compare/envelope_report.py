@@ -106,7 +106,7 @@ def within(points: Sequence[Record], level: float) -> int:
 
 
 def lost_at(points: Sequence[Record]) -> list[int]:
-    """Indices of the axis values at which the vehicle is lost."""
+    """Indices of the axis values at which the vehicle is lost (crashes or diverges)."""
     return [k for k, point in enumerate(points) if point["lost"]]
 
 
@@ -169,7 +169,7 @@ def summary_section(found: Record, picture: bytes | None = None) -> Section:
 
 
 def cell_text(point: Record, judged: str) -> str:
-    """Table cell: mean and largest error in mm, step overshoot in mm and time outside in s, or loss of the vehicle.
+    """Table cell: mean and largest error, mm, step overshoot, mm, and time out of tolerance, s; or loss of the vehicle.
 
     Of perturbed plants how many keep the tip and how many are lost, the median of their means and the largest error.
     """
@@ -198,7 +198,7 @@ def axis_rows(axis: Record) -> list[list[str]]:
 
 
 def axis_title(name: str, axis: Record) -> str:
-    """Title of an axis: its name, trial and sensors."""
+    """Title of an axis section: axis name, trial, whether sensors are noisy, and the evaluated error."""
     return f"{name.replace('_', ' ')}: {axis['title']}{', with noise' if axis['noisy'] else ''} ({axis['judged']}, mm)"
 
 

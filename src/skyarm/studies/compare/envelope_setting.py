@@ -128,7 +128,7 @@ def _spare(vehicle: Vehicle) -> float:
 
 
 def _joint_room(joint: Any) -> tuple[float, float]:
-    """Middle and unit amplitude of a joint's swing within its limits."""
+    """Mid position of a joint's swing, and the amplitude that corresponds to 1, within the joint's limits."""
     low, high = float(joint.lower), float(joint.upper)
     middle = 0.0 if low < 0.0 < high or not math.isfinite(low + high) else 0.5 * (low + high)
     room = min(middle - low, high - middle)

@@ -111,7 +111,7 @@ RESERVE = 0.9
 
 
 def spread_of(vehicle: Vehicle, gravity: float, delay: float) -> tuple[Spread, float]:
-    """Scale the standard spread to a vehicle; returns it with the share of payload and wind that its thrust allows.
+    """Scale the standard model mismatch to a vehicle; also returns the share of payload and wind that thrust allows.
 
     Masses, inertias, thrust and delay keep their shares; the centre of mass goes with the arm's length, payload and
     wind with the weight, joint damping with the arm's inertia. Payload and wind shrink together where the thrust in a
@@ -154,7 +154,7 @@ def thrust_margin(vehicle: Vehicle, gravity: float) -> float:
 
 
 def fitted_damping(scenario: Scenario, spread: Spread, values: dict[str, Array]) -> dict[str, Array]:
-    """Rescale the drawn joint damping: from zero to a limit set by the joint's inertia or nominal damping.
+    """Rescale the drawn joint dampings to lie between zero and a limit from joint inertia or nominal damping.
 
     Args:
         scenario: its truth is the middle of the spread.

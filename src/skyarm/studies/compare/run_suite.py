@@ -152,7 +152,7 @@ def fly_all(todo: Sequence[Flights], folder: Path, *, threads: int = 1, progress
 
 
 def _pieces(flights: Flights) -> list[int | None]:
-    """Split a cell into parallel jobs: its episodes, one small batch (None), or none for a large batch."""
+    """Parallel jobs of a cell: one per episode, or one small batch (None); empty for a large batch."""
     scenario = flights.scenario()
     count = flights.episodes(scenario)
     return list(range(count)) if flights.alone(scenario) else [None] if count <= SMALL else []

@@ -55,7 +55,7 @@ class Case:
 
 
 def force_wind(scenario: Scenario) -> ForceWind:
-    """Wind force of a scenario; a zero one if its wind is of another kind."""
+    """Wind force of a scenario; a zero force if its wind model is of another kind."""
     return scenario.wind if isinstance(scenario.wind, ForceWind) else ForceWind()
 
 

@@ -99,7 +99,7 @@ def model_forces(vehicle: Vehicle, log: Log, gravity: float) -> Needed:
 
 
 def _middle(rows: Array) -> Array:
-    """Mean of each pair of consecutive rows (N - 1, ...)."""
+    """Means of consecutive rows of a time series: (N, ...) to (N - 1, ...)."""
     return 0.5 * (rows[1:] + rows[:-1])
 
 
@@ -153,7 +153,7 @@ class Followed:
         return cls(commands[np.clip(places, 0, periods)], before, periods, late)
 
     def in_periods(self, means: Array) -> Array:
-        """Reorder block means (steps, candidates, stretches, columns) to (candidates, periods, columns)."""
+        """Join block means (steps, candidates, blocks, columns) into one series (candidates, periods, columns)."""
         kept = means[self.before :]
         joined = kept.transpose(1, 2, 0, 3).reshape(kept.shape[1], -1, kept.shape[3])
         return joined[:, : self.periods]
@@ -201,14 +201,14 @@ class Followed:
 
 
 def believed_lags(rotors: Sequence[Rotor]) -> tuple[Array, Array]:
-    """Nominal time constants of each rotor, rising and falling, s; default values where the model has none."""
+    """Nominal time constants of each rotor, rising and falling, s; defaults for rotors modelled without lag."""
     pairs = np.array([[float(r.time_constant_up), float(r.time_constant_down)] for r in rotors])
     pairs = np.where(pairs > 0.0, pairs, USUAL)
     return pairs[:, 0], pairs[:, 1]
 
 
 def pushes_of(rotors: Sequence[Rotor], squares: Array) -> Array:
-    """Thrust over thrust coefficient, (rad/s)^2, of rotors with mean squared speeds (..., rotors)."""
+    """Rotor thrusts over thrust coefficient, (rad/s)^2, from mean squared speeds (..., rotors)."""
     columns = [squares[..., i] if r.table is None else push(r, np.sqrt(squares[..., i])) for i, r in enumerate(rotors)]
     return np.stack(columns, axis=-1)
 

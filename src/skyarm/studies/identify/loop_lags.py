@@ -264,7 +264,7 @@ def joint_lag(name: str, log: Log, motion: Needed, joint: int) -> Lag:
 
 
 def _lag(name: str, found: Fit, period: float, nominal: Array) -> Lag:
-    """Convert a fit to a lag with its intervals.
+    """Convert fitted parameters to the identified lag of an actuator group, with confidence intervals.
 
     Args:
         name: of the group.
@@ -301,7 +301,7 @@ def _fit(
     constants: int,
     friction: Array | None = None,
 ) -> Fit:
-    """Fit dead time, time constants, a gain per row, and optionally viscous friction.
+    """Fit dead time, time constants, a gain per measured signal, and optionally viscous friction.
 
     Args:
         predicted: (candidates, own parameters) -> (candidates, N, rows).
@@ -347,13 +347,13 @@ def _half(found: Fit, weights: list[float]) -> float:
 
 
 def _constant(value: float, half: float, floor: float) -> Estimated:
-    """Estimate of a time constant, s; interval from the half-width of its logarithm and a least half-width, s."""
+    """Time constant, s, with an interval from the half-width of its logarithm, not narrower than ``floor``, s."""
     width = math.hypot(min(half, 5.0), floor / value)
     return Estimated(value=value, low=value * math.exp(-width), high=value * math.exp(width))
 
 
 def _with_verdict(lag: Lag, found: Fit) -> Lag:
-    """Lag with the reason why the log does not determine it, if it does not."""
+    """Add to an identified lag the reason why the log does not determine it, if so."""
     half = lag.together.high - lag.together.value
     alone = lag.delay.high - lag.delay.value
     reason = ""

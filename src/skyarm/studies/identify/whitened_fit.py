@@ -59,7 +59,7 @@ class Fit:
 
 
 def scipy_parts() -> tuple[Any, Any]:
-    """SciPy's ``least_squares`` and Student's t distribution.
+    """Import SciPy's ``least_squares`` and the quantile function of Student's t distribution.
 
     Raises:
         ValueError: it is not installed.
@@ -98,7 +98,7 @@ def fit(
         return np.stack([_white(each, filters, scales) for each in left(parameters)])
 
     def around(x: Array) -> tuple[Array, Array]:
-        """Residual at the parameters, and its Jacobian by central differences in one batch."""
+        """Residual at given parameters, and its Jacobian by central differences, evaluated in one batch."""
         low, high = np.maximum(x - steps, bounds[0]), np.minimum(x + steps, bounds[1])
         every = np.repeat(x[None, :], 2 * len(x) + 1, axis=0)
         index = np.arange(len(x))
@@ -110,7 +110,7 @@ def fit(
     last: dict[bytes, tuple[Array, Array]] = {}
 
     def once(x: Array) -> tuple[Array, Array]:
-        """Residual at the parameters, with the result of the last call cached."""
+        """Residual at given parameters; the result of the last call is cached."""
         if x.tobytes() not in last:
             last.clear()
             last[x.tobytes()] = around(x)
@@ -169,7 +169,7 @@ def _filter(left: Array, ridge: float) -> Array:
 
 
 def _white(left: Array, filters: Sequence[Array], scales: Array) -> Array:
-    """Whitened residual (N - order, rows): autoregressive prediction error over its scale."""
+    """Whitened residual (N - order, rows): prediction error of an autoregressive model over its standard deviation."""
     found = left[ORDER:].copy()
     for i, coefficients in enumerate(filters):
         for k, c in enumerate(coefficients):

@@ -52,7 +52,7 @@ class Instant:
         return max(each.radius for each in self.by_lag.values())
 
     def gain(self, field: str) -> tuple[float, float]:
-        """Gain margin as an interval, intersected over the rotor lags; field "rotor_gain" or "joint_gain"."""
+        """Gain margin (lower, upper), intersected over the rotor lags; ``field`` is "rotor_gain" or "joint_gain"."""
         lows, highs = zip(*(getattr(each, field) for each in self.by_lag.values()), strict=True)
         return max(lows), min(highs)
 
@@ -231,13 +231,13 @@ class Locus:
 
 
 def hover_loci(scenario: Scenario) -> list[Locus]:
-    """Nyquist loci in hover, falling rotor time constant: the weakest loop of each kind; none if hover is lost."""
+    """Nyquist locus of the weakest loop of each kind in hover, falling rotor time constants; [] if hover is lost."""
     found = next(frozen_instants(hovering(nominal(without_adaptation(scenario))), 1), None)
     return [] if found is None else loci(found.open_loop("down"))
 
 
 def loci(loop: OpenLoop) -> list[Locus]:
-    """Nyquist locus of the weakest loop of each kind; none if the closed loop is unstable.
+    """Nyquist locus of the weakest loop of each kind; [] if the closed loop is unstable.
 
     With T from what is added to a channel to the channel itself, closed, the loop under negative feedback is
     -T / (1 + T).

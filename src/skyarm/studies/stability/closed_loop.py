@@ -1,4 +1,4 @@
-"""Linearised sampled-data loop at an instant: open at the commands, and closed over its delays."""
+"""Linearised sampled-data loop at an instant: open loop cut at the commands, and closed loop with its delays."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class OpenLoop:
-    """Open-loop Jacobians; x: state (attitude as a rotation vector), u: command, m: memory, y: measurement.
+    """Open-loop Jacobians; x: state (attitude as rotation vector), u: command, m: controller state, y: measurement.
 
     Attributes:
         period: s. rotors: how many entries of u are rotor speeds; they come first.
@@ -53,7 +53,7 @@ class OpenLoop:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Closed:
-    """Closed loop for given dead time and variable actuator gains k: matrix ``fixed + enters @ (k sent)``.
+    """Closed loop with dead time and variable actuator gains k: transition matrix ``fixed + enters @ (k sent)``.
 
     Attributes:
         fixed: (n, n) part without commands. enters: (n, commands) input matrix of the commands.
@@ -75,7 +75,7 @@ class Closed:
 
 
 def close_loop(loop: OpenLoop, extra_delay: float = 0.0) -> Closed:
-    """Closed loop over [state, controller memory, delayed measurements, delayed commands].
+    """Close the loop over the state vector [state, controller state, delayed measurements, delayed commands].
 
     ``extra_delay`` (s, with the loop's own a multiple of its ``lates``) joins the commands' own, the rotors' and the
     joints' alike.
@@ -135,7 +135,7 @@ def closed_loop(loop: OpenLoop, *, extra_delay: float = 0.0, **modified: Any) ->
 
 
 def _split(loop: OpenLoop, delay: float) -> tuple[int, int]:
-    """Split a delay into whole control periods and an index into ``lates`` for the remainder."""
+    """Split a delay into whole control periods and the index of the rest in the command arrival times ``lates``."""
     step = loop.period / len(loop.lates)
     count = round(delay / step)
     if abs(delay - count * step) > 1e-6 * step + 1e-12:
@@ -144,7 +144,7 @@ def _split(loop: OpenLoop, delay: float) -> tuple[int, int]:
 
 
 def _in_loop(A: Array, enters: Array, sent: Array, states: int) -> npt.NDArray[np.bool_]:
-    """Mask of the states that belong to the feedback loop; clocks and bookkeeping are excluded."""
+    """Mask of the states that belong to the feedback loop; clocks and logged quantities are excluded."""
     links = (A != 0.0) | (((enters != 0.0).astype(float) @ (sent != 0.0).astype(float)) > 0.0)
     first = np.zeros(len(A), dtype=bool)
     first[:states] = True
@@ -152,7 +152,7 @@ def _in_loop(A: Array, enters: Array, sent: Array, states: int) -> npt.NDArray[n
 
 
 def _reachable(links: npt.NDArray[np.bool_], first: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """Mask of the states reachable from ``first`` in any number of periods."""
+    """Mask of the states reachable from the states ``first`` over any number of periods."""
     found = first
     while True:
         more = found | (links[:, found].any(axis=1))

@@ -159,7 +159,7 @@ SMALLEST = 1e-12
 
 
 def upper_bound(M: Complex) -> Array:
-    """Upper bound of the structured singular value of each matrix (count, n, n), to ``CLOSE`` at the largest one.
+    """Upper bound of the structured singular value of each matrix (count, n, n); tight for the largest one only.
 
     Others are bounds, too, though looser ones than they could be.
     """
@@ -265,7 +265,7 @@ class _Port:
         return self.response.at(frequencies)
 
     def places(self, group: str) -> list[int]:
-        """Indices of the channels of a group."""
+        """Indices of the channels of a given group."""
         return [i for i, channel in enumerate(self.channels) if channel.group == group]
 
     def alone(self, port: str, longest: float, stable: bool) -> list[LoopMargin]:
@@ -327,7 +327,7 @@ def cut_loops(loop: OpenLoop, as_it_is: Closed, z: Complex, *, measured: bool, s
 
 
 def _refine(found: Response, grid: Array) -> tuple[Array, Complex]:
-    """Refine a grid around the critical frequency of each channel; returns it with the responses."""
+    """Refine a frequency grid around the critical frequency of each channel; returns the grid and its responses."""
     T = found.at(grid)
     if not T.size:
         return grid, T

@@ -1,4 +1,4 @@
-"""Scenario for linearisation: no noise, no disturbances with memory, a single time constant per rotor."""
+"""Scenario for linearisation: no noise, no disturbances with internal state, one time constant per rotor."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def nominal(scenario: Scenario) -> Scenario:
 
 
 def disturbances(scenario: Scenario) -> tuple[str, ...]:
-    """Fields of the disturbances that :func:`nominal` removes: turbulence, and air and forces with memory.
+    """Names of the disturbances that :func:`nominal` removes: turbulence, and air and forces with internal state.
 
     Air and forces without a memory, as ground effect, are kept.
     """
@@ -58,7 +58,7 @@ def disturbances(scenario: Scenario) -> tuple[str, ...]:
 
 
 def _split(scenario: Scenario, field: str) -> tuple[tuple[Any, ...], list[str]]:
-    """Memoryless components of air or forces, and field names of the others; refuses coupled memories.
+    """Static air or force models, and names of dynamic ones to be removed; raises if one depends on the vehicle.
 
     Raises:
         ScenarioError: a memory moves with the plant or follows its state: the loop without it is another.
@@ -76,7 +76,7 @@ def _split(scenario: Scenario, field: str) -> tuple[tuple[Any, ...], list[str]]:
 
 
 def _follows_state(part: Component, memory: Any, scenario: Scenario) -> bool:
-    """True if a component's memory update depends on the vehicle's state."""
+    """True if the update of a disturbance model's internal state depends on the vehicle's state."""
     period, vehicle = 1.0 / scenario.rates.control, scenario.plant.vehicle
     state = example_state(*vehicle.sizes)
 
@@ -140,7 +140,7 @@ def with_lag(scenario: Scenario, share: Any) -> Scenario:
 
 
 def require_no_memory(scenario: Scenario, first: LoopState) -> None:
-    """Raise if the nominal loop has memory other than that of the controller and the joint drives.
+    """Raise if anything but the controller and the joint drives has internal state in the nominal loop.
 
     Raises:
         ScenarioError: a payload, a sensor or an estimator remembers something, or there is a sensor beside the full

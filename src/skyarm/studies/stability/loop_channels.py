@@ -27,7 +27,7 @@ NAMES = {"quaternion": "attitude", "specific_force": "acceleration"}
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Channel:
-    """Direction in which the loop is cut: output row ``reads``, input column ``enters``, with product 1.
+    """Scalar channel at which the loop is cut: output row ``reads`` and input column ``enters``, with product 1.
 
     Attributes:
         name: of the direction. group: of those that are cut together. port: "commands" or "measurements".
@@ -135,7 +135,7 @@ def _measured_channels(joints: Sequence[str], rotors: Sequence[str], attitude: Q
 
 
 def _rotations(names: Sequence[str], group: str, size: int, place: int, attitude: Quaternion) -> list[Channel]:
-    """Tangent map Q of a quaternion: q (1, v / 2) moves q by Q v, with Q^T Q = 1 / 4."""
+    """Channels of small rotations of a measured attitude: tangent map Q, q (1, v / 2) moves q by Q v."""
     w, x, y, z = (float(c) for c in attitude)
     Q = 0.5 * np.array([[-x, -y, -z], [w, -z, y], [z, w, -x], [-y, x, w]])
     found = []

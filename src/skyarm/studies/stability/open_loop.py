@@ -56,7 +56,7 @@ STENCIL = ((-2.0, 1.0 / 12.0), (-1.0, -2.0 / 3.0), (1.0, 2.0 / 3.0), (2.0, -1.0 
 
 
 def stencil_points(base: Array, attitude: Quaternion) -> tuple[Array, Array]:
-    """Finite-difference points (leaves, directions * 4), and the step of each direction (directions,).
+    """Points (variables, directions * 4) for finite differences about a point, and the step of each direction.
 
     Args:
         base: the point (leaves,): three of position, four of attitude (wxyz), then plain numbers.
@@ -80,7 +80,7 @@ def stencil_points(base: Array, attitude: Quaternion) -> tuple[Array, Array]:
 
 
 def derivatives(result: Array, still: Array, widths: Array, outs: list[int]) -> list[Array]:
-    """Jacobians of next state, measurement, memory and command in every direction.
+    """Jacobians of next vehicle state, measurement, controller state and command in every direction.
 
     Args:
         result: outputs at the points of :func:`stencil_points` (outputs, directions * 4).
@@ -98,7 +98,7 @@ def derivatives(result: Array, still: Array, widths: Array, outs: list[int]) -> 
 
 
 def _rotate(q: Quaternion, half: Sequence[float]) -> Quaternion:
-    """Rotate q by twice the vector ``half``; first order, normalised."""
+    """Rotate quaternion q by a small rotation vector, twice ``half``; first order, normalised."""
     x, y, z = half
     w = float(np.sqrt(1.0 - x * x - y * y - z * z))
     turned: Quaternion = Quaternion(*(float(c) for c in q)) * Quaternion(w, x, y, z)
@@ -106,7 +106,7 @@ def _rotate(q: Quaternion, half: Sequence[float]) -> Quaternion:
 
 
 def _tangent(states: Array, still: Array) -> Array:
-    """Differences (leaves, lanes) of states from one state; attitude as twice the vector part of q0^-1 q."""
+    """Differences (variables, points) of states from one state; attitude as twice the vector part of q0^-1 q."""
     w, x, y, z = still[3:7]
     a, b, c, d = states[3:7]
     turn = 2.0 * np.array([w * b - x * a - y * d + z * c, w * c + x * d - y * a - z * b, w * d - x * c + y * b - z * a])
@@ -115,7 +115,7 @@ def _tangent(states: Array, still: Array) -> Array:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class OpenPoint:
-    """Operating point of one open-loop control period; the battery's memory is constant."""
+    """Operating point of one open-loop control period; the battery's internal state is constant."""
 
     state: State
     drives: tuple[Any, ...]
@@ -127,7 +127,7 @@ class OpenPoint:
 
 
 def open_point(carry: LoopState, ages: tuple[int, int] | None = None, batteries: int = 0) -> OpenPoint:
-    """Operating point of the linearisation, from the loop state.
+    """Operating point for the linearisation, from the state of the simulation loop.
 
     Args:
         carry: of the flight.
@@ -159,7 +159,7 @@ def open_point(carry: LoopState, ages: tuple[int, int] | None = None, batteries:
 
 
 def sizes_of(point: OpenPoint) -> list[int]:
-    """Leaf counts of an operating point: state with drives, old and new command, memory, measurement, battery."""
+    """Numbers of scalars in an operating point: state with drives, commands, controller state, measurement, battery."""
     parts = (point.old, point.new, point.memory, point.seen, point.power)
     return [len(leaves((point.state, point.drives))), *(len(leaves(part)) for part in parts)]
 
@@ -204,7 +204,7 @@ class Differentiator:
         self._row = len(leaves(row))
 
     def _outputs(self, point: OpenPoint, given: tuple[Any, ...], row: Row) -> tuple[Any, ...]:
-        """Next state, measurement, memory and command; ``given``: command arrival times, lag, numbers."""
+        """Next state, measurement, controller state and command, for given arrival times, rotor lag and parameters."""
         (*lates, lag), numbers = given
         own = self.scenario
         if self._paths:
@@ -248,7 +248,7 @@ class Differentiator:
         return repeat(count, lambda x: step(scenario.plant, x, command, air, seconds / count), state)
 
     def at(self, carry: LoopState, row: Sequence[float], lag: str, numbers: Sequence[float] | None = None) -> OpenLoop:
-        """Linearise the open loop at the loop state ``carry``.
+        """Linearise the open loop at a state ``carry`` of the simulation loop.
 
         Args:
             carry: of the nominal flight.
@@ -299,7 +299,7 @@ class Differentiator:
     def _complete(
         self, carry: LoopState, point: OpenPoint, sizes: list[int], row: Sequence[float], given: Sequence[float]
     ) -> Array:
-        """Leaves of the operating point, with measurement and command computed within the period."""
+        """Scalars of the operating point; measurement and command without delay are computed within the period."""
         base = np.array([float(leaf) for leaf in leaves(point)])
         ends = np.cumsum([sizes[0], sizes[4], sizes[3], sizes[1]])
         if not carry.sensors[0].waiting:
@@ -314,7 +314,7 @@ class Differentiator:
         return base
 
     def _outputs_of(self, points: Array, row: Sequence[float], late: int, numbers: Sequence[float]) -> Array:
-        """Outputs (numbers, lanes) at many points, with the command arrival time by its index in ``lates``.
+        """Outputs (outputs, points) of the open loop at many points; ``late`` is the index of the command arrival time.
 
         ``numbers`` are the lag's share and those of the paths.
         """
@@ -332,6 +332,6 @@ def _delays(scenario: Scenario) -> tuple[float, float]:
 
 
 def carry_of(template: LoopState, values: Sequence[float]) -> LoopState:
-    """Rebuild a loop state from its leaf values."""
+    """Rebuild the state of the simulation loop from its scalar values."""
     found: LoopState = rebuild(template, iter([float(value) for value in values]))
     return found

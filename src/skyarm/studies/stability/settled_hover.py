@@ -69,7 +69,7 @@ class SettledHover:
         return found
 
     def settle(self, values: Mapping[str, Array], threads: int = 1) -> list[Any]:
-        """Simulate the hover of each parameter set; returns final loop states, None if it diverged or ended."""
+        """Simulate hover for each parameter set; returns final simulation states, None where hover was not reached."""
         columns = [np.asarray(values[path], dtype=float) for path in self.paths]
         count = len(columns[0])
         parameters = self._leg.parameters(columns, count)
@@ -91,7 +91,7 @@ class SettledHover:
 
 
 def _is_hover(settled: Any) -> bool:
-    """True if a flight's loop state is at rest and the flight did not end early."""
+    """True if a final simulation state is at rest and the flight did not end early."""
     if not settled.alive > 0.5:
         return False
     state = settled.state

@@ -99,7 +99,7 @@ def banded_curves(rows: Rows, metric: str, over: str) -> BandedCurves:
 
 
 def variable(rows: Rows, text: str, field: str) -> Variable:
-    """Find a varied parameter by name, or evaluate an expression; ``name = expression`` names it.
+    """Curve abscissa: a varied parameter by name or an expression; ``name = expression`` sets the label.
 
     Raises:
         StudyError, ExpressionError: one line.
@@ -118,7 +118,7 @@ def variable(rows: Rows, text: str, field: str) -> Variable:
 
 
 def _column(rows: Rows, path: str) -> Array:
-    """Values of a varied parameter in each episode; they must be the same for every controller."""
+    """Values of a varied parameter in each episode, taken from the first controller since all share them."""
     return np.asarray(rows.of(rows.controllers[0], path), dtype=float)
 
 

@@ -25,7 +25,7 @@ BLOCK = 2**16
 
 
 def values(study: Study, episodes: npt.ArrayLike) -> dict[str, Array]:
-    """Path -> values (episodes,), derived ones last; independent of the other episodes drawn.
+    """Parameter path -> values (episodes,), derived parameters last; each episode's values depend only on its number.
 
     Args:
         study: with its design.
@@ -47,7 +47,7 @@ def values(study: Study, episodes: npt.ArrayLike) -> dict[str, Array]:
 
 
 def _unit(study: Study, episodes: npt.NDArray[np.int64], index: int) -> Array:
-    """Uniform numbers in (0, 1) of one dimension of the design."""
+    """Random numbers in (0, 1), one per episode, for one dimension of the experimental design."""
     if study.design != "sobol":
         return uniform(study.seed, episodes, FIRST_CHANNEL + index, 0)
     # a digital shift keeps the points' evenness and lets the seed choose among many such sets
@@ -57,18 +57,18 @@ def _unit(study: Study, episodes: npt.NDArray[np.int64], index: int) -> Array:
 
 
 def extremes(study: Study) -> dict[str, tuple[float, float]]:
-    """Path -> smallest and largest value over the study's episodes."""
+    """Parameter path -> smallest and largest value over the study's episodes."""
     return {path: (low, high) for path, (low, high, _, _) in _ends(study).items()}
 
 
 def derived_extremes(study: Study) -> dict[str, tuple[int, int]]:
-    """Derived path -> episodes of its smallest and largest value."""
+    """Path of a derived parameter -> episodes of its smallest and largest value."""
     ends = _ends(study) if study.derived else {}
     return {path: ends[path][2:] for path in study.derived}
 
 
 def _ends(study: Study) -> dict[str, tuple[float, float, int, int]]:
-    """Path -> smallest and largest value, and the first episode of each."""
+    """Parameter path -> smallest and largest value, and the first episode with each."""
     found: dict[str, tuple[float, float, int, int]] = {}
     for start in range(0, study.episodes, BLOCK):
         block = range(start, min(start + BLOCK, study.episodes))

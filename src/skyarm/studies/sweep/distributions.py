@@ -79,7 +79,7 @@ Distribution = Uniform | LogUniform | Normal | Values
 
 
 def finite(vary: Mapping[str, Distribution]) -> dict[str, Values]:
-    """Select the discrete distributions (grids and lists) by path."""
+    """Select the varied parameters with discrete distributions (grids and lists), by path."""
     return {path: each for path, each in vary.items() if isinstance(each, Values)}
 
 
@@ -126,7 +126,7 @@ def _require_ascending(ends: tuple[float, float], at: str, value: object) -> Non
 
 
 def _numbers(value: object, at: str, counts: tuple[int, int], wanted: str) -> tuple[float, ...]:
-    """Read a list of numbers and check its length."""
+    """Read a distribution's list of numbers from a file's value and check its length."""
     if not isinstance(value, list) or not counts[0] <= len(value) <= counts[1]:
         raise ValueError(f"{at} = {shown(value)}: must be a list of {wanted}")
     return tuple(number(item, f"{at}[{i}]") for i, item in enumerate(value))

@@ -125,7 +125,7 @@ def read_expression(text: Any, known: Collection[str], field: str = "expression"
     words: dict[str, str] = {}
 
     def word(found: re.Match[str]) -> str:
-        """Placeholder identifier for a name, of the same length, so that error positions stay correct."""
+        """Valid Python identifier in place of a quoted or dotted name, of equal length for correct error positions."""
         name, call = found["quoted"] or found["plain"], found["call"] or ""
         if call and name != FUNCTION:
             why = f"{shown(name)} must not be called; the one function is {FUNCTION}"
@@ -169,7 +169,7 @@ def _wrong(field: str, text: str, at: int, why: str) -> ExpressionError:
 
 
 def is_own_name(text: str) -> bool:
-    """True for a parameter name without a dot, which is the study's and not a path of its scenario."""
+    """True for a parameter name without a dot: defined by the study, not a parameter path of its scenario."""
     return NAME.fullmatch(text) is not None
 
 

@@ -30,7 +30,7 @@ PLANT = ("plant.vehicle.", "plant.joints.", "plant.payload.")
 
 @dataclass(frozen=True)
 class Plan:
-    """Study whose extreme parameter values were all checked.
+    """Study that has been checked at the extremes of its varied parameters and is ready to be simulated.
 
     Attributes:
         study: as read.
@@ -62,7 +62,7 @@ class Plan:
 
 @dataclass(frozen=True, slots=True)
 class _Setting:
-    """Parameter values of an episode, with their path and their location for error messages."""
+    """Parameter values to be checked on a scenario, with parameter path and location for error messages."""
 
     path: str
     where: str
@@ -112,7 +112,7 @@ def prepare(study: Study) -> Plan:
 
 
 def _unit(scenario: Scenario, path: str) -> str:
-    """Unit of a parameter; empty if it is not a field of a record."""
+    """Unit of a parameter by its path; empty if the scenario has no such field."""
     try:
         return unit_at(scenario, path)
     except ValueError:
@@ -120,7 +120,7 @@ def _unit(scenario: Scenario, path: str) -> str:
 
 
 def _code_and_endings(study: Study) -> dict[str, Any]:
-    """Further facts that determine the rows: files of user code, and user-defined terminations."""
+    """User code files and user-defined termination statuses: further facts that determine the study's rows."""
     own = dict.fromkeys(ending.status for scenario in study.scenarios.values() for ending in scenario.endings)
     rows = [row.load() for name, row in registrations("metric").items() if name in study.metrics]
     code = all_files(study.scenarios, rows)
@@ -130,7 +130,7 @@ def _code_and_endings(study: Study) -> dict[str, Any]:
 
 
 def _singles(source: str, ends: Mapping[str, tuple[float, float]]) -> list[_Setting]:
-    """Settings with one parameter at one of its ends, for every parameter and both ends."""
+    """Parameter values to be checked: one parameter at its smallest or largest value, for every parameter."""
     return [
         _Setting(path, f'{source}: vary."{path}" reaches {value:.6g}', {path: value})
         for path, pair in ends.items()
@@ -139,7 +139,7 @@ def _singles(source: str, ends: Mapping[str, tuple[float, float]]) -> list[_Sett
 
 
 def _derived_settings(study: Study) -> list[_Setting]:
-    """Settings of the episodes in which a derived parameter is smallest or largest, with all their values."""
+    """Parameter values to be checked: episodes in which a derived parameter is smallest or largest."""
     found = []
     for path, episodes in derived_extremes(study).items():
         for episode in dict.fromkeys(episodes):

@@ -122,7 +122,7 @@ def run_sweep(
 
 
 def _part(text: str | None) -> tuple[int, int]:
-    """First chunk and stride of one part of a study that is divided among machines."""
+    """Index of the first chunk and stride between chunks, for one machine's share K/N of a study."""
     found = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text or "1/1")
     if not found or not 1 <= int(found[1]) <= int(found[2]):
         raise StudyError(f"--part = {shown(text)}: must be K/N with K from 1 to N, such as 3/16")
@@ -157,5 +157,5 @@ def fly_chunk(plan: Plan, batches: Mapping[str, Batch], index: int, threads: int
 
 
 def _words(pa: Any, indices: Any, words: list[str]) -> Any:
-    """Dictionary-encoded column of strings."""
+    """Column of strings for a Parquet file, dictionary-encoded."""
     return pa.DictionaryArray.from_arrays(pa.array(indices, type=pa.int8()), pa.array(words))

@@ -95,7 +95,7 @@ class Rows:
             raise StudyError(f"{self.folder}: column {name!r}: must be readable ({first})") from None
 
     def of(self, controller: str, name: str) -> Array:
-        """Column of one controller's rows."""
+        """Column of the rows of one controller, by name."""
         return np.asarray(self._column(name)[self._chosen[controller]])
 
     def succeeded(self, controller: str) -> npt.NDArray[np.bool_]:

@@ -1,4 +1,4 @@
-"""Folder of a study: a manifest, and Parquet files of rows, each written atomically and marked with the study.
+"""Folder of a study: a manifest, and Parquet files of rows, each written atomically and tagged with the study's digest.
 
 A file counts if its metadata has the study's digest and its own number and its pages fit their checksums; any other is
 flown again.
@@ -83,7 +83,7 @@ class Manifest:
 
     @cached_property
     def facts(self) -> str:
-        """Facts that determine the rows, in the order of the study's file, which sets the random streams."""
+        """JSON text of the facts that determine the rows, in the study file's order, which sets the random streams."""
         return json.dumps({"study": self.study, "scenarios": self.scenarios, "version": self.versions["skyarm"]})
 
     @cached_property
@@ -117,11 +117,11 @@ class Manifest:
         return range(index * size, min((index + 1) * size, episodes))
 
     def mark(self, index: int) -> bytes:
-        """Identity of a chunk: digest of the study and chunk number."""
+        """Identity of a chunk, stored in its file: study digest and chunk number."""
         return f"{self.digest}/{index}".encode()
 
     def parquet(self, table: Any, index: int) -> bytes:
-        """Build the Parquet file of a chunk's rows, with its mark."""
+        """Build the Parquet file of a chunk's rows, tagged with study digest and chunk number."""
         sink = io.BytesIO()
         version = self.versions["skyarm"].encode()
         marked = table.replace_schema_metadata({MARK: self.mark(index), FACTS: self.facts.encode(), VERSION: version})
@@ -131,7 +131,7 @@ class Manifest:
         return sink.getvalue()
 
     def differences(self, there: Manifest) -> Iterator[tuple[str, Any, Any]]:
-        """(field, value of this study, value of the folder) for each difference that changes rows."""
+        """(field, value of this study, value of the folder) for each difference that affects the rows."""
         ours, theirs = (each._rows_depend_on() for each in (self, there))
         names = dict.fromkeys([*ours, *theirs])
         # the most telling first
@@ -196,7 +196,7 @@ def chunks_there(folder: str | os.PathLike[str]) -> list[int]:
 
 
 def _mark(path: Path) -> bytes | None:
-    """Mark of a Parquet file of rows, b"" if it has none; None if the file is damaged."""
+    """Identity stored in a Parquet file of rows, b"" if absent; None if the file is damaged."""
     pa = arrow()
     try:
         table = pa.parquet.ParquetFile(path, page_checksum_verification=True).read()

@@ -20,7 +20,7 @@ LARGEST_CHUNK, MOST_EPISODES = 2**20, 2**32
 
 
 class StudyError(ValueError):
-    """Error of an invalid study, or of a folder that holds another one."""
+    """Error of an invalid study, or of a folder that belongs to another study."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -107,7 +107,7 @@ def _require_no_file_law(controllers: Any) -> None:
 
 
 def study_from(document: Mapping[str, Any], folder: str | os.PathLike[str] = "", *, source: str = "study") -> Study:
-    """Study from a TOML document.
+    """Create a study from a parsed TOML document.
 
     Args:
         document: plain tables, as read from TOML.
@@ -238,7 +238,7 @@ def _scenarios(top: Fields, folder: Path, paths: list[str], derived: Collection[
 
 
 def _require_numbered_alike(scenario: Scenario, own: Scenario) -> None:
-    """Refuse to vary scheduled changes by index if a controller removes some of them."""
+    """Refuse to vary scheduled changes by index if a controller removes some and thus renumbers the others."""
     if scenario.changes != own.changes:
         words = "must be left out with vary.changes, since the scenario changes numbers of its own controller in flight"
         raise ValueError(f"controllers: {words}")
@@ -257,7 +257,7 @@ def _controllers(top: Fields) -> list[str] | None:
 
 
 def _ready(scenario: Scenario, paths: list[str], derived: Collection[str]) -> Scenario:
-    """Scenario with every varied parameter as batch data, even where it is zero."""
+    """Scenario in which every varied parameter is a variable of the batch, even one that is zero."""
     if scenario.kind != "rigid_body":
         raise ValueError(f"scenario: plant.kind = {scenario.kind!r}: must be rigid_body, whose episodes fly in batches")
     for path in paths:

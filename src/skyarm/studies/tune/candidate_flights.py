@@ -84,7 +84,7 @@ def shorten(own: Scenario) -> Scenario:
 
 
 def with_own(plants: Plants) -> Plants:
-    """Assign the scenario's own motion, instead of a drawn one, to every fourth plant."""
+    """Plants of which every fourth flies the scenario's own reference motion instead of a drawn one."""
     kinds = plants.kinds.copy()
     kinds[EVERY - 1 :: EVERY] = OWN
     return dataclasses.replace(plants, kinds=kinds)
@@ -206,7 +206,7 @@ class CandidateFlights:
 
 
 def of_drawn(flown: Flown) -> Flown:
-    """Results restricted to plants with drawn motions."""
+    """Flight results restricted to plants that flew drawn reference motions."""
     which = flown.kinds != OWN
     return Flown(**{name: table[..., which] for name, table in parts(flown).items()})
 
@@ -226,7 +226,7 @@ def _join(mine: npt.NDArray[np.bool_], drawn: Flown, own: Flown) -> Flown:
 
 
 def _error(window: str, name: str) -> str:
-    """Name of the metric for the mean error against the continuous reference."""
+    """Name of the metric of a quantity's mean error in a time window, against the continuous reference."""
     return f"{window}{name}_error_mean_continuous"
 
 
@@ -249,7 +249,7 @@ SMALLEST = 1e-5
 
 @dataclass(frozen=True, slots=True)
 class Scores:
-    """Scores of all candidates (candidates,).
+    """Scores (candidates,) of all gain candidates: errors, jitter, effort, losses and missing margin.
 
     Attributes:
         error, tip: m, 90 % quantiles over the plants, of kinds of motion the geometric mean.
@@ -291,7 +291,7 @@ def scores(flown: Flown) -> Scores:
 
 
 def _quantile(errors: Array, kinds: npt.NDArray[np.int_]) -> Array:
-    """90 % quantile of the error over plants; geometric mean over several kinds of motion.
+    """90 % quantile of the error over plants per kind of motion, combined over kinds by geometric mean.
 
     One quantile over all would be that of the hardest kind alone.
     """

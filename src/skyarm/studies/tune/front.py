@@ -32,7 +32,7 @@ RULE = (
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Required:
-    """Required stability margins: delay in s, gain as one factor for increase and decrease."""
+    """Required stability margins: delay, s, and gain as a factor by which loop gains may rise or fall."""
 
     delay: float
     gain: float
@@ -40,7 +40,7 @@ class Required:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LoopMargins:
-    """Margins in hover: delay, s, and gain intervals of rotors and joints; or the reason why there are none."""
+    """Margins in hover: delay, s, and gain intervals of rotors and joints; or the reason why none were computed."""
 
     delay: float
     rotors: tuple[float, float]
@@ -92,7 +92,7 @@ class Point:
 
 
 def activity(jitter: float, effort: float) -> float:
-    """Control activity ln jitter + ln effort; zero terms are left out."""
+    """Control activity ln jitter + ln effort; the effort is left out if zero."""
     return math.log(jitter + SMALLEST) + (math.log(effort + SMALLEST) if effort > 0.0 else 0.0)
 
 
@@ -137,7 +137,7 @@ def pareto_front(points: Sequence[Point]) -> list[Point]:
 
 
 def front_of(starts: Sequence[Point], found: Sequence[Point], required: Required) -> tuple[list[Point], int]:
-    """Pareto front of all points, and index of the selected one, which is no worse than the initial gains.
+    """Pareto front of tuning results, and index of the selected point, which is no worse than the initial gains.
 
     Where a start meets the constraints, the best of them is the measure: points whose error is above its own, or their
     tip's more than 5 % above, are not picked, though they stay on the front; where none is left, the start is picked.

@@ -45,7 +45,7 @@ REACHES = (0.15, 0.3, 0.6)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Effort:
-    """Size of a search: numbers of candidates, rounds and plants.
+    """Size of a search: numbers of candidates, search rounds and plants.
 
     Attributes:
         scatter: candidates of the first round. population: of each CMA-ES in each round. rounds: of them.
@@ -125,7 +125,7 @@ def search(
 
 
 def with_margins(scores: Scores, asked: Array, groups: Sequence[tuple[float, slice, int]], short: Shortness) -> Scores:
-    """Add the margin penalty to the scores, computed only for candidates that may lead.
+    """Add the penalty for missing stability margins to the scores, computed only for candidates that may be best.
 
     Args:
         scores: of a round, without margins.
@@ -149,12 +149,12 @@ def _leaders(cost: Array, which: slice, count: int) -> list[int]:
 
 
 def costs(found: Sequence[Scores], weight: float) -> Array:
-    """Cost of every candidate of a search, for a given weight of control activity."""
+    """Cost of every candidate over all rounds of a search, for a given weight of control activity."""
     return np.concatenate([scores.cost(weight) for scores in found])
 
 
 def _best(logs: Array, found: Sequence[Scores], weight: float) -> Array:
-    """Candidate of least cost; among those simulated on all plants, if there are any."""
+    """Candidate of least cost; only candidates simulated on all plants count, if there are any."""
     every = costs(found, weight)
     first = len(found[0].error) if len(found) > 1 else 0
     best: Array = logs[first + int(every[first:].argmin())]
@@ -191,7 +191,7 @@ def exponent(knob: Knob) -> float:
 
 
 def _bounds(knobs: Sequence[Knob]) -> Array:
-    """Bounds on the logarithm of each gain factor (knobs, 2); a fraction stays at most one."""
+    """Bounds on the logarithm of each gain factor (gains, 2); a gain that is a fraction stays at most one."""
     highs = [min(BOX, -math.log(max(knob.values(1.0)))) if _is_share(knob) else BOX for knob in knobs]
     return np.array([[-BOX, high + 1e-9] for high in highs])
 

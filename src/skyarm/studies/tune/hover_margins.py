@@ -60,7 +60,7 @@ def required_margins(scenario: Scenario) -> Required:
 
 
 def with_gains(controller: Controller, knobs: Sequence[Knob], logs: Sequence[float]) -> Controller:
-    """Controller with the numbers of each knob multiplied by its factor."""
+    """Controller with the parameters of each tunable gain multiplied by the gain's factor."""
     numbers = {
         place: value * math.exp(log) for knob, log in zip(knobs, logs, strict=True) for place, value in knob.numbers
     }
@@ -74,14 +74,14 @@ def calm(flight: Scenario) -> Scenario:
 
 
 def margins_of(hover: Instant | None) -> LoopMargins:
-    """Margins of a hover as used in tuning; none if it did not settle."""
+    """Stability margins of a hover in the form used for tuning; zero margins if the hover did not settle."""
     if hover is None:
         return LoopMargins(delay=0.0, rotors=(1.0, 1.0), joints=(1.0, 1.0))
     return LoopMargins(delay=hover.delay, rotors=hover.gain("rotor_gain"), joints=hover.gain("joint_gain"))
 
 
 class HoverMargins:
-    """Hover margins of candidates; no requirement if the loop cannot be linearised.
+    """Stability margins in hover of gain candidates; always met if the loop cannot be linearised.
 
     Args:
         scenario: flight of the candidates. knobs: their tunable gains.
@@ -126,7 +126,7 @@ class HoverMargins:
             return np.array(list(pool.map(cost, *lanes)))
 
     def measure(self, logs: Array) -> list[LoopMargins]:
-        """Hover margins of each candidate: the worse of both linearisations."""
+        """Hover margins of each candidate: the worse of rising and falling rotor time constants."""
         if self._loops is None:
             return [dataclasses.replace(margins_of(None), why_none=self._why_none)] * len(logs)
         return [margins_of(hover) for hover in self._loops.margins(self._values(self._loops, logs))]

@@ -65,12 +65,12 @@ class Knob:
     numbers: tuple[tuple[Place, float], ...]
 
     def values(self, factor: float) -> tuple[float, ...]:
-        """Numbers of the gain, multiplied by a common factor."""
+        """Parameter values of the gain, multiplied by a common factor."""
         return tuple(factor * number for _, number in self.numbers)
 
 
 def inner_place(controller: Controller) -> Place:
-    """Parameter path of the innermost controller, below layers of safety and actuators."""
+    """Parameter path of the innermost controller, inside wrappers such as safety filters and actuator models."""
     place: Place = ()
     par = controller.par
     while is_record(inner := getattr(par, "inner", None)):
@@ -128,7 +128,7 @@ def _knob_at(par: Any, path: str) -> Knob | None:
 
 
 def _found(record: Any, place: Place, unit: Unit, fixed: bool) -> Iterator[Knob]:
-    """Tunable gains in a part of the parameters; ``unit`` is the unit of the enclosing field."""
+    """Find the tunable gains in a nested part of a controller's parameters; ``unit``: of the enclosing field."""
     if is_record(record) and not isinstance(record, Vec3):
         declared = declared_fields(type(record))
         for name, value in parts(record).items():
@@ -160,7 +160,7 @@ def _is_gain(unit: Unit) -> bool:
 
 
 def _knob(place: Place, record: Any, unit: Unit) -> Knob | None:
-    """Tunable gain over every positive number of a record; None if there is none."""
+    """Tunable gain made of all positive numbers in a parameter dataclass; None if all are zero."""
     numbers = tuple((at, value) for at, value in walk(record, place) if type(value) is float and value > 0.0)
     return Knob(path=".".join(place), unit=unit.unit, numbers=numbers) if numbers else None
 
@@ -176,7 +176,7 @@ GIVEN = "before"
 
 @dataclass(frozen=True, kw_only=True)
 class Centred:
-    """Tuning flight with the gains at the centre of the search.
+    """Tuning flight whose controller has the gains at the centre of the search.
 
     Attributes:
         flight: with them. knobs: their factors are 1 there.
@@ -229,12 +229,12 @@ def with_catalogue_gains(flight: Scenario, knobs: tuple[Knob, ...], label: str) 
 
 
 def values(knob: Knob) -> tuple[float, ...]:
-    """Numbers of a tunable gain in the controller's parameters."""
+    """Current parameter values of a tunable gain in the controller."""
     return knob.values(1.0)
 
 
 def _catalogue_gains(scenario: Scenario, knobs: tuple[Knob, ...]) -> dict[str, Numbers]:
-    """Catalogue name -> numbers of every gain: default, tuned and preset values of the controller.
+    """Catalogue name -> parameter values of every gain: default, tuned and preset gains of the controller.
 
     None for a law that the catalogue does not know; no numbers of a knob that a preset does not have.
     """
@@ -270,7 +270,7 @@ def _make(name: str, model: object, facts: Mapping[str, object]) -> Controller |
 
 
 def _same_shares(knob: Knob, numbers: tuple[float, ...]) -> bool:
-    """True if the numbers are a common multiple of the gain's own numbers."""
+    """True if the given values are a common multiple of the gain's own parameter values."""
     if not numbers:
         return False
     factors = np.array(numbers) / np.array(values(knob))
@@ -278,7 +278,7 @@ def _same_shares(knob: Knob, numbers: tuple[float, ...]) -> bool:
 
 
 def _row(numbers: Numbers, middle: Numbers) -> tuple[float, ...]:
-    """Logarithmic factor of each gain, from the geometric mean of its numbers."""
+    """Logarithmic factor of each gain between two sets of values, by the geometric means of their parameters."""
     return tuple(_mean(at) - _mean(base) if at else 0.0 for at, base in zip(numbers, middle, strict=True))
 
 

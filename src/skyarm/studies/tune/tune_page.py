@@ -29,14 +29,14 @@ def front_name(number: int) -> str:
 
 
 def words_of(name: str) -> dict[str, Any]:
-    """[law] table of a controller given by its catalogue name."""
+    """Scenario table [law] that selects a controller by its catalogue name."""
     if name in PRESETS:
         return {"preset": name}
     return {"law": name.removesuffix(TUNED), "tuned": True} if name.endswith(TUNED) else {"law": name}
 
 
 def gains_of(tuning: Tuning, point: Point) -> dict[str, float | list[float]]:
-    """Parameters of all tunable gains, in the form of a gain file."""
+    """Parameter path -> value or values of all tunable gains at a point of the front, as in a gain file."""
     controller = tuning.plan.flight.controller
     tuned = with_gains(controller, tuning.plan.knobs, point.logs)
     below, found = inner_place(controller), {}
@@ -81,7 +81,7 @@ def gains_text(tuning: Tuning, point: Point, words: Mapping[str, Any], kept: Map
 
 
 def about(tuning: Tuning) -> dict[str, Any]:
-    """Description of the gains' origin."""
+    """Origin of the tuned gains: scenario, vehicle, digests and search settings, as plain data."""
     plan = tuning.plan
     return {
         **plan.facts(),
@@ -98,7 +98,7 @@ def about(tuning: Tuning) -> dict[str, Any]:
 
 
 def plain_point(point: Point) -> dict[str, Any]:
-    """Scores and margins of a point, as plain data."""
+    """Scores and margins of a Pareto front point, as plain data."""
     return {
         "error_m": _short(point.error),
         "tip_m": _short(point.tip),
@@ -117,7 +117,7 @@ def plain_aside(aside: Aside) -> dict[str, float | bool]:
 
 
 def plain_margins(margins: LoopMargins) -> dict[str, Any]:
-    """Margins as plain data, without values beyond the examined range."""
+    """Stability margins as plain data; margins beyond the examined range are omitted."""
     if margins.why_none:
         return {"no_margins": margins.why_none}
     delay = {"delay_margin_s": _short(margins.delay)} if math.isfinite(margins.delay) else {}

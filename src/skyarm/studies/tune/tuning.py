@@ -93,7 +93,7 @@ class Plan:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Aside:
-    """Validation scores: on plants and a path not used in tuning.
+    """Validation scores of gains: on plants and a reference path not used in tuning.
 
     Attributes:
         tip: m, 90 % quantile. jitter: rad/s, median. lost: share.
@@ -171,7 +171,7 @@ class Tuner:
         return HoverMargins(self._plan.flight, self._plan.knobs, self._threads)
 
     def judge(self, number: int, asked: Array, plants: int) -> Scores:
-        """Scores of one search round."""
+        """Scores of the candidates of one search round."""
         flown = scores(self._flights.fly(asked, plants, others=self._telling if number else None))
         found = with_margins(flown, asked, self._groups(number, len(asked)), self._margins.costs)
         if number == 0:
@@ -182,7 +182,7 @@ class Tuner:
 
     @cached_property
     def _telling(self) -> Plants:
-        """Plants of all later rounds, among them plants on which the leaders of the first round crash.
+        """Plants of all search rounds after the first, among them ones on which its best candidates crash.
 
         A search that loses one plant in fifty does not see it on two dozen.
         """
@@ -197,14 +197,14 @@ class Tuner:
         return with_own(plants) if self._plan.own else plants
 
     def _groups(self, number: int, count: int) -> list[tuple[float, slice, int]]:
-        """Candidates whose margins are computed: best of the scatter per weight, then half of each CMA-ES."""
+        """Candidates whose margins are computed: best of the first round per weight, then half of each CMA-ES run."""
         if number == 0:
             return [(weight, slice(0, count), LEADERS) for weight in WEIGHTS]
         each = self._plan.effort.population
         return [(weight, slice(i * each, (i + 1) * each), (each + 1) // 2) for i, weight in enumerate(WEIGHTS)]
 
     def again(self, asked: Array) -> tuple[Scores, Scores]:
-        """Scores of semifinalists on further plants with margins: over all motions, and over drawn motions."""
+        """Scores of the best candidates on further plants: over all reference motions, and over drawn motions only."""
         self._progress(self._done, self._total, "the best once more")
         flown = self._flights.fly(asked, others=self._drawn(FURTHER, self._plan.seed + 2))
         short = self._margins.costs(asked)
@@ -213,7 +213,7 @@ class Tuner:
         return every, drawn
 
     def check(self, rows: Array, again: Scores) -> list[Point]:
-        """Evaluate initial gains and finalists on unseen plants, with margins."""
+        """Evaluate initial gains and the candidates for the Pareto front on unseen plants, with stability margins."""
         plan = self._plan
         mixed = plan.check.reference == plan.flight.reference
         flown = self._flown_once(plan.check, plan.unseen, 1, rows, mixed=mixed, saturation=True)
@@ -234,7 +234,7 @@ class Tuner:
         ]
 
     def fly_aside(self, points: dict[str, Point]) -> dict[str, Aside]:
-        """Validate the selected gains and every initial set on plants and a path not used in tuning."""
+        """Validate the selected and the initial gains on plants and a reference path not used in tuning."""
         wanted = required_margins(self._plan.flight)
         self._progress(self._total, self._total, "plants and a path kept aside")
         flown = scores(self._flown_once(self._plan.aside, ASIDE, 3, np.array([each.logs for each in points.values()])))
@@ -254,7 +254,7 @@ class Tuner:
         mixed: bool = False,
         saturation: bool = False,
     ) -> Flown:
-        """Simulate some candidates along another path, on plants and noise not used in the search."""
+        """Simulate some candidates on another scenario, with plants and noise not used in the search."""
         seed = self._plan.seed + further
         plants = draw_plants(scenario, count, seed=seed, mixed=mixed)
         flights = CandidateFlights(

@@ -123,7 +123,7 @@ def envelope_figure(axes: Mapping[str, Any], laws: Sequence[str]) -> Figure:
 
 
 def _low(axes: Mapping[str, Any]) -> float:
-    """Lower limit of the error axis, mm: a power of ten below all errors."""
+    """Lower limit of the logarithmic error axis, mm: a power of ten below all errors."""
     errors = [
         1e3 * point["judged"]
         for axis in axes.values()
@@ -135,7 +135,7 @@ def _low(axes: Mapping[str, Any]) -> float:
 
 
 def _looks(laws: Sequence[str]) -> dict[str, Style]:
-    """Colour, marker and dashes of each controller."""
+    """Line style of each controller: colour, marker and dashes."""
     known = {law: KNOWN.index(law) for law in laws if law in KNOWN}
     free = iter([place for place in range(len(LINES) + len(laws)) if place not in known.values()])
     places = {law: known[law] if law in known else next(free) for law in laws}
@@ -171,7 +171,7 @@ def _law(
     place: float,
     low: float,
 ) -> None:
-    """Draw a controller's error curve, interrupted where the vehicle is lost, with crosses at the top instead."""
+    """Draw a controller's error curve; where the vehicle is lost, a cross at the top replaces the point."""
     error = [float("nan") if p["lost"] else min(max(1e3 * p["judged"], low), HIGH) for p in points]
     panel.plot(places, error, markersize=4, zorder=3 + place, **look)
     height = HIGH * (TOP / HIGH) ** (0.15 + 0.85 * place)

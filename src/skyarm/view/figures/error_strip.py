@@ -33,7 +33,7 @@ POINTS = 1500
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """Error (N,), m, or force (N,), N, of one flight at instants (N,), s, with its colour."""
+    """Curve of one flight in the strip: error (N,), m, or force (N,), N, at times (N,), s, with a colour."""
 
     time: Array
     error: Array

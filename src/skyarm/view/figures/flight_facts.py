@@ -31,7 +31,7 @@ class Event:
 
 
 def scenario_of(log: Log) -> Scenario | None:
-    """Scenario stored in a log; None if its version stored none or a plugin is not loaded."""
+    """Scenario stored in a log; None for logs of versions that stored no scenario, or if a plugin is not loaded."""
     try:
         scenario: Scenario = log.scenario
     except ValueError:
@@ -99,7 +99,7 @@ def ending_of(log: Log) -> str:
 
 
 def applied_force(log: Log) -> Array | None:
-    """Total contact force (N,) on the vehicle, N, or grip force if nothing touches; None without a world."""
+    """Total contact force (N,) on the vehicle, N, or the grip force if there is no contact; None without surfaces."""
     touches, grips = log.component("contact_force"), log.component("gripper_force")
     if not touches.size:
         return None
@@ -139,7 +139,7 @@ def flight_events(log: Log) -> tuple[Event, ...]:
 
 
 def _changes(scenario: Scenario, end: float) -> Iterator[Event]:
-    """Event of each scheduled change, labelled by parameter path and value, or path only for repeated changes."""
+    """Event of each scheduled parameter change, labelled by path and value, or by path only if repeated."""
     changes = [change for change in scenario.changes if float(change.at) < end]
     paths = [change.path for change in changes]
     for change in changes:

@@ -56,7 +56,7 @@ class Panel:
 
 
 def column(name: str, i: int, reference: str = "", factor: float = 1.0) -> Read:
-    """Function from a log to column ``i`` of an array, or to its difference from a reference array."""
+    """Function from a log to column ``i`` of a logged array, or to that column's difference from a reference array."""
 
     def read(log: Log) -> Array | None:
         table: Array = getattr(log, name)
@@ -69,7 +69,7 @@ def column(name: str, i: int, reference: str = "", factor: float = 1.0) -> Read:
 
 
 def distance(name: str, reference: str, factor: float = 1.0) -> Read:
-    """Function from a log to the norm of an array's difference from a reference."""
+    """Function from a log to the norm, over time, of a logged array's difference from a reference."""
     return lambda log: factor * np.asarray(np.linalg.norm(getattr(log, name) - getattr(log, reference), axis=1))
 
 
@@ -87,7 +87,7 @@ def by_axis(label: str, array: str, desired: str = "", error: str = "") -> list[
 
 
 def _joints(logs: Sequence[Log]) -> Iterator[tuple[int, str, str, list[Any]]]:
-    """(index, label, kind, joint records of all flights) of each joint of the longest arm."""
+    """(index, label, kind, joint models of all flights) of each joint of the arm with most joints."""
     names = names_of(max(logs, key=lambda log: log.joints.shape[1]))
     for i, (name, kind) in enumerate(zip(names.joints, names.kinds, strict=True)):
         label = name[:1].upper() + name[1:] if kind else f"Joint {i + 1}"
@@ -214,13 +214,13 @@ def _rotors(logs: Sequence[Log]) -> list[Panel]:
 
 
 def _parts(logs: Sequence[Log]) -> list[Panel]:
-    """Panels of all numbers that the flights' components log."""
+    """Panels of all quantities logged by environment components (winds, forces, contacts) and other plug-in models."""
     every = {each.name: each for log in logs for each in columns(log) if each.array.startswith(f"{COMPONENTS}.")}
     return [Panel(label=name, unit=each.unit, of=_declared(name)) for name, each in every.items()]
 
 
 def _declared(name: str) -> Read:
-    """Function from a log to a column of its components, by name."""
+    """Function from a log to the values of a quantity logged by an environment component, by its name."""
     return lambda log: next((each.of(log) for each in columns(log) if each.name == name), None)
 
 
@@ -257,7 +257,7 @@ def measured_flights(log: Log) -> Iterator[tuple[str, Log]]:
 
 
 def panels_of(kind: str, logs: Sequence[Log]) -> list[Panel]:
-    """Panels of a kind, labelled after the flights with most joints and most rotors.
+    """Panels of a given kind, covering the joints and rotors of all flights.
 
     Raises:
         ValueError: one line: no such kind, or flights that have nothing of it.

@@ -81,7 +81,7 @@ def plot(
 def _panels_figure(
     panels: Sequence[Panel], named: Mapping[str, Log], span: tuple[float, float], every: bool
 ) -> Picture:
-    """Draw panels over a common time axis, in columns of a page if ``every`` kind is drawn."""
+    """Draw panels over a common time axis; if all kinds of panel are drawn, in columns of a page."""
     figure, axes = PAPER.stacked_panels(len(panels), OF_A_PAGE if every else None)
     handles: Handles = {}
     events = _events_by_label(named)
@@ -144,7 +144,7 @@ def _draw(ax: Axes, panel: Panel, named: Mapping[str, Log], span: tuple[float, f
 
 
 def _received(panel: Panel, log: Log, truth: Array) -> Iterator[tuple[str, Array | None, Style]]:
-    """(label, curve, style) of a panel's quantity as measured and as estimated."""
+    """(label, curve, style) of the measured and of the estimated values of a panel's quantity."""
     first = PAPER.look(0)
     held: Style = {"color": HELD, "linewidth": first.width, "zorder": 2.5, "drawstyle": "steps-post"}
     looks = {MEASURED: held, ESTIMATED: PAPER.look(1).line}
@@ -165,7 +165,7 @@ def _different_references(panel: Panel, named: Mapping[str, Log]) -> list[tuple[
 
 
 def _ends(panel: Panel, kept: Sequence[Array], lost: Sequence[Array]) -> tuple[float, float]:
-    """Limits of the value axis, from completed flights if there are any, and references.
+    """Limits of the value axis, from references and completed flights; from all flights if none was completed.
 
     A flight that was lost adds at most as much again on each side, so that it does not flatten the others.
     """
@@ -195,7 +195,7 @@ def _mark_events(ax: Axes, events: Mapping[Event, str], span: tuple[float, float
 
 
 def _events_by_label(named: Mapping[str, Log]) -> dict[Event, str]:
-    """Event -> its label, with the names of its flights if not all have it."""
+    """Event -> label, with the names of the flights that have the event unless all do."""
     found: dict[Event, list[str]] = {}
     for label, log in named.items():
         for event in flight_events(log):

@@ -242,7 +242,7 @@ def overview_figure(logs: Mapping[str, Mapping[str, Log]], steady: Window) -> Fi
 
 
 def _curves(ax: Axes, logs: Mapping[str, Log], panel: Panel, span: tuple[float, float]) -> None:
-    """Draw the curves of a panel over a time interval, mm."""
+    """Draw a panel's curve of each controller over a time interval, mm."""
     drawn = []
     for i, (controller, log) in enumerate(logs.items()):
         time, mean = by_hold(log, panel.of(log))

@@ -112,7 +112,7 @@ def _frame(ax: Axes) -> None:
 
 
 def world_of(named: Mapping[str, Log], span: tuple[float, float]) -> Scene:
-    """Surroundings of the first flight that has any, at the start and end of the time interval."""
+    """Surroundings in the first flight whose scenario has any, at start and end of the time interval."""
     for log in named.values():
         scenario = scenario_of(log)
         inside = np.flatnonzero((log.time >= span[0]) & (log.time <= span[1]))
@@ -130,13 +130,13 @@ def world_of(named: Mapping[str, Log], span: tuple[float, float]) -> Scene:
 
 
 def _draw_line(ax: Axes, view: View, line: Line) -> None:
-    """Draw a line of the surroundings at its initial position, and dashed at its final one."""
+    """Draw a line of the surroundings at its initial position, and dashed at its final position."""
     for places, style in zip(line.places, ("-", "--"), strict=True):
         ax.plot(*view.flat(places).T, label=line.name, color=PAPER.frame, linestyle=style, linewidth=0.09 * PAPER.small)
 
 
 def _draw_solid(ax: Axes, view: View, solid: Solid) -> None:
-    """Draw the outline of a solid: filled at its initial pose, as a line at its final one."""
+    """Draw the outline of a solid: filled at its initial pose, as a line at its final pose."""
     for k in (0, 1) if solid.moves else (0,):
         if solid.shape.kind == "patch" and abs(solid.rotation[k, :, 2] @ view.toward) > FACE_ON:
             continue

@@ -132,7 +132,7 @@ def _marks(x: Array) -> Style:
 
 
 def _draw_lost(ax: Axes, curves: Sequence[BandedCurve]) -> None:
-    """Draw the share of episodes that ended early."""
+    """Draw the share of episodes that ended early against the varied parameter, a curve per controller."""
     for i, curve in enumerate(curves):
         look = PAPER.look(i)
         share = curve.lost / np.maximum(curve.episodes, 1)

@@ -113,7 +113,7 @@ class Frame:
 
 @dataclass(frozen=True, slots=True)
 class PosedJoint:
-    """Joint to draw, with its place and value.
+    """Joint to draw: position, axis, value, and lines to the next joints.
 
     Attributes:
         name: as in the vehicle. turns: else it slides. value: rad or m.
@@ -145,7 +145,7 @@ class Posed:
 
 
 def drawing_angles(vehicle: Vehicle) -> tuple[float, ...]:
-    """Joint values for a drawing: BENT if the axis is perpendicular to the side view, else zero; within limits."""
+    """Joint values for a drawing, within limits: BENT for a joint that turns in the side view's plane, else zero."""
     level = _at_origin(vehicle, [0.0] * vehicle.n)
     found = []
     for i, link in enumerate(vehicle.links):
@@ -155,7 +155,7 @@ def drawing_angles(vehicle: Vehicle) -> tuple[float, ...]:
 
 
 def pose(vehicle: Vehicle, joints: Sequence[float] | None = None) -> Posed:
-    """Compute the pose of a vehicle for its drawing.
+    """Place joints, frames and bodies of a vehicle for its drawing, at given joint values or default ones.
 
     Args:
         vehicle: with concrete numbers.
@@ -342,7 +342,7 @@ def _mark_rotors(sheet: Sheet, vehicle: Vehicle, posed: Posed) -> None:
 
 
 def _rotor_bow(sheet: Sheet, vehicle: Vehicle, i: int) -> tuple[Array, Array]:
-    """Draw an arc with an arrowhead in a rotor's sense of rotation; returns its hub and its axis."""
+    """Draw an arc with an arrowhead in a rotor's sense of rotation; returns the rotor's hub and axis."""
     rotor = vehicle.rotors[i]
     hub, axis = _vector(rotor.position), _vector(rotor.axis)
     axis = axis / np.linalg.norm(axis)

@@ -32,7 +32,7 @@ SMOOTH = 0.6
 
 
 def _axes_of_view(azimuth: float) -> Array:
-    """Camera axes right, up and away, as columns, at an azimuth in deg and ELEVATION."""
+    """Camera axes right, up and away (matrix columns) for a viewing azimuth, deg, and the elevation ELEVATION."""
     az, away = math.radians(azimuth), looking_towards(azimuth)
     right = np.array([math.sin(az), -math.cos(az), 0.0])
     return np.stack([right, np.cross(right, away), away], axis=1)
@@ -118,7 +118,7 @@ def _margin(flights: Sequence[FilmedFlight]) -> float:
 
 
 def _at_most(offset: Array, length: float) -> Array:
-    """Vectors (F, 3) limited to a length."""
+    """Limit the lengths of vectors (F, 3)."""
     size = np.linalg.norm(offset, axis=1, keepdims=True)
     return np.asarray(offset * np.minimum(1.0, length / np.maximum(size, 1e-9)), dtype=float)
 

@@ -59,7 +59,7 @@ class Box:
 
 @dataclass(frozen=True, slots=True)
 class FrameLayout:
-    """Layout of a film frame: its rectangles.
+    """Layout of a film frame: rectangles of panels, captions and plot strip.
 
     Attributes:
         width, height: of the whole. scale: of texts and bands, 1 at 720 lines.
@@ -77,7 +77,7 @@ class FrameLayout:
 
 
 class Captions:
-    """Texts and plot of all frames of a film."""
+    """Captions and plot strip of all frames of a film."""
 
     def __init__(self, flights: Sequence[FilmedFlight], times: Array, layout: FrameLayout, title: str) -> None:
         self._flights, self._times, self._layout = flights, times, layout
@@ -112,7 +112,7 @@ class Captions:
         return found
 
     def _name_width(self, flight: FilmedFlight, box: Box) -> int:
-        """Width of a flight's name, pixels; the rest of its box is for its numbers."""
+        """Width of a flight's name, pixels; the rest of the caption is for error values."""
         wide, share = (225.0, 0.52) if flight.contact is None else (410.0, 0.62)
         return box.width - round(min(wide * self._layout.scale, share * box.width))
 

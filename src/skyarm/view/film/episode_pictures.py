@@ -55,7 +55,7 @@ FARTHEST = 1e6
 
 @dataclass(frozen=True, kw_only=True)
 class InstantLog(Log):
-    """Log of single instants of a running episode, without stored records.
+    """Log of single instants of a running episode; holds the running scenario itself instead of a file's copy.
 
     Attributes:
         flown: the scenario.
@@ -114,14 +114,14 @@ class EpisodePictures:
         self._stage: Stage | None = None
 
     def begin(self, scenario: Scenario) -> None:
-        """Start another episode, with its drawn parameters."""
+        """Start another episode, given its scenario with the drawn parameters."""
         self.close()
         self._scenario, self._inputs = scenario, episode_inputs(scenario)
         self._stages, self._last = Stages(scenario), first_state(scenario)
         self._whole: FilmedFlight | None = None
 
     def draw(self, now: LoopState) -> Pixels:
-        """Render a loop state as a new image array (height, width, 3).
+        """Render a simulation state as a new image array (height, width, 3).
 
         Raises:
             NoDisplayError: one line: nothing can be drawn on this machine.
@@ -183,7 +183,7 @@ class EpisodePictures:
         )
 
     def _camera(self, whole: FilmedFlight, flight: FilmedFlight, time: float) -> CameraPath:
-        """Camera at one instant: a following one for its state, a fixed one for the whole reference."""
+        """Camera at one instant: centred on the current vehicle, or fixed with the whole reference in view."""
         settings = self._settings
         along = settings.camera in ("follow", "tip")
         path = CAMERAS[settings.camera]

@@ -175,7 +175,7 @@ def _error(log: Log, push: TipPush | None) -> Array:
 
 
 def patch_about(tip: Array) -> float:
-    """Half the width of the patch drawn for a plane, m: grows with the tip's displacement, up to a limit."""
+    """Half width, m, of the patch drawn for an infinite plane: grows with the tip's displacement, up to a limit."""
     finite = tip[np.isfinite(tip).all(axis=1)]
     way = float(np.ptp(finite, axis=0).max()) if len(finite) else 0.0
     return PATCH + 0.5 * min(way, WIDEST)
@@ -201,7 +201,7 @@ def end_of(log: Log) -> float:
 
 
 def read(time: Array, values: Array, times: Array) -> Array:
-    """Interpolate columns (N, k) at other instants, (F, k)."""
+    """Interpolate the columns of a time series (N, k) at other times; returns (F, k)."""
     columns = [np.interp(times, time, column) for column in values.T]
     return np.stack(columns, axis=1) if columns else np.zeros((len(times), 0))
 
@@ -296,7 +296,7 @@ def wind_arrow(flight: FilmedFlight, k: int, reach: float) -> list[Mark]:
 
 
 def touch_marks(flight: FilmedFlight, k: int, reach: float) -> list[Mark]:
-    """Arrow of every contact force, from its point of application."""
+    """Arrows of all contact forces in a frame, each from its point of application."""
     found = []
     for touch in flight.scene.arrows:
         size = float(np.linalg.norm(touch.force[k]))
@@ -317,7 +317,7 @@ def wind_words(flight: FilmedFlight, k: int) -> str:
 
 
 def _apart(places: Array) -> Array:
-    """Remove points (F, 3) that are closer than a least distance to the one before."""
+    """Thin out a path (F, 3): remove points closer than a minimum distance to the previous one."""
     chosen = [places[0]]
     for place in places[1:]:
         if np.linalg.norm(place - chosen[-1]) > LEAST_STEP:
@@ -367,7 +367,7 @@ def ghost_solids(flight: FilmedFlight) -> list[Solid]:
 
 
 def role_color(role: str, color: Color, *, ghost: bool) -> RGBA:
-    """Colour of a shape by its role; ``color`` is the flight's."""
+    """Colour of a shape by its role (hull, link, rotor, ...); ``color`` is that of the flight."""
     if ghost:
         return (*GHOST, GHOST_OPACITY)
     if role == "rotor":

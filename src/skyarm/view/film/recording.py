@@ -265,7 +265,7 @@ def _surroundings(
 
 
 def _shifts(flights: Sequence[FilmedFlight], settings: FilmSettings) -> list[Array]:
-    """Offsets of the flights' worlds: zero, or side by side as seen by the camera."""
+    """Offset of each flight's scene, m: zero to overlay flights, or side by side as seen by the camera."""
     if settings.layout == "over" or len(flights) == 1:
         return [np.zeros(3) for _ in flights]
     # to the camera's right
@@ -305,5 +305,5 @@ def import_viser() -> Any:
 
 
 def _client() -> str:
-    """HTML of the player page that comes with viser."""
+    """HTML of the player page that is part of the package viser."""
     return (Path(import_viser().__file__).parent / "client" / "build" / "index.html").read_text("utf-8")

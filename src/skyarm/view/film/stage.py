@@ -150,7 +150,7 @@ class Stage:
         return scene, ground
 
     def _place_mesh(self, geom: Any, mesh: int) -> None:
-        """Correct a geom's pose for MuJoCo's shift of its mesh to the principal axes."""
+        """Correct a mesh's pose, since MuJoCo moves mesh coordinates to the principal axes of inertia."""
         turn = np.zeros(9)
         mujoco.mju_quat2Mat(turn, self._model.mesh_quat[mesh])
         R = np.array(geom.mat).reshape(3, 3)
@@ -211,7 +211,7 @@ MeshKey = tuple[str, tuple[float, ...]]
 
 
 def mesh_key(shape: Shape) -> MeshKey:
-    """Identity of a shape's mesh: file and scale; for a hole its sizes."""
+    """Key of a shape's mesh: file and size; equal keys share one mesh."""
     return shape.mesh, shape.size if shape.kind in ("mesh", "hole") else ()
 
 

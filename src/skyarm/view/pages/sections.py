@@ -12,7 +12,7 @@ DASH = "-"
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Mark:
-    """Table cell with more than its text: grade, value or emphasis.
+    """Table cell with formatting besides text: grade, exact value, emphasis, link.
 
     Attributes:
         text: of the cell. value: its whole number, for machines.
@@ -103,7 +103,7 @@ class Section:
         return section(self.title or self.name, self.content())
 
     def content(self) -> str:
-        """HTML of the section below its heading."""
+        """HTML of the section without heading: notes, pictures and tables."""
         notes = [paragraph(words, "note") for words in (*self.notes, *([self.remark] if self.remark else ()))]
         return "".join([*notes, self.pictures, *(each.html() for each in self.tables)])
 

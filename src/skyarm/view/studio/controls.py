@@ -69,7 +69,7 @@ class Controls:
             _by_hand(box, page.follow)
 
     def _law(self, gui: Any, page: Page, place: int, first: str) -> None:
-        """Create the menu of one controller; the first one cannot be empty."""
+        """Create the drop-down menu of one of the controllers; the first controller cannot be removed."""
         names = dict.fromkeys([first, *law_names(), *([NO_LAW] if place else [])])
         menu = gui.add_dropdown(f"law {place + 1}", tuple(names), initial_value=first)
         _by_hand(menu, lambda value: page.choose_law(place, None if value == NO_LAW else value))
@@ -202,7 +202,7 @@ def charts(gui: Any, flights: Sequence[Flight]) -> list[Chart]:
 
 
 def _chart_rows(flights: Sequence[Flight]) -> Iterator[tuple[str, dict[str, Column], float | None]]:
-    """Title, columns and limit of each plot."""
+    """(title, curve functions by label, limit or None) of each plot."""
     yield "tip error (mm)", {"": lambda seen: 1e3 * seen.error}, None
     yield "tilt (deg)", {"": lambda seen: math.degrees(seen.tilt)}, None
     if not flights:

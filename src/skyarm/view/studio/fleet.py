@@ -338,7 +338,7 @@ class Flight:
 
     @property
     def last(self) -> Sight:
-        """Latest recorded quantities, up to the current time."""
+        """Latest recorded plot quantities, not after the current time."""
         return self.sights[self._after(self.tick) - 1]
 
     def recent(self, seconds: float) -> list[Sight]:
@@ -347,7 +347,7 @@ class Flight:
         return self.sights[self._after(first) : self._after(self.tick)]
 
     def _after(self, tick: int) -> int:
-        """Number of recorded instants up to a control period."""
+        """Number of recorded instants up to and including a control period."""
         return bisect.bisect_right(self.sights, tick, key=lambda each: each.tick)
 
     def move(self, values: Mapping[str, float]) -> None:
@@ -379,7 +379,7 @@ class Flight:
         self._kept, self.sights = self._kept[:1], self.sights[:1]
 
     def to(self, tick: int) -> None:
-        """Go to a control period: back to a snapshot, then forward with the user's changes."""
+        """Go to a control period: restore an earlier snapshot, then simulate forward, repeating the user's changes."""
         if tick < self.tick:
             at = bisect.bisect_right(self._kept, tick, key=lambda each: each.tick) - 1
             self.session.restore(self._kept[at])
@@ -403,7 +403,7 @@ class Flight:
 
 
 def _session(scenario: Scenario, paths: Sequence[str]) -> Session:
-    """Simulation session with all parameters adjustable, and those of scheduled changes if they do not overlap."""
+    """Simulation session with the given parameters adjustable, and those of scheduled changes where compatible."""
     scheduled = [change.path for change in scenario.changes if isinstance(change.value, float)]
     with contextlib.suppress(ScenarioError):
         return Session(scenario, tuple(dict.fromkeys((*paths, *scheduled))))

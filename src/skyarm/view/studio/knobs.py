@@ -1,4 +1,4 @@
-"""Adjustable parameters of a scenario, found in its records, with units and slider ranges."""
+"""Adjustable parameters of a scenario, found in its nested dataclasses, with units and slider ranges."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def knobs_of(scenario: Scenario, without: str = "") -> tuple[Knob, ...]:
 
 
 def _places(scenario: Scenario, path: str) -> tuple[Place, ...]:
-    """Locations of a path's parameter in the records; empty if it cannot vary."""
+    """Field locations in the scenario that a parameter path refers to; empty if the parameter cannot vary."""
     try:
         number_at(scenario, path)
         return ((path,),) if ".payload." in path else places_of(scenario, path)
@@ -105,7 +105,7 @@ def _places(scenario: Scenario, path: str) -> tuple[Place, ...]:
 
 
 def _paths(scenario: Scenario) -> Iterator[tuple[str, str]]:
-    """(group, path) of all parameters."""
+    """(slider group, parameter path) of all adjustable parameters of a scenario."""
     law = parts(scenario.controller.par)
     gains = [word for word in law if word not in DERIVED_PARTS and not isinstance(law[word], (bool, int, str))]
     yield from _all_below("law", {f"controller.{word}": law[word] for word in gains})
@@ -123,13 +123,13 @@ def _paths(scenario: Scenario) -> Iterator[tuple[str, str]]:
 
 
 def _all_below(group: str, records: Mapping[str, object]) -> Iterator[tuple[str, str]]:
-    """(group, path) of all parameters below records given by their paths."""
+    """(slider group, parameter path) of all parameters inside the given scenario parts."""
     for root, record in records.items():
         yield from ((group, path) for path in _below(record, root))
 
 
 def _of_tree(tree: object, path: str) -> Iterator[str]:
-    """Parameter paths in a tree of names; components of a position by letter."""
+    """Parameter paths in a tree of field names; position components by letter (x, y, z), not by index."""
     if not isinstance(tree, Mapping):
         yield path
         return
@@ -139,7 +139,7 @@ def _of_tree(tree: object, path: str) -> Iterator[str]:
 
 
 def _below(value: object, path: str) -> Iterator[str]:
-    """Parameter paths in a record, by the field names of the scenario file where they differ."""
+    """Parameter paths inside a scenario part, with the field names of the scenario file."""
     # the coefficients of a planned curve are made together: a hand that moved one would tear the curve
     if value is None or isinstance(value, (bool, str, Polynomials)):
         return

@@ -58,7 +58,7 @@ class Page:
     # orders, from any thread
 
     def do(self, work: Callable[[Fleet], None]) -> None:
-        """Queue a function of the fleet, to be called before the next frame."""
+        """Queue a function that acts on the fleet, to be called before the next frame."""
 
         def done() -> None:
             work(self.fleet)
@@ -67,7 +67,7 @@ class Page:
         self._orders.put(done)
 
     def choose_law(self, place: int, law: str | None) -> None:
-        """Set the controller at a place; None removes that flight."""
+        """Set the controller of the menu with index ``place``; None removes the flight."""
 
         def choose() -> None:
             if law is None:
@@ -80,7 +80,7 @@ class Page:
         self._orders.put(choose)
 
     def choose_case(self, name: str) -> None:
-        """Load a shipped scenario with the same controllers; other names have no effect."""
+        """Load a shipped scenario by name and keep the controllers; an unknown name has no effect."""
 
         def choose() -> None:
             if name not in list_scenarios():
@@ -99,7 +99,7 @@ class Page:
         self._orders.put(lambda: self._say(self.fleet.save(self._out)))
 
     def move(self, place: int | None, path: str, value: float) -> None:
-        """Change a parameter of one flight or of all; between two frames the last value counts."""
+        """Change a parameter of one flight or of all; of several changes between two frames the last one counts."""
         self._orders.put(lambda: self._moves.setdefault(place, {}).__setitem__(path, value))
 
     def stop(self) -> None:

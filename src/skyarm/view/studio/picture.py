@@ -87,7 +87,7 @@ class FlightNodes:
         self.vehicle.place(placed.rotations, placed.positions, _turns_now(vehicle, first_state(scenario)))
 
     def _place_scene(self, scene: Scene, more: Sequence[Solid] = ()) -> None:
-        """Draw the surroundings; for other flights than the first only what they do not share."""
+        """Draw the surroundings; obstacles only for the first flight, since all flights share them."""
         solids = scene.solids if self._first else [each for each in scene.solids if each.shape.role not in OBSTACLES]
         self._world.place([*solids, *more])
         self._lines.place(scene.lines)
@@ -162,7 +162,7 @@ def trail(tips: Sequence[Array]) -> Array:
 
 
 def _turns_now(vehicle: Vehicle, state: State) -> dict[str, Array]:
-    """Rotor disc name -> tilt rotation R_BB (3, 3) in a state."""
+    """Rotor disc name -> rotation matrix (3, 3) of a tilting rotor in the current state."""
     angles = np.array([[float(each) for each in state.tilts]])
     return {name: turn[0] for name, turn in rotor_turns(vehicle, angles).items()}
 
@@ -189,7 +189,7 @@ class Picture:
         self._ground = self._scene.add_grid(f"{STAGE}/ground", width=12.0, height=12.0, cell_size=0.5)
 
     def build(self, scenario: Scenario, titles: Sequence[str]) -> None:
-        """Draw a vehicle per title at the scenario's initial state, after clearing the scene."""
+        """Clear the scene and draw one vehicle per title at the scenario's initial state."""
         for nodes in self._flights:
             nodes.remove()
         if self._ghost is not None:

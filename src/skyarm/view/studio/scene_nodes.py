@@ -163,7 +163,7 @@ class SolidNodes:
         self._nodes: dict[str, tuple[MovingNode, tuple[float, ...]]] = {}
 
     def place(self, solids: Sequence[Solid], k: int = 0) -> None:
-        """Draw exactly these solids, at instant ``k``."""
+        """Draw these solids and remove all others, with the poses at instant ``k``."""
         for name in set(self._nodes) - {each.shape.name for each in solids}:
             self._nodes.pop(name)[0].node.remove()
         for solid in solids:
@@ -191,7 +191,7 @@ class LineNodes:
         self._nodes: dict[str, tuple[Any, npt.NDArray[np.float32]]] = {}
 
     def place(self, lines: Sequence[Line], k: int = 0) -> None:
-        """Draw exactly these lines, at instant ``k``; lines with NaN are hidden."""
+        """Draw these lines and remove all others, at instant ``k``; lines with NaN are hidden."""
         drawn = {each.name: each for each in lines if np.isfinite(each.places[k]).all()}
         for name in set(self._nodes) - set(drawn):
             self._nodes.pop(name)[0].remove()

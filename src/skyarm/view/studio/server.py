@@ -41,7 +41,7 @@ def require_viser() -> None:
 
 
 def listening_socket(port: int) -> socket.socket:
-    """Open a listening socket on loopback; port 0 takes a free one.
+    """Open a listening socket on loopback; port 0 selects a free port.
 
     Raises:
         StudioError: the port is taken.
@@ -78,7 +78,7 @@ def open_server(listening: socket.socket, guard: Guard, title: str) -> Any:
 
 
 def close_server(server: Any) -> None:
-    """Stop a server without printed output."""
+    """Stop a viser server and suppress its printed output."""
     with _silent():
         server.stop()
 
@@ -174,7 +174,7 @@ class Guard:
         return any(hmac.compare_digest(each.encode(), self.token.encode()) for each in given)
 
     def remember(self) -> str:
-        """``Set-Cookie`` value that stores the token, unreadable for scripts and for this site only."""
+        """``Set-Cookie`` value with the token, not readable by scripts and sent to this site only."""
         return f"{self.cookie}={self.token}; Path=/; HttpOnly; SameSite=Strict"
 
     def address(self) -> str:
