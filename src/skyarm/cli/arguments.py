@@ -172,7 +172,7 @@ def kind_of_file(name: str) -> str:
 
 
 def require_not_another(name: str, wanted: str) -> None:
-    """Raise an error for the name of a shipped object of another kind, or a vehicle file given as another input.
+    """Raise an error if an input names a shipped object, or a vehicle file, of another kind than expected.
 
     Args:
         name: as it was given; of files other than models nothing is said here.

@@ -56,7 +56,7 @@ def check(
 
 
 def _sheet(found: Assessment) -> list[RenderableType]:
-    """Text of a check: alarms with remedies, then notes, then the other results in short."""
+    """Report of a vehicle check as text: alarms with remedies, then notes, then all other findings in short."""
     load = f", with {found.payload:g} kg at the tip" if found.payload else ""
     vehicle = f" ({found.vehicle.name})" if found.vehicle.name != found.name else ""
     parts: list[RenderableType] = [heading(f"{found.name}{vehicle}, g = {found.gravity:g} m/s^2{load}")]
@@ -78,7 +78,7 @@ def _sheet(found: Assessment) -> list[RenderableType]:
 
 
 def _in_short(each: Finding) -> str:
-    """Short text of a result with its number; without the number if it is a rounding error or missing."""
+    """Question of a check with its numerical answer; the question alone if the number is zero or missing."""
     found = _number(each.value, each)
     return each.question if found.split(" ")[0] in ("-", "0") else f"{each.question} {found}"
 

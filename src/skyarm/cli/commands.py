@@ -171,7 +171,7 @@ def without_plugins(arguments: Sequence[str]) -> list[str]:
 
 
 def _bad_usage(error: Any) -> str:
-    """Message for an error in command line usage, with the value of an option where typer leaves it out."""
+    """Error message for wrong command line usage, with the refused value added where typer's message omits it."""
     refused, parameter = getattr(error.__cause__, "errors", None), getattr(error, "param", None)
     if refused is None or parameter is None:
         return str(error.format_message()).rstrip(".")
@@ -181,7 +181,7 @@ def _bad_usage(error: Any) -> str:
 
 
 def _command() -> str:
-    """Command as typed, for a usage error."""
+    """Name of the command that the user typed, such as ``skyarm run``, for the message of a usage error."""
     names = {*COMMANDS, *registrations("command")}
     return " ".join(["skyarm", *[word for word in sys.argv[1:] if word in names][:1]])
 

@@ -128,7 +128,7 @@ def _require_effect(context: typer.Context, suite: str) -> None:
 
 
 def _fly(suite: Suite[Any], out: str, threads: int) -> None:
-    """Run the missing flights of a suite and print its report; a folder created here is removed on failure.
+    """Run those flights of a suite that are not yet in its output folder, and print the report.
 
     Raises:
         ValueError, OSError: one line.
@@ -149,7 +149,7 @@ def _fly(suite: Suite[Any], out: str, threads: int) -> None:
 
 
 def _entrants(words: str | None) -> dict[str, Entrant]:
-    """Laws of a comma-separated list, including user-written ones, as entrants of a suite; all without a list."""
+    """Laws, shipped or user-written, of a comma-separated list as entrants of a suite; by default all shipped ones."""
     if words is None:
         return dict(ENTRANTS)
     names = split_names("--laws", words, of=f" of {', '.join(ENTRANTS)}")
@@ -165,7 +165,7 @@ def _entrants(words: str | None) -> dict[str, Entrant]:
 
 
 def _laws(words: str | None, usual: tuple[str, ...], own: Collection[str] = ()) -> tuple[str, ...]:
-    """Law names of a comma-separated list, checked; ``own`` are additional names of the suite."""
+    """Checked law names of a comma-separated list; ``own`` are additional names that the suite accepts."""
     names = usual if words is None else split_names("--laws", words)
     require_different(names, "--laws")
     for name in names:

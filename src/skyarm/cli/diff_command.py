@@ -83,7 +83,7 @@ def _metrics(log: Log) -> dict[str, float]:
 
 
 def _say_versions(a: Log, b: Log) -> None:
-    """Report the versions that wrote two logs if they differ: results may then differ in bits."""
+    """Report differing software versions of two logs, which may explain differences in the last bits."""
     ours, theirs = (log.info.get("versions") or {} for log in (a, b))
     other = [name for name in {**ours, **theirs} if ours.get(name) != theirs.get(name)]
     if other:

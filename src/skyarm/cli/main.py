@@ -62,7 +62,7 @@ class Ended(BaseException):
 
 @contextmanager
 def endings() -> Iterator[list[signal.Signals]]:
-    """Context that raises Ended at the signals of ``WORDS``; yields the list of received signals.
+    """Context manager that raises Ended when a termination signal arrives; yields the list of received signals.
 
     What the caller ignores (``nohup`` ignores HUP) stays ignored.
     """
@@ -73,7 +73,7 @@ def endings() -> Iterator[list[signal.Signals]]:
         raise Ended
 
     def unraisable(lost: Any) -> None:
-        """Suppress messages of libraries that are interrupted by a signal."""
+        """Suppress error messages of libraries that a termination signal interrupted."""
         if not came:
             dropped(lost)
 

@@ -108,7 +108,7 @@ def margins(
 
 
 def _prepare(scenario: str, controller: str | None, *, safety: bool) -> Record:
-    """Scenario with another controller for its own model and clocks, with the safety layer on request.
+    """Load a scenario for the margins, optionally with another controller and with the safety layer.
 
     Raises:
         ValueError: one line.
@@ -124,7 +124,7 @@ def _prepare(scenario: str, controller: str | None, *, safety: bool) -> Record:
 
 
 def _row(each: Instant) -> tuple[str, ...]:
-    """Table row of the margins at one instant."""
+    """Table row of eigenvalues and stability margins at one instant."""
     rates = [s for m in each.by_lag.values() for s in m.s]
     return (
         "hover" if each.hover else f"{each.time:.2f} s",
@@ -137,7 +137,7 @@ def _row(each: Instant) -> tuple[str, ...]:
 
 
 def _factor(value: float) -> str:
-    """Text of a factor in at most four characters, so that a range of two fits its column."""
+    """Text of a gain margin (a factor) in at most four characters, so that a range of two fits a table column."""
     if math.isinf(value):
         return "none"
     return f"{value:.0f}" if value >= 99.95 else f"{value:.1f}" if value >= 9.995 else f"{value:.2f}"

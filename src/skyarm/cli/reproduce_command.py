@@ -59,7 +59,7 @@ def reproduce(
 
 
 def _headline(results: dict[str, Any]) -> Any:
-    """Main numbers of the paper next to those computed here."""
+    """Table of the paper's main results next to the results computed here."""
     from skyarm.paper.flights import first_plant
     from skyarm.paper.published import digits, percent, published_number
     from skyarm.scenario.scenario_record import PLANTS

@@ -213,7 +213,7 @@ def _peak_thrust(log: Log) -> float | None:
 
 
 def _contacts(log: Log) -> list[dict[str, Any]]:
-    """Contacts of each pair: time of first touch (s), number of contact losses, largest normal force (N)."""
+    """Contacts of each pair of surface and contact point: first touch (s), losses, largest normal force (N)."""
     pairs: dict[tuple[str, str], list[ContactPeriod]] = {}
     for period in log.contact_periods:
         pairs.setdefault((period.surface, period.point), []).append(period)
@@ -230,7 +230,7 @@ def _contacts(log: Log) -> list[dict[str, Any]]:
 
 
 def _mechanisms(log: Log) -> list[dict[str, Any]]:
-    """Coordinate of each mechanism: at the start, at its largest displacement and at the end, with the unit."""
+    """Coordinate of each mechanism (door, drawer): at the start, farthest from the start, and at the end."""
     rows = [each for each in columns(log) if each.array == f"{COMPONENTS}.mechanism_position"]
     found = []
     for name, column in zip(component_labels(log, "mechanism_position"), rows, strict=True):
@@ -292,7 +292,7 @@ def sentences(found: dict[str, Any]) -> list[str]:
 
 
 def _flight_words(log: Log) -> str:
-    """Texts for law, plant, integrator, seed and plugins of a flight."""
+    """Text that names the law, plant, integrator, seed, scheduled changes and plugins of a flight."""
     info = log.info
     line = f"law {info['controller']} on {info['plant_vehicle']}, plant {info['plant']} ({info['integrator']}), seed "
     line += str(info["seed"])

@@ -203,7 +203,7 @@ def _hover(vehicle: Vehicle, gravity: float) -> dict[str, Any]:
 
 
 def _sheet(vehicle: Vehicle, known: Mapping[str, Any]) -> list[RenderableType]:
-    """Text of a vehicle: totals, parts with their units, notes on its file, and sources."""
+    """Data sheet of a vehicle as text: totals, then joints, bodies, rotors and battery with units, and sources."""
     sections: dict[str, dict[str, Any]] = {
         "joints": {link.joint.name: link.joint for link in vehicle.links},
         "drives: what the joints take in place of a torque": {each.name: each.drive for each in vehicle.drives},
@@ -249,7 +249,7 @@ def _tables(title: str, records: Mapping[str, Any]) -> Iterator[RenderableType]:
 
 
 def _cell(value: Any) -> str:
-    """Table cell of a field's numbers; "none" for an infinite limit."""
+    """Table cell with the numbers of a record's field; an infinite limit is shown as "none"."""
     if isinstance(value, str):
         return value
     numbers = [float(each) for _, each in walk(value) if each is not None and not isinstance(each, str)]

@@ -70,7 +70,7 @@ def studio(
 
 @contextmanager
 def _ended_by(page: Page) -> Iterator[None]:
-    """Context in which Ctrl-C and TERM end the page's loop between two pictures."""
+    """Context manager in which Ctrl-C and SIGTERM stop the web page's simulation loop instead of killing it."""
     usual = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     for number in usual:
         signal.signal(number, lambda *_: page.stop())

@@ -66,7 +66,7 @@ def sweep(
 
 
 def _fly(study: str, controllers: list[str] | None, out: str | None, threads: int, part: str | None) -> None:
-    """Run the missing episodes of a study."""
+    """Run those episodes of a study that are not yet in its output folder."""
     from skyarm.scenario.unlikely_numbers import unlikely_numbers
     from skyarm.studies.sweep import load_study, run_sweep
 
@@ -124,7 +124,7 @@ def _sum_up(folder: str, out: str | None, success: list[str] | None, paths: tupl
 
 
 def _drawn(maps: Sequence[RobustnessMap]) -> Pictures:
-    """Pictures of robustness maps; for a map that is constant its value instead."""
+    """Robustness maps as pictures; for a map with the same value everywhere, that value instead of a picture."""
     from skyarm.studies.sweep.study_page import Pictures
     from skyarm.view.figures.study_figures import robustness_figure
     from skyarm.view.figures.style import image_bytes

@@ -161,7 +161,7 @@ def _is_vehicle(target: str) -> bool:
 
 
 def _tell_front(found: Tuning, seconds: float) -> None:
-    """Print the Pareto front, then the selected gains and the initial ones on held-out plants and a held-out path."""
+    """Print the Pareto front, then how selected and initial gains perform on plants and a path not used for tuning."""
     from skyarm.studies.tune.tune_page import error_words
     from skyarm.studies.tune.tuning import ASIDE
 

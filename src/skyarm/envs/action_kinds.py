@@ -27,7 +27,7 @@ Decide = Callable[[Any, Measurement, Reference], tuple[Any, Command]]
 
 
 class Turn(NamedTuple):
-    """Inputs for converting an action to a command in one control period.
+    """Inputs with which an action is converted to a command: law, its internal state, measurement and reference.
 
     Attributes:
         memory: of the law, ``()`` where it is not used. measurement: of the period. reference: of the law for it.
@@ -75,7 +75,7 @@ class Actions:
         return len(vehicle.rotors) + vehicle.n
 
     def command(self, action: tuple[Scalar, ...], now: Turn) -> tuple[Any, Command]:
-        """Updated memory of the law and the command of a control period.
+        """Convert an action to a vehicle command; returns the law's updated internal state and the command.
 
         Args:
             action: (size,) numbers in [-1, 1].
@@ -84,11 +84,11 @@ class Actions:
         raise NotImplementedError(f"{type(self).__name__} must say its command")
 
     def efforts(self, action: tuple[Scalar, ...], now: Turn) -> tuple[Scalar, ...]:
-        """Joint setpoints from the last components of an action."""
+        """Joint efforts (or setpoints of joint drives) commanded by the last components of an action."""
         return tuple(middle + a * half for a, (middle, half) in self._spans(action, now))
 
     def effort_increments(self, action: tuple[Scalar, ...], now: Turn) -> tuple[Scalar, ...]:
-        """Joint setpoint increments from the last components of an action."""
+        """Changes of joint efforts (or drive setpoints) commanded by the last components of an action."""
         return tuple(a * half for a, (_, half) in self._spans(action, now))
 
     def _spans(self, action: tuple[Scalar, ...], now: Turn) -> list[tuple[Any, tuple[Scalar, Scalar]]]:
@@ -117,14 +117,14 @@ class RotorsAndJoints(Actions):
     span: Annotated[float, Unit("", "share of the hover speed", low=0.0, strict=True)] = 0.2
 
     def command(self, action: tuple[Scalar, ...], now: Turn) -> tuple[Any, Command]:
-        """Command with hover speeds plus scaled actions, clipped to the rotors' speed range."""
+        """Command with rotor speeds at hover plus scaled actions, clipped to the rotors' speed range."""
         speeds = tuple(w * (1.0 + self.span * a) for w, a in zip(_hover(now.model), action, strict=False))
         return now.memory, within_limits(now, speeds, self.efforts(action, now))
 
 
 @dataclass(frozen=True, kw_only=True)
 class RatesAndThrust(Actions):
-    """Action: body rates (x, y, z) and thrust, tracked by a rate controller with the model's mixer; then the joints.
+    """Action: desired body rates (x, y, z) and thrust, for a built-in rate controller, then joint setpoints.
 
     Attributes:
         rate: rad/s at full action. thrust: share of the weight that a full action adds or takes.
@@ -140,7 +140,7 @@ class RatesAndThrust(Actions):
         return 4 + vehicle.n
 
     def command(self, action: tuple[Scalar, ...], now: Turn) -> tuple[Any, Command]:
-        """Command of a rate controller: torque J (desired rate - rate) bandwidth, thrust around the weight, mixed."""
+        """Command of a proportional body-rate controller; the mixer converts torque and thrust to rotor speeds."""
         model = now.model
         missing = Vec3(*(self.rate * a for a in action[:3])) - now.measurement.rate
         torque = model.vehicle.base.inertia.apply(missing * self.bandwidth)
@@ -154,7 +154,7 @@ class RatesAndThrust(Actions):
 
 @dataclass(frozen=True, kw_only=True)
 class References(Actions):
-    """Action: displacements of the law's reference, of the base (x, y, z), then of the joints.
+    """Action: offsets added to the position reference of the law: of the base (x, y, z), then of the joints.
 
     Attributes:
         position: m at full action, world axes. angle: rad or m of a joint at full action.
@@ -170,7 +170,7 @@ class References(Actions):
         return 3 + vehicle.n
 
     def command(self, action: tuple[Scalar, ...], now: Turn) -> tuple[Any, Command]:
-        """Command of the law for the displaced reference, whose derivatives are unchanged."""
+        """Command of the law for the reference with added offsets; velocities and accelerations are unchanged."""
         reference = now.reference
         position = reference.position + Vec3(*(self.position * a for a in action[:3]))
         joints = tuple(q + self.angle * a for q, a in zip(reference.joints, action[3:], strict=True))
@@ -181,7 +181,7 @@ class References(Actions):
 
 @dataclass(frozen=True, kw_only=True)
 class Residual(Actions):
-    """Action: correction of the law's command, of rotor speeds, then of joint setpoints.
+    """Action: corrections that are added to the law's command: to rotor speeds, then to joint setpoints.
 
     A law that remembers its command receives the command that was sent.
 
@@ -234,7 +234,7 @@ def within_limits(now: Turn, speeds: tuple[Scalar, ...], efforts: tuple[Scalar, 
 
 
 def _as_kept(memory: Any, sent: Command) -> Command:
-    """Command in the form of a law's memory: without tilt angles if the law stores none."""
+    """Sent command as a law stores it in its internal state: without tilt angles if the law stores none."""
     kept = getattr(memory, "sent", None)
     newest = kept[-1] if isinstance(kept, tuple) and kept else kept
     return sent if getattr(newest, "tilts", ()) else dataclasses.replace(sent, tilts=())

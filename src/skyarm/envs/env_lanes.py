@@ -64,7 +64,7 @@ class EpisodeStarts:
         self._first[lanes] = -(2**40)
 
     def take(self, lanes: Array, episodes: Array) -> Array:
-        """Randomised numbers, initial state and observation of an episode in each lane, (numbers, lanes)."""
+        """Randomised numbers, initial state and first observation of an episode in each lane, as (numbers, lanes)."""
         if not self.varies:
             return self._table[:, np.zeros(len(lanes), dtype=np.intp), 0]
         at = episodes - self._first[lanes]
@@ -75,14 +75,14 @@ class EpisodeStarts:
         return self._table[:, lanes, at]
 
     def _fill(self, lanes: Array, episodes: Array) -> None:
-        """Compute and store the initial data of some lanes for several episodes, from the given numbers on."""
+        """Compute and store the initial data of several episodes of some lanes, beginning with the given episodes."""
         self._first[lanes] = episodes
         numbers = (episodes[:, None] + np.arange(self._depth)).ravel()
         columns = self._compute(np.repeat(self._seeds[lanes], self._depth), numbers)
         self._table[:, lanes] = columns.reshape(len(columns), len(lanes), self._depth)
 
     def _compute(self, seeds: Array, episodes: Array) -> Array:
-        """Compute the initial data of episodes with the given seeds and numbers."""
+        """Compute the initial data of episodes from the given seeds and episode numbers."""
         program, keys = self._program, seeds
         columns = program.task.randomised.draw(keys, episodes)
         # numbers are what 32 bits hold of them, where that is what the code flies
@@ -100,17 +100,17 @@ class EpisodeStarts:
 
     @property
     def state(self) -> slice:
-        """Row indices of the initial state."""
+        """Rows of the table of initial data that hold the initial state."""
         return slice(len(self._program.paths), len(self._program.paths) + self._program.loop.carry)
 
     @property
     def observation(self) -> slice:
-        """Row indices of the initial observation."""
+        """Rows of the table of initial data that hold the initial observation."""
         return slice(self.state.stop, len(self._table))
 
 
 class EnvLanes:
-    """Parallel episodes of a task. A lane's episodes depend on its seed alone, not on the other lanes.
+    """Parallel episodes of a task, one per lane; a lane's episodes depend only on its own seed.
 
     Args:
         task: of the episodes. lanes: their number. threads: largest number of threads.
@@ -176,7 +176,7 @@ class EnvLanes:
         self._stepper.fill()
 
     def act(self, actions: Array) -> None:
-        """Set the actions of the next step, (lanes, numbers).
+        """Set the actions for the next step, an array (lanes, components of an action).
 
         Raises:
             ScenarioError: another shape, no numbers, or numbers that are not finite; nothing is taken then.
@@ -197,7 +197,7 @@ class EnvLanes:
         return bool(self.ended.any() or self.truncated.any())
 
     def numbers(self) -> dict[str, Array]:
-        """Randomised numbers of the lanes' present episodes by path, (lanes,) each."""
+        """Randomised numbers of the running episodes: parameter path -> array with one number for each lane."""
         return {path: row.copy() for path, row in zip(self.program.paths, self._numbers, strict=True)}
 
     def lane_scenario(self, lane: int) -> Scenario:

@@ -183,13 +183,13 @@ class EnvProgram:
         return with_numbers(self.task.scenario, dict(zip(self.paths, numbers, strict=True)))
 
     def _goal(self, scenario: Scenario, ticks: Scalar) -> Vec3:
-        """Position of the held reference after a period; in the last period it does not change."""
+        """Position reference held after a control period; after the last period that of the last period."""
         last = float(self.task.scenario.steps - 1)
         position: Vec3 = own_row(scenario, where(ticks > last, last, ticks)).reference.position
         return position
 
     def _decide(self, stages: Stages, now: EnvState, row: Row, action: tuple[Scalar, ...]) -> Any:
-        """Updated memory of the law, and the command for an action."""
+        """Convert an action to the vehicle's command; returns the law's updated internal state and the command."""
         values = iter(leaves(self._measurement))
         known = dict(zip(self._kept, now.seen, strict=True))
         measurement = rebuild(self._measurement, iter([known.get(i, old) for i, old in enumerate(values)]))
@@ -200,7 +200,7 @@ class EnvProgram:
         return memory, with_rest(stages.scenario.plant.vehicle, command)
 
     def _measure_next(self, stages: Stages, now: LoopState, row: Row, draws: Any) -> tuple[LoopState, Any]:
-        """Update surroundings and sensors for the next period."""
+        """Update environment models (wind, forces, contacts) and sensors, and measure for the next period."""
         found = measure(stages, RigidBodySteps(stages, self._plant.substeps), now, row, draws)
         memories = {"components": found.components, "sensors": found.read.sensors, "estimate": found.read.estimate}
         return dataclasses.replace(now, **memories), found.read.measurement

@@ -26,7 +26,7 @@ RadPerSecond = Annotated[float, Unit("rad/s", low=0.0, strict=True)]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Sight:
-    """Inputs of a policy before its action: those of a law, without the true state.
+    """Data on which a policy bases its action: measurement, reference and last action, not the true state.
 
     Attributes:
         measurement: of this period. reference: of the law for this period.
@@ -68,7 +68,7 @@ class Observed:
         accept_fields(self, type(self).__name__)
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
-        """Numbers of the observed quantity."""
+        """Numbers that the observed quantity contributes to the observation vector."""
         raise NotImplementedError(f"{type(self).__name__} must say its numbers")
 
 
@@ -79,7 +79,7 @@ class PositionError(Observed):
     scale: Metres = 1.0
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
-        """Position error, 3 numbers."""
+        """The three scaled components of the position error for the observation vector."""
         return _divide(sight.reference.position - sight.measurement.position, self.scale)
 
 
@@ -90,7 +90,7 @@ class VelocityError(Observed):
     scale: Annotated[float, Unit("m/s", low=0.0, strict=True)] = 1.0
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
-        """Velocity error, 3 numbers."""
+        """The three scaled components of the velocity error for the observation vector."""
         return _divide(sight.reference.velocity - sight.measurement.velocity, self.scale)
 
 
@@ -99,7 +99,7 @@ class Attitude(Observed):
     """Observed attitude: rotation matrix from base to world axes, row by row, continuous and unique."""
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
-        """Rotation matrix, 9 numbers."""
+        """The nine entries of the rotation matrix for the observation vector."""
         R = sight.measurement.quaternion.rotation()
         return [*R.r0, *R.r1, *R.r2]
 
@@ -111,7 +111,7 @@ class BodyRate(Observed):
     scale: RadPerSecond = 5.0
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
-        """Angular velocity, 3 numbers."""
+        """The three scaled components of the angular velocity for the observation vector."""
         return _divide(sight.measurement.rate, self.scale)
 
 
@@ -122,7 +122,7 @@ class SpecificForce(Observed):
     scale: Annotated[float, Unit("m/s^2", low=0.0, strict=True)] = 10.0
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
-        """Specific force, 3 numbers."""
+        """The three scaled components of the specific force for the observation vector."""
         return _divide(sight.measurement.specific_force, self.scale)
 
 
@@ -133,7 +133,7 @@ class JointErrors(Observed):
     scale: JointTravel = 1.0
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
-        """Joint errors, one number for each joint."""
+        """The scaled error of each joint for the observation vector."""
         pairs = zip(sight.reference.joints, sight.measurement.joints, strict=True)
         return [(wanted - now) / self.scale for wanted, now in pairs]
 
@@ -145,7 +145,7 @@ class JointAngles(Observed):
     scale: JointTravel = 1.0
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
-        """Joint positions, one number for each joint."""
+        """The scaled position of each joint for the observation vector."""
         return [now / self.scale for now in sight.measurement.joints]
 
 
@@ -156,18 +156,18 @@ class JointRates(Observed):
     scale: Annotated[float, Unit("rad/s or m/s", low=0.0, strict=True)] = 5.0
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
-        """Joint rates, one number for each joint."""
+        """The scaled rate of each joint for the observation vector."""
         return [rate / self.scale for rate in sight.measurement.joint_rates]
 
 
 @dataclass(frozen=True, kw_only=True)
 class TipError(Observed):
-    """Observed tip error: reference minus measured tip position, world axes; of the base without an arm."""
+    """Observed tip error: reference minus measured tip position, world axes; the base's error if there is no arm."""
 
     scale: Metres = 0.1
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
-        """Tip error, 3 numbers."""
+        """The three scaled components of the tip error for the observation vector."""
         vehicle, seen = sight.model.vehicle, sight.measurement
         return _divide(tip_error(vehicle, seen, sight.reference), self.scale)
 
@@ -177,7 +177,7 @@ class LastAction(Observed):
     """Observed previous action."""
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
-        """Previous action, one number for each of its components."""
+        """The components of the previous action for the observation vector."""
         return sight.action
 
 

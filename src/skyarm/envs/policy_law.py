@@ -47,7 +47,7 @@ class PolicyParameters:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PolicyMemory:
-    """Memory of a policy between two control periods.
+    """Internal state of a policy that is carried from one control period to the next.
 
     Attributes:
         inner: memory of the law that the actions build on. action: the last one.
@@ -135,7 +135,7 @@ def policy_law(
 
 
 def _no_law(memory: Any, *_: Any, **__: Any) -> tuple[Any, Command]:
-    """Placeholder for the underlying law of action kinds that use none."""
+    """Placeholder control law for action kinds that need no underlying law; commands nothing."""
     return memory, Command()
 
 
@@ -183,7 +183,7 @@ def network(
 
 
 def _row(field: str, given: Any, count: int, usual: float) -> Any:
-    """Check a sequence of ``count`` finite numbers; None takes a default value for all."""
+    """Check that an input is ``count`` finite numbers; None gives the default number ``count`` times."""
     try:
         found = np.full(count, usual) if given is None else np.asarray(given, dtype=float)
     except (TypeError, ValueError):
@@ -194,7 +194,7 @@ def _row(field: str, given: Any, count: int, usual: float) -> Any:
 
 
 def task_of(environment: Any) -> Task:
-    """Task of an environment, also behind wrappers.
+    """Learning task of an environment, also if the environment is inside Gymnasium wrappers.
 
     Raises:
         ControllerError: it is none of this library's.

@@ -77,7 +77,7 @@ def read_randomised(scenario: Scenario, table: Mapping[str, Any] | None) -> Rand
 
 
 def with_fixed(found: Randomised, scenario: Scenario, paths: Iterable[str]) -> Randomised:
-    """Randomised numbers extended by further paths with constant values, which can be changed later.
+    """Randomised numbers extended by more parameter paths, each with a constant value that can be changed later.
 
     Raises:
         ScenarioError: no such path, or one that is drawn already.
@@ -118,7 +118,7 @@ def _ends(distribution: Distribution) -> tuple[float, float]:
 
 
 def _corners(ends: Mapping[str, tuple[float, float]]) -> dict[str, Array]:
-    """Lanes that cover the least and greatest value of every number."""
+    """Test values of the randomised numbers, path -> array: combinations of their least and greatest values."""
     if not ends:
         return {}
     if len(ends) <= MOST_CORNERS:

@@ -72,7 +72,7 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
 
     @property
     def observations(self) -> Array:
-        """View of the observations (num_envs, numbers), which every call overwrites."""
+        """Current observations (num_envs, length), as a view of an array that every step or reset overwrites."""
         return self._view
 
     def reset(

@@ -82,7 +82,7 @@ def batch_log(legs: Sequence[tuple[Logged, Array]], time: Array) -> BatchLog:
 
 
 def _by_lane(example: Logged, rows: Array) -> Logged:
-    """Record with its arrays reordered to (lanes, samples) for each scalar."""
+    """Batch samples as a record whose every field is an array (lanes, samples); NaN after the end of an episode."""
     columns = np.ascontiguousarray(rows.transpose(1, 2, 0))
     whole: Logged = rebuild(example, iter(columns[: len(leaves(example))]))
     alive = np.asarray(whole.alive) > 0.5
@@ -91,7 +91,7 @@ def _by_lane(example: Logged, rows: Array) -> Logged:
 
 
 def _concatenate(records: Sequence[Any], shapes: Sequence[tuple[int, ...]]) -> Any:
-    """Concatenate records along the samples; those of another structure than the last one become NaN."""
+    """Concatenate logged segments along time; segments whose fields differ from the last one's become NaN."""
     example = next(each for each in reversed(records) if each is not None)
     count, columns = len(leaves(example)), []
     for each, shape in zip(records, shapes, strict=True):

@@ -33,7 +33,7 @@ CONTINUOUS = "continuous reference"
 
 
 def _if_any() -> Any:
-    """Default of an array that only some flights have."""
+    """Dataclass field for an array that only some flights have: by default an empty array."""
     return field(default_factory=lambda: np.zeros((0, 0)))
 
 
@@ -114,12 +114,12 @@ class Log:
         return found
 
     def component(self, name: str) -> Array:
-        """Array that a component of the flight logs (``columns``); without columns if no component has it."""
+        """Array logged by a wind, force or contact model of the flight; an array (N, 0) if no model logs this name."""
         found = self.received.get(f"{COMPONENTS}.{name}")
         return np.zeros((self.time.size, 0)) if found is None else found
 
     def __getattr__(self, name: str) -> Array:
-        """Arrays of components as attributes."""
+        """Arrays logged by wind, force and contact models as attributes, such as ``log.contact_force``."""
         received = self.__dict__.get("received", {})
         if f"{COMPONENTS}.{name}" not in received:
             raise AttributeError(f"log.{name}: must be an array of a log, or of a component of this flight")
@@ -144,7 +144,7 @@ class Log:
 
     @property
     def phase_ends(self) -> tuple[tuple[str, float | None], ...]:
-        """Kind and completion time (s, None if not completed) of each phase of a task with guards."""
+        """Kind and completion time (s, None if not completed) of each phase of a task that waits for conditions."""
         found = []
         for number, name in enumerate(self.info.get("phases", ())):
             later = np.flatnonzero(self.phase > number + 0.5)

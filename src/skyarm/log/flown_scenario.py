@@ -26,7 +26,7 @@ def written_scenario(info: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def written_part(info: Mapping[str, Any], *names: str) -> Any:
-    """Part of the logged scenario at a path, as plain data; None if there is no such path."""
+    """Part of the logged scenario, found by nested field names, as plain data; None if it does not exist."""
     found: Any = written_scenario(info)
     for name in names:
         found = found.get(name) if isinstance(found, dict) else None
@@ -34,7 +34,7 @@ def written_part(info: Mapping[str, Any], *names: str) -> Any:
 
 
 def restored_part(info: Mapping[str, Any], *names: str) -> Any:
-    """Part of the logged scenario as a record; None if it is missing or needs user code that is not loaded."""
+    """Part of the logged scenario, found by nested field names, as a record; None if it cannot be restored."""
     return restore_written(info, written_part(info, *names))
 
 
@@ -73,7 +73,7 @@ def _fits(info: Mapping[str, Any], written: Mapping[str, Any], code: Any) -> boo
 
 @contextmanager
 def _in_words_of_the_log(plugins: Mapping[str, str]) -> Iterator[None]:
-    """Context whose errors state the log and missing plugins."""
+    """Context manager that rewrites errors of restoring a scenario so that they name the log and missing plugins."""
     try:
         yield
     except RegistryError as error:

@@ -69,7 +69,7 @@ class Column:
     index: int | None
 
     def of(self, log: Log) -> Array:
-        """Numbers of the column (N,)."""
+        """Values (N,) of the column in a given log."""
         array = log[self.array]
         return array if self.index is None else array[:, self.index]
 
@@ -159,7 +159,7 @@ def _sensor_columns(log: Log, names: Names) -> Iterator[Column]:
 
 
 def _endings(array: str, width: int | None, names: Names) -> list[str]:
-    """Names of an array's columns; numbered if the log does not name the parts."""
+    """Name of each column of an array: with joint, rotor or axis names where they are known, else indices."""
     begin, group = COLUMNS.get(array, (array, ""))
     if width is None:
         return [begin]
@@ -192,7 +192,7 @@ def unit_of_kind(unit: Unit, kind: str) -> str:
 
 
 def component_labels(log: Log, array: str) -> list[str]:
-    """Labels of the columns of a component's array."""
+    """Column labels of an array that a wind, force or contact model logs."""
     source = sources_of(log.info).get(COMPONENTS)
     found = None if source is None else source.fields.get(array)
     return [] if found is None else found.axes or []

@@ -56,7 +56,7 @@ class GraspPeriod:
 
 
 def contact_periods(log: Log) -> tuple[ContactPeriod, ...]:
-    """All periods of contact in a log, ordered by start; empty for a flight without a world."""
+    """All periods of contact in a log, ordered by start; empty for a flight without surfaces to touch."""
     found: list[ContactPeriod] = []
     for (surface, point), force in zip(contact_pairs(log), log.component("contact_force").T, strict=False):
         for begin, end in _runs(force > 0.0):
@@ -98,12 +98,12 @@ def grasp_periods(log: Log) -> tuple[GraspPeriod, ...]:
 
 
 def waits_of(guards: Iterable[Guard]) -> list[dict[str, Any]]:
-    """Guards as plain data for a log: phase, waiting place on the reference (s), and timeout (s)."""
+    """Conditions that end phases as plain data: phase, reference time at which it waits (s), timeout (s)."""
     return [{"phase": each.phase, "at": float(each.at), "timeout": float(each.timeout)} for each in guards]
 
 
 def timed_out(log: Log) -> frozenset[int]:
-    """Indices of the phases that waited at their guard for the whole timeout.
+    """Indices of the phases whose end condition was not met before the timeout.
 
     A guard that is met in the very last period of its timeout counts among them.
     """

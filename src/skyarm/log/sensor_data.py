@@ -70,7 +70,7 @@ class Source:
 
 
 def fields_of(record: Any, count: int) -> Iterator[tuple[str, Field, Array]]:
-    """Name, description and numbers, (N,) or (N, k), of each nonempty field of a record.
+    """Name, description and values over time, (N,) or (N, k), of each nonempty field of a record.
 
     Args:
         record: whose scalars are columns (N,), or numbers that stand for every instant.

@@ -139,7 +139,7 @@ def flag(field: str, value: object) -> bool:
 
 
 def whole(field: str, value: object) -> int:
-    """Convert to a whole number: an index or a sign."""
+    """Convert to a whole number, for a field that holds an index or a sign."""
     plain = plain_number(value)
     if isinstance(plain, bool) or not isinstance(plain, (int, float)) or plain != plain // 1:
         refuse(field, value, "must be a whole number")
@@ -147,7 +147,7 @@ def whole(field: str, value: object) -> int:
 
 
 def one(kind: type) -> Rule:
-    """Rule that accepts only instances of a class."""
+    """Make a conversion rule that accepts only instances of a given class."""
 
     def rule(field: str, value: object) -> Any:
         if not isinstance(value, kind):
@@ -207,7 +207,7 @@ def items(field: str, value: Any, counts: tuple[int, ...] | None, allowed: str) 
 
 
 def _entry(field: str, value: object) -> Any:
-    """Convert a component of a vector or matrix; integers 0, 1 and -1 stay constants of compiled code."""
+    """Convert one entry of a vector or matrix; integers 0, 1 and -1 stay constants of compiled code."""
     return value if type(value) is int and value in _STRUCTURE else number(field, value)
 
 
@@ -261,7 +261,7 @@ def _dot(rows: list[list[Any]], i: int, j: int) -> Any:
 
 
 def _skew(rows: list[list[Any]]) -> float:
-    """Orthonormality error of a matrix: largest entry of R^T R - I."""
+    """Deviation of a matrix R from orthonormal columns: largest entry of R^T R - I."""
     return float(max(abs(_dot(rows, i, j) - (i == j)) for i in range(3) for j in range(3)))
 
 

@@ -139,7 +139,7 @@ def _with_bounds(rule: Rule, unit: Unit) -> Rule:
 
 
 def _is_record(wanted: object) -> bool:
-    """True if the type is a class that ``isinstance`` can check."""
+    """True if an annotation is a class, such as a record class, of which ``isinstance`` can test a value."""
     said = isinstance(wanted, type) and wanted not in (Any, object, bool, str, *_NUMBERS)
     return said and not hasattr(wanted, "_is_protocol")
 
@@ -235,7 +235,7 @@ def _one_of(options: tuple[Any, ...], unit: Unit) -> Rule | None:
 
 
 def _many(each: Rule | None, exactly: tuple[Rule | None, ...] | None, scalars: bool = False) -> Rule:
-    """Rule of a tuple type: of any length with one rule for all items, or with a rule for each item.
+    """Rule for a tuple annotation: of any length with one rule for all items, or with a rule for each item.
 
     Whole numbers of a plain list of scalars are data.
     """

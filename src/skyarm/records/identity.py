@@ -44,7 +44,7 @@ def log_digest(written: object, files: Mapping[str, str]) -> str:
 
 
 def _without(data: object, names: tuple[str, ...]) -> Any:
-    """Plain data without the fields of the given names."""
+    """Plain data with all fields of the given names left out, at any depth."""
     if isinstance(data, dict):
         return {key: _without(value, names) for key, value in data.items() if key not in names}
     return [_without(each, names) for each in data] if isinstance(data, list) else data
@@ -55,7 +55,7 @@ Pair = tuple[str, str]
 
 
 def own_files(*things: Any) -> dict[str, str]:
-    """Digest "sha256:..." by name of each user file that defines the functions and classes in the given objects.
+    """Digests, by file name, of all user files that define the functions and classes in the given objects.
 
     A plugin's file brings along the modules beside it that it imported. A scenario's plant is in it, though a scenario
     says only its name.
@@ -120,7 +120,7 @@ def _of_class(kind: type) -> set[Pair]:
 
 
 def _parts(value: object) -> list[Any]:
-    """Objects that a value consists of, its class first."""
+    """Objects inside a value: class, items, fields, arguments, captured variables; for a search for user code."""
     if isinstance(value, Mapping):
         return [*value.values()]
     if isinstance(value, (list, tuple, set, frozenset)):
@@ -143,7 +143,7 @@ def _cells(function: object) -> tuple[types.CellType, ...]:
 
 
 def _content(cell: types.CellType) -> Any:
-    """Content of a closure's cell; None if it is still empty."""
+    """Value of a variable that a closure captured (its cell); None if the cell is still empty."""
     try:
         return cell.cell_contents
     except ValueError:

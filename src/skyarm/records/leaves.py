@@ -68,19 +68,19 @@ def is_record(value: object) -> bool:
 
 
 def is_leaf(value: object) -> bool:
-    """True if a value without parts is a variable scalar; False for a constant of the structure."""
+    """True if a value is a variable scalar; False if it is a constant that compiled code contains."""
     return not isinstance(value, _STRUCTURE)
 
 
 def parts(record: object) -> dict[str, Any]:
-    """Direct parts of a value: of a record by field, of a tuple by index; none of a scalar."""
+    """Direct parts of a value by name: fields of a record or items of a tuple; empty for a scalar."""
     if isinstance(record, tuple):
         return {str(i): item for i, item in enumerate(record)}
     return {name: getattr(record, name) for name in field_names(type(record)) or ()}
 
 
 def walk(record: object, place: Place = ()) -> Iterator[tuple[Place, Any]]:
-    """Path and value of every innermost part of a record, constants included, in field order.
+    """Field path and value of every number, text or other innermost value of a record, constants included.
 
     The leaves among them, which :func:`is_leaf` tells, come in the order of :func:`leaves`.
     """
@@ -92,7 +92,7 @@ def walk(record: object, place: Place = ()) -> Iterator[tuple[Place, Any]]:
 
 
 def pairs(example: object, record: object, path: str) -> list[tuple[Any, Any, str]] | None:
-    """Parts at equal paths of two records, as pairs with their paths; None if the structures differ."""
+    """Direct parts of two records in pairs, each with its path; None if the records differ in structure."""
     if isinstance(example, tuple) and isinstance(record, tuple) and len(example) == len(record):
         return [(a, b, f"{path}[{i}]") for i, (a, b) in enumerate(zip(example, record, strict=True))]
     if type(example) is type(record) and (names := field_names(type(example))) is not None:
@@ -117,7 +117,7 @@ def named_leaves(record: object, where: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def named_parts(record: object, where: str = "") -> Iterator[tuple[str, Any]]:
-    """Dotted path and value of every innermost part of a record, constants included, in field order."""
+    """Dotted path and value of every innermost value of a record, constants included, in field order."""
     for place, value in walk(record):
         yield f"{where}{''.join(f'[{i}]' if i.isdigit() else f'.{i}' for i in place)}".removeprefix("."), value
 
@@ -138,14 +138,14 @@ def shaped_like(template: Record, values: Sequence[Any]) -> Record:
 
 
 def part(record: object, place: Place) -> Any:
-    """Part of a record at a path."""
+    """Value that is found in a record along a path of field names and indices."""
     for name in place:
         record = record[int(name)] if isinstance(record, tuple) else getattr(record, name)
     return record
 
 
 def replace_at(record: Any, values: Mapping[Place, Any]) -> Any:
-    """Record with the values at some paths replaced; no path may lie inside another.
+    """Record with the values at some field paths replaced; no path may be a prefix of another.
 
     Every record on the way is made, and checked, once: numbers that only together make sense are replaced together.
     """

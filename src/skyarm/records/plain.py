@@ -103,7 +103,7 @@ written_if_any: Callable[[type], tuple[str, ...]] = functools.cache(_written_if_
 
 
 def _bound(function: object) -> list[Any]:
-    """Object that a method is bound to, and values that a closure captured."""
+    """Object to which a method is bound, and variables that a closure captured, for a digest of a function."""
     owner = getattr(function, "__self__", None)
     cells = getattr(function, "__closure__", None) or ()
     return [*([] if owner is None or isinstance(owner, ModuleType) else [owner]), *(c.cell_contents for c in cells)]

@@ -52,7 +52,7 @@ def record_from(kind: type[Record], fields: Fields) -> Record:
 
 
 def make_at(where: str, kind: Callable[..., Record], /, **values: Any) -> Record:
-    """Create a record from its fields; an error states the place of its table in the file.
+    """Create a record from its field values; an error names the table of the file from which they come.
 
     Raises:
         ValueError: one line.
@@ -86,7 +86,7 @@ def numbers_from(kind: type, fields: Fields, names: Iterable[str], required: Col
 
 
 def takes_table(function: Callable[..., Any]) -> bool:
-    """True if a function's only parameter is annotated as Fields: it reads its table itself."""
+    """True if a function's only parameter is a ``Fields`` reader, so that the function reads its table itself."""
     parameters = list(inspect.signature(function).parameters.values())
     return len(parameters) == 1 and parameters[0].annotation in (Fields, "Fields")
 

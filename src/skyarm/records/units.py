@@ -79,7 +79,7 @@ def declared_units(of: object) -> dict[str, tuple[Any, Unit]]:
 
 
 def _unit(annotation: object) -> Unit:
-    """Unit declared in an annotation, or in an option of a union."""
+    """Unit declared in a type annotation, also within a union; a dimensionless default if there is none."""
     options = typing.get_args(annotation)
     if typing.get_origin(annotation) is typing.Annotated:
         return next((each for each in options[1:] if isinstance(each, Unit)), NUMBER)

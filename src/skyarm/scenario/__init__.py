@@ -1,1 +1,1 @@
-"""Scenarios: definition of one experiment, read from a file or made in Python, and access to its numbers by path."""
+"""Scenarios: complete definitions of experiments, read from files or made in Python; numbers have dotted paths."""

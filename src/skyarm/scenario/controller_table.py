@@ -60,7 +60,7 @@ MEASURED = ("stiffness", "damping")
 
 
 def loop_facts(rates: Rates, delays: Delays) -> dict[str, float]:
-    """Timing of the control loop for building a law: control and reference period, measurement delay, s."""
+    """Periods of control and reference, and measurement delay, in s, as needed for building a control law."""
     return {
         "control_period": 1.0 / rates.control,
         "reference_period": 1.0 / rates.reference,
@@ -99,7 +99,7 @@ def controller_from(
 
 
 def require_servos_said(fields: Fields, carrier: Vehicle, model: Model) -> None:
-    """Raise an error if the model lacks drives of the plant, unless the file states the law's kind of joint command.
+    """Raise an error if plant joints have servos that the model lacks, unless the file states what the law commands.
 
     Raises:
         ValueError: one line: torques would reach the servos as angles.
@@ -127,7 +127,7 @@ def _with_safety(found: Controller, safety: object) -> Controller:
 
 
 def controller_by_name(scenario: Scenario, name: str) -> Controller:
-    """Build the controller of a given name for a scenario, and keep the present safety and actuator layers.
+    """Build a controller by name for a scenario, with the safety and actuator layers of its present controller.
 
     The safety layer stays, and so does that of the actuators: a law of torques takes the place of a law of torques.
 
@@ -191,13 +191,13 @@ LAYERS = ("safety", "servos")
 
 
 def law_words(law: str) -> tuple[str, ...]:
-    """Names of the keys that a controller's table may have for a law: its options and those common to all laws."""
+    """Keys that a [controller] table may have for a given law: the law's options, and those of all laws."""
     options = (WORDS.get(option, option) for option in LAWS[law].options() if option not in PYTHON_ONLY)
     return (*options, *(("tuned",) if law in tuned_factors() else ()), *LAYERS)
 
 
 def law_table(name: str, before: Mapping[str, Any]) -> dict[str, Any]:
-    """Table of a controller given by name, with the layer settings of the previous table."""
+    """[controller] table for a controller given by name, with the layer settings of the previous table."""
     layers = {word: before[word] for word in LAYERS if word in before}
     if name in PRESETS:
         return {"preset": name, **layers}
@@ -269,7 +269,7 @@ def _require_only(fields: Fields, word: str, allowed: str) -> None:
 
 
 def _read(fields: Fields, law: str, option: str, word: str) -> Any:
-    """Value of a law's option from a table; nested tables become records."""
+    """Read the value of a law's option from a table, converting nested tables to records."""
     value, at = fields.take(word), fields.at(word)
     if option in RECORDS:
         return record_from(RECORDS[option], Fields(value, at))
@@ -285,7 +285,7 @@ def _read(fields: Fields, law: str, option: str, word: str) -> Any:
 
 
 def _terms(value: object, at: str) -> Terms:
-    """Model terms of a law without the ones that a list names."""
+    """Terms of the computed torque law, with those that a list names switched off."""
     allowed = tuple(parts(Terms()))
     if not isinstance(value, list) or any(name not in allowed for name in value):
         raise ValueError(f"{at} = {shown(value)}: must be a list of {', '.join(allowed)}")

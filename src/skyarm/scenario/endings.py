@@ -37,7 +37,7 @@ class Ending:
     """One word for the log."""
 
     def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: object) -> Any:
-        """True while the condition for ending the episode is not met; false for NaN.
+        """True as long as the condition does not end the episode; false for NaN.
 
         Args:
             scenario: of the episode.
@@ -105,7 +105,7 @@ class JointLimits(Ending):
         return fine
 
     def _looked_at(self, scenario: Scenario, state: State) -> list[tuple[Any, Link]]:
-        """Value and link of each joint whose limits end the episode; joints with stops may be exempt."""
+        """Value and link of each joint whose limits are checked; joints with end stops may be exempt."""
         every = zip(state.joints, scenario.plant.vehicle.links, strict=True)
         return [(value, link) for value, link in every if self.stops or not link.joint.has_stops]
 
@@ -153,7 +153,7 @@ class Ground(Ending):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RotorContact(Ending):
-    """Termination when a rotor disc touches a fixed surface of the world."""
+    """Termination when a rotor disc touches a fixed surface, such as a wall."""
 
     status: ClassVar[str] = "rotor_contact"
 
@@ -266,7 +266,7 @@ def not_finite(vehicle: Vehicle, command: Sequence[float]) -> str | None:
 
 
 def apart(value: float, limit: float) -> tuple[str, str]:
-    """Texts of two different numbers with enough digits (at least four) to distinguish them."""
+    """Texts of two different numbers with just enough digits (at least four) that the texts differ."""
     for digits in range(4, 18):
         texts = f"{value:.{digits}g}", f"{limit:.{digits}g}"
         if texts[0] != texts[1]:

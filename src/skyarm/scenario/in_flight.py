@@ -1,4 +1,4 @@
-"""Scheduled changes of a scenario: numbers and parts that are replaced from a control period on.
+"""Scheduled changes of a scenario during a flight: numbers or whole parts, such as the controller, are replaced.
 
 Changes replace, they do not add up: at any instant the scenario is the one that began, with each path's latest value
 in the place of its own. A load that a change sets is therefore the load on top of what the vehicle carried at the
@@ -42,7 +42,7 @@ WHOLE_PARTS = (LAW, "controller", "reference", *OF_REFERENCE, *PARTS)
 
 
 def with_part(scenario: Scenario, path: str, value: object) -> Scenario:
-    """Scenario with one part replaced as a whole.
+    """Scenario with a whole part, such as the controller or the wind, replaced.
 
     Args:
         scenario: whose model and clocks a new law is made for.
@@ -59,7 +59,7 @@ def with_part(scenario: Scenario, path: str, value: object) -> Scenario:
 
 
 def _fields_of_part(scenario: Scenario, path: str, value: object) -> dict[str, Any]:
-    """Scenario fields that result from replacing a part by a value as written in a file."""
+    """Scenario fields that result from replacing a whole part, such as the wind, by a value in a file's format."""
     if path in PARTS:
         place, read = PARTS[path]
         return {place[-1]: read(value, path)}
@@ -95,13 +95,13 @@ def _law(scenario: Scenario, name: object) -> Controller:
 
 
 def _below(path: str) -> str:
-    """Common path prefix of the numbers that are replaced together with a part."""
+    """Prefix of the paths of all numbers that a replacement of a whole part also replaces."""
     return "controller." if path == LAW else f"{path}."
 
 
 @dataclass(frozen=True, slots=True)
 class Overrides:
-    """Values that override those of a scenario: path -> value, the latest last.
+    """Values that replace those of a scenario in flight, as pairs of parameter path and value, the latest last.
 
     Attributes:
         parts: whole parts, as a file has them. numbers: by path.
@@ -122,7 +122,7 @@ class Overrides:
         return Overrides((*parts, (path, value)), numbers)
 
     def data(self, scenario: Scenario, paths: Sequence[str] = ()) -> Overrides:
-        """Overrides in a canonical order, independent of the order of the changes where that has no effect.
+        """Overrides in a canonical order: equal for changes whose order has no effect.
 
         Args:
             scenario: as the flight began.
@@ -140,7 +140,7 @@ class Overrides:
         return Overrides(self.parts, tuple(numbers.items()))
 
     def holds(self, scenario: Scenario, path: str) -> bool:
-        """True if the number at a path is overridden, also by another path of it: "faults.0" may be "faults.front"."""
+        """True if the number at a path is overridden, also under an alias of it: "faults.0" may be "faults.front"."""
         if not self.numbers or is_added(path) or path in dict(self.numbers):
             return path in dict(self.numbers)
         for own, _ in self.numbers:
@@ -150,12 +150,12 @@ class Overrides:
         return False
 
     def hides(self, path: str) -> bool:
-        """True if the original value of a number is no longer used: it is overridden, or its part replaced."""
+        """True if a number's original value is no longer used: the number, or a whole part with it, was replaced."""
         gone = any(_within(path, own, _below(own)) for own, _ in self.parts)
         return gone or any(path == own for own, _ in self.numbers)
 
     def parts_of(self, scenario: Scenario) -> Scenario:
-        """Scenario with overridden parts but original numbers, and without scheduled changes."""
+        """Scenario with only the whole-part overrides applied, not those of single numbers; no scheduled changes."""
         scenario = scenario.as_begun
         for path, value in self.parts:
             scenario = with_part(scenario, path, value)
@@ -220,7 +220,7 @@ def overrides_at(scenario: Scenario, tick: int) -> Overrides:
 
 
 def sources(scenario: Scenario, tick: int) -> dict[str, int]:
-    """For each number overridden in a control period, the index of the change that sets it."""
+    """For each number that scheduled changes have set by a control period: index of the change that set it."""
     rate, found = scenario.rates.control, dict[str, int]()
     for i in sorted(range(len(scenario.changes)), key=lambda i: scenario.changes[i].tick(rate)):
         change = scenario.changes[i]
@@ -314,7 +314,7 @@ def try_changes(
 
 @contextmanager
 def _said_of(where: str) -> Iterator[None]:
-    """Context that prefixes the error of a change with the change's name."""
+    """Context manager that puts the name of a scheduled change at the start of its error message."""
     try:
         yield
     except ValueError as error:

@@ -1,4 +1,4 @@
-"""Read and replace numbers of a scenario by dotted path.
+"""Read and replace numbers of a scenario by dotted parameter path, such as ``plant.vehicle.base.mass``.
 
 A path starts with one of ``plant``, ``model``, ``controller``, ``environment.wind``, ``environment.faults``,
 ``sensors``, ``initial``, ``reference`` and goes on through the words of the scenario file (``reference.base.radius``,
@@ -77,7 +77,7 @@ def _meant(scenario: Scenario, path: str) -> tuple[Place, ...]:
 
 
 def _target(scenario: Scenario, path: str) -> tuple[str, tuple[Place, ...]]:
-    """Kind of the number that a path denotes, and its places in the scenario's record."""
+    """Kind of number that a parameter path denotes, and the positions in the scenario record that store the number."""
     for root, vehicle in PAYLOADS.items():
         if path == root or path.startswith(f"{root}."):
             return "payload", ((*vehicle, "payload", _frame_of_payload(part(scenario, vehicle), path, root)),)
@@ -89,7 +89,7 @@ def _target(scenario: Scenario, path: str) -> tuple[str, tuple[Place, ...]]:
 
 
 def _frame_of_payload(vehicle: Vehicle, path: str, root: str) -> str:
-    """Name of the frame that holds the payload of a path."""
+    """Name of the vehicle frame to which the payload mass of a parameter path is attached."""
     frames, words = [frame.name for frame in vehicle.frames], path[len(root) + 1 :].split(".")
     if words == ["mass"] and vehicle.end_effector:
         return vehicle.end_effector
@@ -189,7 +189,7 @@ def _require_numbers(values: object) -> None:
 
 
 def _fields(scenario: Scenario, leaves: Mapping[Place, Any]) -> dict[str, Any]:
-    """Fields of a scenario with the numbers at some paths replaced."""
+    """Top-level fields of a scenario after numbers at some field paths inside them are replaced."""
     below: dict[str, dict[Place, Any]] = {}
     for place, value in leaves.items():
         below.setdefault(place[0], {})[place[1:]] = value
@@ -209,7 +209,7 @@ PAYLOADS: Mapping[str, Place] = {
 
 
 def is_added(path: str) -> bool:
-    """True if the number at a path is a load added to the vehicle; several of these add up."""
+    """True if a parameter path denotes a payload mass, which is added to the vehicle's own mass."""
     return path.startswith(tuple(f"{root}." for root in PAYLOADS))
 
 
@@ -299,7 +299,7 @@ def _declared(record: object, place: Place) -> Unit:
 
 
 def words_of(path: str) -> str:
-    """Readable text of a path: ``plant.vehicle.links.0.joint.damping`` is "link 1 joint damping (plant)"."""
+    """Parameter path in readable words: ``plant.vehicle.links.0.joint.damping`` is "link 1 joint damping (plant)"."""
     words = [word for word in path.split(".") if word not in LEFT_OUT]
     whose = WHOSE.get(words[0], "") if len(words) > 1 else ""
     if whose:

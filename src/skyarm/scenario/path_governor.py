@@ -211,7 +211,7 @@ class Limits:
             self._efforts[i] = min(float(self._efforts[i, 0]), float(servo.largest_effort()))
 
     def names(self) -> list[str]:
-        """Name of the limit in each row of the demand array."""
+        """Names of the vehicle limits, in the order of the rows of the demand array."""
         rotors = [rotor.name for rotor in self._vehicle.rotors]
         joints = [link.joint.name for link in self._vehicle.links]
         return [
@@ -236,7 +236,7 @@ class Limits:
         return found
 
     def _shift(self, motion: Motion, settled: Any) -> Array:
-        """Additional acceleration of a tilted base that keeps its tip where a level base has it, (3, K), m/s^2."""
+        """Extra acceleration of a base that tilts but keeps its tip where a level base has it, (3, K), m/s^2."""
         force = motion.acceleration + np.array([[0.0], [0.0], [self._gravity]])
         held = frame_pose(self._vehicle, self._vehicle.frame(self._tip), tuple(motion.joints)).p
         arm = np.stack([np.broadcast_to(np.asarray(c, dtype=float), len(motion.time)) for c in held])

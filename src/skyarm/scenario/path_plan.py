@@ -69,7 +69,7 @@ class Ceilings:
         self.rate, self.acceleration = np.ones(count), np.full(count, ACCELERATION)
 
     def lower(self, values: Array, at: Array, to: Array, least: float, rate: float = 1.0) -> None:
-        """Lower the bounds around some places of the path (s); each lowering spreads over CALM seconds of flight.
+        """Lower the speed bounds at some path positions (given in s) and around them, as far as CALM seconds of flight.
 
         No bound is lowered below ``least``.
         """
@@ -137,7 +137,7 @@ def _first_rate(square: Array) -> float:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Plan:
-    """Planned time law of a reference.
+    """Planned time law of a reference, and the largest remaining demand.
 
     Attributes:
         path_time: time law; None if the reference is feasible as commanded.
@@ -160,7 +160,7 @@ NOTHING = 1e-7
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Judge:
-    """Evaluator of the vehicle's demands for a motion along the path.
+    """Evaluator of what a motion along the path demands of the vehicle, relative to the vehicle's limits.
 
     Attributes:
         motion: motion from the path parameter and its derivatives at K instants, and from these instants, s.
@@ -172,7 +172,7 @@ class Judge:
     at_rest: Callable[[Motion], Array]
 
     def over(self, s: Derivatives, time: Array) -> Array:
-        """Demand over allowed demand, (limits, K); allowed is the limit or, if larger, the posture's static demand."""
+        """Demand over allowed demand, (limits, K): over the limit or, if larger, the posture's static demand."""
         with np.errstate(all="ignore"):
             motion = self.motion(s, time)
             found = np.asarray(self.shares(motion) / np.maximum(1.0, self.at_rest(motion)))
@@ -184,7 +184,7 @@ class Judge:
 
 
 def even_rates(judge: Judge, ceilings: Ceilings) -> None:
-    """Lower the bounds to the largest constant path speed that is feasible at each place of the path."""
+    """Lower the bounds at each path position to the largest constant path speed that is feasible there."""
     path = np.arange(-BEYOND, ceilings.duration + BEYOND + 0.5 * GRID, GRID)
     inside = (path > -0.5 * GRID) & (path < ceilings.duration + 0.5 * GRID)
     open_, still = np.ones(len(path), dtype=bool), np.zeros_like(path)
@@ -221,7 +221,7 @@ def plan(judge: Judge, ceilings: Ceilings) -> Plan:
 
 
 def _calm(ceilings: Ceilings, s: Derivatives, over: Array) -> None:
-    """Lower ds/dt slightly and limit its rate of change where the motion exceeds a limit."""
+    """Slightly lower the bounds of path speed and acceleration at path positions where a limit is exceeded."""
     more = over > SLACK
     place, rate = s[0][more], np.maximum(s[1][more], SLOWEST)
     index = np.clip(np.round(place / GRID).astype(int), 0, len(ceilings.rate) - 1)

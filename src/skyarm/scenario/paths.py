@@ -1,4 +1,4 @@
-"""Parameter paths: dotted names of a scenario file, resolved to places in the scenario's records.
+"""Parameter paths: dotted names as in a scenario file, converted to field paths of the scenario record.
 
 One number of a file may have several places in the records (a circle's radius is the amplitude of two sines), and a
 file's word may be another than the record's (``force`` is ``force_W``). Both words lead to the record.
@@ -55,7 +55,7 @@ OLD_PATHS = {"reference.joined": TRACKING_START}
 
 
 def places_of(scenario: Scenario, path: str) -> tuple[Place, ...]:
-    """Places in the scenario record that a path denotes; all hold the same number.
+    """Field paths in the scenario record for a parameter path; several if one number is stored more than once.
 
     Raises:
         ScenarioError: a field that does not exist (with those that do), or one that is structure.
@@ -82,7 +82,7 @@ def places_of(scenario: Scenario, path: str) -> tuple[Place, ...]:
 
 
 def roots(scenario: Scenario) -> dict[str, Place]:
-    """Roots of parameter paths with their places: named sensors and drives, then the fixed ``ROOTS``."""
+    """First parts of parameter paths with their field paths: named sensors and drives, then the fixed ``ROOTS``."""
     named: dict[str, Place] = {
         f"sensors.{each.name}": ("agent", "sensors", str(i), "sensor") for i, each in enumerate(scenario.sensors)
     }
@@ -116,13 +116,13 @@ def _follow(scenario: Scenario, path: str, start: Place, words: list[str]) -> tu
 
 
 def _further(scenario: Scenario, path: str) -> list[str]:
-    """Suggestions for a misspelt path: named sensors and drives of the scenario."""
+    """Names of sensors and drives that a misspelt parameter path may have meant."""
     head = path[: path.index(".") + 1]
     return [name.removeprefix(head) for name in roots(scenario) if name not in ROOTS and name.startswith(head)]
 
 
 def _with_heads(heads: tuple[Place, ...], found: object) -> Any:
-    """Prefix places with each of several parent places, so that they are relative to the scenario."""
+    """Put each of several parent field paths in front of field paths."""
     if isinstance(found, tuple):
         return tuple((*head, *tail) for head in heads for tail in found)
     return found
@@ -188,7 +188,7 @@ def _name(item: object) -> str | None:
 
 
 def _every_joint(vehicle: Vehicle) -> Tree:
-    """Path names for [plant] joints = { damping, ... }, which set one number for every joint."""
+    """Parameter names of [plant] joints = { damping, ... }, each of which sets one number for every joint."""
     return {
         field: tuple(("vehicle", "links", str(i), "joint", field) for i in range(vehicle.n))
         for field in JOINT_NUMBERS
@@ -197,7 +197,7 @@ def _every_joint(vehicle: Vehicle) -> Tree:
 
 
 def _signal(signal: Signal) -> dict[str, tuple[Place, ...] | Tree]:
-    """Path names of a signal's fields, including those of a signal inside a window or shift."""
+    """Parameter names of a signal's fields, including those of a signal inside a window or time shift."""
     found: dict[str, tuple[Place, ...] | Tree] = {}
     if isinstance(signal, (Windowed, Shifted)):
         found |= {name: _under(("signal",), at) for name, at in names(signal.signal).items()}
@@ -211,14 +211,14 @@ def _signal(signal: Signal) -> dict[str, tuple[Place, ...] | Tree]:
 
 
 def _under(head: Place, at: tuple[Place, ...] | Tree) -> tuple[Place, ...] | Tree:
-    """Prefix places with the place of the record that contains them."""
+    """Put the field path of a containing record in front of field paths."""
     if isinstance(at, tuple):
         return tuple((*head, *place) for place in at)
     return {name: _under(head, inner) for name, inner in at.items()}
 
 
 def _motions(motion: Trajectory | TipMotion) -> Tree:
-    """Path names of [reference.base] and the tip's path, as in the file: hover, circle, signals, or a list of them."""
+    """Parameter names of [reference.base] or the tip's path, as in the file: hover, circle, signals, or a list."""
     axes = (motion.x, motion.y, motion.z)
     if all(_is_list(axis) for axis in axes):
         each = zip(*(_items(axis) for axis in axes), strict=False)
@@ -241,7 +241,7 @@ def _is_list(signal: Signal) -> bool:
 
 
 def _items(signal: object) -> list[tuple[Signal, Place]]:
-    """Terms of a sum of motions in the order of the file, each with its place."""
+    """Terms of a sum of motions in the order of the file, each with its field path inside the sum."""
 
     def backwards() -> Iterator[tuple[Signal, Place]]:
         rest: Any = signal
@@ -254,7 +254,7 @@ def _items(signal: object) -> list[tuple[Signal, Place]]:
 
 
 def _motion(axes: tuple[Signal, ...], places: tuple[Place, ...]) -> Tree:
-    """Path names of one motion, by the kinds of its three signals."""
+    """Parameter names of one motion, such as "radius" for a circle, by the kinds of its three signals."""
     found: dict[str, Any] = dict(zip("xyz", ((place,) for place in places), strict=True))
     if all(isinstance(axis, Constant) for axis in axes):
         found["position"] = _vector([(*place, "value") for place in places])
@@ -287,5 +287,5 @@ def _is_circle(signal: object) -> bool:
 
 
 def _vector(places: Sequence[Place]) -> Tree:
-    """Path names of a vector's components, by letter and by index."""
+    """Parameter names of a vector's components: x, y, z and 0, 1, 2."""
     return {name: (place,) for i, place in enumerate(places) for name in ("xyz"[i], str(i))}

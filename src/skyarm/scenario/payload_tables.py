@@ -69,7 +69,7 @@ def _payload(fields: Fields) -> TimedPayload:
 
 
 def _instant(fields: Fields, name: str) -> tuple[float, Reach | None]:
-    """Read an instant (s), or a place to be reached with the earliest instant."""
+    """Read when an event occurs: at a time (s), or when a position is reached, not before a time (s)."""
     if not isinstance(fields.table.get(name), dict):
         return fields.number(name, low=0.0), None
     inner = fields.inner(name)
@@ -115,7 +115,7 @@ def _whole_period(time: float, rate: float) -> float:
 
 
 def with_instants(tables: object, events: Sequence[TaskEvent], control_rate: float) -> Any:
-    """Payload tables completed with the instants at which phases pick and place the payloads.
+    """Payload tables completed with the times at which task phases pick and place the payloads.
 
     Args:
         tables: as in the file.
@@ -152,7 +152,7 @@ def with_instants(tables: object, events: Sequence[TaskEvent], control_rate: flo
 
 
 def with_commands(contact: Any, events: Sequence[TaskEvent], control_rate: float) -> Any:
-    """World contact whose grippers close and open at the phases that name them.
+    """Contact model with gripper commands added: each gripper closes and opens in the task phases that name it.
 
     Args:
         contact: as read; None without a world.
@@ -178,7 +178,7 @@ def with_commands(contact: Any, events: Sequence[TaskEvent], control_rate: float
 
 
 def _with_task_windows(gripper: Any, events: Sequence[TaskEvent], rate: float) -> Any:
-    """Gripper that is closed from each pick to the next place."""
+    """Gripper with a command to be closed from each pick phase of the task to the next place phase."""
     windows: list[Windowed] = []
     since: float | None = None
     for event in (each for each in events if each.gripper == gripper.name):

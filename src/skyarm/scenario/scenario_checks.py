@@ -189,7 +189,7 @@ def _check_sensors(scenario: Scenario) -> None:
 
 
 def _check_drives(scenario: Scenario) -> None:
-    """Check that drives belong to joints with torque, and that all components are stable at the control period."""
+    """Check that drives belong to joints with torque, and that drives and environment models are stable."""
     period, vehicle = 1.0 / scenario.rates.control, scenario.plant.vehicle
     joints, own = [link.joint.name for link in vehicle.links], [each.joint for each in scenario.drives]
     added: list[tuple[str, Component | Drive]] = [
@@ -260,7 +260,7 @@ def _counts_of_law(par: object, joints: int, rotors: int) -> Iterator[tuple[str,
 
 
 def _check_surroundings(scenario: Scenario) -> None:
-    """Check that faults and components name existing actuators, frames and links of the plant."""
+    """Check that faults, forces and contact models name existing actuators, frames and links of the plant."""
     vehicle, period = scenario.plant.vehicle, 1.0 / scenario.rates.control
     for i, fault in enumerate(scenario.faults):
         try:
@@ -365,7 +365,7 @@ def _require_tip_sensor(at: str, sensors: Sequence[tuple[str, Sensor]], vehicle:
 
 
 def _check_guards(trajectory: Trajectory, sensors: Sequence[tuple[str, Sensor]], vehicle: Vehicle) -> None:
-    """Check that the sensors that phase guards read exist."""
+    """Check that the scenario has the sensors that conditions for the end of a phase use."""
     if not trajectory.guards:
         return
     from skyarm.sensing.sensor_kinds import TactileSwitch

@@ -36,7 +36,7 @@ def scenario_differences(a: object, b: object) -> dict[str, tuple[Any, Any]]:
 
 
 def _leaves(data: object, words: Words) -> Iterator[tuple[Words, Any]]:
-    """Path and value of each leaf of plain data."""
+    """Field path and value of each innermost value of a scenario's plain data."""
     inner = data.items() if isinstance(data, Mapping) else enumerate(data) if isinstance(data, list) else ()
     if not inner:
         yield words, data
@@ -47,12 +47,12 @@ def _leaves(data: object, words: Words) -> Iterator[tuple[Words, Any]]:
 
 
 def _has_choice(words: Words) -> bool:
-    """True if values of several classes are allowed at this place."""
+    """True if values of several classes are allowed at a field path, such as different kinds of wind."""
     return words in (("environment", "wind"), ("agent", "estimator")) or words[:-1] in SEVERAL
 
 
 def _path(words: Words) -> str:
-    """Parameter path of a place in the scenario record; the record's field names joined where it has none."""
+    """Parameter path for a field path of the scenario record; the field names joined by dots if there is none."""
     roots = sorted(ROOTS.items(), key=lambda pair: -len(pair[1]))
     for root, place in roots:
         if words[: len(place)] == place and len(words) > len(place):

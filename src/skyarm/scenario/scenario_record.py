@@ -224,7 +224,7 @@ def in_order(changes: Iterable[Change], rate: int) -> tuple[Change, ...]:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Solver:
-    """Simulation settings of a plant.
+    """Simulation settings of a plant: kind of simulator and integrator.
 
     Attributes:
         kind: "rigid_body" or "mujoco". integrator: "rk4", "euler" or "rk4_staged".
@@ -313,7 +313,7 @@ class Agent:
 
 
 class Word(Generic[Held]):
-    """Attribute of the scenario for a field of a group: ``scenario.wind`` is ``scenario.environment.wind``."""
+    """Shortcut attribute of the scenario for a field of a group: ``scenario.wind`` is ``scenario.environment.wind``."""
 
     def __init__(self, group: str) -> None:
         self._group = group
@@ -378,7 +378,7 @@ class Scenario:
             raise ScenarioError(str(error)) from None
 
     def with_words(self, **words: Any) -> Scenario:
-        """Scenario with some fields replaced, also those of its groups."""
+        """Scenario with some fields replaced, also fields of its groups, such as ``wind``."""
         made: Any = dataclasses.replace(self, **words)
         return made  # type: ignore[no-any-return]
 
@@ -420,12 +420,12 @@ class Scenario:
 
     @property
     def components(self) -> tuple[Component, ...]:
-        """All force and flow components: wind, air, added forces, timed payloads, contact, the battery's load."""
+        """All environment models: wind, air, added forces, timed payloads, contact, and the battery's load."""
         return (self.wind, *self.air, *self.forces, *self.payloads, *self.worlds, *self.power)
 
     @property
     def placed_components(self) -> tuple[tuple[str, Component], ...]:
-        """All components with their paths in a file, such as ``environment.air[0]``."""
+        """All environment models with their parameter paths, such as ``environment.air[0]``."""
         lists = {"environment.air": self.air, "environment.forces": self.forces, "payloads": self.payloads}
         numbered = (f"{where}[{i}]" for where, several in lists.items() for i in range(len(several)))
         last = *("world" for _ in self.worlds), *("plant.vehicle.battery" for _ in self.power)
@@ -433,12 +433,12 @@ class Scenario:
 
     @property
     def worlds(self) -> tuple[Contact, ...]:
-        """The world's contact model in a tuple; empty if there is nothing to touch."""
+        """The contact model (surfaces, grippers) as a tuple of one; empty if there is nothing to touch."""
         return () if self.world is None else (self.world,)
 
     @property
     def power(self) -> tuple[BatteryDrain, ...]:
-        """Load on the battery of the plant's vehicle; empty without a battery."""
+        """Model of the electrical load on the plant's battery, as a tuple of one; empty without a battery."""
         vehicle = self.plant.vehicle
         if vehicle.battery is None:
             return ()
@@ -539,7 +539,7 @@ def first_state(scenario: Scenario) -> State:
 
 
 def _as_data(state: State) -> State:
-    """State with all numbers as floats, which marks them as variable, and a quaternion of exactly unit length."""
+    """State with all numbers as floats, which compiled code takes as inputs, and a normalized quaternion."""
 
     def as_data(value: Any) -> Any:
         numbers = (data(each) for each in value)

@@ -70,7 +70,7 @@ PARTS: Mapping[str, tuple[Place, Callable[[Any, str], Any]]] = {
 
 
 def parts_from(tables: Mapping[str, Fields]) -> dict[str, Any]:
-    """Read the optional ``PARTS`` of a scenario file; returns fields by the name of their table."""
+    """Read the optional wind, faults, air, forces, ground, estimator and endings of a scenario file."""
     found = {}
     for path, (place, read) in PARTS.items():
         within, _, name = path.rpartition(".")
@@ -93,7 +93,7 @@ def vehicle(fields: Fields, folder: Path) -> Vehicle:
 
 
 def truth(plant: Fields, folder: Path) -> Vehicle:
-    """Vehicle of [plant] or [model] with its payload, overridden joint numbers and, for [model], drives."""
+    """Vehicle that [plant] or [model] describes, with its payload and overridden joint numbers."""
     found = vehicle(plant, folder)
     if "payload" in plant.table:
         try:
@@ -211,7 +211,7 @@ def feasibility_of(scenario: Scenario) -> Feasibility | None:
 
 
 def _in_folder(table: object, folder: Path) -> Any:
-    """Table of a reference with its sample files' paths made absolute."""
+    """Reference table whose relative paths of sample files are made absolute."""
     if isinstance(table, list):
         return [_in_folder(item, folder) for item in table]
     if not isinstance(table, dict):

@@ -64,7 +64,7 @@ def unlikely_numbers(scenario: Scenario) -> tuple[str, ...]:
 
 
 def part_warnings(scenario: Scenario) -> tuple[str, ...]:
-    """Warnings issued by the components of a scenario."""
+    """Warnings issued by the environment models (wind, forces, contacts) of a scenario."""
     vehicle, step = scenario.plant.vehicle, 1.0 / scenario.rates.physics
     parts = scenario.placed_components
     return tuple(f"{where}: {line}" for where, part in parts for line in part.warnings(vehicle, step))
@@ -133,7 +133,7 @@ def _too_large(before: str, size: float, most: float, unit: str, behind: str = "
 
 
 def _size(value: Any) -> float:
-    """Magnitude of a field's value: absolute value, vector length, or largest entry of a column."""
+    """Magnitude of a field's value: absolute value, vector length, or largest entry of a list."""
     if isinstance(value, tuple):
         return max(map(float, value), default=0.0)
     return _norm(value) if parts(value) else float(value)

@@ -42,7 +42,7 @@ FrameOrLook = TypeVar("FrameOrLook", Frame, Look)
 
 
 def place_in(bodies: RigidBodies, name: str, field: str) -> Frame:
-    """Frame of a named link or frame: index of the moving body that carries it, and its pose in that body."""
+    """Index of the body that carries a named link or frame, and the pose of the link or frame in that body."""
     names = [link.name for link in bodies.links]
     if name in ("base", bodies.root):
         return Frame(name=name, link=BASE, position=Vec3(0, 0, 0))
@@ -178,7 +178,7 @@ def held_pose(kind: str, axis: Vec3, value: float) -> tuple[Mat3, Vec3]:
 def couple(
     links: Sequence[Link], frames: Sequence[Frame], mimics: Mapping[str, Mimic]
 ) -> tuple[tuple[Link, ...], tuple[Follower, ...], tuple[Frame, ...]]:
-    """Separate followers from independent links; return both, and the frames with the new link indices.
+    """Separate followers (links with coupled joints) from independent links; frames get the new link indices.
 
     Damping and armature of a follower's joint act at its leader, by the square of the ratio; its dry friction by
     the ratio, at the leader's own rate. Its limits narrow those of its leader; where they would leave it no range, as
@@ -359,7 +359,7 @@ class BodyTree:
         return Frame(name="", link=len(self.links) - 1, position=Vec3(0, 0, 0))
 
     def add_body(self, link: int, body: Body) -> None:
-        """Add a mass to a link or the base, in that body's axes."""
+        """Merge an additional mass into a link or the base; it is expressed in the axes of that link or base."""
         self.parts[link + 1].append(body)
 
     def bodies(self, name: str, root: str, coupled: bool) -> RigidBodies:

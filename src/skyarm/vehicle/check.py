@@ -101,7 +101,7 @@ def unique(field: str, names: list[str]) -> None:
 
 
 def vehicle(value: Vehicle) -> None:
-    """Check conditions across several records of a vehicle; each record checks its own numbers."""
+    """Check a vehicle as a whole: unique names, order of links, existing references, physical consistency."""
     inertia("base.inertia", value.base.inertia, planar=value.base.planar)
     if concrete(value.base.mass) and not value.base.mass > 0.0:
         refuse("base.mass", value.base.mass, "must be greater than 0")

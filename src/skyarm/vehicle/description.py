@@ -1,4 +1,4 @@
-"""Convert numbers of a vehicle file for records: exact zeros and ones become constants of compiled code.
+"""Convert numbers of a vehicle file to record fields: exact zeros and ones become constants of compiled code.
 
 What stands as 0 or 1 in a file, and what is computed from it to exactly 0.0 (a product of inertia of a symmetric
 body), is structure and folds away; every other number stays data (see :mod:`skyarm.algebra.scalars`).
@@ -128,7 +128,7 @@ def tree_order(parents: Mapping[str, str], root: str, field: str) -> list[str]:
 
 
 def _ring(parents: Mapping[str, str], start: str) -> list[str]:
-    """Cycle of links that is reached from ``start`` through the parents, with the first name repeated."""
+    """Names of the links of a cycle of parents, as found from a start link; the first name is repeated at the end."""
     walked = [start]
     while parents[walked[-1]] not in walked:
         walked.append(parents[walked[-1]])

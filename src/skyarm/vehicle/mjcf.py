@@ -152,7 +152,7 @@ def _is_fixed(tree: _Tree, joint: int) -> bool:
 
 
 def _held_pose(tree: _Tree, joint: int, at: Frame) -> Frame:
-    """Pose of a body behind a fixed joint."""
+    """Pose of the body that a fixed joint carries."""
     name = name_of(tree.model, "jnt", joint)
     value = resting(tree.model, name, tree.mimics)
     tree.notes.add(f"tied by an equality: fixed at {value:g}", name)
@@ -160,7 +160,7 @@ def _held_pose(tree: _Tree, joint: int, at: Frame) -> Frame:
 
 
 def _read_body(tree: _Tree, body: int) -> None:
-    """Add the mass and sites of a body to the tree."""
+    """Add the mass and the sites (named frames) of a MuJoCo body to the tree."""
     model, at = tree.model, tree.seats[body]
     mass = float(model.body_mass[body])
     if mass > 0.0 and body:
@@ -246,7 +246,7 @@ def _largest_force(model: MjModel, actuator: int) -> float:
 
 
 def mimics_of(model: MjModel) -> dict[str, Mimic]:
-    """Mimic relation of each joint from the file's joint equalities; a joint locked by one follows none ("").
+    """Mimic relation of each joint from the file's joint equalities; the leader of a locked joint is "".
 
     Raises:
         VehicleError: an equality that is not linear.
@@ -268,7 +268,7 @@ def mimics_of(model: MjModel) -> dict[str, Mimic]:
 
 
 def resting(model: MjModel, name: str, mimics: Mapping[str, Mimic]) -> float:
-    """Value of a mimic joint when the leader of its chain is at rest."""
+    """Value of a mimic joint when the joint that leads its chain of mimics is at rest."""
     found = follow(name, mimics)
     return found.at_rest(*(limits(model, model.joint(found.joint).id) if found.joint else (0.0, 0.0)))
 

@@ -26,7 +26,7 @@ GOLDEN = 0.6180339887498949
 
 
 def what_does_not_move(value: Vehicle) -> tuple[str, Any, str] | None:
-    """Field, value and allowed values of a motion without inertia; None if the mass matrix is regular."""
+    """Error (field, value, requirement) about a joint or base that can move without moving mass; None if none can."""
     found = immobile(value) if concrete(*_rigid_numbers(value)) else None
     if found is None:
         return None
@@ -47,7 +47,7 @@ def what_does_not_move(value: Vehicle) -> tuple[str, Any, str] | None:
 
 
 def immobile(vehicle: Vehicle) -> tuple[str, tuple[float, ...]] | None:
-    """Field and joint values of the first motion without inertia; None if the mass matrix is regular.
+    """Field of the first joint (or base) that moves no mass, with the joint values tested; None if each moves mass.
 
     All numbers of the vehicle must be concrete.
     """
@@ -77,7 +77,7 @@ def _solid(body: Body) -> bool:
 
 
 def _joint_value(joint: Joint, turn: int, index: int) -> float:
-    """Test value of a joint: zero (or the nearest limit) in turn 0, then values without symmetry."""
+    """Value of a joint in a test posture: zero (or the nearest limit) in posture 0, irregular in the others."""
     free = 0.0 if turn == 0 else 0.2 + ((turn * 7 + index * 3 + 1) * GOLDEN) % 1.0
     lower, upper = _numbers(joint.lower, joint.upper)
     return min(max(free, lower), upper)
@@ -103,7 +103,7 @@ def mass_matrix(vehicle: Vehicle, joints: Sequence[float]) -> tuple[Any, list[An
 
 
 def _eliminate(vehicle: Vehicle, joints: Sequence[float]) -> str:
-    """Field of the first degree of freedom, counted from the tips, without inertia; empty if there is none.
+    """Field of the outermost joint (or the base) that moves no mass, by elimination in the mass matrix; else empty.
 
     The pivot of a joint in the mass matrix is the articulated inertia about it: with the joints after it free.
     """
@@ -176,7 +176,7 @@ def _direction(joint: Joint) -> Any:
 
 
 def _to_child(joint: Joint, value: float) -> Any:
-    """Spatial transform (6 x 6) of a motion at the parent's origin to the child's."""
+    """Spatial transform (6 x 6) of a motion vector from the parent link's origin to the child link's."""
     import numpy as np
 
     R, p = _matrix(joint.rotation), np.array(_numbers(*joint.position))

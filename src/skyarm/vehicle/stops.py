@@ -124,7 +124,7 @@ def with_smooth_friction(vehicle: Vehicle, names: Collection[str]) -> Vehicle:
 
 
 def _dry(joint: Joint) -> float:
-    """Slope of a joint's dry friction against its rate at rest, N m s/rad or N s/m."""
+    """Slope of the smoothed dry friction of a joint at zero rate, N m s/rad or N s/m."""
     return float(joint.coulomb) / float(joint.coulomb_rate)
 
 
@@ -133,7 +133,7 @@ def _slopes(links: Sequence[Link]) -> list[float]:
 
 
 def _fastest(slopes: Sequence[float], mobilities: Sequence[Any]) -> tuple[float, list[float]]:
-    """Fastest decay rate of friction at rest, 1/s, and the contribution of each joint to its mode, per slope."""
+    """Fastest decay rate (1/s) that friction causes at rest, and how much each joint's friction contributes."""
     import numpy as np
 
     root = np.sqrt(np.array(slopes))

@@ -90,7 +90,7 @@ class ThrustTable:
         return inverse_curve(throttle, *self._throttles())
 
     def _points(self, column: Sequence[Any]) -> tuple[list[Any], list[Any]]:
-        """Interpolation points of a table column against squared speed, starting at rest."""
+        """Points (squared speed, value) of a table column for interpolation, with a point at zero speed."""
         squares = [w * w for w in self.speed]
         if concrete(self.speed[0]) and self.speed[0] == 0.0:
             return squares, list(column)

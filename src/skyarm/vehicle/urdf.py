@@ -275,7 +275,7 @@ def read_mimics(joints: Mapping[str, ET.Element]) -> dict[str, Mimic]:
 
 
 def resting(follows: Mimic, joints: Mapping[str, ET.Element]) -> float:
-    """Value of a mimic joint when the leader of its chain is at rest."""
+    """Value of a mimic joint when the joint that leads its chain of mimics is at rest."""
     if follows.joint not in joints:
         return follows.at_rest()
     leader = joints[follows.joint]
@@ -367,7 +367,7 @@ def child(element: ET.Element, tag: str, field: str) -> ET.Element | None:
 
 
 def required_numbers(element: ET.Element, tag: str, names: Sequence[str], field: str) -> list[float]:
-    """Required numbers of a required child element."""
+    """Numbers in the named attributes of a child element; raises an error if the element or one of them is missing."""
     found = child(element, tag, field)
     if found is None:
         refuse(f"{field}.{tag}", "(missing)", f"must give {', '.join(names)}; a link without mass has no <inertial>")

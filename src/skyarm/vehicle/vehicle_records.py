@@ -139,7 +139,7 @@ class MountedDrive:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Vehicle:
-    """Vehicle: airframe, arm and rotors.
+    """Vehicle: airframe, rotors, and a tree of joints and links (the arm).
 
     Attributes:
         name: short name.
@@ -223,7 +223,7 @@ class Vehicle:
 
     @property
     def planar(self) -> bool:
-        """True if a body is a planar model; such a vehicle can be a law's model but not a plant."""
+        """True if a body has mass properties for planar motion only: allowed for a law's model, not for a plant."""
         return any(body.planar for body in self.bodies)
 
     def frame(self, name: str | None = None) -> Frame:

@@ -127,7 +127,7 @@ def _source(top: Fields) -> str:
 
 
 def _bodies(top: Fields, refer: Refer, mimic: str) -> tuple[RigidBodies, Vehicle | None]:
-    """Bodies of a vehicle file or of the file that it refers to; for a vehicle file also its vehicle."""
+    """Rigid bodies of a vehicle file or of the file that it refers to, and the vehicle if that is a vehicle file."""
     source = _source(top)
     base, links = top.take("base", None), top.take("links", [])
     if not source:
@@ -206,7 +206,7 @@ def _actuation(fields: Fields) -> dict[str, Any]:
 
 
 def _pose(fields: Fields) -> tuple[Mat3, Any]:
-    """Read rotation and position (m) of a frame in another one."""
+    """Read the pose of a frame relative to another frame: rotation and position (m)."""
     R, rpy, wxyz = Mat3.identity(), fields.take("rpy", None), fields.take("quaternion_wxyz", None)
     if rpy is not None and wxyz is not None:
         refuse(fields.at("rpy"), rpy, "must not be given together with quaternion_wxyz")
@@ -229,7 +229,7 @@ def _frame(fields: Fields, bodies: RigidBodies) -> Frame:
 
 
 def _attach(bodies: RigidBodies, fields: Fields, refer: Refer, mimic: str) -> tuple[RigidBodies, Vehicle | None]:
-    """Bodies with an arm attached, and the vehicle of the arm's own file."""
+    """Bodies after an arm is attached to them, and the arm's vehicle if its file is a vehicle file."""
     arm = fields.text("arm")
     found = refer(fields.at("arm"), arm, SOURCES["airframe"], fields.choice("mimic", MIMIC, mimic))
     carried = found if isinstance(found, Vehicle) else None
@@ -283,7 +283,7 @@ COEFFICIENTS = ("thrust_coefficient", "moment_coefficient")
 
 
 def _rotor_values(fields: Fields) -> dict[str, Any]:
-    """Read the rotor fields that a table states, of one rotor or of all."""
+    """Read those fields of a rotor that a table states; the table may apply to one rotor or to all."""
     values: dict[str, Any] = numbers_from(Rotor, fields, ROTOR_NUMBERS)
     values |= _axis(fields)
     if fields.take("thrust_table", None) is not None:

@@ -62,7 +62,7 @@ class Instant:
     parts: tuple[tuple[str, tuple[Scalar, ...]], ...] = ()
 
     def part(self, name: str) -> tuple[Scalar, ...]:
-        """Logged array of the flight's components at this instant; () if the flight has none."""
+        """Values at this instant of an array logged by a wind, force or contact model; () if the flight has none."""
         return next((numbers for each, numbers in self.parts if each == name), ())
 
 
@@ -145,7 +145,7 @@ def quantity(name: str, now: Instant) -> Any:
 
 
 def added_metric(name: str) -> Metric:
-    """User-registered metric with its default parameters, or a built-in metric of the interaction.
+    """User-registered metric with its default parameters, or a built-in metric of contacts, grasps and phases.
 
     Raises:
         RegistryError: what is registered is no metric, or cannot be called as one.
@@ -163,14 +163,14 @@ def added_metric(name: str) -> Metric:
 
 
 def first_totals(wanted: Sequence[Total]) -> tuple[Any, ...]:
-    """Initial values of the running sums."""
+    """Initial values of the running sums and extremes from which metrics are computed."""
     return tuple(added_metric(name).start() if kind == ADDED else STARTS[kind] for kind, _, name in wanted)
 
 
 def advance_totals(
     totals: tuple[Any, ...], wanted: Sequence[Total], now: Instant, inside: Mapping[str, Any]
 ) -> tuple[Any, ...]:
-    """Update the running sums by one control instant.
+    """Add the quantities of one control instant to the running sums and extremes of the metrics.
 
     Args:
         totals: so far.

@@ -36,7 +36,7 @@ NOT_YET = 1e30
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PushMemory:
-    """Running sums of a commanded contact.
+    """Running sums over a commanded contact: of force error, contact losses and tip error.
 
     Attributes:
         first: time of the first touch during a commanded contact, s. touching: 1 during contact.
@@ -60,14 +60,14 @@ class PushMemory:
 
 @dataclass(frozen=True, slots=True)
 class PushTotals(Metric):
-    """Metrics of a commanded contact: force, losses of contact and tip error; idle where none is commanded."""
+    """Metrics of a commanded contact: force, losses of contact and tip error."""
 
     def start(self) -> PushMemory:
-        """Initial running sums."""
+        """Initial running sums of the contact metrics: all zero, no touch yet."""
         return PushMemory()
 
     def count(self, memory: PushMemory, now: Instant) -> PushMemory:
-        """Update the running sums by one control instant; unchanged in a flight without contact."""
+        """Add one control instant to the running sums of force error, contact losses and tip error."""
         forces = now.part("contact_force")
         if not now.push or not forces:
             return memory
@@ -114,7 +114,7 @@ def _across(now: Instant, normal: tuple[Scalar, ...]) -> Scalar:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class GripMemory:
-    """Running sums of a gripped handle.
+    """Running sums while the tip grips a handle: of radial force and of the mechanism's lag.
 
     Attributes:
         held: instants in which it is held. force, largest: sum and largest of the radial force's size, N.
@@ -135,14 +135,14 @@ class GripMemory:
 
 @dataclass(frozen=True, slots=True)
 class GripTotals(Metric):
-    """Metrics of a gripped, turning handle: radial force and lag; idle while the tip grips none."""
+    """Metrics of a gripped, turning handle: radial force on the tip, and lag behind the reference."""
 
     def start(self) -> GripMemory:
-        """Initial running sums."""
+        """Initial running sums of the grip metrics: all zero, nothing gripped yet."""
         return GripMemory()
 
     def count(self, memory: GripMemory, now: Instant) -> GripMemory:
-        """Update the running sums by one control instant."""
+        """Add one control instant to the running sums of radial force and lag."""
         hinge, turned_to = now.part("mechanism_hinge"), now.part("mechanism_position")
         if not hinge or not now.part("gripper_pull") or len(now.push) <= 6:
             return memory
@@ -185,11 +185,11 @@ class PhaseTotals(Metric):
     """Metric: start time of the latest phase of a task."""
 
     def start(self) -> PhaseMemory:
-        """Initial memory, before the first phase."""
+        """Initial index and start time, before the first phase."""
         return PhaseMemory()
 
     def count(self, memory: PhaseMemory, now: Instant) -> PhaseMemory:
-        """Update the memory by one control instant."""
+        """Store the index and start time of a phase when a new one begins."""
         more = now.phase > memory.phase
         return PhaseMemory(
             phase=where(more, now.phase, memory.phase),
@@ -202,7 +202,7 @@ TOTALS: Mapping[str, Metric] = {"push": PushTotals(), "grip": GripTotals(), "pha
 
 
 def _of_part(name: str, index: int) -> Callable[[Instant, Any], Any]:
-    """Number from a component's logged array at an instant; None if the flight does not have it."""
+    """Make a function that reads one number of a contact or gripper model's logged array at an instant."""
     return lambda now, _: now.part(name)[index] if now.part(name) else None
 
 
@@ -237,12 +237,12 @@ def _ripple(held: PushMemory) -> Any:
 
 
 def _met(held: PushMemory, number: Any) -> Scalar:
-    """Metric of a contact; NaN if there was none."""
+    """Value of a contact metric; NaN if no commanded contact occurred."""
     return np.where(np.asarray(held.first) < NOT_YET, number, np.nan)
 
 
 def _gripped(memory: Any, number: Any) -> Scalar:
-    """Metric of a grasp; NaN if there was none."""
+    """Value of a grip metric; NaN if the tip never gripped a handle."""
     return np.where(np.asarray(memory.held) > 0, number, np.nan)
 
 

@@ -23,15 +23,15 @@ class Metric:
         return "whole"
 
     def start(self) -> Any:
-        """Initial memory: a record or tuple of scalars."""
+        """Initial state of the metric's accumulation: a record or tuple of scalars, such as running sums."""
         raise NotImplementedError(f"{type(self).__name__} must say where it starts")
 
     def count(self, memory: Any, now: Instant) -> Any:
-        """Update the memory by one control instant."""
+        """Updated state of the metric's accumulation after one more control instant."""
         raise NotImplementedError(f"{type(self).__name__} must say what it counts")
 
     def result(self, memory: Any, instants: Any, period: float) -> Any:
-        """Value of the metric from the final memory.
+        """Value of the metric from the final state of its accumulation.
 
         Args:
             memory: the last one.

@@ -48,7 +48,7 @@ class Measure:
 
 
 def _or_nan(_n: Any, _dt: Scalar, total: Any) -> Scalar:
-    """Extreme or last value of a quantity; NaN if no instant had it."""
+    """Largest, smallest or last value of a quantity; NaN if the quantity was absent at all instants."""
     return np.where(np.abs(total) < HUGE, total, np.nan)
 
 

@@ -144,7 +144,7 @@ def _instants(log: Log, *, whole: bool = False) -> Instant:
 
 
 def _parts(log: Log) -> tuple[tuple[str, tuple[Array, ...]], ...]:
-    """Arrays and constants of the components of a log."""
+    """Logged arrays, and constants as arrays, of the wind, force and contact models of a flight."""
     arrays = tuple(
         (name.partition(".")[2], tuple(each.T)) for name, each in log.received.items() if name.startswith(COMPONENTS)
     )

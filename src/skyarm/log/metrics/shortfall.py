@@ -100,7 +100,7 @@ class Shortfall:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """One sentence for each saturation or missed reference; none if there are none."""
+        """One sentence for each saturation and each missed reference; an empty list if all is well."""
         saturated = self.saturation is not None and self.saturation.counts
         return (*((str(self.saturation),) if saturated else ()), *map(str, self.unreached))
 

@@ -141,7 +141,7 @@ class Windows:
                 raise ValueError(f"windows.{name} = {words}: must end within the flight of {duration:g} s")
 
     def _ends(self) -> dict[str, tuple[float, str]]:
-        """End (s) and text of each requested window by name; for ``last`` its length."""
+        """For each requested window, the time (s) that the flight must last at least, and the window's text."""
         found = {name: (each.stop, str(each)) for name in NAMES if (each := getattr(self, name)) is not None}
         if self.holds is not None:
             found["holds"] = max((each.stop for each in self.holds), default=0.0), ", ".join(map(str, self.holds))

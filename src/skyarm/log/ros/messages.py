@@ -133,7 +133,7 @@ NANO = 1_000_000_000
 
 
 class Template:
-    """Byte template of many messages of one type: constant bytes and the places of varying numbers."""
+    """Byte template of many messages of one type: constant bytes, and byte offsets of varying numbers."""
 
     def __init__(self, definitions: Mapping[str, str]) -> None:
         self._definitions = definitions
@@ -141,7 +141,7 @@ class Template:
         self._numbers: list[tuple[int, Any]] = []
 
     def record(self, kind: str, values: Values) -> None:
-        """Append a record; fields missing in ``values`` become zeros, empty texts and empty lists."""
+        """Append all fields of a message type; those missing in ``values`` become zeros, empty texts or empty lists."""
         for part, name in fields(self._definitions[kind]):
             self._field(part, values.get(name))
 

@@ -22,7 +22,7 @@ Array = npt.NDArray[np.float64]
 
 
 class Part:
-    """Section of a log in a form suitable for messages."""
+    """Section of a flight log, with the quantities that ROS messages need."""
 
     def __init__(self, log: Log, chosen: slice) -> None:
         self.log, self._chosen = log, chosen

@@ -152,7 +152,7 @@ def vehicle_of(log: Log) -> Vehicle | None:
 
 
 def every_of(log: Log) -> tuple[int, int]:
-    """Number of control instants between two messages, of the state and of the slower other topics."""
+    """Message interval in control instants: of the state topics, and of the slower other topics."""
     rate = control_rate(log)
     fast = max(1, round(rate / FAST))
     return fast, fast * max(1, round(rate / fast / SLOW))
@@ -207,7 +207,7 @@ Message = dict[str, Any]
 
 
 class Origin(NamedTuple):
-    """Source of a reading, with the names of the vehicle's joints and of the reading's components."""
+    """Name of a sensor or estimator, with the names of the vehicle's joints and of the reading's numbers."""
 
     source: str
     joints: Sequence[str]

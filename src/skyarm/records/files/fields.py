@@ -29,7 +29,7 @@ class Fields:
         return f"{self.where}.{name}" if self.where else name
 
     def take(self, name: str, default: object = _REQUIRED) -> Any:
-        """Unchecked value of a field."""
+        """Value of a field of the table, without a check of its type."""
         self._asked.append(name)
         if name in self.table:
             return self.table[name]
@@ -89,11 +89,11 @@ class Fields:
         return value
 
     def inner(self, name: str) -> Fields:
-        """Reader of a nested table; of an empty table if it is missing."""
+        """Reader of a nested table; a missing table counts as empty."""
         return Fields(self.take(name, {}), self.at(name), self._named)
 
     def tables(self, name: str) -> list[Fields]:
-        """Readers of a list of tables; none if it is missing."""
+        """Readers of a field that is a list of tables; an empty list if the field is missing."""
         return list_of_tables(self.take(name, []), self.at(name), self._named)
 
     def done(self) -> None:

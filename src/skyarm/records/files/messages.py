@@ -71,7 +71,7 @@ def did_you_mean(word: object, known: Iterable[str]) -> str:
 
 
 def nearest(word: object, known: Iterable[str]) -> list[str]:
-    """The ``NEAREST`` names most similar to a word, the most similar first."""
+    """Up to ``NEAREST`` names that are spelt most similarly to a word, the most similar first."""
     return difflib.get_close_matches(str(word), list(known), n=NEAREST, cutoff=0.0)
 
 

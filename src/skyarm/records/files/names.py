@@ -113,7 +113,7 @@ READS = {
 
 
 def kind_of(document: Mapping[str, Any]) -> str:
-    """Kind of a file, one of ``READS``, by the tables that it has; empty if they do not show it."""
+    """Kind of a TOML file (scenario, study, vehicle or gains), by its tables; empty if they fit no kind."""
     if "scenario" in document and ("vary" in document or "episodes" in document or "design" in document):
         return "study"
     if "gains" in document and "law" in document:
@@ -142,7 +142,7 @@ def names_in(library: Traversable) -> tuple[str, ...]:
 
 
 def read_named(text: str, kind: str, library: Traversable, others: str = "") -> tuple[dict[str, Any], Path]:
-    """Read a shipped file by name, or a file by path; return its tables and the folder of its relative paths.
+    """Read a shipped file by name, or any file by path; return its tables and the folder it refers to files from.
 
     Args:
         text: name or path.

@@ -114,7 +114,7 @@ def write_private(file: Path, content: bytes, *, replace: bool = True) -> None:
 
 
 def _link(temporary: Path, file: Path) -> None:
-    """Rename a file unless the new name is taken."""
+    """Move a temporary file to its final name, unless a file of that name already exists."""
     with contextlib.suppress(FileExistsError):
         try:
             os.link(temporary, file)

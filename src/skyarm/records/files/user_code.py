@@ -54,7 +54,7 @@ def own_code(thing: object, depth: int = DEPTH) -> types.CodeType | None:
 
 
 def _of_class(kind: type) -> types.CodeType | None:
-    """First method of a class or its ancestors that the library did not write."""
+    """First method of a class or its ancestors that was not written by the library."""
     for each in kind.__mro__:
         methods = vars(each)
         for held in (methods.get("__call__"), *methods.values()):
@@ -135,7 +135,7 @@ COMMAND_LINE = f"{os.path.basename(os.path.dirname(PACKAGE))}.cli."
 
 
 def _frames(error: BaseException) -> list[tuple[str, str, str]]:
-    """Owner ("own" for the user's, "ours"), function and module of each stack frame, without other packages."""
+    """Each stack frame of user ("own") or library ("ours") code: owner, function and module."""
     trace, found = error.__traceback__, []
     while trace is not None:
         code, module = trace.tb_frame.f_code, str(trace.tb_frame.f_globals.get("__name__", ""))
@@ -193,7 +193,7 @@ def identity_of_file(file: str) -> str:
 
 
 def source_of(code: types.CodeType) -> tuple[str, str]:
-    """Name and digest of the file of some code; for code typed interactively its source lines, else the object."""
+    """File name and digest of the source of some code; for interactively typed code a digest of its lines."""
     file = code.co_filename
     identity = identity_of_file(file)
     if identity != MISSING:
@@ -203,7 +203,7 @@ def source_of(code: types.CodeType) -> tuple[str, str]:
 
 
 def _told(code: types.CodeType) -> str:
-    """Text of a code object's instructions, names and constants, the same in each process."""
+    """Text of a code object's bytecode, names and constants, equal in every process, for a digest."""
     held = [_told(each) if isinstance(each, types.CodeType) else _constant(each) for each in code.co_consts]
     return f"{code.co_name} {code.co_code.hex()} {code.co_names} {code.co_varnames} {code.co_freevars} {held}"
 

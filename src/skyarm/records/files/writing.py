@@ -105,7 +105,7 @@ def _sync(handle: int) -> None:
 
 
 def _forget(temporary: Path) -> None:
-    """Remove a temporary file if it exists; errors are ignored."""
+    """Delete a temporary file if it exists, ignoring errors."""
     with contextlib.suppress(OSError):
         temporary.unlink()
 
@@ -213,7 +213,7 @@ def write_inside(path: Path, content: bytes, *, entry: bool = True) -> Path:
 
 @contextmanager
 def taken_back(*paths: str | os.PathLike[str]) -> Iterator[None]:
-    """Context that removes the files of failed work, unless the disk failed or a result was written.
+    """Context manager that removes new output files if the work fails, unless a result exists or the disk failed.
 
     Args:
         paths: folders that the work makes, outermost first (with those above them), and files that mean nothing

@@ -1,4 +1,4 @@
-"""Registry of extensions: names of all components that can be added, and the location of each."""
+"""Registry of extensions: names and locations of laws, sensors, forces and other objects that users can add."""
 
 from skyarm.records.registry.plugins import load_plugin
 from skyarm.records.registry.registrations import (

@@ -66,7 +66,7 @@ def thing_mistake(kind: str, thing: object) -> tuple[str, str] | None:
 
 
 def _members(bases: list[type]) -> Iterator[tuple[str, Any]]:
-    """Public members of the library's base classes, the highest base first, each once."""
+    """Public methods and attributes of the library's base classes, the highest base first, each name once."""
     seen: set[str] = set()
     for each in reversed(bases):
         for name, given in vars(each).items():
@@ -76,14 +76,14 @@ def _members(bases: list[type]) -> Iterator[tuple[str, Any]]:
 
 
 def _number_mistake(name: str, held: object) -> str | None:
-    """Reason why a value cannot override the base's number or text; None if it can."""
+    """Reason why an attribute cannot override a number or text of its base class; None if it can."""
     if not isinstance(held, (staticmethod, classmethod)) and not inspect.isfunction(held):
         return None
     return f"has a function {name}: must be a field, a class attribute or a property"
 
 
 def _function_mistake(name: str, held: Any, given: Any) -> str | None:
-    """Reason why an object cannot override the base's function; None if it can."""
+    """Reason why an attribute cannot override a method of its base class; None if it can."""
     wanted = list(inspect.signature(given).parameters)[1:]
     call = f"{name}({', '.join(wanted)})"
     function = held.__func__ if isinstance(held, (staticmethod, classmethod)) else held

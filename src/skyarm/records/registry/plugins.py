@@ -136,7 +136,7 @@ def load_plugin(path: str | Path, expected: str | None = None) -> ModuleType:
 
 
 def _beside(key: str, before: set[str]) -> list[str]:
-    """Names of the newly imported modules from a plugin's own folder or below it."""
+    """Names of newly imported modules whose files are in a plugin's own folder or below."""
     folder = str(Path(key).parent)
     since = {name: file_of(module) for name, module in [*sys.modules.items()] if name not in before}
     return [name for name, file in since.items() if file != key and is_beside(file, folder)]
@@ -294,7 +294,7 @@ def load_again(plugins: Iterable[Plugin]) -> None:
 
 
 def code_of(name: str, plugins: Mapping[str, str]) -> Any:
-    """Class or function with the name ``module:qualified.name``.
+    """Find the class or function that a text ``module:qualified.name`` denotes.
 
     Args:
         name: as :func:`skyarm.records.plain.dotted_name` gives it.

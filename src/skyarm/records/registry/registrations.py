@@ -1,4 +1,4 @@
-"""Registry: names of wind fields, forces, sensors, laws and other components, each with its location.
+"""Registry: names of wind fields, forces, sensors, control laws and other extensions, with their locations.
 
 Names of the library are listed in :mod:`skyarm.records.registry.shipped`; users add names in the same way: by a
 decorator of this module, an entry point of an installed package, or ``--plugin FILE.py``
@@ -136,14 +136,14 @@ def names(kind: str) -> tuple[str, ...]:
 
 
 def canonical(kind: str, name: object) -> Any:
-    """New name for an old name; any other value unchanged."""
+    """Present name for an old name of a registered object, without a warning; any other value unchanged."""
     if not isinstance(name, str):
         return name
     return OLD_NAMES.get(kind, {}).get(name, name)
 
 
 def full_name(kind: str, name: object) -> Any:
-    """New name for an old name, with a warning; any other value unchanged."""
+    """Present name for an old name of a registered object, with a warning; any other value unchanged."""
     if isinstance(name, str) and name in OLD_NAMES.get(kind, {}):
         from skyarm.records.files.old_names import warn_of_old_name
 
@@ -179,7 +179,7 @@ def name_of(kind: str, thing: object) -> str | None:
 
 @contextmanager
 def registering_for(source: str) -> Iterator[None]:
-    """Context that assigns registrations to a source; after an error all of them are removed."""
+    """Context manager that credits registrations to a source, such as a plugin, and drops them after an error."""
     before = {kind: dict(rows) for kind, rows in _ready().items()}
     _SOURCE.append(source)
     try:

@@ -169,7 +169,7 @@ TUNED = "_tuned"
 
 
 def reserved_for(kind: str, name: str) -> str | None:
-    """Kind of library object that already uses a name; None if the name is free."""
+    """Description of the library object that already has a name; None if the name is free for users."""
     if kind == "law" and name.endswith(TUNED) and name.removesuffix(TUNED) in SHIPPED["law"]:
         return f"the tuned gains of {name.removesuffix(TUNED)!r}"
     return next((what for what, names in RESERVED.get(kind, {}).items() if name in names), None)
