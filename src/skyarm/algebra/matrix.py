@@ -60,7 +60,7 @@ class Mat3(ArrayLike):
         return Vec3(x, y, z)
 
     def __getitem__(self, index: Any) -> Any:
-        """A row by number, or a tuple of them by slice."""
+        """One row by index, or a tuple of rows by slice."""
         return (self.r0, self.r1, self.r2)[index]
 
     def __add__(self, other: Mat3) -> Mat3:
@@ -101,7 +101,7 @@ class Mat3(ArrayLike):
         return Mat3(*rows)
 
     def turning_axis(self) -> int | None:
-        """Index of the coordinate axis of a rotation by a variable angle; None for any other matrix.
+        """Index of the coordinate axis if this is a rotation about x, y or z by a variable angle; else None.
 
         A rotation of structural entries only, as the identity, is none: it folds away by itself.
         """

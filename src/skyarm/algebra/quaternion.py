@@ -68,7 +68,7 @@ class Quaternion(ArrayLike):
         return iter((self.w, self.x, self.y, self.z))
 
     def __getitem__(self, index: Any) -> Any:
-        """A component by number, or a tuple of them by slice."""
+        """One component by index, or a tuple of components by slice."""
         return (self.w, self.x, self.y, self.z)[index]
 
     def __mul__(self, other: Quaternion) -> Quaternion:

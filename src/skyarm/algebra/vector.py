@@ -12,13 +12,13 @@ from skyarm.algebra.scalars import Scalar, add, mul, neg, sqrt, structural, sub
 
 
 class ArrayLike:
-    """Base class with NumPy conversion, whose own operators handle products with NumPy numbers and arrays."""
+    """Base class of vectors and matrices that convert to NumPy arrays and handle products with NumPy operands."""
 
     __slots__ = ()
     __array_ufunc__: ClassVar[None] = None
 
     def __getitem__(self, index: Any) -> Any:
-        """A component by number, or a tuple of them by slice."""
+        """One component by index, or a tuple of components by slice."""
         raise NotImplementedError
 
     def __len__(self) -> int:
@@ -68,7 +68,7 @@ class Vec3(ArrayLike):
         return iter((self.x, self.y, self.z))
 
     def __getitem__(self, index: Any) -> Any:
-        """A component by number, or a tuple of them by slice."""
+        """One component by index, or a tuple of components by slice."""
         return (self.x, self.y, self.z)[index]
 
     def __add__(self, other: Vec3) -> Vec3:

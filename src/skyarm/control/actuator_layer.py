@@ -1,4 +1,4 @@
-"""Actuator layer of a control law: converts torques to servo setpoints, and k_f W^2 rotor speeds by thrust tables."""
+"""Actuator layer around a control law: converts joint torques to servo setpoints, rotor speeds by thrust tables."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ class ActuatorParameters(LayerParameters):
 
     @property
     def inner_model(self) -> Model:
-        """Model of the inner law: the same vehicle with k_f W^2 rotors in place of thrust tables."""
+        """Model for the inner law: the same vehicle, with rotor thrust k_f W^2 (speed W) instead of thrust tables."""
         return plain_model(self.model)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ActuatorMemory:
-    """Memory of a law with the actuator layer between two steps.
+    """Internal state of a law with the actuator layer: state of the law, and states of the modelled joint drives.
 
     Attributes:
         inner: memory of the law. started: 0 before the first step.
@@ -57,7 +57,7 @@ def has_tables(model: Model) -> bool:
 
 
 def plain_model(model: Model) -> Model:
-    """Model with each rotor's thrust table replaced by k_f W^2, with speed limits that give the same thrust."""
+    """Model with each rotor's thrust table replaced by k_f W^2 (speed W), with speed limits of the same thrust."""
     if not has_tables(model):
         return model
     rotors = tuple(_plain(rotor) for rotor in model.vehicle.rotors)
@@ -69,7 +69,7 @@ def _plain(rotor: Rotor) -> Rotor:
 
 
 def _as_plain(rotor: Rotor, speed: Any) -> Any:
-    """Speed at which k_f W^2 equals the table's thrust at ``speed`` (at the rotor's highest speed for None), rad/s."""
+    """Speed, rad/s, at which k_f W^2 equals the rotor table's thrust at ``speed`` (None: at the highest speed)."""
     if rotor.table is None:
         return speed
     return sqrt(maximum(push(rotor, rotor.max_speed if speed is None else speed), 0.0))
@@ -119,12 +119,12 @@ def with_actuators(controller: Controller, model: Model, control_period: float, 
 
 
 def _first_memories(drives: Sequence[Any], control_period: float) -> tuple[Any, ...]:
-    """Initial memories of the modelled joint drives, at joint position zero."""
+    """Initial internal states of the modelled joint drives, at joint position zero."""
     return tuple(drive.begin(0.0, 0.0, control_period) for drive in drives)
 
 
 def with_believed_queues(controller: Controller, control_period: float) -> Controller:
-    """Controller with the memories of its modelled drives reset to rest, after their parameters may have changed."""
+    """Controller whose internal models of the joint drives are reset to rest, for use after a change of parameters."""
     memory = controller.memory
     if not isinstance(memory, ActuatorMemory) or not memory.drives:
         return controller
@@ -133,7 +133,7 @@ def with_believed_queues(controller: Controller, control_period: float) -> Contr
 
 
 def believed_drives(model: Model) -> tuple[Any, ...]:
-    """Modelled drive of each joint; a torque drive where the vehicle has none."""
+    """Drive model of each joint: the drive listed for it in the vehicle, else an ideal torque drive."""
     carried = {each.name: each.drive for each in model.vehicle.drives}
     return tuple(carried.get(link.joint.name, TORQUE_DRIVE) for link in model.vehicle.links)
 
@@ -167,7 +167,7 @@ def actuator_law(
 def _setpoints(
     memory: ActuatorMemory, measurement: Measurement, efforts: Any, plain: Model, model: Model, dt: Scalar
 ) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
-    """Setpoints that give the desired efforts on average over a period, and next memories of the modelled drives."""
+    """Drive setpoints that give the desired mean joint efforts over a period, and next states of the drive models."""
     setpoints, kept = [], []
     angles = _angles(plain.vehicle, memory, measurement)
     rows = zip(

@@ -39,7 +39,7 @@ whose joints nothing drives (``tests/studies/assess/test_hanging_joints.py`` fli
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A registered law; its module is imported when its maker is needed."""
+    """Catalogue entry of a control law; the law's module is imported only when a controller is made."""
 
     row: Registration
 
@@ -49,12 +49,12 @@ class Entry:
         return self.row.title
 
     def function(self) -> Callable[..., Controller]:
-        """Maker function (model, **options) -> Controller, whose keyword arguments are the law's options."""
+        """Function that makes the law's controller: (model, **options) -> Controller."""
         found: Callable[..., Controller] = self.row.load()
         return found
 
     def options(self) -> tuple[str, ...]:
-        """Names of the law's options, read from the maker's signature or its module's ``ENTRIES``."""
+        """Names of the options of this control law, from the signature of its maker function or from ``ENTRIES``."""
         maker = self.function()
         parameters = inspect.signature(maker).parameters.values()
         named = tuple(p.name for p in parameters if p.kind is p.KEYWORD_ONLY)
@@ -192,7 +192,7 @@ def preset(name: str, model: Model, known: Mapping[str, Any] | None = None) -> C
 
 
 def rescale(controller: Controller, factors: Mapping[str, Any]) -> Controller:
-    """Controller with the constants at given paths multiplied by factors, which may be traced.
+    """Controller with some constants, given by parameter paths such as base.position, multiplied by factors.
 
     Raises:
         ControllerError: a path that its constants do not have.

@@ -1,4 +1,4 @@
-"""Controller: a control law's step function with its constants and initial memory."""
+"""Controller: a control law's step function with its constants and its initial internal state."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class ControllerError(ValueError):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Controller:
-    """A controller is a control law with its constants and its initial memory.
+    """A controller is a control law's step function with its constants and its initial internal state.
 
     Attributes:
         name: of the law. law: the step function. memory: its first memory.
@@ -57,7 +57,7 @@ class Controller:
             raise ControllerError(str(error)) from None
 
     def require_compiled(self, what: str) -> None:
-        """Reject a law that cannot be traced where compilation is required.
+        """Raise an error if the control law cannot be traced, for a use that requires compilation.
 
         Raises:
             ControllerError: the law cannot be traced.
@@ -67,7 +67,7 @@ class Controller:
 
 
 def _whole(par: Any) -> Any:
-    """Constants of a law, with the shared model filled in for the nested ones (``inner``) of its layers."""
+    """Constants of a law in layers (``inner``), with the outermost model and mixer filled in at every level."""
     inner: Any = getattr(par, "inner", None)
     if inner is None or getattr(inner, "model", par) is not None:
         return par
@@ -76,7 +76,7 @@ def _whole(par: Any) -> Any:
 
 
 def innermost(record: Any) -> Any:
-    """Constants (or memory) of the innermost law, inside all layers.
+    """Constants (or internal state) of the innermost control law, inside all layers such as safety or servos.
 
     Layers share model and mixer, which stand with the outermost and are None in what this gives.
     """
@@ -86,13 +86,13 @@ def innermost(record: Any) -> Any:
 
 
 def with_innermost(record: Any, own: Any) -> Any:
-    """Replace the innermost law's constants (or memory) inside the layers of ``record``."""
+    """Replace the constants (or internal state) of the innermost control law inside the layers of ``record``."""
     inner = getattr(record, "inner", None)
     return dataclasses.replace(record, inner=with_innermost(inner, own)) if is_record(inner) else own
 
 
 def with_applied_command(memory: Any, sent: Command) -> Any:
-    """Return the law's memory with the command that was applied, if it stores its commands.
+    """Internal state of a law with the applied command in place of the desired one, if the law stores commands.
 
     A law that observes or integrates must know the applied command, not the desired one. It keeps them in a field
     ``sent`` of its memory: one :class:`Command`, or a tuple of them with the newest last. Whoever alters a command on
@@ -114,7 +114,7 @@ def with_applied_command(memory: Any, sent: Command) -> Any:
 
 
 def part_of(record: Any, name: str) -> Any:
-    """Named part of a law's constants or memory, inside any layers; None if the law lacks it."""
+    """Field ``name`` of the constants or internal state of the innermost law or its parts; None if missing."""
     own = innermost(record)
     return getattr(getattr(own, "parts", own), name, None)
 
@@ -136,7 +136,7 @@ def learns_load(par: Any) -> bool:
 
 
 def all_applied(joints: int) -> tuple[float, ...]:
-    """Initial flags, 1 for the rotors together and 1 for each joint: all commands applied as desired."""
+    """Initial flags of all 1, for the rotors together and for each joint: all commands were applied as desired."""
     return (1.0,) * (1 + joints)
 
 

@@ -96,13 +96,13 @@ def check_controller(controller: Controller) -> None:
 
 
 def memory_mistake(memory: Any, path: str) -> str | None:
-    """Explain why a compiled program cannot store an initial memory; None if it can."""
+    """Error text for an initial controller state that a compiled program cannot store; None for a valid one."""
     found = (_kept_mistake(value, at) for at, value in named_parts(memory, path))
     return next((words for words in found if words), None)
 
 
 def _kept_mistake(value: Any, path: str) -> str | None:
-    """Explain why a compiled program cannot store a single value of a memory; None if it can."""
+    """Error text for a value in a controller state that a compiled program cannot store; None for a valid one."""
     if isinstance(value, (bool, int)) and not isinstance(value, Enum):
         number = "1.0 or 0.0" if isinstance(value, bool) else f"{value}.0"
         return f"has {path} = {value!r}: an int never changes in a program; must be {number}"
@@ -124,7 +124,7 @@ def checked_law(controller: Controller) -> Law:
 
 
 def _counts(controller: Controller) -> dict[str, int]:
-    """Number of values of each field of a command."""
+    """Required number of values in each field of a command: rotor speeds, joint efforts, tilt angles."""
     vehicle = controller.par.model.vehicle
     return {"rotor_speeds": len(vehicle.rotors), "efforts": vehicle.n, "tilts": len(vehicle.tilts)}
 
@@ -170,7 +170,7 @@ def _check_step(
 
 
 def _field_mistake(field: str, values: Any, count: int) -> str | None:
-    """Explain why a field of a command is wrong; the angles of tilting rotors may be omitted."""
+    """Error text for a wrong field of a law's command, None if valid; the angles of tilting rotors may be omitted."""
     if not isinstance(values, tuple):
         return f"gives {field} as {kind_of(values)}: must be a tuple of {count} numbers"
     if len(values) != count and (values or field not in MAY_BE_EMPTY):
@@ -182,7 +182,7 @@ def _field_mistake(field: str, values: Any, count: int) -> str | None:
 
 
 def mistake_in(error: Exception) -> str | None:
-    """Explain an error that tracing has caused in user-defined code; None for an ordinary bug of that code."""
+    """Error text for an exception from tracing user-defined code; None for an ordinary bug of that code."""
     text = " ".join(str(error).split())
     if isinstance(error, TracedBranchError):
         return f"{TRACED}: {text.rpartition('.py:')[2].partition(': ')[2] or text}"
@@ -201,7 +201,7 @@ def mistake_in(error: Exception) -> str | None:
 
 
 def difference(example: Any, record: Any, path: str) -> str | None:
-    """Describe the first difference between the structures of two records; None if they are equal."""
+    """Describe the first difference in structure between two nested dataclasses or tuples; None if there is none."""
     below = pairs(example, record, path)
     if below is None:
         tuples = isinstance(example, tuple) or isinstance(record, tuple)
@@ -211,7 +211,7 @@ def difference(example: Any, record: Any, path: str) -> str | None:
 
 
 def _is_number(value: Any) -> bool:
-    """Return True if a value is a single variable number; an int is a constant and gives False."""
+    """Return True if a value is a float or a traced scalar; an int counts as a constant and gives False."""
     if isinstance(value, (int, str, Enum, np.ndarray)) or is_record(value):
         return False
     return isinstance(value, (float, Node)) or (hasattr(value, "__mul__") and hasattr(value, "__float__"))
@@ -229,7 +229,7 @@ def kind_of(value: Any) -> str:
 
 
 def call_maker(maker: Callable[..., Any], name: str, model: Model, options: dict[str, Any]) -> Controller:
-    """Call a user-defined maker and return its controller; errors raised inside the maker pass unchanged.
+    """Call a user-defined function that makes a controller; exceptions raised inside that function pass unchanged.
 
     Raises:
         LawError: it cannot be called as maker(model, **options), makes a record that cannot be, or no controller.
@@ -306,7 +306,7 @@ def _drifting(first: Measurement, period: float) -> list[Measurement]:
 
 
 def perturb(record: Any, k: int) -> Any:
-    """Perturb every number of a record slightly in period ``k``; period 0 is unchanged."""
+    """Test measurement with every number changed slightly, differently in each period ``k``; unchanged in period 0."""
     start = [float(leaf) for leaf in leaves(record)]
     if k == 0:
         return rebuild(record, iter(start))

@@ -1,4 +1,4 @@
-"""Online estimates in a law's memory, for the log and for code that may read the law's estimates only."""
+"""Access to the online estimates of a control law (loop lags, tip load, tip force), for the log and other code."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from skyarm.records.leaves import is_record
 
 
 def found_by_law(memory: Any) -> Mapping[str, tuple[Any, ...]]:
-    """Estimates to log from a law's memory by array name (lags, load); empty for most laws.
+    """Estimates of a control law to log, by array name: loop lags and tip load; empty if the law has none.
 
     A law shows a load by a field ``load`` of its memory: a record with a ``mass`` (kg) and a ``place`` (m, axes of the
     tip). Any other field of this name is not logged.
@@ -26,7 +26,7 @@ def found_by_law(memory: Any) -> Mapping[str, tuple[Any, ...]]:
 
 
 def lags_found(memory: Any) -> tuple[Scalar, ...]:
-    """Estimated lags of the rotor and joint loops (s) from a law's memory; () if it has none.
+    """Estimated lags of the rotor and joint loops, s, from a control law's internal state; empty if not estimated.
 
     A law shows them by a field ``lag`` of its memory: a record whose ``found`` is a tuple.
     """
@@ -36,12 +36,12 @@ def lags_found(memory: Any) -> tuple[Scalar, ...]:
 
 
 def numbers_found(memory: Any) -> tuple[Scalar, ...]:
-    """Estimates to log from a law's memory, as one flat tuple."""
+    """All estimates of a control law to log (loop lags, tip load), as one flat tuple of numbers."""
     return tuple(number for numbers in found_by_law(memory).values() for number in numbers)
 
 
 def observed_push(memory: Any) -> Vec3 | None:
-    """Estimated force on the tip (N, world axes) from a law's memory; None if it has none.
+    """Force on the tip (N, world axes) estimated by a control law, from the law's state; None if not estimated.
 
     The estimate is a field ``tip_force`` of the memory, or part of contact force control (``interaction``) or of
     admittance control (``admittance``).
@@ -56,12 +56,12 @@ def observed_push(memory: Any) -> Vec3 | None:
 
 @dataclass(frozen=True, slots=True)
 class PushAlone:
-    """Record of the estimated tip force alone; empty if the law has no estimate."""
+    """Tip force estimate alone, without the rest of a control law's internal state; empty if not estimated."""
 
     tip_force: Vec3 | tuple[()]
 
     @classmethod
     def of(cls, memory: Any) -> PushAlone:
-        """Extract the estimated tip force from a law's memory."""
+        """Extract the tip force estimate from a control law's internal state."""
         found = observed_push(memory)
         return cls(() if found is None else found)

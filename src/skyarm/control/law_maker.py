@@ -56,7 +56,7 @@ def default_joint_gains(model: Model, *, torque: bool = False) -> JointGains:
 
 
 def fitting_mixer(model: Model, policy: str) -> Mixer:
-    """Mixer for the rotors of a model.
+    """Mixer (control allocation) for the rotors of a model; ``policy`` acts at the rotor speed limits.
 
     Raises:
         ControllerError: unknown policy.
@@ -84,7 +84,7 @@ def law_maker(
     rate_error: str = "corrected",
     **of_controller: Any,
 ) -> Callable[..., Controller]:
-    """Make the function (model, **options) -> Controller of a law.
+    """Make the function (model, **options) -> Controller for the step function of a control law.
 
     Its options are ``gains`` of the base and ``joint_gains`` (defaults that fit the model), ``mixer_policy``
     (:class:`skyarm.dynamics.actuators.Mixer`), and the fields with a default of the law's constants, each checked by
@@ -167,7 +167,7 @@ def option_numbers(option: str, value: Any, count: int) -> tuple[Any, ...]:
 
 
 def _require_fitting(values: Mapping[str, Any], joints: int) -> None:
-    """Reject joint gains that do not match the number of joints, and an unknown rate error."""
+    """Reject options per joint with a wrong number of values, and an unknown value of the option ``rate_error``."""
     gains = values["joint_gains"]
     for field, row in (("stiffness", gains.stiffness), ("damping", gains.damping)):
         if len(row) != joints:

@@ -82,7 +82,7 @@ class VectoredParameters(LayerParameters):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class VectoredMemory:
-    """Memory of a law with the tilting-rotor layer between two steps.
+    """Internal state of a law with the tilting-rotor layer: state of the law, desired and modelled servo angles.
 
     Attributes:
         inner: memory of the law.

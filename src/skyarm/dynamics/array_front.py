@@ -26,7 +26,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 def _read(
     vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike, **rows: ArrayLike
 ) -> tuple[State, dict[str, tuple[Scalar, ...]], tuple[int, ...]]:
-    """Read a state, further rows of 6+n numbers, and their common leading axes; velocity defaults to zero."""
+    """Convert NumPy inputs to a state and vectors of 6+n numbers, with common leading axes; default velocity zero."""
     if not isinstance(vehicle, Vehicle):
         refuse("vehicle", vehicle, "must be a Vehicle")
     n = vehicle.n

@@ -1,4 +1,4 @@
-"""Working axes of the links for the recursive algorithms, chosen to save rotations.
+"""Coordinate axes per link for the recursive dynamics algorithms, chosen to save rotations (working axes).
 
 A recursion may express a link in any axes at its origin. A hinge leaves its own axis where it is, so the link can be
 held in the axes that it has at joint angle zero. Hinges with one common direction then share their axes: nothing that
@@ -25,7 +25,7 @@ _SAME = Mat3.identity()
 
 @dataclass(frozen=True, slots=True)
 class LinkInAxes:
-    """Link in its working axes, where its joint has the same direction as in the link's own axes.
+    """Pose and inertia of a link in axes chosen to save rotations (working axes), which keep the joint's direction.
 
     Attributes:
         place: pose of the working axes at the link's origin, in the parent's working axes.
@@ -42,7 +42,7 @@ def spatial_inertia(body: Body) -> SpatialInertia:
 
 
 def members(vehicle: Vehicle, joints: Sequence[Scalar]) -> list[LinkInAxes]:
-    """All links in their working axes, in the order of the vehicle's links."""
+    """All links of a vehicle, each expressed in axes chosen to save rotations (working axes)."""
     links = vehicle.links
     follows = [link.parent != BASE and _parallel(links[link.parent].joint, link.joint) for link in links]
     leads = {link.parent for link, follower in zip(links, follows, strict=True) if follower}

@@ -19,7 +19,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, slots=True)
 class JointMotion:
-    """Angular velocity of a link, and the velocity-product acceleration due to its joint, working axes."""
+    """Angular velocity of a link, and the velocity-product part of its acceleration, in the link's working axes."""
 
     rate: Vec3
     products: Motion

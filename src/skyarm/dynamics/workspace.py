@@ -28,7 +28,7 @@ MANY, FEW = 27, 400_000
 
 
 def samples_of(joints: int) -> int:
-    """Number of random joint positions at the start of a search; fewer for more than :data:`MANY` joints."""
+    """Number of random joint configurations that start a search; reduced for more than :data:`MANY` joints."""
     return SAMPLES if joints <= MANY else max(min(SAMPLES, FEW // joints), 8)
 
 

@@ -87,13 +87,13 @@ def _polynomial(z: Scalar, coefficients: Sequence[float]) -> Any:
 
 
 def _is_even(z: Scalar, c: Sequence[float]) -> Scalar:
-    """Polynomial c0 + c1 z + ... + c5 z^5 by Estrin's scheme."""
+    """Polynomial c0 + c1 z + ... + c5 z^5 in z = x^2, thus even in x, by Estrin's scheme."""
     square = z * z
     return (c[0] + c[1] * z) + square * ((c[2] + c[3] * z) + square * (c[4] + c[5] * z))
 
 
 def _quarter(x: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
-    """Sine and cosine of x reduced modulo pi/2; whether the counts of quarter and of half turns are odd."""
+    """Sine and cosine of the remainder of x modulo pi/2, and flags: odd number of quarter turns, of half turns."""
     turns = f.floor(x * TWO_OVER_PI + 0.5)
     r = x
     for part in HALF_PI_PARTS:
@@ -107,7 +107,7 @@ def _quarter(x: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
 
 
 def _odd(x: Scalar, value: Scalar) -> Scalar:
-    """Value of an odd function of unit slope at zero; returns x where x * x underflows."""
+    """Computed ``value`` of an odd function that behaves as x near zero; x itself where x * x underflows."""
     return f.where(x * x <= 0.0, x, value)
 
 

@@ -34,7 +34,7 @@ def structural(value: float) -> int | float:
 
 
 def data(value: Scalar) -> Scalar:
-    """Convert an int constant to a float, so that it keeps its place in a flattened record."""
+    """Convert an int constant to a float, so that the value is kept when a dataclass is flattened to numbers."""
     return float(value) if type(value) is int else value
 
 

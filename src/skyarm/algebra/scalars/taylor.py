@@ -31,15 +31,15 @@ class Taylor:
 
     @classmethod
     def constant(cls, value: Scalar, order: int) -> Taylor:
-        """Constant series."""
+        """Taylor series of a constant."""
         return cls((value, *(0,) * order))
 
     def derivative(self, k: int) -> Scalar:
-        """Value of the k-th derivative."""
+        """Value of the k-th derivative of a Taylor series."""
         return mul(self.c[k], 1 if k < 2 else float(math.factorial(k)))
 
     def derivative_series(self) -> Taylor:
-        """Series of the first derivative, one order lower."""
+        """Taylor series of the first derivative, one order lower."""
         return Taylor([mul(c, 1 if k == 1 else float(k)) for k, c in enumerate(self.c) if k])
 
     def truncate(self, order: int) -> Taylor:

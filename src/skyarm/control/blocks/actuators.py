@@ -22,7 +22,7 @@ def rotors_follow(mixer: Mixer, squares: Sequence[Scalar]) -> Any:
 
 
 def all_follow(applied: Sequence[Scalar]) -> Any:
-    """True while every command was applied as desired, by flags from ``with_applied_command``.
+    """True if the last command was applied unchanged by every actuator, by the flags of ``with_applied_command``.
 
     One for all: through the coupled dynamics what one actuator does not do is missing from every acceleration.
     """

@@ -26,7 +26,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, slots=True)
 class Posture:
-    """Centre of mass, tip and link poses as Taylor series in time, base axes.
+    """Posture of the vehicle: centre of mass, tip and link poses relative to the base, as Taylor series in time.
 
     Attributes:
         com: centre of mass of the whole vehicle. tip: its tip (the base origin if there is none).
@@ -60,7 +60,7 @@ def derivative(v: Vec3, k: int) -> Vec3:
 
 
 def moving(values: Sequence[Scalar], *rates: Sequence[Any]) -> list[Taylor]:
-    """Taylor series in time of signals from their values and derivatives."""
+    """Taylor series in time of several signals, from their values and time derivatives."""
     return [Taylor.of_derivatives(each) for each in zip(values, *rates, strict=True)]
 
 
@@ -91,7 +91,7 @@ def reachable(force: Vec3, tilt: Scalar, floor: Scalar) -> Vec3:
 
 
 def upright(force: Vec3, weight: Scalar, start: Any) -> Vec3:
-    """Force with its vertical part raised where it is below ``start`` of the weight, used for the attitude only.
+    """Force with a vertical part below ``start`` times the weight raised smoothly; only the attitude depends on it.
 
     Near free fall the direction of a small force turns quickly, and noise in it requires more torque than rotors at
     low speed give. With t = (start - f_z / weight) / width from 0 to 1 the vertical part is f_z + width weight
@@ -145,7 +145,7 @@ def angular_acceleration(gains: BaseGains, desired: Attitude, R: Mat3, w: Vec3) 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class BaseGains:
-    """Feedback gains of the base: on the centre of mass and on the attitude, each as an acceleration.
+    """Feedback gains of the base: from errors of centre of mass and attitude to linear and angular accelerations.
 
     Attributes:
         position: 1/s^2. velocity: 1/s. Of the centre of mass, world axes.

@@ -59,7 +59,7 @@ def make_command(par: Parameters, torque: Vec3, thrust: Any, efforts: Any) -> tu
 
 
 def no_command(vehicle: Vehicle) -> Command:
-    """Placeholder of the previous command in an initial memory."""
+    """Command of zeros that fills the field of the previous command before the first control step."""
     return Command(rotor_speeds=(0.0,) * len(vehicle.rotors), efforts=(0.0,) * vehicle.n)
 
 

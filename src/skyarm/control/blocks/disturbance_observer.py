@@ -50,7 +50,7 @@ from skyarm.sensing.measurement import Measurement
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class AccelerometerGains:
-    """Bandwidths of the observer with an accelerometer, rad/s.
+    """Bandwidths of the disturbance observer when an accelerometer is used, rad/s.
 
     Attributes:
         force: at which the unknown force follows the accelerometer.
@@ -63,7 +63,7 @@ class AccelerometerGains:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Felt:
-    """Estimated velocity, accelerometer bias and change of the unknown force over one period.
+    """Estimates with an accelerometer: base velocity, accelerometer bias, and change of the unknown force.
 
     Attributes:
         velocity: of the base origin, world axes, m/s. bias: of the accelerometer, base axes, m/s^2; empty without one.
@@ -134,7 +134,7 @@ def measure_translation(
 
 
 def first_observed(joints: int, rotor_speeds: Sequence[Scalar], accelerometer: bool = False) -> Observed:
-    """Initial observer memory, with an accelerometer bias if ``accelerometer``."""
+    """Initial state of the disturbance observer, with an accelerometer bias if ``accelerometer`` is True."""
     zero, still = Vec3(0.0, 0.0, 0.0), (0.0,) * joints
     return Observed(
         position=zero,
@@ -152,7 +152,7 @@ def first_observed(joints: int, rotor_speeds: Sequence[Scalar], accelerometer: b
 
 
 def disturbance(observed: Observed) -> Disturbance:
-    """Disturbance stored in the observer's memory."""
+    """Disturbance estimate contained in the disturbance observer's state."""
     return Disturbance(force=observed.force, torque=observed.torque, efforts=observed.efforts)
 
 
@@ -167,7 +167,7 @@ def observe(
     free: Sequence[Scalar],
     dt: Scalar,
 ) -> tuple[Observed, Told]:
-    """One observer update: its memory at the measurement's time, and the model's accelerations over the period.
+    """One update of the disturbance observer: next observer state, and model accelerations over the period.
 
     Args:
         model: the controller's model.
@@ -245,7 +245,7 @@ def observe_uncompensated(
     free: Sequence[Scalar],
     dt: Scalar,
 ) -> Observed:
-    """One observer update that uses its own estimate as the known disturbance; rotors start at the measured speeds."""
+    """One update of the disturbance observer, in which the last disturbance estimate acts on the model."""
     speeds = choose_each(started > 0.5, memory.rotor_speeds, measurement.rotor_speeds)
     before = dataclasses.replace(memory, rotor_speeds=speeds)
     return observe(model, gains, before, measurement, acted, disturbance(before), started, free, dt)[0]
@@ -269,7 +269,7 @@ def unmodelled_thrust(
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Told:
-    """Predicted accelerations of the model over the period before a measurement.
+    """Model accelerations over the period before a measurement, and corrections of them by that measurement.
 
     Attributes:
         angular, joints: accelerations under the commands and the disturbance estimated before, rad/s^2 or m/s^2.
@@ -284,7 +284,7 @@ class Told:
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Base position (m), attitude and joint positions."""
+    """Pose of the vehicle: base position (m), attitude and joint positions."""
 
     position: Vec3
     quaternion: Quaternion
@@ -325,7 +325,7 @@ def inertia_times(
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Observed:
-    """Memory of the disturbance observer, at the time of the last measurement.
+    """State of the disturbance observer at the last measurement: filtered pose, velocities and estimated disturbance.
 
     Attributes:
         position, quaternion, joints: filtered.
@@ -348,7 +348,7 @@ class Observed:
     bias: Annotated[Vec3 | tuple[()], Unit("m/s^2", "of the accelerometer, base axes")] = ()
 
     def state(self) -> State:
-        """The estimated state of the vehicle."""
+        """Vehicle state as estimated by the disturbance observer."""
         return State(
             position=self.position,
             quaternion=self.quaternion,

@@ -39,7 +39,7 @@ def extrapolate(
     dt: Scalar,
     period: Scalar,
 ) -> tuple[list[Taylor], tuple[Channel, ...], Scalar]:
-    """Reference signals extrapolated to the present as Taylor series, with their memory and the sample's age.
+    """Reference signals extrapolated to the present (Taylor series), next extrapolator states, and age of the samples.
 
     Args:
         channels: as remembered.
@@ -63,7 +63,7 @@ def extrapolate(
 
 
 def _after(channel: Channel, sample: Sample, new: Any, due: Any, started: Scalar, period: Scalar) -> Channel:
-    """Memory of a reference signal after the sample now held.
+    """Extrapolator state of one reference signal, updated with the reference sample now held.
 
     Where a sample is due and nothing has changed, the motion is over: its last jerk and snap do not continue.
     """
@@ -109,7 +109,7 @@ def _series(channel: Channel, sample: Sample, age: Scalar, period: Scalar) -> Ta
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Channel:
-    """Memory of one reference signal: its last sample, two earlier accelerations, and how many belong to one motion."""
+    """Extrapolator state of one reference signal: last sample, two earlier accelerations, continuous samples."""
 
     value: Annotated[Scalar, Unit("", "last sample of a reference signal: x, y, z, yaw, joints")] = 0.0
     rate: Annotated[Scalar, Unit("", "per second")] = 0.0

@@ -61,7 +61,7 @@ def interact(
     dt: Scalar,
     felt: Vec3 | None = None,
 ) -> tuple[InteractionMemory, Pressing]:
-    """One control period of the contact force controller: its next memory, and its outputs for the rest of the law.
+    """One period of the contact force controller: next controller state, and force command for the control law.
 
     Args:
         gains: constants.
@@ -139,7 +139,7 @@ def touches(
 
 
 def ramp_share(gains: InteractionGains, share: Scalar, touching: Scalar, dt: Scalar) -> Scalar:
-    """Ramp of the desired force one period later, 0 to 1: rises in contact, falls without."""
+    """Share (0 to 1) of the desired contact force one period later: ramps up in contact, down without contact."""
     return clip(share + where(touching > 0.5, dt / gains.rise, -dt / gains.fall), 0.0, 1.0)
 
 
@@ -167,7 +167,7 @@ def integrate_force_error(
 def normal_shift(
     gains: InteractionGains, memory: InteractionMemory, asked: Scalar, touching: Scalar, speed: Scalar, dt: Scalar
 ) -> tuple[Scalar, Scalar, Scalar]:
-    """Shift of the reference along the normal with two derivatives: approaches, follows the surface, or returns."""
+    """Shift of the reference along the surface normal, with two derivatives: to approach, follow or leave it."""
     s, rate, w = memory.shift, memory.shift_rate, gains.follow
     speed = where(memory.found > 0.0, minimum(speed, gains.again), speed)
     coming = where(s > -gains.furthest, -speed, 0.0)
@@ -183,7 +183,7 @@ def normal_shift(
 def update_bias(
     gains: InteractionGains, bias: Disturbance, d: Disturbance, force: Vec3, asked: Scalar, free: Scalar, dt: Scalar
 ) -> Disturbance:
-    """Bias of the observed disturbance one period later: all of it in free flight, only the base force in contact."""
+    """Disturbance without contact (bias) one period later; under requested contact only the base force changes."""
     learns = logical_and(logical_not(asked), free > gains.rest)
     share = where(learns, low_pass_share(gains.bias_rate, dt), 0.0)
     wind = where(learns, share, where(asked, low_pass_share(gains.wind_rate, dt), 0.0))
@@ -198,7 +198,7 @@ def contact_cleared(gains: InteractionGains, memory: InteractionMemory) -> Scala
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Pressing:
-    """Contact force command of one period, for the rest of the law.
+    """Output of the contact force controller in one period: force command, reference shift and damping.
 
     Attributes:
         n: out of the surface. share: 0 free, 1 pressing. damping: 1/s, of the tip along n where it presses.
@@ -273,7 +273,7 @@ class InteractionGains:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class InteractionMemory:
-    """Memory of the contact force controller."""
+    """Internal state of the contact force controller: contact flags, force integral, shift, disturbance bias."""
 
     touching: Annotated[Scalar, Unit("", "1 while the tip touches as it is wanted to")] = 0.0
     losing: Annotated[Scalar, Unit("", "0 to 1, how far contact is on its way to count as lost")] = 0.0
@@ -308,12 +308,12 @@ class Wanted:
 
     @property
     def grips(self) -> bool:
-        """True if the tip may grip in this flight; known before compilation."""
+        """True if the reference of a flight can request a grip; fixed before compilation."""
         return type(self.grip) is not int
 
     @property
     def requests_contact(self) -> Scalar:
-        """True if any contact is requested."""
+        """True while the reference requests contact of the tip: to press or to grip."""
         wanted: Scalar = self.force > 0.0
         return logical_or(wanted, self.grip > 0.5) if self.grips else wanted
 
@@ -324,7 +324,7 @@ class Wanted:
         return logical_and(wanted, self.grip < 0.5) if self.grips else wanted
 
     def about_the_pivot(self, tip: Vec3) -> Wanted:
-        """Desired contact with the normal away from the arc's axis towards the tip (m, world axes) while it grips."""
+        """Desired contact; while gripping, the normal points from the tip's arc axis to the tip (m, world axes)."""
         if self.pivot is None or self.axis is None:
             return self
         out = out_of_axis(tip, self.pivot, self.axis, self.grip > 0.5, self.normal)
@@ -348,7 +348,7 @@ def require_thresholds(thresholds: tuple[float, float], leads: bool, mode: str =
 
 
 def first_interaction(joints: int, sensor: bool = False) -> InteractionMemory:
-    """Initial memory of the contact force controller: free flight."""
+    """Initial state of the contact force controller: free flight."""
     return InteractionMemory(bias=no_disturbance(joints), felt=Vec3(0.0, 0.0, 0.0) if sensor else ())
 
 

@@ -109,6 +109,6 @@ def body_thrust(mass: Scalar, a_d: Vec3, R_WB: Mat3) -> Scalar:
 
 
 def yaw_of(quaternion: Quaternion) -> Scalar:
-    """Heading of a unit quaternion, rad: atan2(2(wz + xy), 1 - 2(y^2 + z^2)), as RotorS reads a reference's."""
+    """Heading of a unit quaternion, rad: atan2(2(wz + xy), 1 - 2(y^2 + z^2)), the yaw convention of RotorS."""
     w, x, y, z = quaternion
     return atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))

@@ -52,7 +52,7 @@ class Disturbance:
 
 
 def no_disturbance(joints: int) -> Disturbance:
-    """Zero disturbance in the data types of a law's memory."""
+    """Zero disturbance (force, torque, joint efforts) as floats, for the initial state of a control law."""
     zero = Vec3(0.0, 0.0, 0.0)
     return Disturbance(force=zero, torque=zero, efforts=(0.0,) * joints)
 
@@ -62,7 +62,7 @@ SUBSTEPS = 5
 
 
 def rotor_wrench(model: Model, squares: Sequence[Scalar], sideways: bool = False) -> Force:
-    """Mixer's wrench of squared rotor speeds: torque and thrust along body z; with ``sideways`` the whole force."""
+    """Wrench of given squared rotor speeds in the mixer's model: torque and thrust (``sideways``: whole force)."""
     rows = allocation_matrix(model.vehicle, sideways)
     x, y, z, thrust, *across = (inner_product(row, squares) for row in rows)
     return Force(Vec3(x, y, z), Vec3.of([*(across or (0, 0)), thrust]))

@@ -28,7 +28,7 @@ AXES = (Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1))
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ForceErrors:
-    """Error weights of the tip force estimate: error of each disturbance part that counts as 1 N on the base."""
+    """Error scales of the tip force estimate: error of a torque or joint effort that counts as 1 N on the base."""
 
     turning: Annotated[Scalar, Unit("N m", "of a joint that turns, as much as 1 N of the base's force")] = 0.0045
     sliding: Annotated[Scalar, Unit("N", "of a joint that slides, as much as 1 N of the base's force")] = 0.02

@@ -1,4 +1,4 @@
-"""Ablation ladder: computed torque of Barakou et al. 2026 with any of the steps to the centroidal law.
+"""Ablation ladder: computed torque of Barakou et al. 2026, extended in steps towards the centroidal law.
 
     a* = pdd_d + g e_z - (Kp e_p + Kv e_v) / m                         as (82), upwards
     f  = m a* [+ R F_arm(q, qd, qdd*)] [- d_f]                          thrust direction; thrust = f . R e_z
@@ -58,7 +58,7 @@ COUPLED_THRUST, CONSISTENT, OBSERVER, FEEDFORWARD, EXTRAPOLATION, LAG_INVERSION 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class StepParameters(Parameters):
-    """Constants of the ablation ladder in addition to those of the paper's law.
+    """Constants of the ablation ladder (computed torque with added steps), besides those of the paper's law.
 
     Attributes:
         steps: number of extensions taken, 1 to 6.
@@ -76,7 +76,7 @@ class StepParameters(Parameters):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class StepMemory:
-    """Memory of the ablation ladder; fields of steps that are not taken are empty.
+    """Internal state of the ablation ladder (computed torque with added steps); fields of unused steps are empty.
 
     Attributes:
         started: 0 before the first measurement.
@@ -132,7 +132,7 @@ def stepped_computed_torque(
 def _present(
     memory: StepMemory, reference: Reference, dt: Scalar, par: StepParameters
 ) -> tuple[Reference, tuple[Any, ...], Any]:
-    """Reference extrapolated to the present, and the memory and age of its samples."""
+    """Reference extrapolated to the present, with the extrapolator's state and the age of the reference samples."""
     if par.steps < EXTRAPOLATION:
         return reference, (), memory.age
     series, channels, age = extrapolate(
@@ -162,7 +162,7 @@ def _present(
 def _estimate_disturbance(
     memory: StepMemory, measurement: Measurement, dt: Scalar, par: StepParameters
 ) -> tuple[Any, Disturbance]:
-    """Observer memory and disturbance estimate; both empty or zero without an observer."""
+    """Next state of the disturbance observer and disturbance estimate; empty and zero without an observer."""
     if not memory.observed:
         return (), Disturbance(force=ZERO3, torque=ZERO3, efforts=(0,) * par.model.vehicle.n)
     observed = observe_uncompensated(
@@ -256,7 +256,7 @@ def _forces(
 
 
 def first_memory(par: StepParameters) -> StepMemory:
-    """Initial memory: level hover with the joints at zero."""
+    """Initial internal state of the ablation ladder's law: level hover with the joints at zero."""
     vehicle, steps = par.model.vehicle, par.steps
     standing = standing_command(par.model)
     return StepMemory(

@@ -121,7 +121,7 @@ def level_joint_gravity(model: Model, joints: tuple[Scalar, ...]) -> tuple[Scala
 
 
 def joint_accelerations(par: Parameters, measurement: Measurement, reference: Reference) -> tuple[Scalar, ...]:
-    """Desired joint accelerations of (92): PD, plus the reference's acceleration if it is fed forward."""
+    """Desired joint accelerations, eq. (92): PD, plus the reference's acceleration if that is fed forward."""
     pd = _joint_pd(par, measurement, reference)
     if not par.terms.feedforward:
         return pd

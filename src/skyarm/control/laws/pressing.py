@@ -1,4 +1,4 @@
-"""Two contact laws on those of Barakou et al. 2026: hybrid force/motion control, and admittance control.
+"""Two contact laws based on those of Barakou et al. 2026: hybrid force/motion control, and admittance control.
 
 Both share an observer whose estimates are not compensated, only read: the tip's force along the surface's normal, its
 bias, touch and loss are those of the centroidal law (:mod:`skyarm.control.laws.centroidal.interaction`), so that only
@@ -71,7 +71,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PressingParameters(Parameters):
-    """Constants of the contact laws in addition to those of the paper's laws."""
+    """Constants of the two contact laws (hybrid, admittance), in addition to those of the paper's laws."""
 
     observer: ObserverGains
     interaction: InteractionGains
@@ -79,7 +79,7 @@ class PressingParameters(Parameters):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PressingMemory:
-    """Memory of the contact laws.
+    """Internal state of the two contact laws: disturbance observer, contact force controller and last command.
 
     Attributes:
         started: 0 before the first measurement. observed: of the observer. sent: the last command. interaction: of
@@ -94,7 +94,7 @@ class PressingMemory:
 
 @dataclass(frozen=True, slots=True)
 class Touch:
-    """State of the contact in one period.
+    """Contact in one control period: tip Jacobian, desired and observed force, and speeds of the tip.
 
     Attributes:
         at: levers of the tip, as measured. pressing: of the interaction. force: N, wanted. along: N, observed, of the
@@ -132,7 +132,7 @@ def observe_contact(
 
 
 def shift_base(reference: Reference, n: Vec3, shift: tuple[Scalar, Scalar, Scalar]) -> Reference:
-    """Reference with the base's path shifted along a normal (m, m/s, m/s^2)."""
+    """Reference with the base position, velocity and acceleration shifted along the surface normal."""
     s, rate, acceleration = shift
     return dataclasses.replace(
         reference,
@@ -157,7 +157,7 @@ def thresholds(model: Model, forces: Any) -> InteractionGains:
 
 
 def first_memory(par: PressingParameters) -> PressingMemory:
-    """Initial memory: no command, no contact."""
+    """Initial internal state of the two contact laws: no command, no contact."""
     vehicle = par.model.vehicle
     return PressingMemory(
         started=0.0,

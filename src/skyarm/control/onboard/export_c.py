@@ -66,13 +66,13 @@ def drives_of(vehicle: Vehicle) -> dict[str, Any]:
 
 
 def command_units(vehicle: Vehicle, *place: str) -> Units:
-    """Units of a command record at a path; empty if all joints are commanded by torque."""
+    """Units of the fields of a command at a struct path; empty (default units) if all joints take torques."""
     return {place: SPEEDS | SETPOINTS} if drives_of(vehicle) else {}
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FilterReadings:
-    """Latest reading of each sensor with its time stamp; empty for a sensor that is not used.
+    """Sensor inputs of an exported state estimator: latest measurements with time stamps; empty for unused sensors.
 
     The time stamp shows whether a reading is new; where none has arrived, the previous one is repeated. The force at
     the tip bypasses the filter, to a law that uses it.
@@ -97,7 +97,7 @@ class EstimatedConstants:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class EstimatedMemory:
-    """Memory of estimator and law, and the last command."""
+    """Internal states of state estimator and control law, and the last command."""
 
     estimate: FilterMemory
     law: Any
@@ -114,7 +114,7 @@ def blank_readings(estimator: ErrorStateFilter, joints: int, tip_force: int = 0)
 
 
 def first_estimated_memory(controller: Controller, estimator: ErrorStateFilter) -> EstimatedMemory:
-    """Initial memory of estimator and law, in hover with all joints at zero."""
+    """Initial internal states of state estimator and control law, in hover with all joints at zero."""
     model = controller.par.model
     trim = hover_trim(model.vehicle, (0.0,) * model.vehicle.n, model.gravity)
     drives = drives_of(model.vehicle)
@@ -233,7 +233,7 @@ def export_c(
 
 
 def _examples(controller: Controller, period: float, estimator: ErrorStateFilter | None) -> dict[str, Any]:
-    """Example inputs of the exported function: shapes for all, default values for constants and memory."""
+    """Example inputs of the exported C function: array shapes, and default values for constants and internal state."""
     vehicle = controller.par.model.vehicle
     joints = (0.0,) * vehicle.n
     arm: dict[str, Any] = {f"joint{word}": joints for word in ("s", "_rates", "_accelerations", "_jerks", "_snaps")}
@@ -283,7 +283,7 @@ def _trace_step(controller: Controller, records: dict[str, Any], estimator: Erro
 def _structs(
     controller: Controller, records: dict[str, Any], program: Program, *, behind_filter: bool
 ) -> dict[str, Struct]:
-    """C struct of each record, with only those parameters that the law reads."""
+    """C structs of the function's inputs and outputs; parameters are limited to those that the control law reads."""
     live = {node.index for node in program.lowered.nodes}
     used = [node.index in live for node in program.lowered.inputs]  # the parameters are the first inputs
     vehicle = controller.par.model.vehicle

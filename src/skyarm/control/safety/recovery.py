@@ -64,7 +64,7 @@ class Confidence:
 
 
 def finite(record: Any) -> Any:
-    """True where every number of a record is finite."""
+    """True if every number of a nested dataclass is finite."""
     fine: Any = True
     for value in leaves(record):
         fine = logical_and(fine, absolute(value) < float("inf"))
@@ -72,7 +72,7 @@ def finite(record: Any) -> Any:
 
 
 def not_finite(record: Any) -> Scalar:
-    """True where any number of a record is infinite or NaN."""
+    """True if any number of a nested dataclass is infinite or NaN."""
     return where(finite(record), False, True)
 
 
@@ -140,7 +140,7 @@ def stow_position(joint: Joint) -> float:
 
 
 def pose_of(stow: Any, links: tuple[Link, ...]) -> tuple[float, ...]:
-    """Check a stowed pose: one number per joint, within the joint limits."""
+    """Stowed arm pose from a user's option, after a check: one number per joint, within the joint limits."""
     listed = stow if isinstance(stow, (str, bytes)) or not hasattr(stow, "__iter__") else list(stow)
     if not isinstance(listed, list) or len(listed) != len(links):
         raise ControllerError(f"safety.stow = {shown(listed)}: must be {len(links)} numbers, one per joint")

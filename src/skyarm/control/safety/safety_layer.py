@@ -62,7 +62,7 @@ class SafetyParameters(LayerParameters):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SafetyMemory:
-    """Memory of a law with the safety layer between two steps.
+    """Internal state of a law with the safety layer: state of the law, limited references, supervisor and last command.
 
     Attributes:
         inner: memory of the law.
@@ -85,7 +85,7 @@ class SafetyMemory:
 
 
 def first_memory(controller: Controller) -> SafetyMemory:
-    """Initial memory of a controller with the safety layer."""
+    """Initial internal state of a controller with the safety layer."""
     vehicle = controller.par.model.vehicle
     still = (0.0,) * vehicle.n
     return SafetyMemory(
@@ -144,7 +144,7 @@ def arbitrate(
     failed: Any,
     dt: Scalar,
 ) -> SafetyMemory:
-    """Select the law or the recovery, and return the safety layer's next memory.
+    """Select the law or the recovery, and return the safety layer's next internal state.
 
     Args:
         par: constants.
@@ -347,7 +347,7 @@ def _called_law(
     first: Any,
     margin: Callable[[Any], Any] | None,
 ) -> tuple[SafetyMemory, Command]:
-    """Step of a law that cannot be traced, called with floats, with the safety layer."""
+    """One step, in plain floats, of a law that cannot be traced, with the safety layer around that law."""
     if not finite(measurement):
         return memory, memory.sent
     governed = govern(par, memory, measurement, reference, dt)

@@ -30,7 +30,7 @@ class Command:
             accept_fields(self, "command")
 
     def dense(self) -> Command:
-        """Command with its int constants converted to floats, so that a memory can store every number."""
+        """Command with all int constants converted to floats, so that a controller's state can store every number."""
         rows = ([data(value) for value in row] for row in (self.rotor_speeds, self.efforts, self.tilts))
         rotor_speeds, efforts, tilts = map(tuple, rows)
         return Command(rotor_speeds=rotor_speeds, efforts=efforts, tilts=tilts)

@@ -67,30 +67,30 @@ class Drive:
 
     @classmethod
     def require_stated(cls, stated: Collection[str]) -> None:
-        """Reject a parameter table without the numbers that its others require; ``stated`` are the given names.
+        """Reject a drive's parameter table that lacks a parameter required by another; ``stated`` are the given names.
 
         Raises:
             ValueError: one line that begins with the field.
         """
 
     def why_short_steps(self) -> str:
-        """Text with the numbers that require a very short ``largest_step``; empty where that is itself given."""
+        """Text with the parameters that force a very short integration step; empty if that step is itself given."""
         return ""
 
     def start(self, position: Scalar) -> Any:
-        """Initial memory for a joint at ``position`` (rad or m), as a record or tuple of scalars."""
+        """Initial state of the drive for a joint at ``position`` (rad or m), as a dataclass or tuple of scalars."""
         return ()
 
     def begin(self, position: Scalar, setpoint: Scalar, dt: float) -> Any:
-        """Initial memory of a drive that also requires the first setpoint and the control period (s)."""
+        """Initial state of a drive that also requires the first setpoint and the control period (s)."""
         return self.start(position)
 
     def steady_memory(self, memory: Any, position: Scalar, setpoint: Scalar) -> Any:
-        """Steady-state memory for a constant setpoint, of the same structure as ``memory``."""
+        """Steady state of the drive under a constant setpoint, with the same structure as ``memory``."""
         return memory
 
     def advance(self, memory: Any, setpoint: Scalar, position: Scalar, rate: Scalar, dt: float) -> Any:
-        """Memory for the period of ``dt`` (s) that begins at this position and rate; the setpoint is its mean."""
+        """Drive state for the period of ``dt`` (s) that begins at this joint position and rate; mean setpoint given."""
         return memory
 
     def effort(self, memory: Any, setpoint: Scalar, position: Scalar, rate: Scalar) -> Scalar:
@@ -141,7 +141,7 @@ class LaggedTorqueMemory:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LaggedTorque(TorqueDrive):
-    """A lagged torque obeys T d(torque)/dt = setpoint - torque; within a control period its exact mean acts.
+    """Torque drive with a first-order lag, T d(torque)/dt = setpoint - torque; the exact mean over a period acts.
 
     The impulse of every period is that of the continuous lag. The joint's own effort limit acts on the torque, not on
     the setpoint, which is a torque: laws fly it as they are.
@@ -153,15 +153,15 @@ class LaggedTorque(TorqueDrive):
         accept_fields(self, "lagged_torque")
 
     def start(self, position: Scalar) -> LaggedTorqueMemory:
-        """Initial memory: zero torque."""
+        """Initial state of a lagged torque drive: zero torque."""
         return LaggedTorqueMemory(0.0, 0.0)
 
     def begin(self, position: Scalar, setpoint: Scalar, dt: float) -> LaggedTorqueMemory:
-        """Initial memory: the torque that held the joint before the first command."""
+        """Initial state of a lagged torque drive: the torque that held the joint before the first command."""
         return LaggedTorqueMemory(setpoint, setpoint)
 
     def steady_memory(self, memory: LaggedTorqueMemory, position: Scalar, setpoint: Scalar) -> LaggedTorqueMemory:
-        """Steady-state memory: the torque equals the setpoint."""
+        """Steady state of a lagged torque drive: the torque equals the setpoint."""
         return LaggedTorqueMemory(setpoint, setpoint)
 
     def advance(self, memory: LaggedTorqueMemory, setpoint: Scalar, position: Scalar, rate: Scalar, dt: float) -> Any:

@@ -205,7 +205,7 @@ def _require_rank(vehicle: Vehicle, A: list[list[Scalar]]) -> None:
 
 
 def _require_thrust_shares(vehicle: Vehicle, per_newton: Sequence[Scalar]) -> None:
-    """Reject priorities for a layout with a rotor that does not speed up with thrust."""
+    """Reject the priority policy for a rotor layout in which some rotor's speed does not increase with thrust."""
     if not concrete(*per_newton):
         return
     for rotor, value in zip(vehicle.rotors, per_newton, strict=True):

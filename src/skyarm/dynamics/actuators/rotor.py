@@ -85,7 +85,7 @@ def _components(group: Sequence[Turning]) -> list[tuple[Scalar, ...]]:
 
 
 def _offset(position: Vec3, center: Vec3) -> Vec3:
-    """Position with constant (int) zeros in the components that equal those of ``center``."""
+    """Position in which components equal to those of ``center`` are replaced by constant (int) zeros."""
     return Vec3(*(0 if same(a, b) else a for a, b in zip(position, center, strict=True)))
 
 
@@ -141,7 +141,7 @@ def spin_torque(rotors: Sequence[Rotor], speeds: Sequence[Scalar], commands: Seq
 
 
 def _alike(group: Sequence[Turning], positions: Sequence[Vec3], velocity: Vec3, rate: Vec3) -> Force:
-    """Torque about the origin and force of rotors that differ only in position and direction of rotation.
+    """Total torque about the origin and force of several rotors that differ only in position and direction of rotation.
 
     v_perp = v - (v.n) n is written so that a structural axis leaves two components.
     """

@@ -21,7 +21,7 @@ from skyarm.records.units import Unit
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ServoMemory:
-    """Memory of a servo between two control periods.
+    """Internal state of a servo between control periods: loop setpoint, integral, encoder rounding, delayed setpoints.
 
     Attributes:
         goal: the setpoint that its loop holds, rad or m, or their rates.
@@ -103,7 +103,7 @@ class Servo(Drive):
         return self.bounds(0.0)[1]
 
     def start(self, position: Scalar) -> ServoMemory:
-        """Unsupported for a servo: its initial memory also requires a setpoint and a control period."""
+        """Unsupported for a servo: the initial servo state also requires a setpoint and a control period."""
         raise RecordError(f"{type(self).__name__}: begins with a setpoint and a control period")
 
     def why_short_steps(self) -> str:
@@ -125,12 +125,12 @@ class Servo(Drive):
         return 0.5 / max(loop, motor if math.isfinite(self.voltage) else 0.0)
 
     def steady_memory(self, memory: ServoMemory, position: Scalar, setpoint: Scalar) -> ServoMemory:
-        """Steady-state memory for a constant setpoint."""
+        """Steady state of a servo for a constant setpoint."""
         waiting = (setpoint,) * len(memory.waiting)
         return ServoMemory(goal=self._loop_setpoint(setpoint), integral=0.0, rounding=0.0, waiting=waiting)
 
     def begin(self, position: Scalar, setpoint: Scalar, dt: float) -> ServoMemory:
-        """Initial memory: steady state, with a queue of delayed setpoints as long as the latency."""
+        """Initial state of a servo: steady, with a queue of delayed setpoints as long as the latency."""
         if not concrete(self.latency):
             raise RecordError("latency: must be the same in all episodes: it says how many setpoints are on their way")
         count = math.ceil(self.latency / dt - 1e-9)
@@ -138,7 +138,7 @@ class Servo(Drive):
         return self.steady_memory(empty, position, setpoint)
 
     def advance(self, memory: ServoMemory, setpoint: Scalar, position: Scalar, rate: Scalar, dt: float) -> ServoMemory:
-        """Advance the servo's memory by one period: setpoint queue, loop goal, encoder rounding and integral."""
+        """Servo state one period later: setpoint queue, loop setpoint, encoder rounding and integral."""
         received, waiting = self._arriving_setpoint(memory, setpoint, dt)
         goal, rounding = self._next_goal(memory.goal, received, dt), self._rounding(position)
         error, asked = self._loop(goal, memory.integral, position + rounding, rate)
@@ -155,7 +155,7 @@ class Servo(Drive):
         return setpoint
 
     def _next_goal(self, goal: Scalar, received: Scalar, dt: float) -> Scalar:
-        """Goal of the loop after a period in which ``received`` arrived."""
+        """Setpoint that the servo's loop tracks after a period in which the setpoint ``received`` arrived."""
         raise NotImplementedError
 
     def _rounding(self, position: Scalar) -> Scalar:
@@ -163,7 +163,7 @@ class Servo(Drive):
         return 0.0
 
     def _loop(self, goal: Scalar, integral: Scalar, position: Scalar, rate: Scalar) -> tuple[Scalar, Scalar]:
-        """Control error, and the torque of the loop before its limits."""
+        """Control error of the servo's loop, and the loop's torque before the torque limits."""
         raise NotImplementedError
 
     def _arriving_setpoint(self, memory: ServoMemory, setpoint: Scalar, dt: float) -> tuple[Scalar, tuple[Scalar, ...]]:

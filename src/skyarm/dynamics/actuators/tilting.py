@@ -96,7 +96,7 @@ WIDEST = math.pi / 4.0
 
 @dataclass(frozen=True, slots=True)
 class Force:
-    """Force of one rotor as squared speed, (rad/s)^2, and tilt angle, rad."""
+    """Force of one tilting rotor, stored as squared rotor speed, (rad/s)^2, and tilt angle, rad."""
 
     push: Scalar
     angle: Scalar

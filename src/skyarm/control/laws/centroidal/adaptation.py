@@ -51,7 +51,7 @@ def _towards(old: Scalar, new: Scalar, share: Scalar) -> Scalar:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Regressor:
-    """Adaptation regressor of one joint for the planned motion."""
+    """Regressor of one joint's adaptation: effort per kg at the tip, position and rate of the planned motion."""
 
     load: Annotated[Scalar, Unit("N m/kg or N/kg", "effort of 1 kg at the tip in the planned motion, late")]
     place: Annotated[Scalar, Unit("rad or m", "planned position, late")]
@@ -66,7 +66,7 @@ class Regressor:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class JointLearned:
-    """Adapted parameters of one joint, and the filtered signals that they follow from.
+    """Adapted friction and effort offset of one joint, with the filtered signals used for the adaptation.
 
     ``once`` and ``twice`` are the planned signals after one and two stages of the observer's lag.
     """
@@ -104,7 +104,7 @@ class JointLearned:
         limits: tuple[Scalar, Scalar],
         dt: Scalar,
     ) -> JointLearned:
-        """Friction damping, and level and slope of the observed effort, after one normalised gradient step."""
+        """Adapted friction damping, and offset and position slope of the observed effort, after one gradient step."""
         (small, slow), (low, high), place, rate = least, limits, self.twice.place, self.twice.rate
         error = mul(weight, sub(sub(left, self.level), mul(self.slope, place)))
         step = divide(mul(error, rate), add(mul(rate, rate), slow))
@@ -119,7 +119,7 @@ class JointLearned:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Learned:
-    """Slow estimates, and their feed-forward as the known disturbance of the next period."""
+    """Adapted tip mass and joint parameters, and their feed-forward as a known disturbance in the next period."""
 
     tip_mass: Annotated[Scalar, Unit("kg", "adapted")]
     joints: tuple[JointLearned, ...]
@@ -128,7 +128,7 @@ class Learned:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class AdaptationGains(Part):
-    """Constants of the adaptation; a rate of None disables its estimate."""
+    """Rates and bounds of the tip-mass and friction adaptation; a rate of None disables that estimate."""
 
     load: Annotated[Scalar, Unit("1/s", "rate of the adapted tip mass")] | None
     mass_limit: Annotated[Scalar, Unit("kg", "largest adapted tip mass")]
@@ -141,13 +141,13 @@ class AdaptationGains(Part):
     ]
 
     def start(self, joints: int) -> Learned:
-        """Initial memory: all estimates zero."""
+        """Initial state of the tip-mass and friction adaptation: all estimates zero."""
         silent = Regressor(load=0.0, place=0.0, rate=0.0)
         joint = JointLearned(damping=0.0, level=0.0, slope=0.0, once=silent, twice=silent, moving=0.0, off=0.0)
         return Learned(tip_mass=0.0, joints=(joint,) * joints, feedforward=no_disturbance(joints))
 
     def learn(self, memory: Learned, step: Step) -> Learned:
-        """Adapted estimates one period later."""
+        """Adapted tip mass and joint friction, updated by one control period."""
         if step.demand is None:
             return memory
         observed = step.observed
@@ -157,7 +157,7 @@ class AdaptationGains(Part):
 
 
 def adaptation_gains(vehicle: Vehicle, gains: Mapping[str, Any], limit: float) -> AdaptationGains | None:
-    """Rates and bounds of the adaptation, None if disabled; the load is left to the load estimate if there is one."""
+    """Adaptation constants from the law's options, None if disabled; without tip mass if the load estimate is on."""
     load = gains["adaptation"] if vehicle.n and vehicle.end_effector and not gains["load"] else 0.0
     friction = gains["friction_adaptation"] if vehicle.n else 0.0
     if not load and not friction:

@@ -46,7 +46,7 @@ FASTEST = 50.0
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Compliance:
-    """Virtual mass, damping and stiffness of the admittance along its axes; an int mass 0 fixes an axis."""
+    """Virtual mass, damping and stiffness of the admittance for each axis; a mass of int 0 locks that axis."""
 
     inertia: Annotated[tuple[Scalar, ...], Unit("kg", "of the virtual body; 0 holds an axis", low=0.0)]
     damping: Annotated[tuple[Scalar, ...], Unit("N s/m", "along each axis", low=0.0)]
@@ -117,7 +117,7 @@ class Detection:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class AdmittanceMemory:
-    """Memory of the admittance control; ``sensed`` and ``sensor_bias`` are empty without a force sensor."""
+    """Internal state of the admittance control: virtual body, external-force detection and disturbance bias."""
 
     age: Annotated[Scalar, Unit("s", "since the start of the flight")] = 0.0
     bias: Disturbance
@@ -143,7 +143,7 @@ class AdmittanceGains(Part):
         require_moderate("controller.parts.admittance.tip", "inertia", self.tip)
 
     def start(self, joints: int) -> AdmittanceMemory:
-        """Initial memory: virtual body at rest on the reference, zero bias."""
+        """Initial state of the admittance control: virtual body at rest on the reference, zero bias."""
         zero = () if self.sensing is None else Vec3(0.0, 0.0, 0.0)
         return AdmittanceMemory(bias=no_disturbance(joints), sensed=zero, sensor_bias=zero)
 
@@ -169,7 +169,7 @@ def shift_reference(
     reading: Sequence[Scalar],
     dt: Scalar,
 ) -> tuple[AdmittanceMemory, list[Taylor]]:
-    """One admittance step: next memory, and the reference signals with x, y and z shifted."""
+    """One admittance step: next admittance state, and the reference signals with x, y and z shifted."""
     at = levers(vehicle, observed.quaternion.rotation(), observed.joints)
     d = disturbance(observed)
     estimate = tip_force(gains.errors, at, d - memory.bias)

@@ -58,7 +58,7 @@ def quasi_static(
 
 
 def goal(base: list[Vec3], h: list[Vec3], still: Attitude, moving: bool) -> list[Vec3]:
-    """Reference of the centre of mass to fourth derivative, from the base reference and its offset h in base axes.
+    """Reference of the centre of mass with four derivatives, from that of the base and the offset h in base axes.
 
     ``moving`` differentiates R_q too, in velocity and acceleration.
     """
@@ -119,7 +119,7 @@ def thrust(
 
 
 def _attraction(par: CentroidalParameters, errors: list[Vec3]) -> Vec3:
-    """Highest given derivative of the position feedback kp e, reduced far away so that the base can brake in time.
+    """Derivative (of the highest order given) of the position feedback kp e, reduced for large errors to allow braking.
 
     kp e + kv e' settles at the velocity kp / kv e, which no bounded thrust can stop from far away. With
     e_0 = 2 a (kv / kp)^2, kp e / (1 + |e / e_0|^4)^(1/8) settles at sqrt(2 a |e|) there, which falls at the rate a.
@@ -137,7 +137,7 @@ def _attraction(par: CentroidalParameters, errors: list[Vec3]) -> Vec3:
 
 
 def _soft_limit(pull: list[Vec3], limit: Scalar) -> Vec3:
-    """Highest given derivative of the smooth saturation pull / sqrt(1 + |pull|^2 / limit^2)."""
+    """Derivative (of the highest order given) of the smooth saturation pull / sqrt(1 + |pull|^2 / limit^2)."""
     series = [Taylor.of_derivatives(each) for each in zip(*pull, strict=True)]
     square = series[0] * series[0] + series[1] * series[1] + series[2] * series[2]
     share = 1.0 / sqrt(square * divide(1.0, limit * limit) + 1.0)
@@ -155,14 +155,14 @@ SMALL = 1e-9
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ArmMotion:
-    """Memory of the arm's motion: its intensity, and the slow mean of the centre of mass."""
+    """Filter state of the arm's motion: intensity of the motion, and slow mean of the centre of mass."""
 
     size: Annotated[Scalar, Unit("rad/s^2", "angular acceleration that the arm's motion asks for")]
     mean: Annotated[Vec3, Unit("m", "slow mean of the common centre of mass, base axes")]
 
 
 def update_arm_motion(memory: ArmMotion, com: Vec3, gravity: Scalar, dt: Scalar) -> ArmMotion:
-    """Memory of the arm's motion one period later; ``com`` is the centre of mass as a fourth-order Taylor series."""
+    """Filter state of the arm's motion one period later; ``com``: fourth-order Taylor series of the centre of mass."""
     top = derivative(com, 4)
     size = divide(sqrt(top.x * top.x + top.y * top.y), gravity)
     rate = where(size > memory.size, ATTACK, DECAY) * dt

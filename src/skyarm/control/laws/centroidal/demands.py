@@ -73,7 +73,7 @@ class Demand:
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """Desired configuration of the vehicle at one instant.
+    """Desired configuration of the vehicle at one instant: base motion, quasi-static attitude, posture and joints.
 
     Attributes:
         base: of the base origin, value to fourth derivative, world axes.
@@ -225,7 +225,7 @@ def _velocity(R: Mat3, w: Vec3, point: Vec3) -> Vec3:
 
 
 def wanted_attitude(par: CentroidalParameters, force: Vec3, yaw: Taylor, reach: Reach | None) -> Attitude:
-    """Desired attitude for a force (Taylor series, N, world axes); with ``reach``, rotors give part of it sideways."""
+    """Desired attitude for a force (Taylor series, N, world axes), less the part that rotors give sideways."""
     center = par.center
     if reach is not None and center.sideways is not None:
         held = center.sideways.attitude
@@ -278,7 +278,7 @@ def within_limits(
 
 
 def towards(limit: Scalar, reference: Taylor, share: Scalar, pole: Scalar) -> Scalar:
-    """Barrier term q'' + 2 k q' + k^2 q (rad/s^2 or m/s^2) of the allowed position between reference and limit."""
+    """Right-hand side q'' + 2 k q' + k^2 q of the joint-limit barrier, for a position between reference and limit."""
     told, square, twice = reference.derivative(0), mul(pole, pole), mul(2.0, pole)
     # the place where it may go moves with the reference, the limit does not
     moved = mul(sub(1.0, share), add(reference.derivative(2), mul(twice, reference.derivative(1))))

@@ -1,4 +1,4 @@
-"""Trend of the observed force: its rate, weighted by the accuracy of past predictions.
+"""Trend of the observed external force: its rate of change, weighted by the accuracy of past predictions.
 
 A steady turn of the wind can be predicted, turbulence and noise cannot. The rate comes from a second-order tracker,
     level' = rate + 2 w (d - level),    rate' = w^2 (d - level),
@@ -40,7 +40,7 @@ SLOWEST, STEEPEST = 0.1, 5.0
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TrendGains(Part):
-    """Constants of the force tracker, and of the weight of its rate."""
+    """Constants of the filter that tracks the observed force and its rate, and of the weight of that rate."""
 
     bandwidth: Annotated[Scalar, Unit("rad/s", "tracker of the observed force")]
     horizon: Annotated[Scalar, Unit("s", "over which the force is foretold to find the trust")]
@@ -49,7 +49,7 @@ class TrendGains(Part):
     steep: Annotated[Scalar, Unit("N/s", "rate beyond which a change is a step")]
 
     def start(self, joints: int) -> ForceTrend:
-        """Initial memory: zero force, and zero weight of its rate."""
+        """Initial state of the force trend: zero force, and zero weight of the force rate."""
         zero, size = Vec3(0.0, 0.0, 0.0), 0.25 * self.steep * self.steep
         chain = (zero,) * STAGES
         return ForceTrend(level=zero, rate=zero, forces=chain, rates=chain, agreement=0.0, size=size)
@@ -69,7 +69,7 @@ class TrendGains(Part):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ForceTrend:
-    """Memory of the force trend: tracker, delay lines (``forces``, ``rates``) and prediction statistics."""
+    """State of the force trend: tracking filter, delay lines (``forces``, ``rates``) and prediction statistics."""
 
     level: Annotated[Vec3, Unit("N", "of the tracker, world axes")]
     rate: Annotated[Vec3, Unit("N/s", "of the tracker, world axes")]
@@ -134,7 +134,7 @@ def weighted_rate(gains: TrendGains, memory: ForceTrend) -> Vec3:
 
 
 def lateness(par: CentroidalParameters) -> Scalar:
-    """Delay of the observed force while it changes steadily, s."""
+    """Delay, s, of the observer's force estimate behind a steadily changing force."""
     accelerometer = par.observer.accelerometer
     if accelerometer is None:
         return divide(2.0, maximum(par.observer.force, AHEAD))
@@ -142,6 +142,6 @@ def lateness(par: CentroidalParameters) -> Scalar:
 
 
 def _no_step(gains: TrendGains, rate: Vec3) -> Scalar:
-    """1 for a force rate well below that of a step, 0 far above it."""
+    """Weight of a force rate: 1 for rates well below that of a step change, 0 for rates far above."""
     square = rate.dot(rate) * divide(1.0, gains.steep * gains.steep)
     return divide(1.0, square * square + 1.0)

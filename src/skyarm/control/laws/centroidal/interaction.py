@@ -39,7 +39,7 @@ class Interaction(InteractionGains, Part):
     """Part of the centroidal law that presses the tip on a surface."""
 
     def start(self, joints: int) -> InteractionMemory:
-        """Initial memory: no contact."""
+        """Initial state of the contact force controller: no contact."""
         return first_interaction(joints, self.sensing is not None)
 
     def adjust_reference(self, memory: InteractionMemory, step: Step) -> InteractionMemory:
@@ -75,7 +75,7 @@ class Interaction(InteractionGains, Part):
         return dataclasses.replace(memory, lean=vector_data(lean))
 
     def learn(self, memory: InteractionMemory, step: Step) -> InteractionMemory:
-        """Store the tip's distance from its reference along the normal."""
+        """Store the distance of the tip from its reference along the surface normal."""
         if step.pressing is None or step.demand is None:
             return memory
         return dataclasses.replace(memory, gap=step.demand.gap)
@@ -98,13 +98,13 @@ def _effort(vehicle: Vehicle, sent: Command) -> Scalar:
 
 
 def shift_reference(pressing: Pressing, signals: Sequence[Taylor]) -> list[Taylor]:
-    """Reference signals with x, y and z shifted along the normal."""
+    """Reference signals with x, y and z shifted along the surface normal."""
     s = Taylor((pressing.shift[0], pressing.shift[1], mul(0.5, pressing.shift[2]), 0.0, 0.0))
     return [*(each + s * c for each, c in zip(signals[:3], pressing.n, strict=True)), *signals[3:]]
 
 
 def release_normal(pressing: Pressing, goal: Goal, tip: Vec3, tip_velocity: Vec3, velocity_gain: Scalar) -> Goal:
-    """Tip goal without position control along the normal, where only damping remains."""
+    """Tip reference without position control along the surface normal, where only damping remains."""
     p, v, a = goal.tip
     n, slower = pressing.n, 1.0 - pressing.damping / velocity_gain
     return dataclasses.replace(
@@ -133,7 +133,7 @@ def estimated_normal(told: Vec3, lean: Vec3) -> Vec3:
 
 
 def update_lean(lean: Vec3, n: Vec3, velocity: Vec3, rate: Scalar, asked: Scalar, slides: Scalar, dt: Scalar) -> Vec3:
-    """Estimated lean of the normal one period later, from the tip velocity (m/s, world axes); ``rate`` in 1/s."""
+    """Estimated tilt of the surface normal one period later, from tip velocity (m/s, world axes); ``rate`` in 1/s."""
     share = where(slides, rate * dt, 0.0) * divide(n.dot(velocity), velocity.dot(velocity) + SLOW * SLOW)
     moved = lean - velocity * share
     return Vec3(*(where(asked, clip(each, -STEEPEST, STEEPEST), 0.0) for each in moved))

@@ -128,7 +128,7 @@ class LagGains(Part):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Bank:
-    """Mean residuals of the candidate lags for one group of axes, and their scale."""
+    """Mean prediction residual of each candidate lag for one group of axes, and scale of the residuals."""
 
     means: Annotated[tuple[Scalar, ...], Unit("", "0 to 1, residual of each lag of the bank")]
     scale: Annotated[Scalar, Unit("(rad/s^2)^2", "size of the residuals")]
@@ -136,7 +136,7 @@ class Bank:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LagMemory:
-    """Memory of the lag estimate: filtered accelerations of roll, pitch, yaw and joints, and mean residuals."""
+    """State of the lag estimate: filtered accelerations of roll, pitch, yaw and joints, and mean residuals."""
 
     count: Annotated[Scalar, Unit("", "periods seen")]
     rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "measured one period ago")]

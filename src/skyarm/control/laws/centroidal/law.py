@@ -35,7 +35,7 @@ from skyarm.sensing.measurement import Measurement
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PartMemories:
-    """Memories of the law's parts (:class:`Parts`); empty for a disabled part."""
+    """Internal states of the law's optional parts (lag estimate, contact control ...); empty for a disabled part."""
 
     lag: Any = ()
     interaction: Any = ()
@@ -47,7 +47,7 @@ class PartMemories:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class CentroidalMemory:
-    """Memory of the centroidal law between two steps.
+    """Internal state of the centroidal law between two control steps: observer, filters, commands, optional parts.
 
     Attributes:
         channels: samples of x, y, z, yaw and joints.
@@ -73,7 +73,7 @@ class CentroidalMemory:
 def centroidal(
     memory: CentroidalMemory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: CentroidalParameters
 ) -> tuple[CentroidalMemory, Command]:
-    """One step of the centroidal law."""
+    """One control step of the centroidal law: computed torque on the centre of mass with a disturbance observer."""
     signals, channels, age = extrapolate(
         memory.channels, memory.age, samples(reference), memory.started, dt, par.reference_period
     )
@@ -147,7 +147,7 @@ def centroidal(
 
 
 def _present(step: Step) -> State:
-    """Present state: the filtered estimate, predicted over the delay with the commands sent since."""
+    """Present vehicle state: filtered estimate, predicted over the measurement delay with the commands sent since."""
     par, state = step.par, step.observed.state()
     for command in step.memory.sent[1:]:
         state = predict(par.model, state, command, step.unknown, step.dt, par.center.sideways is not None)

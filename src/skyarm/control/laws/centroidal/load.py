@@ -71,7 +71,7 @@ def hang(vehicle: Vehicle, R: Mat3, joints: Sequence[Scalar], gravity: Scalar) -
 
 
 def missing(vehicle: Vehicle, gains: LoadGains, at: Hang, rest: Disturbance) -> tuple[Scalar, ...]:
-    """Mass (kg) and horizontal torque (N m, world x and y) at the tip that explain ``rest``, by least squares."""
+    """Tip load, as mass (kg) and horizontal torque (N m, world x and y), that best explains disturbance ``rest``."""
     squares, errors = LeastSquares(3), gains.errors
     squares.require((at.lift, 0, 0), rest.force.z, 1)
     for turned, torque in zip(zip(*at.turning, strict=True), rest.torque, strict=True):
@@ -96,7 +96,7 @@ def learn_load(
     bandwidth: Scalar,
     dt: Scalar,
 ) -> tuple[LoadMemory, Disturbance]:
-    """Load estimate one period later, and the term that excludes an upward support force from the compensation.
+    """Load estimate one period later, and a disturbance term that keeps an upward support force uncompensated.
 
     A held load that lies on something pushes the tip up as soon as the reference is low; a law that compensated this
     would push down ever harder. So an upward force beyond the load's weight is taken out of the disturbance.
@@ -156,7 +156,7 @@ class LoadGains(Part):
     bias_rate: Annotated[Scalar, Unit("rad/s", "filter of what is observed without a load")] = 0.5
 
     def start(self, joints: int) -> LoadMemory:
-        """Initial memory: no load."""
+        """Initial state of the load estimate: no load."""
         return LoadMemory(mass=0.0, place=Vec3(0.0, 0.0, 0.0), bias=no_disturbance(joints))
 
     def adjust_gains(self, memory: LoadMemory, par: CentroidalParameters, dt: Scalar) -> CentroidalParameters:

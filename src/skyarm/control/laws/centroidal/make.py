@@ -185,7 +185,7 @@ def ends_of(vehicle: Vehicle) -> tuple[tuple[bool, bool], ...]:
 
 
 def _of_options(kind: type[Gains], gains: Mapping[str, Any], **others: Any) -> Gains:
-    """Make a record of constants from options of the same name; for optional constants 0 becomes None."""
+    """Fill a dataclass of constants from law options of the same names; an optional constant of 0 becomes None."""
     for field in dataclasses.fields(kind):  # type: ignore[arg-type]
         if field.name in gains and field.name not in others:
             others[field.name] = (gains[field.name] or None) if "None" in str(field.type) else gains[field.name]
@@ -193,7 +193,7 @@ def _of_options(kind: type[Gains], gains: Mapping[str, Any], **others: Any) -> G
 
 
 def _row(names: str, values: Iterable[Any]) -> dict[str, Any]:
-    """Dictionary from a row of gain names and its values."""
+    """Dictionary from a text of gain names, separated by spaces, and the values of these gains."""
     return dict(zip(names.split(), values, strict=True))
 
 
@@ -217,7 +217,7 @@ def _mixer(vehicle: Vehicle, sideways: bool, yaw_slack: float, given: bool) -> M
 
 
 def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMemory:
-    """Initial memory: level hover of the model with the joints at zero."""
+    """Initial internal state of the centroidal law: level hover of the model with all joints at zero."""
     model, vehicle, moves = par.model, par.model.vehicle, par.tip.shift
     zero, standing = Vec3(0.0, 0.0, 0.0), standing_command(model)
     speeds = standing.rotor_speeds

@@ -20,7 +20,7 @@ MODES = ("joint", "tip")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SidewaysGains:
-    """Constants of sideways force by the rotors; an ``attitude`` of None is level."""
+    """Constants of the rotors' sideways force; ``attitude`` is the roll and pitch held meanwhile, None for level."""
 
     share: Annotated[Scalar, Unit("", "share of the rotors' room that a force at level attitude takes")]
     attitude: Annotated[tuple[Scalar, Scalar], Unit("rad", "roll and pitch that sideways force holds")] | None
@@ -28,7 +28,7 @@ class SidewaysGains:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class CenterGains:
-    """Bounds and shaping of the force on the centre of mass; None disables one."""
+    """Bounds and shaping of the desired force on the centre of mass; a field of None disables that bound."""
 
     tilt: Annotated[Scalar, Unit("", "largest tangent of the commanded tilt")]
     floor: Annotated[Scalar, Unit("N", "smallest commanded vertical force")]
@@ -55,7 +55,7 @@ class RotorGains:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class GustGains:
-    """Speed of the base's shift under a changing external force."""
+    """Constants of the base's shift under a changing external force: shift speed, and size of a large change."""
 
     pace: Annotated[Scalar, Unit("rad/s", "pace of the base's shift where the force changes by much", low=0.0)]
     size: Annotated[Scalar, Unit("N", "change of the force below which the base shifts slowly", low=0.0, strict=True)]
@@ -73,7 +73,7 @@ class ShiftGains:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TipGains:
-    """Gains of the tip mode; without ``shift`` the base's shift counts as constant.
+    """Gains of the tip mode (control of the tip instead of the joints); without ``shift`` the base's shift is constant.
 
     ``damping`` over ``reach`` weighs the references of sliding joints.
     """
@@ -90,7 +90,7 @@ class TipGains:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Parts:
-    """Optional parts of the law (:class:`Part`), in order of execution; None disables one."""
+    """Optional parts of the centroidal law (lag estimate, contact ...) in order of execution; None disables a part."""
 
     lag: Part | None = None
     interaction: Part | None = None
@@ -100,7 +100,7 @@ class Parts:
     adaptation: Part | None = None
 
     def present(self) -> list[tuple[str, Part]]:
-        """Names and constants of the enabled parts."""
+        """Names and constants of the enabled optional parts of the centroidal law."""
         return [(name, part) for name, part in parts(self).items() if part is not None]
 
 
@@ -131,7 +131,7 @@ class CentroidalParameters:
 
 
 def at_shares(par: CentroidalParameters, rotors: Scalar, joints: Scalar) -> CentroidalParameters:
-    """Constants of the law with the bandwidths of rotor loops and joint loops scaled by given shares.
+    """Constants of the law with the bandwidths of rotor loops and joint loops multiplied by given factors.
 
     Stiffnesses go with the square of the bandwidth, dampings and observers with the bandwidth.
     """

@@ -80,17 +80,17 @@ class Part:
     __slots__ = ()
 
     def start(self, joints: int) -> Any:
-        """Initial memory of the part, for a model with the given number of joints."""
+        """Initial internal state of an optional part of the law, for a vehicle with the given number of joints."""
         return ()
 
     def adjust_gains(self, memory: Any, par: CentroidalParameters, dt: Scalar) -> CentroidalParameters:
-        """Return the law's constants for this step."""
+        """Constants of the law for this control step, as changed by an optional part."""
         return par
 
     def adjust_reference(self, memory: Any, step: Step) -> Any:
-        """Change reference and disturbance of the step; return the part's next memory."""
+        """Change reference and disturbance of the control step; return the next state of the optional part."""
         return memory
 
     def learn(self, memory: Any, step: Step) -> Any:
-        """Update the part's memory at the end of a step, from the computed demand."""
+        """Next state of an optional part at the end of a control step, from the computed demand."""
         return memory

@@ -148,7 +148,7 @@ def arm_length(vehicle: Vehicle) -> float:
 
 
 def damping_share(vehicle: Vehicle) -> float:
-    """Scale of the presets' damping for a vehicle: root of its arm length over that of the presets.
+    """Scale of the presets' damping: square root of the vehicle's arm length over that of the presets' vehicle.
 
     Small errors of height fold a longer arm that hangs straight. A damping that grows as the length costs a hover's
     accuracy under noise two thirds, one that grows as its root a tenth to a third; both hold the arm.

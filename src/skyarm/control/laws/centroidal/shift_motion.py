@@ -1,4 +1,4 @@
-"""Motion of the base's shift, its offset that keeps the tip in place: derivatives, arm swing, path and gusts.
+"""Motion of the base's shift (base offset that keeps the tip in place): derivatives, arm swing, base path and gusts.
 
 Swing. With c the sideways position of the common centre of mass, sigma the tilt under a steady force, delta the tilt
 beyond it and lambda the height of the centre of mass above the tip, c - (lambda / g) c'' = -lambda sigma keeps the tip.
@@ -47,7 +47,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ShiftMotion:
-    """Memory of two differentiators in series, for jerk and snap of the base's shift."""
+    """Filter state of two differentiators in series, for jerk and snap of the base's shift."""
 
     acceleration: Annotated[Vec3, Unit("m/s^2", "of the base's shift, filtered")]
     jerk: Annotated[Vec3, Unit("m/s^3", "of the base's shift, filtered")]
@@ -56,7 +56,7 @@ class ShiftMotion:
 def differentiate(
     memory: ShiftMotion, acceleration: Vec3, bandwidth: Scalar, dt: Scalar
 ) -> tuple[ShiftMotion, Vec3, Vec3]:
-    """Next memory, and jerk and snap of the base's shift, by filtered differentiation; ``bandwidth`` in rad/s."""
+    """Next filter state, and jerk and snap of the base's shift by filtered differentiation; ``bandwidth`` in rad/s."""
     jerk = (acceleration - memory.acceleration) * bandwidth
     snap = (jerk - memory.jerk) * bandwidth
     following = ShiftMotion(
@@ -85,7 +85,7 @@ class SwingPace:
 
 @dataclass(frozen=True, slots=True)
 class SwingShift:
-    """Base shift to its second derivative (m, world axes); jerk and snap of its swing part.
+    """Base shift with two derivatives (m, world axes), and jerk and snap of the part due to the arm's swing.
 
     ``steady`` is its acceleration without the swing's part.
     """
@@ -140,7 +140,7 @@ def shift_for_swing(memory: SwingPace, needed: list[Vec3], level: Posture, gravi
 def move_shift(
     par: CentroidalParameters, before: Following, needed: list[Vec3], level: Posture, dt: Scalar, own: Vec3 = ZERO3
 ) -> tuple[Following, list[Vec3]]:
-    """Next memory, and the base's shift with as many derivatives as the law uses.
+    """Next filter states, and the base's shift with as many derivatives as the law uses.
 
     ``needed`` has two derivatives; ``own`` (m/s^2, world axes) jumps with a force and is not differentiated.
     """
@@ -172,7 +172,7 @@ LEAST = 1e-6
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class AxisShift:
-    """Path statistics along one horizontal axis; rate and acceleration of the shift of the centre of mass."""
+    """Statistics of the base's path along a horizontal axis, with rate and acceleration of the centre-of-mass shift."""
 
     size: Annotated[Scalar, Unit("(m/s^2)^2", "mean square of the path's acceleration, doubled")]
     change: Annotated[Scalar, Unit("(m/s^3)^2", "mean square of the path's jerk, doubled")]
@@ -188,7 +188,7 @@ AT_REST = AxisShift(size=0.0, change=0.0, rate=0.0, acceleration=0.0)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Following:
-    """Memory of base shift, arm motion, arm swing and path; empty where disabled."""
+    """Filter states of base shift, arm motion, arm swing and base path; empty for a disabled one."""
 
     shift: ShiftMotion | tuple[()] = ()
     arm: ArmMotion | tuple[()] = ()
@@ -197,7 +197,7 @@ class Following:
 
 
 def first_following(par: CentroidalParameters) -> Following:
-    """Initial memory: everything at rest."""
+    """Initial filter states of base shift, arm motion, arm swing and base path: everything at rest."""
     zero, moves = Vec3(0.0, 0.0, 0.0), par.tip.shift
     return Following(
         shift=() if moves is None else ShiftMotion(acceleration=zero, jerk=zero),
@@ -287,14 +287,14 @@ NOISE = 0.3
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class GustMemory:
-    """Additional memory of the second-order force filter."""
+    """Additional state of the second-order force filter that gusts require: rate of the filtered force."""
 
     rate: Annotated[Vec3, Unit("N/s", "of the filtered force, world axes")]
 
 
 @dataclass(frozen=True, slots=True)
 class SlowForce:
-    """Filtered force, N, its first two derivatives, N/s and N/s^2, and the filter's memory."""
+    """Filtered force, N, with its first two derivatives, N/s and N/s^2, and the filter's internal state."""
 
     force: Vec3
     rate: Vec3 = ZERO3

@@ -29,7 +29,7 @@ goes away for a moment; more counts on force that is not there (tried from 0.05 
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """Squared rotor speeds per unit of force, and their limits.
+    """Rotor capability for sideways force: squared rotor speeds per unit of force, and limits of the squared speeds.
 
     Attributes:
         rows: squared speed of each rotor per force at the centre of mass, body axes, (rad/s)^2 / N.
@@ -51,7 +51,7 @@ def reach_of(mixer: Mixer, com: Vec3, weight: Scalar) -> Reach:
 
 
 def gauge(reach: Reach, force: Vec3) -> Taylor:
-    """Eighth power of the share of the rotors' margin that a sideways force takes (body axes, Taylor series)."""
+    """Rotor margin used by a sideways force (body axes, Taylor series): sum of eighth powers of each rotor's share."""
     total: Any = 0
     for row, top, least in zip(reach.rows, reach.highest, reach.least, strict=True):
         held, change = force.z * row.z, force.x * row.x + force.y * row.y

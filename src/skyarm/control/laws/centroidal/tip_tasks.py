@@ -30,7 +30,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """Tip and link references of a level base, world axes, value to second derivative.
+    """Tip and link references for a level base, world axes, with first and second derivatives.
 
     Attributes:
         tip: position (m), velocity, acceleration. tip_B: position against the base.
@@ -228,7 +228,7 @@ def turned_joints(
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Now:
-    """Present motion of the vehicle.
+    """Present motion of the vehicle: attitude, body rate, joints, posture and tip.
 
     Attributes:
         R: R_WB. rate, alpha: body rate and the angular acceleration to come, body axes.

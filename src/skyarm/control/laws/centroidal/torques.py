@@ -44,7 +44,7 @@ def needed(model: Model, state: State, demand: Demand, unknown: Disturbance) -> 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Done:
-    """Command of one step, and its saturation.
+    """Result of one control step: command, flags of actuators at their limit, and rotor trim.
 
     Attributes:
         free: 1 for the base and each joint whose actuators are not at their limit, else 0.

@@ -119,7 +119,7 @@ def numbers_of(vehicle: Vehicle) -> dict[str, list[float]]:
 
 
 def unlike(vehicle: Vehicle, training: dict[str, Any]) -> str:
-    """Describe where a vehicle differs from the one of a network's training; empty if alike or unknown."""
+    """Text on how a vehicle differs from the one that a network was trained on; empty if alike or unknown."""
     known = training.get("numbers", {})
     if not concrete(
         *(body.mass for body in vehicle.bodies), *(c for link in vehicle.links for c in link.joint.position)
@@ -163,7 +163,7 @@ class History:
 
 
 def no_history(joints: int) -> History:
-    """Initial history: no motion and no commands."""
+    """Initial history for the network's inputs: no motion and no commands."""
     still = (0.0,) * (6 + joints)
     return History(started=0.0, commanded=0.0, motion=still, commands=still)
 
@@ -212,14 +212,14 @@ def _velocities(measurement: Measurement) -> tuple[Scalar, ...]:
 
 
 def with_motion(history: History, measurement: Measurement, dt: Scalar) -> History:
-    """History after a new measurement."""
+    """Filtered history of network inputs, updated by a new measurement."""
     new = history.started < 0.5
     motion = _filter_values(new, history.motion, _velocities(measurement), dt)
     return dataclasses.replace(history, started=where(new, 1.0, history.started), motion=motion)
 
 
 def with_command(vehicle: Vehicle, history: History, command: Command, dt: Scalar) -> History:
-    """History after the command that followed its last measurement; unchanged before the first measurement."""
+    """Filtered history of network inputs, updated by the last command; unchanged before the first measurement."""
     pushed = Force(ZERO3, ZERO3)
     for rotor, speed in zip(vehicle.rotors, command.rotor_speeds, strict=True):
         pushed = pushed + rotor_force(rotor, speed, ZERO3)
@@ -248,7 +248,7 @@ class LearnedParameters(Parameters):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LearnedMemory:
-    """Memory of the law: input history, last command, and filtered network output (N, N m; base axes).
+    """State of the learned law: input history, last command, and filtered network output (N, N m; base axes).
 
     The last command, ``sent``, enters the history one step later, when it is known whether it was sent as desired.
     """
@@ -315,7 +315,7 @@ def network_for(model: Model, network: Any) -> Network:
 
 
 def first_memory(par: LearnedParameters) -> LearnedMemory:
-    """Initial memory: no history, zero network output."""
+    """Initial internal state of the learned law: no history, zero network output."""
     n = par.model.vehicle.n
     return LearnedMemory(history=no_history(n), sent=no_command(par.model.vehicle), answer=(0.0,) * (6 + n))
 

@@ -151,7 +151,7 @@ class Weights:
 
 
 def state_residuals(model: Model, weights: Weights, state: State, goal: Goal, mode: str) -> tuple[Scalar, ...]:
-    """Weighted residuals of a state.
+    """Weighted errors of a predicted vehicle state against the reference, as least-squares residuals.
 
     In mode "joints" the joints follow their references. In mode "tool" the tip is where a level base would carry it;
     the joints next to the base compensate its tilt, so that for parallel axes the links keep their absolute angles,
@@ -185,7 +185,7 @@ def state_residuals(model: Model, weights: Weights, state: State, goal: Goal, mo
 
 
 def given_way(vehicle: Vehicle, joints: tuple[Scalar, ...], tilt: Vec3) -> tuple[Scalar, ...]:
-    """Joint positions whose first joints compensate a base tilt (sine of the angle, body axes)."""
+    """Joint positions, with joints next to the base turned to compensate a base tilt (sine of angle, body axes)."""
     return tuple(
         sub(q, link.joint.rotation.apply(link.joint.motion_subspace.angular).dot(tilt)) if link.parent == BASE else q
         for link, q in zip(vehicle.links, joints, strict=True)
@@ -195,7 +195,7 @@ def given_way(vehicle: Vehicle, joints: tuple[Scalar, ...], tilt: Vec3) -> tuple
 def input_residuals(
     model: Model, weights: Weights, state: State, inputs: Inputs, disturbance: Disturbance, goal: Goal
 ) -> tuple[Scalar, ...]:
-    """Weighted residuals of the inputs.
+    """Weighted residuals of one stage's joint accelerations, rotor accelerations and, if possible, contact force.
 
     Accelerations of the joints, not their torques, are kept near the wanted ones, and the rates of the rotor speeds,
     not the speeds, small: what holds against a constant disturbance costs nothing, so that it leaves no offset. Where

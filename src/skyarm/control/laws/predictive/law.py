@@ -121,7 +121,7 @@ KEPT = 16
 
 @dataclass(frozen=True, slots=True)
 class Engine:
-    """Compiled functions of the predictive law, without flight memory, so that copies of a flight share them.
+    """Compiled functions of the predictive law; no flight state is inside, so that several flights can share them.
 
     Attributes:
         key: constants that it was made of.
@@ -186,7 +186,7 @@ def stage_lengths(stages: int, every: int, horizon: float, dt: float) -> Array:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PredictiveMemory:
-    """Memory of the predictive law between two steps.
+    """Internal state of the predictive law between steps: observer, last plan, reference sample, plan quality history.
 
     Attributes:
         engine: machine code. past: of the observer. Both None before the first step.
@@ -397,7 +397,7 @@ def _heading(x: Array) -> float:
 
 
 def bearable(disturbance: Array, most: Array) -> Array:
-    """Disturbance with its torques scaled down to the joints' capacity; its force is unchanged.
+    """Disturbance with body and joint torques scaled down to what the joint actuators can balance; force unchanged.
 
     What pushes harder carries the arm away until it lies along the push. A torque foreseen as constant would spin it
     up over the whole horizon, and no plan would be found.

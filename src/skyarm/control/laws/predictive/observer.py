@@ -121,21 +121,21 @@ class Observation:
         self._advance = Compiled(lambda before, command: predict(model, before, command, dt), estimate, command)
 
     def now(self, estimate: Array, commands: Sequence[Array]) -> Array:
-        """Estimate predicted over the commands since the last measurement, one period each."""
+        """Vehicle state and disturbance estimate, predicted over the commands since the last measurement."""
         for command in commands:
             state = self._advance(estimate, command)
             estimate = np.concatenate([state, estimate[len(state) :]])
         return estimate
 
     def first(self, measurement: Measurement) -> Past:
-        """Initial memory: the measured state, no disturbance, no delay."""
+        """Initial observer state: the measured vehicle state, no disturbance, no command delay."""
         m = measurement
         moving = (*m.position, *m.quaternion, *m.velocity, *m.rate, *m.joints, *m.joint_rates, *m.rotor_speeds)
         estimate = np.array([*moving, *(0.0,) * (6 + self.joints)], dtype=float)
         return Past(estimate, first_lateness(np.array(m.rotor_speeds, dtype=float)))
 
     def update(self, past: Past, sent: Command, measurement: Measurement) -> Past:
-        """Observer memory after a measurement; ``sent`` is the command of the period before it."""
+        """Observer state after a new measurement; ``sent`` is the command of the preceding period."""
         reading = np.array(leaves(measurement), dtype=float)
         shown = (*past.shown, sent)[-1 - LONGEST :]
         modelled = speeds_under(self.motors, past.late.modelled[0], np.array(sent.rotor_speeds))
@@ -154,7 +154,7 @@ def command_row(command: Command) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Past:
-    """Memory of the predictive law's observer.
+    """State of the predictive law's observer: last estimate, history for the command delay, recent commands.
 
     Attributes:
         estimate: leaves of an :class:`Estimate` at the last measurement. late: how late commands act.

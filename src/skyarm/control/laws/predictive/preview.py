@@ -159,7 +159,7 @@ def shift(vehicle: Vehicle, thrust: Vec3, yaw: Scalar, joints: tuple[Scalar, ...
 
 
 def make_stance(model: Model, mode: str) -> Callable[[Array, Array], Array]:
-    """Compile :func:`shift`: base shifts (T, 3) for thrusts (T, 3) and signals (T, 4 + joints).
+    """Compile :func:`shift`, the base shift that keeps the tip in place, for T thrusts (T, 3) and reference signals.
 
     None in mode "joints" and without a tip.
     """

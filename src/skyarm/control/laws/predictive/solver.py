@@ -45,14 +45,14 @@ class Compiled:
         self.kernel = Kernel(trace_loop(step, (0.0,), (), examples), Lanes(1), logging=True)
 
     def __call__(self, *parts: Array) -> Array:
-        """Evaluate the function on arrays of its flattened arguments, or on rows of them (T, leaves)."""
+        """Evaluate the compiled function on flattened arguments, or on T rows of flattened arguments at once."""
         rows = np.concatenate(parts, axis=-1)
         _, log = self.kernel.run(np.zeros((1, 1)), np.zeros((0, 1)), np.atleast_2d(rows))
         found = np.ascontiguousarray(log[:, :, 0])
         return found if rows.ndim > 1 else np.asarray(found[0])
 
     def record(self, *parts: Array) -> Any:
-        """Evaluate the function and return its result as a record of floats."""
+        """Evaluate the compiled function on arrays and return its result as a dataclass of floats."""
         return rebuild(self.kernel.loop.result[1], iter(self(*parts).tolist()))
 
 
@@ -61,7 +61,7 @@ NUDGE = 1e-5
 
 
 def examples(joints: int, rotors: int, contact: bool = False) -> tuple[State, Inputs, Disturbance, Goal]:
-    """Example records that fix the array shapes; with ``contact`` the goal includes a contact."""
+    """Example state, inputs, disturbance and goal, which fix the array shapes; ``contact``: the goal has a contact."""
     zero, arm = Vec3(0.0, 0.0, 0.0), (0.0,) * joints
     state = State(
         position=zero,
@@ -88,7 +88,7 @@ def examples(joints: int, rotors: int, contact: bool = False) -> tuple[State, In
 
 
 class Stages:
-    """Compiled prediction and residuals of all stages.
+    """Compiled model prediction and cost residuals for all stages of the prediction horizon.
 
     Args:
         model: the controller's. weights, mode: of :mod:`skyarm.control.laws.predictive.cost`.
@@ -144,7 +144,7 @@ class Stages:
         return ends[:, 0], self._slopes(ends), errors[:, 0], self._slopes(errors)
 
     def _slopes(self, values: Array) -> Array:
-        """Derivatives by central differences, (stages, values, inputs)."""
+        """Derivatives of states and residuals by central differences, an array of shape (stages, values, inputs)."""
         width = self.nx + self.nu
         change = values[:, 1 : width + 1] - values[:, width + 1 :]
         return np.asarray((change / (2.0 * NUDGE * self.scales[:, None])).transpose(0, 2, 1))
@@ -358,7 +358,7 @@ class Plan:
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """Optimal control problem for the solver.
+    """Optimal control problem for the solver: initial state, disturbance, and references over the horizon.
 
     Attributes:
         start: (nx,) the state now. disturbance: its leaves. goals: (N + 1, leaves of a goal).

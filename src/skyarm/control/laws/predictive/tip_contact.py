@@ -122,7 +122,7 @@ class TipContact:
     def at(
         self, before: InteractionMemory | None, estimate: Array, push: Sequence[Scalar], wanted: Array
     ) -> tuple[InteractionMemory, Touch]:
-        """Contact memory and contact state of one period.
+        """Next state of the contact force controller, and the state of the contact in this period.
 
         Args:
             before: memory a period earlier; None before the first.

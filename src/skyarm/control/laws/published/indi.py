@@ -64,7 +64,7 @@ class IndiParameters(Parameters):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class IndiMemory:
-    """Memory of the INDI law.
+    """Internal state of the INDI law: filter states, filtered rates, last commands and modelled rotor speeds.
 
     Attributes:
         started: 0 before the first measurement.
@@ -128,7 +128,7 @@ def indi(
 def _speeds(
     memory: IndiMemory, measurement: Measurement, par: IndiParameters, first: Any, dt: Scalar
 ) -> tuple[Scalar, ...]:
-    """Rotor speeds, measured, or modelled with the delay of a measurement."""
+    """Rotor speeds: as measured, or from the motor model with the same delay as the measurements."""
     if par.measured_speeds:
         return measurement.rotor_speeds
     turned = speeds_after(par.model.vehicle.rotors, memory.speeds, memory.sent[0].rotor_speeds, dt)
@@ -180,7 +180,7 @@ def _begun(first: Any, value: Any, old: Taps, par: Butterworth) -> Taps:
 
 
 def first_memory(par: IndiParameters) -> IndiMemory:
-    """Initial memory of the INDI law."""
+    """Initial internal state of the INDI law, before the first measurement."""
     vehicle, n = par.model.vehicle, par.model.vehicle.n
     return IndiMemory(
         started=0.0,

@@ -63,7 +63,7 @@ class SlidingParameters(Parameters):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SlidingMemory:
-    """Memory of the sliding mode law.
+    """Internal state of the sliding mode law: adapted disturbance accelerations and last command.
 
     Attributes:
         position, attitude, joints: adapted disturbance accelerations, world axes, base axes, of the joints.
@@ -172,7 +172,7 @@ def _arm(
 
 
 def first_memory(par: SlidingParameters) -> SlidingMemory:
-    """Initial memory: adaptation at zero."""
+    """Initial internal state of the adaptive sliding mode law: adaptation at zero."""
     still, vehicle = Vec3(0.0, 0.0, 0.0), par.model.vehicle
     return SlidingMemory(
         position=still,

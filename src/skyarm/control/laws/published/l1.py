@@ -92,7 +92,7 @@ class L1Parameters(Parameters):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class L1Memory:
-    """Memory of the L1 law.
+    """Internal state of the L1 law: last measurement, prediction error, and filtered disturbance estimates.
 
     Attributes:
         started: 0 before the first measurement.
@@ -167,7 +167,7 @@ def predict_velocities(par: L1Parameters, memory: L1Memory, dt: Scalar) -> tuple
 
 
 def _advance_filters(memory: L1Memory, R: Mat3, force: Force, efforts: Any, dt: Scalar, par: L1Parameters) -> L1Memory:
-    """Memory with the low-pass filters advanced by one period, each output clipped to its limit.
+    """L1 law's internal state with all low-pass filters advanced by one period and their outputs clipped.
 
     The limit comes after the filter: noise cut on one side only would leave a bias.
     """
@@ -216,7 +216,7 @@ def limits(model: Model) -> dict[str, Any]:
 
 
 def first_memory(par: L1Parameters) -> L1Memory:
-    """Initial memory: no prediction error and no disturbance."""
+    """Initial internal state of the L1 law: no prediction error and no disturbance."""
     still, arm = Vec3(0.0, 0.0, 0.0), (0.0,) * par.model.vehicle.n
     none = (0.0,) * (6 + len(arm))
     return L1Memory(
