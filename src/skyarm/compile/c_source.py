@@ -197,7 +197,7 @@ Units = Mapping[Place, Mapping[str, Unit]]
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """Field of a record that contains scalars.
+    """Dataclass field that contains scalars: path, comment, array sizes and values.
 
     Attributes:
         path: where it stands, for example ("links", "0", "body", "mass").
@@ -223,14 +223,14 @@ class Member:
 
 @dataclass(frozen=True, slots=True)
 class Struct:
-    """C struct of a record: its members, and the C name of each leaf of the record (None if it is left out)."""
+    """C struct of a dataclass: its members, and the C name of each scalar of the dataclass (None if left out)."""
 
     members: tuple[Member, ...]
     places: tuple[str | None, ...]
 
 
 def fields(record: Any, others: Units = MappingProxyType({}), path: Place = (), note: str = "") -> Iterator[Field]:
-    """Fields of a record that hold scalars, in the order of its leaves."""
+    """Dataclass fields that contain scalars, at any depth, in the order of the scalars."""
     if isinstance(record, VECTORS) or _grid(record):
         yield Field(path, note, _shape(record), tuple(walk(record)))
     elif isinstance(record, tuple) or is_record(record):
@@ -243,7 +243,7 @@ def fields(record: Any, others: Units = MappingProxyType({}), path: Place = (), 
 
 
 def _grid(value: Any) -> bool:
-    """True for a tuple of scalars or of equally long tuples of scalars."""
+    """True for a one- or two-dimensional array: a tuple of scalars, or of equally long tuples of scalars."""
     if not isinstance(value, tuple):
         return False
     rows = [item if isinstance(item, tuple) else (item,) for item in value]
@@ -260,7 +260,7 @@ def _shape(value: Any) -> tuple[int, ...]:
 def make_struct(
     record: Any, name: Callable[[Place], str], keep: Sequence[bool], others: Units = MappingProxyType({})
 ) -> Struct:
-    """C struct of a record, with the units of its fields as comments.
+    """C struct of a dataclass, with the units of the fields as comments.
 
     Args:
         record: its leaves give the values.

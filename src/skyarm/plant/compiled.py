@@ -52,7 +52,7 @@ def example_command(joints: int, rotors: int, tilts: int = 0) -> Command:
 
 
 class Steps(int):
-    """Number of integration steps of an interval, with a smaller number for when coupled components are inactive.
+    """Number of integration steps of an interval, and a smaller one while no contact is near (``far``).
 
     Attributes:
         far: steps of the plant's integrator while the coupled components are inactive.
@@ -65,7 +65,7 @@ class Steps(int):
     verlet: bool
 
     def __new__(cls, near: int, far: int, *, verlet: int = 0) -> Self:
-        """Make from the counts for active (``near``) and inactive coupled components; ``verlet`` replaces ``near``."""
+        """Make from step counts with contacts near (``near``) and far (``far``); ``verlet`` replaces ``near``."""
         made = super().__new__(cls, verlet or near)
         made.far, made.rounds, made.verlet = far, math.ceil(near / far), verlet > 0
         return made
@@ -86,7 +86,7 @@ class Steps(int):
 def hold(
     world: Truth, integrator: str, count: int, now: Moved, command: Command, around: Surroundings, seconds: Any
 ) -> Moved:
-    """Integrate plant state and coupled components' memories over an interval (s) with constant inputs."""
+    """Integrate the states of plant and coupled components (contacts) over an interval (s) with constant inputs."""
     near = VERLET if isinstance(count, Steps) and count.verlet else integrator
 
     def step(both: Moved) -> Moved:
@@ -144,7 +144,7 @@ class RigidBodyPlant:
         return Vec3(*(number(c) for c in base.linear))
 
     def substeps(self, seconds: float) -> int:
-        """Number of integration steps; :class:`Steps` if fewer suffice while coupled components are inactive."""
+        """Number of integration steps; :class:`Steps` if fewer suffice while no contact is near."""
         near, far = (self._count(seconds, largest) for largest in (self._largest, self._largest_far))
         if near == far:
             return near
@@ -160,7 +160,7 @@ class RigidBodyPlant:
         return whole_steps(seconds, self._physics_step) * divisions(self._physics_step, largest)
 
     def advance(self, state: Flat, command: Flat, around: Flat, seconds: float) -> tuple[float, ...]:
-        """State after ``seconds`` with constant command and surroundings, then the memories of coupled components."""
+        """Plant state after ``seconds`` with constant inputs, then internal states of coupled components."""
         if seconds not in self._programs:
 
             def interval(_: Any, __: Any, given: Any, ___: Any) -> tuple[tuple[()], Moved]:

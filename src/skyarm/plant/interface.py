@@ -32,7 +32,7 @@ class Truth:
 
 
 class Plant(Protocol):
-    """Protocol of a simulated vehicle without memory: its whole state is an argument."""
+    """Protocol of a simulated vehicle that stores nothing between calls: the whole state is an argument."""
 
     vehicle: Vehicle
 
@@ -49,7 +49,7 @@ class Plant(Protocol):
 
 
 def flat(state: State) -> tuple[float, ...]:
-    """Flat numbers of a state, in the order that plants use."""
+    """Scalars of a state as a flat sequence, in the order that plants use."""
     return tuple(float(value) for value in leaves(state))
 
 

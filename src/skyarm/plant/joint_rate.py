@@ -28,7 +28,7 @@ REACH = {"revolute": math.pi, "prismatic": 1.0}
 
 
 def friction_rate(vehicle: Vehicle) -> float:
-    """Largest decay rate (1/s) that joint friction causes: the largest eigenvalue of (M^-1)_joints D.
+    """Largest decay rate (1/s) by joint friction: largest eigenvalue of inverse inertia times joint damping.
 
     D holds damping plus the slope of the smooth Coulomb law at rest, its steepest place. Joints are looked at within
     their limits. Zero without friction, or where the numbers are not concrete.
@@ -102,7 +102,7 @@ STIFFEST = 3e4
 
 
 def joint_rate(vehicle: Vehicle) -> float:
-    """Rate (1/s) that sets the integration step: that of joint friction, or an equivalent one of joint stops.
+    """Fastest rate (1/s) of joint friction and joint stops, which limits the integration step.
 
     Raises:
         VehicleError: friction or stops so stiff that no explicit integrator can afford them; names joint and field.

@@ -34,7 +34,7 @@ STAGES = 4
 
 
 def largest_step(around: Surroundings, *, coupled: bool = True, euler: bool = False) -> float | None:
-    """Smallest ``largest_step`` (s) of air, forces and joint drives in a period; None if none states one.
+    """Smallest ``largest_step`` (s) of air, forces and joint drives in a period; None without such a limit.
 
     ``coupled`` says whether coupled components count: inactive ones allow any step.
     ``euler`` selects the steps of the semi-implicit Euler method.
@@ -55,13 +55,13 @@ def largest_stable_step(record: Any, *, euler: bool) -> Any:
 
 
 def lanes_step(around: Surroundings, *, euler: bool) -> float | None:
-    """Smallest :func:`largest_stable_step` (s) of air, forces and joint drives in a batch; None if none states one."""
+    """Smallest :func:`largest_stable_step` (s) of air, forces and joint drives in a batch; None without a limit."""
     own = [largest_stable_step(each, euler=euler) for each in around.components]
     return min((float(step) for step in (*own, _least(around.drives)) if step is not None), default=None)
 
 
 def verlet_step(around: Surroundings) -> float | None:
-    """Longest Stoermer-Verlet step (s) with active coupled components; None if Runge-Kutta is used instead.
+    """Longest Stoermer-Verlet step (s) in contact; None if Runge-Kutta is used instead.
 
     Runge-Kutta is used if anything else needs short steps: drive loops and damped air tolerate less with Verlet.
     """
@@ -73,7 +73,7 @@ def verlet_step(around: Surroundings) -> float | None:
 
 
 def drives_step(around: Surroundings) -> float | None:
-    """Smallest ``largest_step`` (s) of the joint drives; None if none states one."""
+    """Smallest ``largest_step`` (s) of the joint drives; None without such a limit."""
     return _least(around.drives)
 
 
@@ -87,7 +87,7 @@ STATED = ("plant.drives.", "plant.vehicle.drives.", "environment.air.", "environ
 
 
 def stated_step(scenario: Any) -> float | None:
-    """Smallest ``largest_step`` (s) of a scenario's air, forces and joint drives; None if none states one."""
+    """Smallest ``largest_step`` (s) of a scenario's air, forces and joint drives; None without such a limit."""
     around = Surroundings(components=scenario.components, drives=scenario.all_drives)
     return largest_step(around, euler=scenario.integrator == "euler")
 

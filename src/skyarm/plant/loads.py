@@ -23,7 +23,7 @@ rounding leaves of a joint's angle, and both plants solve for the other accelera
 
 
 def rigid_loads(around: Surroundings) -> list[tuple[Any, Any]]:
-    """Rigid payloads with their memories."""
+    """Rigid payloads, each with the payload's internal state (held or not, resting position)."""
     pairs = zip(around.components, around.memories, strict=True)
     return [(each, memory) for each, memory in pairs if each.rigid]
 

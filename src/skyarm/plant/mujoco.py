@@ -166,7 +166,7 @@ class MujocoPlant:
         angles: Any,
         around: Surroundings,
     ) -> tuple[Scalar, ...]:
-        """Generalised forces in MuJoCo's order; rotor speeds, tilt angles and coupled memories after a physics step."""
+        """Generalised forces in MuJoCo's order; rotor, tilt and contact states after a physics step."""
         state, command = self._layout.state(x), Command(rotor_speeds=commanded, efforts=setpoints, tilts=angles)
         if self._euler:
             around = before_euler_step(self._world, state, state.rotor_speeds, around, self._physics_step)
@@ -178,7 +178,7 @@ class MujocoPlant:
         return tuple(number(value) for value in (*forces, *turned, *leaning, *memories))
 
     def advance(self, state: Flat, command: Flat, around: Flat, seconds: float) -> tuple[float, ...]:
-        """State after ``seconds`` (whole physics steps) with constant inputs, then the memories of coupled components.
+        """State after ``seconds`` (whole physics steps), then internal states of coupled components.
 
         A diverged state stays diverged.
         """

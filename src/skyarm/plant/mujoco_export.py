@@ -95,7 +95,7 @@ def _finish_joint(joint: Any, vehicle: Vehicle) -> None:
 
 
 def _like(held: Any, value: float) -> Any:
-    """Value in the shape of a field: a number, or the first of several coefficients."""
+    """Value in the format of a MuJoCo field: a number, or a vector of coefficients with the value as the first."""
     if np.ndim(held) == 0:
         return value
     found = np.zeros(np.shape(held))

@@ -17,7 +17,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 
 class Layout:
-    """Orders of a vehicle's numbers: the library's, and MuJoCo's [qpos, qvel, rotor speeds, tilt angles].
+    """Orders of a vehicle's state variables: the library's, and MuJoCo's [qpos, qvel, rotor speeds, tilt angles].
 
     Attributes:
         nq, nv, rotors, tilts: how many numbers of each kind. end: of all.
@@ -43,14 +43,14 @@ class Layout:
         self.to_ours: Any = itemgetter(*ours)
 
     def _with_followers(self, numbers: Sequence[Any]) -> Any:
-        """Numbers of a state in MuJoCo's order, including the follower joints."""
+        """State variables in MuJoCo's order, including the follower joints."""
         n = self.vehicle.n
         joints = every_joint(self.vehicle, numbers[13 : 13 + n])
         rates = every_rate(self.vehicle, numbers[13 + n : 13 + 2 * n])
         return self._theirs((*numbers[:13], *joints, *rates, *numbers[13 + 2 * n :]))
 
     def state(self, x: Sequence[Scalar]) -> State:
-        """State record from numbers in MuJoCo's order."""
+        """State dataclass from state variables in MuJoCo's order."""
         ours, n = self.to_ours(x), self.vehicle.n
         return State(
             position=Vec3.of(ours[0:3]),

@@ -79,7 +79,7 @@ class StagedRungeKutta:
         self, start: Any, kept: Any, now: Any, memory: Any, u: Any, total: Any, rates: Any, qacc: Any, weights: Any,
         speeds: Any, setpoints: Any, angles: Any, around: Surroundings,
     ) -> tuple[Scalar, ...]:  # fmt: skip
-        """One Runge-Kutta stage: next state, coupled components' memories, rotation vector, slope sums, loads."""
+        """One Runge-Kutta stage: next state, coupled components' states, rotation vector, slopes, loads."""
         first, x, (own, share, earlier, time) = self._layout.state(start), self._layout.state(now), weights
         held = around.coupled_memories()
         there = around.with_coupled(rebuild(held, iter(memory)))
@@ -108,7 +108,7 @@ class StagedRungeKutta:
     def advance(
         self, x: Sequence[float], memory: Sequence[float], forces: Any, given: Sequence[float], steps: int
     ) -> tuple[list[float], list[float]]:
-        """State in MuJoCo's order and memories of coupled components after several steps with constant inputs.
+        """State in MuJoCo's order and internal states of coupled components after several steps.
 
         Args:
             x: state now, in MuJoCo's order.

@@ -125,7 +125,7 @@ def coupled_rk4(world: Truth, state: State, command: Command, around: Surroundin
 
 
 def _move_state(state: State, rate: Rate, dt: Scalar) -> State:
-    """State moved by dt * rate."""
+    """State advanced by dt times a time derivative of the state."""
 
     def line(values: Sequence[Scalar], slopes: Sequence[Scalar]) -> tuple[Scalar, ...]:
         return tuple(add(x, mul(dx, dt)) for x, dx in zip(values, slopes, strict=True))
@@ -217,19 +217,19 @@ def _drift(state: State, dt: Scalar) -> State:
 
 
 def step_rk4(world: Truth, state: State, command: Command, around: Surroundings, dt: float) -> State:
-    """State after one Runge-Kutta step, without the memories that :func:`coupled_rk4` also returns."""
+    """State after one Runge-Kutta step, without the contact states that :func:`coupled_rk4` also returns."""
     return coupled_rk4(world, state, command, around, dt)[0]
 
 
 def step_euler(world: Truth, state: State, command: Command, around: Surroundings, dt: float) -> State:
-    """State after one semi-implicit Euler step, without the memories that :func:`coupled_euler` also returns."""
+    """State after one semi-implicit Euler step, without the contact states that :func:`coupled_euler` also returns."""
     return coupled_euler(world, state, command, around, dt)[0]
 
 
 def far_step(
     name: str, world: Truth, now: Moved, command: Command, around: Surroundings, dt: Any, rounds: int
 ) -> Moved:
-    """One step of a vehicle whose coupled components are inactive; their memories advance separately.
+    """One integration step while no contact is near; the contact states advance separately.
 
     Args:
         name: of the integrator.

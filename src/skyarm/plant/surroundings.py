@@ -1,4 +1,4 @@
-"""Inputs of a plant over one control period: air, forces, faults, drives, and memories integrated with the state."""
+"""Inputs of a plant over one control period: air, forces, faults, drives, and contacts integrated with the state."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from skyarm.world.component import moved_by
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Surroundings:
-    """Air, forces, faults and joint drives with their memories, constant over one control period.
+    """Air, forces, faults and joint drives with their internal states, constant over one control period.
 
     Attributes:
         components: air and forces, in the order in which they add up. memories: theirs.
@@ -45,7 +45,7 @@ class Surroundings:
         return total
 
     def wrenches(self, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> list[Wrench]:
-        """Wrenches of all components on the vehicle's bodies, without rotors and body drag."""
+        """Wrenches of all environment components on the vehicle's bodies, without rotors and body drag."""
         found: list[Wrench] = []
         for component, memory in zip(self.components, self.memories, strict=True):
             found += component.wrenches(memory, self.time, motion, rotor_speeds)
@@ -59,15 +59,15 @@ class Surroundings:
 
     @property
     def coupled(self) -> tuple[int, ...]:
-        """Indices of the coupled components, whose memories the plant integrates."""
+        """Indices of the coupled components (contacts), whose internal states the plant integrates."""
         return tuple(i for i, component in enumerate(self.components) if component.coupled)
 
     def coupled_memories(self) -> tuple[Any, ...]:
-        """Memories of the coupled components."""
+        """Internal states of the coupled components (contacts)."""
         return tuple(self.memories[i] for i in self.coupled)
 
     def with_coupled(self, memories: Sequence[Any]) -> Surroundings:
-        """The surroundings with the memories of the coupled components replaced."""
+        """The surroundings with the internal states of the coupled components (contacts) replaced."""
         places = self.coupled
         if not places:
             return self
@@ -77,7 +77,7 @@ class Surroundings:
         return replace(self, memories=tuple(held))
 
     def slopes(self, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> tuple[Any, ...]:
-        """Time derivatives of the coupled components' memories."""
+        """Time derivatives of the coupled components' (contacts') internal states."""
         return tuple(self.components[i].slope(self.memories[i], self.time, motion, rotor_speeds) for i in self.coupled)
 
     def far(self, motion: PointMotion, seconds: Scalar) -> Any:
@@ -95,7 +95,7 @@ class Surroundings:
         return replace(self, components=components, memories=memories)
 
     def alone(self, seconds: Scalar, rounds: int, gravity: Scalar) -> tuple[Any, ...]:
-        """Memories of the inactive coupled components after ``seconds``, integrated in ``rounds`` steps."""
+        """Internal states of the inactive coupled components after ``seconds``, in ``rounds`` steps."""
         return tuple(self.components[i].alone(self.memories[i], seconds, rounds, gravity) for i in self.coupled)
 
     def effort(self, index: int, setpoint: Scalar, position: Scalar, rate: Scalar) -> Scalar:
@@ -126,7 +126,7 @@ Memories = tuple[Any, ...]
 
 
 def slopes_of(world: Truth, state: State, rotor_speeds: Sequence[Scalar], around: Surroundings) -> Memories:
-    """Time derivatives of the coupled components' memories at a state."""
+    """Time derivatives of the coupled components' (contacts') internal states at a vehicle state."""
     if not around.coupled:
         return ()
     motion = PointMotion(world.vehicle, state, around.air_velocity, gravity=world.gravity)
@@ -134,7 +134,7 @@ def slopes_of(world: Truth, state: State, rotor_speeds: Sequence[Scalar], around
 
 
 def advance_memories(memories: Memories, slopes: Memories, dt: Scalar) -> Memories:
-    """Memories of coupled components plus dt * slopes."""
+    """Internal states of coupled components (contacts) plus dt * slopes."""
     found: Memories = moved_by(memories, slopes, dt)
     return found
 
@@ -142,20 +142,20 @@ def advance_memories(memories: Memories, slopes: Memories, dt: Scalar) -> Memori
 def before_euler_step(
     world: Truth, state: State, rotor_speeds: Sequence[Scalar], around: Surroundings, dt: Scalar
 ) -> Surroundings:
-    """Surroundings for the forces of a semi-implicit Euler step of ``dt`` (s): bristles are already advanced."""
+    """Surroundings for evaluating the forces of an Euler step of ``dt`` (s): friction bristles are advanced."""
     if not around.coupled:
         return around
     return bend_coupled(around, slopes_of(world, state, rotor_speeds, around), dt)
 
 
 def bend_coupled(around: Surroundings, slopes: Memories, dt: Scalar) -> Surroundings:
-    """The surroundings with bristle deflections advanced by ``dt`` (s)."""
+    """The surroundings with the deflections of contact friction bristles advanced by ``dt`` (s)."""
     going = zip(around.coupled, around.coupled_memories(), slopes, strict=True)
     return around.with_coupled([around.components[i].before_euler_step(held, rate, dt) for i, held, rate in going])
 
 
 def after_euler_step(around: Surroundings, slopes: Memories, dt: Scalar) -> Memories:
-    """Memories of the coupled components after a semi-implicit Euler step of ``dt`` (s)."""
+    """Internal states of the coupled components after a semi-implicit Euler step of ``dt`` (s)."""
     going = zip(around.coupled, around.coupled_memories(), slopes, strict=True)
     return tuple(around.components[i].euler_step(memory, slope, dt) for i, memory, slope in going)
 
@@ -175,13 +175,13 @@ def push_coupled(around: Surroundings, motion: PointMotion, rotor_speeds: Sequen
 
 
 def places_in(around: Surroundings) -> tuple[int, ...]:
-    """Indices of the numbers of coupled components' memories among the leaves of the surroundings."""
+    """Indices of the coupled components' internal states among all scalars of the surroundings."""
     first = len(leaves(around.components))
     return tuple(first + place for place in places_among(around.memories, around.coupled))
 
 
 def places_among(memories: Memories, coupled: Sequence[int]) -> tuple[int, ...]:
-    """Indices of the numbers of some memories among the leaves of all memories."""
+    """Indices of the coupled components' internal states among all scalars of all internal states."""
     found, first = list[int](), 0
     for i, memory in enumerate(memories):
         count = len(leaves(memory))

@@ -41,7 +41,7 @@ def release(task: Task, phase: Fields) -> None:
 
 
 def handle(task: Task, phase: Fields, kind: str) -> None:
-    """Add to the task a wait for the guard, then a dwell with a grasp or release half-way through."""
+    """Add to the task a wait for the phase's end condition, then a dwell with a grasp or release half-way through."""
     what = "gripper" if "gripper" in phase.table else "payload"
     name = phase.take(what)
     if not isinstance(name, str) or not name:
@@ -233,7 +233,7 @@ ABOUT_AN_AXIS = ("turn", "open")
 
 
 def _in_front(task: Task, phase: Fields, place: Place, *, near: bool) -> Place:
-    """Place offset along the normal by the phase's clearance, by default ``CLEARANCE`` if ``near``."""
+    """Position offset along the normal by the phase's clearance, by default ``CLEARANCE`` if ``near``, else 0."""
     clearance = within(phase.number("clearance", CLEARANCE if near else 0.0, low=0.0), phase.at("clearance"))
     if clearance and task.normal is None:
         raise ValueError(f"{phase.at('clearance')} = {clearance:g}: must be left out without a normal")

@@ -1,4 +1,4 @@
-"""Task motion in phases, each from rest to rest; the reference may wait at the end of each for a guard.
+"""Task motion in phases, each from rest to rest; the reference may wait at phase ends for a condition (guard).
 
 In free flight: ``hold``: duration. ``go_to``, ``carry``: position, via = [[x, y, z], ...], duration (left out: as fast
 as the limits let). ``lift``: height (m), duration. ``pick`` and ``place``: payload (its name), position, approach = [0,

@@ -56,7 +56,7 @@ class Signal(ABC):
 
 
 def with_signals(record: Record, change: Callable[[Signal], Signal]) -> Record:
-    """Record with a function applied to each of its signals, at any depth."""
+    """Copy of a dataclass with a function applied to each time signal in it, at any depth."""
     if isinstance(record, Signal):
         return change(record)  # type: ignore[return-value]
     if isinstance(record, tuple):
@@ -69,7 +69,7 @@ def with_signals(record: Record, change: Callable[[Signal], Signal]) -> Record:
 
 
 def switch_times(record: Any) -> tuple[float, ...]:
-    """Times (s), sorted and unique, at which any signal of a record or a derivative may jump."""
+    """Times (s), sorted and unique, at which any signal of a dataclass or a derivative may jump."""
     found: list[Signal] = []
     with_signals(record, lambda signal: found.append(signal) or signal)  # type: ignore[func-returns-value]
     return tuple(sorted({s for signal in found for s in signal.switch_times()}))

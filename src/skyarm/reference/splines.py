@@ -83,7 +83,7 @@ def _polynomial(c: Sequence[Scalar], s: Scalar, order: int) -> Scalar:
 
 
 def _select_row(t: Scalar, rows: list[tuple[Any, ...]], knots: Sequence[float]) -> list[Scalar]:
-    """Row of coefficients at a traced time, by a binary tree of comparisons."""
+    """Polynomial coefficients of the piece at a traced time, by a binary tree of comparisons."""
     if len(rows) == 1:
         return [float(c) if isinstance(c, int) else c for c in rows[0]]
     half = len(rows) // 2
@@ -122,7 +122,7 @@ CARDINAL = (
 
 
 def interpolating_points(samples: Sequence[float], rounds: int = 30) -> list[float]:
-    """Control points of the uniform quintic B-spline that interpolates samples, up to its resolution.
+    """Control points of the uniform quintic B-spline that interpolates samples, by iteration.
 
     The curve's value at a sample is 1/120, 26/120, 66/120, 26/120, 1/120 of the control points around it; the error is
     given back again and again, which takes off at least 13 % of it each time and nearly all of a smooth one.

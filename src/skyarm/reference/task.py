@@ -1,4 +1,4 @@
-"""Task under construction: position, time and motion so far, and guards of its phases.
+"""Task under construction: position, time and motion so far, and guards (conditions that end phases).
 
 ``until`` of a phase is what the flight must show before the reference advances::
 
@@ -52,7 +52,7 @@ NOWHERE = 1e-6
 
 
 def guard_from(phase: Fields, normal: Vector | None, usual: Mapping[str, Any] | None = None) -> dict[str, Any] | None:
-    """Guard fields from the ``until`` table of a phase; None without a guard.
+    """Fields of a guard (condition that ends a phase) from the phase's ``until`` table; None without a guard.
 
     Args:
         phase: its table.
@@ -179,7 +179,7 @@ class Task:
         self._pressed = -2  # number of the last phase that pressed
 
     def begin(self, phase: Fields) -> None:
-        """Begin a phase; rest until its start time if it has one."""
+        """Begin a phase; rest until the phase's start time if one is given."""
         if phase.take("start", None) is not None:
             start = within(phase.number("start"), phase.at("start"), 0.0)
             if start < self.time:
@@ -197,7 +197,7 @@ class Task:
         self.time += duration
 
     def go(self, points: Points, duration: float | None = None, *, back: bool = False) -> None:
-        """Add a minimum-snap motion through points; none if start and end coincide.
+        """Add a minimum-snap motion through points; no motion if start and end coincide.
 
         Args:
             points: from where the task stands, m.
@@ -216,7 +216,7 @@ class Task:
             self._back, self._window, self._strays = True, (begun, self.time), False
 
     def go_through(self, phase: Fields, goal: Place, *, back: bool = True, new: bool = True) -> None:
-        """Add a phase's motion to a place through its ``via`` points, and wait for its guard.
+        """Add a motion to a phase's position through ``via`` points, and a wait for the phase's end condition.
 
         Args:
             phase: its table.
@@ -262,7 +262,7 @@ class Task:
             self.arc = None
 
     def wait_until(self, phase: Fields, usual: Mapping[str, Any] | None = None) -> None:
-        """Let the reference wait here until the phase's guard, or the ``usual`` one, is met."""
+        """Let the reference wait here until the phase's end condition, or the default ``usual``, is met."""
         until = guard_from(phase, self.normal, usual)
         if until is None:
             return
@@ -272,7 +272,7 @@ class Task:
         self._strays = self._strays or guard.early
 
     def motion(self) -> Trajectory:
-        """Trajectory of the whole task; its contact request is added to the setting."""
+        """Trajectory of the whole task; the desired contact force of the tip is stored in ``setting``."""
         axes: list[Signal] = []
         for axis in range(3):
             parts: list[Any] = [Constant(self.start[axis])]
@@ -286,7 +286,7 @@ class Task:
         return Trajectory(x=x, y=y, z=z)
 
     def _tell_push(self) -> None:
-        """Add the contact request of the whole task to the setting."""
+        """Store the desired contact force of the tip over the whole task in ``setting``."""
         if not self._forces and not self._grips:
             return
         if self.setting.pushes:

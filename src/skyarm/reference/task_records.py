@@ -1,4 +1,4 @@
-"""Records of a task: phases, guards, events and joint moves."""
+"""Dataclasses of a task: phases, guards (conditions that end phases), events and joint moves."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ class JointMove:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Setting:
-    """Flight data that reference tables need, and collected results of their phases.
+    """Flight data for reading reference tables, and results collected while their phases are read.
 
     Attributes:
         vehicle: the plant's; None where a reference is read on its own.
@@ -134,7 +134,7 @@ class Setting:
 
     @property
     def all_guards(self) -> tuple[Guard, ...]:
-        """All guards, each with the names of the task's payloads."""
+        """All guards (conditions that end phases), each with the names of the task's payloads."""
         loads = tuple(dict.fromkeys(event.payload for event in self.events if event.payload))
         return tuple(dataclasses.replace(guard, loads=loads) for guard in self.guards)
 

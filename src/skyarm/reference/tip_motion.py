@@ -128,7 +128,7 @@ def _derivatives(v: Vec3) -> FiveVectors:
 
 
 def _to_series(record: Any) -> Any:
-    """Record with every number converted to a constant Taylor series."""
+    """Copy of a dataclass with every number converted to a constant Taylor series."""
     return rebuild(record, iter([Taylor.constant(number, ORDER) for number in leaves(record)]))
 
 
@@ -208,7 +208,7 @@ def counted_error(away: Vec3, push: Sequence[Any], tip: Vec3) -> Vec3:
 
 
 def out_of_axis(tip: Vec3, pivot: Vec3, axis: Vec3, grips: bool, normal: Vec3) -> Vec3:
-    """Unit vector from an axis to the tip while it grips, else the surface normal.
+    """Unit vector from an axis to the tip while the tip grips a handle, else the surface normal.
 
     Args:
         tip: m, world axes.

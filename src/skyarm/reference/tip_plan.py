@@ -146,7 +146,7 @@ def _cost(task: ArmTask, q: Sequence[float], errors: Sequence[float]) -> float:
 def _errors(
     task: ArmTask, q: Sequence[float], position: Vec3 | None, orientation: Mat3 | None
 ) -> tuple[list[list[float]], list[float]]:
-    """Rows of the pose Jacobian and pose errors, in m."""
+    """Pose Jacobian and pose error of the arm; rotations are weighted by a length, so that all is in m."""
     pose = frame_pose(task.vehicle, task.frame, q)
     columns = jacobian_columns(task.vehicle, task.frame, q)
     rows: list[list[float]] = []
@@ -276,7 +276,7 @@ def plan(vehicle: Vehicle, tip: TipMotion, yaw: Signal, choices: TipChoices, dur
 
 
 def _held_within(points: Sequence[float], low: float, high: float, most: float) -> list[float]:
-    """Control points limited in range and in step, which bounds the curve and its speed."""
+    """Spline control points limited in range and in increment, which bounds the curve and its speed."""
     found: list[float] = []
     for point in points:
         within = min(max(point, low), high)

@@ -28,13 +28,13 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 
 def absent(value: Scalar) -> bool:
-    """True for the int 0, which marks a number as absent."""
+    """True for the int 0, which marks a parameter as absent, unlike the float 0.0."""
     return type(value) is int and value == 0
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Channel:
-    """Errors of a measured quantity with one or more components, in the unit of the quantity (u).
+    """Error model of a measured quantity with one or more components, in the unit of the quantity (u).
 
     A component reads ``(1 + scale) truth + bias + drift + noise``, rounded to the resolution. The drift begins at a
     normal number of deviation ``turn_on``, drawn for each episode, and walks.
@@ -211,7 +211,7 @@ Quantities = tuple[tuple[str, Channel, tuple[Any, ...]], ...]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ChannelMemory:
-    """Memory of a sensor between two readings.
+    """Internal state of a sensor between two readings: drifts, link loss and last reading.
 
     Attributes:
         read: 1 after the first reading. drifts: bias of each channel that drifts, else nothing.
@@ -228,7 +228,7 @@ class ChannelMemory:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ChannelSensor(Sensor):
-    """Sensor whose reading is a record of its time stamp and one field per channel.
+    """Sensor whose reading consists of a time stamp and one field per channel (measured quantity).
 
     A lost reading leaves the one before with its instant, by which estimators recognise a new reading.
 
@@ -245,11 +245,11 @@ class ChannelSensor(Sensor):
         accept_fields(self, "")
 
     def quantities(self, state: State, specific_force: Vec3) -> Quantities:
-        """Name, errors and true components of each channel."""
+        """Name, error model and true value of each channel (measured quantity)."""
         raise NotImplementedError(f"{type(self).__name__} must say what it measures")
 
     def examples(self, vehicle: Vehicle) -> Quantities:
-        """Name, errors and components of each channel in an example state, whose numbers are irrelevant."""
+        """Name, error model and value of each channel in an example state, whose values are irrelevant."""
         return self.quantities(*_example(vehicle))
 
     record: ClassVar[type]
@@ -258,12 +258,12 @@ class ChannelSensor(Sensor):
     def reading(
         self, t: Scalar, values: Sequence[tuple[Any, ...]], state: State, own: Any, first: Scalar, dt: float
     ) -> Any:
-        """Memory specific to the sensor type, and the reading's record from the components of each channel."""
+        """Internal state specific to the sensor type, and the reading made of all channels' values."""
         fields = zip(_makers(self.record).items(), values, strict=True)
         return own, self.record(time=t, **{name: make(value) for (name, make), value in fields})
 
     def first_own(self, vehicle: Vehicle) -> Any:
-        """Initial memory specific to the sensor type."""
+        """Initial internal state specific to the sensor type."""
         return ()
 
     def require_vehicle(self, vehicle: Vehicle) -> None:
@@ -280,7 +280,7 @@ class ChannelSensor(Sensor):
         return count + count % 2 + (2 if self.dropouts.random else 0)
 
     def start(self, vehicle: Vehicle) -> ChannelMemory:
-        """Initial memory, before the first reading."""
+        """Initial internal state of the sensor, before the first reading."""
         state, quantities = _example(vehicle)[0], self.examples(vehicle)
         own, last = self.first_own(vehicle), ()
         if self.dropouts.any:
@@ -292,13 +292,13 @@ class ChannelSensor(Sensor):
     def measure(
         self, memory: ChannelMemory, t: Scalar, state: State, specific_force: Vec3, draws: Sequence[Scalar], dt: float
     ) -> tuple[ChannelMemory, Any]:
-        """Take one reading of the true state; return the next memory and the reading."""
+        """Take one reading of the true state; return the sensor's next internal state and the reading."""
         return self.read(memory, t, self.quantities(state, specific_force), state, draws, dt)
 
     def read(
         self, memory: ChannelMemory, t: Scalar, quantities: Quantities, state: Any, draws: Sequence[Scalar], dt: float
     ) -> tuple[ChannelMemory, Any]:
-        """Take one reading of given quantities; return the next memory and the reading."""
+        """Take one reading of given quantities; return the sensor's next internal state and the reading."""
         first = memory.read < 0.5
         if len(draws) != self._uniforms(quantities):
             raise RecordError(
@@ -335,13 +335,13 @@ class ChannelSensor(Sensor):
 
 @cache
 def _makers(record: type) -> Mapping[str, Callable[[tuple[Any, ...]], Any]]:
-    """Field of a reading record, except its time -> function that makes its value from a channel's components."""
+    """Conversion functions by field of a reading (except time): from a channel's components to the field's value."""
     types = {name: wanted for name, (wanted, _) in declared_fields(record).items() if name != "time"}
     return {name: (lambda c: Vec3(*c)) if each is Vec3 else (lambda c: c[0]) for name, each in types.items()}
 
 
 def _example(vehicle: Vehicle) -> tuple[State, Vec3]:
-    """Example state and specific force, whose numbers are irrelevant."""
+    """Example state and specific force, whose values are irrelevant."""
     still = (0.0,) * vehicle.n
     zero = Vec3(0.0, 0.0, 0.0)
     state = State(

@@ -59,13 +59,13 @@ class Sensor:
         return 0
 
     def start(self, vehicle: Vehicle) -> Any:
-        """Initial memory, a record or tuple of scalars; ``()`` for a sensor without memory."""
+        """Initial internal state, a dataclass or tuple of scalars; ``()`` for a sensor without internal state."""
         return ()
 
     def measure(
         self, memory: Any, t: Scalar, state: State, specific_force: Vec3, draws: Sequence[Scalar], dt: float
     ) -> tuple[Any, Any]:
-        """Take one reading of the true state; return the next memory and the reading.
+        """Take one reading of the true state; return the sensor's next internal state and the reading.
 
         Args:
             memory: after the last reading.

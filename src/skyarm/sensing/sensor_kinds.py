@@ -248,7 +248,7 @@ class FramedSensor(ChannelSensor):
 
     @property
     def feels(self) -> str:  # type: ignore[override]
-        """Name of the sensor's frame."""
+        """Name of the vehicle frame at which the sensor measures the external wrench."""
         return self.frame
 
     def reading_of(self, push: Push) -> Quantities:
@@ -280,7 +280,7 @@ class FramedSensor(ChannelSensor):
         return Push(force=force + (push.force - force) * share, torque=torque + (push.torque - torque) * share)
 
     def feel(self, memory: ChannelMemory, t: Scalar, push: Push, draws: Sequence[Scalar], dt: float) -> tuple[Any, Any]:
-        """Take one reading of the low-pass filtered wrench; return the next memory and the reading."""
+        """Take one reading of the low-pass filtered wrench; return the next internal state and the reading."""
         behind = self.filter_push(memory, memory.own, push, dt)
         return self.read(dataclasses.replace(memory, own=behind), t, self.reading_of(behind), (), draws, dt)
 
@@ -301,7 +301,7 @@ class ForceTorque(FramedSensor):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Switched:
-    """Memory of a tactile switch: low-pass filter and contact state."""
+    """Internal state of a tactile switch: low-pass filter and contact state."""
 
     push: Push
     closed: Annotated[Scalar, Unit("", "1 closed, 0 open")]
@@ -325,7 +325,7 @@ class TactileSwitch(FramedSensor):
             raise RecordError(f"off = {self.off}: must be at most on = {self.on} N")
 
     def reading_of(self, push: Push) -> Quantities:
-        """Channel of the force's magnitude."""
+        """Channel of the contact force's magnitude: name, error model and true value, N."""
         f = push.force
         return (("force", self.force, (sqrt(f.dot(f)),)),)
 
@@ -334,7 +334,7 @@ class TactileSwitch(FramedSensor):
         return Switched(push=NO_PUSH, closed=0.0)
 
     def feel(self, memory: ChannelMemory, t: Scalar, push: Push, draws: Sequence[Scalar], dt: float) -> tuple[Any, Any]:
-        """Take one reading: low-pass filter, then the switch; return the next memory and the reading."""
+        """Take one reading: low-pass filter, then the switch; return the next internal state and the reading."""
         before = memory.own
         behind = self.filter_push(memory, before.push, push, dt)
         own = Switched(push=behind, closed=before.closed)

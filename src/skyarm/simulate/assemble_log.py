@@ -31,7 +31,7 @@ from skyarm.world.component import Column
 
 
 def by_array(components: Sequence[Component], numbers: Sequence[Any]) -> dict[str, list[Any]]:
-    """Group values, one for each log column that the components declare, by the log array of the column."""
+    """Group one value per log column of the environment components by the log array that the column belongs to."""
     found: dict[str, list[Any]] = {}
     for column, number in zip((column for each in components for column in each.columns), numbers, strict=True):
         found.setdefault(column[0], []).append(number)
@@ -100,7 +100,7 @@ def join_pieces(
 
 
 def _fill(tables: Sequence[dict[str, Array]]) -> None:
-    """Add the arrays that a table lacks: zeros for a law's estimates, NaN for readings of a sensor."""
+    """Add log arrays that some pieces of a flight lack: NaN for sensor readings and measurements, else zeros."""
     widths = {name: table[name].shape[1:] for table in tables for name in table if name in IF_ANY or "." in name}
     for table in tables:
         for name, width in widths.items():
@@ -214,7 +214,7 @@ def _differing_units(columns: Sequence[Column]) -> list[str] | None:
 def _references(
     inputs: EpisodeInputs, flown: Samples, start: int, stop: int
 ) -> tuple[Reference, Reference, Array, int]:
-    """Held and continuous reference, path time (s), and row of the held reference at which the piece begins."""
+    """Held and continuous reference and path time (s) of a piece of a flight, and its first row in the held one."""
     if inputs.waits.guards:
         return (*inputs.waiting_references(flown.led.T), 0)
     led = flown.led[:, 0] if flown.led.shape[1] else np.asarray(inputs.path_time)[start:stop]

@@ -165,7 +165,7 @@ class Batch:
     def _fly_legs(
         self, columns: list[Array], count: int, keys: Mapping[str, Any], threads: int
     ) -> tuple[Array, list[tuple[Any, Array]]]:
-        """Fly all legs of the batch; return the final carry, and for each leg the log record and its rows."""
+        """Fly all legs of the batch; return the final carry (loop states and metric sums) and the logs of all legs."""
         last: tuple[Leg, Array] | None = None
         log: list[tuple[Any, Array]] = []
         for leg in self._legs:

@@ -78,7 +78,7 @@ class Feed:
         self.rows = np.column_stack(columns)
 
     def _goal_table(self, reference: Reference) -> Goal:
-        """Desired positions of a reference at every instant, as a record of arrays."""
+        """Desired positions of base, joints and tip at every control instant of a reference, as arrays."""
         vehicle = self._scenario.plant.vehicle
         dense = reference.dense()
         program = trace(lambda one: goal_of(vehicle, one), rebuild(dense, iter([0.0] * len(leaves(dense)))))
@@ -86,7 +86,7 @@ class Feed:
         return goal
 
     def read(self, varied: Scenario, fed: Any) -> tuple[Row, tuple[Goal, ...], dict[str, Any]]:
-        """Decode an input row into the loop's inputs, (held, continuous) goals and flags of the metrics' windows.
+        """Decode an input row: loop inputs, desired positions (held, continuous), flags of the metrics' time windows.
 
         Without goals where phases wait for guards: the loop itself evaluates its reference.
         """
@@ -109,7 +109,7 @@ class Feed:
         return row, (tables[0], tables[1]), inside
 
     def _own_arm(self, varied: Scenario) -> bool:
-        """True if the desired tip position depends on a varied parameter although the reference joints stay fixed."""
+        """True if varied parameters change the arm's geometry, and so the desired tip position at fixed joints."""
         still = self._scenario.reference.at(0.0).dense()
         nodes = [c for c in goal_of(varied.plant.vehicle, still).tool if isinstance(c, Node)]
         return any(node.op == "input" for node in live(nodes))
@@ -142,12 +142,12 @@ def _instant(stages: Stages, loop: LoopState, row: Row, sample: Sample, goals: t
 
 
 def _path_time(row: Row) -> Scalar:
-    """Path time of the reference, s: the flight time where the reference is not time-scaled."""
+    """Path time of the reference, s; equals the flight time if the reference is not time-scaled."""
     return row.time if isinstance(row.path_time, tuple) else row.path_time
 
 
 def _interaction(scenario: Scenario, row: Row, sample: Sample) -> dict[str, Any]:
-    """Logged numbers of the scenario's components and the desired contact force, as the metrics need them."""
+    """Metric inputs: logged values of environment components (winds, forces, contacts), desired contact force."""
     numbers = by_array(scenario.components, sample.wind.numbers)
     constants = [each for component in scenario.components for each in component.constants.items()]
     push = scenario.reference.push
@@ -183,7 +183,7 @@ class LegOptions:
 
 
 class LegCode(NamedTuple):
-    """Machine code of a leg, its log record, the key under which legs share the code, and its integration steps."""
+    """Machine code of a leg, example of a logged sample, key by which legs share code, and integration step counts."""
 
     kernel: Kernel
     logged: Any
@@ -270,20 +270,20 @@ class Leg:
         return LegCode(kernel, program.result[1], key, substeps)
 
     def numbers_by_path(self, columns: Sequence[Array]) -> dict[str, Array]:
-        """Parameter values in force in this leg, path -> (lanes,): varied per lane or set by scheduled changes."""
+        """Parameter values in this leg by parameter path, (lanes,) each: varied per lane or set by changes."""
         given = dict(zip(self._options.paths, columns, strict=True))
         own = {path: given[path] for path in self._free}
         return own | {path: given[source] for path, source in self._swept.items()}
 
     def parameters(self, columns: Sequence[Array], lanes: int) -> Array:
-        """Parameters of the compiled program, shape (numbers, lanes)."""
+        """Values of the compiled program's parameters, shape (parameters, lanes)."""
         given = dict(zip(self._options.paths, columns, strict=True))
         rows = [given[self._swept[p]] if p in self._swept else np.full(lanes, v) for p, v in self._set.items()]
         every = [*columns, *rows]
         return np.stack(every) if every else np.zeros((0, lanes))
 
     def begin(self, parameters: Array, seed: int, episodes: Array, last: tuple[Leg, Array] | None) -> Array:
-        """Initial carry of the leg, shape (carry, lanes): initial states or the previous leg's final carry."""
+        """Initial carry (loop states and metric sums), one column per lane; continues from the previous leg if any."""
         fresh = self._loop.start(parameters, seed, episodes)
         if last is None:
             totals = np.array(leaves(self.first[1]))[:, None]
@@ -300,7 +300,7 @@ class Leg:
     def fly(
         self, carry: Array, parameters: Array, keys: Mapping[str, Any], threads: int
     ) -> tuple[Array, list[tuple[Any, Array]]]:
-        """Fly the leg; return its final carry and the log of its pieces, each a record and (samples, leaves, lanes)."""
+        """Fly the leg; return the final carry (loop states, metric sums) and logs as (example record, samples)."""
         if self.code is None:
             return carry, []
         kernel, every = self.code.kernel, max(1, self._options.every)

@@ -15,7 +15,7 @@ from skyarm.scenario.scenario_record import Scenario, ScenarioError
 
 
 def command_delay(scenario: Scenario) -> tuple[Any, Any]:
-    """Command delay: whole control periods, None if the length of the queue fixes them, and the remainder in s."""
+    """Command delay split into whole control periods (None if the queue length sets them) and a remainder in s."""
     rates, delay = scenario.rates, scenario.delays.command
     if scenario.delays.longest_command is None:
         return None, round(float(delay * rates.physics)) % (rates.physics // rates.control) / rates.physics

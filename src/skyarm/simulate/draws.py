@@ -1,4 +1,4 @@
-"""Assignment of random numbers to sensors and components by channel and step, the same for every engine."""
+"""Assignment of random numbers to sensors and environment components by random channel and step, for all engines."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ STARTS = (2**32 - 1, 2**32 - 2)
 
 @dataclass(frozen=True, slots=True)
 class Draws:
-    """Layout of the uniform random numbers of one control period in one row.
+    """Positions of each sensor's and environment component's random numbers among those of a control period.
 
     Attributes:
         sensors, components: (channel, count) of each.
@@ -34,15 +34,15 @@ class Draws:
 
     @property
     def channels(self) -> tuple[tuple[int, int], ...]:
-        """Channels that draw random numbers, as (channel, count)."""
+        """Random channels in use, as pairs of channel number and count of random numbers per period."""
         return tuple(pair for pair in (*self.sensors, *self.components) if pair[1])
 
     def of_sensor(self, index: int, row: Sequence[Scalar]) -> tuple[Scalar, ...]:
-        """Random numbers of one sensor from the row of a period."""
+        """Random numbers of one sensor, out of all random numbers of a control period."""
         return self._share(index, row)
 
     def of_component(self, index: int, row: Sequence[Scalar]) -> tuple[Scalar, ...]:
-        """Random numbers of one component from the row of a period."""
+        """Random numbers of one environment component, out of all random numbers of a control period."""
         return self._share(len(self.sensors) + index, row)
 
     def _share(self, index: int, row: Sequence[Scalar]) -> tuple[Any, ...]:
@@ -52,7 +52,7 @@ class Draws:
 
 
 def draw_plan(scenario: Scenario) -> Draws:
-    """Random channel, and count of numbers per period, of every sensor and component.
+    """Random channel and count of random numbers per control period, for each sensor and environment component.
 
     A component's channel follows from its kind and from how many of that kind stand before it, a sensor's from its
     name: adding one changes no other's draws.
@@ -75,7 +75,7 @@ def draws_needed(scenario: Scenario) -> tuple[tuple[int, int], ...]:
 
 
 def start_draws(scenario: Scenario, seed: int, episode: Any) -> list[Any]:
-    """Uniform random numbers for each component's initial memory, shape (..., 2 count)."""
+    """Uniform random numbers for each environment component's initial internal state, shape (..., 2 count)."""
     steps, keys = np.array(STARTS), np.asarray(episode)[..., None]
     found = []
     for channel, count in draw_plan(scenario).components:
@@ -85,5 +85,5 @@ def start_draws(scenario: Scenario, seed: int, episode: Any) -> list[Any]:
 
 
 def _channel(kind: str, name: str) -> int:
-    """Random channel number derived from a name, outside the range of the library's own channels."""
+    """Random channel number as a hash of a name, outside the range reserved for built-in channels."""
     return zlib.crc32(f"{kind} {name}".encode()) | 2**31

@@ -130,7 +130,7 @@ class EpisodeCode:
         return trace_loop(step, self._example, tuple(self.numbers.values()), fed, self.draws, loops=True)
 
     def _begin(self, numbers: Any, fed: Any) -> tuple[Any, Any, Row]:
-        """Stages, plant and input row of one control period."""
+        """Computation stages, plant model and inputs of one control period, for tracing."""
         scenario = self._vary(numbers)
         row, given, command = fed if self.commands else (fed, None, None)
         if self.calls is None:
@@ -184,7 +184,7 @@ class _PythonSteps:
         self._rows, self._log = rows, log
 
     def fly(self, begin: int, end: int, start: int = 0) -> None:
-        """Step through rows ``begin`` to ``end`` or to a termination; ``start``: period of the table's first row."""
+        """Step through input rows ``begin`` to ``end`` or to a termination; ``start``: period of the first row."""
         now, numbers, count = tuple(self.carry.tolist()), tuple(self.parameters.tolist()), self._loop.carry
         for k in range(begin, end):
             try:
@@ -344,7 +344,7 @@ class Engine:
 
     @property
     def _memory(self) -> Any:
-        """Memory of an untraced law, which may be any object; None for a traced law."""
+        """Internal state of a control law run as plain Python, which may be any object; None for a traced law."""
         calls = self.code.calls
         return None if calls is None or self.scenario.controller.compiled else calls.memory
 
@@ -393,7 +393,7 @@ class Engine:
             self.code.calls.memory = copy.deepcopy(memory)
 
     def give(self, scenario: Scenario, numbers: Mapping[str, float], changed: Sequence[str], key: Any) -> bool:
-        """Set parameters from the next period on; False, without effect, if they need another program.
+        """Change scenario parameters from the next period on; False, without effect, if code must be recompiled.
 
         Args:
             scenario: as it is now.

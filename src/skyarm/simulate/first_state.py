@@ -91,6 +91,6 @@ def first_surroundings(scenario: Scenario, first: LoopState) -> Any:
 
 
 def component_groups(new: Scenario, old: Scenario) -> tuple[tuple[int, int], ...]:
-    """Component counts of two scenarios, as pairs per group: wind, air, forces, loads, worlds, power."""
+    """Numbers of environment components, (new, old): wind, air, forces, payloads, contacts, power."""
     names = ("air", "forces", "payloads", "worlds", "power")
     return ((1, 1), *((len(getattr(new, name)), len(getattr(old, name))) for name in names))

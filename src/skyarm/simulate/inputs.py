@@ -39,11 +39,11 @@ class EpisodeInputs:
 
     @property
     def reference(self) -> Reference:
-        """The continuous reference, as a record of arrays."""
+        """Continuous reference at all control instants, as a dataclass of arrays."""
         return self.reference_between(0, self.scenario.steps)
 
     def reference_between(self, start: int, stop: int) -> Reference:
-        """The continuous reference at instants ``start`` to ``stop``, as a record of arrays."""
+        """Continuous reference at instants ``start`` to ``stop``, as a dataclass of arrays."""
         program, times = self._program, self.times[start:stop]
         sampled: Reference = program.record(list(evaluate(program, [times], len(times))))
         return sampled
@@ -54,11 +54,11 @@ class EpisodeInputs:
 
     @cached_property
     def held_leaves(self) -> Array:
-        """Held reference as a table: one row of numbers per control instant."""
+        """Held reference as a table: one row per control instant, one column per scalar."""
         return _rows(self.held_reference, self.scenario.steps)
 
     def rows(self, start: int, stop: int) -> Array:
-        """Input rows of the closed loop at instants ``start`` to ``stop``: the leaves of a :class:`Row`."""
+        """Closed-loop inputs at instants ``start`` to ``stop``: a row each, a column per scalar of :class:`Row`."""
         if self.waits.guards:
             return np.asarray(self.times[start:stop, None])
         fed = Row(time=self.times, reference=self.held_reference, told=self.told_reference, path_time=self.path_time)
@@ -68,7 +68,7 @@ class EpisodeInputs:
 
     @cached_property
     def told_reference(self) -> Reference | tuple[()]:
-        """Time-scaled held reference as a record of arrays; empty if the reference is not time-scaled."""
+        """Time-scaled held reference as a dataclass of arrays; empty if it is not time-scaled."""
         path = self.scenario.path_time
         if path is None:
             return ()
@@ -87,7 +87,7 @@ class EpisodeInputs:
 
     @cached_property
     def row_example(self) -> Row:
-        """Example record of the inputs of one control instant."""
+        """Example inputs of one control instant, for tracing."""
         if self.waits.guards:
             return Row(time=0.0, reference=())
         told: Any = _example(self.told_reference) if self.told_reference else ()
@@ -95,11 +95,11 @@ class EpisodeInputs:
 
     @cached_property
     def waits(self) -> Waits:
-        """Guards that phases of the reference wait for, and the reference's clock."""
+        """Guards (conditions that end phases of the reference) and the clock of the reference."""
         return Waits(self.scenario)
 
     def waiting_references(self, columns: Any) -> tuple[Reference, Reference, Array]:
-        """Held reference, continuous reference and path time (s) of a scenario whose phases wait for guards.
+        """Held and continuous reference and path time (s) if reference phases wait for conditions.
 
         Args:
             columns: of what a sample has of it (``led``), (N,) each.
@@ -146,13 +146,13 @@ class EpisodeInputs:
 
     @cached_property
     def reference_example(self) -> Reference:
-        """Example record of the held reference at one instant."""
+        """Held reference of one instant, as an example for tracing."""
         example: Reference = _example(self.held_reference)
         return example
 
 
 def episode_inputs(scenario: Scenario) -> EpisodeInputs:
-    """Compute the flight-independent inputs of an episode with the same bits as Python floats."""
+    """Times and references at all control instants of an episode, bit-identical to Python float evaluation."""
     ticks, rates = np.arange(scenario.steps), scenario.rates
     # k / rate, not k * period: 1500 * 0.005 is not 7.5 in binary, and a gust must start on its tick
     times = ticks / rates.control
@@ -167,16 +167,16 @@ def episode_inputs(scenario: Scenario) -> EpisodeInputs:
 
 
 def _motion(scenario: Scenario) -> Program:
-    """Program of the reference as a function of time; overflow to inf or NaN ends the episode as diverged."""
+    """Traced program that evaluates the reference at a time."""
     return trace(lambda clock: scenario.reference.at(clock[0]), (0.0,))
 
 
 def _rows(record: Any, count: int) -> Array:
-    """Table of a record of arrays: one row of numbers per instant."""
+    """Table of a dataclass of arrays: one row per instant, one column per scalar."""
     columns = [np.broadcast_to(np.asarray(leaf, dtype=float), (count,)) for leaf in leaves(record)]
     return np.stack(columns, axis=1) if columns else np.zeros((count, 0))
 
 
 def _example(record: Reference) -> Any:
-    """Copy of a record of arrays with every array replaced by one float."""
+    """Copy of a reference of arrays with every array replaced by a zero, as an example for tracing."""
     return rebuild(record, iter([0.0] * len(leaves(record))))

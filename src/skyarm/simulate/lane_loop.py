@@ -56,7 +56,7 @@ class LaneLoop:
         return first_loop_state(self.vary(numbers), draws)
 
     def start(self, numbers: Array, seed: int, episodes: Array) -> Array:
-        """Initial loop states of all lanes, shape (leaves, lanes).
+        """Initial loop states of all lanes: one row per scalar of the state, one column per lane.
 
         Args:
             numbers: (numbers, lanes).
@@ -75,7 +75,7 @@ class LaneLoop:
 
 
 def own_row(scenario: Scenario, ticks: Scalar) -> Row:
-    """Inputs of a lane's control period: time and held reference, at the lane's own number of periods."""
+    """Inputs of a lane's control period: time and held reference after the periods that this lane has flown."""
     rate, ratio = float(scenario.rates.control), float(scenario.rates.control // scenario.rates.reference)
     if scenario.reference.guards:
         return Row(time=ticks / rate, reference=())
@@ -113,5 +113,5 @@ def lane_statuses(
 
 
 def columns_of(record: Any, count: int) -> list[Array]:
-    """Arrays of length ``count``, one for each scalar of a record."""
+    """One array of length ``count`` for each scalar of a dataclass; constants are repeated."""
     return [np.broadcast_to(np.asarray(leaf, dtype=float), (count,)) for leaf in leaves(record)]

@@ -55,7 +55,7 @@ def require_kind(field: str, value: Any, kind: type) -> None:
 
 
 def require_paths(scenario: Scenario, paths: Any) -> tuple[str, ...]:
-    """Require a list of paths of different parameters that compiled code can read.
+    """Require a list of distinct parameter paths, such as plant.gravity, that compiled code can read.
 
     Raises:
         ScenarioError: one name alone, whose letters would be taken for names; no names; two names of one number; or
@@ -194,7 +194,7 @@ class LaneRules:
         self._passed: dict[str, tuple[float, float]] = {}
 
     def require(self, values: Mapping[str, Any]) -> None:
-        """Refuse numbers that make the scenario invalid.
+        """Refuse parameter values that make the scenario of a lane invalid.
 
         Args:
             values: path -> (lanes,) or one number for all; some of the paths, the others are the scenario's.
@@ -222,7 +222,7 @@ class LaneRules:
             self._passed[path] = float(min(low, row[first])), float(max(high, row[last]))
 
     def _look_at(self, numbers: dict[str, float], lane: int) -> None:
-        """Build the scenario of one lane; an error names the parameter that is refused on its own."""
+        """Validate the scenario of one lane; the error names the parameter value that is invalid by itself."""
         words = self._refusal(numbers)
         if words is None:
             return
@@ -305,7 +305,7 @@ def require_short_steps(scenario: Scenario, values: Mapping[str, Any], largest: 
 
 
 def _paths_by_record(scenario: Scenario, values: Mapping[str, Any]) -> dict[Place, dict[str, list[Place]]]:
-    """Group varied parameter paths by the air, force or drive record whose largest step they may affect."""
+    """Group varied parameters by the air model, force or joint drive whose largest step depends on them."""
     found: dict[Place, dict[str, list[Place]]] = {}
     for path in values:
         if path.startswith(STATED):
@@ -317,7 +317,7 @@ def _paths_by_record(scenario: Scenario, values: Mapping[str, Any]) -> dict[Plac
 
 
 def _borne(record: Any, numbers: Mapping[Place, float], told: Mapping[str, float], euler: bool) -> float | None:
-    """Longest integration step (s) of a record with some numbers replaced; None if it states none."""
+    """Longest step (s) of an air model, force or drive with changed parameters; None without such a limit."""
     try:
         other = replace_at(record, numbers)
         stated = largest_stable_step(other, euler=euler)

@@ -1,4 +1,4 @@
-"""Records of the closed loop: state between control periods, external inputs, logged samples."""
+"""Dataclasses of the closed loop: state between control periods, external inputs, logged samples."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def stop(now: LoopState) -> LoopState:
 
 
 def carry_over(first: LoopState, now: LoopState, groups: Sequence[tuple[int, int]] = (), clock: Any = ()) -> LoopState:
-    """Carry a loop state over to a changed scenario; parts whose structure differs are taken from ``first``.
+    """Transfer a loop state to a changed scenario; states with another structure start anew, as in ``first``.
 
     Args:
         first: its first state.
@@ -122,7 +122,7 @@ def carry_over(first: LoopState, now: LoopState, groups: Sequence[tuple[int, int
 
 
 def _carry_groups(new: tuple[Any, ...], old: tuple[Any, ...], groups: Sequence[tuple[int, int]]) -> tuple[Any, ...]:
-    """Carry over the memories of components, group by group."""
+    """Transfer the internal states of environment components to a changed scenario, group by group."""
     kept: list[Any] = []
     for many, few in groups:
         both = zip(new[:many], old[:few], strict=False)
@@ -137,7 +137,7 @@ def _kept(new: Any, old: Any) -> Any:
 
 
 def structure_of(record: Any) -> Any:
-    """Copy of a record with every scalar set to 0.0."""
+    """Structure of a dataclass: a copy with every scalar set to 0.0."""
     if is_record(record) or isinstance(record, tuple):
         return rebuild(record, iter([0.0] * len(leaves(record))))
     return record

@@ -17,7 +17,7 @@ class PlantSteps(Protocol):
         ...
 
     def advance(self, state: Any, before: Any, after: Any, around: Any) -> Any:
-        """Plant state and coupled components' memories after a period in which the new command arrives."""
+        """State of plant and coupled components (contacts) after a period in which a new command arrives."""
         ...
 
 

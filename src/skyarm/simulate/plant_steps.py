@@ -74,7 +74,7 @@ class RigidBodySteps:
         return force.linear
 
     def advance(self, state: State, before: Command, after: Command, around: Surroundings) -> Moved:
-        """Plant state and coupled components' memories after a period in which the new command arrives."""
+        """State of plant and coupled components (contacts) after a period in which a new command arrives."""
         now = after_impact(self._scenario.plant.vehicle, state, around), around.coupled_memories()
         late = self._late
         parts = [(late, before)] if self._apart is None else switches(before, after, *(rest for _, rest in self._apart))
@@ -88,7 +88,7 @@ class RigidBodySteps:
         return self._hold(now, after, around, left)
 
     def _hold(self, now: Moved, command: Command, around: Surroundings, seconds: Scalar) -> Moved:
-        """Plant state and memories of coupled components after an interval with a constant command."""
+        """State of plant and coupled components (contacts) after an interval with a constant command."""
         count = self._substeps(seconds if type(seconds) is float else self._period)
         return hold(self._scenario.plant, self._scenario.integrator, count, now, command, around, seconds)
 
@@ -134,7 +134,7 @@ class StagesInPython(Stages):
     def apply_law(
         self, memory: Any, measurement: Measurement, reference: Reference, path_time: Any
     ) -> tuple[Any, Command]:
-        """Call the law, on floats if it cannot be traced; of its memory only the observed force is returned then."""
+        """Call the law; an untraceable one on floats, returning only the observed force as internal state."""
         if self.scenario.controller.compiled:
             return super().apply_law(memory, measurement, reference, path_time)
         inputs, law = (measurement, reference, path_time), super().apply_law
@@ -154,7 +154,7 @@ class StagesInPython(Stages):
 
 @dataclass(slots=True)
 class LawCalls:
-    """Memory of an untraced law between two calls; any object."""
+    """Internal state of a control law run as plain Python, kept between two calls; any object."""
 
     memory: Any
 
@@ -171,7 +171,7 @@ def _require_alive(alive: Flat, command: Flat = ()) -> Flat:
 
 
 class CalledPlant:
-    """Plant that a traced program calls with flat numbers.
+    """Plant that a traced program calls as an external function, with arguments and results as flat tuples.
 
     Args:
         plant: of numbers. stages: of the episode. around: surroundings of one period, as an example.
@@ -203,7 +203,7 @@ class CalledPlant:
         return Vec3(*graph.external(self._specific_force, groups, 3))
 
     def advance(self, state: State, before: Command, after: Command, around: Surroundings) -> Moved:
-        """Plant state and memories of coupled components after the period."""
+        """State of plant and coupled components (contacts) after a period in which a new command arrives."""
         groups = [leaves(state), leaves(before), leaves(after), leaves(around)]
         numbers = iter(_graph_of(state).external(self._advance, groups, self._end + len(self._coupled)))
         return rebuild(state, numbers), rebuild(around.coupled_memories(), numbers)
@@ -234,14 +234,14 @@ class CalledPlant:
         return self._hold(state, after, around, left)
 
     def _hold(self, state: Flat, command: Flat, around: Flat, seconds: float) -> Flat:
-        """Flat plant state and memories of coupled components after an interval with a constant command."""
+        """Flat state of plant and coupled components (contacts) after an interval with a constant command."""
         found = self._plant.advance(state, command, around, seconds)
         if self._coupled and len(found) != self._end + len(self._coupled):
             raise ScenarioError(f"plant.kind = {self._kind!r}: does not know [world]; it has no coupled memories")
         return found
 
     def _with_memories(self, around: Flat, memories: Flat) -> Flat:
-        """Flat numbers of the surroundings with the memories of coupled components replaced."""
+        """Flat values of the surroundings with the coupled components' internal states replaced."""
         if not self._coupled:
             return around
         numbers = list(around)

@@ -1,4 +1,4 @@
-"""Clock of a reference whose phases wait for guards, as a part of the loop state.
+"""Clock of a reference that waits at phase ends until conditions (guards) are met; part of the loop state.
 
 It counts control periods of the reference, goes on with the flight's own, stands still at the
 planned end of a phase with a guard until the flight shows what the guard requires, and skips what is left of a phase
@@ -92,7 +92,7 @@ class Seen:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Terms:
-    """Conditions of one guard as numbers: times in control periods, flags 1 or 0, missing bounds always met.
+    """Conditions of a guard, which ends a phase: times in control periods, flags 1 or 0; omitted bounds are always met.
 
     Attributes:
         stop: m, position of the base's reference at its end; () where no phase ends early.
@@ -124,7 +124,7 @@ BEGUN = -1.0
 
 
 class Waits:
-    """Guards of a scenario and the clock of its reference, over any scalar type.
+    """Guards (conditions that end phases) of a scenario and the clock of the reference, over any scalar type.
 
     Args:
         scenario: whose numbers may be traced.
@@ -188,7 +188,7 @@ class Waits:
         )
 
     def begun_at(self, ticks: Scalar) -> Clock:
-        """Reference clock of a task that starts during the flight, at the next guard.
+        """Reference clock of a task that begins in mid-flight: guards with earlier times are skipped.
 
         The distance of a phase that is under way then counts from there on.
         """
@@ -201,7 +201,7 @@ class Waits:
         return dataclasses.replace(first, place=ticks, held=ticks, guard=guard, waited=BEGUN)
 
     def lead(self, clock: Clock, ticks: Scalar, row: Row) -> Row:
-        """Inputs of a control period, with the reference evaluated at its clock."""
+        """Inputs of a control period, with the reference evaluated at the time of the reference clock."""
         if not clock or row.reference != ():
             return row
         path_time, reference = self.path_time(clock), self.held_reference(clock, ticks)
@@ -218,13 +218,13 @@ class Waits:
         return self.times(clock, ticks) if clock else ()
 
     def advance(self, clock: Clock, ticks: Scalar, measurement: Measurement, row: Row, memory: object) -> Clock:
-        """Reference clock after a control period, from the law's measurement and memory."""
+        """Reference clock after a control period, from the law's measurement and internal state."""
         if not clock:
             return ()
         return self.following(clock, ticks, self.guard_inputs(measurement, row.reference, observed_push(memory)))
 
     def _hold_sample(self, clock: PathClock, ticks: Scalar) -> PathClock:
-        """Reference clock with the reference sample that is held in a period, renewed where a sample is due."""
+        """Reference clock after sample and hold: the held sample is renewed if a new one is due."""
         fresh = due(ticks, self._ratio)
         held = where(fresh, clock.place, clock.held)
         if not self._moves:
@@ -378,7 +378,7 @@ def is_other_reference(now: Overrides, then: Overrides) -> bool:
 
 
 def clock_of_change(scenario: Scenario, first: LoopState, now: LoopState, *, anew: bool) -> Clock:
-    """Restarted reference clock after a change of the scenario; () if the clock continues or there is none.
+    """Restarted reference clock after a change of the scenario; () if no restart is needed.
 
     Args:
         scenario: after the change.

@@ -31,7 +31,7 @@ from skyarm.simulate.reference_clock import is_other_reference
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """Scenario in force at an instant of a flight, with all changes before and after it.
+    """Scenario in force at an instant of a flight, with all earlier and coming changes.
 
     Attributes:
         begun: the scenario with which the flight began.
@@ -50,7 +50,7 @@ class Course:
 
     @staticmethod
     def of(scenario: Scenario) -> Course:
-        """Course of a flight before its start, with all scheduled changes still to come."""
+        """Initial scenario of a flight, with all scheduled changes still to come."""
         return Course(scenario, scenario, coming=in_order(scenario.changes, scenario.rates.control))
 
     @property
@@ -66,7 +66,7 @@ class Course:
         return bool(self.coming) and self.coming[0].tick(self.begun.rates.control) <= tick
 
     def with_due_changes(self, tick: int, piece: Piece) -> Course:
-        """Scenario and changes after those scheduled for this control period; ``piece``: the flight before them."""
+        """Scenario after the changes that are due in this control period; ``piece``: the flight until then."""
         rate, overrides = self.begun.rates.control, self.overrides
         due = [change for change in self.coming if change.tick(rate) <= tick]
         for change in due:
@@ -75,7 +75,7 @@ class Course:
         return self._after(due, self.coming[len(due) :], overrides, now, piece)
 
     def with_values(self, tick: int, values: Mapping[str, Any], piece: Piece) -> Course:
-        """Scenario and changes after interactive changes at the start of a control period.
+        """Scenario after changes made by the user at the start of a control period.
 
         Raises:
             ScenarioError: one line: a path, or a value, that cannot be, or with which a change to come cannot be.
@@ -173,7 +173,7 @@ class Session:
 
     @property
     def tick(self) -> int:
-        """Control periods flown."""
+        """Number of control periods flown so far."""
         return self._engine.tick
 
     @property
@@ -198,7 +198,7 @@ class Session:
 
     @property
     def now(self) -> LoopState:
-        """Loop state at the start of the next period: plant state, delayed commands and readings, all memories."""
+        """Loop state at the start of the next period: plant, delayed commands and readings, all internal states."""
         return self._engine.now
 
     @property
@@ -275,7 +275,7 @@ class Session:
         self._engine.restore(snapshot.held)
 
     def change(self, values: Mapping[str, Any]) -> None:
-        """Change numbers or parts by path from the next period on, like ``[[changes]]`` in a scenario file.
+        """Change parameters or models, given by path such as plant.gravity, from the next period on.
 
         Args:
             values: path -> a number (:mod:`skyarm.scenario.numbers`), or what a file has in the place of a whole part
@@ -322,7 +322,7 @@ class Session:
             self._go_on(self._course.with_due_changes(self.tick, self._engine.piece))
 
     def _read(self, course: Course) -> Overrides:
-        """Numbers that the machine code reads as parameters in every period."""
+        """Values of the scenario parameters that the machine code reads anew in every period."""
         return course.overrides.data(course.begun, self._paths)
 
     def _key(self, course: Course) -> Any:

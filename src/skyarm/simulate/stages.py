@@ -1,4 +1,4 @@
-"""The stages of a control period, each a pure function of records over any scalar.
+"""The stages of a control period, each a pure function of dataclasses over any scalar type.
 
 Every engine flies these and no others: Python floats and MuJoCo's plant stage by stage, machine code and JAX as one
 traced program (:func:`skyarm.simulate.period.make_period`).
@@ -46,7 +46,7 @@ from skyarm.world import Component, WindSample, effectiveness_at
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Readings:
-    """Results of sensors and estimator in a period: their memories, logged readings and the law's measurement."""
+    """Results of sensors and estimator in a period: internal states, logged readings and the law's measurement."""
 
     sensors: tuple[SensorState, ...]
     estimate: Any
@@ -55,7 +55,7 @@ class Readings:
 
 
 class Stages:
-    """Stages of one control period of a scenario, whose numbers may be traced.
+    """Stages of one control period of a scenario, whose parameter values may be traced.
 
     Args:
         scenario: structure must be concrete: rates, integrator, delays but for a varied one of the commands.
@@ -103,7 +103,7 @@ class Stages:
         uniforms: tuple[Scalar, ...],
         path_time: Any = (),
     ) -> Any:
-        """Advance air, forces and other components; return their memories and the plant's inputs of the period."""
+        """Advance environment components (winds, forces, contacts); return internal states and plant inputs."""
         going = [
             component.advance(memory, time, self.period, state, self.draws.of_component(i, uniforms))
             for i, (component, memory) in enumerate(zip(self.components, memories, strict=True))
@@ -129,7 +129,7 @@ class Stages:
     def surroundings(
         self, memories: tuple[Any, ...], drives: Sequence[tuple[Scalar, ...]], time: Scalar
     ) -> Surroundings:
-        """Surroundings of the plant in one period: components, memories, faults and drives."""
+        """Surroundings of the plant in one period: environment models with internal states, faults, drives."""
         scenario = self.scenario
         return Surroundings(
             components=self.components,
@@ -193,7 +193,7 @@ class Stages:
     def decide(
         self, memory: Any, measurement: Measurement, reference: Reference, path_time: Any = ()
     ) -> tuple[Any, Command]:
-        """Law memory and command; a user's command replaces the law's and freezes its memory."""
+        """Internal state and command of the law; a user's command replaces the law's and freezes the state."""
         if self._command is not None and self._given is None:
             return memory, with_rest(self.scenario.plant.vehicle, self._command)
         following, command = self.apply_law(memory, measurement, reference, path_time)
@@ -205,7 +205,7 @@ class Stages:
     def apply_law(
         self, memory: Any, measurement: Measurement, reference: Reference, path_time: Any
     ) -> tuple[Any, Command]:
-        """Evaluate the law: its next memory and its command."""
+        """Evaluate the control law: next internal state and command."""
         par = self.waits.with_task_loads(self.scenario.controller.par, path_time)
         following, command = self._law(memory, measurement, reference, self.period, par=par)
         return following, with_rest(self.scenario.plant.vehicle, command)
@@ -213,7 +213,7 @@ class Stages:
     def send(
         self, alive: Scalar, queue: Sequence[Command], command: Command
     ) -> tuple[Any, tuple[Command, ...], Command]:
-        """Queue a command: whether it is finite (1.0 or 0.0), the new queue, and the delayed command that now acts."""
+        """Queue a command: a flag (1.0 if finite), the new delay queue, and the delayed command that now acts."""
         going = alive > 0.5
         for value in (*command.rotor_speeds, *command.efforts, *command.tilts):
             going = logical_and(going, absolute(value) < float("inf"))
@@ -223,7 +223,7 @@ class Stages:
     def drive(
         self, drives: Sequence[tuple[Scalar, ...]], before: Command, acting: Command, state: State
     ) -> tuple[tuple[Scalar, ...], ...]:
-        """Joint drive memories after a period, under the mean of the setpoints that act in it."""
+        """Internal states of the joint drives after a period, under the mean of the setpoints that act."""
         if not drives:
             return ()
         heard = mean_efforts(before, acting, self.late if self.apart is None else self.apart[1][1], self.period)
@@ -231,27 +231,27 @@ class Stages:
         return tuple(drive.advance(memory, u, q, qd, self.period) for drive, memory, u, q, qd in rows)
 
     def with_drives(self, around: Surroundings, drives: tuple[tuple[Scalar, ...], ...]) -> Surroundings:
-        """Plant inputs of a period with updated memories of the joint drives."""
+        """Plant inputs of a period with updated internal states of the joint drives."""
         return dataclasses.replace(around, drive_memories=drives) if drives else around
 
     @property
     def coupled_indices(self) -> tuple[int, ...]:
-        """Indices of the components whose memories are integrated with the plant."""
+        """Indices of the environment components (contacts) that are integrated with the plant."""
         return tuple(i for i, component in enumerate(self.components) if component.coupled)
 
     def advance_coupled(self, memories: tuple[Any, ...], coupled: Memories) -> tuple[Any, ...]:
-        """Memories of all components at the end of the period, with those that the plant integrated replaced."""
+        """Internal states of environment components, those of coupled ones replaced by the plant's results."""
         held = list(memories)
         for place, memory in zip(self.coupled_indices, coupled, strict=True):
             held[place] = memory
         return tuple(held)
 
     def wind_sample(self, around: Surroundings, state: State) -> WindSample:
-        """Sample of the surroundings for the log: wind, force and the components' logged numbers."""
+        """Log sample of the surroundings: wind, force and logged values of all environment components."""
         return wind_at(around, self.scenario.plant, state)
 
     def found(self, memory: Any) -> tuple[Any, ...]:
-        """Online estimates of the law, for the log; () if it has none."""
+        """Online estimates computed by the control law, for the log; () without estimates."""
         return numbers_found(memory)
 
     def count(self, ticks: Scalar, alive: Scalar) -> Any:

@@ -60,20 +60,20 @@ Step = Callable[[Any, Any, State, Any], Any]
 
 @dataclass(frozen=True)
 class Part:
-    """User-defined part of a scenario: its path, its record, and the main method that error messages refer to."""
+    """User-defined model in a scenario: parameter path, dataclass, and main method that error messages refer to."""
 
     place: str
     record: Any
     method: str
 
     def refusal(self, words: str, place: str = "") -> ScenarioError:
-        """ScenarioError about this part, with file and line of the user's code."""
+        """ScenarioError about this user-defined model, with file and line of the user's code."""
         method = getattr(self.record, self.method)
         found = place or place_of(method if own_code(method) else type(self.record))
         return ScenarioError(f"{found}: {self.place} ({type(self.record).__name__}) {words}")
 
     def trace(self, step: Step, memory: tuple[Scalar, ...], state: State, draws: int = 0) -> None:
-        """Trace one step of the part; raise a one-line error for any mistake in it."""
+        """Trace one step of the user-defined model; raise a one-line error for any mistake in the user's code."""
         words = memory_mistake(memory, "memory")
         if words:
             raise self.refusal(words)
@@ -101,7 +101,7 @@ def _floats(record: Any) -> Any:
 
 
 def require_shapes(scenario: Scenario) -> None:
-    """Refuse user-defined parts whose methods take other arguments or return other shapes than the loop requires.
+    """Refuse user-defined models whose methods take other arguments or return other shapes than required.
 
     Raises:
         ScenarioError: one line with file and line, place in the scenario, class and method.
@@ -114,7 +114,7 @@ def require_shapes(scenario: Scenario) -> None:
 
 
 def _parts(scenario: Scenario) -> Iterator[tuple[Part, Callable[[Scenario, Part], None]]]:
-    """Pair each user-defined part of a scenario with its check."""
+    """Pairs of user-defined model and check function, for all user-defined models of a scenario."""
     groups: list[tuple[str, Callable[..., None], list[tuple[str, Any]]]] = [
         ("advance", _check_component, list(scenario.placed_components)),
         ("effort", _check_drive, [(f"plant.drives.{each.joint}", each.drive) for each in scenario.joint_drives]),
@@ -129,7 +129,7 @@ def _parts(scenario: Scenario) -> Iterator[tuple[Part, Callable[[Scenario, Part]
 
 
 def _require_class(scenario: Scenario, part: Part) -> None:
-    """Refuse methods with wrong parameters, and an invalid count of random numbers."""
+    """Refuse a user-defined class with wrong method parameters or an invalid count of random numbers."""
     kind = type(part.record)
     mistake = class_mistake(kind)
     if mistake is not None:
@@ -143,7 +143,7 @@ def _require_class(scenario: Scenario, part: Part) -> None:
 
 
 def _check_component(index: int, scenario: Scenario, part: Part) -> None:
-    """Check a user-defined component of the surroundings, such as air or a force."""
+    """Check a user-defined environment component, such as an air model or a force."""
     vehicle, component, period = scenario.plant.vehicle, part.record, 1.0 / scenario.rates.control
 
     def step(memory: tuple[Scalar, ...], time: Scalar, state: State, draws: tuple[Scalar, ...]) -> Any:

@@ -1,4 +1,4 @@
-"""Interface of the components of the surroundings: air and forces as frozen records with pure functions.
+"""Interface of environment components (winds, forces, contacts): frozen dataclasses with pure functions.
 
 A component is written once, in traceable functions: the same lines fly as Python floats, in machine code, in a batch
 whose lanes have other numbers, and on MuJoCo's plant. Its clock:
@@ -56,7 +56,7 @@ class Wrench:
 
 
 def moved_by(memory: tuple[Vec3, ...], slope: tuple[Vec3, ...], dt: Scalar) -> tuple[Vec3, ...]:
-    """Memory + dt * slope, element by element."""
+    """Internal state plus dt * slope, element by element."""
     pairs = zip(leaves(memory), leaves(slope), strict=True)
     return rebuild(memory, iter([add(value, mul(rate, dt)) for value, rate in pairs]))
 
@@ -87,7 +87,7 @@ Event = tuple[str, float, float]
 
 
 class Component:
-    """Base of the components of the surroundings. A subclass is a frozen dataclass and overrides what it needs."""
+    """Base of environment components (winds, forces, contacts): a frozen dataclass that overrides what it needs."""
 
     __slots__ = ()
 
@@ -126,7 +126,7 @@ class Component:
     """Whether its memory goes on within a control period, with the plant. A property will do."""
 
     def start(self, period: float, draws: Sequence[Any]) -> Any:
-        """Initial memory, a record or tuple of scalars; ``()`` for a component without memory.
+        """Initial internal state, a dataclass or tuple of scalars; ``()`` for a component without one.
 
         Args:
             period: of ``advance``, s.
@@ -137,11 +137,11 @@ class Component:
         return ()
 
     def advance(self, memory: Any, t: Scalar, dt: float, state: State, draws: Sequence[Any]) -> Any:
-        """Memory for the period that begins at ``t`` (s) and lasts ``dt`` (s), from the vehicle's state at ``t``."""
+        """Internal state for the period from ``t`` to ``t + dt`` (s), given the vehicle's state at ``t``."""
         return memory
 
     def act(self, memory: Any, t: Scalar, dt: float, motion: PointMotion) -> Any:
-        """Memory after the discrete events of a control instant, such as grasp and release.
+        """Internal state after the discrete events of a control instant, such as grasp and release.
 
         Args:
             memory: of the period.
@@ -171,29 +171,29 @@ class Component:
         return commands
 
     def slope(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Any:
-        """Time derivative of a coupled component's memory, as a record of the same kind."""
+        """Time derivative of a coupled component's internal state, in the same structure."""
         raise NotImplementedError(f"{type(self).__name__} is coupled and must say the slope of its memory")
 
     def before_euler_step(self, memory: Any, slope: Any, dt: Scalar) -> Any:
-        """Memory of a coupled component for the forces of a semi-implicit Euler step of ``dt`` (s).
+        """Internal state for evaluating the forces of a semi-implicit Euler step of ``dt`` (s).
 
         What velocities bend and has no inertia goes on here, by the velocities that the last step left.
         """
         return memory
 
     def euler_step(self, memory: Any, slope: Any, dt: Scalar) -> Any:
-        """Memory of a coupled component after a semi-implicit Euler step of ``dt`` (s).
+        """Internal state of a coupled component after a semi-implicit Euler step of ``dt`` (s).
 
         Velocities go before what they move, or springs gain energy; a memory without velocities goes on straight.
         """
         return moved_by(memory, slope, dt)
 
     def drift(self, memory: Any, dt: Any) -> Any:
-        """Memory of a coupled component after ``dt`` (s) of force-free motion: only positions change."""
+        """Internal state of a coupled component after ``dt`` (s) of force-free motion: only positions change."""
         return memory
 
     def push(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any], dt: Any) -> Any:
-        """Memory of a coupled component after forces acted for ``dt`` (s): only velocities change.
+        """Internal state of a coupled component after forces acted for ``dt`` (s): only velocities change.
 
         What goes on by its rate alone, and not in ``drift`` nor ``before_euler_step``, does so here.
         """
@@ -204,7 +204,7 @@ class Component:
         return False
 
     def alone(self, memory: Any, seconds: Any, rounds: int, gravity: Any) -> Any:
-        """Memory of a coupled component after ``seconds`` of inactivity.
+        """Internal state of a coupled component after ``seconds`` of inactivity.
 
         Args:
             memory: before.
@@ -222,11 +222,11 @@ class Component:
 
     @property
     def constants(self) -> Mapping[str, tuple[Any, ...]]:
-        """Constants that metrics need in addition to the logged numbers, by name."""
+        """Constants of the component that metrics need in addition to the logged values, by name."""
         return {}
 
     def logged(self, memory: Any, motion: PointMotion) -> tuple[Any, ...]:
-        """Numbers of the component that a log records at each control instant."""
+        """Values of the component that a log records at each control instant."""
         return ()
 
     def shapes(self, seen: Instants) -> Scene:

@@ -73,11 +73,11 @@ class Disturbance(Force):
         return 0 if self.noise is None else 6
 
     def start(self, period: float, draws: Sequence[Any]) -> Any:
-        """Initial noise memory, drawn from the stationary distribution."""
+        """Initial noise state, drawn from the stationary distribution."""
         return () if self.noise is None else self.noise.first(draws, 6)
 
     def advance(self, memory: Any, t: Scalar, dt: float, state: State, draws: Sequence[Any]) -> Any:
-        """Noise memory of the next control period."""
+        """Noise state of the next control period."""
         return memory if self.noise is None else self.noise.next(memory, dt, draws)
 
     def wrenches(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Sequence[Wrench]:
@@ -114,11 +114,11 @@ class AirSignals(Air):
         return 0 if self.noise is None else 4
 
     def start(self, period: float, draws: Sequence[Any]) -> Any:
-        """Initial noise memory, drawn from the stationary distribution."""
+        """Initial noise state, drawn from the stationary distribution."""
         return () if self.noise is None else self.noise.first(draws, 3)
 
     def advance(self, memory: Any, t: Any, dt: float, state: State, draws: Sequence[Any]) -> Any:
-        """Noise memory of the next control period."""
+        """Noise state of the next control period."""
         return memory if self.noise is None else self.noise.next(memory, dt, draws)
 
     def velocity(self, memory: Any, t: Scalar, position_W: Vec3) -> Vec3:

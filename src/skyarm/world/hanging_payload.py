@@ -45,7 +45,7 @@ class Swing:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class HangingMemory:
-    """Memory of a hanging payload.
+    """Internal state of a hanging payload: held or not, load position and velocity, cord force.
 
     Attributes:
         held, caught, gone, place: as :class:`skyarm.world.timed_payload.PayloadMemory`.
@@ -98,7 +98,7 @@ class HangingPayload(TimedPayload):
             raise ValueError(f"stretch = {self.stretch!r}: must be at least {least:.3g} at this control rate")
 
     def start(self, period: float, draws: Any) -> Any:
-        """Initial memory: not held yet."""
+        """Initial internal state: the load is not held yet."""
         rest = TimedPayload.start(self, period, draws)
         still = Vec3(0.0, 0.0, 0.0)
         return HangingMemory(
@@ -107,7 +107,7 @@ class HangingPayload(TimedPayload):
         )  # fmt: skip
 
     def act(self, memory: Any, t: Any, dt: float, motion: PointMotion) -> Any:
-        """Memory for the period that begins at ``t`` (s): load state at its end, and mean cord force on the frame."""
+        """Internal state for the period from ``t`` (s): final load state, and mean cord force on the frame."""
         at = motion.frame(self.frame or None)
         holder, speed = motion.position(*at), motion.velocity(*at)
         held, caught, gone, place = self.next_status(memory, t, holder)

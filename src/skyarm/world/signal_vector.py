@@ -87,16 +87,16 @@ class ColouredNoise:
                 raise ValueError(f"noise.{name} = {shown([*value])}: must be left out; here there is {has}")
 
     def first(self, draws: Sequence[Any], count: int) -> tuple[Any, ...]:
-        """Initial unit noise with ``count`` components, drawn from the stationary distribution."""
+        """Initial unit-variance noise with ``count`` components, drawn from the stationary distribution."""
         return tuple(normals(draws)[:count])
 
     def next(self, memory: Sequence[Any], dt: Scalar, draws: Sequence[Scalar]) -> tuple[Any, ...]:
-        """Unit noise of the next control period."""
+        """Unit-variance noise of the next control period."""
         left = exp(-2.0 * math.pi * self.bandwidth_hz * dt)
         fresh = sqrt(1.0 - left * left)
         return tuple(left * old + fresh * new for old, new in zip(memory, normals(draws), strict=False))
 
 
 def scale_noise(sigma: Vec3, numbers: Sequence[Any]) -> Vec3:
-    """Unit noise times standard deviations; no noise where a deviation is absent (int 0)."""
+    """Unit-variance noise times standard deviations; no noise where a deviation is absent (int 0)."""
     return Vec3(*(mul(each, number) for each, number in zip(sigma, numbers, strict=True)))

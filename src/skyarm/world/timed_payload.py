@@ -49,7 +49,7 @@ class Reach:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PayloadMemory:
-    """Memory of a payload: whether it is held, and where it lies.
+    """Internal state of a payload: held or not, and resting position.
 
     Attributes:
         held: 1 while it is held. caught: 1 in the control period in which it is grasped. gone: 1 once it was let go.
@@ -89,7 +89,7 @@ class TimedPayload(Component):
 
     @property
     def events(self) -> tuple[Event, ...]:  # type: ignore[override]
-        """Interval in which the payload is held; () if it depends on places to reach."""
+        """Interval in which the payload is held; () if pick-up or set-down depends on position."""
         if self.pick_place is not None or self.drop_place is not None:
             return ()
         return ((f"holds {float(self.mass):.3g} kg", float(self.pick), float(self.drop)),)
@@ -115,12 +115,12 @@ class TimedPayload(Component):
         require_frame(vehicle, self.frame)
 
     def start(self, period: float, draws: Any) -> Any:
-        """Initial memory: not held yet."""
+        """Initial internal state: the payload is not held yet."""
         place = (0.0, 0.0, 0.0) if self.pick_place is None else tuple(1.0 * c for c in self.pick_place.of)
         return PayloadMemory(held=0.0, caught=0.0, gone=0.0, place=Vec3(*place))
 
     def act(self, memory: PayloadMemory, t: Scalar, dt: float, motion: PointMotion) -> PayloadMemory:
-        """Memory after a possible grasp or release at the beginning of a control period."""
+        """Internal state after a possible grasp or release at the beginning of a control period."""
         held, caught, gone, place = self.next_status(memory, t, motion.position(*motion.frame(self.frame or None)))
         return PayloadMemory(held=held, caught=caught, gone=gone, place=place)
 
@@ -140,7 +140,7 @@ class TimedPayload(Component):
         return payload_scene(self, seen)
 
     def next_status(self, memory: PayloadMemory, t: Scalar, position_W: Vec3) -> tuple[Any, Any, Any, Vec3]:
-        """Next flags held, caught and gone, and next resting place; ``position_W``: of the frame, m, world axes."""
+        """Next flags (held, just grasped, set down) and resting position; ``position_W``: of the frame, m."""
         held, gone = memory.held > 0.5, memory.gone > 0.5
         pick, drop = self.events_reached(t, position_W)
         caught = where(held, 0.0, where(gone, 0.0, where(pick, 1.0, 0.0)))

@@ -22,7 +22,7 @@ from skyarm.world.gust import Gust
 
 @dataclass(frozen=True, slots=True)
 class WindSample(Component):
-    """Wind and logged numbers of all components at one instant; as a component, a constant wind.
+    """Wind and logged values of all environment components at one instant; also a constant wind model.
 
     Attributes:
         force_W: force on the base, world axes, N.
@@ -106,14 +106,14 @@ class MovingAir(Air):
         return 0 if self.turbulence is None else 4
 
     def start(self, period: float, draws: Sequence[Scalar]) -> Any:
-        """Initial turbulence memory, drawn from the stationary distribution; () without turbulence."""
+        """Initial turbulence state, drawn from the stationary distribution; () without turbulence."""
         if self.turbulence is None:
             return ()
         numbers = normals(draws)
         return dryden.start(Vec3(*numbers[0:3]), Vec3(*numbers[4:7]), period, par=self.turbulence)
 
     def advance(self, memory: Any, t: Scalar, dt: float, state: State, draws: Sequence[Scalar]) -> Any:
-        """Turbulence memory of the next control period."""
+        """Turbulence state of the next control period."""
         if self.turbulence is None:
             return memory
         return dryden.step(memory, Vec3(*normals(draws)[:3]), dt, par=self.turbulence)[0]

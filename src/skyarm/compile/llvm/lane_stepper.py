@@ -119,7 +119,7 @@ class LaneStepper:
 
 
 def apart(blocks: int) -> int:
-    """Memory stride between successive numbers of a lane, in vectors: at least ``blocks``, no multiple of four.
+    """Memory stride between successive values of a lane, in SIMD vectors: at least ``blocks``, not a multiple of four.
 
     Numbers a multiple of 4 KiB apart share one set of the first cache, which holds eight to twelve of them: 1024 lanes
     of 32 bits took 40 us a step so, and take 28.
@@ -168,21 +168,21 @@ class Stepper:
         self.step: Callable[[], None] = step
 
     def read_tables(self, rows: Array, log: Array) -> None:
-        """Set the table of input rows and the log table, both (steps, numbers), instead of a single row and output."""
+        """Use a table of input rows and a log table, one row per step, instead of a single row and output."""
         if any(table.dtype != self.carry.dtype or not table.flags.c_contiguous for table in (rows, log)):
             raise ValueError("tables: must be contiguous and of the kernel's numbers")
         self._tables = rows, log
         self._arguments[2:4] = rows.ctypes.data, log.ctypes.data
 
     def fly(self, begin: int, end: int, start: int = 0) -> None:
-        """Step through rows ``begin`` to ``end`` of the table; ``start``: step number of the table's first row."""
+        """Step through input rows ``begin`` to ``end`` of the table; ``start``: step number of the first row."""
         held = self._held
         held[7], held[8], held[9] = begin, end, start
         self.step()
 
 
 class Quick:
-    """Compiled function with its numbers in place: write ``inputs``, call ``step``, read ``outputs``.
+    """Compiled function on preallocated arrays: write ``inputs``, call ``step``, read ``outputs``.
 
     Both kinds of code give the same numbers to the last bit. Not for two threads at once.
 
@@ -211,7 +211,7 @@ class Quick:
             self.inputs, self.outputs, self.step = stepper.row, stepper.output, stepper.step
 
     def shaped(self) -> Any:
-        """Current outputs, shaped as the record that the function returns."""
+        """Current outputs as the dataclass that the function returns."""
         return rebuild(self._result, iter(self.outputs.tolist()))
 
     def _in_python(self, loop: Loop) -> Callable[[], None]:

@@ -114,7 +114,7 @@ class Writer:
                 self.names[node.index] = self._value(node)
 
     def _loop(self, block: Node, body: Iterable[Node]) -> None:
-        """Write a loop whose body is one basic block, skipped once no lane needs another round."""
+        """Write a loop whose body is one basic block; it ends once no lane needs another iteration."""
         count, slots, until = block.value
         label, vector = f"r{block.index}", self.lanes.vector
         starts = [self.names[arg.index] for arg in block.args[: len(slots)]]
@@ -143,7 +143,7 @@ class Writer:
             self.do(f"  %{label}.e{k} = phi {vector} [ {start}, %{label}.entry ], [ {end}, %{label} ]")
 
     def _goes_on(self, left: str) -> str:
-        """Write the condition (i1) that any lane needs another round; returns its name."""
+        """Write the condition (i1) that any lane needs another loop iteration; returns its name."""
         return self._any(self.emit(f"fcmp ogt {self.lanes.vector} {left}, {self.lanes.constant(0.5)}"))
 
     def _any(self, condition: str) -> str:

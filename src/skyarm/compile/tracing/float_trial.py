@@ -69,7 +69,7 @@ def _call_with_floats(
     constants: Any,
     names: Sequence[str],
 ) -> list[Numbers]:
-    """Memory and result of each period on floats; ends early at an arithmetic error."""
+    """Internal states and results of a function over several periods, on floats, up to an arithmetic error."""
     found: list[Numbers] = []
     for k, instant in enumerate(instants):
         given = (memory, *instant, constants)

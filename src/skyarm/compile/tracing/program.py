@@ -1,4 +1,4 @@
-"""Tracing of functions of records into programs, and their translation to straight-line Python."""
+"""Tracing of functions of dataclasses into programs, and their translation to straight-line Python."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Program:
         self.flat: Callable[[Sequence[float]], tuple[float, ...]] = python_function(self.lowered)
 
     def __call__(self, *records: Any) -> Any:
-        """Evaluate on records of floats; raises ValueError where their structure is not that of the examples."""
+        """Evaluate on dataclasses of floats; raises ValueError if their structure differs from the examples."""
         different = mismatch(self._examples, records, "arguments")
         if different:
             raise ValueError(f"{different}: integers, text and None are structure; trace again to change them")
@@ -49,7 +49,7 @@ class Program:
         return self.record(self.flat(values))
 
     def record(self, values: Sequence[Scalar]) -> Any:
-        """Shape a flat result as the record that the traced function returns."""
+        """Arrange a flat result as the dataclass that the traced function returns."""
         return shaped_like(self._result, values)
 
     def operations(self) -> Counter[str]:
@@ -81,7 +81,7 @@ def _literal(value: Any) -> str:
 
 
 def _loop(block: Node, body: Sequence[Node], name: Callable[[Node], str], divide: str) -> list[str]:
-    """Python lines of a loop: slots are initialised, read by the body and updated all at once."""
+    """Python lines of a loop: loop variables are initialised, read by the body and updated all at once."""
     count, slots, until = block.value
     held = ", ".join(f"v{slot.index}" for slot in slots)
     starts, ends = block.args[: len(slots)], block.args[len(slots) :]

@@ -239,13 +239,13 @@ class Graph:
         return x.args[0] if x.op == "neg" else self.call("neg", x)
 
     def slot(self) -> Node:
-        """Add a slot of a loop: it takes the start value, then the value of the previous round."""
+        """Add a loop variable (slot): the start value at first, then the value of the previous iteration."""
         return self._make("slot", (), self._loops_made, ("slot", len(self.nodes)))
 
     def repeat(
         self, count: int, slots: list[Node], starts: list[Node], ends: list[Node], *, until: int | None = None
     ) -> list[Node]:
-        """Close a loop over ``slots``; return the values of the slots after its last round.
+        """Close a loop over the loop variables ``slots``; return their values after the last iteration.
 
         ``until`` is the number of a slot: while it is at most 0.5 in every lane, at the start or later, further rounds
         change nothing and need not be made.
@@ -255,13 +255,13 @@ class Graph:
         return [self.item(block, k) for k in range(len(slots))]
 
     def item(self, block: Node, k: int) -> Node:
-        """Value of slot ``k`` after the last round of a loop."""
+        """Value of loop variable ``k`` after the last iteration of a loop."""
         return self._make("item", (block,), k, ("item", block.index, k))
 
     def external(
         self, function: Callable[..., Sequence[float]], groups: Sequence[Sequence[Any]], count: int
     ) -> list[Node]:
-        """Add a call of a Python function of floats, possible only in Python; return its ``count`` results.
+        """Add a call of a Python function of floats, not available in machine code; return ``count`` results.
 
         Calls are made in the order of their tracing. ``function`` takes one tuple for each group.
         """

@@ -60,11 +60,11 @@ class ErrorStateFilter(FilterNumbers):
     """Error-state Kalman filter with its sensor model and the controller's nominal vehicle."""
 
     def believing(self, vehicle: Vehicle, gravity: Scalar) -> ErrorStateFilter:
-        """The filter with the controller's nominal vehicle and gravity (m/s^2)."""
+        """Filter that uses the controller's nominal vehicle and gravity (m/s^2) as its model."""
         return replace(self, vehicle=vehicle, gravity=gravity if self.gravity is None else self.gravity)
 
     def start(self, vehicle: Vehicle) -> FilterMemory:
-        """Initial filter memory: only the covariance is set, the first readings initialise the state."""
+        """Initial filter state with the initial covariance; the first readings initialise the estimate."""
         still, waiting = (0.0,) * vehicle.n, self.delay_periods + 1
         zero = Vec3(0.0, 0.0, 0.0)
         return FilterMemory(
@@ -84,7 +84,7 @@ class ErrorStateFilter(FilterNumbers):
     def step(
         self, memory: FilterMemory, readings: Mapping[str, Any], command: Command, dt: float
     ) -> tuple[FilterMemory, Measurement]:
-        """Process the arrived readings; return the next memory and the estimate of the present state."""
+        """Process the arrived readings; return the next filter state and the estimate of the present state."""
         started = memory.started > 0.5
         imu, encoders = only(ImuReading, readings), only(EncoderReading, readings)
         arrived = [only(kind, readings) for kind in AIDS[self.aiding]]
@@ -109,7 +109,7 @@ class ErrorStateFilter(FilterNumbers):
     def _advance_rotors(
         self, memory: FilterMemory, imu: ImuReading, command: Command, started: Scalar, dt: Scalar
     ) -> FilterMemory:
-        """Memory with the modelled rotor speeds, and the modelled specific force if used, advanced by one period."""
+        """Filter state with modelled rotor speeds, and specific force if used, after one period."""
         if self.vehicle is None:
             raise RecordError("vehicle: must be given, by believing(vehicle, gravity)")
         turned = speeds_after(self.vehicle.rotors, memory.rotor_speeds, command.rotor_speeds, dt)
@@ -127,7 +127,7 @@ class ErrorStateFilter(FilterNumbers):
         return replace(memory, rotor_speeds=speeds, modelled=(*kept, force))
 
     def _predict(self, memory: FilterMemory, before: ImuReading) -> FilterMemory:
-        """Predict state and covariance from the previous inertial reading to the present one of the filter."""
+        """Predict estimate and covariance over one inertial reading, to the filter's delayed instant."""
         reading, belief = memory.inertial[0], memory.belief
         dt = reading.time - before.time
         R = belief.quaternion.rotation()
@@ -142,7 +142,7 @@ class ErrorStateFilter(FilterNumbers):
         return replace(memory, belief=following, covariance=P)
 
     def _apply_aiding(self, memory: FilterMemory, after: Scalar) -> FilterMemory:
-        """Update state and covariance by the aiding readings of the filter's instant."""
+        """Kalman update by the pose, position or heading readings of the filter's delayed instant."""
         belief, P = memory.belief, memory.covariance
         taken, refused, surprise = memory.taken, memory.refused, memory.surprise
         for queue in memory.aiding:
@@ -183,7 +183,7 @@ class ErrorStateFilter(FilterNumbers):
 def _apply_innovations(
     belief: Navigated, P: Covariance, rows: Sequence[ScalarInnovation], due: Scalar, allowed: Scalar
 ) -> tuple[Navigated, Covariance, Any]:
-    """Update by scalar innovations that are due and pass the gate; also returns the normalised innovation."""
+    """Kalman update by scalar innovations that are due and pass the gate; also returns the test value."""
     error: list[Any] = [0] * len(P)
     after, surprise = P, 0
     for row in rows:

@@ -25,7 +25,7 @@ class Estimator:
     __slots__ = ()
 
     def believing(self, vehicle: Vehicle, gravity: Scalar) -> Estimator:
-        """The estimator with the controller's model: nominal vehicle and gravity (m/s^2).
+        """Estimator that uses the controller's nominal vehicle and gravity (m/s^2) as its model.
 
         The loop steps what this returns.
         """
@@ -47,11 +47,11 @@ class Estimator:
         """Refuse joint drives whose efforts the estimator cannot predict; ``vehicle``: name for the message."""
 
     def start(self, vehicle: Vehicle) -> Any:
-        """Initial memory, a record or tuple of scalars; ``vehicle`` is the controller's model."""
+        """Initial internal state, a dataclass or tuple of scalars; ``vehicle`` is the controller's model."""
         return ()
 
     def step(self, memory: Any, readings: Mapping[str, Any], command: Command, dt: float) -> tuple[Any, Measurement]:
-        """Return the next memory and the measurement of the law, once per control period.
+        """Return the next internal state and the measurement of the law, once per control period.
 
         Args:
             memory: after the last period.
@@ -67,7 +67,7 @@ class PassThrough(Estimator):
     """Estimator that passes the full-state reading to the law unchanged."""
 
     def step(self, memory: Any, readings: Mapping[str, Any], command: Command, dt: float) -> tuple[Any, Measurement]:
-        """Return the full-state reading as the measurement; the memory stays."""
+        """Return the full-state reading as the measurement, and the internal state unchanged."""
         measurement: Measurement = readings[FULL_STATE]
         return memory, measurement
 

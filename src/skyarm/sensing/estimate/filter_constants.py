@@ -1,4 +1,4 @@
-"""Parameters and memory of the error-state filter, its required sensors, initial state and process noise."""
+"""Parameters and internal state of the error-state filter, required sensors, initial state and process noise."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ BLANK_BELIEF = Navigated(
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FilterMemory:
-    """Memory of the error-state filter.
+    """Internal state of the error-state filter: estimate, covariance and delay queues of readings.
 
     Attributes:
         started: 1 after the first readings.
@@ -97,7 +97,7 @@ class FilterMemory:
 
 
 def in_turn(queue: Sequence[Any], after: Scalar, until: Scalar) -> tuple[Any, Any]:
-    """Reading of a queue with a time stamp in (after, until]: whether there is one, and the reading."""
+    """Flag whether a queue has a reading with a time stamp in (after, until], and that reading."""
     reading, found = queue[0], due_between(queue[0].time, after, until)
     for each in queue[1:]:
         due = due_between(each.time, after, until)
@@ -122,7 +122,7 @@ KINDS: Mapping[type, str] = {Imu: "imu", Pose: "pose", Position: "position", Hea
 
 
 def only(kind: type, readings: Mapping[str, Any]) -> Any:
-    """First reading of a sensor type; None if there is none."""
+    """First reading of a sensor type; None without such a reading."""
     return next((each for each in readings.values() if isinstance(each, kind)), None)
 
 

@@ -1,4 +1,4 @@
-"""Movable bodies of the world that carry surfaces: free objects and one-degree-of-freedom mechanisms.
+"""Movable bodies with contact surfaces: free objects and one-degree-of-freedom mechanisms.
 
 A carrier is a frozen record of numbers. Its memory (:meth:`Carrier.start`) is a part of the contact's and is integrated
 with the plant: the contact takes the motion of its frame (:meth:`Carrier.frame`), adds up the touches, and takes the
@@ -23,7 +23,7 @@ Spot = tuple[Vec3, Any]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class CarriedFrame:
-    """Pose and velocity of a carrier's axes in the world.
+    """Pose and velocity of a movable body's axes in the world.
 
     Attributes:
         position: of the origin, m. rotation: carrier's axes to world axes.
@@ -36,17 +36,17 @@ class CarriedFrame:
     turning: Vec3
 
     def velocity_at(self, place_W: Vec3) -> Vec3:
-        """Velocity of the carrier at a world position (m), m/s, world axes."""
+        """Velocity of the movable body at a world position (m), m/s, world axes."""
         return self.velocity + self.turning.cross(place_W - self.position)
 
     def depth(self, surface: Surface, point_W: Vec3, radius: Scalar) -> tuple[Any, Vec3]:
-        """Penetration depth (m) and outward normal of a point at a surface given in the carrier's axes."""
+        """Penetration depth (m) and outward normal of a point at a surface given in the body's axes."""
         depth, normal = surface.depth(self.rotation.apply_T(point_W - self.position), radius, 0.0)
         return depth, self.rotation.apply(normal)
 
 
 class Carrier:
-    """Base of the movable bodies that carry surfaces. A subclass is a frozen dataclass with a ``name``."""
+    """Base of movable bodies with contact surfaces. A subclass is a frozen dataclass with a ``name``."""
 
     __slots__ = ()
 
@@ -54,7 +54,7 @@ class Carrier:
 
     @property
     def surfaces(self) -> tuple[Surface, ...]:
-        """Surfaces of the carrier, with positions and angles in its own axes."""
+        """Contact surfaces of the movable body, with positions and angles in the body's axes."""
         raise NotImplementedError
 
     @property
@@ -67,16 +67,16 @@ class Carrier:
 
     @property
     def largest_step(self) -> Any:
-        """Longest stable integration step (s) of the carrier's own springs and friction; None without any."""
+        """Longest stable integration step (s) of the movable body's springs and friction; None without any."""
         return None
 
     @property
     def largest_euler_step(self) -> Any:
-        """Longest stable semi-implicit Euler step (s) of the carrier's own springs and friction; None without any."""
+        """Longest stable semi-implicit Euler step (s) of the body's springs and friction, or None."""
         return self.largest_step
 
     def mobility_at(self, reach: Scalar) -> Any:
-        """Largest inverse effective mass, 1/kg, at a place up to ``reach`` (m) from the carrier's surface."""
+        """Largest inverse effective mass, 1/kg, at a point up to ``reach`` (m) from the body's surface."""
         return self.mobility
 
     @property
@@ -86,23 +86,23 @@ class Carrier:
 
     @property
     def step_share(self) -> float:
-        """Factor on a material's longest integration step in contact with this carrier."""
+        """Factor on a material's longest integration step in contact with this movable body."""
         return 1.0
 
     def start(self) -> Any:
-        """Initial memory, a record or tuple of floats."""
+        """Initial state of the movable body, a dataclass or tuple of floats."""
         raise NotImplementedError
 
     def advance(self, memory: Any) -> Any:
-        """Memory at a control instant without rounding drift: quaternions are normalised."""
+        """State of the body at a control instant without rounding drift: quaternions are normalised."""
         return memory
 
     def frame(self, memory: Any) -> CarriedFrame:
-        """Pose and velocity of the carrier's axes."""
+        """Pose and velocity of the movable body's axes."""
         raise NotImplementedError
 
     def slope(self, memory: Any, force_W: Vec3, torque_W: Vec3, gravity: Scalar) -> Any:
-        """Time derivative of the memory under external force and torque, as a record of the same kind.
+        """Time derivative of the body's state under external force and torque, in the same structure.
 
         Args:
             memory: now.
@@ -113,19 +113,19 @@ class Carrier:
         raise NotImplementedError
 
     def before_euler_step(self, memory: Any, slope: Any, dt: Scalar) -> Any:
-        """Memory for the forces of a semi-implicit Euler step: friction bristles are already advanced."""
+        """State for the forces of a semi-implicit Euler step: friction bristles are already advanced."""
         return memory
 
     def kick(self, memory: Any, slope: Any, dt: Scalar) -> Any:
-        """Memory after an acceleration for ``dt`` (s): only velocities change."""
+        """State after an acceleration for ``dt`` (s): only velocities change."""
         raise NotImplementedError
 
     def drift(self, memory: Any, dt: Any) -> Any:
-        """Memory after ``dt`` (s) with constant velocities: only positions change."""
+        """State after ``dt`` (s) with constant velocities: only positions change."""
         raise NotImplementedError
 
     def after_push(self, memory: Any, force_W: Vec3, torque_W: Vec3, gravity: Scalar, dt: Scalar) -> Any:
-        """Memory after force (N) and torque (N m) acted for ``dt`` (s), with gyroscopic torques at mid-step.
+        """State after force (N) and torque (N m) acted for ``dt`` (s), with gyroscopic torques at mid-step.
 
         By one iteration of the implicit midpoint rule, which is of second order.
         """
@@ -134,28 +134,28 @@ class Carrier:
         return self.kick(memory, self.slope(middle, force_W, torque_W, gravity), dt)
 
     def euler_step(self, memory: Any, slope: Any, dt: Scalar) -> Any:
-        """Memory after a semi-implicit Euler step: new velocities first, then positions by them."""
+        """State after a semi-implicit Euler step: new velocities first, then positions by them."""
         return self.drift(self.kick(memory, slope, dt), dt)
 
     @property
     def spot_count(self) -> int:
-        """Number of contact spots of the carrier that may touch other surfaces."""
+        """Number of contact spots of the movable body that may touch other surfaces."""
         return 0
 
     def spots(self, frame: CarriedFrame, toward: Callable[[Vec3], Vec3]) -> tuple[Spot, ...]:
-        """Contact spots of the carrier; ``toward`` returns the other surface's outward normal at a place (m)."""
+        """Contact spots of the body; ``toward`` returns the other surface's outward normal at a position (m)."""
         return ()
 
     columns: tuple[Column, ...] = ()
     """As :attr:`skyarm.world.component.Component.columns`."""
 
     def logged(self, memory: Any) -> tuple[Any, ...]:
-        """Numbers of the carrier that a log records at each control instant."""
+        """Values of the movable body that a log records at each control instant."""
         return ()
 
 
 def untouched_after(carrier: Carrier, memory: Any, dt: Scalar, rounds: int, gravity: Scalar) -> Any:
-    """Memory of a carrier without contact after ``rounds`` classical Runge-Kutta steps of ``dt`` (s)."""
+    """State of a movable body without contact after ``rounds`` Runge-Kutta steps of ``dt`` (s)."""
 
     def slope(at: Any) -> Any:
         return carrier.slope(at, ZERO3, ZERO3, gravity)

@@ -59,7 +59,7 @@ up to 13 N on a tip of 20 g at a friction of 0.6, as stability of the bristle ha
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ContactMemory:
-    """Memory of the contact component: clock, friction bristles, carriers and grippers.
+    """Internal state of the contact model: clock, friction bristles, movable bodies and grippers.
 
     Attributes:
         clock: s, of surfaces that move; empty where none does.
@@ -121,7 +121,7 @@ class Contact(Force):
         self._require_distinct_names()
 
     def _require_distinct_names(self) -> None:
-        """Refuse parts of one kind with equal names, and equal names of parts with log columns."""
+        """Refuse duplicate names of surfaces, points, objects, mechanisms and grippers."""
         taken: list[str] = []
         for what in ("surfaces", "points", "objects", "grippers", "mechanisms"):
             names = [each.name for each in getattr(self, what)]
@@ -134,12 +134,12 @@ class Contact(Force):
 
     @property
     def coupled(self) -> bool:  # type: ignore[override]
-        """True: the bristles are integrated with the plant within a control period."""
+        """True: friction bristles and movable bodies are integrated with the plant within a control period."""
         return True
 
     @property
     def carriers(self) -> tuple[Carrier, ...]:
-        """All movable bodies that carry surfaces: free objects, then mechanisms."""
+        """All movable bodies with contact surfaces: free objects, then mechanisms."""
         return (*self.objects, *self.mechanisms)
 
     @property
@@ -157,7 +157,7 @@ class Contact(Force):
         return (*own, *self._steps_of_carriers(), *self.grasps.steps(), *inner)
 
     def _steps_of_carriers(self) -> Iterator[tuple[str, Any]]:
-        """Longest stable integration step (s) of each kind of contact pair that involves a carrier."""
+        """Longest stable integration step (s) of each kind of contact pair with a movable body."""
         masses = [1.0 / each.mobility for each in self.carriers]
         for i, carrier in enumerate(self.carriers):
             others = [
@@ -175,24 +175,24 @@ class Contact(Force):
 
     @property
     def largest_step(self) -> Any:  # type: ignore[override]
-        """Longest stable integration step (s) of the whole contact; None for an empty world."""
+        """Longest stable integration step (s) of the whole contact model; None without contact."""
         return _least(step for _, step in self.steps)
 
     @property
     def largest_euler_step(self) -> Any:
-        """Longest stable semi-implicit Euler step (s) of the whole contact; None for an empty world."""
+        """Longest stable semi-implicit Euler step (s) of the whole contact model; None without contact."""
         grasped = [step for _, step in self.grasps.steps(euler=True)]
         inner = [each.largest_euler_step for each in self.carriers if each.largest_euler_step is not None]
         return _least((*(step for _, step in self.steps), *grasped, *inner))
 
     @property
     def largest_verlet_step(self) -> Any:
-        """Longest stable Stoermer-Verlet step (s) of the whole contact; None for an empty world."""
+        """Longest stable Stoermer-Verlet step (s) of the whole contact model; None without contact."""
         step = self.largest_euler_step
         return None if step is None else VERLET_SHARE * step
 
     def on(self, vehicle: Vehicle) -> Contact:
-        """Contact component that uses the vehicle's tip as contact point if no point is named."""
+        """Contact model that uses the vehicle's tip as contact point if no point is named."""
         if self.points or not vehicle.end_effector:
             return self
         return replace(self, points=(ContactPoint(name=TIP, frame=vehicle.end_effector),))
@@ -205,7 +205,7 @@ class Contact(Force):
 
     @property
     def meeting_count(self) -> int:
-        """Number of all contact pairs, including the spots of carriers."""
+        """Number of all contact pairs, including the contact spots of movable bodies."""
         every = len(self.surfaces) + sum(len(each.surfaces) for each in self.carriers)
         return self.logged_pairs + sum(each.spot_count * (every - len(each.surfaces)) for each in self.carriers)
 
@@ -242,7 +242,7 @@ class Contact(Force):
         self.require_steps(period / MOST_STEPS)
 
     def require_steps(self, least: float) -> None:
-        """Refuse a contact that needs integration steps shorter than ``least`` (s); the error names the part."""
+        """Refuse steps shorter than ``least`` (s); the error names the contact pair, grasp or mechanism."""
         if not concrete(*leaves(self)):
             return  # of a batch: its lanes are looked at one by one
         allowed = f"must leave them {least:g} s or more, a thousandth of the control period"
@@ -255,7 +255,7 @@ class Contact(Force):
                 raise RecordError(f"world: {what} asks for integration steps of {step:.2g} s in contact: {allowed}")
 
     def start(self, period: float, draws: Sequence[Any]) -> ContactMemory:
-        """Initial memory: undeflected bristles, and initial memories of carriers and grippers."""
+        """Initial internal state: undeflected friction bristles, initial states of movable bodies and grippers."""
         return ContactMemory(
             clock=(0.0,) if any(surface.moves for surface in self.surfaces) else (),
             bristles=tuple(Vec3(0.0, 0.0, 0.0) for _ in range(self.meeting_count)),
@@ -264,7 +264,7 @@ class Contact(Force):
         )
 
     def advance(self, memory: ContactMemory, t: Scalar, dt: float, state: State, draws: Sequence[Any]) -> Any:
-        """Memory at a control instant: clock set to ``t``, quaternions normalised."""
+        """Internal state at a control instant: clock set to ``t``, quaternions normalised."""
         if not memory.clock and not memory.carried:
             return memory
         carried = tuple(each.advance(held) for each, held in zip(self.carriers, memory.carried, strict=True))
@@ -280,7 +280,7 @@ class Contact(Force):
         self, memories: Sequence[Any], moving: Sequence[Moving], clock: Scalar, bristles: Sequence[Vec3], step: Scalar,
         mean: Scalar | None = None,
     ) -> list[Meeting]:  # fmt: skip
-        """Contact state of every pair: all surfaces with the vehicle's points, then with the spots of carriers.
+        """Contact state of every pair: all surfaces with the vehicle's points, then with spots of movable bodies.
 
         Args:
             memories: of the carriers.
@@ -334,7 +334,7 @@ class Contact(Force):
     def on_carriers(
         self, memory: ContactMemory, motion: PointMotion, meetings: Sequence[Meeting]
     ) -> list[tuple[Vec3, Vec3]]:
-        """Force (N) and torque (N m, about its origin) on each carrier by contacts and grasps, world axes."""
+        """Force (N) and torque (N m, about the body's origin) on each movable body by contacts and grasps."""
         pulls: Any = [()] * len(self.carriers)
         if self.grippers:
             pulls = self.grasps.on_bodies(memory, motion)
@@ -351,7 +351,7 @@ class Contact(Force):
     def slope(
         self, memory: ContactMemory, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]
     ) -> ContactMemory:
-        """Time derivative of the memory: clock, bristles, carriers and grippers."""
+        """Time derivative of the internal state: clock, friction bristles, movable bodies and grippers."""
         meetings = self.meetings(memory, motion)
         rows = zip(self.carriers, memory.carried, self.on_carriers(memory, motion, meetings), strict=True)
         return ContactMemory(
@@ -362,7 +362,7 @@ class Contact(Force):
         )
 
     def before_euler_step(self, memory: ContactMemory, slope: ContactMemory, dt: Scalar) -> ContactMemory:
-        """Memory with bristles advanced by the velocities at the start of the step, which avoids friction chatter."""
+        """Internal state with friction bristles advanced by the velocities at the start of the step."""
         rows = zip(self.carriers, memory.carried, slope.carried, strict=True)
         carried = tuple(carrier.before_euler_step(held, rate, dt) for carrier, held, rate in rows)
         return replace(memory, bristles=moved_by(memory.bristles, slope.bristles, dt), carried=carried)
@@ -370,19 +370,19 @@ class Contact(Force):
     def push(
         self, memory: ContactMemory, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar], dt: Scalar
     ) -> ContactMemory:
-        """Memory after contact and grasp forces acted on the carriers for ``dt`` (s)."""
+        """Internal state after contact and grasp forces acted on the movable bodies for ``dt`` (s)."""
         pushes = self.on_carriers(memory, motion, self.meetings(memory, motion))
         rows = zip(self.carriers, memory.carried, pushes, strict=True)
         carried = tuple(carrier.after_push(held, *push, motion.gravity, dt) for carrier, held, push in rows)
         return replace(memory, carried=carried)
 
     def drift(self, memory: ContactMemory, dt: Scalar) -> ContactMemory:
-        """Memory after ``dt`` (s) with constant velocities: clock and carriers advance."""
+        """Internal state after ``dt`` (s) with constant velocities: clock and movable bodies advance."""
         carried = tuple(each.drift(held, dt) for each, held in zip(self.carriers, memory.carried, strict=True))
         return replace(memory, clock=tuple(t + dt for t in memory.clock), carried=carried)
 
     def euler_step(self, memory: ContactMemory, slope: ContactMemory, dt: Scalar) -> ContactMemory:
-        """Memory after a semi-implicit Euler step: carriers move with their new velocities."""
+        """Internal state after a semi-implicit Euler step: movable bodies move with their new velocities."""
         rows = zip(self.carriers, memory.carried, slope.carried, strict=True)
         return self.drift(replace(memory, carried=tuple(each.kick(held, rate, dt) for each, held, rate in rows)), dt)
 
@@ -399,7 +399,7 @@ class Contact(Force):
         return wrenches_on(self.points, motion, pushes) + self.grasps.on_vehicle(memory, motion)
 
     def act(self, memory: ContactMemory, t: Scalar, dt: float, motion: PointMotion) -> ContactMemory:
-        """Memory after the grippers grasp, release or slip at a control instant."""
+        """Internal state after the grippers grasp, release or slip at a control instant."""
         return replace(memory, grips=self.grasps.after(memory, t, motion)) if self.grippers else memory
 
     def far(self, memory: ContactMemory, motion: PointMotion, seconds: Scalar) -> Any:
@@ -418,7 +418,7 @@ class Contact(Force):
         return whole
 
     def alone(self, memory: ContactMemory, seconds: Scalar, rounds: int, gravity: Scalar) -> ContactMemory:
-        """Memory after ``seconds`` without contact: bristles relax, carriers move freely."""
+        """Internal state after ``seconds`` without contact: bristles relax, bodies move freely."""
         left = exp(-RECOVERY * seconds)
         bodies = zip(self.carriers, memory.carried, strict=True)
         return replace(
@@ -430,7 +430,7 @@ class Contact(Force):
 
     @property
     def columns(self) -> tuple[Column, ...]:  # type: ignore[override]
-        """Log columns: force, friction and penetration of each pair, then those of carriers and grippers."""
+        """Log columns: force, friction and penetration of each pair, then those of movable bodies and grippers."""
         surfaces = [*self.surfaces, *(surface for carrier in self.carriers for surface in carrier.surfaces)]
         labels = [f"{surface.name}/{point.name}" for surface in surfaces for point in self.points]
         found = [Column(f"contact_{array}", label, *words) for label in labels for array, *words in LOGGED]
@@ -443,7 +443,7 @@ class Contact(Force):
         return {"mechanism_hinge": self.mechanisms[0].hinge} if self.mechanisms else {}
 
     def logged(self, memory: ContactMemory, motion: PointMotion) -> tuple[Any, ...]:
-        """Logged numbers: normal force (N), friction (N), penetration (m) of each pair, then carriers and grippers."""
+        """Logged values: normal force, friction (N), penetration (m) of each pair, then bodies and grippers."""
         numbers = [number for each in self.on_points(memory, motion) for number in each.logged]
         for carrier, held in zip(self.carriers, memory.carried, strict=True):
             numbers += carrier.logged(held)
@@ -456,7 +456,7 @@ class Contact(Force):
         return contact_scene(self, seen)
 
     def warnings(self, vehicle: Vehicle, step: float) -> Sequence[str]:
-        """Warning about the part that needs much shorter integration steps than the vehicle."""
+        """Warning about the contact, grasp or mechanism that needs much shorter steps than the vehicle."""
         what, bound = min(self.steps, key=lambda each: float(each[1]))
         least = float(bound)
         if not MUCH_SHORTER * least < step:
@@ -469,7 +469,7 @@ class Contact(Force):
 
 @dataclass(frozen=True, slots=True)
 class _Place:
-    """Contact ball of the vehicle or of a carrier: centre (m), velocities, radius (m) and mass (kg)."""
+    """Contact ball of the vehicle or a movable body: centre (m), velocities, radius (m) and mass (kg)."""
 
     position: Vec3
     velocity: Vec3
@@ -481,7 +481,7 @@ class _Place:
 def _depth(
     surface: Surface, frame: CarriedFrame | None, place: Vec3, radius: Scalar, clock: Scalar
 ) -> tuple[Any, Vec3]:
-    """Penetration depth (m) and outward normal of a ball at a surface of the world or of a carrier."""
+    """Penetration depth (m) and outward normal of a ball at a surface of the world or of a movable body."""
     return surface.depth(place, radius, clock) if frame is None else frame.depth(surface, place, radius)
 
 

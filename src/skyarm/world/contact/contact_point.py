@@ -78,7 +78,7 @@ class ContactPoint:
             raise RecordError("point.body: is missing; say a frame of the vehicle, or a body with a position")
 
     def each(self) -> tuple[ContactPoint, ...]:
-        """Contact points of the ring, numbered from 1; the point itself without a ring."""
+        """Single contact points: those of the ring, numbered from 1, or the point itself without a ring."""
         if self.ring is None:
             return (self,)
         found = []

@@ -65,7 +65,7 @@ def surface_shape(surface: Surface, patch: float = PATCH) -> Shape:
 
 
 def _carrier_poses(contact: Contact, seen: Instants) -> Poses:
-    """Index of a carrier -> rotations (N, 3, 3) and positions (N, 3) of its axes: objects, then mechanisms."""
+    """Poses of movable bodies by index: rotations (N, 3, 3), positions (N, 3); objects, then mechanisms."""
     poses, count = Poses(), len(seen.times)
     for i in range(len(contact.objects)):
         quaternion = seen.numbers["object_quaternion"][:, 4 * i : 4 * i + 4]
@@ -87,7 +87,7 @@ def _surface_solid(surface: Surface, seen: Instants) -> Solid:
 
 
 def _carrier_solid(surface: Surface, rotation: Array, position: Array) -> Solid:
-    """Solid of a carrier's surface, from rotations (N, 3, 3) and positions (N, 3) of the carrier."""
+    """Solid of a movable body's surface, from rotations (N, 3, 3) and positions (N, 3) of the body."""
     shape = replace(surface_shape(surface), role="object")
     place = np.array(floats(surface.position))
     return Solid(shape, position + rotation @ place, rotation @ matrices(surface.rotation, 1)[0], OBJECT)

@@ -65,7 +65,7 @@ class Command:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Grip:
-    """Memory of a gripper: the held carrier, where it is held, and past slips.
+    """Internal state of a gripper: the held body, the pose of the grasp on the body, and past slips.
 
     Attributes:
         taken: number of the carrier that it holds, from 1; 0 for none.
@@ -156,7 +156,7 @@ class Gripper:
         return 2.0 * self.damping_ratio * sqrt(self.stiffness * mass)
 
     def start(self) -> Grip:
-        """Initial memory: open and ready to grasp."""
+        """Initial state of the gripper: open and ready to grasp."""
         zero = Vec3(0.0, 0.0, 0.0)
         return Grip(taken=0.0, ready=1.0, lost=0.0, place=zero, normal=zero, turn=Mat3(zero, zero, zero))
 
@@ -200,7 +200,7 @@ class Gripper:
     def after(
         self, grip: Grip, t: Any, frame: CarriedFrame, bodies: tuple[tuple[CarriedFrame, Any, Vec3, Hold], ...]
     ) -> Grip:
-        """Memory after a control instant: keep, release, slip or grasp.
+        """State of the gripper after a control instant: keep, release, slip or grasp.
 
         Args:
             grip: before it.
@@ -240,7 +240,7 @@ class Gripper:
 
 
 def is_taken(taken: Any, number: float) -> Scalar:
-    """True if the gripper holds the carrier with this number."""
+    """True if the gripper holds the movable body with this number."""
     return logical_and(taken > number - 0.5, taken < number + 0.5)
 
 
@@ -283,7 +283,7 @@ class Grasps:
     carriers: tuple[Carrier, ...]
 
     def steps(self, *, euler: bool = False) -> Iterator[tuple[str, Any]]:
-        """Name of the gripper and longest stable integration step (s), for each gripper and carrier."""
+        """Name of the gripper and longest stable integration step (s), for each gripper and movable body."""
         for gripper in self.grippers:
             for carrier in self.carriers:
                 mobilities = carrier.mobility, carrier.mobility_at(gripper.reach)
@@ -307,13 +307,13 @@ class Grasps:
         return found
 
     def bodies(self, memories: Sequence[Any]) -> list[CarriedFrame]:
-        """Pose and velocity of each carrier's axes."""
+        """Pose and velocity of each movable body's axes."""
         return [carrier.frame(memory) for carrier, memory in zip(self.carriers, memories, strict=True)]
 
     def possible(
         self, grips: Sequence[Grip], frames: Sequence[CarriedFrame], bodies: Sequence[CarriedFrame]
     ) -> list[list[Hold]]:
-        """Hypothetical wrench of each gripper on each carrier, as if the carrier were held: [gripper][carrier]."""
+        """Hypothetical wrench of each gripper on each movable body, as if the body were held: [gripper][body]."""
         masses = [both(LIGHTEST, 1.0 / carrier.mobility) for carrier in self.carriers]
         every = list(zip(bodies, masses, self.carriers, strict=True))
         return [
@@ -322,7 +322,7 @@ class Grasps:
         ]
 
     def holds(self, memory: Any, frames: Sequence[CarriedFrame]) -> list[list[Hold]]:
-        """Wrench of each gripper on each carrier: [gripper][carrier], zero for carriers that are not held."""
+        """Wrench of each gripper on each movable body: [gripper][body], zero for bodies that are not held."""
         possible = self.possible(memory.grips, frames, self.bodies(memory.carried))
         return [
             [_scale_hold(hold, where(is_taken(grip.taken, i + 1.0), 1.0, 0.0)) for i, hold in enumerate(row)]
@@ -330,7 +330,7 @@ class Grasps:
         ]
 
     def on_bodies(self, memory: Any, motion: PointMotion) -> list[tuple[Vec3, Vec3]]:
-        """Force (N) and torque (N m, about the origin of its axes) of all grasps on each carrier, world axes."""
+        """Force (N) and torque (N m, about the body's origin) of all grasps on each movable body, world axes."""
         holds, bodies = self.holds(memory, self.frames(motion)), self.bodies(memory.carried)
         found = []
         for i, body in enumerate(bodies):
@@ -355,7 +355,7 @@ class Grasps:
         return found
 
     def after(self, memory: Any, t: Any, motion: PointMotion) -> tuple[Grip, ...]:
-        """Memories of all grippers after a control instant: each may grasp, release or slip."""
+        """States of all grippers after a control instant: each may grasp, release or slip."""
         frames, bodies = self.frames(motion), self.bodies(memory.carried)
         possible = self.possible(memory.grips, frames, bodies)
         found = []
@@ -366,7 +366,7 @@ class Grasps:
         return tuple(found)
 
     def logged(self, memory: Any, motion: PointMotion) -> list[Any]:
-        """Logged numbers of each gripper: held body, grasp force (N), number of slips, force on the held body (N).
+        """Logged values of each gripper: held body, grasp force (N), number of slips, force on the held body (N).
 
         The pull is the force on what it holds, N, world axes.
         """
@@ -380,7 +380,7 @@ class Grasps:
 
 
 def _skin(carrier: Carrier, body: CarriedFrame, place: Vec3) -> tuple[Any, Vec3]:
-    """Distance (m) of a place from a carrier's surfaces, and the outward normal there, world axes."""
+    """Distance (m) of a point from a movable body's surfaces, and the outward normal there, world axes."""
     depths = [body.depth(surface, place, 0) for surface in carrier.surfaces]
     deepest, normal = depths[0]
     for depth, outward in depths[1:]:

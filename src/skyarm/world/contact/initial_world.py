@@ -1,4 +1,4 @@
-"""Interpenetration check of the initial world: vehicle and objects start in the air or at rest on a surface."""
+"""Interpenetration check at the start: vehicle and objects begin in the air or at rest on a surface."""
 
 from __future__ import annotations
 

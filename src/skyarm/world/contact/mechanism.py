@@ -157,7 +157,7 @@ class Mechanism(Carrier):
         return self.mobility_at(0)
 
     def mobility_at(self, reach: Scalar) -> Any:
-        """Largest inverse effective mass at a place up to ``reach`` (m) beyond the surfaces, 1/kg."""
+        """Largest inverse effective mass at a point up to ``reach`` (m) beyond the surfaces, 1/kg."""
         if not self.turns:
             return 1.0 / self.mass
         lever = maximum(0.0, 1e-3)

@@ -116,7 +116,7 @@ def _nothing(what: str, position: Vec3) -> str:
 
 
 def with_standing_objects(contact: Contact, gravity: float) -> Contact:
-    """Contact component whose standing objects are placed in static equilibrium.
+    """Contact model whose standing objects are placed in static equilibrium.
 
     Args:
         contact: as read.
@@ -139,7 +139,7 @@ def with_standing_objects(contact: Contact, gravity: float) -> Contact:
 
 
 def _set_down(contact: Contact, index: int, gravity: float, away: Sequence[int]) -> Contact:
-    """Contact component with one object placed in static equilibrium, without those that are placed later."""
+    """Contact model with one object placed in static equilibrium; objects to be placed later are ignored."""
     body, supports, x = contact.objects[index], _Supports(contact, index, gravity, away), np.zeros(3)
     where = f"world.objects[{index}].standing = true"
     if np.abs(supports.residual(x)).max() < 1e-9:
@@ -194,7 +194,7 @@ class _Supports:
         self._weight = float(contact.objects[index].mass) * gravity
 
     def _displace(self, x: Array) -> list[Any]:
-        """Memories of all carriers with the object raised and tilted about its centre of mass."""
+        """States of all movable bodies with the object raised and tilted about its centre of mass."""
         up, about_x, about_y = x.tolist()
         found, held = list(self._first), self._first[self._index]
         place = held.position + Vec3(0.0, 0.0, up)
@@ -228,7 +228,7 @@ class _Supports:
         return np.array(values) / self._weight
 
     def contact_at(self, x: Array) -> Contact:
-        """Contact component with the object moved to a candidate position."""
+        """Contact model with the object moved to a candidate position."""
         objects = list(self._contact.objects)
         objects[self._index] = _place_object(objects[self._index], self._displace(x)[self._index])
         return replace(self._contact, objects=tuple(objects))

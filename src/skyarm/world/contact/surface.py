@@ -53,7 +53,7 @@ Face = tuple[Any, Vec3]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Surface:
-    """Surface of a solid body, rigid but for its material.
+    """Contact surface of a solid body, rigid except for the compliance of the contact material.
 
     Attributes:
         name: for messages, logs and pictures. shape: one of ``SHAPES``.
@@ -126,7 +126,7 @@ class Surface:
         return self.position + Vec3(*(each[0] for each in found)), Vec3(*(each[1] for each in found))
 
     def _faces(self, p: Vec3) -> tuple[Face, ...]:
-        """Height above and normal of the faces near a point; normals of several faces are perpendicular."""
+        """Height of a point above each nearby face, and the normals of these faces, perpendicular to each other."""
         if self.shape == "plane":
             return ((p.z, E_Z),)
         if self.shape == "sphere":

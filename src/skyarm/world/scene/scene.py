@@ -1,4 +1,4 @@
-"""Scene around a vehicle: the shapes of a scenario's components at some instants.
+"""Scene around a vehicle: the shapes of the environment components at some instants.
 
 Films, recordings, the studio, figures, environments and files for viewers draw it. Every part of a scenario answers
 for itself (:meth:`skyarm.world.component.Component.shapes`), from the numbers that it logs.
@@ -64,7 +64,7 @@ class Arrow:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Scene:
-    """Shapes of one component or of all components at N instants.
+    """Shapes of one or all environment components at N instants, for pictures.
 
     Attributes:
         solids: in the world. lines, arrows: in the world. attached: shapes on the vehicle's bodies.
@@ -158,19 +158,19 @@ def instant_of(motion: PointMotion, time: float, around: Array) -> Instants:
 
 
 def first_memories(components: Sequence[Component], period: float) -> list[Any]:
-    """Initial memories of all components, with every random number set to 0.5."""
+    """Initial internal states of all environment components, with every random number set to 0.5."""
     return [part.start(period, [0.5] * (2 * part.uniforms)) for part in components]
 
 
 def has_shapes(part: Component) -> bool:
-    """True if the component draws any shapes."""
+    """True if the environment component draws any shapes."""
     return type(part).shapes is not Component.shapes
 
 
 def _own_columns(
     components: Sequence[Component], logged: Callable[[str], Array]
 ) -> Iterator[tuple[Component, Mapping[str, Array]]]:
-    """Drawable components with their own log columns, if the log has them."""
+    """Drawable environment components, each with the log columns of that component, if the log has them."""
     begins: dict[str, int] = {}
     for part in components:
         own: dict[str, int] = {}
@@ -200,7 +200,7 @@ def _scene(parts: Iterable[tuple[Component, Instants]]) -> Scene:
 
 
 def hidden_share(solids: Iterable[Solid], places: Array, towards: Array) -> float:
-    """Share of the instants at which solids hide a place from the camera.
+    """Share of the instants at which solids hide a given point from the camera.
 
     Args:
         solids: at N instants.
@@ -216,7 +216,7 @@ def hidden_share(solids: Iterable[Solid], places: Array, towards: Array) -> floa
 
 
 def inside(solid: Solid, places: Array) -> npt.NDArray[np.bool_]:
-    """True for places (..., 3) inside a solid, given in its axes; for a patch, below it; holes count as filled."""
+    """True for points (..., 3) inside a solid, in its axes; for a patch, below it; holes count as filled."""
     kind, size, height = solid.shape.kind, np.array(solid.shape.size), places[..., 2]
     across = np.linalg.norm(places[..., :2], axis=-1)
     found: Any

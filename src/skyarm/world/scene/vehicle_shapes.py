@@ -99,7 +99,7 @@ def _rotor_shapes(vehicle: Vehicle, reach: float) -> list[Shape]:
 
 
 def _rods(vehicle: Vehicle, body: int, name: str, radius: float) -> list[Shape]:
-    """Rods from a body's origin to its joints and frames; those of a last link end at its centre of mass."""
+    """Rods from a body's origin to its joints and frames; on a last link without frames, to the centre of mass."""
     ends = [(other.joint.name, other.joint.position) for other in vehicle.moving if other.parent == body]
     ends += [(frame.name, frame.position) for frame in vehicle.frames if frame.link == body]
     role = "boom" if body == BASE else "link"
