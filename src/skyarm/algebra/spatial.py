@@ -97,7 +97,7 @@ class SpatialInertia:
 
     @classmethod
     def of_body(cls, mass: Any, com: Vec3, inertia_com: Sym3) -> SpatialInertia:
-        """Spatial inertia from mass, centre of mass and the inertia about it."""
+        """Spatial inertia from mass, centre of mass and the rotational inertia about that centre."""
         return cls(mass, com * mass, inertia_com + Sym3.parallel_axis(mass, com))
 
     def __add__(self, other: SpatialInertia) -> SpatialInertia:

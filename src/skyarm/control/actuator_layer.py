@@ -148,7 +148,7 @@ def actuator_law(
     inner: Law,
     servos: bool,
 ) -> tuple[ActuatorMemory, Command]:
-    """One step of the law ``inner``, with its command converted for the real actuators."""
+    """One step of the control law ``inner``, whose command is converted to servo setpoints and real rotor speeds."""
     own, rotors = par.own, par.model.vehicle.rotors
     turning = tuple(_as_plain(rotor, w) for rotor, w in zip(rotors, measurement.rotor_speeds, strict=True))
     told = dataclasses.replace(measurement, rotor_speeds=turning)

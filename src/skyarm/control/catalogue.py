@@ -220,7 +220,7 @@ def tuned_factors() -> Mapping[str, Mapping[str, float]]:
 
 
 def make_tuned(name: str, model: Model, **options: Any) -> Controller:
-    """Make a controller with its tuned gains.
+    """Make a controller of a law by name, with tuned gains in place of the default ones.
 
     Raises:
         ControllerError: a law that has not been tuned.

@@ -69,7 +69,7 @@ def wrong(controller: Controller, words: str, place: str = "") -> LawError:
 
 
 def check_controller(controller: Controller) -> None:
-    """Reject a controller with an invalid step function, signature, constants or initial memory, before the law runs.
+    """Reject a controller with an invalid step function, signature, constants or initial state, before the law runs.
 
     Raises:
         LawError: one line.

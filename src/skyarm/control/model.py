@@ -133,7 +133,7 @@ class LayerParameters:
 
     @property
     def inner_model(self) -> Model:
-        """Model of the law inside the layer."""
+        """Vehicle model for the law inside the layer."""
         return self.model
 
     @property

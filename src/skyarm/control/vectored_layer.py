@@ -76,7 +76,7 @@ class VectoredParameters(LayerParameters):
 
     @property
     def inner_model(self) -> Model:
-        """Model of the inner law: two fixed rotors in place of each tilting one."""
+        """Model for the inner law: two fixed rotors in place of each tilting rotor."""
         return pairs_model(self.model)
 
 

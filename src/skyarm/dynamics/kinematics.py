@@ -40,7 +40,7 @@ def joint_placement(joint: Joint, q: Scalar) -> Pose:
 
 
 def placements(vehicle: Vehicle, joints: Sequence[Scalar]) -> list[Pose]:
-    """Pose of every link in its parent."""
+    """Pose of every link relative to its parent link."""
     return [joint_placement(link.joint, q) for link, q in zip(vehicle.links, joints, strict=True)]
 
 

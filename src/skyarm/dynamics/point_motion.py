@@ -40,7 +40,7 @@ class PointMotion:
 
     @cached_property
     def rotation(self) -> Mat3:
-        """R_WB, base axes to world axes."""
+        """Rotation matrix R_WB of the base, from base axes to world axes."""
         return self.state.quaternion.rotation()
 
     @cached_property

@@ -62,7 +62,7 @@ def philox4x32(counter: tuple[Any, Any, Any, Any], key: tuple[Any, Any]) -> tupl
 
 
 def uniform(seed: int, episode: ArrayLike, channel: int, steps: ArrayLike) -> NDArray[np.float64]:
-    """One uniform random number in (0, 1) for each episode and step, which broadcast.
+    """One uniform random number in (0, 1) for each pair of an episode and a step; both arrays broadcast.
 
     Args:
         seed: whole number of 64 bits.
@@ -123,7 +123,7 @@ def _unit(low: Words, high: Words) -> NDArray[np.float64]:
 
 
 def _whole(name: str, value: ArrayLike, bits: int) -> Any:
-    """Integers as uint64 after the check that they are below 2**bits."""
+    """Convert integers to uint64 after the check that all are below 2**bits."""
     numbers = np.asarray(value)
     whole = numbers.dtype.kind in "iu"
     if not whole or bool(np.any(numbers < 0)) or (bits < 64 and bool(np.any(numbers >= 2**bits))):

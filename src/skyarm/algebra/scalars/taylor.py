@@ -26,7 +26,7 @@ class Taylor:
 
     @classmethod
     def of_derivatives(cls, derivatives: Sequence[Scalar]) -> Taylor:
-        """Series from its value, first derivative, second derivative and so on."""
+        """Taylor series from value, first derivative, second derivative and so on."""
         return cls([mul(d, 1 if k < 2 else 1.0 / math.factorial(k)) for k, d in enumerate(derivatives)])
 
     @classmethod

@@ -81,7 +81,7 @@ class Attitude:
 
 
 def reachable(force: Vec3, tilt: Scalar, floor: Scalar) -> Vec3:
-    """Force (Taylor series, N) with a vertical part of at least ``floor`` and a tilt of at most atan(``tilt``)."""
+    """Force (Taylor series, N), clipped to a vertical part of at least ``floor`` and a tilt of atan(``tilt``)."""
     z = choose(force.z > floor, force.z, floor)
     side = force.x * force.x + force.y * force.y
     steep = side > z * z * (tilt * tilt)

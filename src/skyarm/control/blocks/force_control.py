@@ -332,7 +332,7 @@ class Wanted:
 
 
 def require_thresholds(thresholds: tuple[float, float], leads: bool, mode: str = "tip") -> None:
-    """Reject invalid force thresholds of contact (N), or a law that does not control the tip.
+    """Reject invalid contact force thresholds (N), or contact control by a law that does not control the tip.
 
     Raises:
         ControllerError: one line.

@@ -177,7 +177,7 @@ def _estimate_disturbance(
 def _force(
     wanted: Vec3, measurement: Measurement, R: Mat3, qdd: Any, unknown: Disturbance, par: StepParameters
 ) -> Vec3:
-    """Desired rotor force, world axes, N; its direction is the desired thrust direction."""
+    """Desired rotor force, world axes, N, which also sets the desired thrust direction."""
     vehicle = par.model.vehicle
     force: Vec3 = wanted * vehicle.mass - unknown.force
     if par.steps < COUPLED_THRUST:

@@ -210,7 +210,7 @@ def pressing_command(par: PressingParameters, measurement: Measurement, referenc
 
 
 def release_normal(touch: Touch, wanted: Sequence[Scalar]) -> tuple[Scalar, ...]:
-    """Joint accelerations with only damping of the tip left along the normal, while it presses."""
+    """Joint accelerations that leave only damping of the tip along the surface normal, while the tip presses."""
     own = touch.at.R.apply_T(touch.pressing.n)
     row = [own.dot(column) for column in touch.at.columns]
     length: Scalar = VAGUE * VAGUE

@@ -310,7 +310,7 @@ MOST_LAYERS = 3
 
 
 def _on_torque(controller: Controller) -> Units:
-    """Units of joint gains that act on torque, by parameter path."""
+    """Units of joint gains that act on torque, by parameter path such as recovery.joint_gains."""
     deep: list[Place] = [("inner",) * layers for layers in range(MOST_LAYERS + 1)]
     places: list[Place] = [(*place, "recovery", "joint_gains") for place in deep]
     if controller.name.removeprefix("guarded_") in ("decoupled_pd", "admittance_pd"):

@@ -1,4 +1,4 @@
-"""Supervisor of a law and the recovery law that replaces it.
+"""Supervisor of a control law, and the recovery law that takes over on failure.
 
 The recovery hovers level where the law was given up, the arm on its way to its stowed pose.
 """

@@ -62,7 +62,7 @@ class Demand:
 
 
 def motion_of(reference: Any, time: Array) -> Motion:
-    """Motion of a reference whose fields are arrays of K numbers or single numbers."""
+    """Motion at K instants from a reference whose fields are arrays of K values or constants."""
 
     def lanes(values: Any) -> Array:
         rows = [np.broadcast_to(np.asarray(v, dtype=float), len(time)) for v in values]

@@ -225,11 +225,11 @@ class PositionServo(Servo):
         return self._quantize(position) - position
 
     def standing(self, effort: Scalar, position: Scalar) -> Scalar:
-        """Setpoint that holds the joint under a torque: its position plus the loop's spring deflection."""
+        """Setpoint that holds the joint under a torque: joint position plus the loop's spring deflection."""
         return position + divide(effort, self.stiffness)
 
     def setpoint(self, memory: ServoMemory, effort: Scalar, position: Scalar, rate: Scalar, dt: float) -> Any:
-        """Setpoint with which the loop gives an effort: the inverse of its control law."""
+        """Setpoint with which the servo's loop gives a desired effort: the inverse of the loop's control law."""
         per_error = add(self.stiffness, mul(self.integral, dt))
         return position + divide(effort + self.damping * rate - self.integral * memory.integral, per_error)
 
@@ -268,7 +268,7 @@ class VelocityServo(Servo):
         return divide(effort, self.gain)
 
     def setpoint(self, memory: ServoMemory, effort: Scalar, position: Scalar, rate: Scalar, dt: float) -> Any:
-        """Setpoint with which the loop gives an effort: the inverse of its control law."""
+        """Setpoint with which the servo's loop gives a desired effort: the inverse of the loop's control law."""
         return rate + divide(effort - self.integral * memory.integral, add(self.gain, mul(self.integral, dt)))
 
     def _loop(self, goal: Scalar, integral: Scalar, position: Scalar, rate: Scalar) -> tuple[Scalar, Scalar]:

@@ -84,7 +84,7 @@ def turn_rotors(vehicle: Vehicle, angles: Sequence[Scalar]) -> Vehicle:
 
 
 def with_rest(vehicle: Vehicle, command: Command) -> Command:
-    """Command with zero tilt angles added if it lacks them; otherwise unchanged."""
+    """Command with zero angles of tilting rotors added if missing; otherwise unchanged."""
     if not vehicle.tilts or command.tilts:
         return command
     return dataclasses.replace(command, tilts=(0.0,) * len(vehicle.tilts))

@@ -57,14 +57,14 @@ class Compliance:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class VirtualBody:
-    """State of the admittance's virtual body: offset and rate along its axes."""
+    """State of the admittance's virtual body: offset from the reference, and rate, along each axis."""
 
     offset: Annotated[tuple[Scalar, ...], Unit("m", "from the reference, along each axis")] = (0.0, 0.0, 0.0)
     rate: Annotated[tuple[Scalar, ...], Unit("m/s", "along each axis, without the lead")] = (0.0, 0.0, 0.0)
 
 
 def move(gains: Compliance, memory: VirtualBody, force: Vec3, dt: Scalar) -> tuple[VirtualBody, tuple[Vec3, ...]]:
-    """Next state of the virtual body under a force (N), and its offset with two derivatives (m, world axes)."""
+    """Next state of the virtual body under a force (N), and the body's offset with two derivatives (m, world axes)."""
     along = [axis.dot(force) for axis in gains.axes] if gains.axes else list(force)
     axes = zip(gains.inertia, gains.damping, gains.stiffness, memory.offset, memory.rate, along, strict=True)
     rates, motions = zip(*(_axis_step(axis, gains.lead, dt) for axis in axes), strict=True)

@@ -225,7 +225,7 @@ def _velocity(R: Mat3, w: Vec3, point: Vec3) -> Vec3:
 
 
 def wanted_attitude(par: CentroidalParameters, force: Vec3, yaw: Taylor, reach: Reach | None) -> Attitude:
-    """Desired attitude for a force (Taylor series, N, world axes), less the part that rotors give sideways."""
+    """Desired attitude for a force (Taylor series, N, world axes); ``reach``: rotors give part of it sideways."""
     center = par.center
     if reach is not None and center.sideways is not None:
         held = center.sideways.attitude

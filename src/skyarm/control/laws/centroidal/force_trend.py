@@ -121,7 +121,7 @@ def _advance_delay(chain: tuple[Vec3, ...], value: Vec3, share: Scalar) -> tuple
 
 
 def rate_weight(gains: TrendGains, memory: ForceTrend) -> Scalar:
-    """Weight of the force rate, 0 to 1, from the accuracy of its past predictions."""
+    """Weight of the force rate, 0 to 1, from the accuracy of past force predictions with that rate."""
     slope = divide(memory.agreement, memory.size + gains.noise)
     believed = minimum(maximum((slope - CHANCE) * (1.0 / (1.0 - CHANCE)), 0.0), 1.0)
     return believed * _no_step(gains, memory.rate)

@@ -125,7 +125,7 @@ STEEPEST = 0.4
 
 
 def estimated_normal(told: Vec3, lean: Vec3) -> Vec3:
-    """Unit normal of the surface: the reference's normal corrected by its estimated lean."""
+    """Unit normal of the surface: that of the reference, corrected by the estimated tilt of the surface."""
     n = told + lean
     # a reference that has not begun has no normal
     unit: Vec3 = n * divide(1.0, sqrt(n.dot(n) + 1e-12))

@@ -58,7 +58,7 @@ class LagGains(Part):
     stride: int
 
     def start(self, joints: int) -> LagMemory:
-        """Initial memory of the lag estimate, before the first measurement."""
+        """Initial internal state of the lag estimate, before the first measurement."""
         none = (0.0,) * (3 + joints)
         bank = Bank(means=(0.0,) * CANDIDATES, scale=0.0)
         return LagMemory(

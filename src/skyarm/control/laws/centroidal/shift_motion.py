@@ -233,7 +233,7 @@ def path_step(
     par: CentroidalParameters,
     dt: Scalar,
 ) -> PathShift | tuple[()]:
-    """Path statistics and shift of both horizontal axes, one period later.
+    """Statistics of the base's path, and resulting base shift, along both horizontal axes, one period later.
 
     ``asked`` is the shift of the base under the attitude ``still``, that of the result of :func:`with_shift`; ``level``
     and ``turned`` are the postures of a level base's references and of the arm under the attitude.
@@ -252,7 +252,7 @@ def path_step(
 
 
 def square_of_pace(axis: AxisShift, per: Scalar) -> Scalar:
-    """Squared angular frequency of a path along one axis, (rad/s)^2; ``per`` is l / g in s^2."""
+    """Squared angular frequency of the base's motion along one axis, (rad/s)^2; ``per`` is l / g in s^2."""
     most = divide(BELOW, maximum(maximum(per, per * (-BELOW / ABOVE)), LEAST))
     return minimum(divide(maximum(axis.change, 0.0), maximum(axis.size, 0.0) + STILL), most)
 
@@ -264,7 +264,7 @@ def _per(level: Posture, gravity: Scalar) -> Scalar:
 def axis_step(
     axis: AxisShift, reference: tuple[Scalar, ...], asked: tuple[Scalar, Scalar], per: Scalar, rate: Scalar, dt: Scalar
 ) -> AxisShift:
-    """Path statistics of one axis one period later; ``asked`` are rate and acceleration of the required shift."""
+    """Path statistics of one axis, one period later; ``asked``: rate and acceleration of the required base shift."""
     _, v, a, jerk, snap = reference
     share = low_pass_share(rate, dt)
     w2, size = square_of_pace(axis, per), maximum(axis.size, 0.0)

@@ -52,7 +52,7 @@ def turn_by_yaw(yaw: Taylor, v: Vec3) -> Vec3:
 
 
 def goal(vehicle: Vehicle, base: list[Vec3], yaw: Taylor, joints: Sequence[Taylor], level: Posture) -> Goal:
-    """Tip and link references for a level base that is at its own reference."""
+    """Tip and link references for a level base that is exactly at the base reference."""
     yaw = yaw.truncate(2)
     arm = turn_by_yaw(yaw, level.tip)
     tip = (base[0] + derivative(arm, 0), base[1] + derivative(arm, 1), base[2] + derivative(arm, 2))

@@ -240,7 +240,7 @@ def _filter_values(new: Any, filtered: Any, values: Any, dt: Scalar) -> tuple[Sc
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LearnedParameters(Parameters):
-    """Constants of the law: those of the paper's law, the network, and the bandwidth of its filtered output (rad/s)."""
+    """Constants of the learned law: those of the paper's law, the network, its output filter's bandwidth (rad/s)."""
 
     network: Network
     answer: Annotated[float, Unit("rad/s", "bandwidth of the filtered answer", low=0.0, high=1e4, strict=True)] = 10.0

@@ -98,7 +98,7 @@ def is_flyable(plan: Plan, most: float) -> bool:
 
 
 def after_plan(trust: Trust, good: bool) -> Trust:
-    """Plan quality history after a new plan."""
+    """Plan quality history (:class:`Trust`), updated by a new plan."""
     if good:
         count = trust.good + 1
         resting = 0.0 if trust.resting <= SPENT and count >= GOOD else trust.resting
@@ -111,7 +111,7 @@ def after_plan(trust: Trust, good: bool) -> Trust:
 
 
 def after_period(trust: Trust, dt: float) -> Trust:
-    """Plan quality history after ``dt`` seconds."""
+    """Plan quality history (:class:`Trust`), updated after ``dt`` seconds."""
     if trust.flies_plans:
         return trust if not trust.rest else Trust(trust.good, 0.0, trust.rest, trust.calm + dt)
     # what is left stays above zero until the plans are good

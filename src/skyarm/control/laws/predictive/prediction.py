@@ -85,7 +85,7 @@ def _on_base(model: Model, state: State, R: Mat3, disturbance: Disturbance) -> F
 def slope_of(
     state: State, inputs: Inputs, linear: Vec3, angular: Vec3, joint_accelerations: tuple[Scalar, ...]
 ) -> State:
-    """Time derivative of the state, part by part, from the accelerations of base and joints."""
+    """Time derivative of the vehicle state, from the state and the accelerations of base and joints."""
     return State(
         position=state.velocity,
         quaternion=state.quaternion.derivative(state.rate),

@@ -454,7 +454,7 @@ def linear_problem(stages: Stages, problem: Problem, x: Array, u: Array, steps: 
 
 
 def shift_plan(plan: Plan, steps: Array, dt: float) -> Plan:
-    """Plan shifted by ``dt`` seconds on the same stage lengths; its end is held."""
+    """Plan shifted by ``dt`` seconds on the same stage lengths; the end of the plan is held constant."""
     times = np.append(0.0, np.cumsum(steps))
     later = np.minimum(times + dt, times[-1])
     at = np.clip(np.searchsorted(times, later, side="right") - 1, 0, len(steps) - 1)

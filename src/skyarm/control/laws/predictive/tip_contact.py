@@ -1,4 +1,4 @@
-"""Tip contact in the predictive law: detection by its observer, and contact references over the horizon.
+"""Tip contact in the predictive law: contact detection, and contact references over the horizon.
 
 The tip's force comes from the law's own observer. Touch and loss, the ramp of the wanted force, its integral, and the
 shift of the reference along the estimated normal are those of the centroidal law
