@@ -121,7 +121,7 @@ def _libraries() -> list[Part]:
 
 
 def works(parts: list[Part]) -> bool:
-    """True if every part that flights need works."""
+    """True if all parts of the installation that flights need are in order."""
     return all(part.state == WORKS for part in parts if part.needed)
 
 

@@ -28,7 +28,7 @@ def say(message: str, code: int = 0) -> int:
 
 
 def say_unlikely(name: str, lines: Sequence[str]) -> None:
-    """Warn of numbers that are probably in other units."""
+    """Print warnings about numbers of a file that are probably in the wrong units."""
     for line in lines[:MOST_WARNINGS]:
         say(f"warning: {name}: {line}")
     if len(lines) > MOST_WARNINGS:
@@ -36,7 +36,7 @@ def say_unlikely(name: str, lines: Sequence[str]) -> None:
 
 
 def say_suspicious(scenario: Scenario) -> None:
-    """Warn, before a flight, of a scenario's numbers that are probably in other units."""
+    """Print warnings, before a flight, about numbers of a scenario that are probably in the wrong units."""
     from skyarm.scenario.unlikely_numbers import unlikely_numbers
 
     say_unlikely(scenario.name, unlikely_numbers(scenario))

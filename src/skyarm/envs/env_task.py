@@ -161,7 +161,7 @@ def seed_of(seed: Any, field: str = "seed") -> int:
 
 
 def seeds_of(seed: int | Sequence[int | None] | None, lanes: int) -> list[int | None]:
-    """Seed of each lane: seed + k of lane k, the k-th of a list, or None.
+    """Seed of each lane (parallel episode): seed + k for lane k, the k-th of a list, or None without a seed.
 
     Raises:
         ScenarioError: no such seed, or a list of another length.

@@ -192,7 +192,7 @@ class Log:
 
     @property
     def scenario(self) -> Any:
-        """Scenario of the flight as :class:`skyarm.Scenario`: the same version reproduces the same bits from it.
+        """Scenario of the flight; the same software version reproduces the log from it bit for bit.
 
         Raises:
             ValueError: one line: a log of a version that did not keep it, plugins that are not loaded, or a damaged
@@ -251,7 +251,7 @@ class Log:
         return own | {name: Unit(each.unit, each.meaning) for name, each in described if name in held}
 
     def save_csv(self, path: str | os.PathLike[str], *, with_units: bool = True) -> Path:
-        """Write a CSV file: a column per component, a row per control instant; numbers are read back exactly.
+        """Write a CSV file: a column for each number, a row per control instant; numbers are read back exactly.
 
         Args:
             path: of the file.

@@ -98,7 +98,7 @@ def grasp_periods(log: Log) -> tuple[GraspPeriod, ...]:
 
 
 def waits_of(guards: Iterable[Guard]) -> list[dict[str, Any]]:
-    """Conditions that end phases as plain data: phase, reference time at which it waits (s), timeout (s)."""
+    """Conditions that end phases as plain data: phase, time at which the reference waits (s), timeout (s)."""
     return [{"phase": each.phase, "at": float(each.at), "timeout": float(each.timeout)} for each in guards]
 
 
@@ -116,7 +116,7 @@ def timed_out(log: Log) -> frozenset[int]:
 
 
 def _runs(true: Any) -> list[tuple[int, int]]:
-    """First instant of each run of true values, and the first instant after it."""
+    """Start index, and end index (exclusive), of each run of true values in a mask."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], true, [False]]).astype(int)))
     return [(int(begin), int(end)) for begin, end in edges.reshape(-1, 2)]
 

@@ -34,7 +34,7 @@ def refuse(field: str, value: object, allowed: str) -> NoReturn:
 
 
 def concrete(*values: Any) -> bool:
-    """True if all values are plain Python numbers, not arrays of a batch or tracers."""
+    """True if all values are plain Python numbers, not arrays of a batch or symbols of a traced program."""
     return all(isinstance(value, (int, float)) for value in values)
 
 

@@ -145,7 +145,7 @@ def _is_record(wanted: object) -> bool:
 
 
 def _number(field: str, value: object, unit: Unit) -> Any:
-    """Convert a number that stays variable in compiled code, within its bounds."""
+    """Convert a number and check its bounds; the number stays variable in compiled code."""
     held = value if type(value) is float else coerce.number(field, value)
     if type(held) is float:
         _within(field, held, unit)
@@ -153,7 +153,7 @@ def _number(field: str, value: object, unit: Unit) -> Any:
 
 
 def _scalar(field: str, value: object, unit: Unit) -> Any:
-    """Convert a scalar whose integers are constants of compiled code, within its bounds."""
+    """Convert a scalar and check its bounds; integers become constants of compiled code."""
     if type(value) is int and abs(value) < WHOLE:
         _within(field, value, unit)
         return value
@@ -161,7 +161,7 @@ def _scalar(field: str, value: object, unit: Unit) -> Any:
 
 
 def _whole(field: str, value: object, unit: Unit) -> int:
-    """Convert a whole number (an index, a count), within its bounds."""
+    """Convert a whole number (an index, a count) and check its bounds."""
     held = coerce.whole(field, value)
     if abs(held) >= WHOLE:
         refuse(field, value, "must be below 2**53 in size")
@@ -179,7 +179,7 @@ def _within(field: str, value: float, unit: Unit) -> None:
 
 
 def _numbers(field: str, value: Any, unit: Unit, kind: Any, letters: str, allowed: str) -> Any:
-    """Convert a record of scalars, such as a vector, from such a record or from plain numbers."""
+    """Convert to a record of scalars, such as a vector, from a record of that class or from plain numbers."""
     if isinstance(value, kind):
         given = [getattr(value, letter) for letter in letters]
         held = [_scalar(f"{field}.{letter}", each, unit) for letter, each in zip(letters, given, strict=True)]

@@ -22,7 +22,7 @@ Record = TypeVar("Record")
 
 
 def record_from(kind: type[Record], fields: Fields) -> Record:
-    """Read the record that a table describes.
+    """Read a record of a given class from a file's table.
 
     A number may stand where the field is a ``float`` or ``Scalar``; three numbers where it is a ``Vec3``; a list where
     it is a tuple; a table where it is a record, or whatever its class reads by ``from_table``. Fields with a default
@@ -156,7 +156,7 @@ def _several(kind: object, fields: Fields, name: str) -> tuple[Any, ...]:
 
 
 def registered_from(kind: str, base: type, table: Any, where: str) -> Any:
-    """Read the record of a table ``{ kind = NAME, numbers ... }`` by its registered name.
+    """Read a record from a table ``{ kind = NAME, numbers ... }``; the class is registered under that name.
 
     Args:
         kind: of the registry.

@@ -23,7 +23,7 @@ FUNCTIONS = ("skyarm.control.",)
 
 
 class RestoreError(ValueError):
-    """Error: plain data does not describe a record."""
+    """Error for plain data from which no record can be restored."""
 
 
 def restore(data: object, plugins: Mapping[str, str] | None = None) -> Any:

@@ -354,7 +354,7 @@ def _require_number(scenario: Scenario, change: Change) -> None:
 
 
 def _require_one_load(scenario: Scenario, path: str, changed: Sequence[str]) -> None:
-    """Raise an error if a load is set by two paths: loads add up, so it would count twice."""
+    """Raise an error if two paths set the same payload mass: payloads add up, so that mass would count twice."""
     for other in changed if is_added(path) else ():
         if other != path and is_added(other) and means_the_same(scenario, path, other):
             raise ScenarioError(f"path = {path!r}: is the same load as {other!r}, must be changed by that name")

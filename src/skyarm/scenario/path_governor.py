@@ -187,7 +187,7 @@ class GovernorOptions:
 
 
 class Limits:
-    """Actuator limits of the nominal vehicle, and demands of a motion as fractions of them.
+    """Limits of the nominal vehicle, and what a motion demands of the vehicle as fractions of these limits.
 
     Args:
         model: of the law. options: of the governor.

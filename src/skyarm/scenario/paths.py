@@ -146,7 +146,7 @@ REGISTERED: Mapping[type, str] = {Air: "air", Force: "force", Ending: "ending"}
 
 
 def names(record: object) -> dict[str, tuple[Place, ...] | Tree]:
-    """Names that may follow a record in a path."""
+    """Parameter names that may follow a record in a parameter path, with the field path of each."""
     found: dict[str, tuple[Place, ...] | Tree] = {}
     if isinstance(record, tuple):
         found |= {number: ((number,),) for number in parts(record)}

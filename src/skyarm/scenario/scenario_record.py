@@ -186,12 +186,12 @@ class Change:
 
     @property
     def table(self) -> Any:
-        """Value of the change with lists in place of tuples, as a file's reader returns it."""
+        """New value of a scheduled change in the format of a file: with lists in place of tuples."""
         return _table(self.value)
 
 
 def _plain_value(field: str, value: object, whole: bool = True) -> Any:
-    """Convert the value of a change: lists to tuples, a number to float unless ``whole`` numbers are kept."""
+    """Convert the new value of a scheduled change: lists to tuples, numbers to float unless ``whole``."""
     value = coerce.plain_number(value)
     if isinstance(value, Mapping):
         if not all(isinstance(name, str) for name in value):
@@ -465,7 +465,7 @@ class Scenario:
 
     @property
     def commands_setpoints(self) -> tuple[bool, ...]:
-        """For each joint, true if its command is a setpoint of its drive rather than a torque or force."""
+        """For each joint, true if the law commands a setpoint of the joint's drive, not a torque or force."""
         drives = self.all_drives or (TORQUE_DRIVE,) * self.plant.vehicle.n
         return tuple(not isinstance(drive, TorqueDrive) for drive in drives)
 

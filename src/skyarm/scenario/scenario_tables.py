@@ -81,7 +81,7 @@ def parts_from(tables: Mapping[str, Fields]) -> dict[str, Any]:
 
 
 def vehicle(fields: Fields, folder: Path) -> Vehicle:
-    """Vehicle that the file names, without the scenario's own changes."""
+    """Vehicle to which [plant] or [model] refers, before the payload and other numbers of the table apply."""
     named = fields.take("vehicle")
     if not isinstance(named, str) or not named:
         raise ValueError(f"{fields.at('vehicle')} = {shown(named)}: must be a name of the library or a path")
@@ -141,7 +141,7 @@ def gravity(fields: Fields) -> float:
 
 
 def contact(table: object, folder: Path) -> Contact | None:
-    """Read [world]: surfaces and the vehicle's contact points; mesh files are relative to a folder."""
+    """Read the contact model [world]: surfaces and the vehicle's contact points; mesh paths start from a folder."""
     if table is None:
         return None
     from skyarm.world.contact.contact import Contact
@@ -150,7 +150,7 @@ def contact(table: object, folder: Path) -> Contact | None:
 
 
 def with_meshes(table: object, where: str, folder: Path) -> Any:
-    """Tables of a world with its mesh paths made absolute.
+    """Tables of the contact model [world] with paths of mesh files made absolute.
 
     Args:
         table: plain, of a file.
@@ -286,7 +286,7 @@ def initial(fields: Fields, scenario: Scenario) -> State:
 
 
 def _require_standing(fields: Fields, scenario: Scenario) -> None:
-    """Raise an error for a standing start without a world, or with an initial motion."""
+    """Raise an error for a start standing on a surface if there are no surfaces, or with an initial motion."""
     if not scenario.worlds:
         raise ValueError(f"{fields.at('standing')} = true: must be false without a [world] to stand on")
     for name in ("quaternion_wxyz", "velocity", "rate", "joint_rates", "rotor_speeds"):

@@ -236,7 +236,7 @@ def follow(name: str, mimics: Mapping[str, Mimic]) -> Mimic:
 
 
 def resolve(name: str, mimics: Mapping[str, Mimic], links: Sequence[Link]) -> Mimic:
-    """Leader of a mimic joint as of :func:`follow`, after a check that it is a moving joint of the links."""
+    """Leader of a mimic joint, at the end of the chain of mimics; raises an error if it is no moving joint."""
     known, found = [link.joint.name for link in links], follow(name, mimics)
     if found.joint not in known:
         last = next(each for each in mimics if mimics[each].joint == found.joint)

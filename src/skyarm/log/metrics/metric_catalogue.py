@@ -32,7 +32,7 @@ Array = npt.NDArray[Any]
 
 @dataclass(frozen=True, slots=True)
 class Measure:
-    """Definition of one metric.
+    """Definition of one metric: required sums, time window, formula, description and unit.
 
     Attributes:
         totals: that it needs. window: in which its instants are counted.
@@ -233,7 +233,7 @@ def required_totals(names: Sequence[str], joints: int) -> tuple[Total, ...]:
 def values(
     names: Sequence[str], totals: Mapping[Total, Array], instants: Mapping[str, Array], joints: int, period: float
 ) -> dict[str, Array]:
-    """Metrics of each lane; NaN if its flight had no instant in the window, 0 for integrals over the whole flight.
+    """Metrics of each flight of a batch; NaN if no instant was in the time window, 0 for integrals over a flight.
 
     Args:
         names: of the metrics.

@@ -38,7 +38,7 @@ class Part:
         return {"stamp": stamps, "frame_id": frame}
 
     def unit(self, array: str = "quaternion") -> Array:
-        """Attitude quaternions wxyz, normalized."""
+        """Attitude quaternions wxyz of the section, normalized to unit length."""
         found: Array = self[array] / np.linalg.norm(self[array], axis=1, keepdims=True)
         return found
 

@@ -142,7 +142,7 @@ def names_in(library: Traversable) -> tuple[str, ...]:
 
 
 def read_named(text: str, kind: str, library: Traversable, others: str = "") -> tuple[dict[str, Any], Path]:
-    """Read a shipped file by name, or any file by path; return its tables and the folder it refers to files from.
+    """Read a shipped file by name, or any file by path; return its tables and the base folder for relative paths.
 
     Args:
         text: name or path.

@@ -90,7 +90,7 @@ def is_beside(file: str, folder: str) -> bool:
 
 
 def place_of(thing: object) -> str:
-    """File and line where a function, or the first method of an object or class, begins; else its name."""
+    """Text of where a function, or the first method of an object or class, begins (file and line); else its name."""
     code = own_code(thing) or getattr(thing, "__code__", None)
     if code is None:
         return str(getattr(thing, "__qualname__", type(thing).__qualname__))
@@ -163,7 +163,7 @@ MISSING = "missing"
 
 
 def number_duplicates(pairs: Iterable[tuple[str, str]]) -> dict[str, str]:
-    """Table of names and digests; a second digest of the same name gets a number."""
+    """Table of digests by name from pairs; a second digest of the same name is stored under a numbered name."""
     found: dict[str, str] = {}
     for plain, identity in pairs:
         name = plain
