@@ -189,7 +189,7 @@ class Task:
         self.begun, self._back = self.time, False
 
     def end(self, kind: str) -> None:
-        """End a phase and record it."""
+        """End a phase and add it to the list of phases."""
         self.setting.phases.append(Phase(name=kind, end=self.time, back=self._window if self._back else None))
 
     def rest(self, duration: float) -> None:
@@ -251,12 +251,12 @@ class Task:
         self._pressed = number
 
     def grip(self, arc: Arc) -> None:
-        """Start to hold a handle at the instant at which the phase closes its gripper."""
+        """Mark a handle as held from the instant at which the phase closes the gripper."""
         self.arc = self.known_arc = arc
         self._grips.append((self.handled[1], None, arc.force))
 
     def let_go(self, gripper: str) -> None:
-        """Stop holding the handle if the opening gripper is the one that holds it."""
+        """Mark the handle as released if the opening gripper is the one that holds it."""
         if self.arc is not None and self.arc.gripper == gripper:
             self._grips[-1] = (self._grips[-1][0], self.handled[1], self.arc.force)
             self.arc = None

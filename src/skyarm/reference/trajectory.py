@@ -154,7 +154,7 @@ class Trajectory:
         return dataclasses.replace(self, joints=signals(joints))
 
     def shifted(self, delay: Any) -> Trajectory:
-        """Return the same motion and its guards ``delay`` seconds later."""
+        """Return the same motion and guards (conditions that end phases) ``delay`` seconds later."""
         moved = with_signals(self, lambda signal: Shifted(signal, delay))
         if not self.guards:
             return moved
@@ -168,7 +168,7 @@ class Trajectory:
         return tuple(phase.back for phase in self.phases if phase.back is not None)
 
     def __add__(self, other: Trajectory) -> Trajectory:
-        """Return the sum of two motions, with the guards of both."""
+        """Return the sum of two motions, with the guards (conditions that end phases) of both."""
         if self.joints and other.joints and len(self.joints) != len(other.joints):
             raise ValueError(f"trajectories of {len(self.joints)} and {len(other.joints)} joints do not add")
         joints = tuple(a + b for a, b in zip(self.joints, other.joints, strict=False)) or self.joints or other.joints

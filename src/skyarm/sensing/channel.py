@@ -184,7 +184,7 @@ class Dropouts:
         return self.random or bool(self.intervals)
 
     def lost(self, before: Any, draw: Scalar, dt: float) -> Any:
-        """State of the link at a reading after the first: 1.0 where it is lost at random, else 0.0.
+        """State of the sensor link after the first reading: 1.0 while readings are lost at random, else 0.0.
 
         Args:
             before: the state at the reading before.

@@ -40,7 +40,7 @@ def by_array(components: Sequence[Component], numbers: Sequence[Any]) -> dict[st
 
 @dataclass(frozen=True, slots=True)
 class Samples:
-    """Samples of a flight, one row per control instant: states, commands, readings, surroundings and estimates.
+    """Logged samples of a flight, one row per control instant: states, commands, sensor readings, winds, estimates.
 
     Attributes:
         measurement: received by the law; None if not logged. readings: name and record of each sensor.

@@ -145,7 +145,7 @@ class EpisodeCode:
         return make_period(stages, plant)(now, row, uniforms)
 
     def _measure(self, now: LoopState, numbers: Any, fed: Any, uniforms: Any) -> tuple[LoopState, Measurement]:
-        """Evaluate a control period up to the law's measurement; the loop state stays as it is."""
+        """Evaluate a control period up to the law's measurement; the loop state stays unchanged."""
         stages, plant, row = self._begin(numbers, fed)
         row = stages.waits.lead(now.clock, now.ticks, row)
         return now, measure(stages, plant, now, row, uniforms).read.measurement

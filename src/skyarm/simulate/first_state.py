@@ -22,7 +22,7 @@ from skyarm.simulate.stages import Stages
 
 
 def first_loop_state(scenario: Scenario, draws: Sequence[Sequence[Any]] | None = None) -> LoopState:
-    """Initial loop state of an episode; the scenario's numbers may be traced.
+    """Initial loop state of an episode; the scenario's parameter values may be traced.
 
     Args:
         scenario: of the episode.

@@ -73,7 +73,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Seen:
-    """Inputs of the guards (wait conditions of phases) in one control period.
+    """Inputs of the guards (conditions that end phases) in one control period.
 
     Attributes:
         tip: as measured, m, world axes. goal: its desired position by the held reference. push: of that reference.
@@ -262,7 +262,7 @@ class Waits:
         return found
 
     def reference(self, time: Scalar, offset: Sequence[Scalar] = ()) -> Reference:
-        """Reference at a path time (s), moved by an offset (as :meth:`instants` returns it)."""
+        """Reference at a path time (s), moved by a position offset."""
         found = self._trajectory.at(time)
         if not offset:
             return found
@@ -270,7 +270,7 @@ class Waits:
         return offset_reference(found, Vec3(*moved), self._trajectory.returns, since / self._rate, time)
 
     def with_task_loads(self, par: Any, path_time: Any) -> Any:
-        """The law's constants, with the payloads that the task carries at a path time (s) added to its model."""
+        """The law's constants, with the payloads carried at a path time (s) added to the law's vehicle model."""
         vehicle = par.model.vehicle
         for payload in self._believed:
             held = logical_and(path_time >= payload.pick, path_time < payload.drop)
@@ -290,7 +290,7 @@ class Waits:
         return Seen(tip=tip, goal=goal, push=reference.push, force=force, felt=felt, switches=switches)
 
     def following(self, clock: PathClock, ticks: Scalar, seen: Seen) -> PathClock:
-        """Reference clock one control period later: evaluates the guard, advances or waits."""
+        """Reference clock one control period later: evaluates the guard, then advances or waits."""
         n, now = clock.guard, self.terms(clock.guard)
         there = clock.place >= now.end - WHOLE
         begins = logical_or(clock.place <= now.begin + WHOLE, clock.waited < 0.5 * BEGUN)
@@ -338,7 +338,7 @@ class Waits:
         return found
 
     def _force_holds(self, now: Terms, seen: Seen) -> Scalar:
-        """True if the contact force, observed or measured, is within the guard's bounds."""
+        """True if the contact force, estimated or measured, is within the bounds of the guard."""
 
         def holds(force: Vec3 | None) -> Scalar:
             if force is None:  # of a law that observes no force nobody knows that there is none

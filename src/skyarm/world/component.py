@@ -62,7 +62,7 @@ def moved_by(memory: tuple[Vec3, ...], slope: tuple[Vec3, ...], dt: Scalar) -> t
 
 
 def require_frame(vehicle: Vehicle, frame: str) -> None:
-    """Refuse the name of a frame that the vehicle lacks; an empty name is its tip.
+    """Refuse the name of a frame that the vehicle lacks; an empty name refers to the vehicle's tip.
 
     Raises:
         ValueError: one line.
@@ -230,7 +230,7 @@ class Component:
         return ()
 
     def shapes(self, seen: Instants) -> Scene:
-        """Shapes, lines and arrows that picture the component, from its logged numbers.
+        """Shapes, lines and arrows that picture the component, from the component's logged values.
 
         Args:
             seen: the instants, where the vehicle was, and the logged numbers.

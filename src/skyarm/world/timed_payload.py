@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Reach:
-    """Sphere in the world around a place to reach."""
+    """Sphere in the world that the vehicle must reach, about a given position."""
 
     within: Annotated[Scalar, Unit("m", "largest distance", low=0.0, strict=True)]
     of: Annotated[Vec3, Unit("m", "world axes")]

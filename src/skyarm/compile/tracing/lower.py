@@ -86,7 +86,7 @@ WRITTEN_OUT = 6000
 
 
 def repeat(count: int, function: Callable[[Record], Record], record: Record) -> Record:
-    """Apply ``function`` to ``record``, ``count`` times.
+    """Apply ``function`` ``count`` times in succession, first to ``record``, then to each result.
 
     Raises:
         ValueError: the function returns a record with another number of scalars.

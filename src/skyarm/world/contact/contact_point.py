@@ -88,7 +88,7 @@ class ContactPoint:
         return tuple(found)
 
     def place(self, vehicle: Vehicle) -> tuple[Vec3, int]:
-        """Position in the axes of its body (m), and index of the body.
+        """Position in the axes of the body that the point belongs to (m), and index of this body.
 
         Raises:
             ValueError: the vehicle has no such frame or body; names those it has.

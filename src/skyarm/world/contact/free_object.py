@@ -120,7 +120,7 @@ class FreeObject(Carrier):
 
     @property
     def moments(self) -> Vec3:
-        """Moments of inertia about the centre of mass, its axes, kg m^2."""
+        """Moments of inertia about the centre of mass and the object's axes, kg m^2."""
         given = all(type(each) is int and each == 0 for each in self.inertia)
         return uniform_moments(self.shape, self.size, self.mass) if given else self.inertia
 
@@ -164,7 +164,7 @@ class FreeObject(Carrier):
         )
 
     def advance(self, memory: ObjectMotion) -> ObjectMotion:
-        """State with its quaternion normalised."""
+        """State of the object with the quaternion normalised."""
         return ObjectMotion(
             position=memory.position, attitude=memory.attitude.normalized(), velocity=memory.velocity, rate=memory.rate
         )

@@ -185,7 +185,7 @@ def _own_columns(
 
 
 def _scene(parts: Iterable[tuple[Component, Instants]]) -> Scene:
-    """Scene of all components together; its ground is the highest one."""
+    """Merged scene of all environment components, with the highest of all ground heights."""
     scenes = [part.shapes(seen) for part, seen in parts]
     solids = [solid for each in scenes for solid in each.solids]
     lines = [line for each in scenes for line in each.lines]
