@@ -58,7 +58,7 @@ def published_number(case: str, controller: str, metric: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Metric:
-    """Row of a table of the paper: a metric with its label.
+    """Metric of the paper's tables: label, unit and definition.
 
     Attributes:
         label: words. unit: SI. definition: one sentence. bound: the paper states an upper bound only.

@@ -52,7 +52,7 @@ CIRCLE = (7.5, 21.0)
 
 @dataclass(frozen=True, kw_only=True)
 class _Page:
-    """Content of an HTML page: title, lead and facts as text; opening and sections (name, title, HTML)."""
+    """Texts of an HTML page: title, lead, facts, opening paragraph, and sections as (name, title, HTML)."""
 
     title: str
     lead: str
@@ -143,7 +143,7 @@ def _case_page(
 
 
 def _flights(case: str, flown: Mapping[str, Mapping[str, Log]]) -> str:
-    """Plots of base, joints and tip of the first plant over time; for the circle also the path."""
+    """Plots of a case's flights over time, first plant: base, joints and tip; for the circle also the tip's path."""
     plant, laws = next(iter(flown.items()))
     kinds = {"tracking": "base and joints", "tip": "tip and its error"}
     if case == "case3":
@@ -209,7 +209,7 @@ def _flat(settings: Record, prefix: str) -> Iterable[tuple[str, str]]:
 
 
 def inferred_section(results: Record, predicted: Record, evidence: Record, plant: str) -> str:
-    """Section on the inferred settings and their predictions, with the evidence tables folded."""
+    """HTML section on the inferred settings and their predictions, with the evidence tables collapsed."""
     opened = [settings_table(evidence), prediction_table(results, predicted, plant)]
     folded = {
         "Ladder: one setting after the other": [ladder_table(evidence)],

@@ -154,7 +154,7 @@ def _metric_row(case: str, controller: str, name: str, cell: Record, why: str) -
 
 
 def sensitivity_tables(sensitivity: Mapping[str, Variants], experiments: Experiments, plant: str) -> str:
-    """Folded tables of the results on a plant, one for each varied assumption."""
+    """Collapsible HTML tables of the results on a plant, one table for each varied assumption."""
     parts = []
     assumed = {(each.group, each.value) for each in variations() if each.is_assumption}
     for group, variants in sensitivity.items():
@@ -175,7 +175,7 @@ def sensitivity_tables(sensitivity: Mapping[str, Variants], experiments: Experim
 
 
 def _cells_of(variants: Variants) -> dict[tuple[str, str], dict[str, None]]:
-    """(case, controller) -> metrics, in order of first appearance."""
+    """(case, controller) -> names of the metrics, in order of first appearance in the variants."""
     found: dict[tuple[str, str], dict[str, None]] = {}
     for cases in variants.values():
         for case, controllers in cases.items():

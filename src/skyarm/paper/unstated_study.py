@@ -76,7 +76,7 @@ def laid_over(below: Tables, above: Tables) -> dict[str, Any]:
 
 
 def stated_tables(study: Tables, flight: str) -> dict[str, Any]:
-    """Shipped scenario of a flight, merged with the study's overrides."""
+    """Shipped scenario of a flight as nested tables, merged with the study's overrides."""
     entry = named(study["flights"], flight)
     found = dict(read_toml((LIBRARY / f"{entry['scenario']}.toml").read_bytes()))
     for name in entry.get("over", ()):
@@ -85,7 +85,7 @@ def stated_tables(study: Tables, flight: str) -> dict[str, Any]:
 
 
 def scenario_tables(study: Tables, stated: Tables, flight: str, settings: Tables) -> dict[str, Any]:
-    """Tables of a flight, merged with the overrides of the chosen options."""
+    """Scenario of a flight as nested tables, merged with the overrides of the chosen options."""
     found = dict(stated)
     for option in _options(study, settings):
         for each in option.get("tables", ()):
@@ -127,14 +127,14 @@ def group_places(patterns: Iterable[str], cells: Sequence[Cell]) -> tuple[int, .
 
 
 def slack_distance(ours: Array, cells: Sequence[Cell]) -> Array:
-    """|ours - measured| beyond rounding, at least 0; (lanes, cells), infinite where missing."""
+    """Distance |ours - published| beyond rounding, at least 0; (sets of settings, cells), infinite where missing."""
     measured, half = _columns(cells)
     apart = np.maximum(np.abs(ours - measured) - half, 0.0)
     return np.where(np.isfinite(ours), apart, np.inf)
 
 
 def within(ours: Array, cells: Sequence[Cell], share: float) -> npt.NDArray[np.bool_]:
-    """True (lanes, cells) where a cell is within a relative share of its measurement, beyond rounding."""
+    """True (sets of settings, cells) where a cell is within a relative share of the published number plus rounding."""
     measured, _ = _columns(cells)
     # 1e-9: a number on the very edge is within
     found: npt.NDArray[np.bool_] = slack_distance(ours, cells) <= share * np.abs(measured) * (1.0 + 1e-9)
@@ -142,7 +142,7 @@ def within(ours: Array, cells: Sequence[Cell], share: float) -> npt.NDArray[np.b
 
 
 def losses(ours: Array, cells: Sequence[Cell], width: float, knee: float) -> Array:
-    """Robust loss of each cell (lanes, cells): u^2 / (1 + u^2 / knee^2), u = ln(ours / measured) / width.
+    """Robust loss (sets of settings, cells): u^2 / (1 + u^2 / knee^2), u = ln(ours / published) / width.
 
     Quadratic near the measured number, at most knee^2 however far, so that one cell that a model cannot make does not
     decide over the others (Geman, McClure 1987). The rounding of the measured number is taken off the difference
@@ -163,6 +163,6 @@ def _columns(cells: Sequence[Cell]) -> tuple[Array, Array]:
 
 
 def tally(ours: Array, cells: Sequence[Cell], shares: Sequence[float] = (0.05, 0.10, 0.25)) -> dict[str, Any]:
-    """Agreement counts of a row of values: number of cells, and number within each relative share."""
+    """Agreement counts of simulated values: all cells, and cells within each relative share of the published number."""
     lane = np.asarray(ours, dtype=float).reshape(1, -1)
     return {"cells": len(cells)} | {f"within_{share:.0%}": int(within(lane, cells, share).sum()) for share in shares}

@@ -52,7 +52,7 @@ ALIGNMENTS = ("time_shift", "bag_start")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Variation:
-    """One changed assumption.
+    """One changed assumption about a flight or its evaluation, with the cases to which it applies.
 
     Attributes:
         group, value: how tables name it. label: in words.
@@ -70,7 +70,7 @@ class Variation:
 
     @property
     def is_assumption(self) -> bool:
-        """True for the baseline value, with which the main table was simulated."""
+        """True if the variation changes nothing: the assumption with which the main table was simulated."""
         return self.change is None and self.measure is metrics
 
 
@@ -166,5 +166,5 @@ def variations() -> list[Variation]:
 
 
 def variation(group: str, value: str) -> Variation:
-    """Find a variation by its names."""
+    """Find a variation by the names of its group and value."""
     return next(each for each in variations() if (each.group, each.value) == (group, value))

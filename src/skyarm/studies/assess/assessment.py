@@ -26,7 +26,7 @@ QUESTION = "delay margin"
 
 
 def delay_margin(scenario: Scenario) -> list[Finding]:
-    """Finding on the delay margin in hover, in addition to the nominal delay of the loop."""
+    """Finding on the delay margin in hover: tolerable delay beyond the nominal delay of the loop."""
     found = hover_delay_if_known(scenario)
     if isinstance(found, str):
         return [Finding(QUESTION, NOTE, f"not known: {found}")]

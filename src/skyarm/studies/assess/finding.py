@@ -15,7 +15,7 @@ LEVELS = (OK, NOTE, WARNING, FAULT)
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """Answer of one check, with its severity.
+    """Result of one feasibility check, with a severity.
 
     Attributes:
         question: in a few words.

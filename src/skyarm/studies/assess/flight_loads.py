@@ -47,7 +47,7 @@ class Load:
 
 @dataclass(frozen=True, slots=True)
 class FlightPart:
-    """Part of the flight with constant payloads and constant scheduled changes.
+    """Part of the flight during which payloads and scheduled parameters are constant.
 
     Attributes:
         start, stop: s. scenario: with the changes so far. vehicle: the plant with its loads.

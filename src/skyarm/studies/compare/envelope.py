@@ -96,7 +96,7 @@ class AxisFlights(Flights):
         return len(self.points) * (min(PLANTS, ONE_BY_ONE) if self.alone(scenario) else PLANTS)
 
     def trials(self, count: int) -> Array:
-        """Axis value of each episode, SI."""
+        """Axis value (count,) that each episode simulates, SI."""
         return np.repeat(self.points, count // len(self.points))
 
 

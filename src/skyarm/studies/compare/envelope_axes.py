@@ -67,7 +67,7 @@ Numbers = Mapping[str, float]
 
 @dataclass(frozen=True, kw_only=True)
 class Axis:
-    """Axis of the envelope: one trial at several values, the easiest first.
+    """Axis of the performance envelope: one trial at several values, the easiest first.
 
     Attributes:
         name: short name. title: one line. unit: of the values as they are shown.
@@ -97,7 +97,7 @@ class Axis:
     torques: bool = False
 
     def of(self, setting: Setting) -> tuple[float, ...]:
-        """Values of the axis for a vehicle, SI."""
+        """Values of the axis, scaled to a vehicle, SI."""
         share = self.share(setting)
         return tuple(float(f"{value * share:.3g}") for value in self.values)
 
@@ -111,12 +111,12 @@ class Axis:
 
 
 def sine_from_rest(amplitude: float, frequency_hz: float = 1.0, phase: float = 0.0) -> Signal:
-    """Sine signal that fades in from rest; its parameters are at the path ``signal``."""
+    """Sine signal that fades in from rest; parameter paths reach the sine through ``signal``."""
     return Product(Sine(amplitude=amplitude, frequency_hz=frequency_hz, phase=phase), EASE)
 
 
 def along(setting: Setting, **signals: Any) -> Scenario:
-    """Scenario with these reference signals for base and joints, on the setting's vehicle."""
+    """Hover scenario of a setting's vehicle, with the given reference signals for base and joints."""
     return setting.hover.with_words(reference=dataclasses.replace(setting.hover.reference, **signals))
 
 
@@ -241,7 +241,7 @@ def frequencies(*axes: str) -> Callable[[Setting, float], Numbers]:
 
 
 def rotor_lags(setting: Setting, times: float) -> Numbers:
-    """Path -> time constant of every rotor, rising and falling, s."""
+    """Parameter path -> time constant of every rotor, rising and falling, s."""
     falling = 1.0 + FALLING * (times - 1.0) / 3.0
     return {
         f"plant.vehicle.rotors.{i}.time_constant_{way}": float(getattr(rotor, f"time_constant_{way}")) * factor
@@ -251,7 +251,7 @@ def rotor_lags(setting: Setting, times: float) -> Numbers:
 
 
 def by_weight(setting: Setting) -> float:
-    """Scale of forces and payloads: the vehicle's weight."""
+    """Scale of forces and payloads on an axis: the vehicle's weight relative to the paper's vehicle."""
     return setting.weight
 
 

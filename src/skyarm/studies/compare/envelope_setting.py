@@ -44,7 +44,7 @@ DURATION = 20.0
 
 @dataclass(frozen=True, kw_only=True)
 class Setting:
-    """Vehicle in hover, with the scales of its trials.
+    """Hover scenario of a vehicle, and the scales of the envelope's trials with the vehicle.
 
     Attributes:
         vehicle: name or file. hover: scenario that every trial is made from.
@@ -69,7 +69,7 @@ class Setting:
 
 @lru_cache(maxsize=8)
 def setting_of(vehicle: str = PAPER, duration: float = DURATION, plant: str = "rigid_body") -> Setting:
-    """Setting of a vehicle given by name or file.
+    """Hover scenario and trial scales of a vehicle given by name or file.
 
     Raises:
         VehicleError: no such vehicle.

@@ -43,7 +43,7 @@ Refused = Mapping[str, str]
 
 
 class Suite(ABC, Generic[F]):
-    """Suite: flights of a study and their evaluation.
+    """Base class of comparison suites: the flights to simulate, their evaluation and report.
 
     Attributes:
         name: of the suite. file: name of its results, without the suffix.

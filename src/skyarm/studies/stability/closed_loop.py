@@ -144,7 +144,7 @@ def _split(loop: OpenLoop, delay: float) -> tuple[int, int]:
 
 
 def _in_loop(A: Array, enters: Array, sent: Array, states: int) -> npt.NDArray[np.bool_]:
-    """Mask of the states that belong to the feedback loop; clocks and logged quantities are excluded."""
+    """Mask of the states that belong to the feedback loop; clocks and other states outside of it are excluded."""
     links = (A != 0.0) | (((enters != 0.0).astype(float) @ (sent != 0.0).astype(float)) > 0.0)
     first = np.zeros(len(A), dtype=bool)
     first[:states] = True

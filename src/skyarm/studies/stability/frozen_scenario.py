@@ -102,7 +102,7 @@ def _without_tilts(scenario: Scenario) -> Scenario:
 
 
 def without_adaptation(scenario: Scenario) -> Scenario:
-    """Scenario with the controller's adaptation frozen; its projection is not differentiable at the bounds.
+    """Scenario with the controller's adaptation frozen, since parameter projection is not differentiable at bounds.
 
     Of a law under layers, its own constants are looked at.
     """

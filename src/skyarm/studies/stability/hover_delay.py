@@ -1,4 +1,4 @@
-"""Delay margin in hover, in addition to the controller's nominal delay."""
+"""Delay margin in hover: tolerable delay beyond the controller's nominal delay."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def hover_delay_if_known(scenario: Scenario) -> HoverDelay | str:
 
 
 def believed_delay(scenario: Scenario) -> float:
-    """Nominal loop delay, s: the controller's and the scenario's stated delays."""
+    """Nominal loop delay, s: the larger of the delay stated to the controller and the scenario's delay."""
     told = float(getattr(innermost(scenario.controller.par), "delay_periods", 0)) / scenario.rates.control
     stated = float(scenario.delays.measurement) + float(scenario.delays.command)
     return max(told, stated) if math.isfinite(told) else stated

@@ -77,7 +77,7 @@ def vehicle_channels(vehicle: Vehicle, speeds: Sequence[float], attitude: Quater
 
 
 def wrenches(rotors: Sequence[Rotor]) -> Array:
-    """Allocation matrix (6, rotors) per squared speed: torque xyz about base origin, force z, x, y, base axes."""
+    """Allocation matrix (6, rotors) per squared speed; rows: torque xyz about the base origin, then force z, x, y."""
     columns = []
     for rotor in rotors:
         force = np.array([float(c) for c in rotor.axis]) * float(rotor.thrust_coefficient)

@@ -58,7 +58,7 @@ class RobustnessMap:
 
     @property
     def constant(self) -> float | None:
-        """Success rate if it is equal in all bins with episodes, else None; replaces the map by a sentence."""
+        """Success rate if it is equal in all bins with episodes, else None."""
         low, high = float(np.nanmin(self.rate)), float(np.nanmax(self.rate))
         return low if low == high else None
 

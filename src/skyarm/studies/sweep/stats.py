@@ -24,7 +24,7 @@ SHARES = (0.05, 0.25, 0.5, 0.75, 0.95)
 
 
 class Rows:
-    """Rows of a study's folder, read column by column; each column is ordered by episode.
+    """Result rows of a study's folder, one per episode and controller, read column by column.
 
     Only files count that are whole and of this study.
 

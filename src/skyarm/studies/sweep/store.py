@@ -183,7 +183,7 @@ def chunk_path(folder: str | os.PathLike[str], index: int) -> Path:
 
 
 def chunks_there(folder: str | os.PathLike[str]) -> list[int]:
-    """Numbers of the chunks that have a regular file, in order.
+    """Indices of the chunks whose file exists in a study's folder, ascending.
 
     Raises:
         OSError: the folder cannot be listed.
@@ -206,7 +206,7 @@ def _mark(path: Path) -> bytes | None:
 
 
 def whole_chunks(folder: str | os.PathLike[str], manifest: Manifest) -> tuple[list[int], tuple[str, ...]]:
-    """Numbers of the chunks with valid files, and names of the files that are ignored.
+    """Indices of the chunks with valid files, and names of the files that are ignored.
 
     Raises:
         OSError: the folder cannot be read.
@@ -217,7 +217,7 @@ def whole_chunks(folder: str | os.PathLike[str], manifest: Manifest) -> tuple[li
 
 
 def not_counted(names: Sequence[str]) -> list[str]:
-    """Message that names ignored files of rows; empty list without any."""
+    """One-element list with a message that names ignored files; empty if no file was ignored."""
     return [f"not counted, since they are damaged or of another study: {', '.join(names)}"] if names else []
 
 

@@ -25,7 +25,7 @@ class StudyError(ValueError):
 
 @dataclass(frozen=True, kw_only=True)
 class Study:
-    """Definition of a sweep: everything that determines its rows.
+    """Definition of a sweep: everything that determines the result rows.
 
     Attributes:
         name: short name. title: one-line description. source: its name in messages.

@@ -93,7 +93,7 @@ def unseen_motion(vehicle: Vehicle) -> Trajectory:
 
 
 def draw_motions(vehicle: Vehicle, count: int, *, seed: int) -> tuple[dict[str, Array], npt.NDArray[np.int_]]:
-    """Draw the motions of ``count`` plants: scenario path -> values, and kind of each motion (count,).
+    """Draw reference motions for ``count`` plants: parameter path -> values, and the kind of each motion (count,).
 
     Args:
         vehicle: whose joints swing.
@@ -143,7 +143,7 @@ def sine_from_rest(amplitude: float, frequency: float, phase: float = 0.0) -> Si
 
 
 def _sine(path: str, amplitude: Array, frequency: Array, phase: Array | None = None) -> dict[str, Array]:
-    """Path -> values of a sine signal that fades in from rest."""
+    """Parameter path -> values of a sine signal that fades in from rest."""
     at = f"{path}.signal"
     return {
         f"{at}.amplitude": amplitude,

@@ -133,7 +133,7 @@ class HoverMargins:
 
 
 def failed_tests(loop: OpenLoop, delay: float, gain: float) -> float:
-    """Penalty for the margin tests that a loop fails."""
+    """Sum of penalties for the delay and gain margin tests that a loop fails; 0 if none fails."""
     tests = [{"extra_delay": delay}]
     tests += [{name: k} for name in ("rotor_gain", "joint_gain") for k in (gain, 1.0 / gain)]
     total = 0.0

@@ -54,7 +54,7 @@ class KnobError(ValueError):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Knob:
-    """Tunable gain: one factor on several numbers of a controller's parameters.
+    """Tunable gain: one common factor on several parameter values of a controller.
 
     Attributes:
         path: of the constants. unit: of the numbers, or nothing. numbers: place among the constants -> value.
@@ -70,7 +70,7 @@ class Knob:
 
 
 def inner_place(controller: Controller) -> Place:
-    """Parameter path of the innermost controller, inside wrappers such as safety filters and actuator models."""
+    """Parameter path of the innermost controller, inside wrappers such as the safety layer and the actuator layer."""
     place: Place = ()
     par = controller.par
     while is_record(inner := getattr(par, "inner", None)):

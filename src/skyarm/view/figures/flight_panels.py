@@ -214,13 +214,13 @@ def _rotors(logs: Sequence[Log]) -> list[Panel]:
 
 
 def _parts(logs: Sequence[Log]) -> list[Panel]:
-    """Panels of all quantities logged by environment components (winds, forces, contacts) and other plug-in models."""
+    """Panels of all quantities logged by the flights' components (winds, forces, contacts, payloads, batteries)."""
     every = {each.name: each for log in logs for each in columns(log) if each.array.startswith(f"{COMPONENTS}.")}
     return [Panel(label=name, unit=each.unit, of=_declared(name)) for name, each in every.items()]
 
 
 def _declared(name: str) -> Read:
-    """Function from a log to the values of a quantity logged by an environment component, by its name."""
+    """Function from a log to a quantity logged by a component (wind, force, contact, payload, battery), by name."""
     return lambda log: next((each.of(log) for each in columns(log) if each.name == name), None)
 
 

@@ -128,7 +128,7 @@ class PictureStyle:
         return look if position < len(self.looks) else replace(look, dash=(1.0, 1.0), width=0.8 * look.width)
 
     def blank(self, width: float, height: float) -> Picture:
-        """Create an empty figure of given size, in."""
+        """Create an empty figure of given width and height, inches."""
         pad = 0.006 * self.text
         layout = ConstrainedLayoutEngine(w_pad=pad, h_pad=pad)
         figure = Picture(figsize=(width, height), layout=layout, facecolor=self.face)
@@ -152,7 +152,7 @@ class PictureStyle:
     def tiles(
         self, count: int, across: int, size: tuple[float, float], extra: float = 0.0
     ) -> tuple[Picture, list[Axes]]:
-        """Create a figure with panels of equal size (in), row by row, and ``extra`` height."""
+        """Create a figure with panels of equal size (inches), row by row, and ``extra`` height."""
         columns = min(across, count)
         rows = -(-count // columns)
         figure = self.blank(size[0] * columns, size[1] * rows + extra)

@@ -124,7 +124,7 @@ def _at_most(offset: Array, length: float) -> Array:
 
 
 def _to_hold(radius: float, aspect: float) -> float:
-    """Camera distance at which a sphere fits into the picture."""
+    """Camera distance at which a sphere of given radius fits into the picture."""
     half = math.radians(0.5 * FIELD_OF_VIEW)
     across = math.atan(math.tan(half) * aspect)
     return radius / math.sin(min(half, across))

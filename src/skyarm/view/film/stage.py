@@ -105,7 +105,7 @@ class Stage:
         self._pixels = np.zeros((height, width, 3), np.uint8)
 
     def draw(self, k: int) -> Pixels:
-        """Render frame k (height, width, 3), undefined outside the panels; the next call overwrites it."""
+        """Render frame k (height, width, 3), undefined outside the panels; the next call overwrites the array."""
         self._current()  # two stages may be open at once
         for panel, (scene, ground) in zip(self._panels, self._scenes, strict=True):
             self._place(panel, scene, ground, k)

@@ -118,7 +118,7 @@ class KnobPanel:
                     self._sliders.append((knob, slider))
 
     def show(self, values: Mapping[str, float]) -> None:
-        """Set the sliders to values by path; the scenario's values where none is given."""
+        """Set each slider to the value given for its path, or to the scenario's value if the path is not given."""
         for knob, slider in self._sliders:
             slider.value = knob.clip(values.get(knob.path, knob.value))
 

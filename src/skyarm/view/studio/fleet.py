@@ -98,7 +98,7 @@ class Fleet:
         self._due = 0.0
 
     def under(self, law: str | None) -> Scenario:
-        """Scenario with a controller by name; None for its own controller.
+        """Scenario of the fleet with a controller given by name; None for the scenario's own controller.
 
         Raises:
             ScenarioError: no such law, or one that does not fit the vehicle.

@@ -95,7 +95,7 @@ class FlightNodes:
             self._touches.point(touch_arrows(scene.arrows))
 
     def draw(self, flight: Flight, *, slow: bool) -> Placed:
-        """Draw the flight's current state, trail and label only if ``slow``; returns the poses of the bodies."""
+        """Draw the flight's current state; trail and label only if ``slow``. Returns the poses of the bodies."""
         session, placed = flight.session, flight.poses()
         state = session.state
         speeds, turns = np.array([float(w) for w in state.rotor_speeds]), _turns_now(self._vehicle, state)
@@ -228,7 +228,7 @@ class Picture:
             self._ghost.place(goal.rotations, goal.positions)
 
     def _follow(self, at: Array) -> None:
-        """Shift the scene so that the first vehicle at (3,), m, stays in place for the camera, if following."""
+        """If following, shift the scene to keep the first vehicle, now at (3,), m, in place for the camera."""
         moved = self._origin - at if self.follow else np.zeros(3)
         if np.abs(moved - self._moved).max() > STILL:
             self._stage.position = self._moved = moved
