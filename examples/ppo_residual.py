@@ -2,10 +2,10 @@
 
     python examples/ppo_residual.py                    # learns (seed 0), and flies the policy on 200 wrong plants
     python examples/ppo_residual.py --iterations 0     # flies the laws that nothing is learned for
-    python examples/ppo_residual.py --plot curve.png   # the same for four seeds, with a figure
+    python examples/ppo_residual.py --plot curve.png   # the same for five seeds, with a figure
 
 A policy displaces the reference that the law is told, a little each period: its action goes up or down from the last
-one, so that a wind that stays can be learned away. It needs JAX (the extra ``jax``) beside the extra ``gym``.
+one, so that a wind that stays can be learned away. It needs two extras: ``pip install "skyarm[gym,jax]"``.
 """
 
 import argparse

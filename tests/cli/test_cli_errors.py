@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -417,3 +419,12 @@ def test_an_unexpected_error_inside_is_not_dressed_up_as_wrong_input(monkeypatch
     monkeypatch.setattr(sys, "argv", ["skyarm", "show", "hummingbird"])
     with pytest.raises(ZeroDivisionError):
         main()
+
+
+def test_a_missing_optional_library_is_named_with_its_extra(tmp_path):
+    (tmp_path / "cmaes.py").write_text("raise ImportError('no cmaes here')\n")
+    words = [sys.executable, "-m", "skyarm", "tune", "case1"]
+    hiding = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])}
+    done = subprocess.run(words, capture_output=True, text=True, timeout=120, env=hiding, check=False, cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "skyarm: needs the extra 'tune'; python -m pip install \"skyarm[tune]\"\n"

@@ -218,12 +218,12 @@ def _refusal(error: Exception) -> str:
     Raises:
         Exception: the error itself, where it is a fault.
     """
-    from skyarm.compile.machine_code import NoMachineCodeError
+    from skyarm.compile.machine_code import MissingExtraError, NoMachineCodeError
 
     if isinstance(error, OSError) and error.errno is not None:
         what = "standard output" if error.filename is None else f"file = {shown(os.fspath(error.filename))}"
         return f"{what}: must be usable ({error.strerror or errno.errorcode.get(error.errno, error.errno)})"
-    if isinstance(error, (OSError, ValueError, NoMachineCodeError)):
+    if isinstance(error, (OSError, ValueError, NoMachineCodeError, MissingExtraError)):
         return str(error)
     raise error
 

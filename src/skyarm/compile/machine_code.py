@@ -55,6 +55,10 @@ def _words(error: Exception) -> str:
     )
 
 
-def missing_extra(extra: str) -> ImportError:
-    """ImportError for an optional library that is not installed; names the extra that installs it."""
-    return ImportError(needs_extra(extra))
+class MissingExtraError(ImportError):
+    """Optional library that is not installed."""
+
+
+def missing_extra(extra: str) -> MissingExtraError:
+    """Error for an optional library that is not installed; names the extra that installs it."""
+    return MissingExtraError(needs_extra(extra))
