@@ -1,14 +1,19 @@
-"""The page over its own protocol, without a browser: who may speak, what a slider moves."""
+"""The page over its own protocol, without a browser: who may speak, what a frame can do, and what a slider moves."""
 
 import http.client
+import math
+import os
+import random
+import socket
 import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import msgspec
 import pytest
-from tab import Tab
-from websockets.exceptions import InvalidStatus
+from tab import CAMERA, Tab
+from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from skyarm.view.studio.fleet import Fleet
 from skyarm.view.studio.page import Page
@@ -114,6 +119,59 @@ def test_the_page_is_for_who_bears_the_token(shown: Open) -> None:
         assert TOKEN.encode() not in content
 
 
+WEBSOCKET = (
+    "Upgrade: websocket", "Connection: Upgrade", "Sec-WebSocket-Version: 13",
+    "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==",
+)  # fmt: skip
+
+
+def request(shown: Open, path: str = f"/?token={TOKEN}", *headers: str) -> bytes:
+    host = f"127.0.0.1:{shown.port}"
+    lines = [f"GET {path} HTTP/1.1", f"Host: {host}", *headers, *([f"Origin: http://{host}"] if headers else [])]
+    return ("\r\n".join(lines) + "\r\n\r\n").encode("latin-1")
+
+
+def answers(shown: Open, requests: list[bytes]) -> list[bytes]:
+    """First lines of what each is answered; empty of a connection that is closed, or that waits for more."""
+    sockets = [socket.create_connection(("127.0.0.1", shown.port), timeout=20.0) for _ in requests]
+    found = []
+    for each, sent in zip(sockets, requests, strict=True):
+        each.sendall(sent)
+    for each, sent in zip(sockets, requests, strict=True):
+        each.settimeout(20.0 if sent.endswith(b"\r\n\r\n") else 0.02)
+        try:
+            found.append(each.recv(200).split(b"\r\n")[0])
+        except OSError:
+            found.append(b"")
+        each.close()
+    return found
+
+
+def test_an_odd_request_is_refused_as_one(shown: Open) -> None:
+    odd = [
+        request(shown, "//["),  # no address
+        request(shown, "/?token=\xff"),  # no text
+        request(shown, f"/{'a' * 5000}?token={TOKEN}"),  # a name that no disk takes
+        request(shown, f"/?token={TOKEN}", "Upgrade: websocket", "Upgrade: websocket"),
+        request(shown, f"/?token={TOKEN}", *WEBSOCKET[:3], "Sec-WebSocket-Key: \xda"),
+    ]
+    assert answers(shown, odd) == [b"HTTP/1.1 400 Bad Request"] * len(odd)
+    assert answers(shown, [request(shown, f"/nothing?token={TOKEN}")]) == [b"HTTP/1.1 404 NOT FOUND"]
+
+
+def test_no_request_is_an_error_of_the_server(shown: Open) -> None:
+    rng, sent = random.Random(7), list[bytes]()
+    for _ in range(400):
+        made = bytearray(request(shown, f"/?token={TOKEN}", *rng.choice([(), WEBSOCKET])))
+        for _ in range(rng.randint(1, 5)):
+            at = rng.randrange(len(made))
+            made[at : at + rng.randint(0, 3)] = rng.randbytes(rng.randint(0, 4))
+        sent.append(bytes(made))
+    for begin in range(0, len(sent), 50):
+        assert not [each for each in answers(shown, sent[begin : begin + 50]) if b" 500 " in each]
+    assert shown.get(f"/?token={TOKEN}")[0] == 200
+
+
 @pytest.mark.parametrize(
     ("token", "origin"),
     [(None, "own"), ("0123456789abcdeF", "own"), (TOKEN, "https://evil.example"), (TOKEN, "null"), (TOKEN, None)],
@@ -122,6 +180,75 @@ def test_a_websocket_of_anyone_else_is_refused(shown: Open, token: str | None, o
     with pytest.raises(InvalidStatus) as refused:
         Tab(shown.port, token, origin)
     assert refused.value.response.status_code == 403
+
+
+def test_garbage_does_no_harm_and_says_nothing(shown: Open, tab: Tab, capfd: pytest.CaptureFixture[str]) -> None:
+    slider = tab.find("environment.wind.force.x")
+    group = tab.find("play / pause")
+    update = {"type": "GuiUpdateMessage", "uuid": slider, "updates": {"value": 1.0}}
+    frames: list[bytes | str] = [
+        b"",
+        b"\x00",
+        b"\xc1" * 40,
+        os.urandom(500),
+        "text",
+        "{}",
+        b"\x93" * 2000,
+        b"\x91" * 100_000,
+    ]
+    frames += [
+        msgspec.msgpack.encode(message)
+        for message in (
+            None,
+            [],
+            {},
+            {"type": None},
+            {"type": "Nothing"},
+            {"type": "ShareUrlRequest"},
+            {"type": "RunJavascriptMessage", "source": "1"},
+            {"type": "GuiUpdateMessage"},
+            {**update, "uuid": "nobody"},
+            {**update, "uuid": ["a"]},
+            {**update, "uuid": {}},
+            {**update, "updates": None},
+            {**update, "updates": {"visible": False}},
+            {**update, "updates": {"value": 1.0, "_impl": 2}},
+            *({**update, "updates": {"value": bad}} for bad in (None, "1", [], {}, math.nan, math.inf, True, {"a": 1})),
+            *({**update, "uuid": group, "updates": {"value": bad}} for bad in (None, 3, "nothing", ["step"])),
+            {**CAMERA, "wxyz": [1.0]},
+            {**CAMERA, "wxyz": None},
+            {**CAMERA, "fov": "wide"},
+            {**CAMERA, "position": [math.nan, 0.0, 0.0]},
+            {**CAMERA, "more": 1},
+            {k: v for k, v in CAMERA.items() if k != "near"},
+        )
+    ]
+    other = Tab(shown.port, TOKEN)
+    for frame in frames:
+        other.socket.send(frame)
+    before = seconds(tab)
+    tab.listen(lambda t: seconds(t) > before + 0.2)
+    other.close()
+    large = Tab(shown.port, TOKEN)
+    large.socket.send(b"x" * (2 << 20))
+    with pytest.raises(ConnectionClosed):  # it alone ends
+        large.listen(lambda _: False)
+    before = seconds(tab)
+    tab.listen(lambda t: seconds(t) > before + 0.2)
+    written = capfd.readouterr()
+    assert written.out + written.err == ""
+
+
+def test_a_value_beyond_a_slider_is_its_end(shown: Open, tab: Tab) -> None:
+    knob = tab.find("environment.wind.force.x")
+    other = Tab(shown.port, TOKEN)
+    other.listen(lambda t: knob in t.props)
+    tab.move(knob, 1e9)
+    other.listen(lambda t: t.props[knob]["value"] == 5.0)  # what other tabs are told
+    other.close()
+    wait(lambda: shown.page.fleet.flights[0].values.get("environment.wind.force.x") == 5.0)
+    tab.move(knob, -7)
+    wait(lambda: shown.page.fleet.flights[0].values.get("environment.wind.force.x") == -5.0)
 
 
 def wait(until: object, limit: float = 20.0) -> None:

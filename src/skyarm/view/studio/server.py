@@ -1,7 +1,7 @@
-"""viser server behind an access check of every request.
+"""viser server behind an access check of every request and a filter of every frame.
 
-viser takes every page's websocket; it is given a socket of the loopback that is bound already, and the websocket of a
-page of its own alone.
+viser takes every page's websocket and every value, and opens a tunnel into the internet where a frame requests it; it
+is given a loopback socket that is bound already, and websockets that pass allowed frames only.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import hmac
 import http
 import io
 import logging
+import math
 import os
 import socket
 from collections.abc import Callable, Iterator, Mapping
@@ -61,11 +62,11 @@ def listening_socket(port: int) -> socket.socket:
 
 
 def open_server(listening: socket.socket, guard: Guard, title: str) -> Any:
-    """Start a viser server on a socket, with access check.
+    """Start a viser server on a socket, with access check and frame filter.
 
     Args:
         listening: bound.
-        guard: access check.
+        guard: who may speak.
         title: of the page.
     """
     require_viser()
@@ -73,30 +74,44 @@ def open_server(listening: socket.socket, guard: Guard, title: str) -> Any:
     import websockets.asyncio.server as module
 
     logging.getLogger(QUIET).setLevel(logging.CRITICAL)
-    with _serving(module, listening, guard), _silent():
-        return viser.ViserServer(host=LOOPBACK[0], port=guard.port, label=title, verbose=False)
+    inputs: dict[str, Any] = {}
+    with _serving(module, listening, guard, inputs), _silent():
+        server = viser.ViserServer(host=LOOPBACK[0], port=guard.port, label=title, verbose=False)
+    inputs["gui"] = server.gui
+    return server
 
 
 def close_server(server: Any) -> None:
-    """Stop a viser server and suppress its printed output."""
+    """Stop a server silently."""
     with _silent():
         server.stop()
 
 
 @contextlib.contextmanager
-def _serving(module: Any, listening: socket.socket, guard: Guard) -> Iterator[None]:
-    """Context manager that makes viser's websocket server use our socket and access check."""
+def _serving(module: Any, listening: socket.socket, guard: Guard, inputs: dict[str, Any]) -> Iterator[None]:
+    """Context in which a websocket server is made on our socket, with our access check and frame filter."""
     plain = module.serve
 
     def serve(handler: Callable[[Any], Any], _host: str, _port: int, **options: Any) -> Any:
         page = options.pop("process_request")
 
+        async def handle(connection: Any) -> None:
+            await handler(Sieve(connection, inputs))
+
         def answer(connection: Any, request: Any) -> Any:
-            headers = {name.title(): value for name, value in request.headers.raw_items()}
-            websocket = headers.get("Upgrade", "").lower() == "websocket"
-            refusal = guard.refusal(request.path, headers, websocket=websocket)
+            try:
+                return respond(connection, request)
+            except (ValueError, LookupError, OSError):  # no address, a header twice, no text, a name beyond the disk's
+                return connection.respond(http.HTTPStatus.BAD_REQUEST, "400: must be a request of a browser\n")
+
+        def respond(connection: Any, request: Any) -> Any:
+            websocket = request.headers.get("Upgrade", "").lower() == "websocket"
+            # of a name that stands twice no one is asked
+            first = {name: request.headers.get_all(name)[0] for name in request.headers}
+            refusal = guard.refusal(request.path, {k.title(): v for k, v in first.items()}, websocket=websocket)
             if refusal is not None:
                 return connection.respond(http.HTTPStatus.FORBIDDEN, f"403: {refusal}\n")
+            request.headers.get("Sec-WebSocket-Key", "").encode("ascii")
             response = page(connection, request)
             if response is not None:
                 response.headers["Set-Cookie"] = guard.remember()
@@ -106,7 +121,7 @@ def _serving(module: Any, listening: socket.socket, guard: Guard) -> Iterator[No
             return response
 
         options["max_size"] = MOST_BYTES
-        return plain(handler, sock=listening, process_request=answer, **options)
+        return plain(handle, sock=listening, process_request=answer, **options)
 
     module.serve = serve
     try:
@@ -117,9 +132,91 @@ def _serving(module: Any, listening: socket.socket, guard: Guard) -> Iterator[No
 
 @contextlib.contextmanager
 def _silent() -> Iterator[None]:
-    """Context manager that suppresses what viser prints at start and stop."""
+    """Context that hides the lines which viser prints when it starts and stops."""
     with contextlib.redirect_stdout(io.StringIO()):
         yield
+
+
+class Sieve:
+    """Websocket that passes the frames of the studio's own page, and drops all others.
+
+    Args:
+        connection: the websocket. inputs: "gui" -> the sliders and buttons of the page.
+    """
+
+    ALLOWED = ("GuiUpdateMessage", "ViewerCameraMessage")
+
+    def __init__(self, connection: Any, inputs: dict[str, Any]) -> None:
+        self._connection, self._inputs = connection, inputs
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._connection, name)
+
+    async def recv(self) -> bytes:
+        """Receive the next allowed frame, its numbers clipped to the limits of their sliders."""
+        while True:
+            frame = await self._connection.recv()
+            passed = self.admit(frame)
+            if passed is not None:
+                return passed
+
+    def admit(self, frame: Any) -> bytes | None:
+        """Return the frame as viser receives it; None for a frame that is dropped."""
+        import msgspec
+
+        try:
+            message = msgspec.msgpack.decode(frame)
+            kind = message["type"]
+            if kind not in self.ALLOWED:
+                return None
+            if kind == "ViewerCameraMessage":
+                return frame if _is_camera(message) else None
+            if set(message) != {"type", "uuid", "updates"} or set(message["updates"]) != {"value"}:
+                return None
+            value = self._value(message["uuid"], message["updates"]["value"])
+        except (msgspec.DecodeError, KeyError, TypeError, ValueError, AttributeError, RecursionError):
+            return None
+        return msgspec.msgpack.encode({**message, "updates": {"value": value}})
+
+    def _value(self, uuid: str, value: Any) -> Any:
+        """Check the value of an input and clip it to the limits of its slider.
+
+        Raises:
+            ValueError, KeyError: it does not, or there is no such input.
+        """
+        handle = self._inputs["gui"]._gui_input_handle_from_uuid[uuid]
+        held, props = handle._impl.value, handle._impl.props
+        if isinstance(held, (bool, str)):
+            options = getattr(props, "options", None)
+            if type(value) is not type(held) or (options is not None and value not in options) or len(str(value)) > 200:
+                raise ValueError(value)
+            return value
+        if not _is_finite(value):
+            raise ValueError(value)
+        low, high = getattr(props, "min", None), getattr(props, "max", None)
+        value = value if low is None else max(value, low)
+        return type(held)(value if high is None else min(value, high))
+
+
+CAMERA = {"wxyz": 4, "position": 3, "look_at": 3, "up_direction": 3}
+SCALARS = ("fov", "near", "far", "image_height", "image_width")
+"""Fields of a camera's frame: how many numbers each has."""
+
+
+def _is_camera(message: dict[str, Any]) -> bool:
+    """True for a valid camera: finite numbers, of the right count."""
+    vectors = all(
+        type(message[name]) is list and len(message[name]) == count and all(map(_is_finite, message[name]))
+        for name, count in CAMERA.items()
+    )
+    return (
+        vectors and all(_is_finite(message[name]) for name in SCALARS) and set(message) == {"type", *CAMERA, *SCALARS}
+    )
+
+
+def _is_finite(value: object) -> bool:
+    """True for a finite number as a frame holds one, which is no subclass of its type."""
+    return type(value) in (int, float) and math.isfinite(value)  # type: ignore[arg-type]
 
 
 LOOPBACK = ("127.0.0.1", "localhost")
@@ -130,7 +227,7 @@ MOST_BYTES = 1 << 20
 
 @dataclass(frozen=True, slots=True)
 class Guard:
-    """Access check of a server: host, origin and token of every request.
+    """Access rules of one server.
 
     Attributes:
         port: of the loopback that it listens at. token: that every request must bear.
@@ -141,11 +238,11 @@ class Guard:
 
     @property
     def cookie(self) -> str:
-        """Name of the cookie, with the port, since browsers do not separate cookies by port."""
+        """Name of the cookie: browsers do not separate cookies by port."""
         return f"skyarm_studio_{self.port}"
 
     def refusal(self, path: str, headers: Mapping[str, str], *, websocket: bool) -> str | None:
-        """Text of the reason to refuse a request; None if it is allowed.
+        """Return the reason why a request is refused; None for an allowed request.
 
         Args:
             path: with its query.
@@ -174,9 +271,9 @@ class Guard:
         return any(hmac.compare_digest(each.encode(), self.token.encode()) for each in given)
 
     def remember(self) -> str:
-        """``Set-Cookie`` value with the token, not readable by scripts and sent to this site only."""
+        """Cookie header that stores the token in the browser, hidden from scripts and from other sites."""
         return f"{self.cookie}={self.token}; Path=/; HttpOnly; SameSite=Strict"
 
     def address(self) -> str:
-        """Address to open in the user's browser, with the token."""
+        """Address for the user's browser."""
         return f"http://{LOOPBACK[0]}:{self.port}/?token={self.token}"
