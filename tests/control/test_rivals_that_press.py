@@ -172,7 +172,7 @@ def test_the_virtual_mass_comes_with_the_speed_rests_at_the_wanted_force_and_ret
     ("options", "words"),
     [
         ({"interaction": (0.1, 0.3)}, "interaction"),
-        ({"interaction": (0.0, 0.0)}, "interaction"),
+        ({"interaction": (0.0, 0.0)}, "two forces above 0, the second below the first$"),
         ({"interaction": (0.3,)}, "must be 2 numbers"),
         ({"interaction": (10001.0, 0.1)}, "must be at most 10000 N"),
         ({"observer": (1.0, 2.0)}, "observer"),

@@ -117,7 +117,9 @@ def _choice(words: tuple[str, ...]) -> Rule:
     """Rule that accepts one of the given texts."""
 
     def check(field: str, value: Any) -> Any:
-        return value if value in words else refuse(field, value, must_be_one_of(words, value))
+        return (
+            value if isinstance(value, str) and value in words else refuse(field, value, must_be_one_of(words, value))
+        )
 
     return check
 

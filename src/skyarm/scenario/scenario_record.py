@@ -321,7 +321,9 @@ class Word(Generic[Held]):
     def __set_name__(self, owner: type, name: str) -> None:
         self._name = name
 
-    def __get__(self, scenario: Scenario, owner: type) -> Held:
+    def __get__(self, scenario: Scenario | None, owner: type) -> Held:
+        if scenario is None:  # of the class, as for any descriptor
+            return self  # type: ignore[return-value]
         found: Held = getattr(getattr(scenario, self._group), self._name)
         return found
 

@@ -331,8 +331,16 @@ class Wanted:
         return dataclasses.replace(self, normal=out)
 
 
-def require_thresholds(thresholds: tuple[float, float], leads: bool, mode: str = "tip") -> None:
+def require_thresholds(
+    thresholds: tuple[float, float], leads: bool, mode: str = "tip", *, optional: bool = True
+) -> None:
     """Reject invalid contact force thresholds (N), or contact control by a law that does not control the tip.
+
+    Args:
+        thresholds: of contact and of its loss, N.
+        leads: whether the law controls the tip.
+        mode: of the law that does, for the message.
+        optional: whether twice 0 means a law without contact.
 
     Raises:
         ControllerError: one line.
@@ -340,7 +348,8 @@ def require_thresholds(thresholds: tuple[float, float], leads: bool, mode: str =
     touch, lost = thresholds
     at = f"controller.interaction = {shown(thresholds)}"
     if not touch > lost > 0.0:
-        raise ControllerError(f"{at}: must be two forces above 0, the second below the first, or twice 0")
+        off = ", or twice 0" if optional else ""
+        raise ControllerError(f"{at}: must be two forces above 0, the second below the first{off}")
     if touch > STRONGEST:
         raise ControllerError(f"{at}: must be at most {STRONGEST:g} N")
     if not leads:

@@ -152,7 +152,7 @@ def thresholds(model: Model, forces: Any) -> InteractionGains:
     if not vehicle.end_effector or not vehicle.n:
         raise ControllerError(f"model.vehicle = {vehicle.name!r}: must have joints that move an end_effector")
     touch, lost = option_numbers("interaction", forces, 2)
-    require_thresholds((touch, lost), leads=True)
+    require_thresholds((touch, lost), leads=True, optional=False)
     return InteractionGains(touch=touch, lost=lost)
 
 

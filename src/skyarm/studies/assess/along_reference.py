@@ -184,7 +184,7 @@ def _saturation(
         FAULT if often > OFTEN or not finite else WARNING,
         text,
         f"{who}.{field}",
-        "a slower or smaller reference, less load or wind, or stronger rotors and drives",
+        "a slower or smaller reference, less load, or stronger rotors and drives",
         float(share[i, k]),
         1.0,
     )

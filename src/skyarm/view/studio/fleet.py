@@ -219,7 +219,7 @@ class Fleet:
         require_writable(str(folder))
         written = []
         for flight in self.flights:
-            name = f"{self.scenario.name}_{flight.title}"
+            name = f"{self.scenario.name}_{Path(flight.title).stem}"  # a file of gains is named by its path
             ends = itertools.chain([""], (f"_{k}" for k in itertools.count(1)))
             file = next(path for end in ends if not (path := folder / f"{name}{end}{LOG}").exists())
             save_log(flight.session.log, file)
