@@ -138,7 +138,7 @@ def test_a_log_in_a_file_is_the_same_flight(log, tmp_path):
     assert skyarm.run(read.scenario).info["digest"] == log.info["digest"]
     log.save_csv(tmp_path / "log.csv")
     head = (tmp_path / "log.csv").read_text().partition("\n")[0]
-    masses = [each for each in head.split(",") if "payload" in each]
+    masses = [each for each in head.split(",") if "payload_mass" in each]
     assert masses == ["payload_mass_parcel [kg]", "payload_mass_1 [kg]", "payload_mass_2 [kg]"]
 
 
