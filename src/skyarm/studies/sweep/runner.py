@@ -50,8 +50,7 @@ def fly_sweep(
 
     Args:
         study: the tables of a study's file (:mod:`skyarm.studies.sweep.study_file`), the path of one, the name of a
-        shipped
-            one, or a study that was loaded before.
+            shipped one, or a study that was loaded before.
         folder: of the rows; one that holds some of this study is completed.
         workers: threads that fly; rows do not depend on it.
         part: "K/N", one of the machines that share the folder.
