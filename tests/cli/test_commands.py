@@ -155,7 +155,7 @@ def test_run_sums_up_over_the_scenario_s_own_window(tmp_path: Path, monkeypatch:
     assert lines[1].startswith("law indi on hummingbird_arm2_rotors, ")
     log = Log.load_npz(tmp_path / "out" / "run" / "low.npz")
     norm = np.linalg.norm(log.position - log.position_reference, axis=1)[40:60]
-    assert "mean, [0.2, 0.3) s" in lines[2]
+    assert lines[2].startswith("error, 0.2 to 0.3 s")
     position = next(line for line in lines if line.startswith("base, m")).split()
     assert float(position[-3]) == pytest.approx(norm.mean(), rel=1e-3)
     assert float(position[-2]) == pytest.approx(norm.max(), rel=1e-3)
@@ -221,7 +221,7 @@ LOW = (
 def test_a_flight_that_ends_early_is_a_result_with_its_cause(tmp_path: Path) -> None:
     (tmp_path / "low.toml").write_text(LOW)
     result = shell("run", "low.toml", cwd=tmp_path)
-    assert result.out.startswith("low: ground at 0 s: lowest point at z = -0.2 m")
+    assert result.out.startswith("low: ground, 0 s of 1 s: lowest point at z = -0.2 m")
     assert result.err == ""
     assert result.code == 3, "a script that flies must notice"
     assert Log.load_npz(tmp_path / "out" / "run" / "low.npz").status == "ground"

@@ -270,3 +270,6 @@ class StudyFolder:
         facts = {"schema": SCHEMA, "name": manifest.name, "digest": manifest.digest, **asdict(manifest)}
         facts |= {"complete": done == manifest.chunks, "rows": rows, "chunks": {"done": done, "of": manifest.chunks}}
         write_inside(self.folder / MANIFEST, (json.dumps(facts, indent=1) + "\n").encode())
+        if facts["complete"]:  # nobody writes any more: hidden parts are those of killed processes
+            for left in [*self.folder.glob(f".{MANIFEST}.*.part"), *(self.folder / ROWS).glob(".chunk_*.part")]:
+                left.unlink(missing_ok=True)
