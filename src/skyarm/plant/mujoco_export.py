@@ -25,7 +25,7 @@ from skyarm.plant.mujoco_model import build_spec, joint_addresses, site_of_rotor
 from skyarm.vehicle.check import require_plant
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
-HEADER = "Written by skyarm export --to mjcf; control of a rotor is its thrust in N, of a joint its effort in N m or N."
+HEADER = "Written by skyarm export as MJCF; control of a rotor is its thrust in N, of a joint its effort in N m or N."
 
 
 START = "start"
