@@ -19,7 +19,7 @@ class ArrayLike:
 
     def __getitem__(self, index: Any) -> Any:
         """One component by index, or a tuple of components by slice."""
-        raise NotImplementedError
+        raise NotImplementedError(f"{type(self).__name__} must define __getitem__()")
 
     def __len__(self) -> int:
         return len(self[:])

@@ -68,7 +68,7 @@ class Terminal(Console):
 
     def out(self, *objects: Any, **options: Any) -> None:
         """Raise an error for output that bypasses :meth:`render`."""
-        raise NotImplementedError("Terminal.out: print")
+        raise NotImplementedError("Terminal.out() writes past render(); use print()")
 
 
 PLAIN: Mapping[str, Any] = {"markup": False, "highlight": False, "emoji": False}

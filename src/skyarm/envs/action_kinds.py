@@ -81,7 +81,7 @@ class Actions:
             action: (size,) numbers in [-1, 1].
             now: all other inputs of the period.
         """
-        raise NotImplementedError(f"{type(self).__name__} must say its command")
+        raise NotImplementedError(f"{type(self).__name__} must define command()")
 
     def efforts(self, action: tuple[Scalar, ...], now: Turn) -> tuple[Scalar, ...]:
         """Joint efforts (or setpoints of joint drives) commanded by the last components of an action."""

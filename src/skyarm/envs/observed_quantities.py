@@ -69,7 +69,7 @@ class Observed:
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
         """Numbers that the observed quantity contributes to the observation vector."""
-        raise NotImplementedError(f"{type(self).__name__} must say its numbers")
+        raise NotImplementedError(f"{type(self).__name__} must define numbers()")
 
 
 @dataclass(frozen=True, kw_only=True)

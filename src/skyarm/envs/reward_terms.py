@@ -35,7 +35,7 @@ class RewardTerm:
 
     def value(self, result: Result) -> Scalar:
         """Value of the term before its weight."""
-        raise NotImplementedError(f"{type(self).__name__} must say its value")
+        raise NotImplementedError(f"{type(self).__name__} must define value()")
 
 
 @dataclass(frozen=True, kw_only=True)

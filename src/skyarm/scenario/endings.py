@@ -45,7 +45,7 @@ class Ending:
             goal: position of the held reference, m.
             slack: how far inside its limit a state must be; 0 in flight.
         """
-        raise NotImplementedError(f"{type(self).__name__} must say what is fine")
+        raise NotImplementedError(f"{type(self).__name__} must define fine()")
 
     def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
         """Message with the reason why a state ends the episode."""

@@ -246,7 +246,7 @@ class ChannelSensor(Sensor):
 
     def quantities(self, state: State, specific_force: Vec3) -> Quantities:
         """Name, error model and true value of each channel (measured quantity)."""
-        raise NotImplementedError(f"{type(self).__name__} must say what it measures")
+        raise NotImplementedError(f"{type(self).__name__} must define quantities()")
 
     def examples(self, vehicle: Vehicle) -> Quantities:
         """Name, error model and value of each channel in an example state, whose values are irrelevant."""

@@ -78,11 +78,11 @@ class Sensor:
         Returns:
             memory, and the reading: a record or tuple of scalars of one shape.
         """
-        raise NotImplementedError(f"{type(self).__name__} must say what it measures")
+        raise NotImplementedError(f"{type(self).__name__} must define measure()")
 
     def feel(self, memory: Any, t: Scalar, push: Push, draws: Sequence[Scalar], dt: float) -> tuple[Any, Any]:
         """Take one reading of a force sensor; ``push`` is the true wrench at its frame."""
-        raise NotImplementedError(f"{type(self).__name__} must say what it feels")
+        raise NotImplementedError(f"{type(self).__name__} must define feel()")
 
     def take(
         self, memory: Any, t: Scalar, state: State, specific_force: Vec3, push: Push, draws: Sequence[Scalar], dt: float

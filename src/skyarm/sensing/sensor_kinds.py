@@ -253,7 +253,7 @@ class FramedSensor(ChannelSensor):
 
     def reading_of(self, push: Push) -> Quantities:
         """Channels of the sensor for a wrench: name, errors and true components."""
-        raise NotImplementedError(f"{type(self).__name__} must say what it feels")
+        raise NotImplementedError(f"{type(self).__name__} must define reading_of()")
 
     def require_vehicle(self, vehicle: Vehicle) -> None:
         """Refuse a vehicle that lacks the sensor's frame."""

@@ -172,7 +172,7 @@ class Component:
 
     def slope(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Any:
         """Time derivative of a coupled component's internal state, in the same structure."""
-        raise NotImplementedError(f"{type(self).__name__} is coupled and must say the slope of its memory")
+        raise NotImplementedError(f"{type(self).__name__} is coupled and must define slope()")
 
     def before_euler_step(self, memory: Any, slope: Any, dt: Scalar) -> Any:
         """Internal state for evaluating the forces of a semi-implicit Euler step of ``dt`` (s).

@@ -95,7 +95,7 @@ class Drive:
 
     def effort(self, memory: Any, setpoint: Scalar, position: Scalar, rate: Scalar) -> Scalar:
         """Torque (N m) or force (N) on the joint."""
-        raise NotImplementedError(f"{type(self).__name__} must say its effort")
+        raise NotImplementedError(f"{type(self).__name__} must define effort()")
 
     def largest_effort(self) -> Scalar:
         """Largest torque (N m) or force (N) on a joint at rest; infinite if unlimited."""

@@ -156,7 +156,7 @@ class Servo(Drive):
 
     def _next_goal(self, goal: Scalar, received: Scalar, dt: float) -> Scalar:
         """Setpoint that the servo's loop tracks after a period in which the setpoint ``received`` arrived."""
-        raise NotImplementedError
+        raise NotImplementedError(f"{type(self).__name__} must define _next_goal()")
 
     def _rounding(self, position: Scalar) -> Scalar:
         """Rounding error of the encoder at a joint position."""
@@ -164,7 +164,7 @@ class Servo(Drive):
 
     def _loop(self, goal: Scalar, integral: Scalar, position: Scalar, rate: Scalar) -> tuple[Scalar, Scalar]:
         """Control error of the servo's loop, and the loop's torque before the torque limits."""
-        raise NotImplementedError
+        raise NotImplementedError(f"{type(self).__name__} must define _loop()")
 
     def _arriving_setpoint(self, memory: ServoMemory, setpoint: Scalar, dt: float) -> tuple[Scalar, tuple[Scalar, ...]]:
         """Mean setpoint that arrives in this period, and the queue of those still delayed."""

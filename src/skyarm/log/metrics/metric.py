@@ -24,11 +24,11 @@ class Metric:
 
     def start(self) -> Any:
         """Initial state of the metric's accumulation: a record or tuple of scalars, such as running sums."""
-        raise NotImplementedError(f"{type(self).__name__} must say where it starts")
+        raise NotImplementedError(f"{type(self).__name__} must define start()")
 
     def count(self, memory: Any, now: Instant) -> Any:
         """Updated state of the metric's accumulation after one more control instant."""
-        raise NotImplementedError(f"{type(self).__name__} must say what it counts")
+        raise NotImplementedError(f"{type(self).__name__} must define count()")
 
     def result(self, memory: Any, instants: Any, period: float) -> Any:
         """Value of the metric from the final state of its accumulation.
@@ -38,4 +38,4 @@ class Metric:
             instants: number of counted instants.
             period: between them, s.
         """
-        raise NotImplementedError(f"{type(self).__name__} must say its result")
+        raise NotImplementedError(f"{type(self).__name__} must define result()")

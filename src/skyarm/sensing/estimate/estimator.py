@@ -59,7 +59,7 @@ class Estimator:
             command: the one that acts now.
             dt: control period, s.
         """
-        raise NotImplementedError(f"{type(self).__name__} must say what it estimates")
+        raise NotImplementedError(f"{type(self).__name__} must define step()")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -55,7 +55,7 @@ class Carrier:
     @property
     def surfaces(self) -> tuple[Surface, ...]:
         """Contact surfaces of the movable body, with positions and angles in the body's axes."""
-        raise NotImplementedError
+        raise NotImplementedError(f"{type(self).__name__} must define surfaces()")
 
     @property
     def mobility(self) -> Scalar:
@@ -63,7 +63,7 @@ class Carrier:
 
         Integration steps follow from it. A body that is pushed at one point has 1/m there, and more beside its centre.
         """
-        raise NotImplementedError
+        raise NotImplementedError(f"{type(self).__name__} must define mobility()")
 
     @property
     def largest_step(self) -> Any:
@@ -91,7 +91,7 @@ class Carrier:
 
     def start(self) -> Any:
         """Initial state of the movable body, a dataclass or tuple of floats."""
-        raise NotImplementedError
+        raise NotImplementedError(f"{type(self).__name__} must define start()")
 
     def advance(self, memory: Any) -> Any:
         """State of the body at a control instant without rounding drift: quaternions are normalised."""
@@ -99,7 +99,7 @@ class Carrier:
 
     def frame(self, memory: Any) -> CarriedFrame:
         """Pose and velocity of the movable body's axes."""
-        raise NotImplementedError
+        raise NotImplementedError(f"{type(self).__name__} must define frame()")
 
     def slope(self, memory: Any, force_W: Vec3, torque_W: Vec3, gravity: Scalar) -> Any:
         """Time derivative of the body's state under external force and torque, in the same structure.
@@ -110,7 +110,7 @@ class Carrier:
             torque_W: of that about the origin of its axes, N m, world axes.
             gravity: m/s^2, along -z.
         """
-        raise NotImplementedError
+        raise NotImplementedError(f"{type(self).__name__} must define slope()")
 
     def before_euler_step(self, memory: Any, slope: Any, dt: Scalar) -> Any:
         """State for the forces of a semi-implicit Euler step: friction bristles are already advanced."""
@@ -118,11 +118,11 @@ class Carrier:
 
     def kick(self, memory: Any, slope: Any, dt: Scalar) -> Any:
         """State after an acceleration for ``dt`` (s): only velocities change."""
-        raise NotImplementedError
+        raise NotImplementedError(f"{type(self).__name__} must define kick()")
 
     def drift(self, memory: Any, dt: Any) -> Any:
         """State after ``dt`` (s) with constant velocities: only positions change."""
-        raise NotImplementedError
+        raise NotImplementedError(f"{type(self).__name__} must define drift()")
 
     def after_push(self, memory: Any, force_W: Vec3, torque_W: Vec3, gravity: Scalar, dt: Scalar) -> Any:
         """State after force (N) and torque (N m) acted for ``dt`` (s), with gyroscopic torques at mid-step.
