@@ -52,7 +52,9 @@ class Flown:
         self.time = self.inputs.times[: len(x)]
         self.position, self.quaternion, self.velocity = x[:, :3], x[:, 3:7], x[:, 7:10]
         self.joints = x[:, 13:15]
-        self.position_reference = np.array(self.inputs.goals)[: len(x)]
+        self.position_reference = np.stack(
+            np.broadcast_arrays(*self.inputs.held_reference.position, self.inputs.times)[:3], 1
+        )[: len(x)]
         self.status = "completed" if len(x) == scenario.steps and flown.carry.alive > 0.5 else "ended"
 
 

@@ -20,7 +20,6 @@ from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import JointDrive, NamedSensor
 from skyarm.sensing.measurement import SensorNoise
 from skyarm.simulate import Delays, Log, ScenarioError, run
-from skyarm.simulate import engine as engine_module
 from thorough import sampled
 
 NOISY = dataclasses.replace(
@@ -212,11 +211,7 @@ def test_a_session_goes_back_to_a_snapshot_as_often_as_it_likes(name: str) -> No
 
 @pytest.mark.parametrize("name", ["noisy", "called"])
 @pytest.mark.parametrize(("at", "ahead"), [(14, 6), (3, 33), (16, 1), (15, 16)])
-def test_noise_is_that_of_the_period_wherever_a_session_goes_back_from(
-    name: str, at: int, ahead: int, monkeypatch: Any
-) -> None:
-    """Random numbers are drawn for many periods at once: what is held may be of a later block than is asked for."""
-    monkeypatch.setattr(engine_module, "DRAWN", 16)
+def test_noise_is_that_of_the_period_wherever_a_session_goes_back_from(name: str, at: int, ahead: int) -> None:
     wanted, session = run(SCENARIOS[name]), Session(SCENARIOS[name])
     for _ in range(at):
         session.step()
@@ -239,8 +234,7 @@ def test_a_snapshot_of_another_session_is_refused() -> None:
     assert (session.tick, session.scenario) == (1, NOISY)
 
 
-def test_stages_draw_block_by_block_what_machine_code_draws_one_by_one(monkeypatch: Any) -> None:
-    monkeypatch.setattr(engine_module, "DRAWN", 16)
+def test_stages_draw_stretch_by_stretch_what_machine_code_draws_one_by_one() -> None:
     own = NOISY.controller.law
 
     def untraced(memory: Any, measurement: Any, reference: Any, dt: Any, *, par: Any) -> Any:

@@ -35,6 +35,20 @@ class State:
             accept_fields(self, "state")
 
 
+def example_state(joints: int, rotors: int, tilts: int = 0) -> State:
+    """State at rest and level at the origin, with this many joints, rotors and tilting rotors."""
+    return State(
+        position=Vec3(0.0, 0.0, 0.0),
+        quaternion=Quaternion(1.0, 0.0, 0.0, 0.0),
+        velocity=Vec3(0.0, 0.0, 0.0),
+        rate=Vec3(0.0, 0.0, 0.0),
+        joints=(0.0,) * joints,
+        joint_rates=(0.0,) * joints,
+        rotor_speeds=(0.0,) * rotors,
+        tilts=(0.0,) * tilts,
+    )
+
+
 def proper_acceleration(R_WB: Mat3, linear_W: Vec3, angular_B: Vec3, gravity: Scalar) -> Motion:
     """Return the base acceleration as an accelerometer reads it: R^T (dv/dt + g e_z), base axes."""
     return Motion(angular_B, R_WB.apply_T(linear_W + E_Z * gravity))

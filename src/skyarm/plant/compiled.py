@@ -7,7 +7,7 @@ from collections.abc import Callable
 from functools import cached_property
 from typing import Any, Self
 
-from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import where
 from skyarm.compile import Program, trace
 from skyarm.compile.tracing.lower import repeat, repeat_while
@@ -15,6 +15,7 @@ from skyarm.compile.tracing.program import trace_loop
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.point_motion import PointMotion
+from skyarm.dynamics.state import example_state
 from skyarm.plant.interface import Flat, Truth, number, whole_steps
 from skyarm.plant.joint_rate import joint_rate
 from skyarm.plant.largest_step import (
@@ -30,20 +31,6 @@ from skyarm.plant.largest_step import (
 from skyarm.plant.rigid_body import COUPLED_STEP, Moved, accelerate, after_impact, far_step
 from skyarm.plant.surroundings import Surroundings
 from skyarm.vehicle.check import require_plant
-
-
-def example_state(joints: int, rotors: int, tilts: int = 0) -> State:
-    """Example state with the right number of leaves; its values are not used."""
-    return State(
-        position=Vec3(0.0, 0.0, 0.0),
-        quaternion=Quaternion(1.0, 0.0, 0.0, 0.0),
-        velocity=Vec3(0.0, 0.0, 0.0),
-        rate=Vec3(0.0, 0.0, 0.0),
-        joints=(0.0,) * joints,
-        joint_rates=(0.0,) * joints,
-        rotor_speeds=(0.0,) * rotors,
-        tilts=(0.0,) * tilts,
-    )
 
 
 def example_command(joints: int, rotors: int, tilts: int = 0) -> Command:

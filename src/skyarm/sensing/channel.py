@@ -13,13 +13,14 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import Annotated, Any, ClassVar
 
-from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, add, data, divide, floor, logical_and, logical_or, minimum, mul, sqrt, where
 from skyarm.algebra.scalars.philox import normals
 from skyarm.compile import leaves, rebuild
-from skyarm.dynamics.state import State
+from skyarm.dynamics.state import State, example_state
 from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.leaves import blend
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit, declared_fields
 from skyarm.reference.signal_tables import SignalList
@@ -226,6 +227,9 @@ class ChannelMemory:
     own: Any = ()
 
 
+SampleRate = Annotated[float, Unit("Hz", "readings a second, 0: one each control period", low=0.0)]
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ChannelSensor(Sensor):
     """Sensor whose reading consists of a time stamp and one field per channel (measured quantity).
@@ -237,7 +241,7 @@ class ChannelSensor(Sensor):
         dropouts: readings that do not come.
     """
 
-    frequency: Annotated[float, Unit("Hz", "readings a second, 0: one each control period", low=0.0)] = 0.0
+    frequency: SampleRate = 0.0
     latency: Annotated[float, Unit("s", "age of a reading when it arrives", low=0.0)] = 0.0
     dropouts: Dropouts = Dropouts()
 
@@ -250,7 +254,7 @@ class ChannelSensor(Sensor):
 
     def examples(self, vehicle: Vehicle) -> Quantities:
         """Name, error model and value of each channel in an example state, whose values are irrelevant."""
-        return self.quantities(*_example(vehicle))
+        return self.quantities(example_state(*vehicle.sizes), Vec3(0.0, 0.0, 0.0))
 
     record: ClassVar[type]
     """Record of a reading: the instant, then a field for each channel."""
@@ -281,7 +285,7 @@ class ChannelSensor(Sensor):
 
     def start(self, vehicle: Vehicle) -> ChannelMemory:
         """Initial internal state of the sensor, before the first reading."""
-        state, quantities = _example(vehicle)[0], self.examples(vehicle)
+        state, quantities = example_state(*vehicle.sizes), self.examples(vehicle)
         own, last = self.first_own(vehicle), ()
         if self.dropouts.any:
             _, example = self.reading(0.0, [truth for _, _, truth in quantities], state, own, False, 1.0)
@@ -317,12 +321,7 @@ class ChannelSensor(Sensor):
         if loss:
             lost = where(first, 0.0, self.dropouts.lost(memory.lost, loss[0], dt))
         if self.dropouts.any:
-            silent = self.dropouts.silent(lost, t)
-            kept = [
-                where(first, new, where(silent, old, new))
-                for new, old in zip(leaves(reading), leaves(memory.last), strict=True)
-            ]
-            reading = rebuild(memory.last, iter(kept))
+            reading = blend(first, reading, blend(self.dropouts.silent(lost, t), memory.last, reading))
         following = ChannelMemory(
             read=memory.read * 0.0 + 1.0,
             drifts=tuple(drifts),
@@ -338,14 +337,3 @@ def _makers(record: type) -> Mapping[str, Callable[[tuple[Any, ...]], Any]]:
     """Conversion functions by field of a reading (except time): from a channel's components to the field's value."""
     types = {name: wanted for name, (wanted, _) in declared_fields(record).items() if name != "time"}
     return {name: (lambda c: Vec3(*c)) if each is Vec3 else (lambda c: c[0]) for name, each in types.items()}
-
-
-def _example(vehicle: Vehicle) -> tuple[State, Vec3]:
-    """Example state and specific force, whose values are irrelevant."""
-    still = (0.0,) * vehicle.n
-    zero = Vec3(0.0, 0.0, 0.0)
-    state = State(
-        position=zero, quaternion=Quaternion(1.0, 0.0, 0.0, 0.0), velocity=zero, rate=zero,
-        joints=still, joint_rates=still, rotor_speeds=(0.0,) * len(vehicle.rotors),
-    )  # fmt: skip
-    return state, zero

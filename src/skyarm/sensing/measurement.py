@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Any
@@ -11,6 +12,7 @@ from skyarm.algebra.scalars import Scalar, add, data, mul
 from skyarm.algebra.scalars.philox import normals
 from skyarm.compile import leaves
 from skyarm.dynamics import State
+from skyarm.dynamics.state import example_state
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
@@ -55,36 +57,14 @@ class Measurement:
 
 def blank_measurement(joints: int, rotors: int, tilts: int = 0, tip_force: int = 0) -> Measurement:
     """Example measurement of a vehicle at rest and level at the origin, at time 0."""
-    zero, still = Vec3(0.0, 0.0, 0.0), (0.0,) * joints
-    return Measurement(
-        time=0.0,
-        position=zero,
-        quaternion=Quaternion(1.0, 0.0, 0.0, 0.0),
-        velocity=zero,
-        rate=zero,
-        specific_force=zero,
-        joints=still,
-        joint_rates=still,
-        rotor_speeds=(0.0,) * rotors,
-        tilts=(0.0,) * tilts,
-        tip_force=(0.0,) * tip_force,
-    )
+    blank = measurement_of(example_state(joints, rotors, tilts), Vec3(0.0, 0.0, 0.0))
+    return dataclasses.replace(blank, tip_force=(0.0,) * tip_force)
 
 
 def measurement_of(state: State, specific_force: Vec3) -> Measurement:
     """Error-free measurement of a state at time 0; specific force in m/s^2, base axes."""
-    return Measurement(
-        time=0.0,
-        position=state.position,
-        quaternion=state.quaternion,
-        velocity=state.velocity,
-        rate=state.rate,
-        specific_force=specific_force,
-        joints=state.joints,
-        joint_rates=state.joint_rates,
-        rotor_speeds=state.rotor_speeds,
-        tilts=state.tilts,
-    )
+    nothing = [0] * noise_count(len(state.joints), len(state.rotor_speeds))
+    return measure(SensorNoise(), 0.0, state, specific_force, nothing)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -24,69 +24,69 @@ from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.files import shown
 from skyarm.records.leaves import leaves
 from skyarm.records.units import Unit
-from skyarm.sensing.channel import Channel, ChannelMemory, ChannelSensor, Quantities, absent
+from skyarm.sensing.channel import Channel, ChannelMemory, ChannelSensor, Quantities, SampleRate, absent
 from skyarm.sensing.sensor import NO_PUSH, Push
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class ImuReading:
-    """Reading of an inertial unit: angular rate and specific force of the base origin."""
+class Reading:
+    """Reading of a sensor: the instant at which it was taken."""
 
     time: Annotated[Scalar, Unit("s", "when it was read")]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ImuReading(Reading):
+    """Reading of an inertial unit: angular rate and specific force of the base origin."""
+
     rate: Annotated[Vec3, Unit("rad/s", "base axes")]
     specific_force: Annotated[Vec3, Unit("m/s^2", "base axes, +g along z in hover")]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class PoseReading:
+class PoseReading(Reading):
     """Reading of motion capture: position of the base origin and attitude of the base."""
 
-    time: Annotated[Scalar, Unit("s", "when it was read")]
     position: Annotated[Vec3, Unit("m", "base origin, world axes")]
     quaternion: Annotated[Quaternion, Unit("", "w x y z, base to world")]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class PositionReading:
+class PositionReading(Reading):
     """Reading of satellite navigation: position of the base origin."""
 
-    time: Annotated[Scalar, Unit("s", "when it was read")]
     position: Annotated[Vec3, Unit("m", "base origin, world axes")]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class HeadingReading:
+class HeadingReading(Reading):
     """Reading of a heading sensor: yaw of the base's x axis about the vertical."""
 
-    time: Annotated[Scalar, Unit("s", "when it was read")]
     heading: Annotated[Scalar, Unit("rad", "yaw, not wrapped")]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class EncoderReading:
+class EncoderReading(Reading):
     """Reading of the encoders: positions and rates of all joints."""
 
-    time: Annotated[Scalar, Unit("s", "when it was read")]
     joints: Annotated[tuple[Scalar, ...], Unit("rad or m", "see the joints above")]
     joint_rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s")]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class ForceReading:
+class ForceReading(Reading):
     """Reading of a force-torque sensor: external wrench at a frame."""
 
-    time: Annotated[Scalar, Unit("s", "when it was read")]
     force: Annotated[Vec3, Unit("N", "axes of the frame")]
     torque: Annotated[Vec3, Unit("N m", "about its origin, axes of the frame")]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class SwitchReading:
+class SwitchReading(Reading):
     """Reading of a tactile switch at a frame: closed while a force acts."""
 
-    time: Annotated[Scalar, Unit("s", "when it was read")]
     closed: Annotated[Scalar, Unit("", "1 closed, 0 open")]
 
 
@@ -118,7 +118,7 @@ class Pose(ChannelSensor):
     resolution.
     """
 
-    frequency: Annotated[float, Unit("Hz", "readings a second, 0: one each control period", low=0.0)] = 50.0
+    frequency: SampleRate = 50.0
     position: Channel = Channel(sigma=0.005)
     attitude: Channel = Channel(sigma=0.005)
 
@@ -148,7 +148,7 @@ class Position(ChannelSensor):
 
     record: ClassVar[type] = PositionReading
 
-    frequency: Annotated[float, Unit("Hz", "readings a second, 0: one each control period", low=0.0)] = 10.0
+    frequency: SampleRate = 10.0
     position: Channel = Channel(sigma=0.02)
 
     def quantities(self, state: State, specific_force: Vec3) -> Quantities:
@@ -162,7 +162,7 @@ class Heading(ChannelSensor):
 
     record: ClassVar[type] = HeadingReading
 
-    frequency: Annotated[float, Unit("Hz", "readings a second, 0: one each control period", low=0.0)] = 10.0
+    frequency: SampleRate = 10.0
     heading: Channel = Channel(sigma=0.02)
 
     def quantities(self, state: State, specific_force: Vec3) -> Quantities:
@@ -267,22 +267,19 @@ class FramedSensor(ChannelSensor):
         """Channels of the sensor without an external wrench, as an example."""
         return self.reading_of(NO_PUSH)
 
-    def first_own(self, vehicle: Vehicle) -> Any:
-        """Initial state of the low-pass filter."""
-        return NO_PUSH
-
-    def filter_push(self, memory: ChannelMemory, before: Push, push: Push, dt: float) -> Push:
-        """Output of the low-pass filter; the first wrench passes unfiltered."""
-        if type(self.bandwidth) in (int, float) and self.bandwidth == 0:
-            return push
-        share = where(memory.read < 0.5, 1.0, 1.0 - exp(-mul(self.bandwidth, dt)))
-        force, torque = before.force, before.torque
-        return Push(force=force + (push.force - force) * share, torque=torque + (push.torque - torque) * share)
+    def first_own(self, vehicle: Vehicle) -> tuple[Push, Any]:
+        """Initial output of the low-pass filter, and internal state of what follows it."""
+        return NO_PUSH, ()
 
     def feel(self, memory: ChannelMemory, t: Scalar, push: Push, draws: Sequence[Scalar], dt: float) -> tuple[Any, Any]:
-        """Take one reading of the low-pass filtered wrench; return the next internal state and the reading."""
-        behind = self.filter_push(memory, memory.own, push, dt)
-        return self.read(dataclasses.replace(memory, own=behind), t, self.reading_of(behind), (), draws, dt)
+        """Take one reading of the low-pass filtered wrench, the first unfiltered; return internal state and reading."""
+        before, more = memory.own
+        if not (concrete(self.bandwidth) and self.bandwidth == 0):
+            share = where(memory.read < 0.5, 1.0, 1.0 - exp(-mul(self.bandwidth, dt)))
+            force, torque = before.force, before.torque
+            push = Push(force=force + (push.force - force) * share, torque=torque + (push.torque - torque) * share)
+        own = dataclasses.replace(memory, own=(push, more))
+        return self.read(own, t, self.reading_of(push), (), draws, dt)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -297,14 +294,6 @@ class ForceTorque(FramedSensor):
     def reading_of(self, push: Push) -> Quantities:
         """Channels of force and torque: name, errors and true components."""
         return ("force", self.force, tuple(push.force)), ("torque", self.torque, tuple(push.torque))
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Switched:
-    """Internal state of a tactile switch: low-pass filter and contact state."""
-
-    push: Push
-    closed: Annotated[Scalar, Unit("", "1 closed, 0 open")]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -329,19 +318,13 @@ class TactileSwitch(FramedSensor):
         f = push.force
         return (("force", self.force, (sqrt(f.dot(f)),)),)
 
-    def first_own(self, vehicle: Vehicle) -> Any:
-        """Initial state of the low-pass filter, and the switch open."""
-        return Switched(push=NO_PUSH, closed=0.0)
-
-    def feel(self, memory: ChannelMemory, t: Scalar, push: Push, draws: Sequence[Scalar], dt: float) -> tuple[Any, Any]:
-        """Take one reading: low-pass filter, then the switch; return the next internal state and the reading."""
-        before = memory.own
-        behind = self.filter_push(memory, before.push, push, dt)
-        own = Switched(push=behind, closed=before.closed)
-        return self.read(dataclasses.replace(memory, own=own), t, self.reading_of(behind), (), draws, dt)
+    def first_own(self, vehicle: Vehicle) -> tuple[Push, Any]:
+        """Initial output of the low-pass filter, and the switch open."""
+        return NO_PUSH, 0.0
 
     def reading(self, t: Any, values: Sequence[tuple[Any, ...]], state: Any, own: Any, first: Any, dt: float) -> Any:
         """Switch state with hysteresis, and its reading: 1 closed, 0 open."""
+        push, before = own
         force = values[0][0]
-        closed = where(force > self.on, 1.0, where(force < self.off, 0.0, own.closed))
-        return dataclasses.replace(own, closed=closed), SwitchReading(time=t, closed=closed)
+        closed = where(force > self.on, 1.0, where(force < self.off, 0.0, before))
+        return (push, closed), SwitchReading(time=t, closed=closed)

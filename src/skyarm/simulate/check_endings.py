@@ -14,7 +14,7 @@ from skyarm.algebra.scalars import Scalar, logical_and
 from skyarm.compile import rebuild
 from skyarm.control.law_estimates import observed_push
 from skyarm.dynamics import State
-from skyarm.plant.compiled import example_state
+from skyarm.dynamics.state import example_state
 from skyarm.reference.trajectory import failure_words
 from skyarm.scenario.endings import BUILT_IN, PHASE_FAILED, Ending, not_finite
 from skyarm.scenario.numbers import with_numbers

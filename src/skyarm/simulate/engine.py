@@ -63,12 +63,6 @@ PIECE = 0.1
 ALIVE, TICKS = 0, 1
 """Places of ``LoopState.alive`` and ``LoopState.ticks`` among a loop state's leaves."""
 
-LOGGED = 2**16
-"""Periods whose samples a log has room for at first; it grows by doubling."""
-
-DRAWN = 256
-"""Periods whose random numbers Python draws at once."""
-
 
 class EpisodeCode:
     """Traced program of one control period of a scenario, for a single lane.
@@ -177,7 +171,6 @@ class _PythonSteps:
         self._loop, self._step, self._keys = loop, loop.stepper(), (seed, episode)
         self.carry, self.parameters = carry, parameters
         self.command: tuple[float, ...] = ()
-        self._block, self._drawn = -1, list[tuple[float, ...]]()
 
     def read_tables(self, rows: Array, log: Array) -> None:
         """Set the input table and the table to write samples to, one row per control period each."""
@@ -186,25 +179,17 @@ class _PythonSteps:
     def fly(self, begin: int, end: int, start: int = 0) -> None:
         """Step through input rows ``begin`` to ``end`` or to a termination; ``start``: period of the first row."""
         now, numbers, count = tuple(self.carry.tolist()), tuple(self.parameters.tolist()), self._loop.carry
-        for k in range(begin, end):
+        steps = np.arange(start + begin, start + end)
+        draws = [uniforms(*self._keys, channel, steps, many) for channel, many in self._loop.uniforms]
+        drawn = np.concatenate([np.zeros((len(steps), 0)), *draws], axis=1)
+        for k, row in zip(range(begin, end), drawn.tolist(), strict=True):
             try:
-                found = self._step((*now, *numbers, *self._rows[k].tolist(), *self._draws(start + k)))
+                found = self._step((*now, *numbers, *self._rows[k].tolist(), *row))
             except EpisodeEndedError as error:
                 now, self.command = (0.0, *now[1:]), error.command
                 break
             now, self._log[k] = found[:count], found[count:]
         self.carry[:] = now
-
-    def _draws(self, k: int) -> tuple[float, ...]:
-        """Uniform random numbers of a control period, drawn in blocks of about a second."""
-        if not self._loop.uniforms:
-            return ()
-        block, row = divmod(k, DRAWN)
-        if block != self._block:
-            steps = np.arange(block * DRAWN, (block + 1) * DRAWN)
-            columns = [uniforms(*self._keys, channel, steps, count) for channel, count in self._loop.uniforms]
-            self._drawn, self._block = list(map(tuple, np.concatenate(columns, axis=1).tolist())), block
-        return self._drawn[row]
 
 
 class Engine:
@@ -229,7 +214,7 @@ class Engine:
         self._stepper = self._make_stepper(code.loop, np.array(leaves(code.carry), dtype=float), parameters)
         self._rows = self._input_rows()
         self._width = self._rows.shape[1] - (1 + len(leaves(self.first.queue[0])))  # of a row but for the command
-        self._write_to(np.empty((min(self._steps, LOGGED), code.loop.logged)))
+        self._write_to(np.empty((self._steps, code.loop.logged)))  # takes memory as it is written
         self.tick = self.begun = 0
         self.ended: Ended | None = None
         self._stretch, self._commanded = 1, False
@@ -244,9 +229,9 @@ class Engine:
 
     def _input_rows(self) -> Array:
         """Input rows of all control periods: time and reference, then the slot of a user's command."""
-        rows = self.inputs.rows(0, self.scenario.steps)
+        rows = self.inputs.rows
         if not self.code.commands:
-            return np.ascontiguousarray(rows)
+            return rows
         return np.hstack([rows, np.zeros((len(rows), 1 + len(leaves(self.first.queue[0]))))])
 
     @property
@@ -286,15 +271,11 @@ class Engine:
 
     def _write_to(self, log: Array) -> None:
         """Replace the table that samples are written to."""
-        self._log, self._room = log, len(log)
+        self._log = log
         self._stepper.read_tables(self._rows, log)
 
     def _fly(self, stop: int) -> bool:
         """Fly up to a control period; False once the episode is over."""
-        while stop > self._room:
-            longer = np.empty((min(2 * len(self._log), self._steps), self._log.shape[1]))
-            longer[: len(self._log)] = self._log
-            self._write_to(longer)
         self._stepper.fly(self.tick, stop)
         carry = self._stepper.carry
         over = carry[ALIVE] < 0.5
@@ -307,7 +288,8 @@ class Engine:
     def _reason(self, *, lost: bool) -> Ended | None:
         """Status, cause and time of an early termination; None after the full duration."""
         scenario, now, time = self.scenario, self.now, self.tick / self.scenario.rates.control
-        found = find_ending(scenario, time, leaves(now.state), self.inputs.held_position(self.tick, now))
+        goal = self.inputs.row_at(self.tick, now).reference.position
+        found = find_ending(scenario, time, leaves(now.state), [float(c) for c in goal])
         found = found or failed_phase(scenario, time, now.clock)
         if found is not None or not lost:
             return found
@@ -355,10 +337,7 @@ class Engine:
 
     def reference(self) -> Reference:
         """The held reference of the next period."""
-        if self.inputs.waits.guards:
-            return self.inputs.held_now(self.now)
-        row = self.inputs.rows(self.tick, self.tick + 1)[0, 1:]
-        held: Reference = rebuild(self.inputs.reference_example, iter(row.tolist()))
+        held: Reference = self.inputs.row_at(self.tick, self.now).reference
         return held
 
     @cached_property

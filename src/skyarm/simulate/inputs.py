@@ -57,14 +57,13 @@ class EpisodeInputs:
         """Held reference as a table: one row per control instant, one column per scalar."""
         return _rows(self.held_reference, self.scenario.steps)
 
-    def rows(self, start: int, stop: int) -> Array:
-        """Closed-loop inputs at instants ``start`` to ``stop``: a row each, a column per scalar of :class:`Row`."""
+    @cached_property
+    def rows(self) -> Array:
+        """Closed-loop inputs: one row per control instant, one column per scalar of :class:`Row`."""
         if self.waits.guards:
-            return np.asarray(self.times[start:stop, None])
+            return _rows((self.times,), self.scenario.steps)
         fed = Row(time=self.times, reference=self.held_reference, told=self.told_reference, path_time=self.path_time)
-        columns = (np.asarray(leaf, dtype=float) for leaf in leaves(fed))
-        count = stop - start
-        return np.stack([c[start:stop] if c.ndim else np.broadcast_to(c, (count,)) for c in columns], axis=1)
+        return _rows(fed, self.scenario.steps)
 
     @cached_property
     def told_reference(self) -> Reference | tuple[()]:
@@ -117,13 +116,6 @@ class EpisodeInputs:
     def _shifted_motion(self) -> Program:
         return trace(lambda given: self.waits.reference(given[0], given[1:]), (0.0,) * 5)
 
-    def held_position(self, tick: int, now: LoopState) -> list[float]:
-        """Position of the held reference in a control period, m; ``now``: loop state at its start."""
-        if not self.waits.guards:
-            goal: list[float] = self.goals[min(tick, self.scenario.steps - 1)].tolist()
-            return goal
-        return [float(c) for c in self.held_now(now).position]
-
     def held_now(self, now: LoopState) -> Reference:
         """Held reference at the reference clock of a loop state, with all numbers as floats."""
         columns = [np.array([float(value)]) for value in self.waits.times(now.clock, now.ticks)]
@@ -132,17 +124,12 @@ class EpisodeInputs:
         return rebuild(dense, iter([float(np.asarray(leaf).reshape(-1)[0]) for leaf in leaves(dense)]))
 
     def row_at(self, tick: int, now: LoopState) -> Row:
-        """Inputs of the control period that begins with a loop state."""
-        fed: Row = rebuild(self.row_example, iter(self.rows(tick, tick + 1)[0].tolist()))
+        """Inputs of the control period that begins with a loop state; those of the last one after the end."""
+        fed: Row = rebuild(self.row_example, iter(self.rows[min(tick, self.scenario.steps - 1)].tolist()))
         if self.waits.guards:
             path_time = float(self.waits.path_time(now.clock))
             return dataclasses.replace(fed, reference=self.held_now(now), path_time=path_time)
         return fed
-
-    @cached_property
-    def goals(self) -> Array:
-        """Held reference position at every control instant, m, shape (steps, 3)."""
-        return _rows(self.held_reference.dense().position, self.scenario.steps)
 
     @cached_property
     def reference_example(self) -> Reference:

@@ -92,7 +92,7 @@ class Seen:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Terms:
-    """Conditions of a guard, which ends a phase: times in control periods, flags 1 or 0; omitted bounds are always met.
+    """Times of a guard, which ends a phase, in control periods; its flags are 1 or 0.
 
     Attributes:
         stop: m, position of the base's reference at its end; () where no phase ends early.
@@ -104,12 +104,6 @@ class Terms:
     timeout: Scalar
     early: Scalar
     fails: Scalar
-    sensed: Scalar
-    error: Scalar
-    least_force: Scalar
-    most_force: Scalar
-    distance: Scalar
-    direction: Vec3
     stop: Vec3 | tuple[()]
 
 
@@ -155,17 +149,11 @@ class Waits:
             timeout=guard.timeout * rate,
             early=float(guard.early),
             fails=float(guard.fails),
-            sensed=float(guard.sensed),
-            error=_bound(guard.error, NEVER),
-            least_force=_bound(guard.force, -NEVER),
-            most_force=_bound(guard.force_below, NEVER),
-            distance=_bound(guard.distance, -NEVER),
-            direction=Vec3(*map(data, guard.direction)),
             stop=Vec3(*map(data, self._trajectory.at(guard.at).position)) if self._moves else (),
         )
 
     def terms(self, n: Scalar) -> Terms:
-        """Conditions of guard ``n``; for ``n`` beyond the last, of a guard that is never reached."""
+        """Times of guard ``n``; for ``n`` beyond the last, of a guard that is never reached."""
         return _select(n, (*self._terms, dataclasses.replace(self._terms[-1], end=NEVER, early=0.0)))
 
     def first(self) -> Clock:
@@ -297,7 +285,8 @@ class Waits:
         fresh = logical_and(begins, clock.waited < 0.5)
         origin = blend(fresh, seen.tip, clock.origin) if self._measures else clock.origin
         looks = logical_or(there, logical_and(now.early > 0.5, logical_not(fresh))) if self._moves else there
-        reached = where(logical_and(looks, self._holds(n, now, seen, origin)), clock.reached + 1.0, 0.0)
+        holds = _select(n, [self._holds(guard, seen, origin) for guard in self.guards]) > 0.5
+        reached = where(logical_and(looks, holds), clock.reached + 1.0, 0.0)
         enough = reached > now.hold + (1.0 - 1e-6)
         late = logical_and(there, clock.waited >= now.timeout - 1e-6)
         passed = logical_or(enough, late)
@@ -320,40 +309,26 @@ class Waits:
             since=since,
         )
 
-    def _holds(self, n: Scalar, now: Terms, seen: Seen, origin: Vec3 | tuple[()]) -> Scalar:
-        """True if all conditions of the guard are met."""
-        found: Scalar = n > -1.0
-        if any(guard.error is not None for guard in self.guards):
+    def _holds(self, guard: Guard, seen: Seen, origin: Vec3 | tuple[()]) -> Scalar:
+        """1.0 if all conditions of a guard are met, else 0.0."""
+        met: list[Any] = []
+        direction, force = Vec3(*map(data, guard.direction)), seen.felt if guard.sensed else seen.force
+        if guard.error is not None:
             away = counted_error(seen.tip - seen.goal, seen.push, seen.tip)
-            found = logical_and(found, sqrt(away.dot(away)) <= now.error)
-        if any(guard.force is not None or guard.force_below is not None for guard in self.guards):
-            found = logical_and(found, self._force_holds(now, seen))
-        for name, state in (("closed", 1.0), ("open", 0.0)):
-            named = [getattr(guard, name) for guard in self.guards]
-            if any(named):
-                states = [seen.switches[self.switches.index(each)] if each else state for each in named]
-                found = logical_and(found, absolute(_select(n, states) - state) < 0.5)
-        if self._measures:
-            found = logical_and(found, now.direction.dot(Vec3(*origin) - seen.tip) >= now.distance)
+            met.append(sqrt(away.dot(away)) <= guard.error)
+        if guard.force is not None:  # a law that observes no force does not know of any
+            met.append(force is not None and direction.dot(force) >= guard.force)
+        if guard.force_below is not None:
+            met.append(force is not None and direction.dot(force) <= guard.force_below)
+        for name, state in ((guard.closed, 1.0), (guard.open, 0.0)):
+            if name:
+                met.append(absolute(seen.switches[self.switches.index(name)] - state) < 0.5)
+        if guard.distance is not None:
+            met.append(direction.dot(Vec3(*origin) - seen.tip) >= guard.distance)
+        found: Scalar = 1.0
+        for each in met:
+            found = where(each, found, 0.0)
         return found
-
-    def _force_holds(self, now: Terms, seen: Seen) -> Scalar:
-        """True if the contact force, estimated or measured, is within the bounds of the guard."""
-
-        def holds(force: Vec3 | None) -> Scalar:
-            if force is None:  # of a law that observes no force nobody knows that there is none
-                return logical_and(now.least_force < 0.0, now.most_force > 0.5 * NEVER)
-            along = now.direction.dot(force)
-            return logical_and(along >= now.least_force, along <= now.most_force)
-
-        if not self._sensed:
-            return holds(seen.force)
-        sensed = now.sensed > 0.5
-        return logical_or(logical_and(sensed, holds(seen.felt)), logical_and(logical_not(sensed), holds(seen.force)))
-
-
-def _bound(value: Scalar | None, none: float) -> Scalar:
-    return none if value is None else value
 
 
 def _select(n: Scalar, values: Sequence[T]) -> T:

@@ -9,8 +9,7 @@ from skyarm.compile import leaves, trace
 from skyarm.control.controller import innermost, part_of, with_innermost
 from skyarm.control.vectored_layer import turns_rotors
 from skyarm.dynamics.actuators.servo import PositionServo
-from skyarm.dynamics.state import State
-from skyarm.plant.compiled import example_state
+from skyarm.dynamics.state import State, example_state
 from skyarm.records.coerce import concrete
 from skyarm.scenario.scenario_record import PERFECT_SENSORS, JointDrive, Scenario, ScenarioError
 from skyarm.simulate.loop_state import LoopState

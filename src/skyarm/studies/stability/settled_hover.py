@@ -48,7 +48,7 @@ class SettledHover:
         options = LegOptions(paths=self.paths, lanes=Lanes(host_width(), contract=False))
         self._leg = Leg(flight, stretches(flight)[0].overrides, range(flight.steps), options)
         inputs = episode_inputs(flight)
-        self._row = inputs.rows(flight.steps - 1, flight.steps)[0].tolist()
+        self._row = inputs.rows[flight.steps - 1].tolist()
         self._time = float(self._row[0])
 
     def margins(self, values: Mapping[str, Array], *, measured: bool = False, threads: int = 1) -> list[Instant | None]:
