@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from skyarm.algebra import Mat3, Sym3, Vec3
-from skyarm.dynamics import Pose, forward_kinematics
+from skyarm.dynamics import Pose, frame_pose
 from skyarm.dynamics import array_front as arrays
 from skyarm.vehicle.linkage import BASE, Body, Joint, Link
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -206,7 +206,7 @@ def test_poses_carry_points_and_compose_like_homogeneous_matrices(n):
     R, p, point = rotation_matrix(state.quaternion), state.position, rng.normal(size=3)
     base = Pose(Mat3(*(Vec3(*row) for row in R.tolist())), Vec3(*p.tolist()))
     assert np.allclose(array3(base.apply(Vec3(*point.tolist()))), p + R @ point, rtol=0.0, atol=1e-14)
-    found = forward_kinematics(vehicle, vehicle.frame("tip0"), base, tuple(state.joints.tolist()))
+    found = base @ frame_pose(vehicle, vehicle.frame("tip0"), tuple(state.joints.tolist()))
     position, rotation = arrays.frame_pose_world(vehicle, *state.configuration, frame="tip0")
     assert np.allclose(array3(found.p), position, rtol=0.0, atol=1e-13)
     assert np.allclose(array33(found.R), rotation, rtol=0.0, atol=1e-13)

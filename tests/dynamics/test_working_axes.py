@@ -48,7 +48,7 @@ def test_the_mass_matrix_gives_the_kinetic_energy_of_every_tree(name):
     rng = np.random.default_rng(5)
     for _ in range(3):
         q, v = rng.normal(size=vehicle.n), rng.normal(size=6 + vehicle.n)
-        attitude = Quaternion.of(rng.normal(size=4).tolist()).normalized()
+        attitude = Quaternion(*rng.normal(size=4).tolist()).normalized()
         state = State(
             position=Vec3(0.0, 0.0, 0.0),
             quaternion=attitude,

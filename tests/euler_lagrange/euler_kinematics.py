@@ -43,7 +43,7 @@ def rate_matrix_partials(phi: Any, theta: Any) -> tuple[Mat3, Mat3, Mat3]:
     sp, cp, st, ct = sin(phi), cos(phi), sin(theta), cos(theta)
     by_phi = Mat3(ZERO3, Vec3(0, neg(sp), mul(cp, ct)), Vec3(0, neg(cp), neg(mul(sp, ct))))
     by_theta = Mat3(Vec3(0, 0, neg(ct)), Vec3(0, 0, neg(mul(sp, st))), Vec3(0, 0, neg(mul(cp, st))))
-    return by_phi, by_theta, Mat3.zero()
+    return by_phi, by_theta, Mat3(ZERO3, ZERO3, ZERO3)
 
 
 @dataclass(frozen=True, slots=True)

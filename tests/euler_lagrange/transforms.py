@@ -48,7 +48,7 @@ def euler_acceleration(angles: Sequence[Any], angle_rates: Sequence[Any], angula
 
     Source: Barakou, Tzafestas, Valavanis 2026, (95).
     """
-    turning = rate_matrix_rate(angles, angle_rates).apply(Vec3.of(angle_rates))
+    turning = rate_matrix_rate(angles, angle_rates).apply(Vec3(*angle_rates))
     return rate_matrix_inverse(angles[0], angles[1]).apply(angular_B - turning)
 
 

@@ -39,13 +39,13 @@ def test_a_reading_is_off_by_the_signals_at_its_instant():
 def test_signals_that_are_too_few_are_one_line():
     channel = Channel(offset=SignalList((Constant(1.0), Sine(amplitude=1.0, frequency_hz=1.0))))
     with pytest.raises(RecordError, match=r"^gyro\.offset = 2 signals: must be 3, or none$"):
-        channel.read((0.0, 0.0, 0.0), (), (), 0.005, "gyro")
+        channel.require_count(3, "gyro")
     gps = {"kind": "position", "position": {"offset": 0.1}}
     with pytest.raises(ValueError, match=r"offset = 0\.1: must be a list of signals of time"):
         scenario_from({**DOCUMENT, "sensors": {"gps": gps}})
 
 
 def test_a_channel_without_signals_reads_its_bits():
-    assert Channel(bias=(0.1,)).read((0.3,), (), (), 0.005, "x") == (0.3 + 0.1,)
+    assert Channel(bias=(0.1,)).read((0.3,), (), (), 0.005) == (0.3 + 0.1,)
     none = Channel(bias=(0.1,), offset=SignalList((Constant(0),)))
-    assert none.read((0.3,), (), (), 0.005, "x", 7.0) == (0.3 + 0.1,)
+    assert none.read((0.3,), (), (), 0.005, 7.0) == (0.3 + 0.1,)

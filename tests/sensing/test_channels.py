@@ -33,7 +33,7 @@ def test_noise_of_a_density_has_the_deviation_of_its_rate():
         (Channel(sigma=0.1), 0.1),
         (Channel(density=0.02, sigma=0.1), np.hypot(0.02 * 200**0.5, 0.1)),
     ):
-        (reading,) = channel.read((3.0,), (), lanes(1), DT, "x")
+        (reading,) = channel.read((3.0,), (), lanes(1), DT)
         assert np.std(reading) == pytest.approx(wanted, rel=0.015)
         assert np.mean(reading) == pytest.approx(3.0, abs=4 * wanted / LANES**0.5)
 
@@ -51,15 +51,15 @@ def test_a_bias_begins_with_its_own_deviation_and_walks_by_its_density():
 
 def test_scale_bias_and_rounding_come_in_that_order():
     channel = Channel(scale=0.1, bias=(0.03, -0.02), resolution=0.25)
-    assert channel.read((1.0, 2.05), (), (), DT, "x") == (1.25, 2.25)  # 1.13 and 2.235 to the nearest quarter
+    assert channel.read((1.0, 2.05), (), (), DT) == (1.25, 2.25)  # 1.13 and 2.235 to the nearest quarter
     with pytest.raises(RecordError, match=r"gyro.bias = 2 numbers: must be 3, or none"):
-        channel.read((1.0, 2.0, 3.0), (), (), DT, "gyro")
+        channel.require_count(3, "gyro")
 
 
 def test_what_a_channel_does_not_have_costs_no_draw_and_changes_no_bit():
     for channel, wanted in ((Channel(), 0), (Channel(sigma=1.0), 3), (Channel(walk=1.0, density=1.0), 6)):
         assert channel.normals(3) == wanted
-    assert Channel().read((0.1, 0.2), (), (), DT, "x") == (0.1, 0.2)
+    assert Channel().read((0.1, 0.2), (), (), DT) == (0.1, 0.2)
     bare = Imu(gyro=Channel(), accelerometer=Channel())
     assert bare.uniforms(VEHICLE) == 0
     assert Imu().uniforms(VEHICLE) == 12

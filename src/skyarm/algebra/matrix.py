@@ -24,11 +24,6 @@ class Mat3(ArrayLike):
         return cls(Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1))
 
     @classmethod
-    def zero(cls) -> Mat3:
-        """Zero matrix of constant (int) entries."""
-        return cls(Vec3(0, 0, 0), Vec3(0, 0, 0), Vec3(0, 0, 0))
-
-    @classmethod
     def columns(cls, c0: Vec3, c1: Vec3, c2: Vec3) -> Mat3:
         """Matrix from three columns."""
         return cls(Vec3(c0.x, c1.x, c2.x), Vec3(c0.y, c1.y, c2.y), Vec3(c0.z, c1.z, c2.z))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,12 +25,6 @@ class Quaternion(ArrayLike):
     x: Scalar
     y: Scalar
     z: Scalar
-
-    @classmethod
-    def of(cls, values: Sequence[Any]) -> Quaternion:
-        """Quaternion from any sequence w, x, y, z."""
-        w, x, y, z = values
-        return cls(w, x, y, z)
 
     @classmethod
     def of_rotation_vector(cls, v: Vec3) -> Quaternion:

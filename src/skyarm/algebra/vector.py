@@ -52,12 +52,6 @@ class Vec3(ArrayLike):
     z: Scalar
 
     @classmethod
-    def of(cls, values: Sequence[Scalar]) -> Vec3:
-        """Vector from any sequence of three scalars."""
-        x, y, z = values
-        return cls(x, y, z)
-
-    @classmethod
     def from_numbers(cls, values: Sequence[float]) -> Vec3:
         """Vector from plain numbers; exact 0, 1 and -1 become compile-time constants (ints)."""
         x, y, z = values

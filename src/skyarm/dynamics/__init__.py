@@ -7,7 +7,7 @@ position nor velocity of the base enters the recursions. :mod:`skyarm.dynamics.a
 from skyarm.dynamics.articulated_body import forward_dynamics
 from skyarm.dynamics.composite_body import mass_matrix
 from skyarm.dynamics.energy import Momentum, center_of_mass, kinetic_energy, momentum, potential_energy
-from skyarm.dynamics.kinematics import Pose, forward_kinematics, frame_pose, joint_placement, link_poses
+from skyarm.dynamics.kinematics import Pose, frame_pose, joint_placement, link_poses
 from skyarm.dynamics.newton_euler import JointMotion, inverse_dynamics
 from skyarm.dynamics.state import State, proper_acceleration
 
@@ -18,7 +18,6 @@ __all__ = [
     "State",
     "center_of_mass",
     "forward_dynamics",
-    "forward_kinematics",
     "frame_pose",
     "inverse_dynamics",
     "joint_placement",

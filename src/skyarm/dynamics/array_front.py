@@ -223,7 +223,7 @@ def unit_quaternion(quaternion_wxyz: ArrayLike) -> Quaternion:
     if not np.all(np.abs(length - 1.0) <= QUATERNION_TOLERANCE):
         worst = float(np.ravel(length)[np.argmax(np.abs(np.ravel(length) - 1.0))])
         raise ValueError(f"quaternion_wxyz: length {worst:.9g}, allowed 1 within {QUATERNION_TOLERANCE:g}")
-    return Quaternion.of(wxyz).normalized()
+    return Quaternion(*wxyz).normalized()
 
 
 def stack_leaves(values: Any, lead: tuple[int, ...]) -> Array:

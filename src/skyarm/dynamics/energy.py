@@ -8,7 +8,7 @@ from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar, add, divide, mul
 from skyarm.dynamics.kinematics import Pose, link_poses, untie_followers
 from skyarm.dynamics.state import State
-from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.linkage import BASE, Body
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
@@ -22,8 +22,9 @@ class Momentum:
 
 @dataclass(frozen=True, slots=True)
 class _BodyMotion:
-    """World pose of a body's link, world angular velocity, world position and velocity of its centre of mass."""
+    """Body with the world pose and angular velocity of its link, world position and velocity of its centre of mass."""
 
+    body: Body
     pose: Pose
     w: Vec3
     com: Vec3
@@ -31,7 +32,8 @@ class _BodyMotion:
 
 
 def _body_motions(vehicle: Vehicle, state: State) -> list[_BodyMotion]:
-    """World poses and velocities of base and links, by differentiation of their positions."""
+    """World poses and velocities of base, links and followers, by differentiation of their positions."""
+    vehicle, state = untie_followers(vehicle, state)
     base = Pose(state.quaternion.rotation(), state.position)
     poses = [base, *(base @ pose for pose in link_poses(vehicle, state.joints))]
     rates, origins = [base.R.apply(state.rate)], [state.velocity]
@@ -44,16 +46,15 @@ def _body_motions(vehicle: Vehicle, state: State) -> list[_BodyMotion]:
     moving = []
     for body, pose, w, v in zip(vehicle.bodies, poses, rates, origins, strict=True):
         arm = pose.R.apply(body.com)
-        moving.append(_BodyMotion(pose, w, pose.p + arm, v + w.cross(arm)))
+        moving.append(_BodyMotion(body, pose, w, pose.p + arm, v + w.cross(arm)))
     return moving
 
 
 def center_of_mass(vehicle: Vehicle, state: State) -> Vec3:
     """Centre of mass of the whole vehicle in the world, m."""
-    vehicle, state = untie_followers(vehicle, state)
     total: Vec3 = ZERO3
-    for body, motion in zip(vehicle.bodies, _body_motions(vehicle, state), strict=True):
-        total = total + motion.com * body.mass
+    for motion in _body_motions(vehicle, state):
+        total = total + motion.com * motion.body.mass
     com: Vec3 = total * divide(1.0, vehicle.mass)
     return com
 
@@ -61,11 +62,10 @@ def center_of_mass(vehicle: Vehicle, state: State) -> Vec3:
 def momentum(vehicle: Vehicle, state: State) -> Momentum:
     """Linear momentum, and angular momentum about the centre of mass, world axes."""
     linear, angular = ZERO3, ZERO3
-    vehicle, state = untie_followers(vehicle, state)
     com = center_of_mass(vehicle, state)
-    for body, motion in zip(vehicle.bodies, _body_motions(vehicle, state), strict=True):
-        p = motion.velocity * body.mass
-        spin = motion.pose.R.apply(body.inertia.apply(motion.pose.R.apply_T(motion.w)))
+    for motion in _body_motions(vehicle, state):
+        p = motion.velocity * motion.body.mass
+        spin = motion.pose.R.apply(motion.body.inertia.apply(motion.pose.R.apply_T(motion.w)))
         linear = linear + p
         angular = angular + spin + (motion.com - com).cross(p)
     return Momentum(linear, angular)
@@ -75,8 +75,8 @@ def kinetic_energy(vehicle: Vehicle, state: State) -> Scalar:
     """Kinetic energy, J."""
     vehicle, state = untie_followers(vehicle, state)
     total: Scalar = 0
-    for body, motion in zip(vehicle.bodies, _body_motions(vehicle, state), strict=True):
-        w = motion.pose.R.apply_T(motion.w)
+    for motion in _body_motions(vehicle, state):
+        w, body = motion.pose.R.apply_T(motion.w), motion.body
         total = add(total, add(mul(body.mass, motion.velocity.dot(motion.velocity)), w.dot(body.inertia.apply(w))))
     for link, rate in zip(vehicle.links, state.joint_rates, strict=True):
         total = add(total, mul(link.joint.armature, mul(rate, rate)))

@@ -60,11 +60,6 @@ def frame_pose(vehicle: Vehicle, frame: Frame, joints: Sequence[Scalar]) -> Pose
     return local if frame.link == BASE else link_poses(vehicle, joints)[frame.link] @ local
 
 
-def forward_kinematics(vehicle: Vehicle, frame: Frame, base: Pose, joints: Sequence[Scalar]) -> Pose:
-    """Pose of a frame in the world for a base pose in the world."""
-    return base @ frame_pose(vehicle, frame, joints)
-
-
 def jacobian_columns(vehicle: Vehicle, frame: Frame, joints: Sequence[Scalar]) -> list[Motion]:
     """Jacobian columns of a frame by the joint rates: angular velocity and velocity of its origin, base axes.
 

@@ -53,10 +53,10 @@ class Layout:
         """State dataclass from state variables in MuJoCo's order."""
         ours, n = self.to_ours(x), self.vehicle.n
         return State(
-            position=Vec3.of(ours[0:3]),
-            quaternion=Quaternion.of(ours[3:7]),
-            velocity=Vec3.of(ours[7:10]),
-            rate=Vec3.of(ours[10:13]),
+            position=Vec3(*ours[0:3]),
+            quaternion=Quaternion(*ours[3:7]),
+            velocity=Vec3(*ours[7:10]),
+            rate=Vec3(*ours[10:13]),
             joints=tuple(ours[13 : 13 + n]),
             joint_rates=tuple(ours[13 + n : 13 + 2 * n]),
             rotor_speeds=tuple(ours[13 + 2 * n :][: self.rotors]),
@@ -65,7 +65,7 @@ class Layout:
 
     def accelerations(self, qacc: Sequence[Scalar]) -> tuple[Vec3, Vec3, tuple[Any, ...]]:
         """Base acceleration (world axes), angular acceleration (base axes) and joint accelerations, from MuJoCo's."""
-        return Vec3.of(qacc[0:3]), Vec3.of(qacc[3:6]), tuple(qacc[i] for i in self._dofs)
+        return Vec3(*qacc[0:3]), Vec3(*qacc[3:6]), tuple(qacc[i] for i in self._dofs)
 
     def generalized_forces(
         self, state: State, setpoints: Sequence[Scalar], around: Surroundings, commands: Sequence[Scalar] = ()

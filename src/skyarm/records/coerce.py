@@ -87,8 +87,8 @@ def vector(field: str, value: object) -> Vec3:
     """Convert to a vector; in three plain numbers exact 0, 1 and -1 become constants of compiled code."""
     if isinstance(value, Vec3):
         held = [_entry(f"{field}.{axis}", each) for axis, each in zip("xyz", value, strict=True)]
-        return value if all(a is b for a, b in zip(held, value, strict=True)) else Vec3.of(held)
-    return Vec3.of([_structural_number(field, each) for each in items(field, value, (3,), "must be three numbers")])
+        return value if all(a is b for a, b in zip(held, value, strict=True)) else Vec3(*held)
+    return Vec3(*(_structural_number(field, each) for each in items(field, value, (3,), "must be three numbers")))
 
 
 def matrix(field: str, value: object) -> Mat3:

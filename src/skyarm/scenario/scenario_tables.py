@@ -270,7 +270,7 @@ def initial(fields: Fields, scenario: Scenario) -> State:
         name: Vec3(*fields.vector(name, tuple(getattr(trim, name)))) for name in ("position", "velocity", "rate")
     }
     state = State(
-        quaternion=Quaternion.of([c / length for c in quaternion]),
+        quaternion=Quaternion(*(c / length for c in quaternion)),
         joints=joints,
         joint_rates=fields.numbers("joint_rates", trim.joint_rates),
         rotor_speeds=fields.numbers("rotor_speeds", trim.rotor_speeds, low=0.0),

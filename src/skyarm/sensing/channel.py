@@ -110,7 +110,6 @@ class Channel:
         drift: Sequence[Scalar],
         draws: Sequence[Scalar],
         dt: float,
-        where_is: str,
         t: Scalar = 0.0,
     ) -> tuple[Any, ...]:
         """Reading of a quantity with all errors of the channel.
@@ -120,10 +119,8 @@ class Channel:
             drift: of this reading, or nothing.
             draws: standard normal numbers of :meth:`normals`.
             dt: s between readings.
-            where_is: name of the channel in messages.
             t: s, of the reading.
         """
-        self.require_count(len(truth), where_is)
         moved = () if self.offset is None else self.offset.at(t)
         noise = draws[len(drift) :]
         deviation = self.deviation(dt)
@@ -312,10 +309,10 @@ class ChannelSensor(Sensor):
         loss, last = (draws[-2:], draws[:-2]) if self.dropouts.random else ((), draws)
         numbers = iter(normals(last))
         drifts, values = [], []
-        for (name, channel, truth), before in zip(quantities, memory.drifts, strict=True):
+        for (_, channel, truth), before in zip(quantities, memory.drifts, strict=True):
             share = [next(numbers) for _ in range(channel.normals(len(truth)))]
             drifts.append(channel.drift(before, share, first, dt))
-            values.append(channel.read(truth, drifts[-1], share, dt, name, t))
+            values.append(channel.read(truth, drifts[-1], share, dt, t))
         own, reading = self.reading(t, values, state, memory.own, first, dt)
         lost = memory.lost
         if loss:

@@ -177,8 +177,6 @@ class Batch:
 
     def _statuses(self, columns: list[Array], now: LoopState, ticks: Array, ended: Array) -> Array:
         """Termination status of each lane, under the scenario in force when the lane ended."""
-        if len(self._legs) == 1:
-            return self._legs[0].statuses(columns, now, ticks, ended)
         found = np.full(len(ticks), "completed", dtype=object)
         for leg in self._legs:
             here = (ticks >= leg.periods.start) & ((ticks < leg.periods.stop) | (leg is self._legs[-1]))

@@ -19,16 +19,16 @@ from skyarm.compile.tracing.tracer import Node
 from skyarm.log.batch_log import Logged
 from skyarm.log.metrics.accumulate import Goal, Instant, Total, advance_totals, first_totals
 from skyarm.log.sensor_data import ESTIMATE, READINGS
-from skyarm.reference import Publisher, Reference
+from skyarm.reference import Reference
 from skyarm.scenario.in_flight import Overrides, overrides_at, sources
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.assemble_log import by_array
 from skyarm.simulate.first_state import component_groups
-from skyarm.simulate.inputs import EpisodeInputs, episode_inputs
-from skyarm.simulate.lane_loop import LaneLoop, columns_of, lane_statuses
+from skyarm.simulate.inputs import EpisodeInputs, episode_inputs, table_of
+from skyarm.simulate.lane_loop import LaneLoop, held_reference, lane_statuses
 from skyarm.simulate.lane_numbers import require_short_steps
-from skyarm.simulate.loop_state import LoopState, Row, Sample, carry_over
+from skyarm.simulate.loop_state import LoopState, Row, Sample, carry_over, structure_of
 from skyarm.simulate.period import make_period
 from skyarm.simulate.plant_steps import RigidBodySteps, Substeps
 from skyarm.simulate.reference_clock import clock_of_change, is_other_reference
@@ -46,36 +46,22 @@ class Feed:
         masks: window -> (steps,) which instants lie in it.
 
     Attributes:
-        rows: (steps, numbers). example: record of one row. times: (steps,), s.
+        rows: (steps, numbers). example: record of one row.
     """
 
     def __init__(
         self, scenario: Scenario, paths: Sequence[str], inputs: EpisodeInputs, masks: Mapping[str, Array]
     ) -> None:
-        self._scenario, self._paths, self._inputs, self._windows = scenario, tuple(paths), inputs, tuple(masks)
-        self.times: Array = inputs.times
-        publisher = Publisher(control_rate=scenario.rates.control, reference_rate=scenario.rates.reference)
-        self._held_times = publisher.held_time(np.arange(scenario.steps))
-        self._own_motion = any(path.startswith("reference.") for path in paths)
+        self._scenario, self._windows = scenario, tuple(masks)
         # windows that hold every instant are structure
-        self._flags = tuple(name for name in self._windows if not masks[name].all())
-        flags = [np.asarray(masks[name], dtype=float) for name in self._flags]
-        columns = [inputs.times, *flags]
-        self.example: Any = (0.0, (0.0,) * len(flags))
-        self._waits = bool(scenario.reference.guards)
-        if self._waits:
-            pass  # the loop has the reference's clock
-        elif self._own_motion:
-            columns.append(self._held_times)
-            self.example = (*self.example, 0.0)
-        else:
+        self._flags = tuple(name for name in masks if not masks[name].all())
+        row, table, goals = Row(time=0.0, reference=()), inputs.times[:, None], list[Goal]()
+        if not (scenario.reference.guards or any(path.startswith("reference.") for path in paths)):
+            row, table = inputs.row_example, inputs.rows
             goals = [self._goal_table(record) for record in (inputs.held_reference, inputs.reference)]
-            held = np.array(inputs.held_leaves, dtype=float).reshape(scenario.steps, -1)
-            columns += [held, *(np.stack(columns_of(goal, scenario.steps), axis=1) for goal in goals)]
-            columns += columns_of((inputs.told_reference, inputs.path_time), scenario.steps)
-            self.example = (*self.example, inputs.reference_example, *(_zeros(goal) for goal in goals))
-            self.example += ((inputs.row_example.told, inputs.row_example.path_time),)
-        self.rows = np.column_stack(columns)
+        flags = [np.asarray(masks[name], dtype=float)[:, None] for name in self._flags]
+        self.example: Any = (row, (0.0,) * len(flags), *map(structure_of, goals))
+        self.rows = np.hstack([table, *flags, *(table_of(goal, scenario.steps) for goal in goals)])
 
     def _goal_table(self, reference: Reference) -> Goal:
         """Desired positions of base, joints and tip at every control instant of a reference, as arrays."""
@@ -85,38 +71,26 @@ class Feed:
         goal: Goal = program.record(list(evaluate(program, leaves(dense), self._scenario.steps)))
         return goal
 
-    def read(self, varied: Scenario, fed: Any) -> tuple[Row, tuple[Goal, ...], dict[str, Any]]:
+    def read(self, varied: Scenario, fed: Any, ticks: Scalar) -> tuple[Row, tuple[Goal, ...], dict[str, Any]]:
         """Decode an input row: loop inputs, desired positions (held, continuous), flags of the metrics' time windows.
 
         Without goals where phases wait for guards: the loop itself evaluates its reference.
         """
-        time, flags, *rest = fed
+        row, flags, *goals = fed
         inside: dict[str, Any] = dict.fromkeys(self._windows, True)
         inside |= {name: flag > 0.5 for name, flag in zip(self._flags, flags, strict=True)}
-        vehicle = varied.plant.vehicle
-        if self._waits:
-            return Row(time=time, reference=()), (), inside
-        if self._own_motion:
-            held, free = (varied.reference.at(t) for t in (rest[0], time))
-            goals = goal_of(vehicle, held.dense()), goal_of(vehicle, free.dense())
-            return Row(time=time, reference=held), goals, inside
-        reference, *tables, (told, path_time) = rest
-        row = Row(time=time, reference=reference, told=told, path_time=path_time)
-        if self._own_arm(varied):
-            free = varied.reference.at(time)
-            goals = goal_of(vehicle, reference.dense()), goal_of(vehicle, free.dense())
-            return row, goals, inside
-        return row, (tables[0], tables[1]), inside
+        if self._scenario.reference.guards or (goals and not self._own_arm(varied)):
+            return row, tuple(goals), inside
+        if not goals:
+            row = Row(time=row.time, reference=held_reference(varied, ticks))
+        both = row.reference, varied.reference.at(row.time)
+        return row, tuple(goal_of(varied.plant.vehicle, each.dense()) for each in both), inside
 
     def _own_arm(self, varied: Scenario) -> bool:
         """True if varied parameters change the arm's geometry, and so the desired tip position at fixed joints."""
         still = self._scenario.reference.at(0.0).dense()
         nodes = [c for c in goal_of(varied.plant.vehicle, still).tool if isinstance(c, Node)]
         return any(node.op == "input" for node in live(nodes))
-
-
-def _zeros(record: Goal) -> Goal:
-    return rebuild(record, iter([0.0] * len(leaves(record))))
 
 
 def _instant(stages: Stages, loop: LoopState, row: Row, sample: Sample, goals: tuple[Goal, ...]) -> Instant:
@@ -249,8 +223,8 @@ class Leg:
 
         def step(both: Any, values: tuple[Scalar, ...], fed: Any, uniforms: tuple[Scalar, ...]) -> tuple[Any, Any]:
             varied = self._lane_scenario(values)
-            row, goals, inside = self._feed.read(varied, fed)
             stages, (loop, totals) = Stages(varied), both
+            row, goals, inside = self._feed.read(varied, fed, loop.ticks)
             row = stages.waits.lead(loop.clock, loop.ticks, row)
             period = make_period(stages, RigidBodySteps(stages, substeps))
             following, sample = period(loop, row, uniforms)

@@ -53,9 +53,6 @@ def switches(before: Command, after: Command, rotors: Any, joints: Any) -> list[
         joints: s within the period at which it takes effect in the joints.
     """
     rotors_first, joints_first = joined_parts(after, before), joined_parts(before, after)
-    if type(rotors) is float and type(joints) is float:
-        earlier, mixed = min(rotors, joints), rotors_first if rotors < joints else joints_first
-        return [(earlier, before), (max(rotors, joints) - earlier, mixed)]
     if type(joints) is float and joints == 0.0:
         return [(rotors, joints_first)]
     if type(rotors) is float and rotors == 0.0:

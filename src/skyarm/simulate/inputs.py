@@ -17,7 +17,7 @@ from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.reference import Publisher, Reference
 from skyarm.reference.path_time import by_flight_time
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.simulate.loop_state import LoopState, Row
+from skyarm.simulate.loop_state import LoopState, Row, structure_of
 from skyarm.simulate.reference_clock import Waits
 
 Array = npt.NDArray[Any]
@@ -55,15 +55,15 @@ class EpisodeInputs:
     @cached_property
     def held_leaves(self) -> Array:
         """Held reference as a table: one row per control instant, one column per scalar."""
-        return _rows(self.held_reference, self.scenario.steps)
+        return table_of(self.held_reference, self.scenario.steps)
 
     @cached_property
     def rows(self) -> Array:
         """Closed-loop inputs: one row per control instant, one column per scalar of :class:`Row`."""
         if self.waits.guards:
-            return _rows((self.times,), self.scenario.steps)
+            return table_of((self.times,), self.scenario.steps)
         fed = Row(time=self.times, reference=self.held_reference, told=self.told_reference, path_time=self.path_time)
-        return _rows(fed, self.scenario.steps)
+        return table_of(fed, self.scenario.steps)
 
     @cached_property
     def told_reference(self) -> Reference | tuple[()]:
@@ -89,7 +89,7 @@ class EpisodeInputs:
         """Example inputs of one control instant, for tracing."""
         if self.waits.guards:
             return Row(time=0.0, reference=())
-        told: Any = _example(self.told_reference) if self.told_reference else ()
+        told: Any = structure_of(self.told_reference) if self.told_reference else ()
         return Row(time=0.0, reference=self.reference_example, told=told, path_time=0.0 if told else ())
 
     @cached_property
@@ -134,7 +134,7 @@ class EpisodeInputs:
     @cached_property
     def reference_example(self) -> Reference:
         """Held reference of one instant, as an example for tracing."""
-        example: Reference = _example(self.held_reference)
+        example: Reference = structure_of(self.held_reference)
         return example
 
 
@@ -158,12 +158,7 @@ def _motion(scenario: Scenario) -> Program:
     return trace(lambda clock: scenario.reference.at(clock[0]), (0.0,))
 
 
-def _rows(record: Any, count: int) -> Array:
+def table_of(record: Any, count: int) -> Array:
     """Table of a dataclass of arrays: one row per instant, one column per scalar."""
     columns = [np.broadcast_to(np.asarray(leaf, dtype=float), (count,)) for leaf in leaves(record)]
     return np.stack(columns, axis=1) if columns else np.zeros((count, 0))
-
-
-def _example(record: Reference) -> Any:
-    """Copy of a reference of arrays with every array replaced by a zero, as an example for tracing."""
-    return rebuild(record, iter([0.0] * len(leaves(record))))

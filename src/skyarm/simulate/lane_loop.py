@@ -10,17 +10,18 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra.scalars import Scalar, floor
-from skyarm.compile import leaves, trace
+from skyarm.compile import trace
 from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.compile.tracing.program import Loop, trace_loop
 from skyarm.dynamics import State
 from skyarm.plant.largest_step import lanes_step
-from skyarm.reference import Publisher
+from skyarm.reference import Publisher, Reference
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.check_endings import statuses
 from skyarm.simulate.draws import draw_plan, draws_needed, start_draws
 from skyarm.simulate.first_state import first_loop_state
+from skyarm.simulate.inputs import table_of
 from skyarm.simulate.loop_state import LoopState, Row, structure_of
 from skyarm.simulate.plant_steps import Substeps, rigid_body_plant
 from skyarm.simulate.reference_clock import Waits
@@ -76,14 +77,20 @@ class LaneLoop:
 
 def own_row(scenario: Scenario, ticks: Scalar) -> Row:
     """Inputs of a lane's control period: time and held reference after the periods that this lane has flown."""
-    rate, ratio = float(scenario.rates.control), float(scenario.rates.control // scenario.rates.reference)
+    time = ticks / float(scenario.rates.control)
     if scenario.reference.guards:
-        return Row(time=ticks / rate, reference=())
+        return Row(time=time, reference=())
+    return Row(time=time, reference=held_reference(scenario, ticks).dense())
+
+
+def held_reference(scenario: Scenario, ticks: Scalar) -> Reference:
+    """Reference that a lane holds in its control period number ``ticks``."""
+    rate, ratio = float(scenario.rates.control), float(scenario.rates.control // scenario.rates.reference)
     held = floor((ticks + 0.5) / ratio) * ratio
     reference = scenario.reference.at(held / rate)
     if reference.load:  # the hand's command is that of each control period
         reference = replace(reference, load=scenario.reference.at(ticks / rate).load)
-    return Row(time=ticks / rate, reference=reference.dense())
+    return reference
 
 
 def lane_statuses(
@@ -107,11 +114,6 @@ def lane_statuses(
             held = Waits(varied).held_reference(clock, ticks)
         else:
             held = varied.reference.at(publisher.held_time(np.minimum(ticks, scenario.steps - 1)))
-    goals = np.stack(columns_of(held.dense().position, len(ticks)), axis=1)
+    goals = table_of(held.dense().position, len(ticks))
     failed = np.asarray(clock.failed) > 0.5 if scenario.reference.guards else None
     return statuses(scenario, values, state, goals, ended, failed)
-
-
-def columns_of(record: Any, count: int) -> list[Array]:
-    """One array of length ``count`` for each scalar of a dataclass; constants are repeated."""
-    return [np.broadcast_to(np.asarray(leaf, dtype=float), (count,)) for leaf in leaves(record)]

@@ -70,7 +70,7 @@ def rotation_quaternion(field: str, wxyz: Sequence[float]) -> Mat3:
     length = math.hypot(*wxyz)
     if not abs(length - 1.0) <= TOLERANCE:
         refuse(field, list(wxyz), f"must be of unit length within {TOLERANCE:g}; its length is {length:.9g}")
-    return rotation(Quaternion.of([float(value) for value in wxyz]).normalized().rotation())
+    return rotation(Quaternion(*(float(value) for value in wxyz)).normalized().rotation())
 
 
 def inertia(values: Sequence[float]) -> Sym3:

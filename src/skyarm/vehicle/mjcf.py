@@ -179,7 +179,7 @@ def _vector(values: Any) -> Vec3:
 
 
 def _rotation(wxyz: Any) -> Mat3:
-    return description.rotation(Quaternion.of(wxyz.tolist()).normalized().rotation())
+    return description.rotation(Quaternion(*wxyz.tolist()).normalized().rotation())
 
 
 KINDS = ("free", "ball", "prismatic", "revolute")

@@ -164,7 +164,7 @@ def test_free_tumbling_is_that_of_eulers_equations():
     end = solve_ivp(rates, (0.0, 0.5), np.concatenate([R.ravel(), R.T @ w]), rtol=1e-11, atol=1e-12).y[:, -1]
     x, q = rows[-1, 0, :3], rows[-1, 0, 3:7]
     assert x == pytest.approx(np.array([0.1, 0.2, 20.0]) + R @ com + 0.5 * v - [0.0, 0.0, 0.125 * GRAVITY], abs=1e-9)
-    found = np.array([[float(c) for c in row] for row in Quaternion.of(q.tolist()).rotation().rows])
+    found = np.array([[float(c) for c in row] for row in Quaternion(*q.tolist()).rotation().rows])
     assert found == pytest.approx(end[:9].reshape(3, 3), abs=2e-6)  # fourth order, 5 ms
     assert rows[-1, 0, 10:13] == pytest.approx(end[9:], abs=2e-5)
     memory = remembered(free, rows[-1, 0])
@@ -199,7 +199,7 @@ def test_what_pushes_and_is_pushed_keep_their_momentum(pushed):
         com = R @ np.array([float(c) for c in body.com])
         v = x[7:10] + np.cross(R @ x[10:13], com)
         linear, angular = float(body.mass) * v, R @ moments @ x[10:13] + float(body.mass) * np.cross(x[:3] + com, v)
-        Q = np.array([[float(c) for c in row] for row in Quaternion.of(o[3:7].tolist()).rotation().rows])
+        Q = np.array([[float(c) for c in row] for row in Quaternion(*o[3:7].tolist()).rotation().rows])
         own = Q @ (np.array([float(c) for c in free.moments]) * o[10:13])
         return linear + 0.2 * o[7:10], angular + own + 0.2 * np.cross(o[:3], o[7:10])
 

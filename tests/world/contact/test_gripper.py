@@ -129,7 +129,7 @@ def test_vehicle_and_what_it_holds_keep_their_momentum_and_lose_energy(kind):
     def whole(x, o):
         state, body = rebuild(moving, iter(x.tolist())), contact.objects[0]
         linear, angular = momentum(state)
-        Q = np.array([[float(c) for c in row] for row in Quaternion.of(o[3:7].tolist()).rotation().rows])
+        Q = np.array([[float(c) for c in row] for row in Quaternion(*o[3:7].tolist()).rotation().rows])
         own = Q @ (np.array([float(c) for c in body.moments]) * o[10:13])
         total = float(kinetic_energy(ARM, state)) + energy(o[None], body)[0]
         return linear + 0.1 * o[7:10], angular + own + 0.1 * np.cross(o[:3], o[7:10]), total

@@ -91,17 +91,7 @@ def repeat(count: int, function: Callable[[Record], Record], record: Record) -> 
     Raises:
         ValueError: the function returns a record with another number of scalars.
     """
-    nodes = [leaf for leaf in leaves(record) if isinstance(leaf, Node)]
-    if count < 2 or not nodes or not nodes[0].graph.loops:
-        for _ in range(count):
-            record = function(record)
-        return record
-    graph = nodes[0].graph
-    graph.loops = False
-    try:
-        return _loop(count, function, record, graph)
-    finally:
-        graph.loops = True
+    return _repeat(count, function, record)
 
 
 def repeat_while(count: int, rounds: Scalar, function: Callable[[Record], Record], record: Record) -> Record:
@@ -121,31 +111,27 @@ def repeat_while(count: int, rounds: Scalar, function: Callable[[Record], Record
         left, now = both
         return left - 1.0, blend(left > 0.5, function(now), now)
 
-    nodes = [leaf for leaf in leaves((rounds, record)) if isinstance(leaf, Node)]
-    if not nodes or not nodes[0].graph.loops:
-        both = (rounds, record)
-        for _ in range(count):
-            both = round_of(both)
-        return both[1]
-    graph = nodes[0].graph
-    graph.loops = False
-    try:
-        starts = [graph.lift(leaf) for leaf in leaves((rounds, record))]
-        slots = [graph.slot() for _ in starts]
-        ends = [graph.lift(leaf) for leaf in leaves(round_of(rebuild((rounds, record), iter(slots))))]
-        return rebuild((rounds, record), iter(graph.repeat(count, slots, starts, ends, until=0)))[1]
-    finally:
-        graph.loops = True
+    return _repeat(count, round_of, (rounds, record), until=0)[1]
 
 
-def _loop(count: int, function: Callable[[Record], Record], record: Record, graph: Graph) -> Record:
-    starts, before = [graph.lift(leaf) for leaf in leaves(record)], len(graph.nodes)
-    slots = [graph.slot() for _ in starts]
-    ends = [graph.lift(leaf) for leaf in leaves(function(rebuild(record, iter(slots))))]
-    if len(ends) != len(starts):
-        raise ValueError(f"the function returns a record of {len(ends)} scalars, took one of {len(starts)}")
-    if count * (len(graph.nodes) - before) > WRITTEN_OUT:
-        return rebuild(record, iter(graph.repeat(count, slots, starts, ends)))
+def _repeat(count: int, function: Callable[[Record], Record], record: Record, until: int | None = None) -> Record:
+    """Apply a function repeatedly, by a loop where the engine has loops; ``until`` as of :meth:`Graph.repeat`."""
+    graph = next((leaf.graph for leaf in leaves(record) if isinstance(leaf, Node)), None)
+    if graph is not None and graph.loops and (count > 1 or until is not None):
+        graph.loops = False
+        try:
+            starts, before = [graph.lift(leaf) for leaf in leaves(record)], len(graph.nodes)
+            slots = [graph.slot() for _ in starts]
+            ends = [graph.lift(leaf) for leaf in leaves(function(rebuild(record, iter(slots))))]
+            if len(ends) != len(starts):
+                raise ValueError(f"the function returns a record of {len(ends)} scalars, took one of {len(starts)}")
+            if until is not None or count * (len(graph.nodes) - before) > WRITTEN_OUT:
+                return rebuild(record, iter(graph.repeat(count, slots, starts, ends, until=until)))
+            for _ in range(count):
+                record = function(record)
+            return record
+        finally:
+            graph.loops = True
     for _ in range(count):
         record = function(record)
     return record

@@ -65,7 +65,7 @@ def rotor_wrench(model: Model, squares: Sequence[Scalar], sideways: bool = False
     """Wrench of given squared rotor speeds in the mixer's model: torque and thrust (``sideways``: whole force)."""
     rows = allocation_matrix(model.vehicle, sideways)
     x, y, z, thrust, *across = (inner_product(row, squares) for row in rows)
-    return Force(Vec3(x, y, z), Vec3.of([*(across or (0, 0)), thrust]))
+    return Force(Vec3(x, y, z), Vec3(*(*(across or (0, 0)), thrust)))
 
 
 def side_wrench(model: Model, speeds: Sequence[Scalar], velocity_B: Vec3, rate: Vec3, sideways: bool = False) -> Force:

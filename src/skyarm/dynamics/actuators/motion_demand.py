@@ -6,8 +6,9 @@ points, the heading the rest, their derivatives the angular velocity and acceler
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ import numpy.typing as npt
 
 from skyarm import dynamics
 from skyarm.algebra import Mat3, Vec3
+from skyarm.dynamics.actuators.drive import friction
 from skyarm.dynamics.actuators.mixer import make_mixer
 from skyarm.dynamics.state import proper_acceleration
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -61,13 +63,15 @@ class Demand:
     turning: Array
 
 
+def _table(count: int, values: Iterable[Any]) -> Array:
+    """Array (values, count) of scalars, each one number or an array of ``count``."""
+    rows = [np.broadcast_to(np.asarray(value, dtype=float), count) for value in values]
+    return np.stack(rows) if rows else np.zeros((0, count))
+
+
 def motion_of(reference: Any, time: Array) -> Motion:
     """Motion at K instants from a reference whose fields are arrays of K values or constants."""
-
-    def lanes(values: Any) -> Array:
-        rows = [np.broadcast_to(np.asarray(v, dtype=float), len(time)) for v in values]
-        return np.stack(rows) if rows else np.zeros((0, len(time)))
-
+    lanes = partial(_table, len(time))
     return Motion(
         time=time,
         acceleration=lanes(reference.acceleration),
@@ -92,13 +96,9 @@ def demand_of_motion(
         motion: at instants near enough that attitude may be differentiated between them.
         settled: what the attitude follows of the force (3, K) that it is turned by; all of it if left out.
     """
-    a, yaw, count = motion.acceleration, motion.yaw, len(motion.time)
+    a, yaw = motion.acceleration, motion.yaw
     q, qd, qdd = tuple(motion.joints), tuple(motion.rates), tuple(motion.accelerations)
-
-    def lanes(values: Any) -> Array:
-        rows = [np.broadcast_to(np.asarray(v, dtype=float), count) for v in values]
-        return np.stack(rows) if rows else np.zeros((0, count))
-
+    lanes = partial(_table, len(motion.time))
     needed = float(vehicle.mass) * (a + np.array([[0.0], [0.0], [gravity]]))
     still = Vec3(0.0, 0.0, 0.0)
     for _ in range(REACTIONS):
@@ -113,14 +113,11 @@ def demand_of_motion(
     force, efforts = dynamics.inverse_dynamics(vehicle, q, Vec3(*rate), qd, base, qdd)
     along_thrust = np.einsum("ik,ik->k", R[:, 2], np.einsum("ijk,jk->ik", R, lanes(force.force)))
     squared = inverse @ np.vstack([lanes(force.torque), along_thrust[None]])
-    friction = [
-        float(k.joint.damping) * rates + float(k.joint.coulomb) * np.tanh(rates / float(k.joint.coulomb_rate))
-        for k, rates in zip(vehicle.links, qd, strict=True)
-    ]
+    resisting = lanes([friction(link.joint, rate, rate) for link, rate in zip(vehicle.links, qd, strict=True)])
     return Demand(
         motion.time,
         np.asarray(squared),
-        lanes(efforts) + (np.array(friction) if friction else 0.0),
+        lanes(efforts) + resisting,
         motion.joints,
         motion.rates,
         np.arctan2(np.hypot(R[0, 2], R[1, 2]), R[2, 2]),

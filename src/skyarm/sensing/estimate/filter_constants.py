@@ -117,9 +117,6 @@ NEEDED: Mapping[str, tuple[type, ...]] = {
 }
 """Sensors of each word of the filter's ``aiding``."""
 
-KINDS: Mapping[type, str] = {Imu: "imu", Pose: "pose", Position: "position", Heading: "heading", Encoders: "encoders"}
-"""Names of the sensors in files."""
-
 
 def only(kind: type, readings: Mapping[str, Any]) -> Any:
     """First reading of a sensor type; None without such a reading."""
@@ -144,10 +141,10 @@ def require_filter_sensors(sensors: Mapping[str, Sensor], aiding: str, lag: floa
     for kind in needed:
         names = [name for name, sensor in sensors.items() if isinstance(sensor, kind)]
         if len(names) != 1:
-            there = f"{len(names)} of kind {KINDS[kind]!r}"
+            word = kind.__name__.lower()
             raise ValueError(
-                f"estimator: needs one sensor of kind {KINDS[kind]!r} ([sensors.NAME] with kind = {KINDS[kind]!r}); "
-                f"there {'are' if len(names) != 1 else 'is'} {there}"
+                f"estimator: needs one sensor of kind {word!r} ([sensors.NAME] with kind = {word!r}); "
+                f"there are {len(names)} of kind {word!r}"
             )
         found[kind], sensor = names[0], sensors[names[0]]
         if kind in NEEDED[aiding] and sensor.latency > lag + 1e-9:

@@ -45,7 +45,7 @@ def reach_of(mixer: Mixer, com: Vec3, weight: Scalar) -> Reach:
     """Squared rotor speeds per unit of force from a six-row mixer; ``com`` in base axes, m, ``weight`` in N."""
     rows = []
     for turning, across in zip(mixer.inverse, mixer.across, strict=True):
-        rows.append(Vec3.of([*across, turning[3]]) + Vec3.of(turning[:3]).cross(com))
+        rows.append(Vec3(*(*across, turning[3])) + Vec3(*turning[:3]).cross(com))
     least = tuple(LEAST * weight * turning[3] for turning in mixer.inverse)
     return Reach(rows=tuple(rows), highest=mixer.highest, least=least)
 
