@@ -23,7 +23,8 @@ def unpacked(content: bytes) -> dict[str, Any]:
 
 
 def place_at(messages: list[Any], name: str, kind: str, field: str, seconds: float) -> np.ndarray:
-    """What the last message up to an instant says of a node."""
+    """What the last message up to an instant says of a node, which must be there."""
+    assert name in {message.get("name") for _, message in messages}
     said = [
         message[field]
         for at, message in messages

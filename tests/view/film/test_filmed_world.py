@@ -125,8 +125,9 @@ def test_the_wall_is_seen_in_a_picture() -> None:
     last = _last(filmed())
     bare = dataclasses.replace(last, scene=Scene())
     # without surfaces the camera stands elsewhere: all are seen from where it stands with them
-    far = dataclasses.replace(last, touches=(), surfaces=tuple(_moved(each, 100.0) for each in last.surfaces))
-    high = dataclasses.replace(far, ground=0.0)
+    away = tuple(_moved(each, 100.0) for each in last.scene.solids)
+    far = dataclasses.replace(last, scene=dataclasses.replace(last.scene, arrows=(), solids=away))
+    high = dataclasses.replace(far, scene=dataclasses.replace(far.scene, ground=0.0))
     assert free_azimuth([far]) == free_azimuth([bare]) == AZIMUTH
     azimuth = free_azimuth([last])
     with pytest.MonkeyPatch.context() as patch:

@@ -67,7 +67,7 @@ def test_a_payload_is_where_the_log_has_it() -> None:
     )  # fmt: skip
     messages = unpacked(record(log, FilmSettings(fps=FPS, ghost=False)).content)["messages"]
     for seconds, held in ((0.0, 0.4), (0.4, 0.4), (0.6, 0.6), (0.95, 0.95)):
-        place = place_at(messages, "/flight1/solids/payload1", "SetPositionMessage", "position", seconds)
+        place = place_at(messages, "/flight1/solids/payload", "SetPositionMessage", "position", seconds)
         np.testing.assert_allclose(place, log.tip[np.searchsorted(log.time, held)], atol=5e-4)
 
 

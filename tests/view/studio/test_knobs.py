@@ -43,7 +43,8 @@ def test_every_slider_holds_a_number_of_the_scenario(case: str, law: str | None)
     scenario = fleet.under(law)
     found = knobs_of(scenario, fleet.push_path)
     require_apart(scenario, [knob.path for knob in found])  # no number has two sliders
-    assert {knob.group for knob in found} == set(GROUPS)
+    # a delay varies in machine code, which nmpc has not
+    assert {knob.group for knob in found} == set(GROUPS) - ({"delay"} if law == "nmpc" else set())
     for knob in found:
         assert number_at(scenario, knob.path) == knob.value
         assert knob.low <= knob.value <= knob.high, knob
