@@ -147,8 +147,6 @@ _ROOMS = {
     "skyarm.vehicle": ("Body", "Frame", "Joint", "Link", "Rotor", "Vehicle", "VehicleError"),
     "skyarm.vehicle.vehicle_files": ("list_vehicles", "load_vehicle"),
 }
-_OLD = {"Airspeed": "MovingAir", "RotorsForce": "ForceWind", "World": "Truth"}
-"""Names of the last version."""
 _HOME = {name: room for room, names in _ROOMS.items() for name in names}
 
 __all__ = [
@@ -254,11 +252,6 @@ def __getattr__(name: str) -> Any:
     from importlib import import_module
     from importlib.util import find_spec
 
-    if name in _OLD:
-        from skyarm.records.files.old_names import warn_of_old_name
-
-        warn_of_old_name(f"skyarm.{name}", f"skyarm.{_OLD[name]}")
-        return __getattr__(_OLD[name])
     if name in _HOME:
         value = getattr(import_module(_HOME[name]), name)
         globals()[name] = value

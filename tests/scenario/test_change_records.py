@@ -18,7 +18,6 @@ from hypothesis import strategies as st
 from added_components import Fix
 from simulate_flights import FULL, document
 from skyarm import Scenario, ScenarioError, load_scenario, scenario_from
-from skyarm.records.files.toml import toml_text
 from skyarm.records.identity import identity
 from skyarm.records.plain import digest, plain
 from skyarm.records.restore import restore
@@ -27,6 +26,7 @@ from skyarm.scenario.in_flight import overrides_at, require_changes, stretches
 from skyarm.scenario.numbers import number_at, require_apart, with_numbers
 from skyarm.scenario.scenario_record import Change, NamedSensor
 from thorough import sampled
+from toml_text import toml_text
 
 BASE = document("case3_wind", duration=1.0)
 GAIN = "controller.gains.position.x"

@@ -10,7 +10,7 @@ import pytest
 
 import skyarm
 from shared_programs import fly
-from simulate_flights import circling, document
+from simulate_flights import circling
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import where
 from skyarm.dynamics.actuators import Command
@@ -229,13 +229,8 @@ def test_a_session_hears_of_it_too() -> None:
     assert np.array_equal(session.log.position, run(running(1.0)).position)
 
 
-def test_the_old_word_of_the_start_of_tracking_is_read_with_a_warning() -> None:
+def test_the_start_of_tracking_is_a_number_of_the_reference() -> None:
     assert number_at(running(1.0), "reference.tracking_start") == 1.0
-    with pytest.warns(DeprecationWarning, match=r"'reference.joined' is an old name: use 'reference.tracking_start'"):
-        assert number_at(running(1.0), "reference.joined") == 1.0
-    table = {**document(), "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}, "joined": 0.1}}
-    with pytest.warns(DeprecationWarning, match=r"^reference.joined is an old name: use reference.tracking_start"):
-        assert scenario_from(table).tracking_start == 0.1
 
 
 @pytest.mark.parametrize(

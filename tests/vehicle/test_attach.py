@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from skyarm.records.files.toml import toml_text
 from skyarm.vehicle import VehicleError
 from skyarm.vehicle.vehicle_files import load_vehicle
+from toml_text import toml_text
 from urdf_texts import agrees, joint, limits, link, pinocchio_of, robot, saved
 
 FRAME = (

@@ -49,7 +49,7 @@ COLUMNS = {"speed": list(SPEED), "thrust": [2.0 * each for each in THRUST], "tor
 
 def tabled(tmp_path: Path, columns: dict[str, Any] = COLUMNS, head: str = "") -> Path:
     """The servo arm with rotors of a table, as a file."""
-    from skyarm.records.files.toml import toml_text
+    from toml_text import toml_text
 
     document = tomllib.loads((DATA / "servo_arm.toml").read_text())
     defaults = document["rotor_defaults"]
@@ -106,15 +106,6 @@ def test_a_parabolas_table_is_the_parabola():
         assert table.twist(speed) == table.push(speed), "without a column of torque"
 
 
-def test_throttle_and_speed_are_each_others_inverse():
-    table = ThrustTable(speed=SPEED, thrust=THRUST, throttle=(0.1, 0.2, 0.3, 0.42, 0.53, 0.66, 0.81, 1.0))
-    assert table.speed_at(0.42) == pytest.approx(530.0)
-    assert table.throttle_at(705.0) == pytest.approx(0.66)
-    assert table.throttle_at(table.speed_at(0.6)) == pytest.approx(0.6, rel=1e-12)
-    with pytest.raises(VehicleError, match=r"^thrust_table\.throttle = \(missing\): must be a column"):
-        TABLE.speed_at(0.5)
-
-
 def test_a_vehicle_with_tables_hovers_where_it_should(tmp_path):
     """Hover trim of the truth and a law that knows the table: it stays; one that knows the parabola alone sags."""
     vehicle = load_vehicle(tabled(tmp_path))
@@ -155,10 +146,9 @@ def test_a_thrust_coefficient_that_varies_scales_the_table(tmp_path):
         ({"speed": [210.0, 200.0, *SPEED[2:]]}, r"thrust_table\.speed\[1\] = 200\.0: must be above"),
         ({"thrust": [0.1]}, r"thrust_table\.thrust = \(0\.1,\): must be at least two numbers"),
         ({"torque": [0.1, 0.2]}, r"thrust_table\.torque = .*: must be 8 numbers, as many as speeds"),
-        ({"throttle": [*SPEED]}, r"throttle\[0\] = 210\.0: must be at most 1"),
         ({"speed": [0.0, *SPEED[1:]]}, r"thrust_table\.thrust\[0\] = 0\.33: must be 0 at rest"),
         ({"speed": None}, r"rotor_defaults\.thrust_table\.speed: is missing"),
-        ({"amps": [1.0]}, r"amps.*unknown field; allowed: speed, thrust, torque, current, throttle"),
+        ({"amps": [1.0]}, r"amps.*unknown field; allowed: speed, thrust, torque, current"),
         ({"thrust": [float("nan"), *THRUST[1:]]}, r"thrust\[0\] = nan: must be a finite number"),
     ],
 )

@@ -12,10 +12,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from skyarm.algebra import Mat3, Sym3, Vec3
-from skyarm.records.files.toml import toml_text
 from skyarm.vehicle import Body, Frame, Joint, Link, Vehicle, VehicleError, mobility
 from skyarm.vehicle.check import TOLERANCE
-from skyarm.vehicle.vehicle_files import vehicle_of_text
+from skyarm.vehicle.vehicle_files import load_vehicle
+from toml_text import toml_text
 
 BODY = {"mass": 1.0, "inertia": [0.01, 0.01, 0.01]}
 ROTOR = {
@@ -35,8 +35,14 @@ def renamed(table, old, new):
     return swapped, {**{key: value for key, value in table.items() if key != old}, new: table[old]}
 
 
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
 def read(document):
-    return vehicle_of_text(toml_text(document), Path("v.toml"))
+    Path("v.toml").write_text(toml_text(document), encoding="utf-8")
+    return load_vehicle("v.toml")
 
 
 def message(document):

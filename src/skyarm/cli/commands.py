@@ -22,7 +22,6 @@ from typer.core import TyperGroup
 from skyarm.cli.lines import INTERRUPTED, WRONG_INPUT, say, say_warning
 from skyarm.cli.output import console, with_output_options
 from skyarm.records.files import shown
-from skyarm.records.files.old_names import OldNameWarning
 from skyarm.records.registry.plugins import load_plugin, register_law_of_file
 from skyarm.records.registry.registrations import registrations
 
@@ -190,26 +189,20 @@ def _command() -> str:
 def _lines_for_users() -> Iterator[None]:
     """Context that shows warnings for users on one line each; others keep Python's format.
 
-    That a flight is slow is said at once. Old names are said at the end, so that wrong input stays one line.
+    That a flight is slow is said at once.
     """
-    old_names: list[str] = []
     with warnings.catch_warnings():
         warnings.filterwarnings("once", message=SLOW)
-        warnings.filterwarnings("once", category=OldNameWarning)
         python_shows = warnings.showwarning
 
         def show(message: Warning | str, *where: Any, **more: Any) -> None:
-            if isinstance(message, OldNameWarning):
-                old_names.append(str(message))
-            elif str(message).startswith(SLOW):
+            if str(message).startswith(SLOW):
                 say(str(message), 0)
             else:
                 python_shows(message, *where, **more)
 
         warnings.showwarning = show
         yield
-        for line in dict.fromkeys(old_names):
-            say(line)
 
 
 def _refusal(error: Exception) -> str:

@@ -26,7 +26,6 @@ from skyarm.control.actuator_layer import ActuatorParameters, has_tables, plain_
 from skyarm.control.catalogue import (
     LAWS,
     PRESETS,
-    TUNED,
     make_controller,
     make_named,
     make_tuned,
@@ -194,15 +193,6 @@ def law_words(law: str) -> tuple[str, ...]:
     """Keys that a [controller] table may have for a given law: the law's options, and those of all laws."""
     options = (WORDS.get(option, option) for option in LAWS[law].options() if option not in PYTHON_ONLY)
     return (*options, *(("tuned",) if law in tuned_factors() else ()), *LAYERS)
-
-
-def law_table(name: str, before: Mapping[str, Any]) -> dict[str, Any]:
-    """[controller] table for a controller given by name, with the layer settings of the previous table."""
-    layers = {word: before[word] for word in LAYERS if word in before}
-    if name in PRESETS:
-        return {"preset": name, **layers}
-    tuned = {"tuned": True} if name.endswith(TUNED) else {}
-    return {"law": name.removesuffix(TUNED), **tuned, **layers}
 
 
 def by_words(fields: Fields, model: Model, known: Mapping[str, Any], *, loaded: bool = False) -> Controller:

@@ -13,7 +13,6 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics import State
 from skyarm.plant.interface import Truth
 from skyarm.records.files import did_you_mean
-from skyarm.records.files.old_names import warn_of_old_name
 from skyarm.records.leaves import Place, field_names, part, parts
 from skyarm.records.registry.registrations import name_of
 from skyarm.reference import Constant, Shifted, Signal, Sine, Sum, Trajectory, Windowed
@@ -50,9 +49,6 @@ LATER = (LATE, "delays.rotors", "delays.joints")
 TRACKING_START = "reference.tracking_start"
 """A number of the agent, not of the trajectory."""
 
-OLD_PATHS = {"reference.joined": TRACKING_START}
-"""Paths of the last version, which work with a warning."""
-
 
 def places_of(scenario: Scenario, path: str) -> tuple[Place, ...]:
     """Field paths in the scenario record for a parameter path; several if one number is stored more than once.
@@ -62,9 +58,6 @@ def places_of(scenario: Scenario, path: str) -> tuple[Place, ...]:
     """
     if path in LATER and scenario.delays.longest_command is not None:
         return (("agent", "delays", path.removeprefix("delays.")),)
-    if path in OLD_PATHS:
-        warn_of_old_name(f"path = {path!r}", repr(OLD_PATHS[path]))
-        path = OLD_PATHS[path]
     if path == TRACKING_START:
         return (("agent", "tracking_start"),)
     for field in STRUCTURE:

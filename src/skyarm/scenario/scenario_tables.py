@@ -16,7 +16,6 @@ from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.plant.interface import Truth
 from skyarm.records.files import Fields, number, shown
 from skyarm.records.files.fields import list_of_tables
-from skyarm.records.files.old_names import warn_of_old_name
 from skyarm.records.leaves import Place, parts
 from skyarm.records.read_table import record_from, registered_from
 from skyarm.records.registry.plugins import known_names
@@ -234,15 +233,9 @@ def reference(
     planned: Callable[[Scenario], Scenario] = _as_commanded
     rest, start = table, 0
     if isinstance(table, Mapping):
-        rest = {name: value for name, value in table.items() if name not in ("governor", "tracking_start", "joined")}
-        if "joined" in table:
-            warn_of_old_name("reference.joined", "reference.tracking_start")
-            if "tracking_start" in table:
-                value = shown(table["joined"])
-                raise ValueError(f"reference.joined = {value}: must be left out, tracking_start is its new name")
-        for word in ("joined", "tracking_start"):  # s; left out, a structural 0: the law follows at once
-            if word in table:
-                start = number(table[word], f"reference.{word}", low=0.0)  # type: ignore[assignment]
+        rest = {name: value for name, value in table.items() if name not in ("governor", "tracking_start")}
+        if "tracking_start" in table:  # s; left out, a structural 0: the law follows at once
+            start = number(table["tracking_start"], "reference.tracking_start", low=0.0)  # type: ignore[assignment]
         if table.get("governor", False) is not False:
             from skyarm.scenario.path_governor import planner_from
 

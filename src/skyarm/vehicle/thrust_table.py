@@ -1,4 +1,4 @@
-"""Measured rotor data: thrust, drag torque, current and throttle against speed, from a data sheet or test stand."""
+"""Measured rotor data: thrust, drag torque and current against speed, from a data sheet or test stand."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
 from skyarm.vehicle.check import VehicleError, refuse
 
-COLUMNS = ("speed", "thrust", "torque", "current", "throttle")
+COLUMNS = ("speed", "thrust", "torque", "current")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -27,7 +27,6 @@ class ThrustTable:
 
     Attributes:
         speed: rising. thrust, torque, current: rising with it; torque and current may be left out.
-        throttle: 0 to 1, rising; may be left out.
         thrust_coefficient, moment_coefficient: of the parabolas; 0 where they follow from the columns.
     """
 
@@ -35,7 +34,6 @@ class ThrustTable:
     thrust: Annotated[tuple[Scalar, ...], Unit("N", low=0.0)]
     torque: Annotated[tuple[Scalar, ...], Unit("N m", "drag torque", low=0.0)] = ()
     current: Annotated[tuple[Scalar, ...], Unit("A", "of one rotor", low=0.0, usual=500.0)] = ()
-    throttle: Annotated[tuple[Scalar, ...], Unit("", "of the speed controller", low=0.0, high=1.0)] = ()
     thrust_coefficient: Annotated[Scalar, Unit("N s^2/rad^2", low=0.0)] = 0
     moment_coefficient: Annotated[Scalar, Unit("m", low=0.0)] = 0
 
@@ -81,25 +79,12 @@ class ThrustTable:
         """Rotor current at a steady speed and the table's voltage, A."""
         return curve(speed * speed, *self._points(self.current))
 
-    def throttle_at(self, speed: Any) -> Any:
-        """Throttle (0 to 1) for a steady speed at the table's voltage."""
-        return curve(speed, *self._throttles())
-
-    def speed_at(self, throttle: Any) -> Any:
-        """Steady speed (rad/s) at a throttle (0 to 1) and the table's voltage: inverse of ``throttle_at``."""
-        return inverse_curve(throttle, *self._throttles())
-
     def _points(self, column: Sequence[Any]) -> tuple[list[Any], list[Any]]:
         """Points (squared speed, value) of a table column for interpolation, with a point at zero speed."""
         squares = [w * w for w in self.speed]
         if concrete(self.speed[0]) and self.speed[0] == 0.0:
             return squares, list(column)
         return [0.0, *squares], [0.0, *column]
-
-    def _throttles(self) -> tuple[list[Any], list[Any]]:
-        if not self.throttle:
-            raise VehicleError("thrust_table.throttle = (missing): must be a column of the table")
-        return list(self.speed), list(self.throttle)
 
 
 def _fit(xs: Sequence[Any], ys: Sequence[Any]) -> Any:

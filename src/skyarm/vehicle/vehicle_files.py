@@ -78,19 +78,6 @@ def _name_file_in_errors(file: str, read: Any) -> Vehicle:
     return vehicle
 
 
-def vehicle_of_text(text: str, file: Path) -> Vehicle:
-    """Vehicle from the text of a TOML file that is not written yet.
-
-    Args:
-        text: of the file.
-        file: its path to come, from whose folder others are named.
-
-    Raises:
-        VehicleError: one line, as :func:`load_vehicle` says it.
-    """
-    return _name_file_in_errors(str(file), lambda: _from_toml(text.encode(), file))
-
-
 def _from_toml(content: bytes, file: Path | None, above: tuple[Path, ...] = ()) -> Vehicle:
     """Read the vehicle of a TOML file; ``above`` are the files that refer to it."""
     chain = above if file is None else (*above, file.resolve())

@@ -29,15 +29,11 @@ from typing import Any
 
 from skyarm.algebra import E_X, Vec3
 from skyarm.records.files import Fields
-from skyarm.records.files.old_names import present_name
 from skyarm.world.dryden import HIGHEST, LOWEST, Dryden, low_altitude
 from skyarm.world.gust import SHAPES, Gust
 from skyarm.world.wind import NO_WIND, ForceWind, MovingAir, Wind
 
 _ZERO = (0.0, 0.0, 0.0)
-
-OLD_MODES = {"rotors_force": "force_wind", "airspeed": "moving_air"}
-"""Names of the last version."""
 
 
 def wind_from(table: dict[str, Any], where: str) -> Wind:
@@ -51,10 +47,6 @@ def wind_from(table: dict[str, Any], where: str) -> Wind:
         ValueError: one line with field, value and what is allowed.
     """
     fields = Fields(table, where)
-    if "mode" in fields.table:
-        fields = Fields(
-            {**fields.table, "mode": present_name(fields.at("mode"), fields.table["mode"], OLD_MODES)}, where
-        )
     mode = fields.choice("mode", ("none", "force_wind", "moving_air"))
     wind = {"none": _none, "force_wind": _force_wind, "moving_air": _moving_air}[mode](fields)
     fields.done()

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from skyarm.records.files.toml import toml_text
 from skyarm.vehicle.vehicle_files import LIBRARY, list_vehicles, load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle
+from toml_text import toml_text
 
 Document = dict[str, Any]
 

@@ -10,7 +10,6 @@ import pytest
 
 import skyarm
 from skyarm.records.files import read_toml
-from skyarm.records.files.toml import toml_text
 from skyarm.scenario.scenario_file import LIBRARY, list_scenarios
 from skyarm.view.studio.fleet import (
     LONGEST,
@@ -20,6 +19,7 @@ from skyarm.view.studio.fleet import (
 from skyarm.view.studio.knobs import knobs_of
 from skyarm.world import TimedPayload
 from thorough import sampled
+from toml_text import toml_text
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
 

@@ -69,11 +69,6 @@ def loaded_plugins() -> tuple[Plugin, ...]:
     return tuple(_LOADED.values())
 
 
-def file_modules() -> dict[str, ModuleType]:
-    """Modules of the loaded plugin files, by name."""
-    return {module.__name__: module for module in _MODULES.values()}
-
-
 def plugin_of(module: str) -> Plugin | None:
     """Plugin that a module belongs to, as its file or as an import from its folder; None for any other module."""
     file = file_of(sys.modules.get(module))
@@ -318,8 +313,9 @@ def _module(module: str, name: str, plugins: Mapping[str, str]) -> ModuleType:
             return import_module(module)
         except ImportError:
             raise RegistryError(f"{shown(name)}: is not there any more; it was written by another version") from None
-    if module in file_modules():
-        return file_modules()[module]
+    loaded = {each.__name__: each for each in _MODULES.values()}
+    if module in loaded:
+        return loaded[module]
     _require_plugin(module, plugins)
     if module in sys.modules and module.split(".", maxsplit=1)[0] in _registered_packages():
         return sys.modules[module]

@@ -14,8 +14,8 @@ from importlib import import_module
 from typing import Any, TypeVar
 
 from skyarm.records.files import must_be_one_of, shown
-from skyarm.records.registry.shipped import OLD_NAMES, reserved_for
 from skyarm.records.registry.shipped import SHIPPED as SHIPPED_NAMES
+from skyarm.records.registry.shipped import reserved_for
 
 Thing = TypeVar("Thing")
 
@@ -98,8 +98,6 @@ def add(kind: str, name: str, target: object, title: str = "", source: str = "",
     if not isinstance(name, str) or not name or not all(c.isalnum() or c in letters for c in name):
         raise RegistryError(f"{kind}: name = {shown(name)}: must be letters, digits, '_', '-' or '.'")
     new = Registration(kind, name, target, title, source or _SOURCE[-1])
-    if canonical(kind, name) != name:
-        raise RegistryError(f"{kind} {name!r}: is another name of {canonical(kind, name)!r} of {SHIPPED}; rename it")
     if new.source != SHIPPED and (taken := reserved_for(kind, name)):
         raise RegistryError(f"{kind} {name!r}: is {taken} of {SHIPPED} and is registered by {new.source}; rename it")
     old = _ready()[kind].get(name) if source != SHIPPED else _FOUND[kind].get(name)
@@ -135,22 +133,6 @@ def names(kind: str) -> tuple[str, ...]:
     return tuple(registrations(kind))
 
 
-def canonical(kind: str, name: object) -> Any:
-    """Present name for an old name of a registered object, without a warning; any other value unchanged."""
-    if not isinstance(name, str):
-        return name
-    return OLD_NAMES.get(kind, {}).get(name, name)
-
-
-def full_name(kind: str, name: object) -> Any:
-    """Present name for an old name of a registered object, with a warning; any other value unchanged."""
-    if isinstance(name, str) and name in OLD_NAMES.get(kind, {}):
-        from skyarm.records.files.old_names import warn_of_old_name
-
-        warn_of_old_name(f"{kind} {name!r}", repr(canonical(kind, name)), stacklevel=3)
-    return canonical(kind, name)
-
-
 def find(kind: str, name: object, field: str = "") -> Any:
     """Registered object of a name.
 
@@ -162,7 +144,7 @@ def find(kind: str, name: object, field: str = "") -> Any:
     Raises:
         RegistryError: no such name, with what there is and what was perhaps meant.
     """
-    known, name = registrations(kind), full_name(kind, name)
+    known = registrations(kind)
     if not isinstance(name, str) or name not in known:
         more = f"; names of one's own come by {LOADED_BY.format('FILE.py')}" if field else ""
         raise RegistryError(f"{field or kind} = {shown(name)}: {must_be_one_of(known, name)}{more}")

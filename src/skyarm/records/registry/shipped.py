@@ -1,4 +1,4 @@
-"""Names registered by the library, kind -> name -> (location, title), and their old names."""
+"""Names registered by the library: kind -> name -> (location, title)."""
 
 from __future__ import annotations
 
@@ -139,12 +139,6 @@ SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "ground": ("skyarm.scenario.endings:Ground", "the lowest point at z = 0"),
     },
 }
-
-OLD_NAMES: Mapping[str, Mapping[str, str]] = {
-    "air": {"airspeed": "moving_air"},
-    "force": {"rotors_force": "force_wind"},
-}
-"""Names of the last version, which work with a warning: kind -> old -> new."""
 
 RESERVED: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     "command": {
