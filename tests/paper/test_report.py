@@ -102,9 +102,6 @@ def some_sensitivity() -> dict[str, Any]:
     }
 
 
-REASONS = {"case1": {"CT": {"position_error_mean": "because <i>x</i> & y"}}}
-
-
 PICTURE = image("a path & an error", "a path & an error", b"\x89PNG", kind="single opening")
 
 
@@ -112,7 +109,7 @@ PICTURE = image("a path & an error", "a path & an error", b"\x89PNG", kind="sing
 def sources() -> dict[str, str]:
     logs = all_logs()
     figures = paper_figures({"case1": logs["rigid_body"]["case1"]}, WINDOWS)
-    return report_pages(some_results(), some_sensitivity(), logs, REASONS, figures, opening=PICTURE)
+    return report_pages(some_results(), some_sensitivity(), logs, figures, opening=PICTURE)
 
 
 @pytest.fixture(scope="module")
@@ -276,8 +273,7 @@ def test_missing_and_not_finite_numbers_are_dashes(page: Page) -> None:
 
 
 def test_text_from_outside_is_escaped(source: str, pages: dict[str, Page]) -> None:
-    assert "because <i>x</i> & y" in pages["case1.html"].text
-    assert "<i>" not in re.sub(r"<script.*?</script>", "", source, flags=re.DOTALL)
+    assert "<b>" not in re.sub(r"<script.*?</script>", "", source, flags=re.DOTALL)
     assert "<b>&\"'" in pages[MAIN].text
 
 
@@ -286,15 +282,14 @@ def test_hostile_names_do_not_become_markup() -> None:
     cells = {evil: {"paper": 1.0, "rigid_body": 2.0, "mujoco": 3.0}}
     results = {"schema": 1, "experiments": {evil: {evil: cells}}, "settings": {evil: evil}}
     sensitivity = {evil: {evil: {evil: {evil: {evil: 1.0}}}}}
-    reasons = {evil: {evil: {evil: evil}}}
     logs = {evil: {evil: {evil: synthetic_log("case1", evil, evil, seconds=0.5)}}}
-    read = whole(results, sensitivity, logs, reasons)
+    read = whole(results, sensitivity, logs)
     addresses = r"#[\w-]+|report\.html|_img_src_http_x_script_\.html|data:image/png;base64,.*"
     assert all(re.fullmatch(addresses, each) for each in read.addresses)
 
 
 def test_empty_inputs_make_a_whole_page() -> None:
-    read = whole({"schema": 1, "experiments": {}, "settings": {}}, {}, {}, {})
+    read = whole({"schema": 1, "experiments": {}, "settings": {}}, {}, {})
     assert "No variation was flown." in read.text
 
 
@@ -305,7 +300,7 @@ def test_a_plant_that_was_not_flown_is_dashes_not_an_error() -> None:
             for cell in cells.values():
                 del cell["mujoco"]
     logs = {"rigid_body": all_logs()["rigid_body"]}
-    read = Page(report_pages(results, {}, logs, {})[MAIN])
+    read = Page(report_pages(results, {}, logs)[MAIN])
     assert "mujoco: " not in read.text.split("Verdict")[0]
 
 
@@ -370,15 +365,9 @@ def test_published_numbers_keep_their_printed_digits() -> None:
     cells = {"position_error_mean": {"paper": 0.04, "rigid_body": 0.0349, "mujoco": 0.0349}}
     cells["pitch_rms"] = {"paper": 0.5, "rigid_body": 0.4, "mujoco": 0.4}
     results = {"schema": 1, "experiments": {"case1": {"CT": cells}}, "settings": {}}
-    page = report_pages(results, {}, {}, {})["case1.html"]
+    page = report_pages(results, {}, {})["case1.html"]
     assert '<data value="0.04">0.040</data>' in page
     assert '<data value="0.5">0.500</data>' in page, "a number that is not the printed one is not shown as if it were"
-
-
-def test_the_why_column_holds_the_reasons_given(source: str) -> None:
-    written = re.findall(r'<td class="why">(.*?)</td>', source)
-    assert [line for line in written if line] == ["because &lt;i&gt;x&lt;/i&gt; &amp; y"]
-    assert "Nearest variation (alternatives, not jointly true)" in source
 
 
 def test_captions_name_the_plant_that_flew() -> None:
@@ -389,7 +378,7 @@ def test_captions_name_the_plant_that_flew() -> None:
                 cell["rigid_body"] = None
     logs = {"mujoco": all_logs()["mujoco"]}
     figures = paper_figures({"case1": logs["mujoco"]["case1"]}, WINDOWS)
-    read = whole(results, some_sensitivity(), logs, {}, figures)
+    read = whole(results, some_sensitivity(), logs, figures)
     assert "Layout of the paper, mujoco plant" in read.text
     assert "Joint damping [N m s/rad], mujoco; bold" in read.text
 
@@ -397,7 +386,7 @@ def test_captions_name_the_plant_that_flew() -> None:
 def test_the_order_of_the_plants_decides_which_is_first() -> None:
     results = some_results()
     results["settings"]["plants"] = ["mujoco", "rigid_body"]
-    assert "Joint damping [N m s/rad], mujoco; bold" in report_pages(results, some_sensitivity(), {}, {})[MAIN]
+    assert "Joint damping [N m s/rad], mujoco; bold" in report_pages(results, some_sensitivity(), {})[MAIN]
 
 
 def test_every_group_of_variations_has_a_title() -> None:
@@ -408,7 +397,7 @@ def test_an_episode_that_ended_early_is_named() -> None:
     log = synthetic_log("case1", "rigid_body", "PD", seconds=3.0)
     ended = {**log.info, "status": "joint_limit", "cause": "joint 2 < limit", "end_time": 3.0}
     logs = {"rigid_body": {"case1": {"PD": dataclasses.replace(log, info=ended)}}}
-    read = Page(report_pages(some_results(), {}, logs, {})[MAIN])
+    read = Page(report_pages(some_results(), {}, logs)[MAIN])
     assert "1 of 1 episodes ended early" in read.text
     assert "joint_limit at 3 s, joint 2 < limit" in read.text
 
@@ -417,7 +406,7 @@ def test_an_episode_that_came_to_its_end_far_from_its_reference_is_named() -> No
     log = synthetic_log("case1", "rigid_body", "PD", seconds=3.0)
     away = dataclasses.replace(log, position=log.position + 7.0)
     logs = {"rigid_body": {"case1": {"PD": away, "CT": log}}}
-    read = Page(report_pages(some_results(), {}, logs, {})[MAIN])
+    read = Page(report_pages(some_results(), {}, logs)[MAIN])
     assert "All 2 episodes flew to their end." in read.text
     assert "PD: not reached: reference of the base, 12.1 m off in the mean from 1 s on" in read.text
     assert "CT: not reached" not in read.text

@@ -76,28 +76,6 @@ def test_results_json_is_what_the_call_returns_and_strict(written: tuple[Path, d
     assert cell["inferred"]["rigid_body"] != cell["rigid_body"], "flown with settings of their own"
 
 
-def test_every_cell_that_differs_has_a_reason(written: tuple[Path, dict[str, Any], list[str]]) -> None:
-    folder, table, _ = written
-    evidence = json.loads((folder / "sensitivity.json").read_text(encoding="utf-8"), parse_constant=_no_constant)
-    differing = 0
-    for case, controllers in table["experiments"].items():
-        for controller, cells in controllers.items():
-            for metric, cell in cells.items():
-                paper, ours = cell["paper"], cell["rigid_body"]
-                why = evidence["reasons"][case][controller].get(metric, "")
-                if paper is None or metric == "settling_time_upper_bound":
-                    continue
-                if ours is None or abs(ours - paper) > max(0.05 * abs(paper), 0.5):  # 0.5: the coarsest rounding
-                    assert why, (case, controller, metric)
-                if ours is not None and abs(ours - paper) > 0.06 * abs(paper) + 0.005:
-                    differing += 1
-                    assert why, (case, controller, metric)
-                    assert "\n" not in why
-                if ours is not None and abs(ours - paper) < 0.04 * abs(paper):
-                    assert not why, (case, controller, metric)
-    assert differing > 10
-
-
 def test_the_markdown_holds_every_published_cell(written: tuple[Path, dict[str, Any], list[str]]) -> None:
     folder, table, _ = written
     text = (folder / "table2.md").read_text(encoding="utf-8")

@@ -65,7 +65,6 @@ def report_pages(
     results: Record,
     sensitivity: Record,
     logs: Logs,
-    reasons: Mapping[str, Mapping[str, Mapping[str, str]]],
     figures: Mapping[int, Figure] | None = None,
     inferred: str = "",
     opening: str = "",
@@ -76,7 +75,6 @@ def report_pages(
         results: as in ``results.json``: "experiments" and "settings".
         sensitivity: assumption -> its value -> case -> law -> metric -> number or None.
         logs: plant -> case -> law -> log, for the plots of flights.
-        reasons: case -> law -> metric -> why it differs from the paper, one line.
         figures: the paper's number -> static figure, put into the page of its case as an image.
         inferred: HTML of the section on inferred settings.
         opening: HTML that the first page opens with.
@@ -99,7 +97,7 @@ def report_pages(
     pages = {MAIN: _Page(title=TITLE, lead=prose.LEAD, facts=facts, opening=opening, sections=sections)}
     for case, file in files.items():
         own = {number: png for number, png in drawn.items() if PAPER_CATALOGUE[number].case == case}
-        pages[file] = _case_page(case, experiments[case], reasons.get(case, {}), logs, own, plant)
+        pages[file] = _case_page(case, experiments[case], logs, own, plant)
     titles = {MAIN: "Overview", **{file: title_of(case).split(":")[0] for case, file in files.items()}}
     style = (resources.files("skyarm.paper") / "report.css").read_text("utf-8")
     footer = f"Format of the results: schema {results.get('schema', 1)}. This page needs no network."
@@ -123,17 +121,10 @@ def case_files(cases: Iterable[str]) -> dict[str, str]:
     return {case: file for case, file in named.items() if file != MAIN}
 
 
-def _case_page(
-    case: str,
-    laws: Record,
-    reasons: Mapping[str, Mapping[str, str]],
-    logs: Logs,
-    figures: Mapping[int, bytes],
-    plant: str,
-) -> _Page:
+def _case_page(case: str, laws: Record, logs: Logs, figures: Mapping[int, bytes], plant: str) -> _Page:
     """Page of a case: plots of its flights, table of its numbers, and the paper's figures."""
     flown = {each: cases[case] for each, cases in logs.items() if cases.get(case)}
-    numbers = paragraph(prose.LEGEND, "note") + experiment_table(case, laws, reasons)
+    numbers = paragraph(prose.LEGEND, "note") + experiment_table(case, laws)
     sections = [
         *([("flights", "Flights", _flights(case, flown))] if flown else []),
         ("numbers", "Numbers", numbers),

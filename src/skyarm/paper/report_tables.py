@@ -23,7 +23,6 @@ from skyarm.paper.published import (
     relative,
     reversed_orders,
 )
-from skyarm.paper.reasons import HEADING, Reasons
 from skyarm.paper.report_text import ASSUMED, INFERRED_SETTINGS, OPEN
 from skyarm.paper.variations import GROUPS, variations
 from skyarm.scenario.scenario_record import PLANTS
@@ -118,27 +117,23 @@ def summary_table(experiments: Experiments, files: Mapping[str, str]) -> str:
     return table(["Case", *columns, ">of"], rows, caption, "summary")
 
 
-def experiment_table(case: str, controllers: Mapping[str, Cells], reasons: Mapping[str, Mapping[str, str]]) -> str:
+def experiment_table(case: str, controllers: Mapping[str, Cells]) -> str:
     """Table of all metrics of one experiment against the sampled-and-held reference."""
     head = [
         *("Metric", "Unit", ">Paper", ">as stated: rigid_body", ">mujoco", ">rigid_body - paper", ">mujoco - paper"),
-        *(">inferred: rigid_body", ">mujoco", ">inferred rigid_body - paper", HEADING.capitalize()),
+        *(">inferred: rigid_body", ">mujoco", ">inferred rigid_body - paper"),
     ]
     groups = [
         (
             CONTROLLERS.get(law, law),
-            [
-                _metric_row(case, law, name, cell, reasons.get(law, {}).get(name, ""))
-                for name, cell in cells.items()
-                if not name.endswith(CONTINUOUS)
-            ],
+            [_metric_row(case, law, name, cell) for name, cell in cells.items() if not name.endswith(CONTINUOUS)],
         )
         for law, cells in controllers.items()
     ]
     return grouped_table(head, groups, f"{title_of(case)}: errors against the held 50 Hz reference", "wide")
 
 
-def _metric_row(case: str, controller: str, name: str, cell: Record, why: str) -> list[Cell]:
+def _metric_row(case: str, controller: str, name: str, cell: Record) -> list[Cell]:
     meant, paper, found = metric(name), cell.get("paper"), cell.get("inferred", {})
     compare = bound_cell if meant.bound else difference_cell
     return [
@@ -149,7 +144,6 @@ def _metric_row(case: str, controller: str, name: str, cell: Record, why: str) -
         *(compare(cell.get(plant), paper) for plant in PLANTS),
         *(number_cell(found.get(plant)) for plant in PLANTS),
         compare(found.get(PLANTS[0]), paper),
-        Mark(text=why, grade="why"),
     ]
 
 
@@ -201,11 +195,11 @@ def definitions_table() -> str:
     return table(("Metric", "Name", "Unit", "Definition"), rows, "Definitions; windows are half-open", "text")
 
 
-def markdown_tables(results: Record, reasons: Reasons) -> str:
+def markdown_tables(results: Record) -> str:
     """Markdown tables of all experiments."""
     plant = first_plant(results)
     columns = [f"{which}: {each}" for which in ("as stated", "inferred") for each in PLANTS]
-    head = ["metric", "unit", "", "paper", *columns, "as stated - paper", "inferred - paper", HEADING]
+    head = ["metric", "unit", "", "paper", *columns, "as stated - paper", "inferred - paper"]
     blocks = [
         "# Paper and ours",
         f"{sentence(results)} {RULE}",
@@ -218,7 +212,7 @@ def markdown_tables(results: Record, reasons: Reasons) -> str:
     for case, controllers in results["experiments"].items():
         names = [n for n in dict.fromkeys(n for c in controllers.values() for n in c) if not n.endswith(CONTINUOUS)]
         rows = [
-            _row(case, controller, name, cells[name], plant, reasons.get(case, {}).get(controller, {}).get(name, ""))
+            _row(case, controller, name, cells[name], plant)
             for name in names
             for controller, cells in controllers.items()
             if name in cells
@@ -228,9 +222,8 @@ def markdown_tables(results: Record, reasons: Reasons) -> str:
     return "\n\n".join(blocks) + "\n"
 
 
-def _row(case: str, controller: str, name: str, cell: Record, plant: str, why: str) -> list[str]:
+def _row(case: str, controller: str, name: str, cell: Record, plant: str) -> list[str]:
     paper, found = published_number(case, controller, name) or "-", cell.get("inferred", {})
     ours = [digits(column.get(each)) for column in (cell, found) for each in PLANTS]
     apart = [percent(column.get(plant), cell["paper"]) for column in (cell, found)]
-    # |e_p| would end the cell
-    return [name, metric(name).unit, controller, paper, *ours, *apart, why.replace("|", "\\|")]
+    return [name, metric(name).unit, controller, paper, *ours, *apart]

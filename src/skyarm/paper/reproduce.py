@@ -14,11 +14,9 @@ from skyarm.paper.flights import STEADY, WINDOWS, flights, results, settings
 from skyarm.paper.inference_tables import evidence_tables, inferred_facts, markdown_of, prediction_table
 from skyarm.paper.inferred_settings import INFERRED, PREDICTED, shipped_evidence
 from skyarm.paper.published import CASES, Record
-from skyarm.paper.reasons import Reasons, reasons
 from skyarm.paper.report_pages import MAIN, case_files, inferred_section, report_pages
 from skyarm.paper.report_tables import markdown_tables
 from skyarm.paper.report_text import LOOK, OVERVIEW
-from skyarm.paper.variations import variations
 from skyarm.records.files import require_replaceable, require_writable, write_atomically
 from skyarm.scenario.scenario_record import PLANTS
 from skyarm.studies.compare.run_suite import Progress
@@ -75,9 +73,8 @@ def reproduce(
     facts = settings(campaign.all_logs()) | inferred_facts(evidence)
     table = results(campaign.metrics_by_cell(), facts, campaign.found.get(INFERRED))
     predicted = results(campaign.metrics_by_cell(), facts, campaign.found.get(PREDICTED))["experiments"]
-    why = reasons(table, campaign.sensitivity)
     say("writing tables and logs")
-    _write_data(folder, table, why, campaign)
+    _write_data(folder, table, campaign)
     tables = [prediction_table(table, predicted, plants[0]), *evidence_tables(evidence)]
     write_atomically(folder / "inference.md", markdown_of(tables).encode())
     say("drawing Figures 3-18")
@@ -90,7 +87,7 @@ def reproduce(
     say("writing report.html")
     caption = f"{OVERVIEW} {LOOK.rsplit(', ', 1)[0]}; {plants[0]}."
     opening = image(caption, caption, image_bytes(overview), kind="single opening")
-    pages = report_pages(table, campaign.sensitivity, campaign.logs, why, figures, inferred, opening)
+    pages = report_pages(table, campaign.sensitivity, campaign.logs, figures, inferred, opening)
     for name, page in pages.items():
         write_atomically(folder / name, page.encode())
     return table
@@ -127,12 +124,10 @@ def _json(value: Any) -> bytes:
     return (json.dumps(value, indent=1, allow_nan=False) + "\n").encode()
 
 
-def _write_data(folder: Path, table: dict[str, Any], why: Reasons, campaign: Campaign) -> None:
+def _write_data(folder: Path, table: dict[str, Any], campaign: Campaign) -> None:
     write_atomically(folder / "results.json", _json(table))
-    labels = {f"{each.group}/{each.value}": each.label for each in variations()}
-    evidence = {"schema": 1, "labels": labels, "reasons": why, "variations": campaign.sensitivity}
-    write_atomically(folder / "sensitivity.json", _json(evidence))
-    write_atomically(folder / "table2.md", markdown_tables(table, why).encode())
+    write_atomically(folder / "sensitivity.json", _json({"schema": 1, "variations": campaign.sensitivity}))
+    write_atomically(folder / "table2.md", markdown_tables(table).encode())
     for plant, cases in campaign.logs.items():
         for case, controllers in cases.items():
             for controller, log in controllers.items():

@@ -1,6 +1,6 @@
 """Sensitivity to assumptions that the paper does not state: each varied alone, with all metrics computed again.
 
-The variations are the evidence behind the reasons in the report; none of them enters the table itself.
+The report lists their metrics in tables of their own.
 """
 
 from __future__ import annotations
@@ -46,16 +46,13 @@ GROUPS = {
 }
 """What is varied, in words."""
 
-ALIGNMENTS = ("time_shift", "bag_start")
-"""Groups that say how one bag was aligned: a recording has one alignment, so at most one of them is true of it."""
-
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Variation:
     """One changed assumption about a flight or its evaluation, with the cases to which it applies.
 
     Attributes:
-        group, value: how tables name it. label: in words.
+        group, value: how tables name it.
         cases: where it applies.
         change: makes the changed scenario; None re-measures the same flight.
         measure: makes metrics of a case's log.
@@ -63,7 +60,6 @@ class Variation:
 
     group: str
     value: str
-    label: str
     cases: tuple[str, ...] = CASES
     change: Callable[[Scenario], Scenario] | None = None
     measure: Callable[[str, Log], Metrics] = metrics
@@ -119,7 +115,6 @@ def _damping_variation(damping: float) -> Variation:
     return Variation(
         group="joint_damping",
         value=f"{damping:g}",
-        label=f"joint damping {damping:g} N m s/rad",
         change=None if damping == ASSUMED_DAMPING else lambda planned: with_damping(planned, damping),
     )
 
@@ -128,7 +123,6 @@ def _shift_variation(shift: float) -> Variation:
     return Variation(
         group="time_shift",
         value=f"{shift:g}",
-        label=f"recorded reference {abs(shift):g} s {'late' if shift > 0.0 else 'early'}",
         measure=lambda case, log: shifted_bag(case, log, shift),
     )
 
@@ -137,27 +131,24 @@ def _begun(seconds: float) -> Variation:
     return Variation(
         group="bag_start",
         value=f"{seconds:g}",
-        label=f"windows {seconds:g} s earlier",
         measure=lambda case, log: earlier_bag(case, log, seconds),
     )
 
 
 def variations() -> list[Variation]:
     """List of all variations."""
-    ramps = [Variation(group="ramp_shape", value="linear", label="linear ramps", cases=("case1",))]
-    for shape, label in (("quintic", "quintic ramps"), ("step", "ramps published as steps")):
+    ramps = [Variation(group="ramp_shape", value="linear", cases=("case1",))]
+    for shape in ("quintic", "step"):
         change = functools.partial(reshaped_ramps, shape=shape)
-        ramps.append(Variation(group="ramp_shape", value=shape, label=label, cases=("case1",), change=change))
+        ramps.append(Variation(group="ramp_shape", value=shape, cases=("case1",), change=change))
     first = Variation(
         group="joint_damping_first",
         value=f"{DAMPINGS[-1]:g}",
-        label=f"joint damping {DAMPINGS[-1]:g} N m s/rad on joint 1 only",
         change=damped_first_joint,
     )
     late = Variation(
         group="command_latency",
         value=f"{LATENCY:g}",
-        label=f"commands {1e3 * LATENCY:g} ms late",
         change=delay_commands,
     )
     damped = [_damping_variation(damping) for damping in DAMPINGS]

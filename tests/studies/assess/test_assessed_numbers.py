@@ -20,8 +20,7 @@ from skyarm.studies.assess.finding import Finding
 from skyarm.studies.assess.flight_loads import flight_parts
 from skyarm.studies.assess.joints import effort_limits
 from skyarm.studies.assess.layout import rotor_layout
-from skyarm.studies.assess.thrust import ENOUGH, drag_in_wind, locked_inertia, thrust_in_wind
-from skyarm.vehicle import BodyDrag
+from skyarm.studies.assess.thrust import ENOUGH, locked_inertia
 
 ARM2, HUMMINGBIRD = skyarm.load_vehicle("hummingbird_arm2_rotors"), skyarm.load_vehicle("hummingbird")
 FOUND = assess_vehicle(ARM2, poses=64)
@@ -95,37 +94,10 @@ def _rows():
     return allocation_matrix(ARM2)
 
 
-def test_wind_against_a_round_body_has_a_closed_form():
-    # equal areas: the drag is along the wind at any tilt
-    area = 0.05
-    round_ = dataclasses.replace(
-        HUMMINGBIRD,
-        drag=BodyDrag(area=Vec3(area, area, area)),
-        rotors=tuple(
-            dataclasses.replace(rotor, drag_coefficient=0, rolling_moment_coefficient=0) for rotor in HUMMINGBIRD.rotors
-        ),
-    )
+def test_the_side_force_takes_thrust_and_weight_to_their_triangle():
     weight, top = 0.716 * 9.81, float(highest_thrust(HUMMINGBIRD)) / ENOUGH
-    side = math.sqrt(top**2 - weight**2)
-    found = answer(assess_vehicle(round_), "largest steady wind")
-    assert found.value == pytest.approx(math.sqrt(2.0 * side / (1.225 * area)), rel=1e-3)
-
-
-def test_thrust_and_drag_in_the_wind_balance_the_weight():
-    vehicle, weight = skyarm.load_vehicle("hexarotor_arm6"), 39.24
-    speed, heading = np.array([4.0, 12.0, 20.0]), np.array([0.0, 0.7, 2.0])
-    thrust, tilt = thrust_in_wind(vehicle, speed, heading, weight)
-    side, up = drag_in_wind(vehicle, speed, heading, tilt, thrust)
-    assert thrust * np.sin(tilt) == pytest.approx(side, rel=1e-6)
-    assert thrust * np.cos(tilt) + up == pytest.approx([weight] * 3, rel=1e-6)
-    assert np.all(np.diff(tilt) > 0.0)
-
-
-def test_a_vehicle_that_leans_into_the_wind_shows_it_its_top():
-    # flat plate: the wind that meets it from above pushes it down
-    flat = dataclasses.replace(HUMMINGBIRD, drag=BodyDrag(area=Vec3(0.0, 0.0, 0.1)))
-    lane = np.array([10.0]), np.array([0.0]), np.array([0.3]), np.array([7.0])
-    assert drag_in_wind(flat, *lane)[1][0] < 0.0
+    found = answer(assess_vehicle(HUMMINGBIRD), "largest side force")
+    assert math.hypot(found.value, weight) == pytest.approx(top, rel=1e-12)
 
 
 def test_the_flipped_rotor_is_named_where_one_alone_explains_it():

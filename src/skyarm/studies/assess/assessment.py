@@ -18,7 +18,7 @@ from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding, wor
 from skyarm.studies.assess.joints import arm_workspace, joint_torques
 from skyarm.studies.assess.layout import disc_loading, rotor_layout
 from skyarm.studies.assess.push_limits import push_limits
-from skyarm.studies.assess.thrust import largest_payload, largest_wind, thrust_margin, torque_authority
+from skyarm.studies.assess.thrust import largest_payload, largest_side_force, thrust_margin, torque_authority
 from skyarm.studies.stability.hover_delay import hover_delay_if_known
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -172,7 +172,7 @@ def _of_vehicle(poses: ArmPoses, payload: float) -> list[Finding]:
         found += joint_torques(loaded)
     if turned:
         found += torque_authority(loads[-1])
-        found += [*largest_payload(poses, payload), *largest_wind(vehicle, gravity, payload)]
+        found += [*largest_payload(poses, payload), *largest_side_force(vehicle, gravity, payload)]
     endurance = [each for loaded in loads for each in time_aloft(loaded.vehicle, gravity, loaded.held)]
     return [*found, *arm_workspace(poses), *endurance]
 

@@ -1,4 +1,4 @@
-"""Thrust and torque reserves in level hover: margins, control authority, payload and wind."""
+"""Thrust and torque reserves in level hover: margins, control authority, payload and side force."""
 
 from __future__ import annotations
 
@@ -7,8 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from skyarm.algebra import ZERO3, Vec3
-from skyarm.dynamics.actuators import rotor_forces
 from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.dynamics.array_front import mass_matrix
 from skyarm.studies.assess.arm_poses import (
@@ -20,7 +18,6 @@ from skyarm.studies.assess.arm_poses import (
 from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding, at_least
 from skyarm.studies.assess.joints import effort_limits
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.world import body_drag
 
 ENOUGH = 1.2
 """What the busiest rotor can give over what hover asks of it: with less, attitude control saturates often."""
@@ -162,86 +159,12 @@ def _largest_by_part(poses: ArmPoses, loaded: ArmPoses, joints: Array) -> Array:
     return np.vstack([rotors, efforts])
 
 
-STRONGEST = 60.0
-"""m/s: a hurricane; no more is looked for."""
-
-BREEZE = 2.0
-"""m/s: light air outdoors."""
-
-HEADINGS = 12
-"""Horizontal directions from which the wind is tried."""
-
-SPEEDS, REFINED, ITERATIONS = 31, 4, 30
-"""Speeds of a grid, grids one within a step of the other, and iterations on the tilt (halved each time)."""
-
-
-def largest_wind(vehicle: Vehicle, gravity: float, payload: float = 0.0) -> list[Finding]:
-    """Finding on the largest steady horizontal wind, from the worst side, in which hover is possible.
-
-    The drag is that of the airframe and the rotors of the vehicle's file; the arm has none there.
-    """
-    question = "largest steady wind"
-    weight = (float(vehicle.mass) + payload) * gravity
+def largest_side_force(vehicle: Vehicle, gravity: float, payload: float = 0.0) -> list[Finding]:
+    """Finding on the largest steady horizontal force, as of wind, against which the thrust holds a hover, N."""
+    question, weight = "largest side force", (float(vehicle.mass) + payload) * gravity
     top = float(highest_thrust(vehicle)) / ENOUGH
     if not math.isfinite(top):
         return [Finding(question, NOTE, "not known: a rotor has no max_speed")]
     force = math.sqrt(max(top * top - weight * weight, 0.0))
-    coefficients = [*vehicle.drag.area, *(rotor.drag_coefficient for rotor in vehicle.rotors)]
-    if not any(float(each) for each in coefficients):
-        text = f"not known: the vehicle states no drag; its thrust holds {force:.3g} N of side force"
-        remedy = "state drag.area or rotors.drag_coefficient"
-        return [Finding(question, NOTE, text, "drag.area", remedy, force, unit="N")]
-    speed = _largest_speed(vehicle, weight, top)
-    more = " or more" if speed >= STRONGEST else ""
-    text = f"{speed:.3g} m/s{more} from the worst side; its thrust holds {force:.3g} N of side force"
-    words = (text, "drag.area, rotors.drag_coefficient", "more thrust margin, or less drag")
-    return [at_least(question, speed, *words, warning=BREEZE, unit="m/s")]
-
-
-def _largest_speed(vehicle: Vehicle, weight: float, top: float) -> float:
-    """Wind speed, m/s, at which hover in wind from the worst side requires a given total thrust ``top``."""
-    headings = 2.0 * math.pi * np.arange(HEADINGS) / HEADINGS
-    low, high = 0.0, STRONGEST
-    for _ in range(REFINED):
-        speeds = np.linspace(low, high, SPEEDS)
-        grid = np.repeat(speeds, HEADINGS)
-        thrust = thrust_in_wind(vehicle, grid, np.tile(headings, SPEEDS), weight)[0].reshape(SPEEDS, HEADINGS)
-        beyond = np.max(thrust, axis=1) > top
-        if not beyond.any():
-            return high
-        first = int(np.argmax(beyond))
-        low, high = (float(speeds[max(first - 1, 0)]), float(speeds[first]))
-    return low
-
-
-def thrust_in_wind(vehicle: Vehicle, speed: Array, heading: Array, weight: float) -> tuple[Array, Array]:
-    """Thrust (N) and tilt (rad) of hover in horizontal wind, by fixed-point iteration on the tilt.
-
-    Args:
-        vehicle: its drag.
-        speed: of the winds (lanes,), m/s.
-        heading: in which they blow (lanes,), rad.
-        weight: N.
-    """
-    tilt, thrust = np.zeros_like(speed), np.full_like(speed, weight)
-    for _ in range(ITERATIONS):
-        side, up = drag_in_wind(vehicle, speed, heading, tilt, thrust)
-        # thrust along the tilted axis balances the drag and what it leaves of the weight
-        vertical = weight - up
-        tilt = 0.5 * (tilt + np.arctan2(side, vertical))
-        thrust = 0.5 * (thrust + np.hypot(side, vertical))
-    return thrust, tilt
-
-
-def drag_in_wind(vehicle: Vehicle, speed: Array, heading: Array, tilt: Array, thrust: Array) -> tuple[Array, Array]:
-    """Drag of airframe and rotors along the wind and upward, N, of a vehicle tilted against the wind."""
-    c, s, cos, sin = np.cos(heading), np.sin(heading), np.cos(tilt), np.sin(tilt)
-    # the world's axes along the wind and up, in those of a base whose thrust leans against the wind
-    along, up = Vec3(c * cos, s * cos, -sin), Vec3(c * sin, s * sin, cos)
-    share = np.sqrt(np.clip(thrust / float(highest_thrust(vehicle)), 0.0, 1.0))
-    speeds = [float(rotor.max_speed) * share for rotor in vehicle.rotors]
-    # a table has another thrust, which is taken out again, and not the drag
-    rotors = tuple(replace(rotor, table=None) for rotor in vehicle.rotors)
-    moving, still = (rotor_forces(rotors, speeds, velocity, ZERO3).force for velocity in (along * -speed, ZERO3))
-    total = body_drag(vehicle.drag, along * -speed) + moving - still
-    return np.asarray(total.dot(along), dtype=float) + 0.0 * speed, np.asarray(total.dot(up), dtype=float) + 0.0 * speed
+    text = f"{force:.3g} N of steady wind in hover, with {1.0 / ENOUGH:.0%} of the largest thrust"
+    return [Finding(question, OK, text, value=force, unit="N")]

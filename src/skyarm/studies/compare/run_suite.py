@@ -18,8 +18,8 @@ from typing import Any, Generic, TypeVar
 from skyarm.compile.llvm.kernel import require_machine_code
 from skyarm.records.files import require_writable, write_atomically
 from skyarm.records.registry.plugins import identities
-from skyarm.simulate.workers import Submit, workers
-from skyarm.studies.compare.cells import Cell, Cells, Flights, Flown, fly, fly_episode
+from skyarm.simulate.workers import workers
+from skyarm.studies.compare.cells import Cell, Cells, Flights, fly
 from skyarm.view.pages import Report
 
 Progress = Callable[[int, int, str], None]
@@ -27,9 +27,6 @@ Progress = Callable[[int, int, str], None]
 
 DPI = 160
 PAGE = "report.html"
-SMALL, LEAST = 128, 4
-"""Episodes of a batch up to which a process is faster than threads; pieces of work for which processes are started."""
-
 Record = Mapping[str, Any]
 """Plain data of a results file."""
 
@@ -114,7 +111,7 @@ def fly_all(todo: Sequence[Flights], folder: Path, *, threads: int = 1, progress
     Args:
         todo: flights of each cell.
         folder: of the cells.
-        threads: of large batches; processes for small ones and for episodes one by one. No number depends on it.
+        threads: of a batch, or processes if there are more cells. No number depends on it.
         progress: called after every cell.
 
     Raises:
@@ -132,50 +129,20 @@ def fly_all(todo: Sequence[Flights], folder: Path, *, threads: int = 1, progress
         note(k, cell)
 
     left = []
-    for k, flights in enumerate(todo):
-        cell = store.get(flights)
+    for k, cell in enumerate(map(store.get, todo)):
         if cell is None:
             left.append(k)
         else:
             note(k, cell)
-    pieces = {k: _pieces(todo[k]) for k in left} if threads > 1 else {}
-    shared = [k for k, each in pieces.items() if each]
-    if sum(len(pieces[k]) for k in shared) < LEAST:
-        shared = []
-    for k in left:
-        if k not in shared:
+    if threads == 1 or len(left) <= threads:
+        for k in left:
             keep(k, fly(todo[k], threads))
-    if shared:
+    else:  # of many cells each takes a processor
         with workers(threads) as submit:
-            _fly_in_processes({k: todo[k] for k in shared}, pieces, submit, keep)
+            flying = {submit(fly, todo[k]): k for k in left}
+            for future in as_completed(flying):
+                keep(flying[future], future.result())
     return [found[k] for k in range(len(todo))]
-
-
-def _pieces(flights: Flights) -> list[int | None]:
-    """Parallel jobs of a cell: one per episode, or one small batch (None); empty for a large batch."""
-    scenario = flights.scenario()
-    count = flights.episodes(scenario)
-    return list(range(count)) if flights.alone(scenario) else [None] if count <= SMALL else []
-
-
-def _fly_in_processes(
-    todo: Mapping[int, Flights],
-    pieces: Mapping[int, list[int | None]],
-    submit: Submit,
-    keep: Callable[[int, Cell], None],
-) -> None:
-    flying = {submit(_fly_piece, todo[k], each): (k, each) for k in todo for each in pieces[k]}
-    flown: dict[int, dict[int | None, Any]] = {k: {} for k in todo}
-    for future in as_completed(flying):
-        k, each = flying[future]
-        flown[k][each] = future.result()
-        if len(flown[k]) == len(pieces[k]):
-            done = flown.pop(k)
-            keep(k, done[None] if None in done else Cell.of([done[episode] for episode in pieces[k]]))
-
-
-def _fly_piece(flights: Flights, episode: int | None) -> Cell | Flown:
-    return fly(flights) if episode is None else fly_episode(flights, episode)
 
 
 def write_suite(suite: Suite[F], found: Record, pictures: dict[str, bytes], folder: Path) -> None:
