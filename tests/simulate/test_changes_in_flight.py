@@ -280,15 +280,16 @@ def test_a_snapshot_keeps_the_numbers_that_held(machine_code: bool) -> None:
         session.restore(held)
 
 
-def test_memories_of_components_go_on_group_by_group() -> None:
+def test_memories_of_components_go_on_by_their_place() -> None:
     first = first_loop_state(BASE)
     fresh = dataclasses.replace(first, components=(0.0, 0.1, 0.2, 0.3))
     before = dataclasses.replace(first, components=(5.0, 6.0, 7.0))
-    # wind, air, forces: a second air is new, and the force behind it is the one of before
-    assert carry_over(fresh, before, ((1, 1), (2, 1), (1, 1))).components == (5.0, 6.0, 0.2, 7.0)
+    old = ("wind", "air[0]", "force")
+    # a second air is new, and the force behind it is the one of before
+    assert carry_over(fresh, before, (("wind", "air[0]", "air[1]", "force"), old)).components == (5.0, 6.0, 0.2, 7.0)
     # an air that is gone leaves the force its own
     fewer = dataclasses.replace(first, components=(0.0, 0.3))
-    assert carry_over(fewer, before, ((1, 1), (0, 1), (1, 1))).components == (5.0, 7.0)
+    assert carry_over(fewer, before, (("wind", "force"), old)).components == (5.0, 7.0)
 
 
 def test_a_law_that_cannot_be_traced_flies_alone_and_in_no_batch() -> None:

@@ -21,7 +21,7 @@ from skyarm.reference.splines import minimum_snap
 from skyarm.reference.task_records import Guard, Phase
 from skyarm.reference.trajectory import PASSED, Reference, Trajectory, phase_numbers
 from skyarm.scenario.in_flight import Overrides
-from skyarm.simulate.first_state import first_loop_state
+from skyarm.simulate.first_state import component_places, first_loop_state
 from skyarm.simulate.loop_state import carry_over
 from skyarm.simulate.reference_clock import PathClock, Seen, Waits, clock_of_change, due, is_other_reference
 from thorough import sampled
@@ -253,7 +253,8 @@ def test_a_task_that_takes_over_in_flight_begins_at_the_flight_s_time(scenario):
     before = dataclasses.replace(first, ticks=37.0, clock=())
 
     def taken(now, anew):
-        return carry_over(first, now, (), clock_of_change(scenario, first, now, anew=anew)).clock
+        places = component_places(scenario)
+        return carry_over(first, now, (places, places), clock_of_change(scenario, first, now, anew=anew)).clock
 
     # at the first guard that is not passed
     for ticks, guard in ((0.0, 0.0), (19.0, 0.0), (20.0, 0.0), (21.0, 1.0), (41.0, 2.0), (43.0, 3.0), (200.0, 4.0)):

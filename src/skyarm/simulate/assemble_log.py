@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.compile import leaves
 from skyarm.control.law_estimates import found_by_law
 from skyarm.log.flight_log import IF_ANY, Array, Log, log_of_arrays
 from skyarm.log.metrics.windows import Windows
@@ -240,7 +239,6 @@ def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
         "windows": Windows().of_flight(scenario.duration, scenario.windows).plain(),
         "seed": scenario.seed,
         "episode": scenario.episode,
-        "sensor_noise_channels": len(leaves(scenario.noise)),
         "status": ending.status if ending else "completed",
         "cause": ending.cause if ending else "",
         "end_time": ending.time if ending else scenario.duration,

@@ -24,7 +24,7 @@ from skyarm.scenario.in_flight import Overrides, overrides_at, sources
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.assemble_log import by_array
-from skyarm.simulate.first_state import component_groups
+from skyarm.simulate.first_state import component_places
 from skyarm.simulate.inputs import EpisodeInputs, episode_inputs, table_of
 from skyarm.simulate.lane_loop import LaneLoop, held_reference, lane_statuses
 from skyarm.simulate.lane_numbers import require_short_steps
@@ -267,7 +267,7 @@ class Leg:
         begun: LoopState = rebuild(self.first[0], iter(list(fresh)))
         anew = is_other_reference(self._overrides, leg._overrides)
         clock = clock_of_change(self.scenario, begun, loop, anew=anew)
-        now = carry_over(begun, loop, component_groups(self.scenario, leg.scenario), clock)
+        now = carry_over(begun, loop, (component_places(self.scenario), component_places(leg.scenario)), clock)
         rows = [*leaves(now), *leaves(totals_now)]
         return np.stack([np.broadcast_to(row, (len(episodes),)) for row in rows])
 

@@ -114,9 +114,7 @@ def statuses(
         failed: True where a phase of its task failed; None of a scenario whose phases do not wait.
     """
     # limits, the places of rotors and joints, and the endings' own numbers are all that the causes depend on
-    kept = {
-        path: column for path, column in values.items() if path.startswith(("plant.vehicle.", "endings.", "world."))
-    }
+    kept = {path: column for path, column in values.items() if path.startswith(OF_CAUSES)}
     with np.errstate(all="ignore"):
         varied = with_numbers(scenario, kept)
     goal, lanes = Vec3(*goals.T), len(goals)

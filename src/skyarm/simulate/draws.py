@@ -6,6 +6,7 @@ import zlib
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -37,18 +38,11 @@ class Draws:
         """Random channels in use, as pairs of channel number and count of random numbers per period."""
         return tuple(pair for pair in (*self.sensors, *self.components) if pair[1])
 
-    def of_sensor(self, index: int, row: Sequence[Scalar]) -> tuple[Scalar, ...]:
-        """Random numbers of one sensor, out of all random numbers of a control period."""
-        return self._share(index, row)
-
-    def of_component(self, index: int, row: Sequence[Scalar]) -> tuple[Scalar, ...]:
-        """Random numbers of one environment component, out of all random numbers of a control period."""
-        return self._share(len(self.sensors) + index, row)
-
-    def _share(self, index: int, row: Sequence[Scalar]) -> tuple[Any, ...]:
-        counts = [count for _, count in (*self.sensors, *self.components)]
-        first = sum(counts[:index])
-        return tuple(row[first : first + counts[index]])
+    def shares(self, row: Sequence[Scalar]) -> tuple[list[tuple[Any, ...]], list[tuple[Any, ...]]]:
+        """Random numbers of each sensor and of each environment component, out of all those of a control period."""
+        left = iter(row)
+        shares = [tuple(islice(left, count)) for _, count in (*self.sensors, *self.components)]
+        return shares[: len(self.sensors)], shares[len(self.sensors) :]
 
 
 def draw_plan(scenario: Scenario) -> Draws:

@@ -34,7 +34,7 @@ from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.assemble_log import Piece, Samples
 from skyarm.simulate.check_endings import Ended, ending_of_command, failed_phase, find_ending
 from skyarm.simulate.draws import draws_needed
-from skyarm.simulate.first_state import component_groups, first_loop_state, first_surroundings
+from skyarm.simulate.first_state import component_places, first_loop_state, first_surroundings
 from skyarm.simulate.inputs import EpisodeInputs, episode_inputs
 from skyarm.simulate.loop_state import LoopState, Row, Sample, carry_over, structure_of
 from skyarm.simulate.period import make_period, measure
@@ -393,7 +393,7 @@ class Engine:
         """Continue the flight of another engine from its state; ``anew``: the reference has been replaced."""
         now = other.now
         clock = clock_of_change(self.scenario, self.first, now, anew=anew)
-        kept = carry_over(self.first, now, component_groups(self.scenario, other.scenario), clock)
+        kept = carry_over(self.first, now, (component_places(self.scenario), component_places(other.scenario)), clock)
         if self.code.calls is not None and not self.scenario.controller.compiled:
             same = self.scenario.controller.law is other.scenario.controller.law
             # the memory of a law that is called is its own: it may hold anything

@@ -90,7 +90,6 @@ def first_surroundings(scenario: Scenario, first: LoopState) -> Any:
     return Stages(scenario).surroundings(first.components, first.drives, 0.0)
 
 
-def component_groups(new: Scenario, old: Scenario) -> tuple[tuple[int, int], ...]:
-    """Numbers of environment components, (new, old): wind, air, forces, payloads, contacts, power."""
-    names = ("air", "forces", "payloads", "worlds", "power")
-    return ((1, 1), *((len(getattr(new, name)), len(getattr(old, name))) for name in names))
+def component_places(scenario: Scenario) -> tuple[str, ...]:
+    """Parameter paths of the environment components, in their order."""
+    return tuple(place for place, _ in scenario.placed_components)

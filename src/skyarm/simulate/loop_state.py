@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -92,26 +91,23 @@ class Sample:
     led: tuple[Scalar, ...] = ()
 
 
-def stop(now: LoopState) -> LoopState:
-    """Loop state marked as ended, otherwise unchanged."""
-    return dataclasses.replace(now, alive=0.0)
-
-
-def carry_over(first: LoopState, now: LoopState, groups: Sequence[tuple[int, int]] = (), clock: Any = ()) -> LoopState:
+def carry_over(
+    first: LoopState, now: LoopState, places: tuple[Sequence[str], Sequence[str]], clock: Any = ()
+) -> LoopState:
     """Transfer a loop state to a changed scenario; states with another structure start anew, as in ``first``.
 
     Args:
         first: its first state.
         now: that of the loop before.
-        groups: (new, old) number of components of each group that stand one behind the other; what is added to a group
-            stands behind what was there. Left out where as many components are there as before.
+        places: parameter paths of the environment components in the new and the old scenario.
         clock: of a reference that is another one than before, as it begins in this period; () where it is the same.
     """
     fields: dict[str, Any] = {}
     for name, new in parts(first).items():
         old = getattr(now, name)
         if name == "components":
-            fields[name] = _carry_groups(new, old, groups or ((len(new), len(old)),))
+            before = dict(zip(places[1], old, strict=True))
+            fields[name] = tuple(_kept(a, before.get(at)) for at, a in zip(places[0], new, strict=True))
         elif name == "drives" and len(new) == len(old):
             fields[name] = tuple(_kept(a, b) for a, b in zip(new, old, strict=True))
         elif name == "clock" and clock != ():
@@ -119,17 +115,6 @@ def carry_over(first: LoopState, now: LoopState, groups: Sequence[tuple[int, int
         else:
             fields[name] = _kept(new, old)
     return LoopState(**fields)
-
-
-def _carry_groups(new: tuple[Any, ...], old: tuple[Any, ...], groups: Sequence[tuple[int, int]]) -> tuple[Any, ...]:
-    """Transfer the internal states of environment components to a changed scenario, group by group."""
-    kept: list[Any] = []
-    for many, few in groups:
-        both = zip(new[:many], old[:few], strict=False)
-        mine = [_kept(a, b) for a, b in both]
-        kept += [*mine, *new[len(mine) : many]]
-        new, old = new[many:], old[few:]
-    return tuple(kept)
 
 
 def _kept(new: Any, old: Any) -> Any:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple, Protocol
 
 from skyarm.algebra.scalars import Scalar
+from skyarm.control.law_estimates import numbers_found
+from skyarm.records.leaves import blend
 from skyarm.simulate.loop_state import LoopState, Row, Sample
 
 
@@ -60,7 +63,7 @@ def act(
     state, coupled = plant.advance(now.state, measured.acting, acting, around)
     return LoopState(
         alive=alive,
-        ticks=stages.count(now.ticks, alive),
+        ticks=now.ticks + alive,
         state=state,
         memory=memory,
         queue=queue,
@@ -84,7 +87,7 @@ def make_period(stages: Any, plant: PlantSteps) -> Period:
 
     def period(before: LoopState, row: Row, uniforms: tuple[Scalar, ...]) -> tuple[LoopState, Sample]:
         row = stages.waits.lead(before.clock, before.ticks, row)
-        now = stages.check(before, row)
+        now = replace(before, alive=stages.alive(before, row.reference))
         measured = measure(stages, plant, now, row, uniforms)
         read = measured.read
         memory, command = stages.decide(now.memory, read.measurement, stages.law_reference(row), row.path_time)
@@ -97,9 +100,9 @@ def make_period(stages: Any, plant: PlantSteps) -> Period:
             measurement=read.measurement,
             readings=read.readings,
             wind=measured.wind,
-            found=stages.found(memory),
+            found=numbers_found(memory),
             led=stages.waits.log_values(now.clock, now.ticks),
         )
-        return stages.keep(following, before), sample
+        return blend(following.alive > 0.5, following, replace(before, alive=0.0)), sample
 
     return period

@@ -147,21 +147,18 @@ class Session:
         require_changes(scenario)
         self._paths = require_paths(scenario, paths)
         self._course = Course.of(scenario)
-        self._scenario = scenario
         self._compiles, self.slow = machine_code, ""
         self._codes = list[EpisodeCode]()
-        self._waits = bool(scenario.changes)
         self._engine = self._make_engine(self._course)
         self._number = next(_NUMBERS)
         # the engine's own step is the session's, which a call between them would slow down by a tenth
         self._sizes = scenario.plant.vehicle.sizes
-        if self._waits:
-            self._let_change()
+        self._let_change()
 
     @property
     def scenario(self) -> Scenario:
         """Scenario in force, with the scheduled changes to come."""
-        return self._scenario
+        return self._course.now
 
     @property
     def plan(self) -> Scenario:
@@ -179,7 +176,7 @@ class Session:
     @property
     def time(self) -> float:
         """Time at the start of the next period, s."""
-        return self.tick / self._scenario.rates.control
+        return self.tick / self._course.now.rates.control
 
     @property
     def ended(self) -> Ended | None:
@@ -189,7 +186,7 @@ class Session:
     @property
     def running(self) -> bool:
         """True if another period can be flown."""
-        return self.ended is None and self.tick < self._scenario.steps
+        return self.ended is None and self.tick < self._course.now.steps
 
     @property
     def state(self) -> State:
@@ -227,13 +224,13 @@ class Session:
         """
         numbers = None if command is None else numbers_of_command(command, *self._sizes)
         going = self._engine.step(numbers)
-        if self._waits and going:
+        if self._course.coming and going:
             self._let_change()
         return going
 
     def run(self) -> Log:
         """Fly to the end of the episode and return the log of the whole session."""
-        while self.fly(self._scenario.steps):
+        while self.fly(self._course.now.steps):
             pass
         return self.log
 
@@ -242,10 +239,10 @@ class Session:
 
         A stretch takes about a tenth of a second, and ends where the scenario changes.
         """
-        if self._waits:
-            stop = min(stop, self._course.coming[0].tick(self._scenario.rates.control))
+        if self._course.coming:
+            stop = min(stop, self._course.coming[0].tick(self._course.begun.rates.control))
         going = self._engine.fly(stop)
-        if self._waits and going:
+        if self._course.coming and going:
             self._let_change()
         return going
 
@@ -254,7 +251,7 @@ class Session:
         """Log of the flight so far; its scenario is :attr:`plan`."""
         engine = self._engine
         pieces = (*self._course.flown, engine.piece)
-        return join_pieces(self.plan, pieces, engine.ended or running_status(self._scenario, engine.tick))
+        return join_pieces(self.plan, pieces, engine.ended or running_status(self._course.now, engine.tick))
 
     def snapshot(self) -> Snapshot:
         """Snapshot of the session's current state for :meth:`restore`."""
@@ -270,8 +267,7 @@ class Session:
             raise ScenarioError(f"snapshot = {shown(snapshot)}: must be a Snapshot, which session.snapshot() gives")
         if snapshot.session != self._number:
             raise ScenarioError("snapshot: is of another session, must be of this one, whose snapshot() gives it")
-        course, self._engine = snapshot.course, snapshot.engine
-        self._course, self._scenario, self._waits = course, course.now, bool(course.coming)
+        self._course, self._engine = snapshot.course, snapshot.engine
         self._engine.restore(snapshot.held)
 
     def change(self, values: Mapping[str, Any]) -> None:
@@ -306,7 +302,7 @@ class Session:
         code = next((code for code in self._codes if code.fits(key, scenario)), None)
         if code is None:
             # code that flies on after a change is made in a hurry: the vehicle is in the air
-            quick = course.overrides is not NONE or self._waits or self._paths
+            quick = course.overrides is not NONE or course.coming or self._paths
             effort = 0 if quick else 2 if self._commands else None
 
             def vary(values: Sequence[Any]) -> Scenario:
@@ -344,7 +340,7 @@ class Session:
                 raise ScenarioError(f"{different}: must be as the session began, since readings are on their way")
             engine.take_over(self._engine, anew=is_other_reference(course.overrides, self._course.overrides))
             self._engine = engine
-        self._course, self._scenario, self._waits = course, course.now, bool(course.coming)
+        self._course = course
 
     def _require_running(self) -> None:
         if not self.running:

@@ -14,7 +14,6 @@ from typing import Any
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar, absolute, data, logical_and, mul, where
 from skyarm.control.law_checks import checked_law
-from skyarm.control.law_estimates import numbers_found
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.tilting import with_rest
@@ -37,7 +36,7 @@ from skyarm.simulate.command_line import (
     rotor_and_joint_delays,
 )
 from skyarm.simulate.draws import Draws, draw_plan
-from skyarm.simulate.loop_state import LoopState, Row, SensorState, stop
+from skyarm.simulate.loop_state import LoopState, Row, SensorState
 from skyarm.simulate.reference_clock import Waits, due
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Frame, Vehicle
@@ -90,10 +89,6 @@ class Stages:
         sound = self.waits.is_sound(now.clock)
         return where(fine if sound is True else logical_and(fine, sound), 1.0, 0.0)
 
-    def check(self, now: LoopState, row: Row) -> LoopState:
-        """Loop state, marked as ended once a termination condition is met."""
-        return dataclasses.replace(now, alive=self.alive(now, row.reference))
-
     def surround(
         self,
         memories: Sequence[Any],
@@ -105,8 +100,8 @@ class Stages:
     ) -> Any:
         """Advance environment components (winds, forces, contacts); return internal states and plant inputs."""
         going = [
-            component.advance(memory, time, self.period, state, self.draws.of_component(i, uniforms))
-            for i, (component, memory) in enumerate(zip(self.components, memories, strict=True))
+            component.advance(memory, time, self.period, state, draws)
+            for component, memory, draws in zip(self.components, memories, self.draws.shares(uniforms)[1], strict=True)
         ]
         if self.eventful:
             motion = PointMotion(self.scenario.plant.vehicle, state, gravity=self.scenario.plant.gravity)
@@ -163,14 +158,13 @@ class Stages:
 
         The reading of a force sensor on the tip's link is added to the law's measurement.
         """
-        going, arrived = [], dict[str, Any]()
+        going, arrived, (draws, _) = [], dict[str, Any](), self.draws.shares(uniforms)
         feeling = [i for i, (_, sensor) in enumerate(self.sensors) if sensor.feels is not None]
         felt = dict(zip(feeling, pushes, strict=True))
         for i, ((name, sensor), now) in enumerate(zip(self.sensors, sensors, strict=True)):
             every = self._every[i]
-            draws = self.draws.of_sensor(i, uniforms)
             push = felt.get(i, NO_PUSH)
-            memory, reading = sensor.take(now.memory, time, state, force, push, draws, every * self.period)
+            memory, reading = sensor.take(now.memory, time, state, force, push, draws[i], every * self.period)
             held: Any = ()
             if every > 1:
                 now_due = due(ticks, every)
@@ -234,34 +228,16 @@ class Stages:
         """Plant inputs of a period with updated internal states of the joint drives."""
         return dataclasses.replace(around, drive_memories=drives) if drives else around
 
-    @property
-    def coupled_indices(self) -> tuple[int, ...]:
-        """Indices of the environment components (contacts) that are integrated with the plant."""
-        return tuple(i for i, component in enumerate(self.components) if component.coupled)
-
     def advance_coupled(self, memories: tuple[Any, ...], coupled: Memories) -> tuple[Any, ...]:
-        """Internal states of environment components, those of coupled ones replaced by the plant's results."""
-        held = list(memories)
-        for place, memory in zip(self.coupled_indices, coupled, strict=True):
-            held[place] = memory
-        return tuple(held)
+        """Internal states of environment components, those integrated with the plant (contacts) from its results."""
+        results = iter(coupled)
+        return tuple(
+            next(results) if each.coupled else memory for each, memory in zip(self.components, memories, strict=True)
+        )
 
     def wind_sample(self, around: Surroundings, state: State) -> WindSample:
         """Log sample of the surroundings: wind, force and logged values of all environment components."""
         return wind_at(around, self.scenario.plant, state)
-
-    def found(self, memory: Any) -> tuple[Any, ...]:
-        """Online estimates computed by the control law, for the log; () without estimates."""
-        return numbers_found(memory)
-
-    def count(self, ticks: Scalar, alive: Scalar) -> Any:
-        """Number of control periods flown, unchanged once the episode has ended."""
-        return ticks + alive
-
-    def keep(self, following: LoopState, now: LoopState) -> LoopState:
-        """Loop state of the next period; the final state once the episode has ended."""
-        kept: LoopState = blend(following.alive > 0.5, following, stop(now))
-        return kept
 
 
 POSES = ("position", "yaw", "joints", "tip")
