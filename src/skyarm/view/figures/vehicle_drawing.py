@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from typing import SupportsFloat
 
 import numpy as np
@@ -14,7 +13,7 @@ from matplotlib.patches import FancyArrowPatch, Polygon
 from matplotlib.patheffects import withStroke
 
 from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 from skyarm.view.figures.projection import SIDE, TOP, View, arc, axonometric, outline, perpendicular
 from skyarm.view.figures.style import PAPER, Picture
 from skyarm.world.scene.shapes import Shape
@@ -67,21 +66,13 @@ LEADER = 1.5
 """Font sizes from which a thin line leads from a label to its point."""
 
 
-def vehicle_drawing(vehicle: Vehicle, joints: Sequence[float] | None = None) -> Picture:
+def vehicle_drawing(vehicle: Vehicle) -> Picture:
     """Draw a vehicle in an axonometric, a side and a top view.
 
-    Args:
-        vehicle: with concrete numbers.
-        joints: rad or m; if left out, those whose motion the side view shows are bent by 0.5 rad.
-
-    Returns:
-        a figure in which bodies are guesses by :mod:`skyarm.world.scene`, and frames, joints, rotors, lengths and
-        angles are the vehicle's own. World z up, body x forward, y left, z up.
-
-    Raises:
-        ValueError: one line: another number of joints.
+    Bodies are guesses by :mod:`skyarm.world.scene`; frames, joints, rotors, lengths and angles are the vehicle's own.
+    World z up, body x forward, y left, z up. Joints whose motion the side view shows are bent by 0.5 rad.
     """
-    posed = pose(vehicle, joints)
+    posed = Posed(vehicle)
     figure = PAPER.blank(PAPER.wide, HEIGHT)
     figure.set_layout_engine("none")  # every view has its place
     sheets = []
@@ -90,10 +81,9 @@ def vehicle_drawing(vehicle: Vehicle, joints: Sequence[float] | None = None) -> 
         (SIDE, (0.585, 0.5, 0.41, 0.38), "from the right", _mark_lengths_and_angles),
         (TOP, (0.585, 0.01, 0.41, 0.43), "from above", _mark_rotors),
     ):
-        sheet = Sheet(figure.add_axes(place), view, posed.reach)
+        sheet = Sheet(figure.add_axes(place), view, posed)
         sheet.ax.set_title(title, **PAPER.small_words)
-        sheet.solids(vehicle_shapes(vehicle), posed.poses)
-        mark(sheet, vehicle, posed)
+        mark(sheet)
         sheet.fit()
         sheets.append(sheet)
     parts = ["frames", *(["joints"] if vehicle.links else []), *(["rotors"] if vehicle.rotors else [])]
@@ -102,46 +92,27 @@ def vehicle_drawing(vehicle: Vehicle, joints: Sequence[float] | None = None) -> 
     return figure
 
 
-@dataclass(frozen=True, slots=True)
-class Frame:
-    """Coordinate axes to draw: name, origin (3,), m, and rotation (3, 3), whose columns are the axes in the world."""
-
-    name: str
-    at: Array
-    R: Array
-
-
-@dataclass(frozen=True, slots=True)
-class PosedJoint:
-    """Joint to draw: position, axis, value, and lines to the next joints.
-
-    Attributes:
-        name: as in the vehicle. turns: else it slides. value: rad or m.
-        at: origin (3,), m. axis: unit vector (3,) of positive motion.
-        rods: (3,) m, from here to the next joints and frames.
-    """
-
-    name: str
-    turns: bool
-    value: float
-    at: Array
-    axis: Array
-    rods: tuple[Array, ...]
-
-
-@dataclass(frozen=True, slots=True)
 class Posed:
     """Vehicle in an arm pose to draw, level, its base at the world's origin.
 
     Attributes:
-        poses: body -> (R_WB, p_WB). frames: base first, then the named ones. joints: in their order.
+        vehicle: with concrete numbers. angles: of its joints, rad or m. poses: body -> (R_WB, p_WB).
+        frames: name -> (R, origin), base first. axes: (3,) positive direction of each joint.
         reach: the longest distance from the base to anything that is named, m.
     """
 
-    poses: Poses
-    frames: tuple[Frame, ...]
-    joints: tuple[PosedJoint, ...]
-    reach: float
+    def __init__(self, vehicle: Vehicle) -> None:
+        self.vehicle, self.angles = vehicle, drawing_angles(vehicle)
+        self.poses = _at_origin(vehicle, self.angles)
+        self.frames = {"base": self.poses[BASE]}
+        for frame in vehicle.frames:
+            R, p = self.poses[frame.link]
+            local = np.array([_vector(row) for row in frame.rotation.rows])
+            self.frames[frame.name] = R @ local, p + R @ _vector(frame.position)
+        self.axes = [self.poses[i][0] @ _vector(link.joint.axis) for i, link in enumerate(vehicle.links)]
+        named = [p for _, p in (*self.frames.values(), *self.poses.values())]
+        named += [_vector(rotor.position) for rotor in vehicle.rotors]
+        self.reach = max(float(np.linalg.norm(each)) for each in named) or 0.1
 
 
 def drawing_angles(vehicle: Vehicle) -> tuple[float, ...]:
@@ -152,44 +123,6 @@ def drawing_angles(vehicle: Vehicle) -> tuple[float, ...]:
         bent = link.joint.turns and abs((level[i][0] @ _vector(link.joint.axis))[1]) > 0.9
         found.append(min(max(BENT if bent else 0.0, float(link.joint.lower)), float(link.joint.upper)))
     return tuple(found)
-
-
-def pose(vehicle: Vehicle, joints: Sequence[float] | None = None) -> Posed:
-    """Place joints, frames and bodies of a vehicle for its drawing, at given joint values or default ones.
-
-    Args:
-        vehicle: with concrete numbers.
-        joints: rad or m; :func:`drawing_angles` if left out.
-
-    Raises:
-        ValueError: one line: another number of joints.
-    """
-    values = drawing_angles(vehicle) if joints is None else tuple(float(q) for q in joints)
-    if len(values) != vehicle.n:
-        raise ValueError(f"joints = {list(values)}: must be {vehicle.n} numbers, one a joint of {vehicle.name}")
-    poses = _at_origin(vehicle, values)
-    frames = [Frame("base", poses[BASE][1], poses[BASE][0])]
-    for frame in vehicle.frames:
-        R, p = poses[frame.link]
-        local = np.array([_vector(row) for row in frame.rotation.rows])
-        frames.append(Frame(frame.name, p + R @ _vector(frame.position), R @ local))
-    rods: dict[int, list[Array]] = {body: [] for body in poses}
-    for body, at in (
-        *((other.parent, other.joint.position) for other in vehicle.moving),
-        *((frame.link, frame.position) for frame in vehicle.frames),
-    ):
-        if np.linalg.norm(rod := poses[body][0] @ _vector(at)) > 1e-6:
-            rods[body].append(rod)
-    posed = []
-    for i, link in enumerate(vehicle.links):
-        (R, p), joint = poses[i], link.joint
-        posed.append(PosedJoint(joint.name, joint.turns, values[i], p, R @ _vector(joint.axis), tuple(rods[i])))
-    named = [
-        *(each.at for each in frames),
-        *(each.at for each in posed),
-        *(_vector(rotor.position) for rotor in vehicle.rotors),
-    ]
-    return Posed(poses, tuple(frames), tuple(posed), max(float(np.linalg.norm(each)) for each in named) or 0.1)
 
 
 def _at_origin(vehicle: Vehicle, joints: Sequence[float]) -> Poses:
@@ -204,30 +137,24 @@ def _vector(v: Iterable[SupportsFloat]) -> Array:
 
 
 class Sheet:
-    """One view of a vehicle, with its labels.
+    """One view of a vehicle: bodies, farthest first, then marks; labels are collected and written at last."""
 
-    Args:
-        ax: empty. view: of it. reach: of the vehicle, m.
-    """
-
-    def __init__(self, ax: Axes, view: View, reach: float) -> None:
-        self.ax, self.view, self.reach = ax, view, reach
+    def __init__(self, ax: Axes, view: View, posed: Posed) -> None:
+        self.ax, self.view, self.posed, self.reach = ax, view, posed, posed.reach
         self.labels: list[tuple[str, Array, str]] = []
         self._drawn: list[Array] = []
         ax.set_axis_off()
 
-    def solids(self, shapes: Sequence[Shape], poses: Poses) -> None:
-        """Draw the bodies, farthest first."""
-        found = []
-        for shape in shapes:
-            R, p = poses[shape.body]
-            middle = p + R @ np.array(shape.position)
-            found.append((float(self.view.toward @ middle), shape, outline(shape, R, p, self.view)))
-        for i, (_, shape, corners) in enumerate(sorted(found, key=lambda each: each[0])):
+        def height(shape: Shape) -> float:
+            R, p = posed.poses[shape.body]
+            return float(view.toward @ (p + R @ np.array(shape.position)))
+
+        for i, shape in enumerate(sorted(vehicle_shapes(posed.vehicle), key=height)):
+            corners = outline(shape, *posed.poses[shape.body], view)
             drawn = Polygon(corners, closed=True, facecolor=FILLS[shape.role], edgecolor=PAPER.frame)
             alpha = 0.4 if shape.role == "rotor" else 1.0
             drawn.set(linewidth=0.06 * PAPER.small, alpha=alpha, zorder=1.0 + 1e-3 * i, label=shape.name)
-            self.ax.add_patch(drawn)
+            ax.add_patch(drawn)
             self._drawn.append(corners)
 
     def below(self) -> Array:
@@ -254,14 +181,14 @@ class Sheet:
         head.set(linewidth=0.0, zorder=5.1, mutation_scale=0.9 * PAPER.small)
         self.ax.add_patch(head)
 
-    def triad(self, frame: Frame, share: float = TRIAD) -> None:
-        """Draw the axes of a frame with letters and name, without axes seen end on."""
-        for letter, axis, color in zip("xyz", frame.R.T, AXIS_COLORS, strict=True):
+    def triad(self, name: str, R: Array, at: Array, share: float = TRIAD) -> None:
+        """Draw the axes of a frame (columns of R) with letters and name, without axes seen end on."""
+        for letter, axis, color in zip("xyz", R.T, AXIS_COLORS, strict=True):
             if np.linalg.norm(self.view.flat(axis)) >= 0.25:
-                end = frame.at + share * self.reach * axis
-                self.arrow(np.array([frame.at, end]), color, 0.13)
+                end = at + share * self.reach * axis
+                self.arrow(np.array([at, end]), color, 0.13)
                 self.label(letter, end, color)
-        self.label(frame.name, frame.at)
+        self.label(name, at)
 
     def angle(self, centre: Array, start: Array, axis: Array, angle: float) -> None:
         """Draw an angle in degrees as an arc with an arrowhead, from a dashed start direction."""
@@ -282,58 +209,63 @@ class Sheet:
         self.ax.set(xlim=(left, left + 2.0 * half[0]), ylim=(down, down + 2.0 * half[1]))
 
 
-def _mark_frames_and_axes(sheet: Sheet, vehicle: Vehicle, posed: Posed) -> None:
+def _mark_frames_and_axes(sheet: Sheet) -> None:
     """Draw in the axonometric view: world, base and named frames, joint directions, rotors and tilt."""
-    sheet.triad(Frame("world", sheet.below(), np.eye(3)))
-    for joint in posed.joints:
-        apart = [float(np.linalg.norm(joint.at - other.at)) for other in posed.joints]
+    posed, vehicle = sheet.posed, sheet.posed.vehicle
+    sheet.triad("world", np.eye(3), sheet.below())
+    origins = [posed.poses[i][1] for i in range(vehicle.n)]
+    for link, at, axis in zip(vehicle.links, origins, posed.axes, strict=True):
+        apart = [float(np.linalg.norm(at - other)) for other in origins]
         size = min([0.13 * sheet.reach, *(0.8 * each for each in apart if each > 0.02 * sheet.reach)])
-        travel = np.array([joint.at - size * joint.axis, joint.at + 2.0 * size * joint.axis])
-        bow = arc(joint.at, joint.axis, size * perpendicular(joint.axis), 1.5 * math.pi)
-        sheet.arrow(bow if joint.turns else travel)
-        sheet.line(joint.at + 1.4 * size * np.array([-joint.axis, joint.axis]))
-        sheet.label(joint.name, joint.at)
-    for frame in posed.frames:
-        sheet.triad(frame, TRIAD if frame.name in ("base", vehicle.end_effector) else 0.6 * TRIAD)
-    known = set()
-    for i in range(len(vehicle.rotors)):
-        hub, axis = _rotor_bow(sheet, vehicle, i)
+        bow = arc(at, axis, size * perpendicular(axis), 1.5 * math.pi)
+        sheet.arrow(bow if link.joint.turns else np.array([at - size * axis, at + 2.0 * size * axis]))
+        sheet.line(at + 1.4 * size * np.array([-axis, axis]))
+        sheet.label(link.joint.name, at)
+    for name, frame in posed.frames.items():
+        sheet.triad(name, *frame, TRIAD if name in ("base", vehicle.end_effector) else 0.6 * TRIAD)
+    known, length = set(), 0.8 * rotor_radius(vehicle) if vehicle.rotors else 0.0
+    for i, rotor in enumerate(vehicle.rotors):
+        hub, axis = _rotor_bow(sheet, rotor)
         sheet.label(str(i + 1), hub)
-        tilt = math.acos(min(1.0, abs(axis[2])))
+        tilt, upward = math.acos(min(1.0, abs(axis[2]))), math.copysign(1.0, axis[2]) * axis
         if tilt > 0.01 and round(tilt, 3) not in known:
             known.add(round(tilt, 3))
-            length = 0.8 * rotor_radius(vehicle)
-            about = np.cross(UP, math.copysign(1.0, axis[2]) * axis)
+            about = np.cross(UP, upward)
             sheet.angle(hub, length * UP, about / np.linalg.norm(about), tilt)
-            sheet.line(np.array([hub, hub + 1.25 * length * math.copysign(1.0, axis[2]) * axis]))
+            sheet.line(np.array([hub, hub + 1.25 * length * upward]))
 
 
-def _mark_lengths_and_angles(sheet: Sheet, vehicle: Vehicle, posed: Posed) -> None:
+def _mark_lengths_and_angles(sheet: Sheet) -> None:
     """Draw in the side view: lengths between joints, and angles of joints seen end on."""
-    del vehicle
-    sheet.triad(posed.frames[0])
+    posed, vehicle = sheet.posed, sheet.posed.vehicle
+    sheet.triad("base", *posed.frames["base"])
+    ends = [(link.parent, _vector(link.joint.position)) for link in vehicle.moving]
+    ends += [(frame.link, _vector(frame.position)) for frame in vehicle.frames]
     written: list[tuple[str, Array]] = []
-    for joint in posed.joints:
-        for rod in joint.rods:
-            length, middle = float(np.linalg.norm(rod)), joint.at + 0.5 * rod
+    for i, (link, axis, angle) in enumerate(zip(vehicle.links, posed.axes, posed.angles, strict=True)):
+        R, at = posed.poses[i]
+        rods = [R @ end for body, end in ends if body == i and np.linalg.norm(end) > 1e-6]
+        for rod in rods:
+            length, middle = float(np.linalg.norm(rod)), at + 0.5 * rod
             # two arms in one line of sight have one label
             words, flat = f"{round(1e3 * length, 1):g} mm", sheet.view.flat(middle)
-            known = any(text == words and math.dist(at, flat) < 0.02 * sheet.reach for text, at in written)
+            known = any(text == words and math.dist(there, flat) < 0.02 * sheet.reach for text, there in written)
             seen = float(np.linalg.norm(sheet.view.flat(rod))) >= 0.97 * length > 0.05 * sheet.reach
             if not seen or known:
                 continue
             written.append((words, flat))
             sheet.label(words, middle)
-            if joint.turns and joint.value and abs(joint.axis @ sheet.view.toward) > 0.9 and rod is joint.rods[0]:
-                start = arc(joint.at, joint.axis, 0.5 * rod, -joint.value)[-1] - joint.at
-                sheet.angle(joint.at, start, joint.axis, joint.value)
+            if rod is rods[0] and link.joint.turns and angle and abs(axis @ sheet.view.toward) > 0.9:
+                start = arc(at, axis, 0.5 * rod, -angle)[-1] - at
+                sheet.angle(at, start, axis, angle)
 
 
-def _mark_rotors(sheet: Sheet, vehicle: Vehicle, posed: Posed) -> None:
+def _mark_rotors(sheet: Sheet) -> None:
     """Draw in the top view: numbers, names and senses of rotation of rotors, and boom lengths."""
-    sheet.triad(posed.frames[0])
+    vehicle = sheet.posed.vehicle
+    sheet.triad("base", *sheet.posed.frames["base"])
     for i, rotor in enumerate(vehicle.rotors):
-        hub, _ = _rotor_bow(sheet, vehicle, i)
+        hub, _ = _rotor_bow(sheet, rotor)
         away = float(np.linalg.norm(hub[:2]))
         edge = hub * (1.0 + 0.95 * rotor_radius(vehicle) / away) if away > 0.0 else hub
         sheet.label(f"{i + 1} {rotor.name}\n{'ccw' if rotor.direction > 0 else 'cw'}", edge)
@@ -341,12 +273,11 @@ def _mark_rotors(sheet: Sheet, vehicle: Vehicle, posed: Posed) -> None:
             sheet.label(f"{round(1e3 * away, 1):g} mm", 0.5 * hub)
 
 
-def _rotor_bow(sheet: Sheet, vehicle: Vehicle, i: int) -> tuple[Array, Array]:
+def _rotor_bow(sheet: Sheet, rotor: Rotor) -> tuple[Array, Array]:
     """Draw an arc with an arrowhead in a rotor's sense of rotation; returns the rotor's hub and axis."""
-    rotor = vehicle.rotors[i]
     hub, axis = _vector(rotor.position), _vector(rotor.axis)
     axis = axis / np.linalg.norm(axis)
-    start = 0.72 * rotor_radius(vehicle) * perpendicular(axis)
+    start = 0.72 * rotor_radius(sheet.posed.vehicle) * perpendicular(axis)
     sheet.arrow(arc(hub, axis, start, rotor.direction * 1.35 * math.pi))
     return hub, axis
 
