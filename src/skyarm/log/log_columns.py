@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -53,6 +53,12 @@ SETPOINT = "joint_setpoint"
 AXES = {1: ("",), 3: ("x", "y", "z"), 4: ("w", "x", "y", "z")}
 
 
+class Arrays(Protocol):
+    """Arrays of a log, or of a section of a log, by name."""
+
+    def __getitem__(self, array: str) -> Array: ...
+
+
 @dataclass(frozen=True, slots=True)
 class Column:
     """Column of a log: one number over time.
@@ -68,8 +74,8 @@ class Column:
     array: str
     index: int | None
 
-    def of(self, log: Log) -> Array:
-        """Values (N,) of the column in a given log."""
+    def of(self, log: Arrays) -> Array:
+        """Values (N,) of the column in a given log, or in a section of a log."""
         array = log[self.array]
         return array if self.index is None else array[:, self.index]
 

@@ -37,15 +37,16 @@ class Part:
         stamps = self.stamps if time is None else nanoseconds(np.nan_to_num(time))
         return {"stamp": stamps, "frame_id": frame}
 
-    def unit(self, array: str = "quaternion") -> Array:
-        """Attitude quaternions wxyz of the section, normalized to unit length."""
-        found: Array = self[array] / np.linalg.norm(self[array], axis=1, keepdims=True)
-        return found
 
-    def in_base(self, vectors: Array, array: str = "quaternion") -> Array:
-        """Rotate world vectors (N, 3) to base axes."""
-        R = Quaternion(*self.unit(array).T).rotation()
-        return np.stack(list(R.apply_T(Vec3(*vectors.T))), axis=1)
+def unit(wxyz: Array) -> Array:
+    """Quaternions wxyz (N, 4) normalized to unit length."""
+    return np.asarray(wxyz / np.linalg.norm(wxyz, axis=1, keepdims=True))
+
+
+def in_base(vectors: Array, wxyz: Array) -> Array:
+    """Rotate world vectors (N, 3) to the axes of a base with attitude ``wxyz`` (N, 4), of unit length."""
+    R = Quaternion(*wxyz.T).rotation()
+    return np.stack(list(R.apply_T(Vec3(*vectors.T))), axis=1)
 
 
 def nanoseconds(time: Array) -> npt.NDArray[np.int64]:

@@ -7,9 +7,9 @@ Base and joints are written at 200 Hz as viewers know them, frames, shapes, refe
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -24,9 +24,11 @@ from skyarm.log.ros.scene import (
     WORLD,
     Frames,
     Part,
+    in_base,
     markers,
     quaternion,
     transform,
+    unit,
     xyz,
 )
 from skyarm.log.sensor_data import ESTIMATE, Source, sources_of
@@ -38,9 +40,6 @@ Array = npt.NDArray[np.float64]
 
 FAST, SLOW = 200.0, 50.0
 """Hz: of base and joints; of the rest. Slower controls are written at each of their instants."""
-
-HIGHEST = 1e6
-"""Hz: no control is faster, and a log that says so is taken for one at FAST."""
 
 FLIGHT_TOPIC = "/skyarm/flight"
 
@@ -78,16 +77,24 @@ class FlightTopics:
     """
 
     def __init__(self, log: Log) -> None:
-        self._columns = columns(log)
-        self._names = names_of(log)
-        self.definitions: dict[str, str] = {**DEFINITIONS, FLIGHT: flight_definition(self._columns)}
+        every, names = columns(log), names_of(log)
+        self.definitions: dict[str, str] = {**DEFINITIONS, FLIGHT: flight_definition(every)}
         fast, slow = every_of(log)
         self.period = period_of(log)
-        self.topics = tuple(
-            self._flight()
-            + self._state(fast)
-            + self._rest(slow, vehicle_of(log))
-            + _sensor_topics(log, fast, self._names)
+
+        def row(part: Part) -> dict[str, Any]:
+            return {each.name: each.of(part) for each in every}
+
+        efforts = [] if any(names.setpoints) else ["efforts"]  # setpoints of drives are no torques
+        self.topics = (
+            Topic(FLIGHT_TOPIC, FLIGHT, 1, row),
+            _topic("/odom", ODOMETRY, fast, {name: name for name in BASE_SIZES}, {"child_frame_id": BASE_LINK}),
+            *_joints("/joint_states", fast, names, {name: name for name in ("joints", "joint_rates", *efforts)}),
+            *_transforms(slow, vehicle_of(log)),
+            Topic("/reference/base", "geometry_msgs/PoseStamped", slow, _reference),
+            _topic("/reference/tip", POINT, slow, {"position": "tool_reference"}, {}),
+            _topic("/tip", POINT, slow, {"position": "tool"}, {}),
+            *_sensor_topics(log, fast, names),
         )
 
     def encode(self, topic: Topic, log: Log) -> tuple[npt.NDArray[np.int64], Bytes]:
@@ -103,45 +110,11 @@ class FlightTopics:
             values = topic.values(part)
         return part.stamps, encode(topic.kind, self.definitions, values, len(part.stamps))
 
-    def _flight(self) -> list[Topic]:
-        def row(part: Part) -> dict[str, Any]:
-            found = {}
-            for column in self._columns:
-                array = part[column.array]
-                found[column.name] = array if column.index is None else array[:, column.index]
-            return found
 
-        return [Topic(FLIGHT_TOPIC, FLIGHT, 1, row)]
-
-    def _state(self, every: int) -> list[Topic]:
-        def odometry(part: Part) -> dict[str, Any]:
-            velocity = part.in_base(part["velocity"])
-            return {
-                "header": part.header(WORLD),
-                "child_frame_id": BASE_LINK,
-                "pose": {"pose": _pose(part["position"], part.unit())},
-                "twist": {"twist": {"linear": xyz(velocity), "angular": xyz(part["rate"])}},
-            }
-
-        moved = {"position": "joints", "velocity": "joint_rates"}
-        if all(each is None for each in self._names.setpoints):  # setpoints of drives are no torques
-            moved["effort"] = "efforts"
-        return [
-            Topic("/odom", "nav_msgs/Odometry", every, odometry),
-            *_joints("/joint_states", every, self._names.joints, moved),
-        ]
-
-    def _rest(self, every: int, vehicle: Vehicle | None) -> list[Topic]:
-        def reference(part: Part) -> dict[str, Any]:
-            pose = _pose(part["position_reference"], yaw_quaternion(part["yaw_reference"]))
-            return {"header": part.header(WORLD), "pose": pose}
-
-        return [
-            *_transforms(every, vehicle),
-            Topic("/reference/base", "geometry_msgs/PoseStamped", every, reference),
-            _point("/reference/tip", every, "tool_reference"),
-            _point("/tip", every, "tool"),
-        ]
+def _reference(part: Part) -> dict[str, Any]:
+    """Fields of a geometry_msgs/PoseStamped of the base's reference."""
+    pose = _pose(part["position_reference"], yaw_quaternion(part["yaw_reference"]))
+    return {"header": part.header(WORLD), "pose": pose}
 
 
 def vehicle_of(log: Log) -> Vehicle | None:
@@ -153,7 +126,7 @@ def vehicle_of(log: Log) -> Vehicle | None:
 
 def every_of(log: Log) -> tuple[int, int]:
     """Message interval in control instants: of the state topics, and of the slower other topics."""
-    rate = control_rate(log)
+    rate = float(log.info["rates_hz"]["control"])
     fast = max(1, round(rate / FAST))
     return fast, fast * max(1, round(rate / fast / SLOW))
 
@@ -163,28 +136,12 @@ def period_of(log: Log) -> int:
     return math.lcm(every_of(log)[1], *(each.every for each in sources_of(log.info).values()))
 
 
-def control_rate(log: Log) -> float:
-    """Control rate of a log, Hz."""
-    rates = log.info.get("rates_hz")
-    rate = rates.get("control") if isinstance(rates, dict) else None
-    return float(rate) if isinstance(rate, (int, float)) and 0 < rate <= HIGHEST else FAST
-
-
-def _joints(name: str, every: int, joints: Sequence[str], arrays: Mapping[str, str]) -> list[Topic]:
-    """Topic of type sensor_msgs/JointState from arrays of the log; none for a vehicle without joints."""
-
-    def values(part: Part) -> dict[str, Any]:
-        return {"header": part.header(""), "name": joints} | {field: part[array] for field, array in arrays.items()}
-
-    return [Topic(name, "sensor_msgs/JointState", every, values)] if joints else []
-
-
 def _transforms(every: int, vehicle: Vehicle | None) -> list[Topic]:
     frames = None if vehicle is None else Frames(vehicle)
 
     def moving(part: Part) -> dict[str, Any]:
         goal = yaw_quaternion(part["yaw_reference"])
-        base = transform(part.stamps, WORLD, BASE_LINK, part["position"], part.unit())
+        base = transform(part.stamps, WORLD, BASE_LINK, part["position"], unit(part["quaternion"]))
         reference = transform(part.stamps, WORLD, BASE_REFERENCE, part["position_reference"], goal)
         links = [] if frames is None else frames.moving(part.stamps, part["joints"])
         return {"transforms": [base, reference, *links]}
@@ -203,66 +160,84 @@ def _transforms(every: int, vehicle: Vehicle | None) -> list[Topic]:
 Fields = Mapping[str, Array]
 """Numbers of a reading by field."""
 
-Message = dict[str, Any]
+ODOMETRY, POINT, JOINTS, OWN = (
+    "nav_msgs/Odometry", "geometry_msgs/PointStamped", "sensor_msgs/JointState", "skyarm_msgs/Reading"
+)  # fmt: skip
+
+BASE_SIZES = {"position": 3, "quaternion": 4, "velocity": 3, "rate": 3}
+"""How many numbers each field has from which an odometry is written, whatever else there is."""
+
+JOINT_FIELDS = {"joints": "position", "joint_rates": "velocity", "efforts": "effort"}
+"""Array -> its field in a sensor_msgs/JointState."""
 
 
-class Origin(NamedTuple):
-    """Name of a sensor or estimator, with the names of the vehicle's joints and of the reading's numbers."""
-
-    source: str
-    joints: Sequence[str]
-    names: Sequence[str]
+def _odometry(read: Fields) -> dict[str, Any]:
+    attitude = unit(read["quaternion"])
+    twist = {"linear": xyz(in_base(read["velocity"], attitude)), "angular": xyz(read["rate"])}
+    return {"pose": {"pose": _pose(read["position"], attitude)}, "twist": {"twist": twist}}
 
 
-def _odometry(part: Part, read: Fields, origin: Origin) -> Message:
-    attitude = f"{origin.source}.quaternion"
-    velocity = part.in_base(read["velocity"], attitude)
-    return {
-        "child_frame_id": f"base_{last_of(origin.source)}",
-        "pose": {"pose": _pose(read["position"], part.unit(attitude))},
-        "twist": {"twist": {"linear": xyz(velocity), "angular": xyz(read["rate"])}},
-    }
-
-
-def _imu(_part: Part, read: Fields, _origin: Origin) -> Message:
+def _imu(read: Fields) -> dict[str, Any]:
     unknown = np.array([-1.0, *8 * [0.0]])  # no orientation is read
     rate, force = xyz(read["rate"]), xyz(read["specific_force"])
     return {"orientation_covariance": unknown, "angular_velocity": rate, "linear_acceleration": force}
 
 
-def _joint_state(_part: Part, read: Fields, origin: Origin) -> Message:
-    return {"name": origin.joints, "position": read["joints"], "velocity": read["joint_rates"]}
-
-
-def _own(_part: Part, read: Fields, origin: Origin) -> Message:
-    return {"name": origin.names, "value": np.column_stack(list(read.values()))}
-
-
-ODOMETRY = {"position": 3, "quaternion": 4, "velocity": 3, "rate": 3}
-"""How many numbers each field has from which an odometry is written, whatever else there is."""
-
-MESSAGES: Mapping[str, tuple[str, Mapping[str, int], Callable[[Part, Fields, Origin], Message]]] = {
+MESSAGES: Mapping[str, tuple[str, Mapping[str, int], Callable[[Fields], dict[str, Any]]]] = {
     "sensor_msgs/Imu": (BASE_LINK, {"rate": 3, "specific_force": 3}, _imu),
     "geometry_msgs/PoseStamped": (
         WORLD,
         {"position": 3, "quaternion": 4},
-        lambda _part, read, _origin: {"pose": _pose(read["position"], read["quaternion"])},
+        lambda read: {"pose": _pose(read["position"], read["quaternion"])},
     ),
-    "geometry_msgs/PointStamped": (
-        WORLD,
-        {"position": 3},
-        lambda _part, read, _origin: {"point": xyz(read["position"])},
-    ),
+    POINT: (WORLD, {"position": 3}, lambda read: {"point": xyz(read["position"])}),
     "geometry_msgs/WrenchStamped": (
         WORLD,
         {"force": 3, "torque": 3},
-        lambda _part, read, _origin: {"wrench": {field: xyz(array) for field, array in read.items()}},
+        lambda read: {"wrench": {field: xyz(array) for field, array in read.items()}},
     ),
-    "nav_msgs/Odometry": (WORLD, ODOMETRY, _odometry),
-    "sensor_msgs/JointState": ("", {}, _joint_state),
-    "skyarm_msgs/Reading": ("", {}, _own),
+    ODOMETRY: (WORLD, BASE_SIZES, _odometry),
+    JOINTS: ("", {}, lambda read: {JOINT_FIELDS[field]: array for field, array in read.items()}),
+    OWN: ("", {}, lambda read: {"value": np.column_stack(list(read.values()))}),
 }
 """Message -> its frame, how many numbers each field of the readings has that are written as it, and its fields."""
+
+
+def _topic(
+    name: str,
+    kind: str,
+    every: int,
+    arrays: Mapping[str, str],
+    fixed: Mapping[str, Any],
+    *,
+    offset: int = 0,
+    time: str = "",
+    frame: str | None = None,
+) -> Topic:
+    """Topic of one of MESSAGES.
+
+    Args:
+        name: of the topic.
+        kind: of its messages.
+        every: control instants from one message to the next.
+        arrays: field that the message is made of -> array of the log.
+        fixed: further fields of every message.
+        offset: instant of the first message.
+        time: array of the time stamps, s; the instants of the log if left out.
+        frame: of the header, in place of the message's usual one.
+    """
+    usual, _, fields = MESSAGES[kind]
+
+    def values(part: Part) -> dict[str, Any]:
+        header = part.header(usual if frame is None else frame, part[time] if time else None)
+        return {"header": header, **fixed, **fields({field: part[array] for field, array in arrays.items()})}
+
+    return Topic(name, kind, every, values, offset)
+
+
+def _joints(name: str, every: int, names: Names, arrays: Mapping[str, str]) -> list[Topic]:
+    """Topic of type sensor_msgs/JointState from arrays of the log; none for a vehicle without joints."""
+    return [_topic(name, JOINTS, every, arrays, {"name": names.joints})] if names.joints and arrays else []
 
 
 def _sensor_topics(log: Log, fast: int, names: Names) -> list[Topic]:
@@ -270,36 +245,32 @@ def _sensor_topics(log: Log, fast: int, names: Names) -> list[Topic]:
     sources = {name: each for name, each in sources_of(log.info).items() if set(each.fields) - {"time"}}
     found: list[Topic] = []
     for name, (source, each) in zip(distinct([word(last_of(name)) for name in sources]), sources.items(), strict=True):
-        kind, values = _reading(source, each, names)
         if source == ESTIMATE:
-            joints = {"position": "joints", "velocity": "joint_rates"}
-            columns_of = {field: f"{source}.{array}" for field, array in joints.items() if array in each.fields}
-            found.append(Topic("/estimate/base", kind, fast, values))
-            found += _joints("/estimate/joints", fast, names.joints, columns_of) if columns_of else []
+            arrays = {array: f"{source}.{array}" for array in JOINT_FIELDS if array in each.fields}
+            found.append(_reading("/estimate/base", fast, 0, source, each, names))
+            found += _joints("/estimate/joints", fast, names, arrays)
         else:
-            found.append(Topic(f"/sensors/{name}", kind, each.every, values, each.late % each.every))
+            found.append(_reading(f"/sensors/{name}", each.every, each.late % each.every, source, each, names))
     return found
 
 
-def _reading(source: str, described: Source, names: Names) -> tuple[str, Callable[[Part], Message]]:
-    """Message type and fields of a sensor: the ROS type that fits its numbers, else one of this library."""
+def _reading(topic: str, every: int, offset: int, source: str, described: Source, names: Names) -> Topic:
+    """Topic of a sensor or the estimate: the ROS message that fits its numbers, else one of this library."""
     sizes = {field: len(each.axes or ()) for field, each in described.fields.items()}
     stamped = sizes.pop("time", 1) == 0
-    kind = next((kind for kind, (_, wanted, _) in MESSAGES.items() if wanted == sizes), "skyarm_msgs/Reading")
+    kind = next((kind for kind, (_, wanted, _) in MESSAGES.items() if wanted == sizes), OWN)
     if sizes == {"joints": len(names.joints), "joint_rates": len(names.joints)}:
-        kind = "sensor_msgs/JointState"
-    elif sizes.items() >= ODOMETRY.items():
-        kind = "nav_msgs/Odometry"
-    usual, _, fields = MESSAGES[kind]
-    frame = usual if described.frame is None else described.frame
+        kind = JOINTS
+    elif sizes.items() >= BASE_SIZES.items():
+        kind = ODOMETRY
     endings = [f"{field}_{axis}".rstrip("_") for field in sizes for axis in described.fields[field].axes or [""]]
-    origin = Origin(source, names.joints, endings)
-
-    def values(part: Part) -> Message:
-        header = part.header(frame, part[f"{source}.time"] if stamped else None)
-        return {"header": header, **fields(part, {field: part[f"{source}.{field}"] for field in sizes}, origin)}
-
-    return kind, values
+    named: dict[str, dict[str, Any]] = {
+        ODOMETRY: {"child_frame_id": f"base_{last_of(source)}"},
+        JOINTS: {"name": names.joints},
+        OWN: {"name": endings},
+    }
+    time, arrays = f"{source}.time" if stamped else "", {field: f"{source}.{field}" for field in sizes}
+    return _topic(topic, kind, every, arrays, named.get(kind, {}), offset=offset, time=time, frame=described.frame)
 
 
 def last_of(source: str) -> str:
@@ -309,10 +280,3 @@ def last_of(source: str) -> str:
 
 def _pose(position: Array, wxyz: Array) -> dict[str, Any]:
     return {"position": xyz(position), "orientation": quaternion(wxyz)}
-
-
-def _point(name: str, every: int, array: str) -> Topic:
-    def values(part: Part) -> dict[str, Any]:
-        return {"header": part.header(WORLD), "point": xyz(part[array])}
-
-    return Topic(name, "geometry_msgs/PointStamped", every, values)
