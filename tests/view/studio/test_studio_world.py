@@ -41,15 +41,10 @@ def session() -> Session:
 def test_what_is_seen_of_a_contact_is_what_a_log_keeps() -> None:
     flown = Session(session().scenario, machine_code=False)
     seen = sight(flown)
-    (wall,) = (each for each in seen.touching if each.normal > 0.0)
-    assert wall.surface == "wall"
-    outward = np.array([-np.cos(WALL_ANGLE), -np.sin(WALL_ANGLE), 0.0])
-    np.testing.assert_allclose(wall.spot, seen.tip - 0.01 * outward, atol=1e-12)
-    assert seen.contact == wall.normal
+    assert [surface for surface, force in seen.contacts.items() if force > 0.0] == ["wall"]
+    assert seen.contact == seen.contacts["wall"]
     flown.step()
-    assert wall.normal == pytest.approx(flown.log.contact_force[0, 2], rel=1e-9)
-    across = flown.log.contact_friction[0, 2]
-    assert np.linalg.norm(wall.force) == pytest.approx(np.hypot(wall.normal, across), rel=1e-9)
+    assert seen.contact == pytest.approx(flown.log.contact_force[0, 2], rel=1e-9)
 
 
 def scene_at(time: float, flown: Session) -> Scene:
@@ -96,9 +91,9 @@ def test_arrows_of_contact_are_shown_while_something_pushes() -> None:
     (acting,) = (i for i, each in enumerate(forces) if each.force.any())
     wall = forces[acting]
     np.testing.assert_allclose(node.points[acting], [wall.spot[0], wall.spot[0] + NEWTON * wall.force[0]], rtol=1e-5)
-    (pressed,) = (each for each in sight(session()).touching if each.normal > 0.0)
-    np.testing.assert_allclose(wall.spot[0], pressed.spot, atol=1e-12)
-    assert np.linalg.norm(wall.force[0]) == pytest.approx(pressed.normal, rel=1e-9)
+    seen, outward = sight(session()), np.array([-np.cos(WALL_ANGLE), -np.sin(WALL_ANGLE), 0.0])
+    np.testing.assert_allclose(wall.spot[0], seen.tip - 0.01 * outward, atol=1e-12)
+    assert np.linalg.norm(wall.force[0]) == pytest.approx(seen.contact, rel=1e-9)
     assert np.all(node.points[[i for i in range(len(forces)) if i != acting]] == node.points[acting][0])
     arrows.point(0.0 * ends)
     assert not node.visible
@@ -124,7 +119,7 @@ def test_a_camera_that_follows_leaves_the_vehicle_where_it_was_and_moves_the_gro
             flight.session = SimpleNamespace(  # type: ignore[assignment]
                 state=away, running=True, scenario=flown.scenario, time=0.0, tick=0, now=flown.now, ended=None
             )
-            flight.title, flight.sights, flight.first, flight.moved = "a", [seen], flown.scenario, []
+            flight.title, flight.sights, flight.first, flight.moved = "a", [seen], flown.scenario, {}
             picture.draw([flight])
             base, stage = scene.nodes["/stage/law1"], scene.nodes["/stage"]
             drawn = np.array(base.position) + stage.position
@@ -140,7 +135,7 @@ def test_without_a_world_nothing_of_it_is_there() -> None:
     assert scene.nodes["/stage/ground"].position[2] == 0.0
     np.testing.assert_allclose(np.array(camera.position) - camera.look_at, VIEWS[0] - [0.12, 0.08, -0.06])
     plain = Session(scenario, machine_code=False)
-    assert sight(plain).touching == ()
+    assert not sight(plain).contacts
     assert "contact force (N)" not in titles(plain)
     assert "contact force (N)" in titles(session())
 

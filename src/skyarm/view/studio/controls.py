@@ -229,7 +229,7 @@ def _chart_rows(flights: Sequence[Flight]) -> Iterator[tuple[str, dict[str, Colu
 
 def _force(surface: str) -> Column:
     """Function from an instant to the sum of a surface's normal forces on the vehicle, N."""
-    return lambda seen: sum(each.normal for each in seen.touching if each.surface == surface)
+    return lambda seen: seen.contacts[surface]
 
 
 def _effort(joint: int, limited: bool) -> Column:

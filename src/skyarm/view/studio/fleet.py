@@ -8,7 +8,6 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from skyarm.control.catalogue import LAWS, PRESETS, TUNED, tuned_factors
@@ -136,14 +135,12 @@ class Fleet:
         """
         if place is None and len(self.flights) == MOST:
             raise ScenarioError(f"laws = {MOST + 1}: must be at most {MOST} at once")
-        shared: dict[int, dict[str, float]] = {}
-        for each in self.flights[0 if place is None else place].moved if self.flights else ():
-            if not each.path.startswith(OF_LAW):
-                shared.setdefault(each.tick, {})[each.path] = each.value
-        for tick, values in shared.items():
+        moved = self.flights[place or 0].moved if self.flights else {}
+        for tick, values in moved.items():
+            shared = {path: value for path, value in values.items() if not path.startswith(OF_LAW)}
             flight.to(tick)
-            if flight.tick == tick and flight.session.running:
-                flight.move(values)
+            if shared and flight.tick == tick and flight.session.running:
+                flight.move(shared)
         flight.to(self.tick)
         if place is None:
             self.flights.append(flight)
@@ -248,19 +245,6 @@ def open_fleet(source: str, laws: Sequence[str]) -> Fleet:
     return fleet
 
 
-@dataclass(frozen=True, slots=True)
-class Moved:
-    """Change of a parameter by the user.
-
-    Attributes:
-        tick: control periods flown before it holds. path, value: of the number.
-    """
-
-    tick: int
-    path: str
-    value: float
-
-
 class Flight:
     """Simulated flight that steps forward and back; the user's changes are repeated at their times.
 
@@ -270,6 +254,9 @@ class Flight:
         law: name that it is chosen by; None is the scenario's own.
         scenario: adjustable, under the law.
         push: beginning of the paths of the push.
+
+    Attributes:
+        moved: control periods flown -> path -> value of the numbers that the user changed then.
     """
 
     def __init__(self, law: str | None, scenario: Scenario, push: str) -> None:
@@ -278,7 +265,7 @@ class Flight:
         self.knobs = knobs_of(scenario, push)
         numbers = [f"{push}.gust.{name}" for name in ("peak.x", "peak.y", "peak.z", "start", "duration")]
         self.session = _session(scenario, [*(knob.path for knob in self.knobs), *numbers])
-        self.moved: list[Moved] = []
+        self.moved: dict[int, dict[str, float]] = {}
         self.sights: list[Sight] = []
         self._every = max(1, round(scenario.rates.control / SAMPLES))
         self._kept: list[Snapshot] = []
@@ -298,7 +285,8 @@ class Flight:
     @property
     def values(self) -> Mapping[str, float]:
         """Path -> current value of every parameter changed so far."""
-        return {moved.path: moved.value for moved in self.moved if moved.tick <= self.tick}
+        made = [values for tick, values in self.moved.items() if tick <= self.tick]
+        return {path: value for values in made for path, value in values.items()}
 
     @property
     def own_knobs(self) -> tuple[Knob, ...]:
@@ -358,8 +346,8 @@ class Flight:
         """
         now = self.tick
         self.session.change(values)
-        kept = [each for each in self.moved if each.tick < now or (each.tick == now and each.path not in values)]
-        self.moved = [*kept, *(Moved(now, path, float(value)) for path, value in values.items())]
+        self.moved = {tick: made for tick, made in self.moved.items() if tick <= now}
+        self.moved.setdefault(now, {}).update({path: float(value) for path, value in values.items()})
         # what was flown beyond this instant was flown with other numbers
         self._kept = [snapshot for snapshot in self._kept if snapshot.tick <= now]
         self.sights = [seen for seen in self.sights if seen.tick <= now]
@@ -374,7 +362,7 @@ class Flight:
 
     def begin(self) -> None:
         """Restart with the scenario's parameters."""
-        self.moved = []
+        self.moved = {}
         self.session.restore(self._kept[0])
         self._kept, self.sights = self._kept[:1], self.sights[:1]
 
@@ -389,8 +377,7 @@ class Flight:
 
     def _repeat(self) -> None:
         """Repeat the user's earlier parameter changes of this control period."""
-        values = {each.path: each.value for each in self.moved if each.tick == self.tick}
-        if values:
+        if values := self.moved.get(self.tick):
             self.session.change(values)
 
     def _note(self) -> None:

@@ -239,7 +239,7 @@ class Page:
             words = (
                 f"lost at {last.time:.2f} s: {flight.lost}" if flight.lost else f"tip error {1e3 * last.error:.1f} mm"
             )
-            touching = f", contact {last.contact:.2f} N" if last.touching and not flight.lost else ""
+            touching = f", contact {last.contact:.2f} N" if last.contact and not flight.lost else ""
             lines.append(f"{flight.title}: {words}{touching}")
         if self._making:
             lines.append("Machine code is being made ...")

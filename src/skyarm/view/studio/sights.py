@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +16,7 @@ from skyarm.plant.surroundings import Surroundings, wind_at
 from skyarm.reference import Reference
 from skyarm.simulate.session import Session
 from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.world.component import Component
 from skyarm.world.scene.shapes import floats
 from skyarm.world.scene.vehicle_shapes import Placed, place
 
@@ -34,7 +35,7 @@ class Sight:
         efforts: share of each joint's limit that its setpoint takes; N m or N of a joint without a limit.
         rotors: share of each rotor's highest speed.
         air: velocity of the air at the base, world axes, m/s. pushed: force on the base of all that surrounds it, N.
-        touching: forces of the world's surfaces on the vehicle's points; empty without a world.
+        contacts: surface -> sum of its normal forces on the vehicle, N; empty without surfaces.
     """
 
     tick: int
@@ -46,27 +47,12 @@ class Sight:
     rotors: tuple[float, ...]
     air: Array
     pushed: Array
-    touching: tuple[Touching, ...] = ()
+    contacts: Mapping[str, float]
 
     @property
     def contact(self) -> float:
         """Sum of all normal contact forces on the vehicle, N."""
-        return sum(each.normal for each in self.touching)
-
-
-@dataclass(frozen=True, slots=True)
-class Touching:
-    """Contact of one surface with one point of the vehicle.
-
-    Attributes:
-        surface: its name. normal: N.
-        spot: (3,) where it acts, world axes, m. force: (3,) N on the vehicle, with friction.
-    """
-
-    surface: str
-    normal: float
-    spot: Array
-    force: Array
+        return sum(self.contacts.values())
 
 
 def sight(session: Session) -> Sight:
@@ -90,27 +76,25 @@ def sight(session: Session) -> Sight:
         rotors=tuple(float(w) / float(r.max_speed) for w, r in zip(state.rotor_speeds, vehicle.rotors, strict=True)),
         air=np.array(floats(outside.air_velocity_W)),
         pushed=np.array(floats(outside.force_W)),
-        touching=touching(scenario.components, now.components, PointMotion(vehicle, state)) if scenario.worlds else (),
+        contacts=contact_forces(scenario.components, now.components, PointMotion(vehicle, state)),
     )
 
 
-def touching(components: Sequence[Any], memories: Sequence[Any], motion: PointMotion) -> tuple[Touching, ...]:
-    """Current contact forces of every surface on every point.
+def contact_forces(components: Sequence[Component], memories: Sequence[Any], motion: PointMotion) -> dict[str, float]:
+    """Current sum of the normal forces on the vehicle, N, of each surface, as the contact models log them.
 
     Args:
         components: of the scenario, with their memories.
         memories: one for each.
         motion: of the vehicle.
     """
-    found = []
-    for contact, memory in zip(components, memories, strict=True):
-        if not hasattr(contact, "meetings"):
-            continue
-        for each in contact.meetings(memory, motion):
-            if each.of_vehicle:
-                spot, force = np.array(floats(each.place)), np.array(floats(each.touch.force))
-                found.append(Touching(each.surface, float(each.touch.normal), spot, force))
-    return tuple(found)
+    found: dict[str, float] = {}
+    for part, memory in zip(components, memories, strict=True):
+        pairs = [column[1].partition("/")[0] if column[0] == "contact_force" else "" for column in part.columns]
+        for surface, force in zip(pairs, part.logged(memory, motion), strict=True) if any(pairs) else ():
+            if surface:
+                found[surface] = found.get(surface, 0.0) + float(force)
+    return found
 
 
 def goal_of(vehicle: Vehicle, reference: Reference) -> Placed:
