@@ -399,6 +399,8 @@ def test_an_output_folder_without_a_name_is_refused(folder: Path, command: list[
         (["show", ""], ("vehicle = ''", "hexarotor_arm6")),
         (["export", "--to", "c", "", "-o", "x.c"], ("controller = ''", "paper_ct")),
         (["export", "--to", "c", "paper_ct", "-o", ""], ("--out = ''", "path of a file")),
+        (["export", "--to", "c", "case1", "-o", "x.py"], ("--out = 'x.py': must end in .c",)),
+        (["export", "--to", "mjcf", "case1", "-o", "x.c"], ("--out = 'x.c': must end in .xml or .mjcf",)),
         (["--plugin", "", "show"], ("--plugin: must be followed by a .py file",)),
         (["show", "nope"], ("vehicle = 'nope'", "hexarotor_arm6")),
         (["show", "nope.urdf"], ("nope.urdf", "no such file")),

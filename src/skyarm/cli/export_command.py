@@ -37,6 +37,9 @@ RATE, SLOWEST = 200.0, 1e-3
 LONGEST_STEP = 0.1
 """s: a longer step of MuJoCo is a slip of the keyboard."""
 
+SUFFIXES = {"c": (".c",), "mjcf": (".xml", ".mjcf")}
+"""Format of a law or vehicle -> suffixes of its files."""
+
 OF_LAWS = ("--vehicle", "--rate", "--name", "--float32")
 
 
@@ -62,7 +65,7 @@ def export(
     file; with --to mjcf a vehicle or a scenario becomes a model for MuJoCo with its joints, rotors and drives as
     actuators and a keyframe to start from.
     """
-    if to not in ("c", "mjcf"):
+    if to not in SUFFIXES:
         require_left_out(context, [*OF_LAWS, "--gravity", "--timestep"], " of a log; it belongs to --to c or mjcf")
         with waiting(f"{what}: writing"):
             return _log(what, to, file)
@@ -71,6 +74,8 @@ def export(
     if file is None:
         raise ValueError(f"--out: is missing; --to {to} writes a file")
     written = output_file(file, "--out")
+    if written.suffix not in SUFFIXES[to]:
+        raise ValueError(f"--out = {shown(file)}: must end in {' or '.join(SUFFIXES[to])}")
     if to == "mjcf":
         return _mjcf(what, written, gravity, timestep)
     with waiting(f"{what}: writing C"):
@@ -104,8 +109,6 @@ def _log(flight: str, to: str | None, file: str | None) -> None:
 def _mjcf(what: str, file: Path, gravity: float | None, timestep: float) -> None:
     from skyarm.plant.mujoco_export import mjcf_text
 
-    if file.suffix not in (".xml", ".mjcf"):
-        raise ValueError(f"--out = {shown(str(file))}: must end in .xml or .mjcf")
     step = number(timestep, "--timestep", low=0.0, strict=True)
     if step > LONGEST_STEP:
         raise ValueError(f"--timestep = {timestep!r}: must be at most {LONGEST_STEP:g} s")

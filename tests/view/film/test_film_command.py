@@ -61,7 +61,8 @@ def test_a_log_and_a_scenario_are_filmed_together(film: Film, log: Path, tmp_pat
         (("LOG", "a.avi"), "skyarm: film = 'a.avi': suffix 'avi': must be one of mp4, webp, viser, html"),
         (("LOG", "a.mp5"), "skyarm: film = 'a.mp5': suffix 'mp5': did you mean 'mp4'? must be one of"),
         (("no.npz", "a.webp"), "skyarm: "),
-        (("LOG", "a.webp", "--size", "161x120"), "skyarm: width = 161: must be an even number"),
+        (("LOG", "a.webp", "--size", "161x120"), "skyarm: size = '161x120': must be even numbers from 64 to 4096"),
+        (("LOG", "a.webp", "--size", "160x8000"), "skyarm: size = '160x8000': must be even numbers from 64 to 4096"),
         (("LOG", "a.webp", "--size", "big"), "skyarm: size = 'big': must be WIDTHxHEIGHT in pixels"),
         (("LOG", "a.webp", "--camera", "folow"), "skyarm: camera = 'folow': did you mean 'follow'? must be one of"),
         (

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from skyarm.log.flight_log import Log
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import shown
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, units
 from skyarm.view.film.camera_paths import CAMERAS, CameraPath
 from skyarm.view.film.captions import Captions, FrameLayout, frame_layout
 from skyarm.view.film.filmed_flight import FilmedFlight, end_of, film_flights, ghost_solids, marks_of, vehicle_solids
@@ -193,4 +193,7 @@ def size_of(text: str) -> tuple[int, int]:
     width, _, height = text.lower().partition("x")
     if not (width.isascii() and width.isdigit() and height.isascii() and height.isdigit()) or len(text) > 12:
         raise ValueError(f"size = {shown(text)}: must be WIDTHxHEIGHT in pixels, such as 1280x720")
-    return int(width), int(height)
+    found, bounds = (int(width), int(height)), units(FilmSettings)["width"]
+    if not all(bounds.low <= side <= bounds.high and side % 2 == 0 for side in found):
+        raise ValueError(f"size = {shown(text)}: must be even numbers from {bounds.low:g} to {bounds.high:g}")
+    return found
