@@ -120,6 +120,8 @@ def _value(wanted: object, unit: Unit, fields: Fields, name: str) -> Any:
         return Vec3(*fields.vector(name))
     if wanted is str:
         return fields.text(name, "")
+    if typing.get_origin(wanted) is typing.Literal:
+        return fields.choice(name, typing.get_args(wanted))
     if wanted is bool:
         return fields.flag(name)
     if typing.get_origin(wanted) is tuple:

@@ -24,7 +24,7 @@ from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
 from skyarm.reference.signals import Derivatives
 from skyarm.reference.splines import CARDINAL, ORDERS, minimum_snap
-from skyarm.reference.trajectory import Reference, Trajectory
+from skyarm.reference.trajectory import JOINTS, VECTORS, Reference, Trajectory
 
 Array = npt.NDArray[Any]
 
@@ -74,8 +74,7 @@ class PathTime:
             for power in range(len(rows) - 1, order - 1, -1):
                 total = total * left + rows[power] * float(math.perm(power, order))
             found.append(total / step**order)
-        d0, d1, d2, d3, d4 = found
-        return d0, d1, d2, d3, d4
+        return tuple(found)
 
     def check(self, duration: float, waits: bool) -> None:
         """Refuse a flight that the time scaling was not planned for.
@@ -120,29 +119,14 @@ def by_flight_time(reference: Reference, s: Derivatives) -> Reference:
 
     Source: chain rule of higher order, Faa di Bruno 1857.
     """
-
-    def vectors(first: Vec3, second: Vec3, third: Vec3, fourth: Vec3) -> list[Vec3]:
-        rows = [_chain_rule(d, s) for d in zip(first, second, third, fourth, strict=True)]
-        return [Vec3(*column) for column in zip(*rows, strict=True)]
-
     r = reference
-    velocity, acceleration, jerk, snap = vectors(r.velocity, r.acceleration, r.jerk, r.snap)
+    rows = [_chain_rule(d, s) for d in zip(r.velocity, r.acceleration, r.jerk, r.snap, strict=True)]
+    vectors = [Vec3(*column) for column in zip(*rows, strict=True)]
     yaw_rate, yaw_acceleration, _, _ = _chain_rule((r.yaw_rate, r.yaw_acceleration, 0, 0), s)
     joints = zip(r.joint_rates, r.joint_accelerations, r.joint_jerks, r.joint_snaps, strict=True)
     moved = tuple(zip(*(_chain_rule(d, s) for d in joints), strict=True)) or ((),) * 4
-    return dataclasses.replace(
-        r,
-        velocity=velocity,
-        acceleration=acceleration,
-        jerk=jerk,
-        snap=snap,
-        yaw_rate=yaw_rate,
-        yaw_acceleration=yaw_acceleration,
-        joint_rates=moved[0],
-        joint_accelerations=moved[1],
-        joint_jerks=moved[2],
-        joint_snaps=moved[3],
-    )
+    rates: dict[str, Any] = dict(zip((*VECTORS[1:], *JOINTS[1:]), (*vectors, *moved), strict=True))
+    return dataclasses.replace(r, **rates, yaw_rate=yaw_rate, yaw_acceleration=yaw_acceleration)
 
 
 def _chain_rule(d: tuple[Any, ...], s: Derivatives) -> tuple[Any, Any, Any, Any]:
@@ -158,9 +142,6 @@ def _chain_rule(d: tuple[Any, ...], s: Derivatives) -> tuple[Any, Any, Any, Any]
             add(mul(d2, 3.0 * s2 * s2 + 4.0 * s1 * s3), mul(d1, s4)),
         ),
     )
-
-
-VECTORS = ("position", "velocity", "acceleration", "jerk", "snap")
 
 
 def offset_reference(

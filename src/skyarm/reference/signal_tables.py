@@ -30,7 +30,6 @@ from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import Fields, number, shown
 from skyarm.records.read_table import record_from
 from skyarm.reference.signals import (
-    SHAPES,
     Constant,
     Product,
     Pulses,
@@ -68,18 +67,9 @@ def _sine(fields: Fields) -> Signal:
     return _clip_to_window(sine if math.isinf(start) else Shifted(sine, start), start, stop)
 
 
-def _ramp(fields: Fields) -> Signal:
-    return Ramp(
-        start=fields.number("start"),
-        duration=fields.number("duration", low=0.0, strict=True),
-        height=fields.number("height"),
-        shape=fields.choice("shape", SHAPES, "linear"),
-    )
-
-
 def _sequence(fields: Fields) -> Signal:
     start, initial = fields.number("start"), fields.number("initial", 0.0)
-    shape = fields.choice("shape", SHAPES, "linear")
+    shape = fields.choice("shape", ("linear", "quintic"), "linear")
     raw, at = fields.take("segments"), f"{fields.where}.segments"
     if not isinstance(raw, list) or not raw:
         raise ValueError(f"{at} = {raw!r}: must be a list of [duration, value at its end]")
@@ -119,7 +109,7 @@ def _of_waypoints(kind: str, fields: Fields) -> Signal:
 _SIGNALS: dict[str, type[Signal] | Callable[[Fields], Signal]] = {
     "constant": _constant,
     "sine": _sine,
-    "ramp": _ramp,
+    "ramp": Ramp,
     "sequence": _sequence,
     "sum": Sum,
     "windowed": _windowed_signal,

@@ -14,7 +14,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 from skyarm.algebra.scalars import Scalar, add, cos, floor, logical_and, mul, sin, where
 from skyarm.algebra.scalars.taylor import Taylor
@@ -23,9 +23,8 @@ from skyarm.records.field_rules import accept_fields
 from skyarm.records.leaves import parts
 from skyarm.records.units import Unit
 
-Derivatives = tuple[Any, Any, Any, Any, Any]
-
-SHAPES = ("linear", "quintic")
+Derivatives = tuple[Any, ...]
+"""Value and derivatives one to four."""
 
 Record = TypeVar("Record")
 
@@ -39,9 +38,12 @@ class Signal(ABC):
     def derivatives(self, t: Scalar) -> Derivatives:
         """Value and derivatives one to four at time t (s)."""
 
-    @abstractmethod
+    def __post_init__(self) -> None:
+        accept_fields(self, type(self).__name__.lower())
+
     def switch_times(self) -> tuple[float, ...]:
-        """List the times (s), in order, at which the value or a derivative may jump."""
+        """List the times (s), in order, at which the value or a derivative may jump; here those of signals in it."""
+        return switch_times(tuple(parts(self).values()))
 
     def __add__(self, other: Signal) -> Signal:
         """Return the sum of two signals."""
@@ -81,16 +83,9 @@ class Constant(Signal):
 
     value: Annotated[Scalar, Unit("", "in the unit of the signal")] = 0.0
 
-    def __post_init__(self) -> None:
-        accept_fields(self, "constant")
-
     def derivatives(self, t: Scalar) -> Derivatives:
         """Constant value, and zeros as derivatives."""
         return self.value, 0, 0, 0, 0
-
-    def switch_times(self) -> tuple[float, ...]:
-        """Empty: a constant never jumps."""
-        return ()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -104,11 +99,7 @@ class Ramp(Signal):
     start: Annotated[Scalar, Unit("s")]
     duration: Annotated[Scalar, Unit("s", low=0.0, strict=True)]
     height: Annotated[Scalar, Unit("", "in the unit of the signal")]
-    shape: str = "linear"
-
-    def __post_init__(self) -> None:
-        accept_fields(self, "ramp")
-        check_shape("ramp.shape", self.shape)
+    shape: Literal["linear", "quintic"] = "linear"
 
     def derivatives(self, t: Scalar) -> Derivatives:
         """Value and derivatives one to four of the ramp at time t (s).
@@ -123,8 +114,7 @@ class Ramp(Signal):
             after = self.height if order == 0 else 0.0
             pieces.append(self._select_piece(t, piece * scale, after) if type(piece) is not int else 0)
             scale = scale * rate
-        d0, d1, d2, d3, d4 = pieces
-        return d0, d1, d2, d3, d4
+        return tuple(pieces)
 
     def _select_piece(self, t: Scalar, inside: Scalar, after: Scalar) -> Scalar:
         return where(t < self.start, 0.0, where(t < self.start + self.duration, inside, after))
@@ -159,25 +149,12 @@ class Sine(Signal):
     frequency_hz: Annotated[Scalar, Unit("Hz")]
     phase: Annotated[Scalar, Unit("rad")] = 0.0
 
-    def __post_init__(self) -> None:
-        accept_fields(self, "sine")
-
     def derivatives(self, t: Scalar) -> Derivatives:
         """Value and derivatives one to four of the sine at time t (s)."""
         w = 2.0 * math.pi * self.frequency_hz
         angle = w * t + self.phase
         s, c = self.amplitude * sin(angle), self.amplitude * cos(angle)
         return s, w * c, -(w * w) * s, -(w * w * w) * c, (w * w * w * w) * s
-
-    def switch_times(self) -> tuple[float, ...]:
-        """Empty: a sine never jumps."""
-        return ()
-
-
-def check_shape(field: str, value: str) -> None:
-    """Refuse an unknown ramp shape."""
-    if value not in SHAPES:
-        raise ValueError(f"{field} = {value!r}: must be one of {', '.join(SHAPES)}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,14 +166,13 @@ class Windowed(Signal):
     stop: Annotated[Scalar, Unit("s", infinite=True)] = math.inf
 
     def __post_init__(self) -> None:
-        accept_fields(self, "windowed")
+        Signal.__post_init__(self)
         if concrete(self.start, self.stop) and not self.start < self.stop:
             raise ValueError(f"windowed.stop = {self.stop!r}: must be after start = {self.start!r}")
 
     def derivatives(self, t: Scalar) -> Derivatives:
         """Value and derivatives of the signal inside the window, zeros outside."""
-        d0, d1, d2, d3, d4 = (self._inside(t, value) for value in self.signal.derivatives(t))
-        return d0, d1, d2, d3, d4
+        return tuple(self._inside(t, value) for value in self.signal.derivatives(t))
 
     def _inside(self, t: Scalar, value: Scalar) -> Scalar:
         if type(value) is int and value == 0:
@@ -217,9 +193,6 @@ class Shifted(Signal):
     signal: Signal
     delay: Annotated[Scalar, Unit("s")]
 
-    def __post_init__(self) -> None:
-        accept_fields(self, "shifted")
-
     def derivatives(self, t: Scalar) -> Derivatives:
         """Value and derivatives of the signal at t - delay."""
         return self.signal.derivatives(t - self.delay)
@@ -235,20 +208,12 @@ class Sum(Signal):
 
     signals: tuple[Signal, ...]
 
-    def __post_init__(self) -> None:
-        accept_fields(self, "sum")
-
     def derivatives(self, t: Scalar) -> Derivatives:
         """Value and derivatives of the sum."""
         total: Derivatives = (0, 0, 0, 0, 0)
         for signal in self.signals:
-            d0, d1, d2, d3, d4 = (add(a, b) for a, b in zip(total, signal.derivatives(t), strict=True))
-            total = d0, d1, d2, d3, d4
+            total = tuple(add(a, b) for a, b in zip(total, signal.derivatives(t), strict=True))
         return total
-
-    def switch_times(self) -> tuple[float, ...]:
-        """Switch times of all terms, sorted and unique, s."""
-        return switch_times(self.signals)
 
 
 @dataclass(frozen=True, slots=True)
@@ -257,9 +222,6 @@ class Product(Signal):
 
     signal: Signal
     factor: Signal
-
-    def __post_init__(self) -> None:
-        accept_fields(self, "product")
 
     def derivatives(self, t: Scalar) -> Derivatives:
         """Value and derivatives by Leibniz's rule, (f g)^(k) = sum_i C(k, i) f^(i) g^(k - i)."""
@@ -270,12 +232,7 @@ class Product(Signal):
             for i in range(order + 1):
                 total = add(total, mul(math.comb(order, i), mul(f[i], g[order - i])))
             found.append(total)
-        d0, d1, d2, d3, d4 = found
-        return d0, d1, d2, d3, d4
-
-    def switch_times(self) -> tuple[float, ...]:
-        """Switch times of both factors, sorted and unique, s."""
-        return switch_times((self.signal, self.factor))
+        return tuple(found)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -289,12 +246,7 @@ class Pulses(Signal):
     period: Annotated[Scalar, Unit("s", low=0.0, strict=True)]
     width: Annotated[Scalar, Unit("s", "of a pulse", low=0.0)]
     height: Annotated[Scalar, Unit("", "in the unit of the signal")] = 1.0
-    count: int
-
-    def __post_init__(self) -> None:
-        accept_fields(self, "pulses")
-        if not 1 <= self.count <= MOST_PULSES:
-            raise ValueError(f"pulses.count = {self.count!r}: must be from 1 to {MOST_PULSES}")
+    count: Annotated[int, Unit("", "of pulses", low=1, high=100_000)]
 
     def derivatives(self, t: Scalar) -> Derivatives:
         """Value ``height`` or 0, and zeros as derivatives."""
@@ -309,12 +261,8 @@ class Pulses(Signal):
         return tuple(sorted({t for begin in begins for t in (begin, begin + float(self.width))}))
 
 
-MOST_PULSES = 100_000
-"""Pulses of one signal."""
-
-
 def sequence(
-    start: Scalar, segments: Iterable[tuple[Any, Any]], *, initial: Scalar = 0.0, shape: str = "linear"
+    start: Scalar, segments: Iterable[tuple[Any, Any]], *, initial: Scalar = 0.0, shape: Any = "linear"
 ) -> Signal:
     """Signal of consecutive ramps and holds; the last value is held.
 
@@ -329,15 +277,10 @@ def sequence(
     for duration, target in segments:
         if concrete(duration) and not duration > 0.0:
             raise ValueError(f"sequence: a segment lasts {duration!r} s: must be above 0 s")
-        if target is not value and not _equal(target, value):
+        if target is not value and not (concrete(target, value) and target == value):
             signals.append(Ramp(start=t, duration=duration, height=target - value, shape=shape))
         t, value = t + duration, target
     return Sum(tuple(signals))
-
-
-def _equal(a: Scalar, b: Scalar) -> bool:
-    """True if both numbers are equal constants, not traced values."""
-    return concrete(a, b) and a == b
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -354,16 +297,8 @@ class Turning(Signal):
     u: Annotated[Scalar, Unit("", "this coordinate of the direction at the beginning")]
     w: Annotated[Scalar, Unit("", "the same a quarter of a turn later")]
 
-    def __post_init__(self) -> None:
-        accept_fields(self, "turning")
-
     def derivatives(self, t: Scalar) -> Derivatives:
         """Value and derivatives one to four at time t (s)."""
         a = Taylor.of_derivatives(self.angle.derivatives(t))
         place = (a * self.growth + self.radius) * (cos(a) * self.u + sin(a) * self.w) - self.radius * self.u
-        d0, d1, d2, d3, d4 = (place.derivative(k) for k in range(5))
-        return d0, d1, d2, d3, d4
-
-    def switch_times(self) -> tuple[float, ...]:
-        """Switch times of the angle signal, s."""
-        return self.angle.switch_times()
+        return tuple(place.derivative(k) for k in range(5))

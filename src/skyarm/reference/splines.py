@@ -17,7 +17,6 @@ from typing import Annotated, Any
 import numpy as np
 
 from skyarm.algebra.scalars import Scalar, where
-from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
 from skyarm.reference.signals import Derivatives, Signal
 
@@ -38,7 +37,7 @@ class Polynomials(Signal):
     coefficients: Annotated[tuple[tuple[Scalar, ...], ...], Unit("", "of the powers of seconds, in the signal's unit")]
 
     def __post_init__(self) -> None:
-        accept_fields(self, "polynomials")
+        Signal.__post_init__(self)
         if len(self.knots) != len(self.coefficients) + 1 or not self.coefficients:
             raise ValueError(
                 f"polynomials.knots: {len(self.knots)}, must be one more than the {len(self.coefficients)} polynomials"
@@ -61,13 +60,8 @@ class Polynomials(Signal):
                 t, [(*row, knot) for row, knot in zip(self.coefficients, numbers, strict=False)], numbers
             )
         s = where(t < first, first, where(t < last, t, last)) - begin
-        found: list[Any] = []
-        for order in range(ORDERS):
-            value = _polynomial(c, s, order)
-            moves = where(t < first, 0.0, where(t < last, value, 0.0)) if order else value
-            found.append(moves)
-        d0, d1, d2, d3, d4 = found
-        return d0, d1, d2, d3, d4
+        inside = [_polynomial(c, s, order) for order in range(1, ORDERS)]
+        return (_polynomial(c, s, 0), *(where(t < first, 0.0, where(t < last, each, 0.0)) for each in inside))
 
     def switch_times(self) -> tuple[float, ...]:
         """First and last knot, s; between them the first four derivatives are continuous."""
@@ -121,7 +115,7 @@ CARDINAL = (
 """120 times the coefficient of u^k, row by row, of a quintic uniform B-spline in each of its six control points."""
 
 
-def interpolating_points(samples: Sequence[float], rounds: int = 30) -> list[float]:
+def interpolating_points(samples: Sequence[float]) -> list[float]:
     """Control points of the uniform quintic B-spline that interpolates samples, by iteration.
 
     The curve's value at a sample is 1/120, 26/120, 66/120, 26/120, 1/120 of the control points around it; the error is
@@ -129,7 +123,7 @@ def interpolating_points(samples: Sequence[float], rounds: int = 30) -> list[flo
     """
     wanted = np.asarray(samples, dtype=float)
     points = wanted.copy()
-    for _ in range(rounds):
+    for _ in range(30):
         padded = np.concatenate([np.repeat(points[:1], 2), points, np.repeat(points[-1:], 2)])
         n = len(points)
         outer = padded[0:n] + padded[4 : n + 4]

@@ -27,7 +27,7 @@ from skyarm.records.field_rules import accept_fields
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
-from skyarm.reference.signals import Constant, Derivatives, Signal
+from skyarm.reference.signals import Constant, Signal
 from skyarm.vehicle.linkage import BASE, Joint
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -36,7 +36,8 @@ ORDER = 4
 
 STILL = Constant(0.0)
 
-FiveVectors = tuple[Vec3, Vec3, Vec3, Vec3, Vec3]
+FiveVectors = tuple[Vec3, ...]
+"""A vector and its first four derivatives."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -95,9 +96,7 @@ class TipMotion:
 
     def path(self, t: Scalar) -> FiveVectors:
         """Tip position and its first four derivatives at time t (s), world axes."""
-        found: list[Derivatives] = [signal.derivatives(t) for signal in (self.x, self.y, self.z)]
-        p, v, a, j, s = (Vec3(*c) for c in zip(*found, strict=True))
-        return p, v, a, j, s
+        return vector_derivatives(self, t)
 
     def base(self, t: Scalar, yaw: Sequence[Scalar], joints: Sequence[Sequence[Any]]) -> FiveVectors:
         """Position of a level base, with four derivatives, that keeps the tip on its desired path.
@@ -109,8 +108,13 @@ class TipMotion:
         """
         series = [Taylor.of_derivatives(each) for each in zip(*joints, strict=True)]
         arm = _derivatives(rotate_by_yaw(yaw, self.arm.tip_position(series)))
-        p, v, a, j, s = (tip - held for tip, held in zip(self.path(t), arm, strict=True))
-        return p, v, a, j, s
+        return tuple(tip - held for tip, held in zip(self.path(t), arm, strict=True))
+
+
+def vector_derivatives(motion: Any, t: Scalar) -> FiveVectors:
+    """Position and its first four derivatives of a motion with the signals x, y and z at time t (s)."""
+    rows = [signal.derivatives(t) for signal in (motion.x, motion.y, motion.z)]
+    return tuple(Vec3(*column) for column in zip(*rows, strict=True))
 
 
 def rotate_by_yaw(yaw: Sequence[Scalar], v: Vec3) -> Vec3:
@@ -121,10 +125,8 @@ def rotate_by_yaw(yaw: Sequence[Scalar], v: Vec3) -> Vec3:
 
 
 def _derivatives(v: Vec3) -> FiveVectors:
-    p, vel, a, j, s = (
-        Vec3(*(c.derivative(k) if isinstance(c, Taylor) else (c if k == 0 else 0) for c in v)) for k in range(5)
-    )
-    return p, vel, a, j, s
+    rows = [[c.derivative(k) for k in range(ORDER + 1)] if isinstance(c, Taylor) else [c, 0, 0, 0, 0] for c in v]
+    return tuple(Vec3(*column) for column in zip(*rows, strict=True))
 
 
 def _to_series(record: Any) -> Any:

@@ -23,7 +23,7 @@ from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.reference.signals import Constant, Shifted, Signal, Sine, Windowed, switch_times, with_signals
 from skyarm.reference.task_records import Guard, Phase
-from skyarm.reference.tip_motion import TipMotion, TipPush
+from skyarm.reference.tip_motion import TipMotion, TipPush, vector_derivatives
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -86,6 +86,12 @@ class Reference:
 PLAIN_NUMBERS = {float, int}
 """Types of numbers that need no look; those of other scalars do, and pass."""
 
+VECTORS = ("position", "velocity", "acceleration", "jerk", "snap")
+"""Base position and its first four derivatives."""
+
+JOINTS = ("joints", "joint_rates", "joint_accelerations", "joint_jerks", "joint_snaps")
+"""Joint positions and their first four derivatives."""
+
 ZERO = Constant(0.0)
 """The signal that stays at zero."""
 
@@ -117,29 +123,21 @@ class Trajectory:
 
     def at(self, t: Scalar) -> Reference:
         """Reference at time t (s); right-hand limits at switch times."""
-        p, v, a, j, s = (Vec3(*c) for c in zip(*(k.derivatives(t) for k in (self.x, self.y, self.z)), strict=True))
+        base = vector_derivatives(self, t)
         heading = self.yaw.derivatives(t)
         yaw, yaw_rate, yaw_acceleration, _, _ = heading
         q = tuple(zip(*(k.derivatives(t) for k in self.joints), strict=True)) or ((),) * 5
         tip: tuple[Any, ...] = ()
         if self.tip is not None:
             carried = self.tip.base(t, heading, q)
-            p, v, a, j, s = (own + more for own, more in zip(carried, (p, v, a, j, s), strict=True))
+            base = tuple(own + more for own, more in zip(carried, base, strict=True))
             tip = tuple(self.tip.path(t)[0])
+        moving: dict[str, Any] = dict(zip((*VECTORS, *JOINTS), (*base, *q), strict=True))
         return Reference(
-            position=p,
-            velocity=v,
-            acceleration=a,
-            jerk=j,
-            snap=s,
+            **moving,
             yaw=yaw,
             yaw_rate=yaw_rate,
             yaw_acceleration=yaw_acceleration,
-            joints=q[0],
-            joint_rates=q[1],
-            joint_accelerations=q[2],
-            joint_jerks=q[3],
-            joint_snaps=q[4],
             tip=tip,
             push=() if self.push is None else self.push.at(t),
             load=() if self.load is None else (self.load.derivatives(t)[0],),
