@@ -40,7 +40,7 @@ from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.interface import Flat, Truth, number, whole_steps
 from skyarm.plant.largest_step import divisions, largest_step
-from skyarm.plant.loads import rotor_speeds_after, tilts_after
+from skyarm.plant.loads import with_lag
 from skyarm.plant.mujoco import QUIET
 from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.mujoco_model import LEAST, body_name, build_spec
@@ -527,17 +527,17 @@ class MujocoContactPlant:
         state = self._layout.state(x)
         command = Command(rotor_speeds=commanded, efforts=setpoints, tilts=angles)
         around = self._without_touches(around)
-        around = before_euler_step(self._world, state, state.rotor_speeds, around, self._step)
-        forces = self._layout.generalized_forces(state, setpoints, around, commanded)
-        slopes = slopes_of(self._world, state, state.rotor_speeds, around)
+        around = before_euler_step(self._world, state, around, self._step)
+        forces = self._layout.generalized_forces(state, command, around)
+        slopes = slopes_of(self._world, state, around)
         motion = PointMotion(self.vehicle, state, around.air_velocity, gravity=self._world.gravity)
         memory = around.coupled_memories()[self._place]
         on_bodies = self._contact.efforts(memory, slopes[self._place], motion)
         moving = [surface.motion for surface in self._contact.surfaces if surface.moves]
         signals = [signal.derivatives(memory.clock[0]) for at in moving for signal in (at.x, at.y, at.z)]
         places, velocities, accelerations = ([each[order] for each in signals] for order in range(3))
-        turned = rotor_speeds_after(self.vehicle, state, command, self._step, around)
-        leaning = tilts_after(self.vehicle, state, command, self._step)
+        lagged = with_lag(self.vehicle, state, command, self._step, around)
+        turned, leaning = lagged.rotor_speeds, lagged.tilts
         memories = leaves(after_euler_step(around, slopes, self._step))
         surfaces = *places, *velocities, *accelerations
         return tuple(number(each) for each in (*forces, *on_bodies, *surfaces, *turned, *leaning, *memories))

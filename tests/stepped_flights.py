@@ -16,7 +16,7 @@ from skyarm.control.catalogue import preset
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.plant.interface import Truth
-from skyarm.plant.rigid_body import step_euler, step_rk4
+from skyarm.plant.rigid_body import coupled_euler, coupled_rk4
 from skyarm.reference import Constant, Reference, Sine, Trajectory
 from skyarm.sensing.measurement import Measurement
 
@@ -70,7 +70,7 @@ TILTED = State(
 )
 
 
-def flight_step(state: State, par: Any, reference: Reference, draws: Any, integrate: Any = step_rk4) -> Any:
+def flight_step(state: State, par: Any, reference: Reference, draws: Any, integrate: Any = coupled_rk4) -> Any:
     """One control period: perfect measurement, the law, one step of the plant."""
     del draws
     seen = Measurement(
@@ -85,12 +85,12 @@ def flight_step(state: State, par: Any, reference: Reference, draws: Any, integr
         rotor_speeds=state.rotor_speeds,
     )
     _, command = CONTROLLER.law((), seen, reference, PERIOD, par=par)
-    return integrate(FLOWN, state, command, steady_wind(), PERIOD), command
+    return integrate(FLOWN, state, command, steady_wind(), PERIOD)[0], command
 
 
 def euler_step(state: State, par: Any, reference: Reference, draws: Any) -> Any:
     """The same with a fourth of the operations."""
-    return flight_step(state, par, reference, draws, step_euler)
+    return flight_step(state, par, reference, draws, coupled_euler)
 
 
 def flight_lanes(lanes: int) -> tuple[np.ndarray, np.ndarray]:

@@ -10,6 +10,7 @@ from independent_flight import Flight, array
 
 from flying_vehicles import HOVER, WIND, hovering, hummingbird_arm, random_flyer, steady_wind, tumbling
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.dynamics.actuators import Command
 from skyarm.plant.interface import flat
 from skyarm.plant.loads import applied_force
 from skyarm.vehicle.vehicle_records import BodyDrag
@@ -20,7 +21,7 @@ STILL = Vec3(0.0, 0.0, 0.0)
 
 def generalized(vehicle, state, efforts, wind):
     """World force, body torque, joint torques."""
-    force, torques = applied_force(vehicle, state, state.rotor_speeds, efforts, wind)
+    force, torques = applied_force(vehicle, state, Command(efforts=efforts), wind)
     R = rotation_matrix(array(state.quaternion))
     return np.concatenate([R @ array(force.force), array(force.torque), [float(t) for t in torques]])
 
@@ -90,14 +91,6 @@ def test_loads_of_the_air_do_not_depend_on_the_heading():
     b = generalized(vehicle, turned, (0.0,) * 3, wind)
     np.testing.assert_allclose(b[:3], rotation_matrix(array(turn)) @ a[:3], atol=1e-13)
     np.testing.assert_allclose(b[3:], a[3:], atol=1e-13)
-
-
-def test_the_own_rotor_speeds_of_the_state_are_not_read():
-    vehicle = hummingbird_arm()
-    state = hovering(vehicle)
-    given = applied_force(vehicle, state, (400.0,) * 4, (0.0, 0.0), steady_wind())
-    other = applied_force(vehicle, replace(state, rotor_speeds=(1.0,) * 4), (400.0,) * 4, (0.0, 0.0), steady_wind())
-    assert given == other
 
 
 def test_a_negated_quaternion_is_the_same_attitude():

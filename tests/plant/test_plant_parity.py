@@ -19,7 +19,7 @@ from skyarm.dynamics.actuators.servo import PositionServo
 from skyarm.dynamics.state import coordinate_acceleration
 from skyarm.plant.compiled import RigidBodyPlant, example_state
 from skyarm.plant.interface import Truth, flat
-from skyarm.plant.loads import applied_force, rotor_speeds_after
+from skyarm.plant.loads import applied_force, with_lag
 from skyarm.plant.mujoco import MujocoPlant
 from skyarm.plant.surroundings import Surroundings
 from skyarm.vehicle.vehicle_files import load_vehicle
@@ -107,13 +107,13 @@ class ManifoldRungeKutta:
         return state, change[1]
 
     def step(self, x, command, wind):
-        force, torques = applied_force(self.vehicle, x, x.rotor_speeds, command.efforts, wind)
+        force, torques = applied_force(self.vehicle, x, Command(efforts=command.efforts), wind)
         held = (x.quaternion.rotation().apply(force.force), force.torque, torques)
         slopes = [self.slope(x, Vec3(0, 0, 0), *held)]
         for weight in (0.5, 0.5, 1.0):
             slopes.append(self.slope(*self.moved(x, [weight], slopes[-1:]), *held))
         end, _ = self.moved(x, [1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0], slopes)
-        return replace(end, rotor_speeds=rotor_speeds_after(self.vehicle, x, command, self.dt, wind))
+        return with_lag(self.vehicle, end, command, self.dt, wind)
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ import pytest
 from added_components import RandomPush, Shear, SteadyWrench, Tether, Turbulence, telling, with_law
 from skyarm.algebra import ZERO3, Quaternion, Vec3
 from skyarm.dynamics import State
+from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.interface import Truth
 from skyarm.plant.rigid_body import derivative
@@ -108,7 +109,7 @@ def test_a_wrench_on_a_link_accelerates_the_vehicle_as_mujocos_own_application_o
         mujoco.mj_applyFT(twin.model, data, wrench[:3], wrench[3:], place, index, theirs := np.zeros(10))
         force += theirs[twin.v_order]
     wanted = twin.forward_dynamics(state, force)
-    rate = derivative(Truth(vehicle=vehicle), record(state), (), (0.0,) * 4, around_of(*rows))
+    rate = derivative(Truth(vehicle=vehicle), record(state), Command(efforts=(0.0,) * 4), around_of(*rows))
     ours = np.array([*rate.velocity, *rate.rate, *rate.joint_rates], dtype=float)
     scale = max(1.0, np.abs(wanted).max()) * max(1.0, 1e-4 * np.linalg.cond(twin.mass_matrix(state)))
     assert np.abs(ours - wanted).max() < 1e-10 * scale

@@ -17,7 +17,7 @@ from skyarm.algebra.scalars.philox import normal
 from skyarm.compile import leaves, rebuild
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
-from skyarm.plant.rigid_body import accelerate, step_rk4
+from skyarm.plant.rigid_body import accelerate, coupled_rk4
 from skyarm.plant.surroundings import Surroundings
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import first_state
@@ -66,7 +66,7 @@ def slow_loop(scenario: Scenario) -> tuple[list[State], list[Command]]:
     for k in range(scenario.steps):
         wind = Surroundings(components=(_at(blowing, k),), memories=((),))
         before = acting[5 * k - 1] if k and 5 * k - 1 < len(acting) else standing
-        base, _ = accelerate(world, x, x.rotor_speeds, before.efforts, wind)
+        base, _ = accelerate(world, x, Command(efforts=before.efforts), wind)
         noise = tuple(float(d) for d in draws[k]) if draws is not None else (0,) * (15 + 2 * n + rotors)
         readings.append(measure(scenario.noise, k / 200, x, Vec3(*base.linear), noise))
         reading = readings[max(0, k - late_readings)]
@@ -77,10 +77,10 @@ def slow_loop(scenario: Scenario) -> tuple[list[State], list[Command]]:
         window = acting[5 * k : 5 * k + 5]
         change = late_steps % 5
         if change:
-            x = step_rk4(world, x, window[0], wind, change / 1000)
-            x = step_rk4(world, x, window[-1], wind, 0.005 - change / 1000)
+            x, _ = coupled_rk4(world, x, window[0], wind, change / 1000)
+            x, _ = coupled_rk4(world, x, window[-1], wind, 0.005 - change / 1000)
         else:
-            x = step_rk4(world, x, window[0], wind, 0.005)
+            x, _ = coupled_rk4(world, x, window[0], wind, 0.005)
     return states, commands
 
 

@@ -125,7 +125,7 @@ def test_the_joints_own_limit_and_faults_act_on_what_the_drive_gives():
         vehicle, links=tuple(dataclasses.replace(k, joint=j) for k, j in zip(vehicle.links, joints, strict=True))
     )
     stiff = Surroundings(drives=(Servo(stiffness=1e4), Servo(stiffness=0.1)), drive_memories=((), ()))
-    _, torques = applied_force(limited, start, start.rotor_speeds, (1.0, 1.0), stiff)
+    _, torques = applied_force(limited, start, Command(efforts=(1.0, 1.0)), stiff)
     assert torques[0] == 0.25
     assert torques[1] == pytest.approx(0.1 * (1.0 - 0.3), rel=1e-15)
     dead = Fault(joint="joint1", effectiveness=0.0, start=0.0)

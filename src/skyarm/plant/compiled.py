@@ -126,7 +126,7 @@ class RigidBodyPlant:
         return trace(self._reading, *self._examples)
 
     def _reading(self, state: State, command: Command, around: Surroundings) -> Vec3:
-        base, _ = accelerate(self._world, state, state.rotor_speeds, command.efforts, around, command.rotor_speeds)
+        base, _ = accelerate(self._world, state, command, around)
         # without rotors, drag and wind nothing pushes: the reading is a structural zero
         return Vec3(*(number(c) for c in base.linear))
 

@@ -56,34 +56,34 @@ def loaded_vehicle(vehicle: Vehicle, around: Surroundings) -> Vehicle:
 def applied_force(
     vehicle: Vehicle,
     state: State,
-    rotor_speeds: Sequence[Scalar],
-    setpoints: Sequence[Scalar],
+    command: Command,
     around: Surroundings,
-    commands: Sequence[Scalar] = (),
     step: Scalar | None = None,
 ) -> tuple[Force, tuple[Any, ...]]:
     """Force and torque on the base (about its origin, base axes) and joint torques, without gravity.
 
     Args:
         vehicle: the truth.
-        state: of the vehicle, with the angles of rotors that tilt; its own rotor speeds are not read.
-        rotor_speeds: rad/s, now.
-        setpoints: of the joints' drives; torques or forces unless the drive defines another quantity.
+        state: of the vehicle, with its rotor speeds and the angles of rotors that tilt.
+        command: setpoints of the joints' drives, torques or forces unless the drive defines another quantity, and
+            rotor speeds that the rotors accelerate to, rad/s; empty for rotors at constant speed.
         around: air, forces, faults and drives of the period.
-        commands: rotor speeds that the rotors are on their way to, rad/s; empty for rotors that keep theirs.
         step: s, of a method that takes forces once in the middle of its step; None of others.
     """
     vehicle = turn_rotors(vehicle, state.tilts)
     motion = PointMotion(vehicle, state, around.air_velocity, step=step)
     v_air = motion.rotation.apply_T(state.velocity - around.air_velocity(state.position))
-    total, pushed = _outside(around.wrenches(motion, rotor_speeds), motion)
+    speeds = state.rotor_speeds
+    total, pushed = _outside(around.wrenches(motion, speeds), motion)
     total = total + Force(ZERO3, body_drag(vehicle.drag, v_air))
     left = around.effectiveness or Effectiveness((1,) * len(vehicle.rotors), (1,) * vehicle.n)
-    total = total + rotor_forces(vehicle.rotors, rotor_speeds, v_air, state.rate, left.rotors)
-    turning = around.rotor_commands(vehicle.rotors, commands) if commands else ()
-    total = total + Force(spin_torque(vehicle.rotors, rotor_speeds, turning, state.rate), ZERO3)
+    total = total + rotor_forces(vehicle.rotors, speeds, v_air, state.rate, left.rotors)
+    turning = around.rotor_commands(vehicle.rotors, command.rotor_speeds) if command.rotor_speeds else ()
+    total = total + Force(spin_torque(vehicle.rotors, speeds, turning, state.rate), ZERO3)
     torques = []
-    for i, (link, setpoint, share, push) in enumerate(zip(vehicle.links, setpoints, left.joints, pushed, strict=True)):
+    for i, (link, setpoint, share, push) in enumerate(
+        zip(vehicle.links, command.efforts, left.joints, pushed, strict=True)
+    ):
         rate = state.joint_rates[i]
         effort = around.effort(i, setpoint, state.joints[i], rate)
         stop = stop_force(link.joint, state.joints[i], rate)
@@ -106,18 +106,11 @@ STEADY = Surroundings()
 """Surroundings without any component."""
 
 
-def rotor_speeds_after(
-    vehicle: Vehicle, state: State, command: Command, dt: Scalar, around: Surroundings = STEADY
-) -> tuple[Scalar, ...]:
-    """Rotor speeds after ``dt`` seconds of a constant command, under the present supply voltage."""
-    return speeds_after(
-        vehicle.rotors,
-        state.rotor_speeds,
-        around.rotor_commands(vehicle.rotors, command.rotor_speeds),
-        dt,
+def with_lag(vehicle: Vehicle, state: State, command: Command, dt: Scalar, around: Surroundings = STEADY) -> State:
+    """State with the rotor speeds and tilt angles after ``dt`` seconds of a constant command, all else unchanged."""
+    commands = around.rotor_commands(vehicle.rotors, command.rotor_speeds)
+    return dataclasses.replace(
+        state,
+        rotor_speeds=speeds_after(vehicle.rotors, state.rotor_speeds, commands, dt),
+        tilts=angles_after(vehicle, state.tilts, command.tilts, dt) if vehicle.tilts else (),
     )
-
-
-def tilts_after(vehicle: Vehicle, state: State, command: Command, dt: Scalar) -> tuple[Scalar, ...]:
-    """Rotor tilt angles after ``dt`` seconds of a constant command."""
-    return angles_after(vehicle, state.tilts, command.tilts, dt) if vehicle.tilts else ()

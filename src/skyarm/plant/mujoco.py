@@ -29,7 +29,7 @@ from skyarm.plant.largest_step import (
     drives_step,
     largest_step,
 )
-from skyarm.plant.loads import changes_inertia, rigid_loads, rotor_speeds_after, tilts_after
+from skyarm.plant.loads import changes_inertia, rigid_loads, with_lag
 from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.mujoco_loads import Coupling, Loads
 from skyarm.plant.mujoco_model import build_spec, joint_addresses
@@ -169,13 +169,12 @@ class MujocoPlant:
         """Generalised forces in MuJoCo's order; rotor, tilt and contact states after a physics step."""
         state, command = self._layout.state(x), Command(rotor_speeds=commanded, efforts=setpoints, tilts=angles)
         if self._euler:
-            around = before_euler_step(self._world, state, state.rotor_speeds, around, self._physics_step)
-        forces = self._layout.generalized_forces(state, setpoints, around, commanded)
-        turned = rotor_speeds_after(self.vehicle, state, command, self._physics_step, around)
-        leaning = tilts_after(self.vehicle, state, command, self._physics_step)
-        slopes = slopes_of(self._world, state, state.rotor_speeds, around)
+            around = before_euler_step(self._world, state, around, self._physics_step)
+        forces = self._layout.generalized_forces(state, command, around)
+        lagged = with_lag(self.vehicle, state, command, self._physics_step, around)
+        slopes = slopes_of(self._world, state, around)
         memories = leaves(after_euler_step(around, slopes, self._physics_step))
-        return tuple(number(value) for value in (*forces, *turned, *leaning, *memories))
+        return tuple(number(value) for value in (*forces, *lagged.rotor_speeds, *lagged.tilts, *memories))
 
     def advance(self, state: Flat, command: Flat, around: Flat, seconds: float) -> tuple[float, ...]:
         """State after ``seconds`` (whole physics steps), then internal states of coupled components.

@@ -8,6 +8,7 @@ from typing import Any
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar
+from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.kinematics import every_joint, every_rate
 from skyarm.dynamics.state import State
 from skyarm.plant.loads import applied_force
@@ -67,14 +68,12 @@ class Layout:
         """Base acceleration (world axes), angular acceleration (base axes) and joint accelerations, from MuJoCo's."""
         return Vec3(*qacc[0:3]), Vec3(*qacc[3:6]), tuple(qacc[i] for i in self._dofs)
 
-    def generalized_forces(
-        self, state: State, setpoints: Sequence[Scalar], around: Surroundings, commands: Sequence[Scalar] = ()
-    ) -> list[Scalar]:
+    def generalized_forces(self, state: State, command: Command, around: Surroundings) -> list[Scalar]:
         """Generalised forces at a state without gravity, in MuJoCo's order.
 
         The dual of a free joint's velocity is the force at the base origin in world axes and the torque in base axes.
         """
-        force, torques = applied_force(self.vehicle, state, state.rotor_speeds, setpoints, around, commands)
+        force, torques = applied_force(self.vehicle, state, command, around)
         generalized: list[Any] = [*state.quaternion.rotation().apply(force.force), *force.torque, *torques]
         # what acts on a follower acts on its leader already
         generalized += [0] * len(self.vehicle.followers)

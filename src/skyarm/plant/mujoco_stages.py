@@ -22,7 +22,7 @@ from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.state import State
 from skyarm.plant.interface import Truth, number
-from skyarm.plant.loads import rotor_speeds_after, tilts_after
+from skyarm.plant.loads import with_lag
 from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.surroundings import Surroundings, places_in, slopes_of
 
@@ -83,18 +83,16 @@ class StagedRungeKutta:
         first, x, (own, share, earlier, time) = self._layout.state(start), self._layout.state(now), weights
         held = around.coupled_memories()
         there = around.with_coupled(rebuild(held, iter(memory)))
-        faster = leaves(slopes_of(self._truth, x, x.rotor_speeds, there))
+        faster = leaves(slopes_of(self._truth, x, there))
         memory = [add(m, add(mul(earlier, s), mul(own, k))) for m, s, k in zip(kept, rates, faster, strict=True)]
         rates = [add(s, mul(share, k)) for s, k in zip(rates, faster, strict=True)]
         around = around.with_coupled(rebuild(held, iter(memory)))
         slope = self._slope(x, Vec3(*u), qacc)
         change = [add(mul(earlier, s), mul(own, k)) for s, k in zip(total, slope, strict=True)]
-        following = _move_state(first, change)
-        command, vehicle = Command(rotor_speeds=speeds, efforts=setpoints, tilts=angles), self._layout.vehicle
-        turning = rotor_speeds_after(vehicle, first, command, time, around)
-        following = replace(following, rotor_speeds=turning, tilts=tilts_after(vehicle, first, command, time))
+        command = Command(rotor_speeds=speeds, efforts=setpoints, tilts=angles)
+        following = _move_state(with_lag(self._layout.vehicle, first, command, time, around), change)
         sums = [add(s, mul(share, k)) for s, k in zip(total, slope, strict=True)]
-        loads = self._layout.generalized_forces(following, setpoints, around, speeds)
+        loads = self._layout.generalized_forces(following, command, around)
         numbers = self._layout.to_mujoco(leaves(following))
         return tuple(number(value) for value in (*numbers, *memory, *change[3:6], *sums, *rates, *loads))
 

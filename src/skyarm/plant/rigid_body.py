@@ -25,9 +25,8 @@ from skyarm.plant.loads import (
     changes_inertia,
     loaded_vehicle,
     rigid_loads,
-    rotor_speeds_after,
     stuck_of,
-    tilts_after,
+    with_lag,
 )
 from skyarm.plant.surroundings import (
     Memories,
@@ -55,30 +54,16 @@ class Rate:
     joint_rates: tuple[Scalar, ...]
 
 
-def accelerate(
-    world: Truth,
-    state: State,
-    rotor_speeds: Sequence[Scalar],
-    efforts: Sequence[Scalar],
-    around: Surroundings,
-    commands: Sequence[Scalar] = (),
-) -> tuple[Motion, tuple[Any, ...]]:
+def accelerate(world: Truth, state: State, command: Command, around: Surroundings) -> tuple[Motion, tuple[Any, ...]]:
     """Proper acceleration of the base (base axes) and joint accelerations."""
-    force, torques = applied_force(world.vehicle, state, rotor_speeds, efforts, around, commands)
+    force, torques = applied_force(world.vehicle, state, command, around)
     moving = loaded_vehicle(world.vehicle, around)
     return dynamics.forward_dynamics(moving, state.joints, state.rate, state.joint_rates, force, torques)
 
 
-def derivative(
-    world: Truth,
-    state: State,
-    rotor_speeds: Sequence[Scalar],
-    efforts: Sequence[Scalar],
-    around: Surroundings,
-    commands: Sequence[Scalar] = (),
-) -> Rate:
+def derivative(world: Truth, state: State, command: Command, around: Surroundings) -> Rate:
     """Time derivative of the state by the equations of motion."""
-    base, joint_accelerations = accelerate(world, state, rotor_speeds, efforts, around, commands)
+    base, joint_accelerations = accelerate(world, state, command, around)
     linear, angular = coordinate_acceleration(state.quaternion.rotation(), base, world.gravity)
     return Rate(
         position=state.velocity,
@@ -101,27 +86,21 @@ def coupled_rk4(world: Truth, state: State, command: Command, around: Surroundin
     coupled components are integrated with the state.
     Source: Kutta 1901; Hairer, Norsett, Wanner 1993, II.1.
     """
-    half, whole = (rotor_speeds_after(world.vehicle, state, command, part, around) for part in (0.5 * dt, dt))
-    half_angles, angles = (tilts_after(world.vehicle, state, command, part) for part in (0.5 * dt, dt))
+    half, whole = (with_lag(world.vehicle, state, command, part, around) for part in (0.5 * dt, dt))
     first = around.coupled_memories()
 
-    def slope(
-        at: State, memories: Memories, speeds: Sequence[Scalar], turned: tuple[Any, ...]
-    ) -> tuple[Rate, Memories]:
-        if turned:
-            at = replace(at, tilts=turned)
+    def slope(at: State, memories: Memories) -> tuple[Rate, Memories]:
         now = around.with_coupled(memories)
-        rate = derivative(world, at, speeds, command.efforts, now, command.rotor_speeds)
-        return rate, slopes_of(world, at, speeds, now)
+        return derivative(world, at, command, now), slopes_of(world, at, now)
 
-    k1, m1 = slope(state, first, state.rotor_speeds, state.tilts)
-    k2, m2 = slope(_move_state(state, k1, 0.5 * dt), advance_memories(first, m1, 0.5 * dt), half, half_angles)
-    k3, m3 = slope(_move_state(state, k2, 0.5 * dt), advance_memories(first, m2, 0.5 * dt), half, half_angles)
-    k4, m4 = slope(_move_state(state, k3, dt), advance_memories(first, m3, dt), whole, angles)
-    after, memories = state, first
+    k1, m1 = slope(state, first)
+    k2, m2 = slope(_move_state(half, k1, 0.5 * dt), advance_memories(first, m1, 0.5 * dt))
+    k3, m3 = slope(_move_state(half, k2, 0.5 * dt), advance_memories(first, m2, 0.5 * dt))
+    k4, m4 = slope(_move_state(whole, k3, dt), advance_memories(first, m3, dt))
+    after, memories = whole, first
     for k, m, part in ((k1, m1, dt / 6.0), (k2, m2, dt / 3.0), (k3, m3, dt / 3.0), (k4, m4, dt / 6.0)):
         after, memories = _move_state(after, k, part), advance_memories(memories, m, part)
-    return replace(after, quaternion=after.quaternion.normalized(), rotor_speeds=whole, tilts=angles), memories
+    return replace(after, quaternion=after.quaternion.normalized()), memories
 
 
 def _move_state(state: State, rate: Rate, dt: Scalar) -> State:
@@ -130,15 +109,14 @@ def _move_state(state: State, rate: Rate, dt: Scalar) -> State:
     def line(values: Sequence[Scalar], slopes: Sequence[Scalar]) -> tuple[Scalar, ...]:
         return tuple(add(x, mul(dx, dt)) for x, dx in zip(values, slopes, strict=True))
 
-    return State(
+    return replace(
+        state,
         position=state.position + rate.position * dt,
         quaternion=state.quaternion.plus(rate.quaternion, dt),
         velocity=state.velocity + rate.velocity * dt,
         rate=state.rate + rate.rate * dt,
         joints=line(state.joints, rate.joints),
         joint_rates=line(state.joint_rates, rate.joint_rates),
-        rotor_speeds=state.rotor_speeds,
-        tilts=state.tilts,
     )
 
 
@@ -150,21 +128,20 @@ def coupled_euler(world: Truth, state: State, command: Command, around: Surround
     move by their rates before the step, bodies among them as the vehicle; bristles move before forces are taken, so
     that they follow the new velocities, too. First order.
     """
-    around = before_euler_step(world, state, state.rotor_speeds, around, dt)
-    rate = derivative(world, state, state.rotor_speeds, command.efforts, around, command.rotor_speeds)
+    around = before_euler_step(world, state, around, dt)
+    rate = derivative(world, state, command, around)
     velocity = state.velocity + rate.velocity * dt
     w = state.rate + rate.rate * dt
     joint_rates = tuple(add(x, mul(dx, dt)) for x, dx in zip(state.joint_rates, rate.joint_rates, strict=True))
-    slopes = slopes_of(world, state, state.rotor_speeds, around)
-    after = State(
+    slopes = slopes_of(world, state, around)
+    after = replace(
+        with_lag(world.vehicle, state, command, dt, around),
         position=state.position + velocity * dt,
         quaternion=state.quaternion.renormalized() * Quaternion.of_small_rotation(w, dt),
         velocity=velocity,
         rate=w,
         joints=tuple(add(x, mul(dx, dt)) for x, dx in zip(state.joints, joint_rates, strict=True)),
         joint_rates=joint_rates,
-        rotor_speeds=rotor_speeds_after(world.vehicle, state, command, dt, around),
-        tilts=tilts_after(world.vehicle, state, command, dt),
     )
     return after, after_euler_step(around, slopes, dt)
 
@@ -179,14 +156,11 @@ def coupled_verlet(world: Truth, state: State, command: Command, around: Surroun
     Source: Hairer, Lubich, Wanner 2003, Geometric numerical integration illustrated by the Stoermer-Verlet method, 1.5.
     """
     half, vehicle = 0.5 * dt, world.vehicle
-    speeds, whole = (rotor_speeds_after(vehicle, state, command, part, around) for part in (half, dt))
-    leaning, angles = (tilts_after(vehicle, state, command, part) for part in (half, dt))
-    middle = replace(_drift(state, half), rotor_speeds=speeds, tilts=leaning)
+    middle = _drift(with_lag(vehicle, state, command, half, around), half)
     motion = PointMotion(vehicle, middle, around.air_velocity, gravity=world.gravity, step=dt)
     there = drift_coupled(around, half)
-    there = bend_coupled(there, there.slopes(motion, speeds), dt)
-    efforts, turning = command.efforts, command.rotor_speeds
-    force, torques = applied_force(vehicle, middle, speeds, efforts, there, turning, step=dt)
+    there = bend_coupled(there, there.slopes(motion, middle.rotor_speeds), dt)
+    force, torques = applied_force(vehicle, middle, command, there, step=dt)
     moving, R = loaded_vehicle(vehicle, there), middle.quaternion.rotation()
 
     def push(at: State, seconds: Scalar) -> State:
@@ -201,9 +175,10 @@ def coupled_verlet(world: Truth, state: State, command: Command, around: Surroun
             joint_rates=tuple(add(x, mul(dx, seconds)) for x, dx in rates),
         )
 
-    after = replace(_drift(push(push(middle, half), dt), half), rotor_speeds=whole, tilts=angles)
-    memories = drift_coupled(push_coupled(there, motion, speeds, dt), half).coupled_memories()
-    return replace(after, quaternion=after.quaternion.renormalized()), memories
+    after = _drift(push(push(middle, half), dt), half)
+    memories = drift_coupled(push_coupled(there, motion, middle.rotor_speeds, dt), half).coupled_memories()
+    q, whole = after.quaternion.renormalized(), with_lag(vehicle, state, command, dt, around)
+    return replace(after, quaternion=q, rotor_speeds=whole.rotor_speeds, tilts=whole.tilts), memories
 
 
 def _drift(state: State, dt: Scalar) -> State:
@@ -214,16 +189,6 @@ def _drift(state: State, dt: Scalar) -> State:
         quaternion=state.quaternion * Quaternion.of_small_rotation(state.rate, dt),
         joints=tuple(add(x, mul(dx, dt)) for x, dx in zip(state.joints, state.joint_rates, strict=True)),
     )
-
-
-def step_rk4(world: Truth, state: State, command: Command, around: Surroundings, dt: float) -> State:
-    """State after one Runge-Kutta step, without the contact states that :func:`coupled_rk4` also returns."""
-    return coupled_rk4(world, state, command, around, dt)[0]
-
-
-def step_euler(world: Truth, state: State, command: Command, around: Surroundings, dt: float) -> State:
-    """State after one semi-implicit Euler step, without the contact states that :func:`coupled_euler` also returns."""
-    return coupled_euler(world, state, command, around, dt)[0]
 
 
 def far_step(
@@ -245,7 +210,6 @@ def far_step(
     return after, there.alone(dt, rounds, world.gravity)
 
 
-STEP = {"rk4": step_rk4, "euler": step_euler, "rk4_staged": step_rk4}
 COUPLED_STEP = {"rk4": coupled_rk4, "euler": coupled_euler, "rk4_staged": coupled_rk4, VERLET: coupled_verlet}
 
 

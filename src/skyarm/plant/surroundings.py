@@ -125,12 +125,12 @@ Memories = tuple[Any, ...]
 """Of the coupled components, in their order."""
 
 
-def slopes_of(world: Truth, state: State, rotor_speeds: Sequence[Scalar], around: Surroundings) -> Memories:
+def slopes_of(world: Truth, state: State, around: Surroundings) -> Memories:
     """Time derivatives of the coupled components' (contacts') internal states at a vehicle state."""
     if not around.coupled:
         return ()
     motion = PointMotion(world.vehicle, state, around.air_velocity, gravity=world.gravity)
-    return around.slopes(motion, rotor_speeds)
+    return around.slopes(motion, state.rotor_speeds)
 
 
 def advance_memories(memories: Memories, slopes: Memories, dt: Scalar) -> Memories:
@@ -139,13 +139,11 @@ def advance_memories(memories: Memories, slopes: Memories, dt: Scalar) -> Memori
     return found
 
 
-def before_euler_step(
-    world: Truth, state: State, rotor_speeds: Sequence[Scalar], around: Surroundings, dt: Scalar
-) -> Surroundings:
+def before_euler_step(world: Truth, state: State, around: Surroundings, dt: Scalar) -> Surroundings:
     """Surroundings for evaluating the forces of an Euler step of ``dt`` (s): friction bristles are advanced."""
     if not around.coupled:
         return around
-    return bend_coupled(around, slopes_of(world, state, rotor_speeds, around), dt)
+    return bend_coupled(around, slopes_of(world, state, around), dt)
 
 
 def bend_coupled(around: Surroundings, slopes: Memories, dt: Scalar) -> Surroundings:

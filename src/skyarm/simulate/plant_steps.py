@@ -68,9 +68,7 @@ class RigidBodySteps:
 
     def specific_force(self, state: State, command: Command, around: Surroundings) -> Vec3:
         """Proper acceleration of the base origin, base axes, m/s^2."""
-        force, _ = accelerate(
-            self._scenario.plant, state, state.rotor_speeds, command.efforts, around, command.rotor_speeds
-        )
+        force, _ = accelerate(self._scenario.plant, state, command, around)
         return force.linear
 
     def advance(self, state: State, before: Command, after: Command, around: Surroundings) -> Moved:

@@ -15,7 +15,7 @@ from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.servo import PositionServo, VelocityServo
 from skyarm.plant.compiled import example_state
 from skyarm.plant.interface import Truth
-from skyarm.plant.rigid_body import step_rk4
+from skyarm.plant.rigid_body import coupled_rk4
 from skyarm.plant.surroundings import Surroundings
 from skyarm.vehicle.linkage import Body, Joint, Link
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -69,7 +69,7 @@ def swung(servo: Any, setpoint: float, seconds: float, load: float = 0.0, start:
         memory = servo.advance(memory, setpoint, state.joints[0], state.joint_rates[0], 0.005)
         around = Surroundings(drives=(servo,), drive_memories=(memory,))
         for _ in range(count):
-            state = step_rk4(world, state, Command(efforts=(setpoint,)), around, 0.005 / count)
+            state, _ = coupled_rk4(world, state, Command(efforts=(setpoint,)), around, 0.005 / count)
         rows.append([state.joints[0], state.joint_rates[0]])
     return rows
 

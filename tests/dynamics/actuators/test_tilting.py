@@ -73,8 +73,8 @@ def state(vehicle):
 def test_a_turned_rotor_moves_the_plant_as_one_that_is_mounted_so():
     fixed = turn_rotors(VOLIRO, ANGLES)
     assert not fixed.tilts
-    calm = steady_wind()
-    rates = [derivative(Truth(vehicle=v), state(v), SPEEDS, (0.1, 0.0), calm, SPEEDS) for v in (VOLIRO, fixed)]
+    calm, command = steady_wind(), Command(rotor_speeds=SPEEDS, efforts=(0.1, 0.0))
+    rates = [derivative(Truth(vehicle=v), state(v), command, calm) for v in (VOLIRO, fixed)]
     np.testing.assert_allclose(leaves(rates[0]), leaves(rates[1]), atol=1e-12)
 
 

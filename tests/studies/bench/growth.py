@@ -15,7 +15,7 @@ from skyarm.compile.tracing.lower import operations
 from skyarm.compile.tracing.program import trace_loop
 from skyarm.plant.compiled import example_command, example_state
 from skyarm.plant.interface import Truth
-from skyarm.plant.rigid_body import STEP
+from skyarm.plant.rigid_body import COUPLED_STEP
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
@@ -38,7 +38,7 @@ def growth(vehicle: Vehicle, joints: Sequence[int]) -> list[dict[str, Any]]:
         begin = time.perf_counter()
 
         def step(x: Any, _parameters: Any, u: Any, _draws: Any, world: Truth = world, air: Any = air) -> Any:
-            return STEP["rk4"](world, x, u, air, 0.005), ()
+            return COUPLED_STEP["rk4"](world, x, u, air, 0.005)[0], ()
 
         rotors = len(longer.rotors)
         loop = trace_loop(step, example_state(n, rotors), (), example_command(n, rotors), loops=True)

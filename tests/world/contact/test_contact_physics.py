@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from skyarm.algebra import Vec3
+from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.energy import kinetic_energy
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.mujoco import MujocoPlant
@@ -145,11 +146,11 @@ def test_both_plants_apply_the_same_force(pressed):
     bird, surfaces, points, start, numbers, bristles = pressed
     told = around(*surfaces, points=points)
     plant, equations = MujocoPlant(Truth(vehicle=bird, gravity=GRAVITY), told), Equations(bird, GRAVITY)
-    world, effort = Truth(vehicle=bird, gravity=GRAVITY), (0.0, 0.0)
+    world, effort = Truth(vehicle=bird, gravity=GRAVITY), Command(efforts=(0.0, 0.0))
 
     def change(state, memories):
         both = (
-            accelerate(world, state, state.rotor_speeds, effort, each)
+            accelerate(world, state, effort, each)
             for each in (dataclasses.replace(told, memories=memories), Surroundings())
         )
         (base, joints), (free, own) = both

@@ -31,7 +31,7 @@ from skyarm.compile.tracing.program import trace_loop
 from skyarm.control.law_checks import checked_law
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
-from skyarm.plant.rigid_body import STEP, accelerate
+from skyarm.plant.rigid_body import COUPLED_STEP, accelerate
 from skyarm.plant.surroundings import Surroundings
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
@@ -217,9 +217,7 @@ class Differentiator:
         )
         memories = (*self._components[: len(self._components) - len(power)], *power)
         air = stages.surroundings(memories, point.drives, row.time)
-        force, _ = accelerate(
-            scenario.plant, point.state, point.state.rotor_speeds, point.old.efforts, air, point.old.rotor_speeds
-        )
+        force, _ = accelerate(scenario.plant, point.state, point.old, air)
         count = noise_count(len(point.state.joints), len(point.state.rotor_speeds))
         proper = Vec3(*(data(c) for c in force.linear))  # without drag nothing pushes along x and y
         now = measure(scenario.noise, row.time, point.state, proper, [0] * count)
@@ -244,8 +242,8 @@ class Differentiator:
     def _advance(self, scenario: Scenario, state: State, command: Command, air: Surroundings, seconds: Any) -> State:
         # as many steps as a whole period has: a part of it is integrated at least as well
         count = self._substeps(self._period)
-        step = STEP[scenario.integrator]
-        return repeat(count, lambda x: step(scenario.plant, x, command, air, seconds / count), state)
+        step = COUPLED_STEP[scenario.integrator]
+        return repeat(count, lambda x: step(scenario.plant, x, command, air, seconds / count)[0], state)
 
     def at(self, carry: LoopState, row: Sequence[float], lag: str, numbers: Sequence[float] | None = None) -> OpenLoop:
         """Linearise the open loop at a state ``carry`` of the simulation loop.
