@@ -6,7 +6,7 @@ file's word may be another than the record's (``force`` is ``force_W``). Both wo
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from skyarm.algebra import Quaternion, Vec3
@@ -160,12 +160,9 @@ def names(record: object) -> dict[str, tuple[Place, ...] | Tree]:
         found["joints"] = _every_joint(record.vehicle)
     if isinstance(record, Trajectory):
         found["base"] = _motions(record)
-        if record.tip is None:
-            del found["tip"]
-        if record.push is None:
-            del found["push"]
-        if record.load is None:
-            del found["load"]
+        for part_name in ("tip", "push", "load"):
+            if getattr(record, part_name) is None:
+                del found[part_name]
     if isinstance(record, TipMotion):
         found["path"] = _motions(record)
     return found
@@ -212,71 +209,50 @@ def _under(head: Place, at: tuple[Place, ...] | Tree) -> tuple[Place, ...] | Tre
 
 def _motions(motion: Trajectory | TipMotion) -> Tree:
     """Parameter names of [reference.base] or the tip's path, as in the file: hover, circle, signals, or a list."""
-    axes = (motion.x, motion.y, motion.z)
-    if all(_is_list(axis) for axis in axes):
-        each = zip(*(_items(axis) for axis in axes), strict=False)
-        return {
-            str(i): _motion(
-                tuple(a for a, _ in item), tuple((letter, *at) for letter, (_, at) in zip("xyz", item, strict=True))
-            )
-            for i, item in enumerate(each)
-        }
-    return _motion(axes, (("x",), ("y",), ("z",)))
+    axes = [(getattr(motion, letter), (letter,)) for letter in "xyz"]
+    terms = [_terms(*axis) for axis in axes]
+    if all(terms):
+        return {str(i): _motion(*term) for i, term in enumerate(zip(*terms, strict=False))}
+    return _motion(*axes)
 
 
-def _is_list(signal: Signal) -> bool:
-    """True for a sum ((0 + a) + b) ... that starts from the motionless trajectory: the result of a list of motions."""
-    while isinstance(signal, Sum) and len(signal.signals) == 2:
-        signal = signal.signals[0]
-        if isinstance(signal, Constant) and isinstance(signal.value, (int, float)) and signal.value == 0.0:
-            return True
-    return False
+def _terms(signal: Signal, at: Place) -> list[tuple[Signal, Place]] | None:
+    """Terms of a sum ((0 + a) + b) ... of a list of motions, with their field paths; None for any other signal."""
+    match signal:
+        case Constant(value=int() | float() as value) if value == 0.0:
+            return []
+        case Sum(signals=(before, last)):
+            terms = _terms(before, (*at, "signals", "0"))
+            return None if terms is None else [*terms, (last, (*at, "signals", "1"))]
+    return None
 
 
-def _items(signal: object) -> list[tuple[Signal, Place]]:
-    """Terms of a sum of motions in the order of the file, each with its field path inside the sum."""
-
-    def backwards() -> Iterator[tuple[Signal, Place]]:
-        rest: Any = signal
-        at: Place = ()
-        while isinstance(rest, Sum):
-            yield rest.signals[1], (*at, "signals", "1")
-            rest, at = rest.signals[0], (*at, "signals", "0")
-
-    return list(backwards())[::-1]
-
-
-def _motion(axes: tuple[Signal, ...], places: tuple[Place, ...]) -> Tree:
-    """Parameter names of one motion, such as "radius" for a circle, by the kinds of its three signals."""
-    found: dict[str, Any] = dict(zip("xyz", ((place,) for place in places), strict=True))
-    if all(isinstance(axis, Constant) for axis in axes):
+def _motion(*axes: tuple[Signal, Place]) -> Tree:
+    """Parameter names of one motion, such as "radius" for a circle, by its three signals with their field paths."""
+    places = [place for _, place in axes]
+    found: dict[str, Any] = {letter: (place,) for letter, place in zip("xyz", places, strict=True)}
+    if all(isinstance(signal, Constant) for signal, _ in axes):
         found["position"] = _vector([(*place, "value") for place in places])
-    turning = axes[:2]
-    if all(_is_circle(axis) for axis in turning):
+    if all(_is_circle(signal) for signal, _ in axes[:2]):
         centers = [(*place, "signals", "0", "value") for place in places[:2]]
-        window = [(*place, "signals", "1") for place in places[:2]]
-        sine = [(*place, "signal", "signal") for place in window]
+        windows = [(*place, "signals", "1") for place in places[:2]]
+        sines = [(*place, "signal", "signal") for place in windows]
         found |= {
-            "radius": tuple((*place, "amplitude") for place in sine),
-            "frequency_hz": tuple((*place, "frequency_hz") for place in sine),
+            "radius": tuple((*place, "amplitude") for place in sines),
+            "frequency_hz": tuple((*place, "frequency_hz") for place in sines),
             "center": _vector([*centers, (*places[2], "value")]),
-            "start": tuple(place for at in window for place in ((*at, "start"), (*at, "signal", "delay"))),
-            "stop": tuple((*place, "stop") for place in window),
+            "start": tuple(place for at in windows for place in ((*at, "start"), (*at, "signal", "delay"))),
+            "stop": tuple((*place, "stop") for place in windows),
         }
     return found
 
 
 def _is_circle(signal: object) -> bool:
     """True for a centre plus a windowed, shifted sine, the form that :func:`skyarm.reference.circle` builds."""
-    if not isinstance(signal, Sum) or len(signal.signals) != 2:
-        return False
-    center, turn = signal.signals
-    return (
-        isinstance(center, Constant)
-        and isinstance(turn, Windowed)
-        and isinstance(turn.signal, Shifted)
-        and isinstance(turn.signal.signal, Sine)
-    )
+    match signal:
+        case Sum(signals=(Constant(), Windowed(signal=Shifted(signal=Sine())))):
+            return True
+    return False
 
 
 def _vector(places: Sequence[Place]) -> Tree:
