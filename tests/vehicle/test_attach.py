@@ -126,11 +126,6 @@ def test_an_arm_may_say_itself_what_becomes_of_its_followers(tmp_path, file, arm
     assert len(vehicle.followers) == followers
 
 
-def test_the_armature_of_a_table_is_that_of_the_arms_revolute_joints(tmp_path):
-    vehicle = attached(tmp_path, TOML + AT.format(to="base") + "armature = 0.02\n")
-    assert {each.joint.name: each.joint.armature for each in vehicle.links} == {"hip": 0, "shoulder": 0.02, "grip": 0}
-
-
 def test_drives_of_an_arm_and_of_an_airframe_come_with_them_and_the_file_may_state_others(tmp_path):
     servo = Path(__file__).resolve().parents[1] / "data" / "servo_arm.toml"
     text = servo.read_text("utf-8")

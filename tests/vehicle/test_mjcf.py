@@ -209,3 +209,12 @@ def test_an_arm_fixed_to_its_world_is_attached(tmp_path):
     assert [link.joint.name for link in vehicle.links] == ["h"]
     assert vehicle.base == load_vehicle("hummingbird").base
     assert tuple(vehicle.links[0].joint.position) == (0.1, 0, -0.2)
+
+
+@pytest.mark.parametrize(("file", "name"), [("m.xml", "b\xe4se"), ("caf\udce9.xml", "base")])
+def test_names_that_are_no_utf8_are_refused_in_one_line(tmp_path, file, name):
+    text = f'<?xml version="1.0" encoding="latin-1"?>{model(arm())}'.replace("base", name)
+    path = tmp_path / file
+    path.write_bytes(text.encode("latin-1"))
+    with pytest.raises(VehicleError, match=r"MJCF = .*utf-8.*: must be a model that MuJoCo loads$"):
+        load_vehicle(path)

@@ -136,6 +136,7 @@ CASES = [
     (("frames", 0, "link"), "hand", "frames[tip].link = 'hand'", "must be one of base, arm"),
     (("end_effector",), "nose", "end_effector = 'nose'", "must be one of tip"),
     (("drag",), {"area": [0.1, -0.1, 0.1]}, "drag.area.y = -0.1", "must be at least 0"),
+    (("drag",), {"air_density": 1.0}, "drag.area: is missing", ""),
     (("joints",), [{"name": "shoulder", "damping": 1.0}], "joints.name = 'shoulder'", "must stand in its link"),
     (("sources", "base.mass"), "", "sources.base.mass = ''", "must be text that is not empty"),
     (("sources", "base.mass"), 1.0, "sources.base.mass = 1.0", "must be text"),

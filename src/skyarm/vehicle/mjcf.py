@@ -77,7 +77,10 @@ def _compile(path: Path) -> MjModel:
     usual = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(_ignore)
     try:
-        return mujoco.MjModel.from_xml_path(str(path))
+        str(path).encode()
+        model = mujoco.MjModel.from_xml_path(str(path))
+        model.names.decode()  # MuJoCo takes bytes that are not UTF-8
+        return model
     except ValueError as error:
         raise VehicleError(f"MJCF = {one_line(str(error))!r}: must be a model that MuJoCo loads") from None
     finally:

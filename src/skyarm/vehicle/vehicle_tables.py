@@ -93,7 +93,7 @@ def vehicle_from(document: Mapping[str, Any], refer: Refer) -> Vehicle:
         frames=tuple(each for each in fixed if not isinstance(each, Look)),
         looks=tuple(each for each in fixed if isinstance(each, Look)),
         end_effector=top.text("end_effector", "") or (airframe.end_effector if airframe else ""),
-        drag=_optional(BodyDrag, top, "drag", airframe.drag if airframe else BodyDrag()),
+        drag=_optional(BodyDrag, top, "drag", airframe.drag if airframe else BodyDrag(), "area"),
         drives=tuple(drives),
         battery=_optional(Battery, top, "battery", airframe.battery if airframe else None),
         sources=(*(airframe.sources if airframe else ()), *_sources(top).items()),
@@ -106,9 +106,14 @@ def vehicle_from(document: Mapping[str, Any], refer: Refer) -> Vehicle:
     return made if limits == "end" else with_stops(made, {*settled, *stating("stop_stiffness")})
 
 
-def _optional(kind: type[Record], top: Fields, name: str, default: Default) -> Record | Default:
-    """Read the record of an optional table."""
-    return default if top.take(name, None) is None else record_from(kind, top.inner(name))
+def _optional(kind: type[Record], top: Fields, name: str, default: Default, *required: str) -> Record | Default:
+    """Read the record of an optional table, which must state the required fields."""
+    if top.take(name, None) is None:
+        return default
+    fields = top.inner(name)
+    for field in required:
+        fields.take(field)
+    return record_from(kind, fields)
 
 
 def _named_tables(fields: Fields, name: str) -> list[Fields]:
@@ -238,22 +243,10 @@ def _attach(bodies: RigidBodies, fields: Fields, refer: Refer, mimic: str) -> tu
         refuse(fields.at("arm"), arm, words)
     if carried is not None and carried.battery is not None:
         refuse(fields.at("arm"), arm, "must have no battery; that of the airframe feeds the rotors")
-    armature = fields.number("armature", 0.0, low=0.0)
     (R, p), to, prefix = _pose(fields), fields.text("to", "base"), fields.text("prefix", "")
     fields.done()
-    whole = _with_armature(found if isinstance(found, RigidBodies) else bodies_of(found), armature)
+    whole = found if isinstance(found, RigidBodies) else bodies_of(found)
     return attach(bodies, whole, Mount(to, R, p, prefix, fields.where)), carried
-
-
-def _with_armature(arm: RigidBodies, armature: float) -> RigidBodies:
-    """Add drive armature to the revolute joints of an arm whose own file states none."""
-    if armature == 0.0:
-        return arm
-    links = [
-        replace(k, joint=replace(k.joint, armature=armature)) if k.joint.turns and not k.joint.armature else k
-        for k in arm.links
-    ]
-    return replace(arm, links=tuple(links))
 
 
 def _override_joints(changes: Mapping[str, Mapping[str, Any]], bodies: RigidBodies, own: Sequence[str]) -> RigidBodies:
