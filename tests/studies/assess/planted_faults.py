@@ -145,7 +145,6 @@ PLANTED = (
         ("base.com",),
     ),
     Planted("base com in mm", lambda d: _first_body(d).update(com=[0.0, 12.0, 0.0]), ("base.com",)),
-    Planted("lag in steps of 10 ms", lambda d: _rotors(d, "time_constant_down", 10.0), ("time_constant_down",)),
     Planted("lag in ms", lambda d: _rotors(d, "time_constant_up", 1e3), ("time_constant_up",)),
     Planted("rotors in mm", lambda d: _positions(d["rotors"]), ("rotors[",)),
     Planted("joints in mm", lambda d: _positions([d["links"][-1]["joint"]]), (".position",), ARMS),
