@@ -66,6 +66,15 @@ def test_a_plan_that_its_arm_hardly_reaches_is_no_question_of_units(here):
     assert [each["level"] for each in findings if each["question"] == "units"] == ["ok", "ok"]
 
 
+def test_what_the_parts_of_a_scenario_warn_of_is_a_warning(here):
+    text = scenario_text("press_and_hold").replace("stiffness = 5000.0", "stiffness = 1e5")
+    Path("hard.toml").write_text(text, "utf-8")
+    findings = json.loads(skyarm("check", "hard.toml", "--json", *FEW).out)["findings"]
+    (found,) = [each for each in findings if each["question"] == "environment"]
+    assert found["level"] == "warning"
+    assert "asks for integration steps of" in found["text"]
+
+
 def test_a_scenario_is_checked_along_its_reference():
     done = skyarm("check", "case2", "--json", *FEW)
     found = json.loads(done.out)

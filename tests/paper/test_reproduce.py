@@ -27,7 +27,7 @@ def _few(plants: Any, *, workers: int = 1, progress: Any = None) -> Campaign:
     for each in variations():
         for case in each.cases:
             for controller in ("CT", "PD"):
-                found = each.measure(case, log[case][controller])
+                found = metrics(case, log[case][controller])
                 values = campaign.sensitivity.setdefault(each.group, {}).setdefault(each.value, {})
                 values.setdefault(case, {})[controller] = found
     return campaign

@@ -38,8 +38,8 @@ def check(
 ) -> None:
     """Check whether a vehicle can fly, and why not.
 
-    Thrust, torques, joint limits, workspace, largest payload and wind, units that look wrong; of a scenario also its
-    reference against limits. Exit code 1 if a fault was found.
+    Thrust, torques, joint limits, workspace, largest payload and side force, units that look wrong; of a scenario also
+    its reference against limits. Exit code 1 if a fault was found.
     """
     options: dict[str, Any] = {"payload": payload, "poses": poses}
     with waiting(f"{what}: checking"):

@@ -193,6 +193,8 @@ def _lines_for_users() -> Iterator[None]:
     """
     with warnings.catch_warnings():
         warnings.filterwarnings("once", message=SLOW)
+        # of numbers beyond measure the checks tell
+        warnings.filterwarnings("ignore", "(overflow|invalid value|divide by zero) encountered", RuntimeWarning)
         python_shows = warnings.showwarning
 
         def show(message: Warning | str, *where: Any, **more: Any) -> None:

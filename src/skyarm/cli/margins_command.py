@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from skyarm.cli.arguments import Controller, Scenario, require_not_another, require_within
 from skyarm.cli.lines import NOT_COMPLETED, say_suspicious
-from skyarm.cli.output import aligned_lines, bar, give, heading, plain, tell, write_json
+from skyarm.cli.output import aligned_lines, bar, give, heading, plain, tell, waiting, write_json
 from skyarm.control.catalogue import is_named, must_be_named
 from skyarm.control.safety import with_safety_layer
 from skyarm.control.safety.safety_layer import SafetyParameters
@@ -72,7 +73,7 @@ def margins(
     planned = _prepare(scenario, controller, safety=safety)
     require_within("--instants", instants, 0, MOST_INSTANTS)
     written = None if file is None else output_file(file, "--out")
-    drawn = None if page is None else output_file(page, "--html")
+    drawn = None if page is None else _page_file(page)
     frozen = without_adaptation(planned)
     with bar(planned.name) as advance:
         found = evidence(frozen, instants, lambda done, total: advance(done, total, "instants"))
@@ -99,12 +100,20 @@ def margins(
     if drawn is not None:
         from skyarm.studies.stability.along import hover_loci
 
-        write_atomically(drawn, margins_page(found, hover_loci(planned)).encode())
+        with waiting("Nyquist diagrams"):
+            write_atomically(drawn, margins_page(found, hover_loci(planned)).encode())
         tell(f"page: {drawn}")
     if written is not None:
         tell(f"written: {write_json(written, document)}")
     if not found.completed:
         raise typer.Exit(NOT_COMPLETED)
+
+
+def _page_file(name: str) -> Path:
+    """Path of the page, checked before any computation; an error for another suffix than .html."""
+    if name and Path(name).suffix != ".html":
+        raise ValueError(f"--html = {shown(name)}: must end with .html")
+    return output_file(name, "--html")
 
 
 def _prepare(scenario: str, controller: str | None, *, safety: bool) -> Record:

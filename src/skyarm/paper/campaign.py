@@ -84,8 +84,7 @@ def perform(job: Job) -> Log | Metrics:
         return measure_inferred(job.flight, dict(job.settings))
     if not job.group:
         return fly(job.flight)
-    varied = variation(job.group, job.value)
-    return varied.measure(job.flight.case, fly(job.flight, varied.change))
+    return metrics(job.flight.case, fly(job.flight, variation(job.group, job.value).change))
 
 
 def inferred_jobs(plants: Sequence[str], evidence: Record) -> list[Job]:
@@ -134,8 +133,8 @@ def run_campaign(
         campaign.keep(job, result)
     for each in chosen:
         for case in each.cases if each.change is None else ():
-            for law, log in campaign.logs[plants[0]][case].items():  # the same flights, measured otherwise
-                campaign.keep(Job(Flight(case, law, plants[0]), each.group, each.value), each.measure(case, log))
+            for law, log in campaign.logs[plants[0]][case].items():
+                campaign.keep(Job(Flight(case, law, plants[0]), each.group, each.value), metrics(case, log))
     return campaign
 
 

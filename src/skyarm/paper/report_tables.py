@@ -150,7 +150,7 @@ def _metric_row(case: str, controller: str, name: str, cell: Record) -> list[Cel
 def sensitivity_tables(sensitivity: Mapping[str, Variants], experiments: Experiments, plant: str) -> str:
     """Collapsible HTML tables of the results on a plant, one table for each varied assumption."""
     parts = []
-    assumed = {(each.group, each.value) for each in variations() if each.is_assumption}
+    assumed = {(each.group, each.value) for each in variations() if each.change is None}
     for group, variants in sensitivity.items():
         if not variants:
             continue

@@ -10,24 +10,16 @@ import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-
-from skyarm.paper.flights import Metrics, metrics, with_damping
+from skyarm.paper.flights import with_damping
 from skyarm.paper.published import CASES
 from skyarm.reference import sequence
-from skyarm.simulate import Delays, Log, Scenario
+from skyarm.simulate import Delays, Scenario
 
 DAMPINGS = (0.0, 0.001, 0.005, 0.02, 0.05)
 """N m s/rad on both joints."""
 
 ASSUMED_DAMPING = 0.001
 """What the shipped truth vehicle has: this one is the table itself."""
-
-TIME_SHIFTS = (-0.5, 0.5, 1.0)
-"""s by which a recorded reference may be late (positive) or early against the recorded response."""
-
-BAG_STARTS = (2.0, 6.0, 8.0)
-"""s by which a recording may have begun before our t = 0: the published peaks of PD in [0, 8) s are those of hover."""
 
 STEP_RISE = 1e-3
 """s; between two samples of a 50 Hz reference such a ramp is a step."""
@@ -41,33 +33,24 @@ GROUPS = {
     "joint_damping_first": "Damping of joint 1 only [N m s/rad]",
     "ramp_shape": "Shape of the ramp, Case 1",
     "command_latency": "Latency of commands [s]",
-    "time_shift": "Recorded reference later than the response by [s]",
-    "bag_start": "Recording begun before our t = 0 by [s]",
 }
 """What is varied, in words."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Variation:
-    """One changed assumption about a flight or its evaluation, with the cases to which it applies.
+    """One changed assumption about a flight, with the cases to which it applies.
 
     Attributes:
         group, value: how tables name it.
         cases: where it applies.
-        change: makes the changed scenario; None re-measures the same flight.
-        measure: makes metrics of a case's log.
+        change: makes the changed scenario; None for the assumption with which the main table was simulated.
     """
 
     group: str
     value: str
     cases: tuple[str, ...] = CASES
     change: Callable[[Scenario], Scenario] | None = None
-    measure: Callable[[str, Log], Metrics] = metrics
-
-    @property
-    def is_assumption(self) -> bool:
-        """True if the variation changes nothing: the assumption with which the main table was simulated."""
-        return self.change is None and self.measure is metrics
 
 
 def reshaped_ramps(planned: Scenario, shape: str) -> Scenario:
@@ -96,42 +79,11 @@ def delay_commands(planned: Scenario) -> Scenario:
     return planned.with_words(delays=Delays(command=LATENCY))
 
 
-def shifted_bag(case: str, log: Log, shift: float) -> Metrics:
-    """Metrics of a log as if its recording (rosbag) were misaligned: reference ``shift`` seconds after the response."""
-    rate = log.info["rates_hz"]["control"]
-    rows = np.clip(np.arange(log.time.size) - round(shift * rate), 0, log.time.size - 1)
-    names = [
-        f"{quantity}_{form}" for quantity in ("position", "joints", "yaw", "tool") for form in ("held", "reference")
-    ]
-    return metrics(case, dataclasses.replace(log, **{name: getattr(log, name)[rows] for name in names}))
-
-
-def earlier_bag(case: str, log: Log, seconds: float) -> Metrics:
-    """Metrics of a log as if its recording (rosbag) had another time origin: windows earlier by ``seconds``."""
-    return metrics(case, dataclasses.replace(log, time=log.time + seconds))
-
-
 def _damping_variation(damping: float) -> Variation:
     return Variation(
         group="joint_damping",
         value=f"{damping:g}",
         change=None if damping == ASSUMED_DAMPING else lambda planned: with_damping(planned, damping),
-    )
-
-
-def _shift_variation(shift: float) -> Variation:
-    return Variation(
-        group="time_shift",
-        value=f"{shift:g}",
-        measure=lambda case, log: shifted_bag(case, log, shift),
-    )
-
-
-def _begun(seconds: float) -> Variation:
-    return Variation(
-        group="bag_start",
-        value=f"{seconds:g}",
-        measure=lambda case, log: earlier_bag(case, log, seconds),
     )
 
 
@@ -152,8 +104,7 @@ def variations() -> list[Variation]:
         change=delay_commands,
     )
     damped = [_damping_variation(damping) for damping in DAMPINGS]
-    bags = [*(_shift_variation(shift) for shift in TIME_SHIFTS), *(_begun(seconds) for seconds in BAG_STARTS)]
-    return [*damped, first, *ramps, late, *bags]
+    return [*damped, first, *ramps, late]
 
 
 def variation(group: str, value: str) -> Variation:

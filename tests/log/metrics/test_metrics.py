@@ -19,7 +19,6 @@ from skyarm.log.metrics.windows import Windows
 from skyarm.log.tip_positions import level_tip, tip
 from skyarm.paper.flights import GUST, HOLDS, HOVER, STEADY, TRANSIENT
 from skyarm.paper.flights import metrics as paper_metrics
-from skyarm.paper.variations import shifted_bag
 from skyarm.simulate import Log, Window
 from skyarm.vehicle.linkage import BASE, Body, Joint, Link
 from skyarm.vehicle.vehicle_records import Frame, Vehicle
@@ -274,17 +273,6 @@ def test_the_paper_s_table_has_the_metrics_and_the_order_that_numpy_gives(case: 
     assert list(found) == list(wanted)
     for name, value in wanted.items():
         assert found[name] == (None if math.isnan(value) else pytest.approx(value, rel=1e-12)), name
-
-
-def test_a_shifted_bag_moves_the_reference_later() -> None:
-    ramp = column(0, lambda t: t)
-    flight = log(position=ramp, position_held=ramp, position_reference=ramp)
-    assert shifted_bag("case2", flight, 0.0)["position_error_mean"] == 0.0
-    late = shifted_bag("case2", flight, 0.5)
-    assert late["position_error_mean"] == pytest.approx(0.5)
-    # late by 0.5 s: at t the reference of t - 0.5 stands, so the response is ahead of it
-    assert shifted_bag("case2_gust", flight, 0.5)["peak_x"] == pytest.approx(0.5)
-    assert shifted_bag("case2_gust", flight, -0.5)["peak_x"] == pytest.approx(-0.5)
 
 
 def two_links() -> Vehicle:

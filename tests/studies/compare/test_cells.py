@@ -18,7 +18,7 @@ from skyarm.studies.compare.comparison_report import comparison_report
 from skyarm.studies.compare.entrants import ENTRANTS
 from skyarm.studies.compare.perturbed_plants import Spread
 from skyarm.studies.compare.suite import CASES, NOISE, Case, Condition, conditions
-from skyarm.studies.compare.summary import SUCCESS_METRIC, paired_difference, pairs, summary
+from skyarm.studies.compare.summary import SUCCESS_METRIC, summary
 
 EARLY = Windows(steady=Window(1.0, 2.0), gust=Window(0.5, 2.0), last=0.5)
 
@@ -163,13 +163,6 @@ def test_a_cell_in_which_nobody_flew_to_the_end_has_no_means():
     assert summary(made([0.1], ["diverged"]))["metrics"][SUCCESS_METRIC] is None
 
 
-def test_pairs_are_episodes_that_both_flew():
-    a = made([1.0, 2.0, 3.0], ["completed", "completed", "ground"])
-    b = made([2.0, 4.0, 0.0], ["completed", "completed", "completed"])
-    found = paired_difference(a, b, SUCCESS_METRIC)
-    assert (found["mean"], found["first_smaller"]) == (-1.5, 1.0)
-
-
 def test_tables_have_a_row_for_every_law_that_flew():
     cells = {"noisy": {"case3_wind": {"paper_ct": summary(fly(flights()))}}}
     found = {"summaries": cells}
@@ -216,13 +209,6 @@ def test_a_cell_with_one_bit_changed_is_flown_again(tmp_path):
         content[place] ^= 4
     file.write_bytes(b"")
     assert cells.get(flights()) is None
-
-
-def test_differences_are_from_the_first_law_on_the_same_flights():
-    first, second = made([0.2, 0.4], ["completed"] * 2), made([0.1, 0.1], ["completed"] * 2)
-    found = pairs({("noisy", "case3", "a"): first, ("noisy", "case3", "b"): second})
-    assert found["noisy"]["case3"]["b"]["from"] == "a"
-    assert found["noisy"]["case3"]["b"]["mean"] == pytest.approx(-0.2)
 
 
 def test_peaks_to_either_side_are_no_small_peak():

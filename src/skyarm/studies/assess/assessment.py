@@ -10,7 +10,13 @@ from typing import Any
 from skyarm.dynamics.actuators import AllocationError, make_mixer
 from skyarm.records.files import number
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.scenario.unlikely_numbers import law_warnings, plan_warnings, unlikely_in_vehicle, unlikely_units
+from skyarm.scenario.unlikely_numbers import (
+    law_warnings,
+    part_warnings,
+    plan_warnings,
+    unlikely_in_vehicle,
+    unlikely_units,
+)
 from skyarm.studies.assess.along_reference import along_reference
 from skyarm.studies.assess.arm_poses import POSES, ArmPoses, arm_poses
 from skyarm.studies.assess.endurance import aloft_for, time_aloft
@@ -44,7 +50,7 @@ def delay_margin(scenario: Scenario) -> list[Finding]:
     return [Finding(QUESTION, WARNING, text, "controller", remedy, *numbers)]
 
 
-UNITS, PLAN, LAW = "units", "plan of the reference", "law for this vehicle"
+UNITS, PLAN, LAW, PARTS = "units", "plan of the reference", "law for this vehicle", "environment"
 """Questions."""
 
 
@@ -55,13 +61,14 @@ def units_of_vehicle(vehicle: Vehicle) -> list[Finding]:
 
 
 def warnings_of_scenario(scenario: Scenario) -> list[Finding]:
-    """Warnings on a scenario: suspicious values, vehicle limits that its reference exceeds, unsuitable controller."""
+    """Warnings on a scenario: suspicious values, limits that its reference exceeds, unsuitable controller."""
     units = [_finding(line, UNITS, WARNING) for line in unlikely_units(scenario)]
     good = Finding(UNITS, OK, "every number of the scenario is of a likely size")
     return [
         *(units or [good]),
         *(_finding(line, PLAN, WARNING) for line in plan_warnings(scenario)),
         *(_finding(line, LAW, WARNING) for line in law_warnings(scenario)),
+        *(_finding(line, PARTS, WARNING) for line in part_warnings(scenario)),
     ]
 
 

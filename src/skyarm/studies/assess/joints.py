@@ -1,4 +1,4 @@
-"""Joint and servo checks: holding torques, servo speeds, joint ranges and workspace."""
+"""Joint and servo checks: holding torques, servo speeds and workspace."""
 
 from __future__ import annotations
 
@@ -98,15 +98,14 @@ def servo_speeds(scenario: Scenario, time: Array, every_rate: Array) -> list[Fin
 
 
 def arm_workspace(poses: ArmPoses) -> list[Finding]:
-    """Finding on the bounding box of the tip's workspace, and on suspicious joint limits."""
+    """Finding on the bounding box of the tip's workspace; empty without an arm."""
     vehicle = poses.vehicle
-    found = _ranges(vehicle)
-    if vehicle.end_effector and vehicle.frame().link != BASE:
-        ends, _ = poses.worst(lambda joints: np.vstack([tip_places(vehicle, joints).T, -tip_places(vehicle, joints).T]))
-        low, high = (np.round(each, 9) + 0.0 for each in (ends[:3], -ends[3:]))
-        box = ", ".join(f"{c} {a:.3g} ... {b:.3g}" for c, a, b in zip("xyz", low, high, strict=True))
-        found.append(Finding("workspace", OK, f"tip in base axes: {box} m", "frames"))
-    return found
+    if not vehicle.end_effector or vehicle.frame().link == BASE:
+        return []
+    ends, _ = poses.worst(lambda joints: np.vstack([tip_places(vehicle, joints).T, -tip_places(vehicle, joints).T]))
+    low, high = (np.round(each, 9) + 0.0 for each in (ends[:3], -ends[3:]))
+    box = ", ".join(f"{c} {a:.3g} ... {b:.3g}" for c, a, b in zip("xyz", low, high, strict=True))
+    return [Finding("workspace", OK, f"tip in base axes: {box} m", "frames")]
 
 
 def tip_places(vehicle: Vehicle, joints: Array) -> Array:
@@ -114,23 +113,3 @@ def tip_places(vehicle: Vehicle, joints: Array) -> Array:
     frame = vehicle.frame()
     place = link_poses(vehicle, columns(joints))[frame.link] @ Pose(frame.rotation, frame.position)
     return np.stack([np.broadcast_to(np.asarray(c, dtype=float), len(joints)) for c in place.p], axis=1)
-
-
-SMALLEST_RANGE = {"rad": 0.05, "m": 0.005}
-"""rad or m; fingers slide by some millimetres."""
-
-
-def _ranges(vehicle: Vehicle) -> list[Finding]:
-    found = []
-    for link in vehicle.links:
-        joint, name = link.joint, f"joints[{link.joint.name}]"
-        width = float(joint.upper) - float(joint.lower)
-        smallest = SMALLEST_RANGE[joint.units[0]]
-        if width < smallest:
-            text = f"moves by {width:.3g} only"
-            remedy = f"check {name}.lower and {name}.upper (rad or m)"
-            found.append(Finding(f"range of {name}", WARNING, text, f"{name}.lower", remedy, width, smallest))
-        if not float(joint.lower) <= 0.0 <= float(joint.upper):
-            text = f"zero is outside {float(joint.lower):g} ... {float(joint.upper):g}: a flight must state its start"
-            found.append(Finding(f"range of {name}", NOTE, text, f"{name}.lower"))
-    return found

@@ -10,7 +10,7 @@ from skyarm.studies.compare.comparison_report import TRACKING, comparison_report
 from skyarm.studies.compare.entrants import ENTRANTS, Entrant
 from skyarm.studies.compare.run_suite import DPI, Document, Record, Refused, Suite
 from skyarm.studies.compare.suite import CASES, Condition, conditions
-from skyarm.studies.compare.summary import pairs, table
+from skyarm.studies.compare.summary import table
 from skyarm.view.figures.comparison_figures import Share, laws_figure
 from skyarm.view.figures.style import image_bytes
 from skyarm.view.pages import Report
@@ -59,9 +59,9 @@ class Comparison(Suite[Flights]):
         return self.flights(), {}
 
     def judge(self, todo: Sequence[Flights], cells: Sequence[Cell], refused: Refused) -> Document:
-        """Summaries of all cells, and paired differences from the first controller."""
+        """Summaries of all cells."""
         named = {flights.name: cell for flights, cell in zip(todo, cells, strict=True)}
-        return {"summaries": table(named), "paired": pairs(named)}
+        return {"summaries": table(named)}
 
     def pictures(self, found: Record) -> dict[str, bytes]:
         """Pictures of the report: errors and success rates of all controllers."""

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from skyarm.log.metrics.interaction import BAND
 from skyarm.records.files import versions
-from skyarm.studies.compare.cells import Array, Cell
+from skyarm.studies.compare.cells import Cell
 from skyarm.studies.compare.contact_tasks import Task
 from skyarm.studies.compare.run_suite import Document, Record
 from skyarm.studies.sweep.intervals import wilson
@@ -27,9 +27,6 @@ NEAR = 0.010
 
 APART = 0.05
 """m, of a vehicle that stands from where it shall."""
-
-SOON = 0.005
-"""s: worlds whose commands are late by at most this are counted by themselves, too."""
 
 METRICS = ("contact", "phases_done")
 """Beside what every comparison counts."""
@@ -76,7 +73,7 @@ def lacks(task: Task, cell: Cell, weight: float, phases: int) -> dict[str, Flags
     return found
 
 
-def cell_record(task: Task, cell: Cell, weight: float, phases: int, delays: Array) -> Document:
+def cell_record(task: Task, cell: Cell, weight: float, phases: int) -> Document:
     """Results of a cell as plain data: success rate with interval, failure causes, medians of completed flights.
 
     Args:
@@ -84,7 +81,6 @@ def cell_record(task: Task, cell: Cell, weight: float, phases: int, delays: Arra
         cell: its flights.
         weight: N, of the vehicle.
         phases: of the scenario.
-        delays: of the commands in each flight, s.
     """
     bad = np.zeros(len(cell.status), dtype=bool)
     causes: Counter[str] = Counter()
@@ -95,8 +91,6 @@ def cell_record(task: Task, cell: Cell, weight: float, phases: int, delays: Arra
     count, good = len(bad), int((~bad).sum())
     found: Document = {"flights": count, "successes": good, "success_rate": good / count}
     found["success_interval"] = list(wilson(good, count))
-    soon = np.asarray(delays) <= SOON
-    found["soon"] = {"flights": int(soon.sum()), "successes": int((soon & ~bad).sum())}
     found["causes"] = dict(causes.most_common())
     for name, (metric, _, _, percentile) in NUMBERS.items():
         values = cell.metrics[metric][cell.completed]
@@ -146,7 +140,7 @@ def contact_report(found: Record) -> Report:
             continue
         successes = Table(head=["task", *(f">{law}" for law in laws)], rows=success_rows(found, name))
         flown.append(Section(title=f"Successes, {title}", tables=[successes]))
-        head = ("task", "law", ">success", f">delay to {1e3 * SOON:g} ms", *(f">{h}" for _, h, *_ in NUMBERS.values()))
+        head = ("task", "law", ">success", *(f">{h}" for _, h, *_ in NUMBERS.values()))
         table = Table(head=(*head, "lacked"), rows=number_rows(found, name))
         numbers.append(Section(title=f"Numbers, {title}", remark=MEDIANS, tables=[table]))
     return Report(
@@ -174,7 +168,7 @@ def number_rows(found: Record, condition: str) -> list[list[str]]:
     """Table rows: medians and failure causes, one row per task and controller."""
     return [
         [
-            task["title"], law, _successes(cell), _successes(cell["soon"]),
+            task["title"], law, _successes(cell),
             *(number(cell[name], factor) for name, (_, _, factor, _) in NUMBERS.items()), _causes(cell) or DASH,
         ]
         for task in found["tasks"].values()

@@ -152,7 +152,6 @@ class ContactSuite(Suite[ContactFlights]):
                 cell,
                 weight=float(scenario.plant.vehicle.mass) * float(scenario.plant.gravity),
                 phases=len(scenario.reference.phases),
-                delays=flights.values(scenario)["delays.command"],
             )
         return {"laws": list(self.laws), "not_flown": dict(refused), "tasks": tasks}
 

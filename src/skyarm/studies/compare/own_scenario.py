@@ -18,7 +18,7 @@ from skyarm.studies.compare.comparison_report import BASE, JOINT, TOOL, title_of
 from skyarm.studies.compare.entrants import Entrant
 from skyarm.studies.compare.run_suite import Document, Record, Refused, Suite
 from skyarm.studies.compare.suite import Case, Condition
-from skyarm.studies.compare.summary import pairs, table
+from skyarm.studies.compare.summary import table
 from skyarm.view.pages import DASH, Report, Section, Table, number
 
 OWN = "own"
@@ -99,9 +99,9 @@ class OwnScenario(Suite[GivenFlights]):
         return [GivenFlights(entrant=each, **options) for each in entrants], {}
 
     def judge(self, todo: Sequence[GivenFlights], cells: Sequence[Cell], refused: Refused) -> Document:
-        """Summaries of all cells, and paired differences from the first controller."""
+        """Summaries of all cells."""
         named = {flights.name: cell for flights, cell in zip(todo, cells, strict=True)}
-        return {"summaries": table(named), "paired": pairs(named)}
+        return {"summaries": table(named)}
 
     def report(self, found: Record, pictures: Mapping[str, bytes] | None = None) -> Report:
         """Report with one table: a row per controller, means over completed flights."""

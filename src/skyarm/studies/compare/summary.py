@@ -60,33 +60,9 @@ def _spread(values: Array) -> Document | None:
     }
 
 
-def paired_difference(first: Cell, second: Cell, metric: str) -> dict[str, float] | None:
-    """Paired difference of a metric between two controllers, over episodes that both completed."""
-    both = first.completed & second.completed
-    difference = (np.asarray(first.metrics[metric]) - np.asarray(second.metrics[metric]))[both]
-    difference = difference[np.isfinite(difference)]
-    if not difference.size:
-        return None
-    low, high = bootstrap_mean(difference)
-    return {"mean": float(difference.mean()), "low": low, "high": high, "first_smaller": float((difference < 0).mean())}
-
-
 def table(cells: Mapping[tuple[str, str, str], Cell]) -> Document:
     """Nested table of summaries by condition, case and controller."""
     found: Document = {}
     for (condition, case, entrant), cell in cells.items():
         found.setdefault(condition, {}).setdefault(case, {})[entrant] = summary(cell)
-    return found
-
-
-def pairs(cells: Mapping[tuple[str, str, str], Cell], metric: str = SUCCESS_METRIC) -> Document:
-    """Paired differences of every controller from the first, by condition and case with equal episodes."""
-    firsts: dict[tuple[str, str], tuple[str, Cell]] = {}
-    found: Document = {}
-    for (condition, case, entrant), cell in cells.items():
-        against, other = firsts.setdefault((condition, case), (entrant, cell))
-        if against != entrant and cell.completed.size == other.completed.size > 1:
-            difference = paired_difference(cell, other, metric)
-            entry: Document | None = None if difference is None else {"from": against, **difference}
-            found.setdefault(condition, {}).setdefault(case, {})[entrant] = entry
     return found
