@@ -124,10 +124,9 @@ def case_files(cases: Iterable[str]) -> dict[str, str]:
 def _case_page(case: str, laws: Record, logs: Logs, figures: Mapping[int, bytes], plant: str) -> _Page:
     """Page of a case: plots of its flights, table of its numbers, and the paper's figures."""
     flown = {each: cases[case] for each, cases in logs.items() if cases.get(case)}
-    numbers = paragraph(prose.LEGEND, "note") + experiment_table(case, laws)
     sections = [
         *([("flights", "Flights", _flights(case, flown))] if flown else []),
-        ("numbers", "Numbers", numbers),
+        ("numbers", "Numbers", experiment_table(case, laws)),
         *([("figures", "The paper's figures", _paper_figures(figures, plant))] if figures else []),
     ]
     return _Page(title=title_of(case), lead=prose.CASES.get(case, ""), facts="", sections=sections)

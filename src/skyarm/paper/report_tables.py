@@ -33,13 +33,6 @@ Cell = str | Mark
 Variants = Mapping[str, Experiments]
 
 DASH, MINUS = "\N{EN DASH}", "\N{MINUS SIGN}"
-NEAR, FAIR = 0.05, 0.20
-"""Relative differences up to which a value counts as near and as fair."""
-
-SIGNS = {"near": ("\N{BLACK CIRCLE}", "within 5 %"), "fair": ("\N{CIRCLE WITH LEFT HALF BLACK}", "within 20 %"),
-         "far": ("\N{WHITE CIRCLE}", "beyond 20 %")}  # fmt: skip
-"""Grade -> symbol and words, so that the tint is never the only sign."""
-
 CONTROLLERS = {"CT": "CT: hybrid geometric computed torque", "PD": "PD: decoupled baseline"}
 TELLING = 0.02
 """Spread of relative differences below which no variant is called the nearest."""
@@ -50,34 +43,21 @@ def typographic(written: str) -> str:
     return written.replace("-", MINUS)
 
 
-def number_cell(value: Number, *, written: str = "", strong: bool = False) -> Mark:
+def number_cell(value: Number, *, written: str = "", strong: bool = False) -> Cell:
     """Table cell of a number as written or rounded, with the full value as data; a dash if missing."""
     finite = finite_or_none(value)
-    if finite is None:
-        return Mark(text=DASH, grade="none")
-    return Mark(text=typographic(written or digits(finite)), value=value, strong=strong)
+    return DASH if finite is None else Mark(text=typographic(written or digits(finite)), value=value, strong=strong)
 
 
-def _mark(text: str, grade: str, words: str = "") -> Mark:
-    symbol, usual = SIGNS[grade]
-    return Mark(text=text, grade=grade, sign=symbol, words=words or usual)
+def difference_text(ours: Number, paper: Number) -> str:
+    """Relative difference in percent; a dash if a number is missing."""
+    return typographic(percent(ours, paper)).replace(" ", "\N{NO-BREAK SPACE}") or DASH
 
 
-def difference_cell(ours: Number, paper: Number) -> Mark:
-    """Table cell of a relative difference in percent, graded by its size."""
-    size = relative(ours, paper)
-    if size is None:
-        return Mark(text=DASH, grade="none")
-    grade = "near" if abs(size) <= NEAR else "fair" if abs(size) <= FAIR else "far"
-    return _mark(typographic(percent(ours, paper)).replace(" ", "\N{NO-BREAK SPACE}"), grade)
-
-
-def bound_cell(ours: Number, paper: Number) -> Mark:
-    """Table cell for a number of which the paper states an upper bound only."""
+def bound_text(ours: Number, paper: Number) -> str:
+    """Whether a number meets the upper bound which the paper states instead of a value; a dash if it is missing."""
     value, bound = finite_or_none(ours), finite_or_none(paper)
-    if value is None or bound is None:
-        return Mark(text=DASH, grade="none")
-    return _mark("below", "near", "met") if value <= bound else _mark("above", "far", "not met")
+    return DASH if value is None or bound is None else "below" if value <= bound else "above"
 
 
 def _paper_cell(case: str, controller: str, name: str, paper: Any) -> Cell:
@@ -135,7 +115,7 @@ def experiment_table(case: str, controllers: Mapping[str, Cells]) -> str:
 
 def _metric_row(case: str, controller: str, name: str, cell: Record) -> list[Cell]:
     meant, paper, found = metric(name), cell.get("paper"), cell.get("inferred", {})
-    compare = bound_cell if meant.bound else difference_cell
+    compare = bound_text if meant.bound else difference_text
     return [
         Mark(text=meant.label, title=meant.definition or name),
         meant.unit,

@@ -46,8 +46,6 @@ ASSUMPTIONS = (
     "The rotors follow their commands with a lag of 12.5 ms upwards and 25 ms downwards, up to 838 rad/s.",
 )
 
-LEGEND = "Symbols: a full disc is within 5 % of the paper, a half disc within 20 %, an open circle beyond."
-
 HOLDS = "A line is the mean over each hold of the reference."
 
 LOOK = "CT solid and dark, PD dashed and lighter, grey: window of the metrics."

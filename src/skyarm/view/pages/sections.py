@@ -12,19 +12,15 @@ DASH = "-"
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Mark:
-    """Table cell with formatting besides text: grade, exact value, emphasis, link.
+    """Table cell with formatting besides text: exact value, emphasis, explanation, link.
 
     Attributes:
         text: of the cell. value: its whole number, for machines.
-        grade: class of its style. sign, words: a symbol that says the grade too, and hidden words.
         strong: set bold. title: explanation of the text. href: file that it leads to.
     """
 
     text: str
     value: float | None = None
-    grade: str = ""
-    sign: str = ""
-    words: str = ""
     strong: bool = False
     title: str = ""
     href: str = ""
