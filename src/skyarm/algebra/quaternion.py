@@ -82,13 +82,18 @@ class Quaternion(ArrayLike):
 
     def renormalized(self) -> Quaternion:
         """Return a quaternion of nearly unit length, renormalised by one Newton step."""
-        length_squared = self.w * self.w + self.x * self.x + self.y * self.y + self.z * self.z
-        scale = 1.5 - 0.5 * length_squared
-        return Quaternion(self.w * scale, self.x * scale, self.y * scale, self.z * scale)
+        return self._scaled(1.5 - 0.5 * self._square())
 
     def normalized(self) -> Quaternion:
         """Return the quaternion divided by its length; NaN for zero."""
-        scale = divide(1.0, sqrt(self.w * self.w + self.x * self.x + self.y * self.y + self.z * self.z))
+        return self._scaled(divide(1.0, sqrt(self._square())))
+
+    def _square(self) -> Scalar:
+        """Squared length."""
+        return self.w * self.w + self.x * self.x + self.y * self.y + self.z * self.z
+
+    def _scaled(self, scale: Scalar) -> Quaternion:
+        """Product with a scalar."""
         return Quaternion(self.w * scale, self.x * scale, self.y * scale, self.z * scale)
 
     def rotation(self) -> Mat3:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra.matrix import Mat3, Sym3
-from skyarm.algebra.scalars import Scalar, add, mul, neg, sub
+from skyarm.algebra.scalars import Scalar, add, mul, neg, sub, total
 from skyarm.algebra.vector import Vec3
 
 
@@ -74,17 +74,10 @@ def centripetal(w: Vec3, r: Vec3) -> Vec3:
     pq, qs, ps = mul(p, q), mul(q, s), mul(p, s)
     pp, qq, ss = mul(p, p), mul(q, q), mul(s, s)
     return Vec3(
-        _sum(mul(pq, r.y), mul(ps, r.z), neg(mul(add(qq, ss), r.x))),
-        _sum(mul(qs, r.z), mul(pq, r.x), neg(mul(add(pp, ss), r.y))),
-        _sum(mul(ps, r.x), mul(qs, r.y), neg(mul(add(pp, qq), r.z))),
+        total((mul(pq, r.y), mul(ps, r.z), neg(mul(add(qq, ss), r.x)))),
+        total((mul(qs, r.z), mul(pq, r.x), neg(mul(add(pp, ss), r.y)))),
+        total((mul(ps, r.x), mul(qs, r.y), neg(mul(add(pp, qq), r.z)))),
     )
-
-
-def _sum(*terms: Any) -> Scalar:
-    total: Scalar = 0
-    for term in terms:
-        total = add(total, term)
-    return total
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,9 +114,9 @@ class SpatialInertia:
         pq, qr, pr = mul(p, q), mul(q, r), mul(p, r)
         pp, qq, rr = mul(p, p), mul(q, q), mul(r, r)
         torque = Vec3(
-            _sum(mul(sub(J.zz, J.yy), qr), mul(J.yz, sub(qq, rr)), mul(J.xz, pq), neg(mul(J.xy, pr))),
-            _sum(mul(sub(J.xx, J.zz), pr), mul(J.xz, sub(rr, pp)), mul(J.xy, qr), neg(mul(J.yz, pq))),
-            _sum(mul(sub(J.yy, J.xx), pq), mul(J.xy, sub(pp, qq)), mul(J.yz, pr), neg(mul(J.xz, qr))),
+            total((mul(sub(J.zz, J.yy), qr), mul(J.yz, sub(qq, rr)), mul(J.xz, pq), neg(mul(J.xy, pr)))),
+            total((mul(sub(J.xx, J.zz), pr), mul(J.xz, sub(rr, pp)), mul(J.xy, qr), neg(mul(J.yz, pq)))),
+            total((mul(sub(J.yy, J.xx), pq), mul(J.xy, sub(pp, qq)), mul(J.yz, pr), neg(mul(J.xz, qr)))),
         )
         return Force(torque, centripetal(w, self.moment))
 

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from skyarm.algebra.scalars import Scalar, add, mul, neg, sqrt, structural, sub
+from skyarm.algebra.scalars import Scalar, add, mul, neg, sqrt, structural, sub, total
 
 
 class ArrayLike:
@@ -118,7 +118,4 @@ E_Z = Vec3(0, 0, 1)
 
 def inner_product(a: Sequence[Scalar], b: Sequence[Scalar]) -> Scalar:
     """Inner product of two sequences of scalars; terms with a constant (int) zero are omitted."""
-    total: Scalar = 0
-    for x, y in zip(a, b, strict=True):
-        total = add(total, mul(x, y))
-    return total
+    return total(mul(x, y) for x, y in zip(a, b, strict=True))

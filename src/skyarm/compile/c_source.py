@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import math
 import re
-import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
 from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3
+from skyarm.algebra.scalars.floats import to_single
 from skyarm.compile.tracing.lower import Lowered
 from skyarm.compile.tracing.tracer import Node
 from skyarm.records.leaves import Place, is_leaf, is_record, parts, walk
@@ -104,10 +104,7 @@ class Floats:
     def literal(self, value: float) -> str:
         """C literal of a number, exact after rounding to the type; negative numbers in parentheses."""
         if self.single:
-            try:
-                value = struct.unpack("<f", struct.pack("<f", value))[0]
-            except OverflowError:
-                value = math.copysign(math.inf, value)
+            value = to_single(value)
         if math.isnan(value):
             return f"({self.kind})NAN"
         minus = math.copysign(1.0, value) < 0.0

@@ -96,13 +96,7 @@ def _by_mass_matrix(
 
 def _solve_base(inertia: ArticulatedInertia, force: Force) -> Motion:
     """Acceleration of the floating base from its articulated inertia and the force on it."""
-    M, J, H = inertia.M.full().rows, inertia.J.full().rows, inertia.H.rows
-    A: list[list[Scalar]] = [[0] * 6 for _ in range(6)]
-    for i in range(3):
-        for j in range(3):
-            A[i][j] = tuple(M[i])[j]
-            A[3 + i][j] = tuple(H[i])[j]
-            A[j][3 + i] = tuple(H[i])[j]
-            A[3 + i][3 + j] = tuple(J[i])[j]
+    M, J, H = inertia.M.full().rows, inertia.J.full().rows, inertia.H
+    A = [[*row, *H.column(i)] for i, row in enumerate(M)] + [[*left, *row] for left, row in zip(H.rows, J, strict=True)]
     x = ldl_solve(A, [*force.force, *force.torque])
     return Motion(Vec3(*x[3:]), Vec3(*x[:3]))

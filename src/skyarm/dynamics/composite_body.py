@@ -58,12 +58,10 @@ def _of_leaders(vehicle: Vehicle, M: list[list[Any]]) -> list[list[Scalar]]:
 
 def _base_block(whole: SpatialInertia, R_WB: Mat3, size: int) -> list[list[Scalar]]:
     """Mass matrix with the base block [[m 1, -R S(mc)], [S(mc) R^T, I]] filled in, zeros elsewhere."""
-    M: list[list[Any]] = [[0] * size for _ in range(size)]
-    coupling = R_WB @ Mat3.cross(-whole.moment)
-    rotational = whole.inertia.full()
-    for i in range(3):
-        M[i][i] = whole.mass
-        for j in range(3):
-            M[i][3 + j] = M[3 + j][i] = tuple(coupling.rows[i])[j]
-            M[3 + i][3 + j] = tuple(rotational.rows[i])[j]
-    return M
+    coupling, m, rest = R_WB @ Mat3.cross(-whole.moment), whole.mass, [0] * (size - 6)
+    rotational = whole.inertia.full().rows
+    return [
+        *([*(m if i == j else 0 for j in range(3)), *coupling.rows[i], *rest] for i in range(3)),
+        *([*coupling.column(i), *rotational[i], *rest] for i in range(3)),
+        *([0] * size for _ in rest),
+    ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import cached_property
 
-from skyarm.algebra import ZERO3, Force, Mat3, Vec3
+from skyarm.algebra import ZERO3, Force, Mat3, Motion, Vec3
 from skyarm.algebra.scalars import Scalar, add
 from skyarm.dynamics.kinematics import Pose, jacobian_columns, link_poses
 from skyarm.dynamics.state import State
@@ -47,6 +47,10 @@ class PointMotion:
     def _links(self) -> Sequence[Pose]:
         return link_poses(self.vehicle, self.state.joints)
 
+    def _columns(self, point: Vec3, body: int) -> list[Motion]:
+        """Jacobian columns of a point given in a body's frame."""
+        return jacobian_columns(self.vehicle, Frame(name="point", link=body, position=point), self.state.joints)
+
     def _in_base(self, point: Vec3, body: int) -> Vec3:
         return point if body == BASE else self._links[body].apply(point)
 
@@ -58,7 +62,7 @@ class PointMotion:
         """World velocity of a point given in a body's frame, m/s."""
         moving = self.state.rate.cross(self._in_base(point, body))
         if body != BASE:
-            columns = jacobian_columns(self.vehicle, Frame(name="point", link=body, position=point), self.state.joints)
+            columns = self._columns(point, body)
             for column, rate in zip(columns, self.state.joint_rates, strict=True):
                 moving = moving + column.linear * rate
         return self.state.velocity + self.rotation.apply(moving)
@@ -68,7 +72,7 @@ class PointMotion:
         if body == BASE:
             return self.state.rate
         total = self.state.rate
-        columns = jacobian_columns(self.vehicle, Frame(name="point", link=body, position=ZERO3), self.state.joints)
+        columns = self._columns(ZERO3, body)
         for column, rate in zip(columns, self.state.joint_rates, strict=True):
             total = total + column.angular * rate
         return self._links[body].R.apply_T(total)
@@ -91,5 +95,5 @@ class PointMotion:
         total = Force(at.cross(push) + twist, push)
         if body == BASE:
             return total, (0,) * self.vehicle.n
-        columns = jacobian_columns(self.vehicle, Frame(name="point", link=body, position=point), self.state.joints)
+        columns = self._columns(point, body)
         return total, tuple(add(c.linear.dot(push), c.angular.dot(twist)) for c in columns)

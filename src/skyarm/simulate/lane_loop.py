@@ -15,7 +15,7 @@ from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.compile.tracing.program import Loop, trace_loop
 from skyarm.dynamics import State
 from skyarm.plant.largest_step import lanes_step
-from skyarm.reference import Publisher, Reference
+from skyarm.reference import Reference
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.check_endings import statuses
@@ -107,13 +107,12 @@ def lane_statuses(
         ended: True where the lane stopped before its time.
     """
     motion = {path: column for path, column in values.items() if path.startswith("reference.")}
-    publisher = Publisher(control_rate=scenario.rates.control, reference_rate=scenario.rates.reference)
     with np.errstate(all="ignore"):
         varied = with_numbers(scenario, motion)
         if varied.reference.guards:
             held = Waits(varied).held_reference(clock, ticks)
         else:
-            held = varied.reference.at(publisher.held_time(np.minimum(ticks, scenario.steps - 1)))
+            held = held_reference(varied, np.minimum(ticks, scenario.steps - 1))
     goals = table_of(held.dense().position, len(ticks))
     failed = np.asarray(clock.failed) > 0.5 if scenario.reference.guards else None
     return statuses(scenario, values, state, goals, ended, failed)

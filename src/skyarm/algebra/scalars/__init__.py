@@ -9,7 +9,7 @@ Two rules hold everywhere:
 """
 
 from skyarm.algebra.scalars.elementary import NAMESPACE as PYTHON_NUMBERS
-from skyarm.algebra.scalars.fold import Scalar, add, data, mul, neg, same, structural, sub
+from skyarm.algebra.scalars.fold import Scalar, add, data, mul, neg, same, structural, sub, total
 from skyarm.algebra.scalars.functions import (
     absolute,
     acos,
@@ -66,5 +66,6 @@ __all__ = [
     "sub",
     "tan",
     "tanh",
+    "total",
     "where",
 ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import struct
 
 INF = math.inf
 NAN = math.nan
@@ -49,6 +50,14 @@ def exponent(x: float) -> float:
 def mantissa(x: float) -> float:
     """Binary mantissa m of x = m 2**e with 1 <= |m| < 2."""
     return 2.0 * math.frexp(x)[0] if math.isfinite(x) and x != 0.0 else NAN
+
+
+def to_single(value: float) -> float:
+    """Nearest number of 32 bits; infinite beyond their range."""
+    try:
+        return float(struct.unpack("<f", struct.pack("<f", value))[0])
+    except OverflowError:
+        return math.copysign(INF, value)
 
 
 def where(condition: bool, a: float, b: float) -> float:

@@ -6,6 +6,7 @@ changes the value of a program, whatever engine runs it.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any, Protocol
 
 
@@ -64,6 +65,14 @@ def sub(a: Scalar, b: Scalar) -> Scalar:
 def neg(a: Scalar) -> Scalar:
     """Return -a."""
     return -a
+
+
+def total(terms: Iterable[Scalar]) -> Scalar:
+    """Sum of scalars, in their order; constant (int) zeros are folded."""
+    found: Scalar = 0
+    for term in terms:
+        found = add(found, term)
+    return found
 
 
 def mul(a: Scalar, b: Scalar) -> Scalar:

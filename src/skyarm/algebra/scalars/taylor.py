@@ -8,11 +8,21 @@ Source: Griewank, Walther 2008, section 13.2 (recurrences of products, quotients
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import operator
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from skyarm.algebra.scalars import functions
-from skyarm.algebra.scalars.fold import Scalar, add, mul, neg, sub
+from skyarm.algebra.scalars.fold import Scalar, add, mul, neg, sub, total
+
+
+def _comparison(compare: Callable[[Any, Any], Any]) -> Any:
+    """Comparison of the value of a series with a scalar or the value of another series."""
+
+    def method(self: Taylor, other: Any) -> Any:
+        return compare(self.c[0], other.c[0] if isinstance(other, Taylor) else other)
+
+    return method
 
 
 class Taylor:
@@ -91,21 +101,8 @@ class Taylor:
         """Quotient of a constant and this series."""
         return Taylor(self._terms(other)) / self
 
-    def __lt__(self, other: Scalar) -> Any:
-        """Compare the value of the series with a scalar's or another series' value."""
-        return self.c[0] < self._terms(other)[0]
-
-    def __le__(self, other: Any) -> Any:
-        """Compare the value of the series with a scalar's or another series' value."""
-        return self.c[0] <= self._terms(other)[0]
-
-    def __gt__(self, other: Scalar) -> Any:
-        """Compare the value of the series with a scalar's or another series' value."""
-        return self.c[0] > self._terms(other)[0]
-
-    def __ge__(self, other: Any) -> Any:
-        """Compare the value of the series with a scalar's or another series' value."""
-        return self.c[0] >= self._terms(other)[0]
+    __lt__, __le__ = _comparison(operator.lt), _comparison(operator.le)
+    __gt__, __ge__ = _comparison(operator.gt), _comparison(operator.ge)
 
     def __float__(self) -> float:
         """Raise an error: a series is not a number."""
@@ -117,10 +114,7 @@ class Taylor:
 
 
 def _convolve(a: Sequence[Scalar], b: Sequence[Scalar], k: int) -> Scalar:
-    total: Scalar = 0
-    for j in range(k + 1):
-        total = add(total, mul(a[j], b[k - j]))
-    return total
+    return total(mul(a[j], b[k - j]) for j in range(k + 1))
 
 
 def _sine_cosine(x: Taylor) -> tuple[Taylor, Taylor]:

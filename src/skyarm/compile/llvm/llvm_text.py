@@ -6,6 +6,7 @@ import struct
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
+from skyarm.algebra.scalars.floats import to_single
 from skyarm.compile.tracing.lower import arrange
 from skyarm.compile.tracing.tracer import Node
 
@@ -62,10 +63,7 @@ class Lanes:
     def constant(self, value: float) -> str:
         """LLVM constant with one number in every lane, rounded here to single precision if needed."""
         if self.single:
-            try:
-                value = struct.unpack("<f", struct.pack("<f", value))[0]
-            except OverflowError:
-                value = float("inf") if value > 0.0 else float("-inf")
+            value = to_single(value)
         bits = struct.unpack("<Q", struct.pack("<d", value))[0]
         return self.splat(f"{self.scalar} 0x{bits:016X}")
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Mat3, Quaternion, Vec3
-from skyarm.algebra.scalars import Scalar, add, atan2, cos, data, divide, mul, neg, sin, sqrt, sub, where
+from skyarm.algebra.scalars import Scalar, add, atan2, cos, data, divide, mul, neg, sin, sqrt, sub, total, where
 from skyarm.records.units import Unit
 from skyarm.sensing.sensor_kinds import HeadingReading, ImuReading, PoseReading
 
@@ -70,9 +70,11 @@ def transition(R_WB: Mat3, force_W: Vec3, dt: Scalar, *, modelled: bool = False)
 def predict_covariance(P: Covariance, F: Sequence[Row], variances: Sequence[Scalar]) -> Covariance:
     """Predicted covariance F P F^T + diag(variances)."""
     size = len(P)
-    FP = [[_sum(mul(c, entry(P, k, j)) for k, c in F[i].items()) for j in range(size)] for i in range(size)]
+    FP = [[total(mul(c, entry(P, k, j)) for k, c in F[i].items()) for j in range(size)] for i in range(size)]
     return tuple(
-        tuple(add(_sum(mul(FP[i][k], c) for k, c in F[j].items()), variances[i] if i == j else 0) for j in range(i + 1))
+        tuple(
+            add(total(mul(FP[i][k], c) for k, c in F[j].items()), variances[i] if i == j else 0) for j in range(i + 1)
+        )
         for i in range(size)
     )
 
@@ -89,21 +91,13 @@ def update_by_scalar(
         innovation: measurement minus its prediction by the nominal state.
         variance: of the measurement's noise.
     """
-    PH = [_sum(mul(entry(P, i, j), c) for j, c in H.items()) for i in range(len(P))]
-    total = _sum(mul(PH[i], c) for i, c in H.items()) + variance
-    left = sub(innovation, _sum(mul(error[i], c) for i, c in H.items()))
-    inverse = divide(1.0, total)
+    PH = [total(mul(entry(P, i, j), c) for j, c in H.items()) for i in range(len(P))]
+    spread = total(mul(PH[i], c) for i, c in H.items()) + variance
+    left = sub(innovation, total(mul(error[i], c) for i, c in H.items()))
+    inverse = divide(1.0, spread)
     K = [each * inverse for each in PH]
     after = tuple(tuple(P[i][j] - K[i] * PH[j] for j in range(i + 1)) for i in range(len(P)))
     return after, [add(e, k * left) for e, k in zip(error, K, strict=True)], left * left * inverse
-
-
-def choose_covariance(condition: Scalar, new: Covariance, old: Covariance) -> Covariance:
-    """Covariance ``new`` if the condition holds, else ``old``."""
-    return tuple(
-        tuple(where(condition, a, b) for a, b in zip(row, before, strict=True))
-        for row, before in zip(new, old, strict=True)
-    )
 
 
 def scaled_covariance(P: Covariance, factor: Scalar) -> Covariance:
@@ -122,13 +116,6 @@ def gate_of(deviations: Scalar, count: int) -> Any:
     share = 2.0 / (9.0 * count)
     root = 1.0 - share + deviations * share**0.5
     return root * root * root * count
-
-
-def _sum(terms: Any) -> Scalar:
-    total: Scalar = 0
-    for term in terms:
-        total = add(total, term)
-    return total
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -28,7 +28,6 @@ from skyarm.sensing.estimate.error_state import (
     Covariance,
     Navigated,
     ScalarInnovation,
-    choose_covariance,
     gate_of,
     innovations,
     navigate,
@@ -190,4 +189,4 @@ def _apply_innovations(
         after, error, part = update_by_scalar(after, error, row.H, row.value, row.variance)
         surprise = surprise + part
     passed = logical_and(due, surprise < allowed)
-    return blend(passed, with_error(belief, error), belief), choose_covariance(passed, after, P), surprise
+    return blend(passed, with_error(belief, error), belief), blend(passed, after, P), surprise
