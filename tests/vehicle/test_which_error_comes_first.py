@@ -150,7 +150,7 @@ def test_rows_of_a_rotation_have_unit_length(row):
         R = np.eye(3)
         R[row] *= factor
         for make in fixed(R):
-            with pytest.raises(VehicleError, match="must be a unit vector"):
+            with pytest.raises(VehicleError, match="must be a rotation"):
                 make()
 
 

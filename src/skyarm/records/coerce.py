@@ -221,33 +221,29 @@ ROUNDING = 1e-12
 """What rounding leaves of a length that was made 1."""
 
 
-def near_unit_vector(field: str, value: object) -> Vec3:
-    """Convert to a vector and normalize it if its length is 1 within TOLERANCE; other lengths are kept."""
+def unit_vector(field: str, value: object) -> Vec3:
+    """Convert to a vector of length 1 within TOLERANCE and normalize it."""
     held = vector(field, value)
     length = math.sqrt(sum(c * c for c in held)) if concrete(*held) else 1.0
-    if not ROUNDING < abs(length - 1.0) <= TOLERANCE:
-        return held
-    return Vec3(*(c if type(c) is int else c / length for c in held))
+    if not abs(length - 1.0) <= TOLERANCE:
+        refuse(field, tuple(held), f"must be a unit vector, its length is {length:g}")
+    return held if abs(length - 1.0) <= ROUNDING else Vec3(*(c if type(c) is int else c / length for c in held))
 
 
-def unit_vector(field: str, value: object) -> Vec3:
-    """Convert to a vector and require unit length."""
-    held = near_unit_vector(field, value)
-    if concrete(*held):
-        length = math.sqrt(sum(c * c for c in held))
-        if not abs(length - 1.0) <= TOLERANCE:
-            refuse(field, tuple(held), f"must be a unit vector, its length is {length:g}")
-    return held
-
-
-def near_rotation(field: str, value: object) -> Mat3:
-    """Convert to a matrix; if nearly orthonormal (ten times TOLERANCE), replace it by the nearest rotation.
+def proper_rotation(field: str, value: object) -> Mat3:
+    """Convert to a rotation matrix; if it is nearly one (ten times TOLERANCE), replace it by the nearest rotation.
 
     Source: Higham 1986, Newton-Schulz iteration for the polar factor, R (3 I - R^T R) / 2.
     """
     held = matrix(field, value)
     rows = [list(row) for row in held.rows]
-    if not concrete(*(c for row in rows for c in row)) or not ROUNDING < _skew(rows) <= 10.0 * TOLERANCE:
+    entries = [c for row in rows for c in row]
+    if not concrete(*entries):
+        return held
+    skew = _skew(rows)
+    if not skew <= 10.0 * TOLERANCE or held.r0.cross(held.r1).dot(held.r2) < 0.0:
+        refuse(field, entries, "must be a rotation (orthogonal, determinant +1)")
+    if skew <= ROUNDING:
         return held
     for _ in range(3):  # the error is squared each time: 1e-5, 1e-10, rounding
         left = [[3.0 * (i == j) - _dot(rows, i, j) for j in range(3)] for i in range(3)]
@@ -269,20 +265,3 @@ def near_unit_quaternion(value: Quaternion) -> Quaternion:
     """Convert to a quaternion and normalize it if its length is 1 within TOLERANCE."""
     length = math.sqrt(sum(c * c for c in value)) if concrete(*value) else 1.0
     return Quaternion(*(c / length for c in value)) if ROUNDING < abs(length - 1.0) <= TOLERANCE else value
-
-
-def proper_rotation(field: str, value: object) -> Mat3:
-    """Convert to a rotation matrix: orthonormal columns and determinant +1."""
-    held = near_rotation(field, value)
-    rows = [list(row) for row in held.rows]
-    if not concrete(*(c for row in rows for c in row)):
-        return held
-    for name, row in zip(("r0", "r1", "r2"), rows, strict=True):
-        if not abs(math.sqrt(sum(c * c for c in row)) - 1.0) <= TOLERANCE:
-            refuse(f"{field}.{name}", tuple(row), "must be a unit vector")
-    # the determinant alone would pass rows 4e-3 off orthogonal, as it changes with the square of that angle
-    r0, r1, r2 = held.rows
-    skew = max(abs(a.dot(b)) for a, b in ((r0, r1), (r1, r2), (r2, r0)))
-    if skew > 10 * TOLERANCE or r0.cross(r1).dot(r2) < 0.0:
-        refuse(field, [c for row in rows for c in row], "must be a rotation (orthogonal, determinant +1)")
-    return held

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics import State
-from skyarm.dynamics.actuators.drive import Drive
 from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.plant.interface import Truth
 from skyarm.records.files import Fields, number, shown
@@ -30,7 +29,7 @@ from skyarm.sensing.measurement import SensorNoise
 from skyarm.sensing.sensor import Sensor
 from skyarm.vehicle.linkage import JOINT_NUMBERS
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle.vehicle_records import MountedDrive, Vehicle
 from skyarm.vehicle.vehicle_tables import mounted_drives
 from skyarm.world import Component, Payload, faults_from, wind_from
 
@@ -101,17 +100,13 @@ def truth(plant: Fields, folder: Path) -> Vehicle:
             words, at = str(error), plant.at("payload")
             raise ValueError(words if words.startswith(at) else f"{at}: {words}") from None
     if plant.where == "model" and "drives" in plant.table:
-        drives = mounted_drives(_tables_by_name(plant, "drives"), plant.at("drives"))
-        found = dataclasses.replace(found, drives=drives)
+        found = dataclasses.replace(found, drives=_drives(plant))
     return _with_joint_numbers(found, plant.inner("joints"))
 
 
-def _tables_by_name(fields: Fields, name: str) -> dict[str, Any]:
-    """Read nested tables by name."""
-    table: Any = fields.take(name, {})
-    if not isinstance(table, dict):
-        raise ValueError(f"{fields.at(name)} = {shown(table)}: must be a table of tables by name")
-    return table
+def _drives(fields: Fields) -> tuple[MountedDrive, ...]:
+    """Read [plant.drives.JOINT] or [model.drives.JOINT]: the drives of joints."""
+    return mounted_drives(fields.inner("drives").table, fields.at("drives"))
 
 
 def _with_joint_numbers(found: Vehicle, table: Fields) -> Vehicle:
@@ -145,11 +140,11 @@ def contact(table: object, folder: Path) -> Contact | None:
         return None
     from skyarm.world.contact.contact import Contact
 
-    return record_from(Contact, Fields(with_meshes(table, "world", folder), "world"))
+    return record_from(Contact, Fields(with_files(table, "world", folder), "world"))
 
 
-def with_meshes(table: object, where: str, folder: Path) -> Any:
-    """Tables of the contact model [world] with paths of mesh files made absolute.
+def with_files(table: object, where: str, folder: Path) -> Any:
+    """Tables of [reference] or [world] with paths of sample and mesh files made absolute.
 
     Args:
         table: plain, of a file.
@@ -160,10 +155,12 @@ def with_meshes(table: object, where: str, folder: Path) -> Any:
         ValueError: one line with field, value and what is allowed.
     """
     if isinstance(table, list):
-        return [with_meshes(each, f"{where}[{i}]", folder) for i, each in enumerate(table)]
+        return [with_files(each, f"{where}[{i}]", folder) for i, each in enumerate(table)]
     if not isinstance(table, dict):
         return table
-    found = {name: with_meshes(each, f"{where}.{name}", folder) for name, each in table.items()}
+    found = {name: with_files(each, f"{where}.{name}", folder) for name, each in table.items()}
+    if found.get("kind") == "samples" and isinstance(found.get("file"), str):
+        found["file"] = str(folder / found["file"])
     mesh = table.get("mesh")
     if isinstance(mesh, str) and mesh:
         from skyarm.records.files.stl_mesh import read_corners
@@ -188,11 +185,7 @@ def sensors(table: Mapping[str, Any]) -> tuple[SensorNoise, tuple[NamedSensor, .
 
 def drives(plant: Fields) -> tuple[JointDrive, ...]:
     """Read [plant.drives.JOINT]: the drives of joints."""
-    read = {
-        joint: registered_from("drive", Drive, table, f"plant.drives.{joint}")
-        for joint, table in _tables_by_name(plant, "drives").items()
-    }
-    return tuple(JointDrive(joint=joint, drive=drive) for joint, drive in read.items())
+    return tuple(JointDrive(joint=each.name, drive=each.drive) for each in _drives(plant))
 
 
 def setting_of(world: Truth, duration: float) -> Setting:
@@ -207,18 +200,6 @@ def feasibility_of(scenario: Scenario) -> Feasibility | None:
     from skyarm.reference.feasibility import feasibility
 
     return feasibility(scenario.reference, setting_of(scenario.plant, scenario.duration))
-
-
-def _in_folder(table: object, folder: Path) -> Any:
-    """Reference table whose relative paths of sample files are made absolute."""
-    if isinstance(table, list):
-        return [_in_folder(item, folder) for item in table]
-    if not isinstance(table, dict):
-        return table
-    found = {name: _in_folder(item, folder) for name, item in table.items()}
-    if found.get("kind") == "samples" and isinstance(found.get("file"), str):
-        found["file"] = str(folder / found["file"])
-    return found
 
 
 def _as_commanded(scenario: Scenario) -> Scenario:
@@ -240,7 +221,7 @@ def reference(
             from skyarm.scenario.path_governor import planner_from
 
             planned = planner_from(table["governor"], setting)
-    trajectory = reference_from(_in_folder(rest, folder), world.vehicle.n, "reference", setting)
+    trajectory = reference_from(with_files(rest, "reference", folder), world.vehicle.n, "reference", setting)
     return {"reference": trajectory, "tracking_start": start}, planned
 
 

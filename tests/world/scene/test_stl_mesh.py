@@ -17,7 +17,7 @@ from skyarm.records.plain import plain
 from skyarm.records.restore import restore
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import ScenarioError
-from skyarm.scenario.scenario_tables import with_meshes
+from skyarm.scenario.scenario_tables import with_files
 from skyarm.world.contact import FreeObject, Mechanism, Surface
 from skyarm.world.contact.contact_scene import surface_shape
 from skyarm.world.scene.shapes import Shape, Solid, mesh_of
@@ -83,7 +83,7 @@ def test_what_is_no_mesh_is_refused_with_the_field(tmp_path: Path, content: byte
     (tmp_path / "a.stl").write_bytes(content)
     table = {"objects": [{"name": "a", "mesh": "a.stl"}]}
     with pytest.raises(ValueError, match=r"world.objects\[0\].mesh = 'a.stl': " + words) as error:
-        with_meshes(table, "world", tmp_path)
+        with_files(table, "world", tmp_path)
     assert "\n" not in str(error.value)
 
 
@@ -128,7 +128,7 @@ def test_where_a_mesh_lies_is_no_part_of_what_flies_and_is_found_from_any_folder
 ) -> None:
     monkeypatch.chdir(file.parent.parent)
     table = {"surfaces": [{"name": "a", "mesh": file.name}]}
-    assert with_meshes(table, "world", Path(file.parent.name))["surfaces"][0]["mesh"] == str(file)
+    assert with_files(table, "world", Path(file.parent.name))["surfaces"][0]["mesh"] == str(file)
     here, there = (
         dataclasses.replace(WALL, mesh=str(folder / "box.stl")) for folder in (file.parent, file.parent.parent)
     )
