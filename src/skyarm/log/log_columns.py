@@ -17,10 +17,12 @@ import numpy.typing as npt
 
 from skyarm.dynamics.actuators.drive import TorqueDrive
 from skyarm.log.flight_log import Log
-from skyarm.log.flown_scenario import restore_written, written_part
+from skyarm.log.flown_scenario import restore_written, restored_part, written_part
 from skyarm.log.sensor_data import COMPONENTS, sources_of
 from skyarm.records.files.names import distinct
 from skyarm.records.units import Unit, units
+from skyarm.vehicle.linkage import Link
+from skyarm.vehicle.vehicle_records import Rotor
 
 Array = npt.NDArray[np.float64]
 
@@ -99,34 +101,23 @@ class Names:
 def names_of(log: Log) -> Names:
     """Names of joints and rotors; their indices for a log of an earlier version without names."""
     joints, rotors = log.joints.shape[1], log.rotor_speeds.shape[1]
-    vehicle = _table(written_part(log.info, "agent", "plant", "vehicle"))
-    links, turning = (each if isinstance(each := vehicle.get(part), list) else [] for part in ("links", "rotors"))
-    found = [_below(link, "joint") for link in links]
-    named = len(found) == joints and len(turning) == rotors
-    if not named or not all(isinstance(each.get("name"), str) for each in (*found, *map(_table, turning))):
+    found = [link.joint for link in _records(log.info, Link, "links")]
+    turning, takes = _records(log.info, Rotor, "rotors"), setpoints_of(log.info)
+    if len(found) != joints or len(turning) != rotors:
         return Names(tuple(map(str, range(joints))), ("",) * joints, tuple(map(str, range(rotors))), (None,) * joints)
-    told = setpoints_of(log.info)
-    kinds = tuple(str(each.get("kind", "")) for each in found)
     return Names(
-        tuple(each["name"] for each in found),
-        kinds,
-        tuple(_table(each)["name"] for each in turning),
-        tuple(
-            unit_of_kind(Unit(told[each["name"]]), kind) if each["name"] in told else None
-            for each, kind in zip(found, kinds, strict=True)
-        ),
-        tuple(each["name"] for each in map(_table, turning) if each.get("tilt")),
+        tuple(each.name for each in found),
+        tuple(each.kind for each in found),
+        tuple(each.name for each in turning),
+        tuple(unit_of_kind(Unit(takes[each.name]), each.kind) if each.name in takes else None for each in found),
+        tuple(each.name for each in turning if each.tilt is not None),
     )
 
 
-def _below(data: Any, *path: str) -> Mapping[str, Any]:
-    for name in path:
-        data = _table(data).get(name)
-    return _table(data)
-
-
-def _table(data: Any) -> Mapping[str, Any]:
-    return data if isinstance(data, dict) else {}
+def _records(info: Mapping[str, Any], kind: type[Any], part: str) -> list[Any]:
+    """Links or rotors of the logged vehicle; what is none of this kind in a damaged file is left out."""
+    found = restored_part(info, "agent", "plant", "vehicle", part)
+    return [each for each in found if isinstance(each, kind)] if isinstance(found, tuple) else []
 
 
 def columns(log: Log) -> tuple[Column, ...]:
@@ -238,4 +229,4 @@ def setpoints_of(info: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _rows(data: Any) -> list[Mapping[str, Any]]:
-    return [_table(each) for each in data] if isinstance(data, list) else []
+    return [each for each in data if isinstance(each, dict)] if isinstance(data, list) else []

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from skyarm.log.flown_scenario import written_part
 from skyarm.log.log_columns import component_labels
 from skyarm.reference.task_records import Guard
 
@@ -71,6 +72,13 @@ def contact_pairs(log: Log) -> tuple[tuple[str, str], ...]:
     """Surface and contact point of each column of ``contact_force``."""
     pairs = (label.partition("/") for label in component_labels(log, "contact_force"))
     return tuple((surface, point) for surface, _, point in pairs)
+
+
+def points_at_tip(log: Log) -> frozenset[str]:
+    """Names of the contact points at the vehicle's tip."""
+    points = written_part(log.info, "environment", "world", "points") or ()
+    tip = written_part(log.info, "agent", "plant", "vehicle", "end_effector")
+    return frozenset(str(each.get("name")) for each in points if tip and each.get("frame") == tip)
 
 
 def grasp_periods(log: Log) -> tuple[GraspPeriod, ...]:

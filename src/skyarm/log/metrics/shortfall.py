@@ -20,7 +20,7 @@ from skyarm.log.metrics.interaction import BAND
 from skyarm.log.metrics.path_distance import path_distance
 from skyarm.log.metrics.score import wanted_push
 from skyarm.log.metrics.windows import Windows, windows_of
-from skyarm.log.periods import contact_pairs
+from skyarm.log.periods import contact_pairs, points_at_tip
 
 if TYPE_CHECKING:
     from skyarm.log.flight_log import Log
@@ -200,9 +200,7 @@ def _forces(log: Log, wanted: Array) -> Iterator[Unreached]:
 
 def _force_at_tip(log: Log) -> Array:
     """Sum of the contact forces at the tip (N,), at all contact points if the tip has none."""
-    tip = written_part(log.info, "agent", "plant", "vehicle", "end_effector")
-    points = written_part(log.info, "environment", "world", "points") or ()
-    at_tip = {str(each["name"]) for each in points if each["frame"] == tip}
+    at_tip = points_at_tip(log)
     chosen = [k for k, (_, point) in enumerate(contact_pairs(log)) if point in at_tip]
     force = log.component("contact_force")[:, chosen] if chosen else log.component("contact_force")
     return np.asarray(force.sum(axis=1)) if force.size else np.zeros(log.time.size)

@@ -11,9 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.log.flight_log import Log
-from skyarm.log.flown_scenario import written_part
 from skyarm.log.log_columns import columns, names_of, unit_of_kind
-from skyarm.log.periods import contact_pairs
+from skyarm.log.periods import contact_pairs, points_at_tip
 from skyarm.log.sensor_data import COMPONENTS
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.units import Unit
@@ -134,7 +133,7 @@ def _contact(logs: Sequence[Log]) -> list[Panel]:
             label=f"{surface}, {point}",
             unit="N",
             of=_pair_force(surface, point),
-            desired=lambda log, point=point: desired_push(log) if point in _at_tip(log) else None,  # type: ignore[misc]
+            desired=lambda log, point=point: desired_push(log) if point in points_at_tip(log) else None,  # type: ignore[misc]
             magnitude=True,
             span=0.1,
         )
@@ -152,13 +151,6 @@ def _pair_force(*pair: str) -> Read:
         return np.asarray(log.component("contact_force")[:, pairs.index(pair)])
 
     return read
-
-
-def _at_tip(log: Log) -> set[str]:
-    """Names of the contact points at the vehicle's tip, from the log."""
-    points = written_part(log.info, "environment", "world", "points") or ()
-    tip = written_part(log.info, "agent", "plant", "vehicle", "end_effector")
-    return {str(each.get("name")) for each in points if tip and each.get("frame") == tip}
 
 
 def _attitude(logs: Sequence[Log]) -> list[Panel]:
