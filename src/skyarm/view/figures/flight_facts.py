@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.log.flight_log import Log
+from skyarm.log.metrics.score import wanted_push
 from skyarm.scenario.scenario_record import Scenario
 
 Array = npt.NDArray[np.float64]
@@ -109,13 +110,8 @@ def applied_force(log: Log) -> Array | None:
 
 def desired_push(log: Log) -> Array | None:
     """Desired contact force (N,) of the tip, N; None if none is commanded."""
-    scenario = scenario_of(log)
-    push = None if scenario is None else getattr(scenario.reference, "push", None)
-    if scenario is None or push is None:
-        return None
-    # of a task that waits, at the reference's own time
-    times = log.path_time if log.path_time.size and scenario.reference.guards else log.time
-    return np.array(np.broadcast_to(push.force.derivatives(times)[0], log.time.shape), float)
+    push = wanted_push(log) if scenario_of(log) is not None else ()
+    return push[0] if push else None
 
 
 def flight_events(log: Log) -> tuple[Event, ...]:

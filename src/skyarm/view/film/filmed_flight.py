@@ -15,7 +15,7 @@ from skyarm.log.flight_log import Log
 from skyarm.records.files import shown
 from skyarm.reference.tip_motion import TipPush
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.view.figures.flight_facts import applied_force, desired_push, flight_labels
+from skyarm.view.figures.flight_facts import applied_force, desired_push, end_time, flight_labels
 from skyarm.world.scene.scene import PATCH, Instants, Scene, scene_in_log
 from skyarm.world.scene.shapes import RGBA, Solid
 from skyarm.world.scene.vehicle_shapes import body_poses, rotor_turns, shape_rotation, vehicle_shapes
@@ -160,7 +160,7 @@ def film_flight(log: Log, label: str, color: Color, times: Array, about: Array |
         contact=None if contact is None else read(log.time, contact[:, None], times)[:, 0],
         contact_curve=contact,
         wanted_curve=desired_push(log),
-        end=end_of(log) if whole else float(log.time[-1]),
+        end=end_time(log) if whole else float(log.time[-1]),
         lost="" if whole else log.status.replace("_", " "),
         scene=_scene(log, scenario.components, seen),
     )
@@ -190,14 +190,9 @@ def _scene(log: Log, components: Sequence[Any], seen: Instants) -> Scene:
             array = np.concatenate([continuous(each) for each in np.split(array, array.shape[1] // 4, 1)], axis=1)
         return read(log.time, array, seen.times)
 
-    scene, flying = scene_in_log(components, seen, at_frames), seen.times[:, None] < end_of(log)
+    scene, flying = scene_in_log(components, seen, at_frames), seen.times[:, None] < end_time(log)
     arrows = (replace(each, force=each.force * flying) for each in scene.arrows if np.any(each.force))
     return replace(scene, arrows=tuple(arrows))
-
-
-def end_of(log: Log) -> float:
-    """End time of a flight's last control period, s."""
-    return float(log.time[-1] + (log.time[1] - log.time[0] if log.time.size > 1 else 0.0))
 
 
 def read(time: Array, values: Array, times: Array) -> Array:

@@ -15,9 +15,10 @@ from skyarm.log.flight_log import Log
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import shown
 from skyarm.records.units import Unit, units
+from skyarm.view.figures.flight_facts import end_time
 from skyarm.view.film.camera_paths import CAMERAS, CameraPath
 from skyarm.view.film.captions import Captions, FrameLayout, frame_layout
-from skyarm.view.film.filmed_flight import FilmedFlight, end_of, film_flights, ghost_solids, marks_of, vehicle_solids
+from skyarm.view.film.filmed_flight import FilmedFlight, film_flights, ghost_solids, marks_of, vehicle_solids
 from skyarm.view.film.stage import Panel, open_stage
 from skyarm.view.film.video_files import require_film_format
 from skyarm.world.scene.shapes import Solid
@@ -72,7 +73,7 @@ def frame_times(logs: Sequence[Log], settings: FilmSettings) -> Array:
     for log in logs:
         if not log.time.size:
             raise ValueError(f"log = {log.info.get('scenario')!r}: must hold at least one control instant to be filmed")
-    longest = max(map(end_of, logs))
+    longest = max(map(end_time, logs))
     stop = longest if settings.stop is None else min(settings.stop, longest)
     count = round((stop - settings.start) * settings.fps / settings.speed)
     if count < 1:
