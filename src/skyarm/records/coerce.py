@@ -10,12 +10,12 @@ from __future__ import annotations
 import math
 import numbers
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NoReturn
 
 from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3
 from skyarm.algebra.scalars import structural
-from skyarm.records.files import shown
+from skyarm.records.files.messages import must_be_one_of, shown
 
 Rule = Callable[[str, Any], Any]
 """From a field's name and what was given to what is held; raises RecordError."""
@@ -128,6 +128,32 @@ def text(field: str, value: object) -> str:
     if not isinstance(value, str):
         refuse(field, value, "must be text")
     return str(value)
+
+
+def name(field: str, value: object) -> str:
+    """Check that a value is text that is not empty."""
+    return text(field, value) or refuse(field, value, "must not be empty")
+
+
+def word_of(words: Iterable[str]) -> Rule:
+    """Make a conversion rule that accepts one of the given texts."""
+
+    def rule(field: str, value: Any) -> str:
+        if not isinstance(value, str) or value not in words:
+            refuse(field, value, must_be_one_of(words, value))
+        return value
+
+    return rule
+
+
+def fold_zeros(record: object, *names: str) -> None:
+    """Make exact zeros in fields of a frozen record under construction constants of compiled code."""
+    for name in names:
+        held = getattr(record, name)
+        if isinstance(held, Vec3):
+            object.__setattr__(record, name, Vec3(*(0 if concrete(c) and c == 0.0 else c for c in held)))
+        elif concrete(held) and held == 0.0:
+            object.__setattr__(record, name, 0)
 
 
 def flag(field: str, value: object) -> bool:

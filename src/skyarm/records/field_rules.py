@@ -19,7 +19,6 @@ from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3
 from skyarm.algebra.scalars import Scalar
 from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, Rule, concrete, refuse
-from skyarm.records.files.messages import must_be_one_of
 from skyarm.records.leaves import field_names
 from skyarm.records.units import Unit, declared_fields
 
@@ -106,22 +105,11 @@ def _rule(wanted: Any, unit: Unit) -> Rule | None:
     if origin is tuple:
         return _many(None, tuple(_rule(each, unit) for each in options))
     if origin is typing.Literal:
-        return _choice(options)
+        return coerce.word_of(options)
     if origin is not None and issubclass(origin, Callable):  # type: ignore[arg-type]
         return _callable
     plain = {bool: coerce.flag, str: coerce.text}.get(wanted)
     return coerce.one(wanted) if plain is None and _is_record(wanted) else plain
-
-
-def _choice(words: tuple[str, ...]) -> Rule:
-    """Rule that accepts one of the given texts."""
-
-    def check(field: str, value: Any) -> Any:
-        return (
-            value if isinstance(value, str) and value in words else refuse(field, value, must_be_one_of(words, value))
-        )
-
-    return check
 
 
 def _with_bounds(rule: Rule, unit: Unit) -> Rule:

@@ -12,8 +12,9 @@ import typing
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Annotated, Any
 
+from skyarm.records import coerce
 from skyarm.records.leaves import field_names
 
 
@@ -46,6 +47,9 @@ class Unit:
         """Unit and meaning as one line of text."""
         return ", ".join(part for part in (self.unit, self.meaning) if part)
 
+
+Name = Annotated[str, Unit(rule=coerce.name)]
+"""Text that is not empty."""
 
 NUMBER = Unit(infinite=True)
 """Of a field without one."""

@@ -15,7 +15,7 @@ from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar, data, exp, logical_and, maximum, minimum, neg, sqrt
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
-from skyarm.records.coerce import RecordError, concrete
+from skyarm.records.coerce import RecordError, concrete, fold_zeros
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import shown
 from skyarm.records.leaves import leaves
@@ -115,8 +115,7 @@ class Contact(Force):
 
     def __post_init__(self) -> None:
         accept_fields(self, "world")
-        if type(self.rotor_radius) is float and self.rotor_radius == 0.0:
-            object.__setattr__(self, "rotor_radius", 0)
+        fold_zeros(self, "rotor_radius")
         object.__setattr__(self, "points", tuple(each for point in self.points for each in point.each()))
         self._require_distinct_names()
 

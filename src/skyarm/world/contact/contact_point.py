@@ -10,10 +10,10 @@ from typing import Annotated, Any
 from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, maximum, sqrt
 from skyarm.dynamics.point_motion import PointMotion
-from skyarm.records.coerce import RecordError, concrete
+from skyarm.records.coerce import RecordError, concrete, fold_zeros
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import must_be_one_of, shown
-from skyarm.records.units import Unit
+from skyarm.records.units import Name, Unit
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.component import Wrench
@@ -35,12 +35,10 @@ class Ring:
     """
 
     radius: Annotated[Scalar, Unit("m", "of the circle", low=0.0, strict=True)]
-    count: int
+    count: Annotated[int, Unit("", "of points", low=3, high=MOST)]
 
     def __post_init__(self) -> None:
         accept_fields(self, "ring")
-        if not 3 <= self.count <= MOST:
-            raise RecordError(f"ring.count = {self.count}: must be from 3 to {MOST}")
 
     def offsets(self) -> list[Vec3]:
         """Positions of the ring's points relative to its centre, m."""
@@ -59,7 +57,7 @@ class ContactPoint:
         ring: points on a circle about the position, in its place; :meth:`each` makes them.
     """
 
-    name: str
+    name: Name
     frame: str = ""
     body: str = ""
     position: Annotated[Vec3, Unit("m", "axes of the frame or the body")] = ZERO3
@@ -68,10 +66,7 @@ class ContactPoint:
 
     def __post_init__(self) -> None:
         accept_fields(self, "point")
-        if not self.name:
-            raise RecordError("point.name = '': must not be empty")
-        if type(self.radius) is float and self.radius == 0.0:
-            object.__setattr__(self, "radius", 0)
+        fold_zeros(self, "radius")
         if self.frame and self.body:
             raise RecordError(f"point.frame = {shown(self.frame)}: must be left out beside body")
         if not self.frame and not self.body:

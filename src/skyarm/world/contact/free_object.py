@@ -13,15 +13,16 @@ from typing import Annotated, Any
 
 from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar, absolute, add, data, divide, maximum, minimum, mul, sqrt
+from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.field_rules import accept_fields
-from skyarm.records.files import must_be_one_of, shown
+from skyarm.records.files import shown
 from skyarm.records.plain import WRITTEN_IF_ANY
-from skyarm.records.units import Unit
+from skyarm.records.units import Name, Unit
 from skyarm.world.component import Column
 from skyarm.world.contact.carrier import CarriedFrame, Carrier, Spot
 from skyarm.world.contact.material import Material
-from skyarm.world.contact.surface import SHAPES, Surface
+from skyarm.world.contact.surface import SHAPES, Surface, require_size
 
 SOLIDS = tuple(shape for shape in SHAPES if shape not in ("plane", "hole"))
 """Shapes of an object: those that have an end, and no hollow."""
@@ -75,9 +76,9 @@ class FreeObject(Carrier):
         mesh: as that of a surface.
     """
 
-    name: str
+    name: Name
     mass: Annotated[Scalar, Unit("kg", low=0.0, strict=True)]
-    shape: str = "box"
+    shape: Annotated[str, Unit(rule=coerce.word_of(SOLIDS))] = "box"
     size: Annotated[tuple[Scalar, ...], Unit("m", low=0.0, strict=True)]
     inertia: Annotated[Vec3, Unit("kg m^2", "moments about its centre of mass, its axes", low=0.0)] = ZERO3
     com: Annotated[Vec3, Unit("m", "its centre of mass, seen from the shape's middle, its axes", folds=True)] = ZERO3
@@ -91,16 +92,8 @@ class FreeObject(Carrier):
 
     def __post_init__(self) -> None:
         accept_fields(self, "object")
-        object.__setattr__(self, "com", Vec3(*(0 if concrete(c) and c == 0.0 else c for c in self.com)))
-        if not self.name:
-            raise RecordError("object.name = '': must not be empty")
-        if self.shape not in SOLIDS:
-            raise RecordError(f"object.shape = {shown(self.shape)}: {must_be_one_of(SOLIDS, self.shape)}")
-        sizes = SHAPES[self.shape]
-        if len(self.size) != len(sizes):
-            raise RecordError(
-                f"object.size = {shown(list(self.size))}: must be {len(sizes)} numbers, {', '.join(sizes)}"
-            )
+        coerce.fold_zeros(self, "com")
+        require_size("object.size", self.shape, self.size)
         self._require_moments()
         if self.standing and any(concrete(c) and c != 0.0 for c in (*self.velocity, *self.angular_velocity)):
             raise RecordError("object.standing = true: must be false of an object that moves at the start")

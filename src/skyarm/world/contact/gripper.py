@@ -25,10 +25,10 @@ from typing import Annotated, Any
 from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, logical_and, logical_or, maximum, minimum, sqrt, where
 from skyarm.dynamics.point_motion import PointMotion
+from skyarm.records import coerce
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields
-from skyarm.records.files import must_be_one_of, shown
-from skyarm.records.units import Unit
+from skyarm.records.units import Name, Unit
 from skyarm.reference.signal_tables import signal_from
 from skyarm.reference.signals import Constant, Signal
 from skyarm.world.component import Column, Wrench
@@ -104,8 +104,8 @@ class Gripper:
         frame: of the vehicle; empty for its tip. closed: command, a signal of time.
     """
 
-    name: str
-    kind: str = "magnet"
+    name: Name
+    kind: Annotated[str, Unit(rule=coerce.word_of(KINDS))] = "magnet"
     frame: str = ""
     closed: Command = field(default_factory=Command)
     reach: Annotated[Scalar, Unit("m", "from its frame to the skin of a body", low=0.0, strict=True)] = 0.01
@@ -117,10 +117,6 @@ class Gripper:
 
     def __post_init__(self) -> None:
         accept_fields(self, "gripper")
-        if not self.name:
-            raise RecordError("gripper.name = '': must not be empty")
-        if self.kind not in KINDS:
-            raise RecordError(f"gripper.kind = {shown(self.kind)}: {must_be_one_of(KINDS, self.kind)}")
         if self.kind == "hook" and self.closed != Command():
             raise RecordError("gripper.closed: must be left out of a hook, which has no command")
 

@@ -13,10 +13,11 @@ from typing import Annotated, Any
 from skyarm.algebra import E_X, E_Z, ZERO3, Vec3
 from skyarm.algebra.matrix import axis_rotation
 from skyarm.algebra.scalars import Scalar, add, clip, data, divide, maximum, minimum, mul, neg, sqrt
+from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.field_rules import accept_fields
-from skyarm.records.files import must_be_one_of, shown
-from skyarm.records.units import Unit
+from skyarm.records.files import shown
+from skyarm.records.units import Name, Unit
 from skyarm.world.component import Column
 from skyarm.world.contact.carrier import CarriedFrame, Carrier
 from skyarm.world.contact.material import BRISTLE_STEP, LONGEST, Material, euler_step_of
@@ -35,8 +36,8 @@ class Mechanism(Carrier):
         lower, upper: coordinates at which it meets stops.
     """
 
-    name: str
-    kind: str
+    name: Name
+    kind: Annotated[str, Unit(rule=coerce.word_of(KINDS))]
     size: Annotated[tuple[Scalar, ...], Unit("m", low=0.0, strict=True)] = ()
     axis: Annotated[Vec3, Unit("", "of the motion, its own axes, of any length", folds=True)] = ZERO3
     position: Annotated[Vec3, Unit("m", "of the origin of its axes, world axes", folds=True)] = ZERO3
@@ -60,16 +61,8 @@ class Mechanism(Carrier):
 
     def __post_init__(self) -> None:
         accept_fields(self, "mechanism")
-        for name in ("position", "angles", "axis", "com"):
-            held = getattr(self, name)
-            object.__setattr__(self, name, Vec3(*(0 if concrete(c) and c == 0.0 else c for c in held)))
-        for name in ("mass", "inertia", "friction", "bristle", "stop_stiffness"):
-            if concrete(getattr(self, name)) and getattr(self, name) == 0.0:
-                object.__setattr__(self, name, 0)
-        if not self.name:
-            raise RecordError("mechanism.name = '': must not be empty")
-        if self.kind not in KINDS:
-            raise RecordError(f"mechanism.kind = {shown(self.kind)}: {must_be_one_of(KINDS, self.kind)}")
+        coerce.fold_zeros(self, "position", "angles", "axis", "com", "mass", "inertia")
+        coerce.fold_zeros(self, "friction", "bristle", "stop_stiffness")
         self._require_body()
         self._require_numbers()
 

@@ -25,11 +25,12 @@ from skyarm.algebra.scalars import (
     sub,
     where,
 )
+from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.field_rules import accept_fields
-from skyarm.records.files import must_be_one_of, shown
+from skyarm.records.files import shown
 from skyarm.records.plain import WRITTEN_IF_ANY
-from skyarm.records.units import Unit
+from skyarm.records.units import Name, Unit
 from skyarm.reference.signals import Constant
 from skyarm.world.contact.material import Material
 from skyarm.world.signal_vector import NO_SIGNALS, SignalVector
@@ -64,8 +65,8 @@ class Surface:
         mesh: path of an STL file (m, axes of the surface) that it is drawn as; nothing touches that.
     """
 
-    name: str
-    shape: str = "plane"
+    name: Name
+    shape: Annotated[str, Unit(rule=coerce.word_of(SHAPES))] = "plane"
     size: Annotated[tuple[Scalar, ...], Unit("m", low=0.0, strict=True)] = ()
     position: Annotated[
         Vec3, Unit("m", "of its middle, of a point of a plane, of a hole's mouth, world axes", folds=True)
@@ -77,17 +78,8 @@ class Surface:
 
     def __post_init__(self) -> None:
         accept_fields(self, "surface")
-        for name in ("position", "angles"):  # an exact zero of a file is structure, as that of a list
-            held = getattr(self, name)
-            object.__setattr__(self, name, Vec3(*(0 if concrete(c) and c == 0.0 else c for c in held)))
-        if not self.name:
-            raise RecordError("surface.name = '': must not be empty")
-        if self.shape not in SHAPES:
-            raise RecordError(f"surface.shape = {shown(self.shape)}: {must_be_one_of(SHAPES, self.shape)}")
-        sizes = SHAPES[self.shape]
-        if len(self.size) != len(sizes):
-            allowed = f"must be {len(sizes)} numbers, {', '.join(sizes)}" if sizes else "must be left out of a plane"
-            raise RecordError(f"surface.size = {shown(list(self.size))}: {allowed}")
+        coerce.fold_zeros(self, "position", "angles")
+        require_size("surface.size", self.shape, self.size)
         if self.mesh and self.shape in ("plane", "hole"):
             raise RecordError(f"surface.mesh = {shown(self.mesh)}: must be left out of a {self.shape}")
         if self.shape == "hole":
@@ -186,6 +178,14 @@ class Surface:
         for each in found[1:]:
             widest = maximum(widest, each)
         return widest
+
+
+def require_size(where: str, shape: str, size: Sequence[Scalar]) -> None:
+    """Refuse a size with another number of lengths than its shape has."""
+    sizes = SHAPES[shape]
+    if len(size) != len(sizes):
+        allowed = f"must be {len(sizes)} numbers, {', '.join(sizes)}" if sizes else "must be left out of a plane"
+        raise RecordError(f"{where} = {shown(list(size))}: {allowed}")
 
 
 def rotation_of(angles: Vec3) -> Mat3:
