@@ -11,6 +11,7 @@ from bench_engines import Flight
 from simulate_flights import document
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.plant.compiled import Steps
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate.loop import run
@@ -29,7 +30,7 @@ ROUNDING = 1e-11
 
 def ours(scenario, substeps):
     """Poses and joints of the rigid-body plant with so many Runge-Kutta steps a control period."""
-    flight = Flight.of(scenario, lambda _seconds: substeps)
+    flight = Flight.of(scenario, lambda _seconds: Steps(substeps))
     kernel = Kernel(flight.loop, Lanes(1), logging=True)
     _, log = kernel.run(flight.carry[:, None], flight.parameters[:, None], flight.rows)
     return log[:, [*range(7), *range(13, 13 + scenario.plant.vehicle.n)], 0]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cached_property
-from typing import Any, Self
+from typing import Any, NamedTuple
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import where
@@ -38,57 +38,38 @@ def example_command(joints: int, rotors: int, tilts: int = 0) -> Command:
     return Command(rotor_speeds=(0.0,) * rotors, efforts=(0.0,) * joints, tilts=(0.0,) * tilts)
 
 
-class Steps(int):
-    """Number of integration steps of an interval, and a smaller one while no contact is near (``far``).
+class Steps(NamedTuple):
+    """Numbers of integration steps of an interval.
 
     Attributes:
-        far: steps of the plant's integrator while the coupled components are inactive.
+        near: steps. far: fewer steps of the plant's integrator while the coupled components are inactive; 0 for none.
         rounds: least number of the inactive components' own steps within one of those.
         verlet: True if active components use the Stoermer-Verlet method instead of the plant's integrator.
     """
 
-    far: int
-    rounds: int
-    verlet: bool
-
-    def __new__(cls, near: int, far: int, *, verlet: int = 0) -> Self:
-        """Make from step counts with contacts near (``near``) and far (``far``); ``verlet`` replaces ``near``."""
-        made = super().__new__(cls, verlet or near)
-        made.far, made.rounds, made.verlet = far, math.ceil(near / far), verlet > 0
-        return made
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Steps) and self._numbers == other._numbers
-
-    def __ne__(self, other: object) -> bool:
-        return not self == other
-
-    @property
-    def _numbers(self) -> tuple[int, int, int, bool]:
-        return int(self), self.far, self.rounds, self.verlet
-
-    __hash__ = int.__hash__
+    near: int
+    far: int = 0
+    rounds: int = 1
+    verlet: bool = False
 
 
 def hold(
-    world: Truth, integrator: str, count: int, now: Moved, command: Command, around: Surroundings, seconds: Any
+    world: Truth, integrator: str, count: Steps, now: Moved, command: Command, around: Surroundings, seconds: Any
 ) -> Moved:
     """Integrate the states of plant and coupled components (contacts) over an interval (s) with constant inputs."""
-    near = VERLET if isinstance(count, Steps) and count.verlet else integrator
+    near = VERLET if count.verlet else integrator
 
     def step(both: Moved) -> Moved:
-        return COUPLED_STEP[near](world, both[0], command, around.with_coupled(both[1]), seconds / count)
+        return COUPLED_STEP[near](world, both[0], command, around.with_coupled(both[1]), seconds / count.near)
 
-    far: Any = False
-    if isinstance(count, Steps):
-        far = around.with_coupled(now[1]).far(PointMotion(world.vehicle, now[0]), seconds)
-    if not isinstance(count, Steps) or far is False:
-        return repeat(count, step, now)
+    far: Any = count.far > 0 and around.with_coupled(now[1]).far(PointMotion(world.vehicle, now[0]), seconds)
+    if far is False:
+        return repeat(count.near, step, now)
 
     def step_far(both: Moved) -> Moved:
         return far_step(integrator, world, both, command, around, seconds / count.far, count.rounds)
 
-    now = repeat_while(count, where(far, 0.0, float(count)), step, now)
+    now = repeat_while(count.near, where(far, 0.0, float(count.near)), step, now)
     return repeat_while(count.far, where(far, float(count.far), 0.0), step_far, now)
 
 
@@ -130,16 +111,17 @@ class RigidBodyPlant:
         # without rotors, drag and wind nothing pushes: the reading is a structural zero
         return Vec3(*(number(c) for c in base.linear))
 
-    def substeps(self, seconds: float) -> int:
-        """Number of integration steps; :class:`Steps` if fewer suffice while no contact is near."""
+    def substeps(self, seconds: float) -> Steps:
+        """Numbers of integration steps in an interval of ``seconds``."""
         near, far = (self._count(seconds, largest) for largest in (self._largest, self._largest_far))
         if near == far:
-            return near
+            return Steps(near)
+        rounds = math.ceil(near / far)
         if self._verlet is not None:
             held = max(divisions(seconds, self._verlet), math.ceil(seconds * self._rate / HELD_FRICTION_STEP))
             if held < near * STAGES:
-                return Steps(near, far, verlet=held)
-        return Steps(near, far)
+                return Steps(held, far, rounds, verlet=True)
+        return Steps(near, far, rounds)
 
     def _count(self, seconds: float, largest: float | None) -> int:
         if self._integrator != "euler":

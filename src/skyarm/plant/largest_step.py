@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterable
 from typing import Any
 
-from skyarm.algebra.scalars import Scalar
 from skyarm.compile import leaves
 from skyarm.dynamics.actuators.drive import Drive
 from skyarm.plant.surroundings import Surroundings
@@ -40,9 +39,8 @@ def largest_step(around: Surroundings, *, coupled: bool = True, euler: bool = Fa
     ``euler`` selects the steps of the semi-implicit Euler method.
     """
     parts = [each for each in around.components if coupled or not each.coupled]
-    own = [each.largest_euler_step if euler else each.largest_step for each in parts]
-    stated = [float(step) for step in (*own, _least(around.drives)) if step is not None]
-    return min(stated, default=None)
+    own = (each.largest_euler_step if euler else each.largest_step for each in parts)
+    return _least((*own, *(drive.largest_step for drive in around.drives)))
 
 
 def largest_stable_step(record: Any, *, euler: bool) -> Any:
@@ -56,8 +54,7 @@ def largest_stable_step(record: Any, *, euler: bool) -> Any:
 
 def lanes_step(around: Surroundings, *, euler: bool) -> float | None:
     """Smallest :func:`largest_stable_step` (s) of air, forces and joint drives in a batch; None without a limit."""
-    own = [largest_stable_step(each, euler=euler) for each in around.components]
-    return min((float(step) for step in (*own, _least(around.drives)) if step is not None), default=None)
+    return _least(largest_stable_step(each, euler=euler) for each in (*around.components, *around.drives))
 
 
 def verlet_step(around: Surroundings) -> float | None:
@@ -68,18 +65,16 @@ def verlet_step(around: Surroundings) -> float | None:
     if not around.coupled or largest_step(around, coupled=False) is not None:
         return None
     steps = [around.components[i].largest_verlet_step for i in around.coupled]
-    stated = [float(step) for step in steps if step is not None]
-    return min(stated) if len(stated) == len(steps) else None
+    return None if None in steps else _least(steps)
 
 
 def drives_step(around: Surroundings) -> float | None:
     """Smallest ``largest_step`` (s) of the joint drives; None without such a limit."""
-    return _least(around.drives)
+    return _least(drive.largest_step for drive in around.drives)
 
 
-def _least(records: Iterable[Drive]) -> float | None:
-    stated = [float(record.largest_step) for record in records if record.largest_step is not None]
-    return min(stated, default=None)
+def _least(steps: Iterable[Any]) -> float | None:
+    return min((float(step) for step in steps if step is not None), default=None)
 
 
 STATED = ("plant.drives.", "plant.vehicle.drives.", "environment.air.", "environment.forces.", "world.")
@@ -112,24 +107,15 @@ def check_largest_step(records: Iterable[tuple[str, Any]], period: float) -> Non
         # a property of traced numbers is not evaluated: it may branch
         if not concrete(*leaves(record)):
             continue
-        if record.largest_step is not None:
-            value = coerce.number(f"{where}.largest_step", record.largest_step)
+        allowed = f"{period / MOST_STEPS:g} s, a thousandth of the control period"
+        for name in ("largest_step", "largest_euler_step", "largest_verlet_step"):
+            given = getattr(record, name, None)
+            if given is None:
+                continue
+            value = coerce.number(f"{where}.{name}", given)
+            if not concrete(value) or period / MOST_STEPS <= value < math.inf:
+                continue
             why = record.why_short_steps() if isinstance(record, Drive) and value < period else ""
-            if why and not period / MOST_STEPS <= value:
-                raise ValueError(
-                    f"{where}: {why} move the joint within {value:.2g} s, must be {period / MOST_STEPS:g} s or more, a "
-                    f"thousandth of the control period"
-                )
-            _require_step(f"{where}.largest_step", value, period)
-        for name in ("largest_euler_step", "largest_verlet_step"):
-            other = getattr(record, name, None)
-            if other is not None:
-                _require_step(f"{where}.{name}", coerce.number(f"{where}.{name}", other), period)
-
-
-def _require_step(where: str, value: Scalar, period: float) -> None:
-    if concrete(value) and not period / MOST_STEPS <= value < math.inf:
-        raise ValueError(
-            f"{where} = {shown(value)}: must be None or at least {period / MOST_STEPS:g} s, a thousandth of the "
-            f"control period"
-        )
+            if why:
+                raise ValueError(f"{where}: {why} move the joint within {value:.2g} s, must be at least {allowed}")
+            raise ValueError(f"{where}.{name} = {shown(value)}: must be None or at least {allowed}")

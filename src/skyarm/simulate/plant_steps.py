@@ -12,7 +12,7 @@ from skyarm.compile import Graph, Node
 from skyarm.control.law_estimates import PushAlone
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
-from skyarm.plant.compiled import RigidBodyPlant, hold
+from skyarm.plant.compiled import RigidBodyPlant, Steps, hold
 from skyarm.plant.interface import Plant
 from skyarm.plant.rigid_body import Moved, accelerate, after_impact
 from skyarm.plant.surroundings import Surroundings, places_in
@@ -40,13 +40,13 @@ def rigid_body_plant(scenario: Scenario, first: LoopState | None = None) -> Rigi
 
 
 class Substeps:
-    """Number of integration steps of an interval (s), with a record of the intervals that were traced."""
+    """Numbers of integration steps of an interval (s), with a record of the intervals that were traced."""
 
     def __init__(self, plant: RigidBodyPlant) -> None:
-        self._plant, self._traced = plant, dict[float, int]()
+        self._plant, self._traced = plant, dict[float, Steps]()
 
-    def __call__(self, seconds: float) -> int:
-        """Number of integration steps in an interval of ``seconds``."""
+    def __call__(self, seconds: float) -> Steps:
+        """Numbers of integration steps in an interval of ``seconds``."""
         self._traced[seconds] = self._plant.substeps(seconds)
         return self._traced[seconds]
 
@@ -62,7 +62,7 @@ class RigidBodySteps:
         stages: of the episode. substeps: number of integration steps of an interval.
     """
 
-    def __init__(self, stages: Stages, substeps: Callable[[float], int]) -> None:
+    def __init__(self, stages: Stages, substeps: Callable[[float], Steps]) -> None:
         self._scenario, self._period, self._late = stages.scenario, stages.period, stages.late
         self._substeps, self._apart = substeps, stages.apart
 

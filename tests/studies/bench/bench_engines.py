@@ -15,6 +15,7 @@ from skyarm.compile import leaves
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.program import Loop, trace_loop
+from skyarm.plant.compiled import Steps
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.measurement import SensorNoise
@@ -59,7 +60,7 @@ class Flight:
     def of(
         cls,
         scenario: Scenario,
-        substeps: Callable[[float], int],
+        substeps: Callable[[float], Steps],
         *,
         loops: bool = True,
         paths: Sequence[str] = VARIED,
@@ -96,9 +97,10 @@ class Flight:
         return run
 
 
-def steps_of(scenario: Scenario) -> Callable[[float], int]:
+def steps_of(scenario: Scenario) -> Callable[[float], Steps]:
     """One RK4 step a control period, or 1 kHz Euler."""
-    return (lambda _seconds: 1) if scenario.integrator != "euler" else lambda seconds: round(1000.0 * seconds)
+    euler = scenario.integrator == "euler"
+    return lambda seconds: Steps(round(1000.0 * seconds) if euler else 1)
 
 
 def flights(scenario: Scenario) -> dict[str, Flight]:
@@ -149,7 +151,7 @@ REFERENCE_STEP = 0.125e-3
 def accuracy(scenario: Scenario, duration: float) -> dict[str, float]:
     """Largest distance of the base from the reference flight, m, by engine."""
     short = dataclasses.replace(scenario, duration=duration)
-    finest = _positions(Flight.of(short, lambda seconds: round(seconds / REFERENCE_STEP)), Lanes(1))
+    finest = _positions(Flight.of(short, lambda seconds: Steps(round(seconds / REFERENCE_STEP))), Lanes(1))
     found = {}
     for integrator in ("rk4", "euler"):
         one = short.with_words(integrator=integrator)

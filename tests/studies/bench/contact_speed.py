@@ -63,7 +63,7 @@ def pressing(duration: float, **replaced: Any) -> Scenario:
 def standing_contenders(duration: float, threads: int, blocks: int) -> list[Contender]:
     """Bare MuJoCo with its contacts on all threads, which is the baseline, and on one; then the closed loop."""
     scenario = standing(duration)
-    count, seconds = int(_plant(scenario).substeps(0.005)), 1.0 / scenario.rates.control
+    count, seconds = _plant(scenario).substeps(0.005).near, 1.0 / scenario.rates.control
     return [*bare_mujoco(scenario, seconds / count, threads), *ours(scenario, threads, blocks)]
 
 
@@ -101,7 +101,7 @@ def ours(scenario: Scenario, threads: int, blocks: int) -> list[Contender]:
     free = scenario.with_words(world=None)
     for name, each in (("contact", scenario), ("free", free)):
         plant = _plant(each)
-        flight, steps = Flight.of(each, plant.substeps, paths=PATHS), int(plant.substeps(1.0 / each.rates.control))
+        flight, steps = Flight.of(each, plant.substeps, paths=PATHS), plant.substeps(1.0 / each.rates.control).near
         for single in (False, True):
             lanes = Lanes(host_width(single=single), single=single, contract=True)
             fly = flight.runner(Kernel(flight.loop, lanes), blocks * lanes.width, threads)

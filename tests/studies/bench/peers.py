@@ -24,6 +24,7 @@ from bench_timing import Contender
 
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.plant.compiled import Steps
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -346,7 +347,7 @@ def bare_quadrotor(duration: float, threads: int, blocks: int) -> Contender:
         },
         "bare_quadrotor",
     )
-    flight = Flight.of(scenario, lambda seconds: round(BARE_RATE * seconds))
+    flight = Flight.of(scenario, lambda seconds: Steps(round(BARE_RATE * seconds)))
     lanes = Lanes(host_width(single=True), single=True, contract=True)
     run = flight.runner(Kernel(flight.loop, lanes), blocks * lanes.width, threads)
     what = f"closed loop of a quadrotor without an arm, Euler and control at {BARE_RATE} Hz, f32"

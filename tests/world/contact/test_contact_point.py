@@ -55,7 +55,7 @@ def test_a_ring_is_points_on_a_circle_across_the_z_axis():
 
 @pytest.mark.parametrize(
     ("ring", "words"),
-    [({"radius": 0.01, "count": 2}, "count = 2: must be from 3 to 64"), ({"radius": 0.01, "count": 65}, "from 3 to 64"),
+    [({"radius": 0.01, "count": 2}, "count = 2: must be at least 3"), ({"radius": 0.01, "count": 65}, "at most 64"),
      ({"radius": 0.0, "count": 4}, "radius = 0.0: must be above 0"), ({"radius": 0.01}, "count: is missing"),
      ({"radius": 0.01, "count": 4.5}, "count = 4.5"), (4, "ring")],
 )  # fmt: skip

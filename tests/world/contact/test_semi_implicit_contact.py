@@ -123,7 +123,7 @@ def test_plants_and_sweeps_take_the_steps_of_their_method():
     contact = Contact(objects=(box,), grippers=(Gripper(name="hand", damping_ratio=1.0),))
     around = Surroundings(components=(contact,), memories=(contact.start(0.005, ()),))
     truth = Truth(vehicle=ARM, gravity=9.8)
-    ours = {name: int(RigidBodyPlant(truth, around, name).substeps(0.005)) for name in ("rk4", "euler")}
+    ours = {name: RigidBodyPlant(truth, around, name).substeps(0.005).near for name in ("rk4", "euler")}
     largest = {"rk4": float(contact.largest_step), "euler": float(contact.largest_euler_step)}
     assert 0.5e-3 < largest["euler"] < 1e-3 < largest["rk4"]
     assert MujocoPlant(truth, around, "euler").model.opt.timestep == pytest.approx(0.5e-3)

@@ -241,7 +241,7 @@ class Differentiator:
 
     def _advance(self, scenario: Scenario, state: State, command: Command, air: Surroundings, seconds: Any) -> State:
         # as many steps as a whole period has: a part of it is integrated at least as well
-        count = self._substeps(self._period)
+        count = self._substeps(self._period).near
         step = COUPLED_STEP[scenario.integrator]
         return repeat(count, lambda x: step(scenario.plant, x, command, air, seconds / count)[0], state)
 
