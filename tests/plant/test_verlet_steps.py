@@ -251,3 +251,11 @@ def test_a_coupled_force_with_a_step_of_its_own_moves_by_its_rate():
     memory = Coupled().push((0.5,), 0.0, None, (), 1e-3)
     assert memory == pytest.approx((0.501,))
     assert Coupled().drift((0.5,), 1e-3) == (0.5,)
+
+
+@pytest.mark.parametrize(("held", "verlet"), [(7, True), (8, False)])
+def test_as_many_force_evaluations_as_runge_kutta_takes_are_no_reason_to_leave_it(held, verlet):
+    """Two Runge-Kutta steps take forces eight times: the semi-implicit method must need fewer."""
+    plant = RigidBodyPlant(Truth(vehicle=BIRD), around(SPRING, points=UNDER), "rk4", 0.001)
+    plant._rate, plant._largest, plant._largest_far, plant._verlet = 0.0, 0.0025, None, 0.005 / held
+    assert plant.substeps(0.005) == Steps(2, 1, verlet=held if verlet else 0)
