@@ -71,14 +71,19 @@ def chosen(mutant: Mutant, text: str, tests: Sequence[Test]) -> tuple[list[Test]
     if first is None:
         direct = {t.name for t in tests if any(f.startswith(prefix) for f in t.functions)}
         imports = {t.file for t in tests if any(f.startswith(prefix) for f in t.collected)}
-        files = {file for file in imports if str(Path(file).parent) == folder}
+        files = {file for file in imports if in_room(file, folder)}
     else:
         direct = {t.name for t in tests if f"{prefix}{first}" in t.functions}
         files = {t.file for t in tests if f"{prefix}{first}" in t.collected}
     files |= {name.split("::")[0] for name in direct}
-    own = [t for t in tests if t.file in files and str(Path(t.file).parent) == folder]
-    others = [t for t in tests if t.file in files and str(Path(t.file).parent) != folder]
+    own = [t for t in tests if t.file in files and in_room(t.file, folder)]
+    others = [t for t in tests if t.file in files and not in_room(t.file, folder)]
     return _fitting(own, direct, OWN), _fitting(others, direct, OTHERS)
+
+
+def in_room(file: str, folder: str) -> bool:
+    """Return True if a test file is of a room: anywhere below its folder; beside the rooms, in ``tests`` itself."""
+    return str(Path(file).parent) == folder if folder == "tests" else Path(file).is_relative_to(folder)
 
 
 def _fitting(tests: Iterable[Test], direct: set[str], limit: float) -> list[Test]:
