@@ -99,7 +99,10 @@ def test_no_process_can_be_started(quick):
         raise OSError(12, "Cannot allocate memory")
 
     quick.setattr(subprocess, "Popen", refuse)
-    assert states(doctor.examine())["machine code"] == "broken"
+    parts = {part.name: part for part in doctor.examine()}
+    assert parts["machine code"].state == "broken"
+    assert "Cannot allocate memory" in parts["machine code"].found
+    assert "Cannot allocate memory" not in parts["machine code"].remedy
 
 
 def test_a_document(quick):

@@ -9,7 +9,7 @@ import pytest
 
 import skyarm
 from law_parts import with_parts
-from skyarm.algebra import Mat3, Vec3
+from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.control.blocks import force_control
 from skyarm.control.blocks.force_control import InteractionGains, Pressing, first_interaction, wanted_of
 from skyarm.control.blocks.prediction import Disturbance
@@ -38,7 +38,7 @@ def mass(told=1.0, on=None, **memory):
     return carried(LAW.par, dataclasses.replace(LAW.memory, **memory), told, on).mass
 
 
-def carried(par, memory, told, on):
+def carried(par, memory, told, on, alone=PULLED):
     """Memory of the load after a period in which the observer holds its pull."""
     zero = Vec3(0, 0, 0)
     none = Disturbance(force=zero, torque=zero, efforts=(0, 0))
@@ -51,7 +51,7 @@ def carried(par, memory, told, on):
         signals=(),
         observed=memory.observed,
         told=None,
-        alone=PULLED,
+        alone=alone,
         unknown=none,
         force=none.force,
         free=memory.free,
@@ -66,6 +66,14 @@ def test_a_load_is_learned_while_it_is_told_to_be_held_and_no_surface_is_touched
     assert mass(told=0.4) == 0.0
     for on in (pressing(engaged=1.0), pressing(asked=True)):
         assert mass(on=on) == 0.0
+
+
+def test_a_load_under_a_tilted_base_is_learned_by_the_estimated_attitude():
+    tilted = Quaternion(np.cos(0.3), 0.6 * np.sin(0.3), 0.8 * np.sin(0.3), 0.0)
+    pulled = levers(ARM, tilted.rotation(), (0.0, 0.0)).disturbance(Vec3(0.0, 0.0, -0.981))
+    observed = dataclasses.replace(LAW.memory.observed, quaternion=tilted)
+    memory = dataclasses.replace(LAW.memory, observed=observed)
+    assert carried(LAW.par, memory, 1.0, None, pulled).mass == pytest.approx(mass(), rel=1e-9)
 
 
 def test_a_load_is_learned_as_fast_as_the_slower_observer_lets_it():
