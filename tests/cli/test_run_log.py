@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import shutil
 from pathlib import Path
 
@@ -33,6 +34,15 @@ def test_a_log_is_written_in_the_format_of_each_suffix(tmp_path: Path) -> None:
     assert (tmp_path / "flight.csv").read_text().splitlines()[0].startswith("time [s],position_x [m]")
     assert not (tmp_path / "out").exists()
     assert "flight.tsv" in done.out
+
+
+def test_the_peak_thrust_is_that_of_the_rotor_that_worked_hardest(tmp_path: Path) -> None:
+    done = run(tmp_path, "run", "case3_wind", "--duration", "0.5", "--log", "flight.npz", "--json")
+    found = json.loads(done.out)
+    speeds = skyarm.load_log(tmp_path / "flight.npz").rotor_speeds.max(axis=0)
+    limit = skyarm.load_vehicle("hummingbird_arm2_rotors").rotors[0].max_speed
+    assert speeds.max() > 1.01 * speeds.min()
+    assert found["peak_thrust"] == pytest.approx((speeds.max() / limit) ** 2, rel=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -26,6 +26,15 @@ SHAPES = examples(2, 4)
 ENGINE = make_engine(engine_key(make_controller("nmpc", MODEL).par, DT, False))
 
 
+def test_a_force_that_leans_too_far_keeps_its_direction_across():
+    gravity = 9.81
+    up = fallback._climbable(Vec3(30.0, -40.0, 9.81), gravity)
+    assert up.z == 9.81
+    assert up.y / up.x == pytest.approx(-4.0 / 3.0, rel=1e-12)
+    assert np.hypot(up.x, up.y) == pytest.approx(fallback.LEAN * 9.81, rel=1e-12)
+    assert tuple(fallback._climbable(Vec3(0.3, -0.4, -5.0), gravity)) == (0.3, -0.4, fallback.FLOOR * gravity)
+
+
 def swing(t, frequency, amplitude=0.7):
     w = 2.0 * np.pi * frequency
     s, c = amplitude * np.sin(w * t), amplitude * np.cos(w * t)

@@ -24,7 +24,7 @@ from skyarm.control.blocks.disturbance_observer import Observed
 from skyarm.control.catalogue import PRESETS, Controller, make_controller, preset
 from skyarm.control.laws.centroidal.law import CentroidalMemory
 from skyarm.control.model import Model, Terms
-from skyarm.control.onboard.export_c import STRUCTS, Constants, export_c
+from skyarm.control.onboard.export_c import STRUCTS, Constants, _member, export_c
 from skyarm.control.safety import with_safety_layer
 from skyarm.dynamics.actuators import Command
 from skyarm.records.units import units
@@ -399,11 +399,30 @@ def test_the_opening_names_law_source_vehicle_joints_rotors_and_how_to_compile()
         "Not defined at: pitch near 90 degrees",
         "joint 1: joint2 of link 1 'link2', revolute, rad, N m",
         "rotor 0: front, cw, at [0.17, 0, 0] m",
-        "once every 0.005 s",
+        "once every 0.005 s or at another rate: this law has no clock.",
         "cc -std=c99 -O2 -c law.c",
         "World z up",
     ):
         assert words in text, words
+
+
+def test_a_law_with_a_clock_is_called_at_its_own_rate():
+    text = text_of(built("hummingbird_arm2", "centroidal_tip")).split("*/")[0]
+    assert "Call law_step once every 0.005 s.\n" in text
+
+
+@pytest.mark.parametrize(
+    ("path", "name"),
+    [
+        (("parameters", "model", "vehicle", "base", "mass"), "base_mass"),
+        (("parameters", "model", "vehicle", "links", "0", "body", "mass"), "link0_mass"),
+        (("parameters", "gains", "links", "1", "axis"), "gains_link1_axis"),
+        (("parameters", "rotors", "2", "inertia"), "rotors_2_inertia"),
+        (("parameters", "0"), "value0"),
+    ],
+)
+def test_a_member_is_named_by_its_path(path, name):
+    assert _member(path) == name
 
 
 @needs_cc

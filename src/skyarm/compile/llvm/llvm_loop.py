@@ -23,7 +23,7 @@ LOW = 0xFFFFFFFF
 Splat = Callable[[int], str]
 
 
-def write_uniforms(writer: Writer, draws: Sequence[tuple[int, int]], *, own_seeds: bool = False) -> list[str]:
+def write_uniforms(writer: Writer, draws: Sequence[tuple[int, int]], *, own_seeds: bool) -> list[str]:
     """Write code that draws the random numbers of a step; returns the names of the vectors, uniform in (0, 1).
 
     Args:
