@@ -47,6 +47,13 @@ def test_what_is_held_goes_about_its_own_axis():
     assert float(other.at(9.0).position.x) == pytest.approx(0.6 + 0.8 * math.sin(1.0))
 
 
+def test_a_move_after_a_turn_ends_where_it_is_told():
+    found = read(DOOR, OPEN, RELEASE, {"kind": "go_to", "position": [0.2, 0.1, 1.5], "duration": 2.0})
+    turned = [0.6 - 0.8 * math.sin(1.0), -0.8 + 0.8 * math.cos(1.0), 1.2]
+    places = np.array([[float(c) for c in found.at(t).position] for t in (5.5, 60.0)])
+    np.testing.assert_allclose(places, [turned, [0.2, 0.1, 1.5]], atol=1e-12)
+
+
 def test_a_grip_stands_beside_a_push_and_comes_again():
     found = read(DOOR, OPEN, RELEASE, PRESS, GRASP | DOOR, OPEN | {"angle": -1.0})
     ends = [phase.end for phase in found.phases]

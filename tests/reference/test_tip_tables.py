@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import skyarm
 from skyarm.dynamics.array_front import frame_pose_world
+from skyarm.reference import tip_plan
 from skyarm.reference.feasibility import feasibility
 from skyarm.reference.reference_tables import reference_from
 from skyarm.reference.task_records import Setting
@@ -92,6 +93,12 @@ def test_the_tip_keeps_an_orientation():
         wanted = Rotation.from_euler("ZYX", [0.4 * np.sin(0.2 * np.pi * t), 0.3, 0.0])
         turn = Rotation.from_matrix(level_tip(ARM6, at, 1))
         assert (wanted.inv() * turn).magnitude() < 2e-3
+
+
+def test_roll_pitch_and_yaw_turn_as_scipy_turns():
+    for roll, pitch, yaw in ((0.3, -0.5, 1.2), (-1.0, 0.9, -2.0)):
+        R = np.array([tuple(row) for row in tip_plan._turn(roll, pitch, yaw).rows])
+        np.testing.assert_allclose(R, Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_matrix(), atol=1e-15)
 
 
 def test_a_joint_at_its_limit_is_told():

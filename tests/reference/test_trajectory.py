@@ -90,6 +90,12 @@ def test_samples_carry_every_signal_to_its_own_field():
     assert (sample.yaw, sample.yaw_rate, sample.yaw_acceleration) == yaw.derivatives(0.7)[:3]
 
 
+def test_a_load_is_told_by_the_value_of_its_signal():
+    grip = Ramp(start=0.5, duration=1.0, height=1.0, shape="linear")
+    held = dataclasses.replace(Trajectory(), load=grip)
+    assert [tuple(held.at(t).load) for t in (0.0, 1.25, 3.0)] == [(0.0,), (0.75,), (1.0,)]
+
+
 def test_a_circle_without_start_turns_for_ever():
     always = circle(radius=2.0, frequency_hz=-0.25, center=(1.0, 1.0, 1.0))
     assert always.switch_times() == ()

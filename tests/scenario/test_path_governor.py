@@ -165,6 +165,35 @@ def turning(vehicle, rate):
     )
 
 
+def test_a_servo_beyond_its_no_load_speed_is_out_of_its_share_and_no_number_is_lost():
+    model = HOVER.controller.par.model
+    name = model.vehicle.links[0].joint.name
+    motor = PositionServo(
+        stiffness=5.0, inertia=1e-3, torque_constant=0.01, resistance=2.0, voltage=12.0, gear=100.0, current_limit=2.0
+    )
+    vehicle = dataclasses.replace(model.vehicle, drives=(MountedDrive(name=name, drive=motor),))
+    limits = Limits(unlimited(dataclasses.replace(model, vehicle=vehicle)), OPTIONS)
+    row = limits.names().index(f"effort of joint {name!r}")
+    shares = limits.shares(turning(vehicle, 1.5 * 12.0 / (100.0 * 0.01)))[row]
+    assert np.isfinite(shares).all()
+    assert shares.min() > 1.0
+
+
+def test_a_tip_that_an_upright_arm_holds_asks_for_more_tilt_than_its_base():
+    model, count = HOVER.controller.par.model, 401
+    time, zeros = np.arange(count) * 0.01, np.zeros((model.vehicle.n, count))
+    surge, w = np.zeros((3, count)), 4.0
+    surge[0] = 2.0 * np.sin(w * time)
+    up = zeros.copy()
+    up[0] = math.pi
+    moved = Motion(time=time, acceleration=surge, yaw=zeros[0], joints=up, rates=zeros, accelerations=zeros)
+    blunt = dataclasses.replace(model, vehicle=dataclasses.replace(model.vehicle, end_effector=""))
+    middle = slice(100, 301)
+    with_tip, without = (Limits(each, OPTIONS).shares(moved)[-2, middle].max() for each in (model, blunt))
+    # a base under a tip 0.3 m above it that stays where a level base has it: 1 + 0.3 w^2 / g of the acceleration
+    assert with_tip / without == pytest.approx(1.0 + 0.3 * w**2 / 9.81, rel=0.15)
+
+
 def effort_of(vehicle, rate):
     """Effort of the first joint there by the front of arrays, base level: what the arm's reaction tilts is left out."""
     speeds = np.zeros(6 + vehicle.n)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.sensing.estimate.error_state import (
@@ -23,6 +24,7 @@ from skyarm.sensing.estimate.error_state import (
     turn_between,
     update_by_scalar,
 )
+from skyarm.sensing.estimate.filter_constants import FilterNumbers
 from skyarm.sensing.sensor_kinds import HeadingReading, ImuReading, PoseReading
 
 RNG = np.random.default_rng(4)
@@ -198,6 +200,15 @@ def test_the_gate_is_near_the_quantile_of_chi_square(count, deviations):
     stats = pytest.importorskip("scipy.stats")
     exact = stats.chi2.isf(stats.norm.sf(deviations), count)
     assert gate_of(deviations, count) == pytest.approx(exact, rel={1: 0.15, 3: 0.07, 6: 0.04}[count])
+
+
+def test_a_push_that_turns_with_the_base_walks_across_its_own_turning():
+    filters, belief, reading = FilterNumbers(force="modelled", push_walk=0.02, push_turn=0.2), navigated(), imu()
+    found = filters.added_variances(belief, reading, STEP)
+    x, y, z, w = belief.quaternion.x, belief.quaternion.y, belief.quaternion.z, belief.quaternion.w
+    rate = Rotation.from_quat([x, y, z, w]).apply([*(reading.rate - belief.gyro_bias)])
+    turning = np.cross(rate, list(belief.push))
+    np.testing.assert_allclose(found[-3:], (0.02**2 + 0.2 * turning**2) * STEP, rtol=1e-12)
 
 
 def test_the_first_covariance_is_of_independent_components():
