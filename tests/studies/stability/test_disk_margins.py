@@ -193,14 +193,32 @@ def test_the_delay_of_one_loop_is_that_of_all_where_there_is_but_one():
     assert named(found, "rotor 1").delay == pytest.approx(found.delay, rel=2e-3)
 
 
+def with_delays(loop, delays):
+    """The loop with a delay (s) for each command: the commands on their way are part of the plant's state."""
+    ages = [divmod(round(delay * len(loop.lates) / loop.period), len(loop.lates)) for delay in delays]
+    states, size = len(loop.x_x[0]), len(loop.x_x[0]) + sum(whole + 1 for whole, _ in ages)
+    x_x, x_new = np.zeros((1, size, size)), np.zeros((1, size, len(delays)))
+    y_x, first = np.zeros((len(loop.y_x), size)), states
+    x_x[0, :states, :states], y_x[:, :states] = loop.x_x[0], loop.y_x
+    for c, (whole, late) in enumerate(ages):
+        last = first + whole
+        x_x[0, :states, first], y_x[:, first] = loop.x_old[late][:, c], loop.y_old[:, c]
+        follows = x_x[0, :states, first + 1] if whole else x_new[0, :states, c]
+        follows += loop.x_new[late][:, c]
+        x_x[0, range(first, last), range(first + 1, last + 1)] = x_new[0, last, c] = 1.0
+        first = last + 1
+    changed = {"x_x": x_x, "x_old": 0.0 * x_new, "x_new": x_new, "y_x": y_x, "y_old": 0.0 * loop.y_old}
+    return dataclasses.replace(loop, lates=np.zeros(1), command_delay=0.0, states=0, **changed)
+
+
 def test_the_delay_of_one_rotor_is_where_eigenvalues_leave_the_circle():
     loop = dataclasses.replace(coupled(), rotors=1)
-    foretold = named(margins(loop), "rotor 1").delay
+    own, foretold = loop.command_delay, named(margins(loop), "rotor 1").delay
     assert 0.002 < foretold < 0.06
     step = loop.period / len(loop.lates)
     steps = np.arange(0.0, foretold + 10.0 * step, step)
     radii = [
-        np.abs(np.linalg.eigvals(close_loop(dataclasses.replace(loop, rotors_delay=d)).matrix(np.ones(3)))).max()
+        np.abs(np.linalg.eigvals(close_loop(with_delays(loop, [own + d, *[own] * 2])).matrix(np.ones(3)))).max()
         for d in steps
     ]
     first = int(np.argmax(np.array(radii) > 1.0))

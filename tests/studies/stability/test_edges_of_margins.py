@@ -10,6 +10,9 @@ import numpy as np
 import pytest
 from hand_made import T, double_integrator
 
+from skyarm.scenario.scenario_file import load_scenario
+from skyarm.scenario.scenario_record import ScenarioError
+from skyarm.studies.stability.frozen_scenario import nominal
 from skyarm.studies.stability.margins import LONGEST, STRIDE, delay_margin, gain_edge, radius
 
 MARGINS = importlib.import_module("skyarm.studies.stability.margins")
@@ -83,3 +86,10 @@ def test_no_gain_beyond_the_limit_is_looked_at():
     assert gain_edge(asked.append, STRIDE, 100.0) == 100.0
     assert gain_edge(asked.append, 1.0 / STRIDE, 0.5) == 0.5
     assert (min(asked), max(asked)) == (0.5, 100.0)
+
+
+def test_rotors_and_joints_with_delays_of_their_own_are_refused_in_one_line():
+    case = load_scenario("case1")
+    late = case.with_words(delays=dataclasses.replace(case.delays, joints=0.003))
+    with pytest.raises(ScenarioError, match=r"^delays\.rotors, delays\.joints: must be left out of margins"):
+        nominal(late)

@@ -21,12 +21,10 @@ class OpenLoop:
 
     Attributes:
         period: s. rotors: how many entries of u are rotor speeds; they come first.
-        lates: times, s, within a period at which a new command reaches the rotors, ascending from 0; the joints get it
-            so much later, or earlier in the period, as their delay differs.
+        lates: times, s, within a period at which a new command takes effect, ascending from 0.
         x_x, x_old, x_new: (lates, ...) of the next state by state, acting and new command.
         y_x, y_old: of the measurement now. m_m, m_y, u_m, u_y: of the law, by its memory and the measurement it sees.
-        measurement_delay: control periods. command_delay: s, of all commands. rotors_delay, joints_delay: s on top of
-            it, of the rotors' and of the joints' part.
+        measurement_delay: control periods. command_delay: s.
         states: how many entries of x are the vehicle's own; those after them are memories of its joint drives. 0: all.
         channels: where it is cut for the margins of single loops; none: each number of a command and a measurement.
     """
@@ -45,8 +43,6 @@ class OpenLoop:
     u_y: Array
     measurement_delay: int = 0
     command_delay: float = 0.0
-    rotors_delay: float = 0.0
-    joints_delay: float = 0.0
     states: int = 0
     channels: tuple[Channel, ...] = ()
 
@@ -77,12 +73,9 @@ class Closed:
 def close_loop(loop: OpenLoop, extra_delay: float = 0.0) -> Closed:
     """Close the loop over the state vector [state, controller state, delayed measurements, delayed commands].
 
-    ``extra_delay`` (s, with the loop's own a multiple of its ``lates``) joins the commands' own, the rotors' and the
-    joints' alike.
+    ``extra_delay`` (s, with the loop's own a multiple of its ``lates``) joins that of the commands.
     """
-    age_of_rotors, late = _split(loop, loop.command_delay + loop.rotors_delay + extra_delay)
-    age_of_joints, _ = _split(loop, loop.command_delay + loop.joints_delay + extra_delay)
-    whole = max(age_of_rotors, age_of_joints)
+    whole, late = _split(loop, loop.command_delay + extra_delay)
     nx, nm, nu, ny = loop.x_x.shape[1], len(loop.m_m), loop.u_m.shape[0], len(loop.y_x)
     r = loop.measurement_delay
     ends = np.cumsum([0, nx, nm, *[ny] * r, *[nu] * (whole + 1)])
@@ -92,25 +85,18 @@ def close_loop(loop: OpenLoop, extra_delay: float = 0.0) -> Closed:
     one = np.eye(size)
     now = np.zeros((ny, size))
     now[:, x] = loop.y_x
-    # columns of the commands that act, in what each part of the vehicle has heard of so far
-    parts = [
-        (np.arange(loop.rotors), whole - age_of_rotors),
-        (np.arange(loop.rotors, nu), whole - age_of_joints),
-    ]
-    for columns, heard in parts:
-        now[:, queue[heard].start + columns] = loop.y_old[:, columns]
+    now[:, queue[0]] = loop.y_old
     seen = one[readings[0]] if r else now
     sent = loop.u_y @ seen
     sent[:, m] += loop.u_m
     A, enters = np.zeros((size, size)), np.zeros((size, nu))
     A[x, x] = loop.x_x[late]
-    for columns, heard in parts:
-        A[x, queue[heard].start + columns] = loop.x_old[late][:, columns]
-        # the command that follows is the next on its way, or where none is what is sent now
-        if heard < whole:
-            A[x, queue[heard + 1].start + columns] = loop.x_new[late][:, columns]
-        else:
-            enters[x, columns] = loop.x_new[late][:, columns]
+    A[x, queue[0]] = loop.x_old[late]
+    # the command that follows is the next on its way, or where none is what is sent now
+    if whole:
+        A[x, queue[1]] = loop.x_new[late]
+    else:
+        enters[x] = loop.x_new[late]
     A[m] = loop.m_y @ seen
     A[m, m] += loop.m_m
     for i, place in enumerate(readings):

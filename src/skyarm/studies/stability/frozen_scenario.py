@@ -31,8 +31,10 @@ def nominal(scenario: Scenario) -> Scenario:
 
     Raises:
         ScenarioError: a law that turns rotors: channels and lags of their servos are not reckoned; or air or a force
-            whose memory moves with the plant or follows its state.
+            whose memory moves with the plant or follows its state; or rotors and joints with delays of their own.
     """
+    if scenario.delays.apart:
+        raise ScenarioError("delays.rotors, delays.joints: must be left out of margins, which know delays.command only")
     scenario = _without_tilts(scenario)
     calm: Wind = scenario.wind
     if isinstance(calm, MovingAir):

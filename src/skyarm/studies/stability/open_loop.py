@@ -36,7 +36,7 @@ from skyarm.plant.surroundings import Surroundings
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.measurement import Measurement, measure, measurement_of, noise_count
-from skyarm.simulate.command_line import mean_efforts, switches
+from skyarm.simulate.command_line import mean_efforts
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.loop_state import LoopState, Row, structure_of
@@ -126,32 +126,21 @@ class OpenPoint:
     power: Any
 
 
-def open_point(carry: LoopState, ages: tuple[int, int] | None = None, batteries: int = 0) -> OpenPoint:
+def open_point(carry: LoopState, batteries: int = 0) -> OpenPoint:
     """Operating point for the linearisation, from the state of the simulation loop.
 
     Args:
         carry: of the flight.
-        ages: whole periods that rotors and joints are late; left out: the queue is as long as both.
         batteries: how many of the last components are batteries.
     """
-    last = len(carry.queue) - 1
-    old, following = carry.queue[0], carry.queue[min(1, last)]
-    if ages is not None:
-        old, following = (
-            Command(
-                rotor_speeds=carry.queue[min(last - ages[0] + k, last)].rotor_speeds,
-                efforts=carry.queue[min(last - ages[1] + k, last)].efforts,
-            )
-            for k in (0, 1)
-        )
     # an open period asks for no time and no specific force
     waiting = carry.sensors[0].waiting
     seen = waiting[0] if waiting else measurement_of(carry.state, carry.state.velocity * 0.0)
     return OpenPoint(
         state=carry.state,
         drives=carry.drives,
-        old=old,
-        new=following,
+        old=carry.queue[0],
+        new=carry.queue[min(1, len(carry.queue) - 1)],
         memory=carry.memory,
         seen=seen,
         power=carry.components[len(carry.components) - batteries :] if batteries else (),
@@ -183,21 +172,13 @@ class Differentiator:
         self._period, self._substeps = 1.0 / scenario.rates.control, plant.substeps
         ratio = scenario.rates.physics // scenario.rates.control
         self.lates = np.arange(ratio) / scenario.rates.physics
-        self._ages: tuple[int, int] | None = None
-        """Whole periods that rotors and joints are late; None where they hear of a command together."""
-        self._joints_lates = self.lates
-        """s within a period after which the joints hear of a command, beside :attr:`lates` of the rotors."""
-        if scenario.delays.apart:
-            steps = [round(delay * scenario.rates.physics) for delay in _delays(scenario)]
-            self._ages = steps[0] // ratio, steps[1] // ratio
-            self._joints_lates = (np.arange(ratio) + steps[1] - steps[0]) % ratio / scenario.rates.physics
-        self._point = open_point(first, self._ages, len(scenario.power))
+        self._point = open_point(first, len(scenario.power))
         row = inputs.row_at(0, first)
 
         def step(point: OpenPoint, given: tuple[Any, ...], fed: Row, _uniforms: Any) -> tuple[OpenPoint, Any]:
             return point, self._outputs(point, given, fed)
 
-        given = ((0.0, 0.0) if self._ages is None else (0.0, 0.0, 0.0), self._numbers)
+        given = ((0.0, 0.0), self._numbers)
         loop = trace_loop(step, structure_of(self._point), given, row, loops=True)
         # few periods are stepped: what compiles five times as fast is quicker in all
         self._kernel = Kernel(loop, Lanes(host_width(), contract=False), logging=True, effort=0)
@@ -205,7 +186,7 @@ class Differentiator:
 
     def _outputs(self, point: OpenPoint, given: tuple[Any, ...], row: Row) -> tuple[Any, ...]:
         """Next state, measurement, controller state and command, for given arrival times, rotor lag and parameters."""
-        (*lates, lag), numbers = given
+        (late, lag), numbers = given
         own = self.scenario
         if self._paths:
             own = with_numbers(own, dict(zip(self._paths, numbers, strict=True)))
@@ -225,18 +206,15 @@ class Differentiator:
             point.memory, point.seen, stages.law_reference(row), self._period, par=scenario.controller.par
         )
         # a drive hears the mean of both commands once in a period, as it does in flight
-        heard = mean_efforts(point.old, point.new, lates[-1], self._period)
+        heard = mean_efforts(point.old, point.new, late, self._period)
         state, given_drives = point.state, zip(scenario.all_drives, point.drives, heard, strict=False)
         drives = tuple(
             drive.advance(memory, u, state.joints[i], state.joint_rates[i], self._period)
             for i, (drive, memory, u) in enumerate(given_drives)
         )
         air = stages.with_drives(air, drives)
-        after, left = point.state, self._period
-        pieces = [(lates[0], point.old)] if self._ages is None else switches(point.old, point.new, lates[0], lates[1])
-        for seconds, acting in pieces:
-            after, left = self._advance(scenario, after, acting, air, seconds), left - seconds
-        after = self._advance(scenario, after, point.new, air, left)
+        after = self._advance(scenario, point.state, point.old, air, late)
+        after = self._advance(scenario, after, point.new, air, self._period - late)
         return tuple(data(leaf) for leaf in leaves((after, drives, now, memory, command)))
 
     def _advance(self, scenario: Scenario, state: State, command: Command, air: Surroundings, seconds: Any) -> State:
@@ -255,7 +233,7 @@ class Differentiator:
             numbers: of the paths; the scenario's own if left out.
         """
         given = (SHARES[lag], *(self._numbers if numbers is None else numbers))
-        point = open_point(carry, self._ages, len(self.scenario.power))
+        point = open_point(carry, len(self.scenario.power))
         sizes = sizes_of(point)
         base = self._complete(carry, point, sizes, row, given)
         moved, widths = stencil_points(base, point.state.quaternion)
@@ -282,8 +260,6 @@ class Differentiator:
             u_y=first[3][:, y],
             measurement_delay=round(self.scenario.delays.measurement * self.scenario.rates.control),
             command_delay=float(self.scenario.delays.command),
-            rotors_delay=float(self.scenario.delays.rotors),
-            joints_delay=float(self.scenario.delays.joints),
             states=len(leaves(point.state)) - 1,
             channels=self._channels(point, base),
         )
@@ -303,12 +279,9 @@ class Differentiator:
         if not carry.sensors[0].waiting:
             made = self._outputs_of(base[:, None], row, 0, given)[:, 0]
             base[sum(sizes[:4]) : sum(sizes[:5])] = made[ends[0] : ends[1]]
-        ages = self._ages or (len(carry.queue) - 1,) * 2
-        at_once = np.repeat(np.array(ages) == 0, [len(point.new.rotor_speeds), len(point.new.efforts)])
-        if at_once.any():
+        if len(carry.queue) == 1:
             made = self._outputs_of(base[:, None], row, 0, given)[:, 0]
-            following = base[sizes[0] + sizes[1] : sum(sizes[:3])]
-            following[at_once] = made[ends[2] : ends[3]][at_once]
+            base[sizes[0] + sizes[1] : sum(sizes[:3])] = made[ends[2] : ends[3]]
         return base
 
     def _outputs_of(self, points: Array, row: Sequence[float], late: int, numbers: Sequence[float]) -> Array:
@@ -317,16 +290,9 @@ class Differentiator:
         ``numbers`` are the lag's share and those of the paths.
         """
         lanes = points.shape[1]
-        when = [self.lates[late]] if self._ages is None else [self.lates[late], self._joints_lates[late]]
-        given = np.repeat(np.array([*when, *numbers])[:, None], lanes, axis=1)
+        given = np.repeat(np.array([self.lates[late], *numbers])[:, None], lanes, axis=1)
         _, log = self._kernel.run(points, given, np.array(row, dtype=float).reshape(1, self._row))
         return np.asarray(log[0], dtype=float)
-
-
-def _delays(scenario: Scenario) -> tuple[float, float]:
-    """Delays of the rotor and joint commands, s."""
-    delays = scenario.delays
-    return float(delays.command) + float(delays.rotors), float(delays.command) + float(delays.joints)
 
 
 def carry_of(template: LoopState, values: Sequence[float]) -> LoopState:
