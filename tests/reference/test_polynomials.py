@@ -45,12 +45,6 @@ def test_no_other_derivatives_at_the_inner_points_cost_less():
         assert abs(up - down) < 1e-6 * (up + down - 2.0 * least) + 1e-9 * least
 
 
-def test_a_given_velocity_at_the_start_is_kept():
-    moving = minimum_snap((0.0, 2.0), (0.0, 1.0), start=(0.3, -0.2, 0.1))
-    np.testing.assert_allclose(moving.derivatives(0.0)[:4], (0.0, 0.3, -0.2, 0.1), atol=1e-12)
-    np.testing.assert_allclose(moving.derivatives(2.0 - 1e-12)[:4], (1.0, 0.0, 0.0, 0.0), atol=1e-9)
-
-
 def test_it_is_held_before_and_after():
     assert MOTION.derivatives(0.0) == (0.0, 0.0, 0.0, 0.0, 0.0)
     value, *rest = MOTION.derivatives(7.0)

@@ -216,7 +216,7 @@ def test_samples_of_a_file_are_passed_at_their_times(tmp_path):
         ("t,x,y,z\n0,0,0,1\n0,0,0,1\n", "row 2: t = 0.0: must be 0.001 s or more after 0.0 of the row before"),
         ("t,x,y\n0,0,0\n1,1,1\n", "must have a column 'z' in its header; there are ['t', 'x', 'y']"),
         ("t,x,y,z\n0,0,0,1\n", "must have 2 to 2000 rows below its header, not 1"),
-        ("", "must have a column 't' in its header"),
+        ("", "must have 2 to 2000 rows below its header, not 0"),
     ):
         file.write_text(text)
         with pytest.raises(ValueError, match=r"reference\.base\..\.file") as caught:

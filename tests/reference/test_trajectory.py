@@ -152,9 +152,6 @@ def test_ticks_hold_the_sample_of_the_last_multiple_of_the_ratio():
     assert [publisher.held_tick(k) for k in range(10)] == [0, 0, 0, 0, 4, 4, 4, 4, 8, 8]
     assert publisher.held_time(1203) == 6.0
     assert publisher.held_time(1199) == 5.98
-    assert publisher.sample_and_hold(CASE3, 1199).position.x == 0.0
-    assert publisher.sample_and_hold(CASE3, 1200) == publisher.sample_and_hold(CASE3, 1203) == CASE3.at(6.0).dense()
-    assert publisher.sample_and_hold(CASE3, 1204) == CASE3.at(6.02).dense()
     assert Publisher(control_rate=200, reference_rate=200).held_tick(7) == 7
 
 

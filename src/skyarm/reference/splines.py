@@ -136,21 +136,14 @@ FREE = 3
 """Derivatives of a point that are free: velocity, acceleration, jerk."""
 
 
-def minimum_snap(
-    times: Sequence[float],
-    values: Sequence[float],
-    start: Sequence[float] = (0.0,) * 3,
-    end: Sequence[float] = (0.0,) * 3,
-) -> Polynomials:
-    """Minimum-snap spline through values at given times.
+def minimum_snap(times: Sequence[float], values: Sequence[float]) -> Polynomials:
+    """Minimum-snap spline through values at given times, from rest to rest.
 
     Args:
         times: s, rising, at least two.
         values: at these times.
-        start: velocity, acceleration and jerk at the first time; at rest by default.
-        end: the same at the last time.
     """
-    derivatives = knot_derivatives(times, values, start, end)
+    derivatives = knot_derivatives(times, values)
     pieces = []
     for i in range(len(times) - 1):
         span = times[i + 1] - times[i]
@@ -161,10 +154,8 @@ def minimum_snap(
     return Polynomials(tuple(times), tuple(pieces))
 
 
-def knot_derivatives(
-    times: Sequence[float], values: Sequence[float], start: Sequence[float], end: Sequence[float]
-) -> list[Sequence[float]]:
-    """Velocity, acceleration and jerk of a minimum-snap spline at each knot."""
+def knot_derivatives(times: Sequence[float], values: Sequence[float]) -> list[Sequence[float]]:
+    """Velocity, acceleration and jerk of a minimum-snap spline at each knot; zero at both ends."""
     inner = len(times) - 2
     size = FREE * inner
     band = 2 * FREE - 1
@@ -176,9 +167,9 @@ def knot_derivatives(
         weight = [span ** (k % 4) for k in range(8)]
         known = {0: values[i], 4: values[i + 1]}
         if i == 0:
-            known |= {1 + k: start[k] for k in range(FREE)}
+            known |= {1 + k: 0.0 for k in range(FREE)}
         if i == inner:
-            known |= {5 + k: end[k] for k in range(FREE)}
+            known |= {5 + k: 0.0 for k in range(FREE)}
         at = {k: FREE * (i - 1 + k // 4) + k % 4 - 1 for k in range(8) if k not in known}
         for k, row in at.items():
             for j in range(8):
@@ -188,7 +179,8 @@ def knot_derivatives(
                 elif at[j] <= row:
                     A[row][row - at[j]] += value
     solved = _solve_banded(A, b, band)
-    return [start, *(solved[FREE * i : FREE * i + FREE] for i in range(inner)), end]
+    rest = (0.0,) * FREE
+    return [rest, *(solved[FREE * i : FREE * i + FREE] for i in range(inner)), rest]
 
 
 def snap_cost(motion: Polynomials) -> float:

@@ -33,10 +33,10 @@ from skyarm.reference.waypoints import (
     FlightLimits,
     Points,
     allocate,
+    bounded,
     points_of,
     positive,
     require_way,
-    within,
 )
 
 NUMBERS = ("error", "force", "force_below", "distance")
@@ -63,8 +63,8 @@ def guard_from(phase: Fields, normal: Vector | None, usual: Mapping[str, Any] | 
         return None if usual is None else dict(usual)
     fields = Fields(phase.take("until"), phase.at("until"))
     found = _guard_conditions(fields)
-    found["hold"] = within(fields.number("hold", 0.5, low=0.0), fields.at("hold"))
-    found["timeout"] = within(fields.number("timeout", 5.0), fields.at("timeout"), CLOSEST)
+    found["hold"] = bounded(fields, "hold", 0.5, low=0.0)
+    found["timeout"] = bounded(fields, "timeout", 5.0, low=CLOSEST)
     found["fails"] = fields.choice("on_timeout", ("go_on", "fail"), "go_on") == "fail"
     found["early"] = fields.flag("early", False)
     given = fields.take("direction", None)
@@ -122,7 +122,7 @@ COMING_BACK = 1.0
 
 def seconds(fields: Fields, name: str, *default: Any) -> float:
     """Duration field of a phase, s."""
-    return within(fields.number(name, *default), fields.at(name), CLOSEST)
+    return bounded(fields, name, *default, low=CLOSEST)
 
 
 def duration_of(phase: Fields) -> float | None:
@@ -181,7 +181,7 @@ class Task:
     def begin(self, phase: Fields) -> None:
         """Begin a phase; rest until the phase's start time if one is given."""
         if phase.take("start", None) is not None:
-            start = within(phase.number("start"), phase.at("start"), 0.0)
+            start = bounded(phase, "start", low=0.0)
             if start < self.time:
                 allowed = f"must be at or after {self.time:.6g} s, the end of the phase before"
                 raise ValueError(f"{phase.at('start')} = {start:g}: {allowed}")

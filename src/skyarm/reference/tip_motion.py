@@ -62,15 +62,15 @@ class Arm:
         return found
 
 
-def arm_of(vehicle: Vehicle, frame: str = "") -> Arm:
-    """Chain of joints that carries a frame, by default the tip.
+def arm_of(vehicle: Vehicle) -> Arm:
+    """Chain of joints that carries the tip.
 
     Raises:
         ValueError: the vehicle has no tip, or one that a follower carries.
     """
-    if not (frame or vehicle.end_effector):
+    if not vehicle.end_effector:
         raise ValueError(f"vehicle {vehicle.name!r}: has no tip (end_effector)")
-    held = vehicle.frame(frame or vehicle.end_effector)
+    held = vehicle.frame(vehicle.end_effector)
     if held.link >= vehicle.n:
         raise ValueError(f"vehicle {vehicle.name!r}: frame {held.name!r} is carried by a follower, not by a joint")
     carriers: list[int] = []

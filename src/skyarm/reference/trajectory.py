@@ -265,10 +265,6 @@ class Publisher:
         """Time of the sample that is held at ``tick``, s."""
         return self.held_tick(tick) / self.control_rate
 
-    def sample_and_hold(self, trajectory: Trajectory, tick: int) -> Reference:
-        """Reference that the controller receives at a control tick, with all numbers as floats."""
-        return trajectory.at(self.held_time(tick)).dense()
-
 
 Array = npt.NDArray[Any]
 

@@ -200,14 +200,14 @@ def within(value: float, at: str, low: float = -FARTHEST, high: float = FARTHEST
     return value
 
 
-def positive(fields: Fields, name: str, *default: Any, high: float = FARTHEST) -> float:
-    """Read a positive number of a table."""
-    return within(fields.number(name, *default, low=0.0, strict=True), fields.at(name), 0.0, high)
+def bounded(fields: Fields, name: str, *default: Any, low: float = -FARTHEST, high: float = FARTHEST) -> float:
+    """Read a number of a table between two bounds (inclusive)."""
+    return within(fields.number(name, *default), fields.at(name), low, high)
 
 
-def start_of(fields: Fields) -> float:
-    """Start time of a motion, s."""
-    return within(fields.number("start", 0.0), fields.at("start"))
+def positive(fields: Fields, name: str, *default: Any, low: float = 0.0, high: float = FARTHEST) -> float:
+    """Read a positive number of a table between two bounds (inclusive)."""
+    return within(fields.number(name, *default, low=0.0, strict=True), fields.at(name), low, high)
 
 
 def waypoints_table(fields: Fields, setting: Setting) -> Trajectory:
@@ -215,7 +215,7 @@ def waypoints_table(fields: Fields, setting: Setting) -> Trajectory:
     points = points_of(fields.take("points"), fields.at("points"))
     if not 2 <= len(points) <= MOST_POINTS:
         raise ValueError(f"{fields.at('points')} = {len(points)} points: must be 2 to {MOST_POINTS}")
-    start, limits = start_of(fields), limits_of(fields, setting)
+    start, limits = bounded(fields, "start", 0.0), limits_of(fields, setting)
     if fields.take("times", None) is None:
         require_way(None, points, [f"{fields.at('points')}[{i}]" for i in range(len(points))])
         times: tuple[float, ...] = allocate(points, limits, setting.gravity)
@@ -233,7 +233,7 @@ def samples_signal(fields: Fields) -> Signal:
     names = [fields.take("time", "time"), fields.take("column")]
     if not all(isinstance(name, str) for name in names):
         raise ValueError(f"{fields.at('column')} = {shown(names[1])}: must be the name of a column")
-    start = start_of(fields)
+    start = bounded(fields, "start", 0.0)
     times, values = _read_columns(fields, names)
     require_near(values, times, f"{fields.at('file')}: {names[1]}")
     return minimum_snap([start + t for t in times], values)
@@ -262,11 +262,7 @@ def limits_of(fields: Fields, setting: Setting) -> FlightLimits:
     if not 1.0 < thrust <= max(most, 1.0):
         allowed = f"must be above 1 and at most {most:.3g}, 0.9 of the rotors' highest thrust over the weight"
         raise ValueError(f"{fields.at('thrust')} = {thrust:.4g}: {allowed}")
-    found = {
-        name: within(fields.number(name, getattr(usual, name), low=0.0, strict=True), fields.at(name), LEAST)
-        for name in LIMITS
-        if name != "thrust"
-    }
+    found = {name: positive(fields, name, getattr(usual, name), low=LEAST) for name in LIMITS if name != "thrust"}
     if found["tilt"] >= 0.5 * math.pi:
         raise ValueError(f"{fields.at('tilt')} = {found['tilt']!r}: must be below pi/2 rad")
     return FlightLimits(**found, thrust=thrust)
@@ -349,19 +345,15 @@ def _read_columns(fields: Fields, names: list[str]) -> list[list[float]]:
         raise ValueError(f"{at}: {reason}")
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = [row for row in csv.reader(file) if any(cell.strip() for cell in row)]
+            rows = list(csv.DictReader(file, skipinitialspace=True))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise ValueError(f"{at}: must be a CSV file of UTF-8 text ({error})") from None
-    header = [cell.strip() for cell in rows[0]] if rows else []
+    if not 2 <= len(rows) <= MOST_ROWS:
+        raise ValueError(f"{at}: must have 2 to {MOST_ROWS} rows below its header, not {len(rows)}")
     for each in names:
-        if each not in header:
-            raise ValueError(f"{at}: must have a column {shown(each)} in its header; there are {shown(header)}")
-    if not 3 <= len(rows) <= MOST_ROWS + 1:
-        raise ValueError(f"{at}: must have 2 to {MOST_ROWS} rows below its header, not {max(len(rows) - 1, 0)}")
-    places = [header.index(each) for each in names]
-    columns = [
-        [_cell(row, place, f"{at}: row {i}", header[place]) for i, row in enumerate(rows[1:], 1)] for place in places
-    ]
+        if each not in rows[0]:
+            raise ValueError(f"{at}: must have a column {shown(each)} in its header; there are {shown([*rows[0]])}")
+    columns = [[_cell(row[each], f"{at}: row {i}: {each}") for i, row in enumerate(rows, 1)] for each in names]
     for i, (a, b) in enumerate(zip(columns[0], columns[0][1:], strict=False), 2):
         if not b - a >= CLOSEST:
             allowed = f"must be {CLOSEST:g} s or more after {a!r} of the row before"
@@ -369,10 +361,9 @@ def _read_columns(fields: Fields, names: list[str]) -> list[list[float]]:
     return columns
 
 
-def _cell(row: list[str], place: int, at: str, name: str) -> float:
-    text = row[place].strip() if place < len(row) else ""
+def _cell(text: str | None, at: str) -> float:
     try:
-        value = number(float(text), f"{at}: {name}")
+        value = number(float(text or ""), at)
     except ValueError:
-        raise ValueError(f"{at}: {name} = {shown(text)}: must be a finite number") from None
-    return within(value, f"{at}: {name}")
+        raise ValueError(f"{at} = {shown(text or '')}: must be a finite number") from None
+    return within(value, at)
