@@ -54,7 +54,14 @@ lint: $(VENV)/.test
 	$(BIN)/ruff format --check src tests research
 	$(BIN)/lint-imports
 
-types: $(VENV)/.test
+# what one gate alone needs is a quarter of what the others do
+$(VENV)/.types: EXTRAS := types
+$(VENV)/.thorough: EXTRAS := casadi,film
+$(VENV)/.types $(VENV)/.thorough: $(VENV)/.test
+	$(BIN)/python $(PIP) --no-compile -c constraints.txt -e ".[$(EXTRAS)]"
+	@touch $@
+
+types: $(VENV)/.types
 	$(BIN)/mypy
 
 # without the types: they take a core for a minute, and are checked before a push and by the workflow
@@ -96,7 +103,7 @@ PRESS := examples/press_and_slide.toml --label "centroidal law with interaction"
 
 SMALL := --size 480x300 --fps 8 --speed 3 --fine --without ghost
 
-films: $(VENV)/.test
+films: $(VENV)/.thorough
 	$(BIN)/python -m skyarm film $(WIND) docs/images/laws_in_wind.webp --layout over --camera fixed --fine \
 		--window 0 15 --speed 1.5 --size 800x450 --fps 15
 	$(BIN)/python -m skyarm film $(WIND) docs/images/laws_in_wind.mp4 --size 960x540
@@ -119,7 +126,7 @@ browser: $(VENV)/.test
 	npm install --silent --no-audit --no-fund --prefix $(VENV)/browser playwright-core
 	NODE_PATH=$(CURDIR)/$(VENV)/browser/node_modules STUDIO_BROWSER=1 $(BIN)/pytest -n 0 tests/view/studio/test_browser.py
 
-thorough: $(VENV)/.test
+thorough: $(VENV)/.thorough
 	$(BIN)/pytest -m thorough $(TESTS)
 
 attack: $(VENV)/.test
@@ -137,7 +144,7 @@ mutants: $(VENV)/.test
 bench: $(VENV)/.core
 	$(BIN)/python tests/studies/bench/measure_engines.py --out $(BENCH)
 
-hooks: $(VENV)/.test
+hooks: $(VENV)/.types
 	$(BIN)/python $(PIP) -c constraints.txt pre-commit
 	$(BIN)/pre-commit install
 

@@ -1,11 +1,11 @@
-"""The same recursions on every engine; derivatives of JAX and CasADi against those of the mass matrix."""
+"""The same recursions on every engine; derivatives against the mass matrix."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from flying_engines import ENGINES, evaluate, jax_doubles
+from flying_engines import ENGINES, evaluate, jax_doubles, slopes
 from skyarm import dynamics
 from skyarm.algebra import Force, Motion, Quaternion, Vec3
 from skyarm.dynamics import State
@@ -83,12 +83,10 @@ def test_the_gradient_of_kinetic_energy_is_the_generalized_momentum_in_jax():
     assert np.allclose(gradient, M @ state.velocity, rtol=0.0, atol=1e-12 * np.abs(gradient).max())
 
 
-def test_the_jacobian_of_inverse_dynamics_by_acceleration_is_the_mass_matrix_in_casadi():
-    casadi = pytest.importorskip("casadi")
+def test_the_jacobian_of_inverse_dynamics_by_acceleration_is_the_mass_matrix():
     point = lanes(1)[0]
-    x = casadi.SX.sym("x", point.size)
-    outputs = casadi.vertcat(*inverse(*casadi.vertsplit(x)))
-    jacobian = np.array(casadi.Function("J", [x], [casadi.jacobian(outputs, x)])(point))[:, 2 * N + 3 :]
+    jacobian = slopes(inverse, point)[:, 2 * N + 3 :]
     level = (np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), point[:N])
     M = arrays.mass_matrix(VEHICLE, *level)
-    assert np.allclose(jacobian, M, rtol=0.0, atol=1e-12 * np.abs(M).max())
+    # roundings, divided by steps that are refined till the others have settled
+    assert np.allclose(jacobian, M, rtol=0.0, atol=1e-10 * np.abs(M).max())

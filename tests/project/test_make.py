@@ -50,6 +50,8 @@ def test_help_says_every_variable_with_its_value() -> None:
         (("bench", "BENCH=there.json"), "measure_engines.py --out there.json"),
         (("mutants", "WORKERS=7"), "mutants.py run --workers 7"),
         (("test", "TESTS=tests/plant -k wind"), "pytest tests/plant -k wind"),
+        (("types", "VENV=new"), '-c constraints.txt -e ".[types]"'),
+        (("thorough", "VENV=new"), '-c constraints.txt -e ".[casadi,film]"'),
         (("fresh", "PYTHON=python9"), "python9 tests/release.py install"),
         (("test-lowest", "PYTHON=python9"), "tests/lowest.py run"),
     ],

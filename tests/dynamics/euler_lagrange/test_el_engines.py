@@ -99,7 +99,8 @@ def test_jax_differentiates_the_potential_to_gravity():
 
 
 def test_casadi_equals_the_floats():
-    casadi = pytest.importorskip("casadi")
+    import casadi
+
     q, qd = casadi.SX.sym("q", 8), casadi.SX.sym("qd", 8)
     expression = everything(el.TABLE_1, tuple(casadi.vertsplit(q)), tuple(casadi.vertsplit(qd)))
     function = casadi.Function("everything", [q, qd], [casadi.vertcat(*flat(expression))])

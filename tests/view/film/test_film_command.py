@@ -151,7 +151,6 @@ def test_a_film_that_is_cut_off_leaves_nothing(tmp_path: Path) -> None:
     scratch.mkdir()
     (work / "a.mp4").write_bytes(b"earlier")
     words = [sys.executable, "-m", "skyarm", "film", str(flown), "a.mp4", "--speed", "0.01", "--size", "320x240"]
-    pytest.importorskip("av", reason="no extra 'film'")
     running = subprocess.Popen(
         words, cwd=work, stderr=subprocess.PIPE, text=True, env={**os.environ, "TMPDIR": str(scratch)}
     )

@@ -138,8 +138,10 @@ def test_an_animated_picture_has_its_frames_its_size_and_its_time(tmp_path: Path
     _require_drawn(frames)
 
 
+@pytest.mark.thorough
 def test_an_mp4_has_its_frames_its_size_and_its_time(tmp_path: Path) -> None:
-    av = pytest.importorskip("av", reason="no extra 'film'")
+    import av
+
     settings = FilmSettings(width=WIDTH, height=HEIGHT, fps=25, stop=0.4)
     file = make_film(flight(), tmp_path / "a.mp4", settings)
     with av.open(str(file)) as container:
