@@ -42,7 +42,7 @@ def shipped_names(kind: str) -> Iterable[str]:
 
 
 def name_completion(*kinds: str) -> Callable[[str], list[str]]:
-    """Shell completion function for shipped names and files in the current folder."""
+    """Make a shell completion function for names that ship and files in the current folder."""
 
     def complete(incomplete: str) -> list[str]:
         suffixes = [suffix for kind in kinds for suffix in SUFFIXES[kind]]
@@ -83,7 +83,7 @@ Controller = Annotated[
 
 
 def workers(value: int) -> int:
-    """Number of worker threads or processes of ``--workers``; 0 means all cores available to this process.
+    """Return the number of workers of ``--workers``; 0 means one for each available core.
 
     Raises:
         ValueError: one line.
@@ -105,7 +105,7 @@ def require_within(option: str, value: int, low: int, high: float = float("inf")
 
 
 def require_left_out(context: typer.Context, options: Iterable[str], why: str) -> None:
-    """Raise an error if options without effect are on the command line, even with their default values.
+    """Raise an error if one of the given options, which would have no effect, was typed.
 
     Raises:
         ValueError: one line: the first of them, and why.
@@ -130,12 +130,12 @@ def split_names(option: str, words: str, *, of: str = "") -> list[str]:
 
 
 def words_of(options: Sequence[str] | None) -> list[str] | None:
-    """Values of an option that may be repeated, and may hold several values separated by commas."""
+    """Split the values of a repeatable option at commas; None if the option was not given."""
     return None if options is None else [word for each in options for word in each.split(",") if word]
 
 
 def chosen_names(option: str, words: str | None, there: Collection[str]) -> tuple[str, ...]:
-    """Chosen names, each once, in the order of the available names; all of them if none are chosen.
+    """Parse a comma-separated choice among available names; None chooses all of them.
 
     Raises:
         ValueError: a name that is not there, or is named twice.
@@ -152,7 +152,7 @@ def chosen_names(option: str, words: str | None, there: Collection[str]) -> tupl
 
 
 def is_scenario(name: str) -> bool:
-    """True if a name is that of a shipped scenario, a log, or a scenario file.
+    """True if a name denotes a scenario: a shipped one, a scenario file or a log.
 
     All else is read as a vehicle, whose reader says what is wrong with a file that nobody can read.
     """
@@ -162,7 +162,7 @@ def is_scenario(name: str) -> bool:
 
 
 def kind_of_file(name: str) -> str:
-    """Kind of a TOML file by its tables; empty for any other file."""
+    """Kind of a TOML file (vehicle, scenario, study, gains) by its tables; empty for other files."""
     if not name.endswith(".toml") or unreadable(Path(name)):
         return ""
     try:
@@ -172,7 +172,7 @@ def kind_of_file(name: str) -> str:
 
 
 def require_not_another(name: str, wanted: str) -> None:
-    """Raise an error if an input names a shipped object, or a vehicle file, of another kind than expected.
+    """Raise an error if a name denotes another kind of input than expected, such as a vehicle for a scenario.
 
     Args:
         name: as it was given; of files other than models nothing is said here.

@@ -56,7 +56,7 @@ def check(
 
 
 def _sheet(found: Assessment) -> list[RenderableType]:
-    """Report of a vehicle check as text: alarms with remedies, then notes, then all other findings in short."""
+    """Report of a vehicle check as lines and tables: alarms with remedies, notes, then passed checks."""
     load = f", with {found.payload:g} kg at the tip" if found.payload else ""
     vehicle = f" ({found.vehicle.name})" if found.vehicle.name != found.name else ""
     parts: list[RenderableType] = [heading(f"{found.name}{vehicle}, g = {found.gravity:g} m/s^2{load}")]
@@ -78,13 +78,13 @@ def _sheet(found: Assessment) -> list[RenderableType]:
 
 
 def _in_short(each: Finding) -> str:
-    """Question of a check with its numerical answer; the question alone if the number is zero or missing."""
+    """Short text of a passed check: its question with the number found."""
     found = _number(each.value, each)
     return each.question if found.split(" ")[0] in ("-", "0") else f"{each.question} {found}"
 
 
 def _rows(findings: Iterable[Finding]) -> RenderableType:
-    """Table of findings: level, question, answer."""
+    """Make a table of check results: level, question and answer."""
     table = Table(box=None, pad_edge=False, show_header=False)
     for each in findings:
         cells = Text(printable(each.question)), Text(printable(each.text), overflow="fold")
@@ -93,5 +93,5 @@ def _rows(findings: Iterable[Finding]) -> RenderableType:
 
 
 def _number(value: float, finding: Finding) -> str:
-    """Text of a number with its unit; a dash if it is missing."""
+    """Format a number of a check result with its unit; a dash for NaN."""
     return "-" if math.isnan(value) else f"{shown_number(value)} {finding.unit}".rstrip()

@@ -1,4 +1,4 @@
-"""Command line program: list of commands, and execution of a command line.
+"""Command line program: table of commands, parsing and error messages.
 
 Wrong input gives one line on standard error and exit code 2, never a traceback. Only the module of the command that is
 called is loaded.
@@ -83,7 +83,7 @@ def top(
 
 
 class Grouped(TyperGroup):
-    """Group of commands whose help lists them in sections."""
+    """Typer group whose help lists the commands in sections."""
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write each section of the help with its commands."""
@@ -95,7 +95,7 @@ class Grouped(TyperGroup):
 
 
 def program(words: Sequence[str]) -> typer.Typer:
-    """Build the program for a command line: loads only the named command, and adds those of plugins."""
+    """Build the Typer program for a command line, importing only the command that is called."""
     made = typer.Typer(
         name="skyarm",
         cls=Grouped,
@@ -117,7 +117,7 @@ def program(words: Sequence[str]) -> typer.Typer:
 
 
 def perform() -> int:
-    """Execute a command line and return its exit code; wrong input is reported on one line."""
+    """Execute the command line of this process and return its exit code."""
     usual, warnings.showwarning = warnings.showwarning, say_warning
     try:
         with _lines_for_users():
@@ -146,7 +146,7 @@ def perform() -> int:
 
 
 def without_plugins(arguments: Sequence[str]) -> list[str]:
-    """Load each ``--plugin FILE.py`` and each law FILE.py:make; return the remaining arguments.
+    """Load the user's plugin and law files named on a command line; returns the other arguments.
 
     Raises:
         RegistryError: one of them cannot be loaded.
@@ -170,7 +170,7 @@ def without_plugins(arguments: Sequence[str]) -> list[str]:
 
 
 def _bad_usage(error: Any) -> str:
-    """Error message for wrong command line usage, with the refused value added where typer's message omits it."""
+    """One-line message for a wrong option or argument on the command line."""
     refused, parameter = getattr(error.__cause__, "errors", None), getattr(error, "param", None)
     if refused is None or parameter is None:
         return str(error.format_message()).rstrip(".")
@@ -180,14 +180,14 @@ def _bad_usage(error: Any) -> str:
 
 
 def _command() -> str:
-    """Name of the command that the user typed, such as ``skyarm run``, for the message of a usage error."""
+    """Name of the typed command, such as ``skyarm run``, for the message of a usage error."""
     names = {*COMMANDS, *registrations("command")}
     return " ".join(["skyarm", *[word for word in sys.argv[1:] if word in names][:1]])
 
 
 @contextmanager
 def _lines_for_users() -> Iterator[None]:
-    """Context that shows warnings for users on one line each; others keep Python's format.
+    """Context manager that prints warnings meant for users on one line each.
 
     That a flight is slow is said at once.
     """
@@ -208,7 +208,7 @@ def _lines_for_users() -> Iterator[None]:
 
 
 def _refusal(error: Exception) -> str:
-    """One-line message for an error in input, files or compilation, as opposed to a bug of the library.
+    """One-line message for an error in input or files; raises the error again if it is a bug.
 
     Raises:
         Exception: the error itself, where it is a fault.
@@ -224,7 +224,7 @@ def _refusal(error: Exception) -> str:
 
 
 def _in_users_code(error: BaseException) -> str:
-    """Message for an error in user code with file and line; empty for any other error."""
+    """One-line message with file and line for an error in user code; empty for any other error."""
     from skyarm.records.files.user_code import own_failure
     from skyarm.records.registry.plugins import loaded_plugins
 

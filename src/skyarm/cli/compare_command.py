@@ -119,7 +119,7 @@ def compare(
 
 
 def _require_effect(context: typer.Context, suite: str) -> None:
-    """Raise an error if options without effect on this comparison are given."""
+    """Raise an error if an option was typed that this comparison does not read."""
     kind = suite if suite in (SUITE, ENVELOPE, CONTACT) else "a scenario"
     for option, readers in READ_BY.items():
         if kind not in readers:
@@ -128,7 +128,7 @@ def _require_effect(context: typer.Context, suite: str) -> None:
 
 
 def _fly(suite: Suite[Any], out: str, threads: int) -> None:
-    """Run those flights of a suite that are not yet in its output folder, and print the report.
+    """Run the missing flights of a comparison, and print and write its report.
 
     Raises:
         ValueError, OSError: one line.
@@ -149,7 +149,7 @@ def _fly(suite: Suite[Any], out: str, threads: int) -> None:
 
 
 def _entrants(words: str | None) -> dict[str, Entrant]:
-    """Laws, shipped or user-written, of a comma-separated list as entrants of a suite; by default all shipped ones."""
+    """Look up the laws of a comma-separated list for the paper suite; all shipped laws for None."""
     if words is None:
         return dict(ENTRANTS)
     names = split_names("--laws", words, of=f" of {', '.join(ENTRANTS)}")
@@ -165,7 +165,7 @@ def _entrants(words: str | None) -> dict[str, Entrant]:
 
 
 def _laws(words: str | None, usual: tuple[str, ...], own: Collection[str] = ()) -> tuple[str, ...]:
-    """Checked law names of a comma-separated list; ``own`` are additional names that the suite accepts."""
+    """Parse and check a comma-separated list of control law names."""
     names = usual if words is None else split_names("--laws", words)
     require_different(names, "--laws")
     for name in names:

@@ -78,12 +78,12 @@ def diff(
 
 
 def _metrics(log: Log) -> dict[str, float]:
-    """Metrics of a log; empty if it is too short for any."""
+    """Compute metrics of a log; empty for a log without instants."""
     return score(log, ("standard", f"standard{CONTINUOUS}", "tilt_max", "rotor_jitter")) if log.time.size else {}
 
 
 def _say_versions(a: Log, b: Log) -> None:
-    """Report differing software versions of two logs, which may explain differences in the last bits."""
+    """Warn if two logs were written by different software versions."""
     ours, theirs = (log.info.get("versions") or {} for log in (a, b))
     other = [name for name in {**ours, **theirs} if ours.get(name) != theirs.get(name)]
     if other:
@@ -92,7 +92,7 @@ def _say_versions(a: Log, b: Log) -> None:
 
 
 def _difference_lines(found: LogDifferences, labels: tuple[str, str], tolerance: float) -> list[str]:
-    """Lines on the first divergence and the largest difference of each quantity."""
+    """Text of the first difference between two logs, and of the largest difference in each quantity."""
     both, first, second = found.instants
     within = f" within {tolerance:g}" if tolerance else ""
     lines = []
@@ -116,7 +116,7 @@ def _difference_lines(found: LogDifferences, labels: tuple[str, str], tolerance:
 
 
 def _scenario_lines(found: dict[str, tuple[object, object]], laws: list[str]) -> list[str]:
-    """Lines on differing scenario fields; two different laws are listed by name, without their constants."""
+    """Text of the scenario fields in which two logs differ."""
     lines = ["the scenarios differ in"] if found else []
     if any(path.startswith("controller.law.") for path in found):
         lines.append("  controller: " + " and ".join(map(shown, laws)))

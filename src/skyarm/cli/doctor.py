@@ -55,7 +55,7 @@ TRIALS: dict[str, tuple[str, str, bool]] = {
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Part:
-    """Result of a check of one part of the installation: state, finding, remedy, and necessity for flights."""
+    """Result of one installation check: name, state, finding and remedy."""
 
     name: str
     state: str
@@ -93,7 +93,7 @@ def doctor(
 
 
 def examine() -> list[Part]:
-    """Check all parts of the installation, in the order of display; raises no error."""
+    """Check Python, libraries, extras, machine code cache and engines; returns the results in order of display."""
     from skyarm import __version__
 
     wanted = {name: trial for name, trial in TRIALS.items() if trial[0] != JAX or installed_versions(["jax"])}
@@ -129,7 +129,7 @@ REQUIREMENT = re.compile(r"^([A-Za-z0-9._-]+).*extra == ['\"]([A-Za-z0-9._-]+)['
 
 
 def extras() -> dict[str, list[str]]:
-    """Packages of each extra, from the metadata of this installation."""
+    """Packages of each optional extra of this installation, by the extra's name."""
     try:
         lines = metadata.requires("skyarm") or []
     except metadata.PackageNotFoundError:
@@ -163,7 +163,7 @@ def _cache() -> Part:
 
 
 def _try_program(name: str, program: str, remedy: str, needed: bool) -> Part:
-    """Run a small program in a separate process and report if it works."""
+    """Run a short Python program in a separate process and report whether it works."""
     try:
         done = subprocess.run(
             [sys.executable, "-c", program],

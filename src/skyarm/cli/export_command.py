@@ -137,7 +137,7 @@ def _law(
     *,
     single: bool,
 ) -> None:
-    """Write a control law as C code."""
+    """Export a control law as a C file."""
     from skyarm.control.onboard.export_c import export_c
     from skyarm.sensing.estimate.error_state_filter import ErrorStateFilter
 

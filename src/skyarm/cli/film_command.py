@@ -90,7 +90,7 @@ def film(
 
 
 def _require_renderer(*, recorded: bool) -> None:
-    """Raise an error, before any flight, if nothing can be drawn on this machine."""
+    """Raise an error if films or recordings cannot be made on this machine."""
     if recorded:
         import_viser()
     else:
@@ -101,7 +101,7 @@ def _require_renderer(*, recorded: bool) -> None:
 
 
 def _logs(flights: Sequence[str], controllers: Sequence[str] | None, settings: FilmSettings) -> list[Log]:
-    """Load the named logs, and run the named scenarios."""
+    """Load the named logs, and simulate the named scenarios."""
     laws: Sequence[str | None] = words_of(controllers) or [None]
     found = []
     for name in flights:
@@ -115,12 +115,12 @@ def _logs(flights: Sequence[str], controllers: Sequence[str] | None, settings: F
 
 
 def _is_flown(name: str) -> bool:
-    """True if a name is that of a scenario to be flown, not of a log."""
+    """True if a name denotes a scenario that must be simulated first, not a log."""
     return Path(name).suffix in ("", ".toml") or name in list_scenarios()
 
 
 def _fly(name: str, law: str | None, stop: float | None) -> Log:
-    """Simulate a scenario for the duration of the film."""
+    """Simulate a scenario, at most up to the end of the filmed interval."""
     planned = load_scenario(name, controller=law)
     if stop is not None and stop < planned.duration:
         planned = load_scenario(name, controller=law, duration=stop)

@@ -70,7 +70,7 @@ HEADS = ("", "delay and lag", "delay", "up", "down", "over believed", "explained
 
 
 def _part(log: Log, begin: float | None, end: float | None) -> Log:
-    """Section of a log between two times."""
+    """Return the part of a log between two times, s."""
     for option, value in (("--begin", begin), ("--end", end)):
         if value is not None:
             number(value, option, low=0.0)
@@ -90,7 +90,7 @@ def _part(log: Log, begin: float | None, end: float | None) -> Log:
 def _nominal_model(
     log: Log, vehicle: str | None, gravity: float | None
 ) -> tuple[Vehicle, float, dict[str, float | None]]:
-    """Nominal model for the identification: vehicle, gravity, and the delays in the log's scenario, s."""
+    """Return vehicle, gravity and the stated delays (s) against which delays and lags are identified."""
     record = log.info.get("scenario_record")
     delays = written_part(log.info, "agent", "delays") or {}
     stated = {name: float(delays[name]) if name in delays else None for name in ("command", "measurement")}
@@ -112,12 +112,12 @@ def _row(lag: Lag) -> tuple[str, ...]:
 
 
 def _cell(found: Estimated) -> str:
-    """Table cell of a time in milliseconds with its confidence interval."""
+    """Format an identified time in milliseconds with its 95 % confidence interval."""
     return f"{1e3 * found.value:.1f} ({1e3 * found.low:.1f}-{1e3 * found.high:.1f})"
 
 
 def _notes(found: LoopLags, lags: list[Lag], stated: dict[str, float | None]) -> list[str]:
-    """Notes for interpreting the identified numbers."""
+    """Notes on how to read the identified delays and lags."""
     lines = ["ms, with the interval of 95 %; 'delay and lag': both together, as a small swing meets them."]
     lines += [f"{each.name}: not known: {each.reason}" for each in lags if not each.is_known]
     lines += [f"{name}: not asked: {reason}" for name, reason in found.left_out.items()]

@@ -21,14 +21,14 @@ MOST_WARNINGS = 8
 
 
 def say(message: str, code: int = 0) -> int:
-    """Write one line to standard error; returns the exit code."""
+    """Print one line to standard error; returns the given exit code."""
     with contextlib.suppress(OSError):  # the terminal may be gone
         print(f"skyarm: {printable(' '.join(message.split()))}", file=sys.stderr, flush=True)
     return code
 
 
 def say_unlikely(name: str, lines: Sequence[str]) -> None:
-    """Print warnings about numbers of a file that are probably in the wrong units."""
+    """Print warnings about suspicious values in a file, such as ones in wrong units."""
     for line in lines[:MOST_WARNINGS]:
         say(f"warning: {name}: {line}")
     if len(lines) > MOST_WARNINGS:
@@ -36,12 +36,12 @@ def say_unlikely(name: str, lines: Sequence[str]) -> None:
 
 
 def say_suspicious(scenario: Scenario) -> None:
-    """Print warnings, before a flight, about numbers of a scenario that are probably in the wrong units."""
+    """Print warnings about suspicious values in a scenario before it is flown."""
     from skyarm.scenario.unlikely_numbers import unlikely_numbers
 
     say_unlikely(scenario.name, unlikely_numbers(scenario))
 
 
 def say_warning(message: Warning | str, category: type[Warning], *_where: object, **_more: object) -> None:
-    """Write a warning on one line, without Python's source location."""
+    """Print a Python warning on one line, without its source location."""
     say(f"{'warning' if issubclass(category, RuntimeWarning | UserWarning) else category.__name__}: {message}")

@@ -1,4 +1,4 @@
-"""Entry point of the command line; imports little, so that signals are handled while libraries load."""
+"""Entry point of the command line, which handles termination signals from the start."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ WORDS = {"SIGINT": "interrupted", "SIGTERM": "ended (SIGTERM)", "SIGHUP": "ended
 
 
 def main() -> None:
-    """Execute a command; exit code 0 done, 2 wrong input, 3 flight not completed, 128 + n ended by signal n."""
+    """Execute a command and exit: 0 done, 2 wrong input, 3 flight not completed, 128 + n ended by signal n."""
     gc.set_threshold(PATIENCE)
     for name in BLAS_THREADS:  # read when NumPy loads; what the user has set stays
         os.environ.setdefault(name, "1")
@@ -57,12 +57,12 @@ def main() -> None:
 
 
 class Ended(BaseException):
-    """Exception for a termination signal; not a subclass of Exception, so that no handler catches it."""
+    """Exception raised when a termination signal arrives, not caught by handlers of Exception."""
 
 
 @contextmanager
 def endings() -> Iterator[list[signal.Signals]]:
-    """Context manager that raises Ended when a termination signal arrives; yields the list of received signals.
+    """Context manager that turns termination signals into an exception; yields the signals received.
 
     What the caller ignores (``nohup`` ignores HUP) stays ignored.
     """
@@ -73,7 +73,7 @@ def endings() -> Iterator[list[signal.Signals]]:
         raise Ended
 
     def unraisable(lost: Any) -> None:
-        """Suppress error messages of libraries that a termination signal interrupted."""
+        """Hide errors in destructors after a termination signal interrupted a library."""
         if not came:
             dropped(lost)
 

@@ -110,14 +110,14 @@ def margins(
 
 
 def _page_file(name: str) -> Path:
-    """Path of the page, checked before any computation; an error for another suffix than .html."""
+    """Return the path of the HTML page after checks; raises an error for another suffix."""
     if name and Path(name).suffix != ".html":
         raise ValueError(f"--html = {shown(name)}: must end with .html")
     return output_file(name, "--html")
 
 
 def _prepare(scenario: str, controller: str | None, *, safety: bool) -> Record:
-    """Load a scenario for the margins, optionally with another controller and with the safety layer.
+    """Load a scenario for the margins, if requested with another controller or the safety layer.
 
     Raises:
         ValueError: one line.
@@ -133,7 +133,7 @@ def _prepare(scenario: str, controller: str | None, *, safety: bool) -> Record:
 
 
 def _row(each: Instant) -> tuple[str, ...]:
-    """Table row of eigenvalues and stability margins at one instant."""
+    """Make the table row of eigenvalues and stability margins at one instant."""
     rates = [s for m in each.by_lag.values() for s in m.s]
     return (
         "hover" if each.hover else f"{each.time:.2f} s",
@@ -146,7 +146,7 @@ def _row(each: Instant) -> tuple[str, ...]:
 
 
 def _factor(value: float) -> str:
-    """Text of a gain margin (a factor) in at most four characters, so that a range of two fits a table column."""
+    """Format a gain margin in at most four characters."""
     if math.isinf(value):
         return "none"
     return f"{value:.0f}" if value >= 99.95 else f"{value:.1f}" if value >= 9.995 else f"{value:.2f}"
@@ -157,12 +157,12 @@ def _number(value: float) -> str:
 
 
 def _plugins() -> dict[str, object]:
-    """Digests of the plugins and law files in use, by name; empty without any."""
+    """Digests of loaded plugins and law files for the JSON document; empty without any."""
     return {"plugins": identities()} if identities() else {}
 
 
 def loop_rows(found: Evidence, *, every: bool) -> list[tuple[str, ...]]:
-    """Table of disk margins with its header.
+    """Make the table rows of disk margins: the weakest loop of each group, or every loop.
 
     Args:
         found: evidence of :func:`skyarm.studies.stability.along.evidence`.
@@ -181,7 +181,7 @@ def loop_rows(found: Evidence, *, every: bool) -> list[tuple[str, ...]]:
 
 
 def _smallest(found: Iterable[LoopMargin]) -> dict[str, LoopMargin]:
-    """Smallest disk margin of each loop, by the loop's name."""
+    """Keep the smallest disk margin of each loop over all instants, by the loop's name."""
     least: dict[str, LoopMargin] = {}
     for each in found:
         if each.name not in least or each.disk < least[each.name].disk:
@@ -211,7 +211,7 @@ CAPTION = (
 
 
 def margins_page(found: Evidence, loci: Sequence[Locus]) -> str:
-    """Self-contained HTML page of margins: Nyquist diagrams in hover, and a table of every loop.
+    """Make the HTML page of margins: Nyquist diagrams in hover, and a table of every loop.
 
     Args:
         found: of :func:`skyarm.studies.stability.along.evidence`.

@@ -62,7 +62,7 @@ def new(
 
 
 def write_starter(kind: str, name: str, folder: Path) -> list[Path]:
-    """Write all starter files of a kind with a given name into a folder, or none on failure.
+    """Write the starter files of a new vehicle, scenario, law or study into a folder, all or none.
 
     Raises:
         ValueError: one line: no such kind, no name for files of this kind, or a file that is there already.

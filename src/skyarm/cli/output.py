@@ -1,4 +1,4 @@
-"""Output of every command: text with tables and progress, one JSON document (``--json``), or nothing.
+"""Output of all commands: text, tables and progress bars, or one JSON document.
 
 ``--json`` and ``--quiet`` are options of every command (:func:`with_output_options`), which hands its result to
 :func:`give`. The document's first keys are the same for all commands; docs/command_line.md lists the others.
@@ -52,14 +52,14 @@ Advance = Callable[..., None]
 
 
 class Terminal(Console):
-    """Console that prints names from files as plain text, without markup or control characters.
+    """Rich console that prints names from files as plain text, without markup or control characters.
 
     Every text is printed with its control characters written out, at the last place before styles and the terminal's
     own commands are added, so that no command can forget it.
     """
 
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
-        """Render text after removing control characters."""
+        """Render text with control characters written out."""
         for segment in super().render(renderable, options):
             if segment.control or segment.text.isprintable():
                 yield segment
@@ -67,7 +67,7 @@ class Terminal(Console):
                 yield Segment("\n".join(map(printable, segment.text.split("\n"))), segment.style)
 
     def out(self, *objects: Any, **options: Any) -> None:
-        """Raise an error for output that bypasses :meth:`render`."""
+        """Raise an error, since this method would bypass the removal of control characters."""
         raise NotImplementedError("Terminal.out() writes past render(); use print()")
 
 
@@ -83,17 +83,17 @@ def tell(*lines: RenderableType) -> None:
 
 
 def heading(text: str) -> Text:
-    """Line of bold text."""
+    """Make a line of bold text."""
     return Text(printable(text), style="bold")
 
 
 def shown_number(value: float, digits: int = 3) -> str:
-    """Number with a few significant digits; rounding errors of zero become 0."""
+    """Format a number with a few significant digits; values below 1e-12 become 0."""
     return "0" if abs(value) < NOTHING else f"{value:.{digits}g}"
 
 
 def table_of(columns: Sequence[str], rows: Iterable[Sequence[str]], *, left: int = 1, title: str = "") -> Group:
-    """Table with a title, whose first ``left`` columns hold text and whose others hold numbers."""
+    """Make a table with a title; the first ``left`` columns hold text, the others numbers."""
     table = Table(box=None, pad_edge=False, show_header=any(columns), header_style="dim")
     for i, column in enumerate(columns):
         table.add_column(Text(column), justify="left" if i < left else "right", overflow="fold")
@@ -103,7 +103,7 @@ def table_of(columns: Sequence[str], rows: Iterable[Sequence[str]], *, left: int
 
 
 def aligned_lines(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Align rows in columns, first column left, others right, without wrapping or truncation."""
+    """Format table rows as text lines with aligned columns, the first to the left, others to the right."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return [
         " ".join(
@@ -116,7 +116,7 @@ def aligned_lines(rows: Sequence[Sequence[str]]) -> list[str]:
 
 @dataclass
 class _Asked:
-    """Output options of the running command, and its result so far."""
+    """Output options of the running command (JSON, quiet), and its result so far."""
 
     as_json: bool = False
     quiet: bool = False
@@ -128,12 +128,12 @@ _asked: ContextVar[_Asked] = ContextVar("asked")
 
 
 def give(result: Mapping[str, Any] | None = None, **more: Any) -> None:
-    """Add results to the ``--json`` document: plain values, arrays, paths; non-finite numbers become null."""
+    """Add results of the running command to its JSON document."""
     _asked.get(_Asked()).result |= {**(result or {}), **more}
 
 
 def is_document_wanted() -> bool:
-    """True if the result will be printed as JSON; saves slow computations otherwise."""
+    """True if the running command will print a JSON document instead of text."""
     return _asked.get(_Asked()).as_json
 
 
@@ -159,7 +159,7 @@ def with_output_options(name: str, function: Callable[..., Any]) -> Callable[...
 
 @contextmanager
 def _output(name: str, asked: _Asked) -> Iterator[None]:
-    """Run a command; its text output is discarded with ``--json`` or ``--quiet``."""
+    """Context manager of a running command: discards text and prints the JSON document if requested."""
     before = _asked.set(asked)
     try:
         if not (asked.as_json or asked.quiet):
@@ -186,7 +186,7 @@ def _output(name: str, asked: _Asked) -> Iterator[None]:
 
 
 def json_text(document: Mapping[str, Any], first: Iterable[str] = ()) -> str:
-    """Text of a document as strict JSON, with some keys first."""
+    """Format a document as strict JSON text, with some keys first."""
     return json.dumps(plain({**dict.fromkeys(first), **document}), indent=1, allow_nan=False) + "\n"
 
 
@@ -196,7 +196,7 @@ def write_json(file: Path, document: Mapping[str, Any]) -> Path:
 
 
 def plain(value: Any) -> Any:
-    """Convert a value for JSON: records by their fields, lists for tuples and arrays, null if not finite."""
+    """Convert dataclasses, arrays and paths to values that JSON can hold; non-finite numbers become None."""
     if is_dataclass(value) and not isinstance(value, type):
         return {each.name: plain(getattr(value, each.name)) for each in fields(value)}
     if isinstance(value, complex):
@@ -214,7 +214,7 @@ def plain(value: Any) -> Any:
 
 @contextmanager
 def bar(title: str, pause: float = PAUSE) -> Iterator[Advance]:
-    """Progress bar for work of more than a second; yields the function (done, total, last) that updates it.
+    """Context manager with a progress bar; yields the function (done, total, last) that updates it.
 
     A bar where the console writes, or on standard error where only that is a terminal. Without a terminal a plain line
     on standard error, at most one in ``pause`` s, so that a log file shows that something goes on. Nothing with
@@ -262,6 +262,6 @@ def bar(title: str, pause: float = PAUSE) -> Iterator[Advance]:
 
 @contextmanager
 def waiting(title: str, pause: float = PAUSE) -> Iterator[Callable[[str], None]]:
-    """Progress display for steps that cannot be counted; yields the function that sets the step's name."""
+    """Context manager with a progress display for steps that cannot be counted."""
     with bar(title, pause) as advance:
         yield lambda at: advance(last=at)

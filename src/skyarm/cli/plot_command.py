@@ -65,7 +65,7 @@ def plot(
 
 
 def _logs_by_label(names: Sequence[str]) -> dict[str, Log]:
-    """Logs by their labels: the name in NAME=FILE, or a generated unique label."""
+    """Load logs by legend label: the name in NAME=FILE, or a generated unique label."""
     given = []
     for name in names:
         label, equals, path = name.partition("=")

@@ -101,7 +101,7 @@ def run(
 
 
 def log_files(names: Sequence[str]) -> list[Path]:
-    """Paths of the log files named by ``--log``, checked before the flight.
+    """Check the log files named by ``--log`` before the flight; returns their paths.
 
     Raises:
         ValueError: a suffix that no log format is registered for, with those there are; or a file that is named twice.
@@ -119,7 +119,7 @@ def log_files(names: Sequence[str]) -> list[Path]:
 
 @contextmanager
 def earlier_kept(files: Sequence[Path]) -> Iterator[list[Path]]:
-    """Context that renames existing files while new ones are written: NAME.npz to NAME_1.npz, or the next free number.
+    """Context manager that renames existing files NAME.npz to NAME_1.npz while new ones are written.
 
     The newest flight has the plain name, so that what reads it need not search. Links and devices stay: they are
     written through. Where the writing fails, the files get their names back. Yields the numbered names.
@@ -213,7 +213,7 @@ def _peak_thrust(log: Log) -> float | None:
 
 
 def _contacts(log: Log) -> list[dict[str, Any]]:
-    """Contacts of each pair of surface and contact point: first touch (s), losses, largest normal force (N)."""
+    """List contacts by surface and contact point: first touch (s), losses of contact, largest force (N)."""
     pairs: dict[tuple[str, str], list[ContactPeriod]] = {}
     for period in log.contact_periods:
         pairs.setdefault((period.surface, period.point), []).append(period)
@@ -230,7 +230,7 @@ def _contacts(log: Log) -> list[dict[str, Any]]:
 
 
 def _mechanisms(log: Log) -> list[dict[str, Any]]:
-    """Coordinate of each mechanism (door, drawer): at the start, farthest from the start, and at the end."""
+    """List the coordinate of each mechanism, such as a door: first, farthest and last value."""
     rows = [each for each in columns(log) if each.array == f"{COMPONENTS}.mechanism_position"]
     found = []
     for name, column in zip(component_labels(log, "mechanism_position"), rows, strict=True):
@@ -241,7 +241,7 @@ def _mechanisms(log: Log) -> list[dict[str, Any]]:
 
 
 def summary(log: Log, found: dict[str, Any]) -> list[RenderableType]:
-    """Text of a flight's summary: status, errors and thrust, then events that only some flights have."""
+    """Text of a flight's summary: status, table of tracking errors, thrust and events."""
     end, duration = (f"{found[name]:g} s" for name in ("end_time", "duration"))
     title = f"{found['scenario']}: {log.status}, {end}" + (f" of {duration}" if end != duration else "")
     lines: list[RenderableType] = [
@@ -265,7 +265,7 @@ def summary(log: Log, found: dict[str, Any]) -> list[RenderableType]:
 
 
 def sentences(found: dict[str, Any]) -> list[str]:
-    """Sentences on estimated lags, contacts, mechanisms, grasps and phases of a flight."""
+    """List sentences on estimated lags, contacts, mechanisms, grasps and phases of a flight."""
     lines = []
     if "lag_found_s" in found:
         rotors, joints = 1e3 * found["lag_found_s"]
@@ -292,7 +292,7 @@ def sentences(found: dict[str, Any]) -> list[str]:
 
 
 def _flight_words(log: Log) -> str:
-    """Text that names the law, plant, integrator, seed, scheduled changes and plugins of a flight."""
+    """Line that names law, vehicle, plant, integrator, seed, scheduled changes and plugins of a flight."""
     info = log.info
     line = f"law {info['controller']} on {info['plant_vehicle']}, plant {info['plant']} ({info['integrator']}), seed "
     line += str(info["seed"])

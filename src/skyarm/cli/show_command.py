@@ -79,7 +79,7 @@ def show(
 
 
 def _draw(name: str, file: str) -> None:
-    """Draw a vehicle with labels."""
+    """Write the labelled drawing of a vehicle to a file."""
     from skyarm.records.files.names import picture_file
     from skyarm.view.figures.style import save_picture
     from skyarm.view.figures.vehicle_drawing import vehicle_drawing
@@ -91,7 +91,7 @@ def _draw(name: str, file: str) -> None:
 
 
 def contents() -> dict[str, Any]:
-    """Names of the shipped vehicles, scenarios, studies and controllers, as plain data."""
+    """List the shipped vehicles, scenarios, studies and controllers as plain data."""
     vehicles = {name: load_vehicle(name) for name in list_vehicles()}
     # a study's title alone: reading the study would read its scenario, too
     studies = {name: read_toml((STUDIES / f"{name}.toml").read_bytes()) for name in list_studies()}
@@ -130,7 +130,7 @@ def _show_library() -> None:
 
 
 def vehicle_facts(vehicle: Vehicle, gravity: float) -> dict[str, Any]:
-    """Facts of a vehicle: mass, centre of mass, hover, reach, static efforts, and its complete record.
+    """Facts of a vehicle as plain data: mass, hover, reach, static efforts, joints, bodies and sources.
 
     Raises:
         AllocationError: the rotors cannot be mixed.
@@ -179,7 +179,7 @@ def vehicle_facts(vehicle: Vehicle, gravity: float) -> dict[str, Any]:
 
 
 def record_facts(record: Any) -> dict[str, Any]:
-    """Fields of a record as plain data."""
+    """Convert a dataclass with numbers to a dictionary for JSON."""
     return {name: _plain(getattr(record, name)) for name in field_names(record) or ()}
 
 
@@ -203,7 +203,7 @@ def _hover(vehicle: Vehicle, gravity: float) -> dict[str, Any]:
 
 
 def _sheet(vehicle: Vehicle, known: Mapping[str, Any]) -> list[RenderableType]:
-    """Data sheet of a vehicle as text: totals, then joints, bodies, rotors and battery with units, and sources."""
+    """Make the data sheet of a vehicle as tables: totals, joints, bodies, rotors, battery and sources."""
     sections: dict[str, dict[str, Any]] = {
         "joints": {link.joint.name: link.joint for link in vehicle.links},
         "drives: what the joints take in place of a torque": {each.name: each.drive for each in vehicle.drives},
@@ -229,7 +229,7 @@ APART = ("name", "tilt")
 
 
 def _tables(title: str, records: Mapping[str, Any]) -> Iterator[RenderableType]:
-    """Table of records of one class: a column for each differing field, then the fields with equal values."""
+    """Make tables of dataclasses of one class: a column for each field that differs, then the equal fields."""
     kind = type(next(iter(records.values())))
     differ: dict[str, list[str]] = {}
     shared: dict[str, str] = {}
@@ -249,7 +249,7 @@ def _tables(title: str, records: Mapping[str, Any]) -> Iterator[RenderableType]:
 
 
 def _cell(value: Any) -> str:
-    """Table cell with the numbers of a record's field; an infinite limit is shown as "none"."""
+    """Format the numbers of a field for a table cell; an infinite limit becomes "none"."""
     if isinstance(value, str):
         return value
     numbers = [float(each) for _, each in walk(value) if each is not None and not isinstance(each, str)]
@@ -257,7 +257,7 @@ def _cell(value: Any) -> str:
 
 
 def _whole(vehicle: Vehicle, known: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Table rows on the vehicle's totals."""
+    """Yield (name, text) of a vehicle's totals: mass, frames, hover, reach and static efforts."""
     yield "mass", f"{shown_number(known['mass_kg'], 5)} kg"
     yield "centre of mass from base origin", ", ".join(shown_number(1e3 * c) for c in known["centre_of_mass_m"]) + " mm"
     if vehicle.planar:
@@ -296,5 +296,5 @@ def _whole(vehicle: Vehicle, known: Mapping[str, Any]) -> Iterator[tuple[str, st
 
 
 def _bodies(vehicle: Vehicle) -> tuple[str, ...]:
-    """Names of a vehicle's bodies, base first."""
+    """List the names of a vehicle's bodies, base first."""
     return "base", *(link.name for link in vehicle.moving)

@@ -70,7 +70,7 @@ def studio(
 
 @contextmanager
 def _ended_by(page: Page) -> Iterator[None]:
-    """Context manager in which Ctrl-C and SIGTERM stop the web page's simulation loop instead of killing it."""
+    """Context manager in which Ctrl-C and SIGTERM end the studio's loop in an orderly way."""
     usual = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     for number in usual:
         signal.signal(number, lambda *_: page.stop())

@@ -66,7 +66,7 @@ def sweep(
 
 
 def _fly(study: str, controllers: list[str] | None, out: str | None, threads: int, part: str | None) -> None:
-    """Run those episodes of a study that are not yet in its output folder."""
+    """Run the missing episodes of a study, and write them to its folder."""
     from skyarm.scenario.unlikely_numbers import unlikely_numbers
     from skyarm.studies.sweep import load_study, run_sweep
 
@@ -106,7 +106,7 @@ def _fly(study: str, controllers: list[str] | None, out: str | None, threads: in
 
 
 def _sum_up(folder: str, out: str | None, success: list[str] | None, paths: tuple[str, str] | None) -> None:
-    """Write statistics of a sweep's episodes."""
+    """Compute statistics of a sweep's episodes, and write them as JSON and HTML."""
     from skyarm.studies.sweep.maps import robustness_maps
     from skyarm.studies.sweep.stats import Rows, parse_limits, statistics
     from skyarm.studies.sweep.study_page import page, summary
@@ -124,7 +124,7 @@ def _sum_up(folder: str, out: str | None, success: list[str] | None, paths: tupl
 
 
 def _drawn(maps: Sequence[RobustnessMap]) -> Pictures:
-    """Robustness maps as pictures; for a map with the same value everywhere, that value instead of a picture."""
+    """Draw the robustness map of each controller; a constant map becomes a number."""
     from skyarm.studies.sweep.study_page import Pictures
     from skyarm.view.figures.study_figures import robustness_figure
     from skyarm.view.figures.style import image_bytes

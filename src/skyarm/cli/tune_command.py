@@ -108,7 +108,7 @@ def tune(
 
 @dataclass(frozen=True, kw_only=True)
 class Wanted:
-    """Inputs of a tuning: scenario, options and initial gains of the law, and the law's label."""
+    """Inputs of a gain tuning: scenario, law options, initial gains and label."""
 
     scenario: Scenario
     has_motion: bool
@@ -119,7 +119,7 @@ class Wanted:
 
 
 def wanted_of(target: str, controller: str | None) -> Wanted:
-    """Inputs of a tuning for a scenario or vehicle given by name or file, optionally with another law.
+    """Load the inputs of a gain tuning from a scenario or vehicle and an optional control law.
 
     Raises:
         ValueError: one line.
@@ -153,7 +153,7 @@ def wanted_of(target: str, controller: str | None) -> Wanted:
 
 
 def _is_vehicle(target: str) -> bool:
-    """True if a name or file denotes a vehicle; a scenario of the same name takes precedence."""
+    """True if a name denotes a vehicle and no scenario."""
     if target in shipped_names("scenario"):
         return False
     models = (".urdf", ".xacro", ".xml")
@@ -161,7 +161,7 @@ def _is_vehicle(target: str) -> bool:
 
 
 def _tell_front(found: Tuning, seconds: float) -> None:
-    """Print the Pareto front, then how selected and initial gains perform on plants and a path not used for tuning."""
+    """Print the Pareto front of a tuning, and a check on plants and a path not used for tuning."""
     from skyarm.studies.tune.tune_page import error_words
     from skyarm.studies.tune.tuning import ASIDE
 
@@ -193,7 +193,7 @@ def _tell_front(found: Tuning, seconds: float) -> None:
 
 
 def _margins(margins: LoopMargins) -> tuple[str, str, str]:
-    """Table cells of delay and gain margins; dashes if they are missing."""
+    """Format delay and gain margins for a table row; dashes if they are missing."""
     if margins.why_none:
         return "-", "-", "-"
     rotors, joints = ("-".join(f"{k:.2f}" for k in pair) for pair in (margins.rotors, margins.joints))
@@ -201,7 +201,7 @@ def _margins(margins: LoopMargins) -> tuple[str, str, str]:
 
 
 def plain_tuning(found: Tuning) -> dict[str, Any]:
-    """Result of a tuning as plain data for JSON."""
+    """Convert the result of a tuning to plain data for JSON."""
     from skyarm.studies.tune.tune_page import about, gains_of, plain_aside, plain_point
 
     return {

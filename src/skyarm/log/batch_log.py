@@ -1,4 +1,4 @@
-"""Decimated log of a batch: arrays of lanes (parallel episodes) and samples."""
+"""Log of a batch of parallel episodes, at every k-th control instant."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Array = npt.NDArray[Any]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Logged:
-    """Quantities of a batch logged at a control instant: the issued command, and the sampled and held reference.
+    """Quantities of one episode that a batch logs at a control instant: state, command, reference and readings.
 
     ``received`` are the sensors' readings and the estimate, name and record of each, as in
     :mod:`skyarm.log.sensor_data`; empty without sensors beside the full state.
@@ -38,7 +38,7 @@ class Logged:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class BatchLog:
-    """Log of every k-th control instant of each lane; NaN from the end of an episode on.
+    """Log of a batch: arrays (episodes, samples) of states, commands and references.
 
     Attributes:
         time: (samples,), s. alive: (lanes, samples), bool.
@@ -57,7 +57,7 @@ class BatchLog:
 
 
 def batch_log(legs: Sequence[tuple[Logged, Array]], time: Array) -> BatchLog:
-    """Batch log from the samples that the compiled code wrote.
+    """Make the log of a batch from the samples that compiled code wrote.
 
     Args:
         legs: record that was logged and its rows, (samples, leaves, lanes), of each part of the flight.
@@ -82,7 +82,7 @@ def batch_log(legs: Sequence[tuple[Logged, Array]], time: Array) -> BatchLog:
 
 
 def _by_lane(example: Logged, rows: Array) -> Logged:
-    """Batch samples as a record whose every field is an array (lanes, samples); NaN after the end of an episode."""
+    """Convert samples of a batch to a dataclass of arrays (episodes, samples), NaN after an episode's end."""
     columns = np.ascontiguousarray(rows.transpose(1, 2, 0))
     whole: Logged = rebuild(example, iter(columns[: len(leaves(example))]))
     alive = np.asarray(whole.alive) > 0.5
@@ -91,7 +91,7 @@ def _by_lane(example: Logged, rows: Array) -> Logged:
 
 
 def _concatenate(records: Sequence[Any], shapes: Sequence[tuple[int, ...]]) -> Any:
-    """Concatenate logged segments along time; segments whose fields differ from the last one's become NaN."""
+    """Join logged segments along time; segments with other fields than the last one become NaN."""
     example = next(each for each in reversed(records) if each is not None)
     count, columns = len(leaves(example)), []
     for each, shape in zip(records, shapes, strict=True):

@@ -1,4 +1,4 @@
-"""Build a log from the arrays and the description in a file, with checks."""
+"""Checks of a log file's arrays and description, and the log made of them."""
 
 from __future__ import annotations
 
@@ -52,12 +52,12 @@ KINDS: Mapping[type, str] = {dict: "table", list: "list", str: "text"}
 
 
 def log_info(log: Log) -> dict[str, Any]:
-    """Description of a log for its file: ``info`` with the column names of each array."""
+    """Description of a log to be written to its file, with the column names of each array."""
     return {**log.info, LAYOUT: layout(log)}
 
 
 def log_of(content: Mapping[str, Any], info: Any) -> Log:
-    """Build a log from a file's arrays and description.
+    """Make a log from the arrays and the description in a file, after checks.
 
     Raises:
         ValueError: one line, without the file's name: arrays are missing or of other shapes, or the description is not
@@ -87,7 +87,7 @@ def log_of(content: Mapping[str, Any], info: Any) -> Log:
 
 
 def _axes(info: Mapping[str, Any]) -> dict[str, list[str] | None] | None:
-    """Column suffixes of each array of readings and estimate; None for a scalar array, or if the file is damaged."""
+    """Column labels of each logged sensor and estimator array (None for scalars), or None for a damaged file."""
     try:
         sources = sources_of(info)
     except ValueError:
@@ -96,7 +96,7 @@ def _axes(info: Mapping[str, Any]) -> dict[str, list[str] | None] | None:
 
 
 def _require_description(info: dict[str, Any]) -> None:
-    """Check the types of the fields of a description from an untrusted file.
+    """Raise an error if fields of a log file's description have wrong types.
 
     Raises:
         ValueError: one line: field, value, what is allowed.

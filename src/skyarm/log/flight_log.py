@@ -33,13 +33,13 @@ CONTINUOUS = "continuous reference"
 
 
 def _if_any() -> Any:
-    """Dataclass field for an array that only some flights have: by default an empty array."""
+    """Dataclass field for an array that only some flights have; by default empty."""
     return field(default_factory=lambda: np.zeros((0, 0)))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Log:
-    """Log of a flight at N control instants; SI units, radians, world axes by default.
+    """Log of a flight at N control instants, as arrays; SI units, radians, world axes by default.
 
     Attributes:
         time: (N,).
@@ -114,7 +114,7 @@ class Log:
         return found
 
     def component(self, name: str) -> Array:
-        """Array logged by a wind, force or contact model of the flight; an array (N, 0) if no model logs this name."""
+        """Array logged by a wind, force or contact model of the flight; (N, 0) if the flight has no such array."""
         found = self.received.get(f"{COMPONENTS}.{name}")
         return np.zeros((self.time.size, 0)) if found is None else found
 
@@ -128,7 +128,7 @@ class Log:
 
     @property
     def readings(self) -> dict[str, dict[str, Array]]:
-        """Sensor readings, sensor -> field -> (N,) or (N, k): the latest one received, held until the next."""
+        """Sensor readings by sensor and field, (N,) or (N, k): the latest one received at each instant."""
         found: dict[str, dict[str, Array]] = {}
         for name, array in self.received.items():
             source, _, last = name.rpartition(".")
@@ -138,13 +138,13 @@ class Log:
 
     @property
     def estimate(self) -> dict[str, Array]:
-        """Estimator output, field -> (N,) or (N, k), as received by the law; empty without an estimator."""
+        """Estimator output by field, (N,) or (N, k), as the control law received it."""
         names = (name.rpartition(".") for name in self.received)
         return {last: self.received[f"{ESTIMATE}.{last}"] for source, _, last in names if source == ESTIMATE}
 
     @property
     def phase_ends(self) -> tuple[tuple[str, float | None], ...]:
-        """Kind and completion time (s, None if not completed) of each phase of a task that waits for conditions."""
+        """Kind and completion time (s, or None) of each phase of a task."""
         found = []
         for number, name in enumerate(self.info.get("phases", ())):
             later = np.flatnonzero(self.phase > number + 0.5)
@@ -153,14 +153,14 @@ class Log:
 
     @property
     def contact_periods(self) -> tuple[Any, ...]:
-        """Periods from each touch to the loss of contact: :func:`skyarm.log.periods.contact_periods`."""
+        """Periods from each touch to the loss of contact, ordered by start."""
         from skyarm.log.periods import contact_periods
 
         return contact_periods(self)
 
     @property
     def grasp_periods(self) -> tuple[Any, ...]:
-        """Periods from each grasp to its release: :func:`skyarm.log.periods.grasp_periods`."""
+        """Periods from each grasp to its release, ordered by start."""
         from skyarm.log.periods import grasp_periods
 
         return grasp_periods(self)
@@ -182,7 +182,7 @@ class Log:
 
     @property
     def shortfall(self) -> Any:
-        """Actuator saturation and missed references: :class:`skyarm.log.metrics.shortfall.Shortfall`."""
+        """Summary of actuator saturation and references that the flight missed."""
         return import_module(SHORTFALL).shortfall(self)
 
     @property
@@ -192,7 +192,7 @@ class Log:
 
     @property
     def scenario(self) -> Any:
-        """Scenario of the flight; the same software version reproduces the log from it bit for bit.
+        """Scenario of the flight, restored from the log.
 
         Raises:
             ValueError: one line: a log of a version that did not keep it, plugins that are not loaded, or a damaged
@@ -216,7 +216,7 @@ class Log:
         return np.stack(euler_angles(Quaternion(*self.quaternion.T).rotation()), axis=1)
 
     def plot(self, file: str | os.PathLike[str] | None = None, **options: Any) -> Any:
-        """Plot the flight; ``options`` are those of :func:`skyarm.plot`: kind, window.
+        """Plot the flight over time, with the options of :func:`skyarm.plot`.
 
         Returns:
             a Matplotlib figure, which a notebook shows.
@@ -233,14 +233,14 @@ class Log:
         return own | dict(self.received)
 
     def save_npz(self, path: str | os.PathLike[str]) -> Path:
-        """Write a compressed npz file (arrays, and ``info`` as JSON), atomically."""
+        """Write the log as a compressed npz file."""
         from skyarm.log.formats import write_npz
 
         return write_npz(self, path)
 
     @property
     def units(self) -> Mapping[str, Unit]:
-        """Unit, frame and meaning of every array by name: ``log.units["rate"].words``."""
+        """Unit, frame and meaning of every array, by the array's name."""
         held = self.arrays()
         own = {name: unit for name, unit in units(Log).items() if name in held}
         described = (
@@ -251,7 +251,7 @@ class Log:
         return own | {name: Unit(each.unit, each.meaning) for name, each in described if name in held}
 
     def save_csv(self, path: str | os.PathLike[str], *, with_units: bool = True) -> Path:
-        """Write a CSV file: a column for each number, a row per control instant; numbers are read back exactly.
+        """Write the log as a CSV file with a row per control instant.
 
         Args:
             path: of the file.
@@ -263,7 +263,7 @@ class Log:
 
     @classmethod
     def load_npz(cls, path: str | os.PathLike[str]) -> Log:
-        """Read a log written by :meth:`save_npz`.
+        """Read a log from an npz file.
 
         Raises:
             OSError: the file cannot be read.
@@ -279,11 +279,11 @@ IF_ANY = tuple(each.name for each in fields(Log) if each.default_factory is not 
 
 
 def rows_of(log: Log, chosen: slice) -> Log:
-    """Log with a selection of the control instants and the same metadata."""
+    """Return a log with only some of the control instants of another log."""
     return log_of_arrays({name: array[chosen] for name, array in log.arrays().items()}, log.info)
 
 
 def log_of_arrays(arrays: Mapping[str, Array], info: dict[str, Any]) -> Log:
-    """Log from the arrays that :meth:`Log.arrays` returns."""
+    """Make a log from its arrays by name, as :meth:`Log.arrays` returns them."""
     own = {name: array for name, array in arrays.items() if "." not in name}
     return Log(**own, received={name: arrays[name] for name in arrays if name not in own}, info=info)

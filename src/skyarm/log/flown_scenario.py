@@ -1,4 +1,4 @@
-"""Restore the scenario of a log from the log's metadata."""
+"""Scenario of a log, restored from the plain data in the log's description."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def written_scenario(info: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def written_part(info: Mapping[str, Any], *names: str) -> Any:
-    """Part of the logged scenario, found by nested field names, as plain data; None if it does not exist."""
+    """Part of a log's scenario as plain data, by nested field names; None if it does not exist."""
     found: Any = written_scenario(info)
     for name in names:
         found = found.get(name) if isinstance(found, dict) else None
@@ -34,12 +34,12 @@ def written_part(info: Mapping[str, Any], *names: str) -> Any:
 
 
 def restored_part(info: Mapping[str, Any], *names: str) -> Any:
-    """Part of the logged scenario, found by nested field names, as a record; None if it cannot be restored."""
+    """Part of a log's scenario as dataclasses, by nested field names; None if it cannot be restored."""
     return restore_written(info, written_part(info, *names))
 
 
 def restore_written(info: Mapping[str, Any], written: Any) -> Any:
-    """Restore a record from a log's plain data; None if it cannot be restored."""
+    """Restore a dataclass from plain data in a log; None if that fails."""
     try:
         return restore(written, info.get("plugins"))
     except (KeyError, TypeError, ValueError, AttributeError):
@@ -47,7 +47,7 @@ def restore_written(info: Mapping[str, Any], written: Any) -> Any:
 
 
 def flown_scenario(info: Mapping[str, Any], replaced: Mapping[str, Any]) -> Any:
-    """Scenario of a log's ``info`` with some fields replaced, for :meth:`skyarm.Log.scenario_with`."""
+    """Restore the scenario of a log from its description, with some fields replaced."""
     written, plugins, code = (info.get(name) or {} for name in ("scenario_record", "plugins", "code"))
     of = (info.get("versions") or {}).get("skyarm", "unknown")
     if not isinstance(written, dict) or written.get("type") != SCENARIO or not written.keys() >= {*GROUPS}:
@@ -64,7 +64,7 @@ def flown_scenario(info: Mapping[str, Any], replaced: Mapping[str, Any]) -> Any:
 
 
 def _fits(info: Mapping[str, Any], written: Mapping[str, Any], code: Any) -> bool:
-    """True if the logged digest matches a scenario and its files of user code."""
+    """True if a log's digest matches its scenario and files of user code."""
     try:
         return isinstance(code, dict) and log_digest(written, code) == info.get("digest")
     except RecursionError:  # lists in lists, without end
@@ -73,7 +73,7 @@ def _fits(info: Mapping[str, Any], written: Mapping[str, Any], code: Any) -> boo
 
 @contextmanager
 def _in_words_of_the_log(plugins: Mapping[str, str]) -> Iterator[None]:
-    """Context manager that rewrites errors of restoring a scenario so that they name the log and missing plugins."""
+    """Context manager that converts errors of restoring a scenario to one line that names the log's field."""
     try:
         yield
     except RegistryError as error:

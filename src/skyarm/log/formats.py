@@ -27,7 +27,7 @@ PathLike = str | os.PathLike[str]
 
 @dataclass(frozen=True, slots=True)
 class LogFormat:
-    """File format of a log, with functions to write and read it.
+    """File format of a log: a function that writes it and one that reads it.
 
     Attributes:
         write: (log, path) -> the path written; the file appears whole or not at all.
@@ -39,7 +39,7 @@ class LogFormat:
 
 
 def _loaded_when_called(module: str, function: str) -> Callable[..., Any]:
-    """Function of this package whose module is imported at the first call."""
+    """Make a function that imports its module at the first call."""
 
     def call(*arguments: Any) -> Any:
         return getattr(import_module(f"skyarm.log.{module}"), function)(*arguments)
@@ -70,7 +70,7 @@ def read_npz(path: PathLike) -> Log:
 
 
 def log_from_npz(file: bytes, name: str) -> Log:
-    """Log from the bytes of an npz file; ``name`` begins an error message.
+    """Read a log from the bytes of an npz file.
 
     Raises:
         ValueError: it is no log.
@@ -89,7 +89,7 @@ def log_from_npz(file: bytes, name: str) -> Log:
 
 
 def write_csv(log: Log, path: PathLike, *, with_units: bool = True) -> Path:
-    """Write a CSV file: a column for each number, in the shortest text that is read back exactly.
+    """Write a log as CSV: a column for each number, a row per control instant.
 
     Args:
         log: of a flight.
@@ -105,7 +105,7 @@ def write_csv(log: Log, path: PathLike, *, with_units: bool = True) -> Path:
 
 
 def _texts(column: Any, known: dict[bytes, list[str]]) -> list[str]:
-    """Texts of a column's numbers, computed once for equal columns and for constant ones."""
+    """Format the numbers of a column as the shortest texts that are read back exactly."""
     bits = column.tobytes()
     if bits not in known:
         same = bits == bits[:8] * column.size
@@ -120,7 +120,7 @@ MCAP = LogFormat(_loaded_when_called("ros.files", "write_mcap"), _loaded_when_ca
 
 
 def require_format(path: PathLike, field: str = "log") -> LogFormat:
-    """File format of a log by the suffix of its path.
+    """Return the file format of a log by its suffix, or raise an error.
 
     Raises:
         RegistryError: no such format; names ``field``, the path and the formats there are.
@@ -129,7 +129,7 @@ def require_format(path: PathLike, field: str = "log") -> LogFormat:
 
 
 def require_readable(path: PathLike, field: str = "log") -> Callable[[Path], Log]:
-    """Function that reads a log file, by the suffix of its path.
+    """Return the function that reads a log file with a given suffix, or raise an error.
 
     Raises:
         RegistryError: no such format, or one that keeps too little; names the formats that can be read.
@@ -152,7 +152,7 @@ def _format(suffix: str, at: str, allowed: Sequence[str]) -> LogFormat:
 
 
 def save_log(log: Log, path: PathLike) -> Path:
-    """Write a log in the format of the path's suffix.
+    """Write a log to a file in the format of the file's suffix.
 
     Raises:
         RegistryError: no such format. OSError: it cannot be written.

@@ -56,14 +56,14 @@ AXES = {1: ("",), 3: ("x", "y", "z"), 4: ("w", "x", "y", "z")}
 
 
 class Arrays(Protocol):
-    """Arrays of a log, or of a section of a log, by name."""
+    """Protocol of objects that return a log's arrays by name, such as a log or a section of a log."""
 
     def __getitem__(self, array: str) -> Array: ...
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """Column of a log: one number over time.
+    """Column of a log: one number over time, with name, unit and meaning.
 
     Attributes:
         name: of the column. unit: SI; empty for pure numbers. meaning: in words, with axes.
@@ -84,7 +84,7 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Names:
-    """Names and kinds of the plant's joints, kinds of their commands, and names of its rotors.
+    """Names of a logged vehicle's joints and rotors, and the units of the joint commands.
 
     ``setpoints`` has a unit for each joint that takes a setpoint in place of a torque, None for the others; ``tilting``
     are the rotors that tilt.
@@ -99,7 +99,7 @@ class Names:
 
 
 def names_of(log: Log) -> Names:
-    """Names of joints and rotors; their indices for a log of an earlier version without names."""
+    """Read the names of joints and rotors from a log; numbers if the log does not name them."""
     joints, rotors = log.joints.shape[1], log.rotor_speeds.shape[1]
     found = [link.joint for link in _records(log.info, Link, "links")]
     turning, takes = _records(log.info, Rotor, "rotors"), setpoints_of(log.info)
@@ -115,13 +115,13 @@ def names_of(log: Log) -> Names:
 
 
 def _records(info: Mapping[str, Any], kind: type[Any], part: str) -> list[Any]:
-    """Links or rotors of the logged vehicle; what is none of this kind in a damaged file is left out."""
+    """Restore the links or rotors of the logged vehicle; empty for a damaged file."""
     found = restored_part(info, "agent", "plant", "vehicle", part)
     return [each for each in found if isinstance(each, kind)] if isinstance(found, tuple) else []
 
 
 def columns(log: Log) -> tuple[Column, ...]:
-    """Columns of a log, in the order of its arrays."""
+    """List the columns of a log, in the order of its arrays."""
     names, found = names_of(log), list[Column]()
     for array, unit in units(Log).items():
         width = getattr(log, array).shape[1:]
@@ -136,7 +136,7 @@ def columns(log: Log) -> tuple[Column, ...]:
 
 
 def _sensor_columns(log: Log, names: Names) -> Iterator[Column]:
-    """Columns of sensor readings and the estimate, each named by its source and array."""
+    """Yield the columns of sensor readings, estimate and environment models of a log."""
     for source, described in sources_of(log.info).items():
         begin = "" if source == COMPONENTS else f"{word(source.rpartition('.')[2])}_"
         for name, each in described.fields.items():
@@ -156,7 +156,7 @@ def _sensor_columns(log: Log, names: Names) -> Iterator[Column]:
 
 
 def _endings(array: str, width: int | None, names: Names) -> list[str]:
-    """Name of each column of an array: with joint, rotor or axis names where they are known, else indices."""
+    """Make the column names of an array from joint, rotor or axis names."""
     begin, group = COLUMNS.get(array, (array, ""))
     if width is None:
         return [begin]
@@ -177,19 +177,19 @@ def _endings(array: str, width: int | None, names: Names) -> list[str]:
 
 
 def word(name: str, kind: str = "") -> str:
-    """Part of a column's name for a joint or rotor: ``Wrist-Roll`` becomes wrist_roll, joint ``joint1`` becomes 1."""
+    """Convert a joint's or rotor's name for a column name: ``Wrist-Roll`` becomes wrist_roll."""
     text = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
     return text.removeprefix(kind).strip("_") or text or "unnamed"
 
 
 def unit_of_kind(unit: Unit, kind: str) -> str:
-    """Unit of a joint from a pair such as ``rad or m``: the first if revolute, the second if prismatic."""
+    """Choose from a pair of units such as ``rad or m``: the first if revolute, the second if prismatic."""
     options = unit.unit.split(" or ")
     return options[kind == "prismatic"] if kind and len(options) == 2 else unit.unit
 
 
 def component_labels(log: Log, array: str) -> list[str]:
-    """Column labels of an array that a wind, force or contact model logs."""
+    """Column labels of an array that a wind, force or contact model logged."""
     source = sources_of(log.info).get(COMPONENTS)
     found = None if source is None else source.fields.get(array)
     return [] if found is None else found.axes or []

@@ -16,7 +16,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Difference:
-    """Difference of two logs in one quantity.
+    """Difference of two logs in one column: first time, numbers there, and largest difference.
 
     Attributes:
         name, unit: of the column. time: of the first instant at which they differ, s. first, second: numbers there.
@@ -34,7 +34,7 @@ class Difference:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LogDifferences:
-    """Differences of two logs over their common instants.
+    """All differences of two logs over their common instants.
 
     Attributes:
         instants: number of common instants, and number of each log's.
@@ -54,7 +54,7 @@ class LogDifferences:
 
 
 def log_differences(a: Log, b: Log, tolerance: float = 0.0) -> LogDifferences:
-    """Compare two logs number by number.
+    """Compare two logs number by number; returns the differing columns.
 
     Args:
         a: one log.

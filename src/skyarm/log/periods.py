@@ -1,4 +1,4 @@
-"""Periods of a log: contacts, grasps and phases that timed out."""
+"""Periods of contact and grasp in a log, and phases that timed out."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SAME = 1e-6
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ContactPeriod:
-    """Period from a touch to the loss of contact, in control instants of a log.
+    """Period from a touch to the loss of contact: surface, contact point, times and forces.
 
     Attributes:
         surface, point: names of the pair.
@@ -39,7 +39,7 @@ class ContactPeriod:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class GraspPeriod:
-    """Period from a grasp to its release, in control instants of a log.
+    """Period from a grasp to its release: gripper, load, times and largest force.
 
     Attributes:
         gripper, held: names of the gripper and of its load.
@@ -57,7 +57,7 @@ class GraspPeriod:
 
 
 def contact_periods(log: Log) -> tuple[ContactPeriod, ...]:
-    """All periods of contact in a log, ordered by start; empty for a flight without surfaces to touch."""
+    """List all periods of contact in a log, ordered by start."""
     found: list[ContactPeriod] = []
     for (surface, point), force in zip(contact_pairs(log), log.component("contact_force").T, strict=False):
         for begin, end in _runs(force > 0.0):
@@ -69,7 +69,7 @@ def contact_periods(log: Log) -> tuple[ContactPeriod, ...]:
 
 
 def contact_pairs(log: Log) -> tuple[tuple[str, str], ...]:
-    """Surface and contact point of each column of ``contact_force``."""
+    """Names of surface and contact point for each column of the logged contact force."""
     pairs = (label.partition("/") for label in component_labels(log, "contact_force"))
     return tuple((surface, point) for surface, _, point in pairs)
 
@@ -82,7 +82,7 @@ def points_at_tip(log: Log) -> frozenset[str]:
 
 
 def grasp_periods(log: Log) -> tuple[GraspPeriod, ...]:
-    """All grasps in a log, ordered by start; empty for a flight without grippers."""
+    """List all grasps in a log, ordered by start."""
     found = list[GraspPeriod]()
     bodies = [label.partition("/")[0] for label in component_labels(log, "object_position")[::3]]
     bodies += component_labels(log, "mechanism_position")
@@ -106,12 +106,12 @@ def grasp_periods(log: Log) -> tuple[GraspPeriod, ...]:
 
 
 def waits_of(guards: Iterable[Guard]) -> list[dict[str, Any]]:
-    """Conditions that end phases as plain data: phase, time at which the reference waits (s), timeout (s)."""
+    """Convert phase end conditions to plain data for a log: phase number, time and timeout, s."""
     return [{"phase": each.phase, "at": float(each.at), "timeout": float(each.timeout)} for each in guards]
 
 
 def timed_out(log: Log) -> frozenset[int]:
-    """Indices of the phases whose end condition was not met before the timeout.
+    """Numbers of a task's phases whose end condition was not met before the timeout.
 
     A guard that is met in the very last period of its timeout counts among them.
     """

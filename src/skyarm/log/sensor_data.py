@@ -1,4 +1,4 @@
-"""Sensor readings and the estimate as arrays of a log, with their description in the log's files.
+"""Sensor readings and estimator output as arrays of a log, with their units and meanings.
 
 ``readings.imu.rate`` is the field ``rate`` of the reading of sensor ``imu``, ``estimate.position`` a field of the
 measurement that an estimator gave the law. Names, units and axes come from the records themselves: a sensor of a user
@@ -34,7 +34,7 @@ BARE = "value"
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """Field of a sensor reading or estimate.
+    """Field of a sensor reading or estimate: unit, meaning and column labels.
 
     Attributes:
         unit: SI; empty for pure numbers. meaning: in words.
@@ -50,7 +50,7 @@ class Field:
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """Sensor or estimator as the source of logged readings.
+    """Sensor or estimator whose readings a log stores: fields, interval, delay and frame.
 
     Attributes:
         fields: of its record, by name.
@@ -65,12 +65,12 @@ class Source:
 
     @property
     def plain(self) -> dict[str, Any]:
-        """Source as plain data."""
+        """Convert the source to plain data for a log file."""
         return asdict(self)
 
 
 def fields_of(record: Any, count: int) -> Iterator[tuple[str, Field, Array]]:
-    """Name, description and values over time, (N,) or (N, k), of each nonempty field of a record.
+    """Yield name, description and values over time, (N,) or (N, k), of each field of a sensor reading.
 
     Args:
         record: whose scalars are columns (N,), or numbers that stand for every instant.
@@ -90,7 +90,7 @@ def fields_of(record: Any, count: int) -> Iterator[tuple[str, Field, Array]]:
 
 
 def sources_of(info: Mapping[str, Any]) -> dict[str, Source]:
-    """Sources by name, such as ``readings.imu`` or ``estimate``, from a log's metadata.
+    """Read the sensors, estimator and environment models that a log stores, by name.
 
     Raises:
         ValueError: one line: a damaged description.
@@ -114,7 +114,7 @@ def sources_of(info: Mapping[str, Any]) -> dict[str, Source]:
 
 
 def _is_sound(source: Source) -> bool:
-    """True if the types in a description from a file are valid."""
+    """True if a sensor's description from a log file has valid types."""
     counts = all(type(each) is int and each >= 0 for each in (source.every - 1, source.late))
     texts = [each.unit for each in source.fields.values()] + [each.meaning for each in source.fields.values()]
     axes = [each for field in source.fields.values() for each in (field.axes, field.units) if each is not None]

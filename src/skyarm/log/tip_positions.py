@@ -1,4 +1,4 @@
-"""Tip positions for arrays of states."""
+"""Tip positions computed for arrays of base poses and joint positions."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Array = npt.NDArray[np.float64]
 
 
 def tip(vehicle: Vehicle, position: Array, quaternion: Array, joints: Array) -> Array:
-    """Return the world position (N, 3) of the tip, or of the base origin if the vehicle has no tip."""
+    """World position of the tip (N, 3), m, or of the base if the vehicle has no tip."""
     if not vehicle.end_effector:
         return position
     unit = quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)
@@ -22,7 +22,7 @@ def tip(vehicle: Vehicle, position: Array, quaternion: Array, joints: Array) -> 
 
 
 def level_tip(vehicle: Vehicle, position: Array, yaw: Any, joints: Array) -> Array:
-    """Return the tip position at a level base, p_d + R_z(psi_d) p_e(th_d), (N, 3)."""
+    """World position of the tip (N, 3), m, if the base were level at the given yaw."""
     return tip(vehicle, position, yaw_quaternion(yaw), joints)
 
 

@@ -29,7 +29,7 @@ CONTINUOUS = "_continuous"
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Goal:
-    """Desired position of the base (m) and of the joints, and the desired tip position (m) at a level base."""
+    """Reference of the metrics: base position (m), joint positions, and tip position (m) at a level base."""
 
     position: Vec3
     joints: tuple[Scalar, ...]
@@ -38,7 +38,7 @@ class Goal:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Instant:
-    """Quantities of one control instant for the metrics.
+    """Simulation quantities at one control instant, from which metrics are computed.
 
     Attributes:
         state: of the plant. tool: its tip, world, m.
@@ -62,12 +62,12 @@ class Instant:
     parts: tuple[tuple[str, tuple[Scalar, ...]], ...] = ()
 
     def part(self, name: str) -> tuple[Scalar, ...]:
-        """Values at this instant of an array logged by a wind, force or contact model; () if the flight has none."""
+        """Values of an array logged by a wind, force or contact model at this instant; () if it does not exist."""
         return next((numbers for each, numbers in self.parts if each == name), ())
 
 
 def joint_norm(joints: tuple[Scalar, ...], wanted: tuple[Scalar, ...]) -> Scalar:
-    """Euclidean norm of the joint errors."""
+    """Euclidean norm of the joint position errors."""
     total: Scalar = 0.0
     for q, q_d in zip(joints, wanted, strict=True):
         total = total + (q - q_d) * (q - q_d)
@@ -92,7 +92,7 @@ def tilt(q: Quaternion) -> Any:
 
 
 def _jitter(now: Instant, size: Callable[[Any], Any]) -> Scalar:
-    """Command jitter: mean over the rotors of the commanded speed's change since the previous period."""
+    """Change of the commanded rotor speeds since the last control period, by size, averaged over the rotors."""
     total: Scalar = 0.0
     for new, old in zip(now.command.rotor_speeds, now.before, strict=True):
         total = total + size(new - old)
@@ -135,7 +135,7 @@ STARTS = {"sum": 0.0, "square": 0.0, "max": -HUGE, "min": HUGE, "peak": 0.0, "la
 
 
 def quantity(name: str, now: Instant) -> Any:
-    """Value of a quantity at an instant; None if the flight does not have it."""
+    """Compute a named quantity, such as the position error, at an instant; None if the flight lacks it."""
     goal = now.held
     if name.endswith(CONTINUOUS):
         name, goal = name.removesuffix(CONTINUOUS), now.continuous
@@ -145,7 +145,7 @@ def quantity(name: str, now: Instant) -> Any:
 
 
 def added_metric(name: str) -> Metric:
-    """User-registered metric with its default parameters, or a built-in metric of contacts, grasps and phases.
+    """Return the metric object of a registered metric, or of a built-in contact, grasp or phase metric.
 
     Raises:
         RegistryError: what is registered is no metric, or cannot be called as one.

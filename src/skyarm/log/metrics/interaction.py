@@ -36,7 +36,7 @@ NOT_YET = 1e30
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PushMemory:
-    """Running sums over a commanded contact: of force error, contact losses and tip error.
+    """Accumulated sums of the contact metrics: force error, contact losses and tip error.
 
     Attributes:
         first: time of the first touch during a commanded contact, s. touching: 1 during contact.
@@ -60,7 +60,7 @@ class PushMemory:
 
 @dataclass(frozen=True, slots=True)
 class PushTotals(Metric):
-    """Metrics of a commanded contact: force, losses of contact and tip error."""
+    """Accumulator of the contact metrics: force error, losses of contact and tip error."""
 
     def start(self) -> PushMemory:
         """Initial running sums of the contact metrics: all zero, no touch yet."""
@@ -106,7 +106,7 @@ def _sum(forces: tuple[Scalar, ...]) -> Scalar:
 
 
 def _across(now: Instant, normal: tuple[Scalar, ...]) -> Scalar:
-    """Distance of the tip from its reference tangential to the modelled surface, m."""
+    """Distance of the tip from its reference parallel to the nominal surface, m."""
     away = now.tool - now.held.tool
     along = away.x * normal[0] + away.y * normal[1] + away.z * normal[2]
     return type(away)(*(a - along * n for a, n in zip(away, normal, strict=True))).norm()
@@ -114,7 +114,7 @@ def _across(now: Instant, normal: tuple[Scalar, ...]) -> Scalar:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class GripMemory:
-    """Running sums while the tip grips a handle: of radial force and of the mechanism's lag.
+    """Accumulated sums of the grip metrics: radial force on the handle, and lag of the mechanism.
 
     Attributes:
         held: instants in which it is held. force, largest: sum and largest of the radial force's size, N.
@@ -135,7 +135,7 @@ class GripMemory:
 
 @dataclass(frozen=True, slots=True)
 class GripTotals(Metric):
-    """Metrics of a gripped, turning handle: radial force on the tip, and lag behind the reference."""
+    """Accumulator of the grip metrics: radial force on a turning handle, and lag behind the reference."""
 
     def start(self) -> GripMemory:
         """Initial running sums of the grip metrics: all zero, nothing gripped yet."""
@@ -182,7 +182,7 @@ class PhaseMemory:
 
 @dataclass(frozen=True, slots=True)
 class PhaseTotals(Metric):
-    """Metric: start time of the latest phase of a task."""
+    """Accumulator of the start time of a task's latest phase."""
 
     def start(self) -> PhaseMemory:
         """Initial index and start time, before the first phase."""
@@ -202,7 +202,7 @@ TOTALS: Mapping[str, Metric] = {"push": PushTotals(), "grip": GripTotals(), "pha
 
 
 def _of_part(name: str, index: int) -> Callable[[Instant, Any], Any]:
-    """Make a function that reads one number of a contact or gripper model's logged array at an instant."""
+    """Make a function that reads one number of a contact or gripper model's logged array."""
     return lambda now, _: now.part(name)[index] if now.part(name) else None
 
 
@@ -226,23 +226,23 @@ COUNTED: Mapping[str, tuple[str, str, str, str]] = {
 
 
 def _share(total: Any, count: Any) -> Any:
-    """Mean from a sum and a count of instants; NaN for a count of zero."""
+    """Divide a sum by a count; NaN for a count of zero."""
     return np.where(np.asarray(count) > 0, np.asarray(total) / np.maximum(count, 1), np.nan)
 
 
 def _ripple(held: PushMemory) -> Any:
-    """Force ripple: RMS deviation of the force from its mean."""
+    """RMS deviation of the contact force from its mean, N."""
     mean = _share(held.error, held.count)
     return np.sqrt(np.maximum(_share(held.square, held.count) - mean * mean, 0.0))
 
 
 def _met(held: PushMemory, number: Any) -> Scalar:
-    """Value of a contact metric; NaN if no commanded contact occurred."""
+    """Return the value of a contact metric, or NaN if no commanded contact occurred."""
     return np.where(np.asarray(held.first) < NOT_YET, number, np.nan)
 
 
 def _gripped(memory: Any, number: Any) -> Scalar:
-    """Value of a grip metric; NaN if the tip never gripped a handle."""
+    """Return the value of a grip metric, or NaN if the tip never gripped a handle."""
     return np.where(np.asarray(memory.held) > 0, number, np.nan)
 
 

@@ -9,29 +9,30 @@ if TYPE_CHECKING:
 
 
 class Metric:
-    """User-defined metric: one number of a flight. A subclass is a frozen dataclass whose fields all have defaults.
+    """Base class of user-defined metrics: one number per flight, accumulated over the control instants.
 
-    ``count`` is pure, over any scalar, and is asked at every control instant in the window while the episode lives;
-    ``result`` gets the last memory, whose scalars are arrays over the lanes of a batch.
+    A subclass is a frozen dataclass whose fields all have defaults. ``count`` is pure, over any scalar, and called at
+    every control instant in the window while the episode lives; ``result`` gets the last memory, whose scalars are
+    arrays over the episodes of a batch.
     """
 
     __slots__ = ()
 
     @property
     def window(self) -> str:
-        """Name of a window of :class:`skyarm.log.metrics.windows.Windows`, or "whole" for the whole flight."""
+        """Name of the time window in which the metric counts, such as "steady" or "whole"."""
         return "whole"
 
     def start(self) -> Any:
-        """Initial state of the metric's accumulation: a record or tuple of scalars, such as running sums."""
+        """Return the initial accumulator of the metric: a dataclass or tuple of scalars, such as sums."""
         raise NotImplementedError(f"{type(self).__name__} must define start()")
 
     def count(self, memory: Any, now: Instant) -> Any:
-        """Updated state of the metric's accumulation after one more control instant."""
+        """Return the accumulator of the metric after one more control instant."""
         raise NotImplementedError(f"{type(self).__name__} must define count()")
 
     def result(self, memory: Any, instants: Any, period: float) -> Any:
-        """Value of the metric from the final state of its accumulation.
+        """Compute the metric from the final accumulator.
 
         Args:
             memory: the last one.

@@ -48,7 +48,7 @@ class Measure:
 
 
 def _or_nan(_n: Any, _dt: Scalar, total: Any) -> Scalar:
-    """Largest, smallest or last value of a quantity; NaN if the quantity was absent at all instants."""
+    """Return an extreme or last value of a quantity, or NaN if the flight lacks the quantity."""
     return np.where(np.abs(total) < HUGE, total, np.nan)
 
 
@@ -160,7 +160,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
 
 
 def measures(joints: int) -> dict[str, Measure]:
-    """All available metrics for an arm with a given number of joints."""
+    """Definitions of all available metrics for an arm with a given number of joints, by name."""
     found = (
         REFERRED
         | FREE
@@ -179,13 +179,13 @@ def measures(joints: int) -> dict[str, Measure]:
 
 
 def _registered_measure(name: str) -> Measure:
-    """Definition of a user-registered metric."""
+    """Make the definition of a user-registered metric."""
     metric = added_metric(name)
     return Measure(((ADDED, metric.window, name),), metric.window, lambda n, dt, held: metric.result(held, n, dt))
 
 
 def metric_names(wanted: Sequence[str], joints: int, told: Sequence[bool] = ()) -> tuple[str, ...]:
-    """Names of metrics, with groups expanded, each once.
+    """Expand metric names and groups such as "standard" to a list of names, each once.
 
     A group with the suffix ``_continuous`` stands for the twins of those of its metrics that have one.
 
@@ -225,7 +225,7 @@ def _written_out(name: str, joints: int) -> list[str]:
 
 
 def required_totals(names: Sequence[str], joints: int) -> tuple[Total, ...]:
-    """Running sums that the given metrics need, each once."""
+    """List the sums and extremes from which the given metrics are computed, each once."""
     known = measures(joints)
     return tuple(dict.fromkeys(total for name in names for total in known[name].totals))
 
@@ -233,7 +233,7 @@ def required_totals(names: Sequence[str], joints: int) -> tuple[Total, ...]:
 def values(
     names: Sequence[str], totals: Mapping[Total, Array], instants: Mapping[str, Array], joints: int, period: float
 ) -> dict[str, Array]:
-    """Metrics of each flight of a batch; NaN if no instant was in the time window, 0 for integrals over a flight.
+    """Compute the metrics of each flight of a batch from accumulated sums; NaN for an empty time window.
 
     Args:
         names: of the metrics.
@@ -254,7 +254,7 @@ def values(
 
 
 def metric_words(name: str) -> tuple[str, str]:
-    """Description and unit of a metric; for a user-registered one its name, without a unit.
+    """Return description and unit of a metric, for axes and tables.
 
     Joint errors are in rad; those of joints that slide in m.
     """

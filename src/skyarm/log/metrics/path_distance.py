@@ -14,7 +14,7 @@ AT_ONCE = 256
 
 
 def path_distance(points: Array, path: Array) -> Array:
-    """Distance of each point from the polyline through the samples of a path.
+    """Distance of each point (N, 3) from the polyline through a path's samples (M, 3), m.
 
     Of a flight: ``path_distance(log.tip, log.tip_reference)``, which stays small on a slowed path where the
     error against the reference of that instant does not.

@@ -1,4 +1,4 @@
-"""Compute metrics from a log with the functions that also accumulate them during a flight."""
+"""Metrics of a log, computed by the same functions as during a flight."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Array = npt.NDArray[Any]
 
 
 def score(log: Log, metrics: Sequence[str] = ("standard",), windows: Windows | None = None) -> dict[str, float]:
-    """Compute metrics of a flight.
+    """Compute metrics of a logged flight, by metric name.
 
     Args:
         log: of the flight.
@@ -76,7 +76,7 @@ SETTLING_BAND = 0.02
 
 
 def settling_time(log: Log, steady: Window, *, continuous: bool = False) -> float:
-    """Settling time (s): from then on the position error stays within 0.02 m of its steady mean.
+    """Time from which the position error stays within 0.02 m of its steady mean, s; NaN if it never does.
 
     Args:
         log: of the flight.
@@ -96,7 +96,7 @@ def settling_time(log: Log, steady: Window, *, continuous: bool = False) -> floa
 
 
 def over_log(log: Log, name: str) -> Array:
-    """Time series (N,) of a quantity (:data:`skyarm.log.metrics.accumulate.QUANTITIES`) of a log."""
+    """Compute the time series (N,) of a named quantity, such as the position error, from a log."""
     instants = _instants(log)
     columns = leaves(instants)
     program = trace(lambda now: quantity(name, now), rebuild(instants, iter([0.0] * len(columns))))
@@ -105,7 +105,7 @@ def over_log(log: Log, name: str) -> Array:
 
 
 def _instants(log: Log, *, whole: bool = False) -> Instant:
-    """All control instants of a log as a record of arrays; ``pushes`` adds the commanded contact force."""
+    """Convert a log to the input of the metrics: one dataclass with an array (N,) for every number."""
 
     def rows(table: Any) -> tuple[Any, ...]:
         return tuple(table.T)
@@ -144,7 +144,7 @@ def _instants(log: Log, *, whole: bool = False) -> Instant:
 
 
 def _parts(log: Log) -> tuple[tuple[str, tuple[Array, ...]], ...]:
-    """Logged arrays, and constants as arrays, of the wind, force and contact models of a flight."""
+    """Logged arrays and constants of a flight's wind, force and contact models, as arrays by name."""
     arrays = tuple(
         (name.partition(".")[2], tuple(each.T)) for name, each in log.received.items() if name.startswith(COMPONENTS)
     )
@@ -155,7 +155,7 @@ def _parts(log: Log) -> tuple[tuple[str, tuple[Array, ...]], ...]:
 
 
 def wanted_push(log: Log) -> tuple[Array, ...]:
-    """Commanded contact force at every instant of a log; () if the flight has none.
+    """Commanded contact force, direction and grip at every instant of a log; () for a flight without any.
 
     Raises:
         ValueError: as of :attr:`skyarm.Log.scenario`.

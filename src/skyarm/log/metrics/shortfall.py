@@ -1,4 +1,4 @@
-"""Shortfall of a flight: saturated actuators and missed references.
+"""Check of a finished flight for saturated actuators and missed references.
 
 A flight that comes to its end is not yet a success: a diverged law may fly on with its commands cut, a tip may never
 press. Every summary of a flight (command line, JSON, pages) says the same of it, from :attr:`skyarm.Log.shortfall`.
@@ -42,7 +42,7 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Saturation:
-    """Saturation of the actuators: commands at or beyond their limits.
+    """Saturation of a flight's actuators: share of periods at a limit, and the worst command.
 
     Attributes:
         share: of the control periods in which any command is.
@@ -58,7 +58,7 @@ class Saturation:
 
     @property
     def counts(self) -> bool:
-        """True if the saturation should be reported: it is frequent, or a command exceeded its limit."""
+        """True if the saturation is worth reporting: frequent, or with a command beyond its limit."""
         return self.share >= SELDOM or not abs(self.command) <= (1.0 + ROUNDING) * abs(self.limit)  # nan counts
 
     def __str__(self) -> str:
@@ -70,7 +70,7 @@ class Saturation:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Unreached:
-    """Reference that a flight did not reach.
+    """Reference that a flight did not reach: position, tip, force or phase.
 
     Attributes:
         reference: "position", "tip", "force" or "phase". start, stop: interval that was examined, s.
@@ -88,7 +88,7 @@ class Unreached:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Shortfall:
-    """Saturation and missed references of a flight; its text has a line for each.
+    """Actuator saturation and missed references of a flight.
 
     Attributes:
         saturation: None where every command stayed within its limits.
@@ -100,13 +100,13 @@ class Shortfall:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """One sentence for each saturation and each missed reference; an empty list if all is well."""
+        """Sentences on saturation and missed references; empty if the flight is without fault."""
         saturated = self.saturation is not None and self.saturation.counts
         return (*((str(self.saturation),) if saturated else ()), *map(str, self.unreached))
 
 
 def shortfall(log: Log) -> Shortfall:
-    """Shortfall of a logged flight: commands beyond the actuator limits and references that were not reached."""
+    """Find saturated actuators and missed references in a log."""
     if not log.time.size:
         return Shortfall(saturation=None, unreached=())
     wanted, pushing = _wanted_force(log)
@@ -133,7 +133,7 @@ def _saturation(log: Log) -> Saturation | None:
 
 
 def _actuator_limits(log: Log) -> Iterator[tuple[str, str, Array, float, float]]:
-    """Name, unit, commands (N,), lower and upper limit of every limited actuator."""
+    """Yield name, unit, commands (N,), lower and upper limit of each limited actuator."""
     vehicle = restored_part(log.info, "agent", "plant", "vehicle")
     if vehicle is None:
         return
@@ -151,7 +151,7 @@ def _actuator_limits(log: Log) -> Iterator[tuple[str, str, Array, float, float]]
 
 
 def _far(log: Log, pushing: Array) -> Iterator[Unreached]:
-    """Position references of base and tip with a large mean error at the end of the flight.
+    """Yield position references of base and tip that the flight misses by a large mean error at its end.
 
     A reference may lag behind its plan: the distance to the path counts. While the tip presses its reference
     lies anywhere along the normal.
@@ -174,7 +174,7 @@ def _far(log: Log, pushing: Array) -> Iterator[Unreached]:
 
 
 def _wanted_force(log: Log) -> tuple[Array, Array]:
-    """Reference contact force of the tip (N,), and a mask of the instants at which the tip presses or grips."""
+    """Commanded contact force (N,), N, and a mask of the instants at which the tip presses or grips."""
     try:
         push = wanted_push(log) if written_part(log.info, "agent", "reference", "push") else ()
     except ValueError:  # of a plugin that is not loaded
@@ -187,7 +187,7 @@ def _wanted_force(log: Log) -> tuple[Array, Array]:
 
 
 def _forces(log: Log, wanted: Array) -> Iterator[Unreached]:
-    """Commanded contacts whose force stayed below the tolerance band throughout."""
+    """Yield the commanded contacts whose force stayed too small."""
     force = _force_at_tip(log)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], wanted > 0.0, [0]])))
     for first, after in edges.reshape(-1, 2):
@@ -199,7 +199,7 @@ def _forces(log: Log, wanted: Array) -> Iterator[Unreached]:
 
 
 def _force_at_tip(log: Log) -> Array:
-    """Sum of the contact forces at the tip (N,), at all contact points if the tip has none."""
+    """Sum of the contact forces at the tip (N,), N."""
     at_tip = points_at_tip(log)
     chosen = [k for k, (_, point) in enumerate(contact_pairs(log)) if point in at_tip]
     force = log.component("contact_force")[:, chosen] if chosen else log.component("contact_force")
@@ -207,7 +207,7 @@ def _force_at_tip(log: Log) -> Array:
 
 
 def _phases(log: Log) -> Iterator[Unreached]:
-    """One sentence on the phases that never ended."""
+    """Yield a missed reference that names all phases that never ended."""
     ends = [0.0, *(end for _, end in log.phase_ends if end is not None)]
     names = [f"{number} ({name})" for number, (name, end) in enumerate(log.phase_ends, 1) if end is None]
     if names:

@@ -1,4 +1,4 @@
-"""Time windows of the metrics; by default the flight after an initial settling time."""
+"""Time windows over which metrics are taken; by default the flight after an initial settling time."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Window:
         return cls(start, stop)
 
     def of(self, log: Log) -> Mask:
-        """Mask of the log's instants within the window."""
+        """Boolean mask (N,) of a log's instants within the window."""
         return (log.time >= self.start) & (log.time < self.stop)
 
     def __str__(self) -> str:
@@ -63,7 +63,7 @@ class Window:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FlightWindows:
-    """Time windows of the metrics for a flight of known duration.
+    """Time windows of the metrics in a flight of known duration.
 
     Attributes:
         steady: of means, RMS and extremes. transient: of peaks.
@@ -82,7 +82,7 @@ class FlightWindows:
     duration: float
 
     def masks(self, time: Array) -> dict[str, Mask]:
-        """Mask of the control instants (s) in each window, by the window's name."""
+        """Boolean masks of the given times (s) in each window, by the window's name."""
         found = {name: _within(time, [getattr(self, name)]) for name in NAMES}
         found["holds"] = _within(time, self.holds)
         found["last"] = time >= self.duration - self.last
@@ -96,7 +96,7 @@ class FlightWindows:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Windows:
-    """Requested time windows of the metrics; None takes the scenario's window, else the default.
+    """Requested time windows of the metrics; a window that is None becomes the scenario's, or the default one.
 
     The general windows are the flight after a settling share of a third (``transient``: that share; ``last``: the last
     5 s of what follows it). Attributes as of :class:`FlightWindows`.
@@ -113,7 +113,7 @@ class Windows:
         accept_fields(self, "windows")
 
     def of_flight(self, duration: float, own: Windows | None = None) -> FlightWindows:
-        """Time windows of a flight: the requested ones, else the scenario's ``own`` within the flight, else defaults.
+        """Complete the requested windows by the scenario's windows and defaults, for a flight of given duration.
 
         Raises:
             ValueError: one of these ends after the flight.
@@ -141,7 +141,7 @@ class Windows:
                 raise ValueError(f"windows.{name} = {words}: must end within the flight of {duration:g} s")
 
     def _ends(self) -> dict[str, tuple[float, str]]:
-        """For each requested window, the time (s) that the flight must last at least, and the window's text."""
+        """End time (s) and text of each requested window, by the window's name."""
         found = {name: (each.stop, str(each)) for name in NAMES if (each := getattr(self, name)) is not None}
         if self.holds is not None:
             found["holds"] = max((each.stop for each in self.holds), default=0.0), ", ".join(map(str, self.holds))
@@ -150,12 +150,12 @@ class Windows:
         return found
 
     def masks(self, time: Array, duration: float) -> dict[str, Mask]:
-        """Mask of the control instants (s) in each window by name, for a flight of a given duration (s)."""
+        """Boolean masks of the given times (s) in each window by name, for a flight of given duration (s)."""
         return self.of_flight(duration).masks(time)
 
 
 def windows_of(log: Log) -> Windows:
-    """Time windows of a logged scenario; defaults for logs from before 0.2, which did not store them."""
+    """Read the time windows of the metrics from a log."""
     stated = {name: value for name, value in log.info.get("windows", {}).items() if name != "duration"}
     return record_from(Windows, Fields(stated, "windows"))
 

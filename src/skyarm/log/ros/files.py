@@ -30,7 +30,7 @@ PIECE = 10_000
 
 
 def write_mcap(log: Log, path: Path) -> Path:
-    """Write a log as an MCAP file, atomically; equal flights give equal bytes.
+    """Write a log as an MCAP file; equal flights give equal bytes.
 
     Raises:
         ValueError: mcap is missing. OSError: it cannot be written.
@@ -84,7 +84,7 @@ def read_mcap(path: Path) -> Log:
 
 
 def _messages(topics: FlightTopics, log: Log) -> Iterator[tuple[int, Topic, Any]]:
-    """Time in ns, topic and bytes of every message, ordered by time."""
+    """Yield time (ns), topic and bytes of every ROS message of a log, ordered by time."""
     length = topics.period * max(1, PIECE // topics.period)
     for begin in range(0, log.time.size, length):
         piece, rows = rows_of(log, slice(begin, begin + length)), []

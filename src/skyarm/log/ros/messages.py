@@ -1,4 +1,4 @@
-"""ROS message definitions, and vectorized encoding of many messages of one type.
+"""ROS message definitions, and fast encoding of many messages of one type as CDR bytes.
 
 Definitions: ros2/common_interfaces, ros2/geometry2 and ros2/rcl_interfaces, branch humble, without comments and
 constants. They are written into every file, so that a reader needs no ROS.
@@ -83,14 +83,14 @@ def full_name(kind: str) -> str:
 
 
 def flight_definition(columns: Sequence[Column]) -> str:
-    """Definition of the FLIGHT message, with units and meanings as comments."""
+    """Definition of the ROS message that holds all columns of a log, with units as comments."""
     width = max(len(each.name) for each in columns)
     rows = ((each.name, ", ".join(filter(None, (each.unit, each.meaning)))) for each in columns)
     return "\n".join(f"float64 {name:{width}} # {words}" if words else f"float64 {name}" for name, words in rows)
 
 
 def definition(kind: str, definitions: Mapping[str, str]) -> str:
-    """Definition of a message type followed by those of its nested types, as MCAP's encoding ``ros2msg`` requires."""
+    """Definition of a ROS message type followed by those of its nested types, as MCAP requires."""
     found = list(dict.fromkeys(_inner(kind, definitions)))
     parts = (f"{LINE}\nMSG: {each}\n{definitions[each]}\n" for each in found)
     return "".join([f"{definitions[kind]}\n", *parts])
@@ -105,7 +105,7 @@ def _inner(kind: str, definitions: Mapping[str, str]) -> Iterator[str]:
 
 
 def fields(text: str) -> list[tuple[str, str]]:
-    """Type and name of each field of a message definition."""
+    """List type and name of each field in a ROS message definition."""
     lines = (line.partition("#")[0].split() for line in text.splitlines())
     return [(line[0], line[1]) for line in lines if line]
 
@@ -133,7 +133,7 @@ NANO = 1_000_000_000
 
 
 class Template:
-    """Byte template of many messages of one type: constant bytes, and byte offsets of varying numbers."""
+    """Byte template of many ROS messages of one type, with offsets of the numbers that vary."""
 
     def __init__(self, definitions: Mapping[str, str]) -> None:
         self._definitions = definitions
@@ -141,7 +141,7 @@ class Template:
         self._numbers: list[tuple[int, Any]] = []
 
     def record(self, kind: str, values: Values) -> None:
-        """Append all fields of a message type; those missing in ``values`` become zeros, empty texts or empty lists."""
+        """Append all fields of a message type to the template; missing values become zero or empty."""
         for part, name in fields(self._definitions[kind]):
             self._field(part, values.get(name))
 
@@ -173,7 +173,7 @@ class Template:
             self.record(kind, value or {})
 
     def _list(self, kind: str, length: int | None, value: Any) -> None:
-        """Append a list of numbers, (k,) for all messages or (N, k); one of variable length begins with its length."""
+        """Append a list of numbers to the template: (k,) for all messages, or (N, k)."""
         given = np.zeros(length or 0) if value is None else np.asarray(value)
         if length is None:
             self._numbers_at("<u4", given.shape[-1])
@@ -181,7 +181,7 @@ class Template:
             self._numbers_at(PRIMITIVES[kind], given, row=True)
 
     def _numbers_at(self, form: str, value: Any, row: bool = False) -> None:
-        """Append a number or list: its bytes if constant over the messages, else a gap to be filled per message."""
+        """Append a number or list to the template: its bytes if constant, else a gap to be filled per message."""
         array, size = np.asarray(value).astype(form, copy=False), int(form[2:])
         self._bytes += bytes(-(len(self._bytes) - len(HEADER)) % size)
         if array.ndim == int(row):
@@ -192,7 +192,7 @@ class Template:
         self._bytes += bytes(size * columns.shape[1])
 
     def messages(self, count: int) -> Bytes:
-        """Encoded messages as bytes (count, size)."""
+        """Return all encoded messages as bytes (count, size)."""
         rows = np.empty((count, len(self._bytes)), dtype=np.uint8)
         rows[:] = np.frombuffer(bytes(self._bytes), dtype=np.uint8)
         for start, array in self._numbers:
@@ -202,7 +202,7 @@ class Template:
 
 
 def encode(kind: str, definitions: Mapping[str, str], values: Values, count: int) -> Bytes:
-    """Encode messages of a type as bytes.
+    """Encode many ROS messages of one type as CDR bytes.
 
     Args:
         kind: key of ``definitions``.

@@ -1,4 +1,4 @@
-"""Coordinate frames and shapes of a flight for ROS viewers: transforms and markers of the vehicle."""
+"""Coordinate frames and shapes of a vehicle as ROS transforms and markers."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ Array = npt.NDArray[np.float64]
 
 
 class Part:
-    """Section of a flight log, with the quantities that ROS messages need."""
+    """Section of a flight log, from which ROS messages are made."""
 
     def __init__(self, log: Log, chosen: slice) -> None:
         self.log, self._chosen = log, chosen
         self.stamps = nanoseconds(log.time[chosen])
 
     def __getitem__(self, array: str) -> Array:
-        """Rows of one of the log's arrays at the section's instants."""
+        """Array of the log by name, at the instants of the section."""
         return self.log[array][self._chosen]
 
     def header(self, frame: str, time: Array | None = None) -> dict[str, Any]:
-        """Fields of a std_msgs/Header, stamped with ``time`` (s) or with the instants of the log."""
+        """Fields of a std_msgs/Header: time stamps and frame name."""
         stamps = self.stamps if time is None else nanoseconds(np.nan_to_num(time))
         return {"stamp": stamps, "frame_id": frame}
 
@@ -58,7 +58,7 @@ WORLD, BASE_LINK, BASE_REFERENCE = "world", "base_link", "base_reference"
 
 
 class Frames:
-    """Unique names of a vehicle's coordinate frames, including world and base.
+    """Unique ROS frame names of a vehicle's links, named frames and rotors.
 
     Attributes:
         links: name of each link. named: name of each named frame. rotors: name of each rotor's frame.
@@ -75,11 +75,11 @@ class Frames:
         self.rotors = every[len(links) + len(named) :]
 
     def of_body(self, body: int) -> str:
-        """Frame name of a link or the base."""
+        """ROS frame name of a link, or of the base."""
         return BASE_LINK if body == BASE else self.links[body]
 
     def moving(self, stamps: Any, joints: Array) -> list[dict[str, Any]]:
-        """Transform of each link relative to its parent."""
+        """Fields of the transform of each link relative to its parent."""
         found = []
         values = every_joint(self._vehicle, list(joints.T))
         for i, link in enumerate(self._vehicle.moving):
@@ -89,7 +89,7 @@ class Frames:
         return found
 
     def fixed_transforms(self) -> list[dict[str, Any]]:
-        """Transforms of named frames and rotor hubs; a hub's z axis is the direction of positive thrust."""
+        """Fields of the constant transforms of named frames and rotor hubs."""
         found = []
         for name, frame in zip(self.named, self._vehicle.frames, strict=True):
             turn = quaternions_of(_turns(frame.rotation, 1))[0]
@@ -120,7 +120,7 @@ def quaternion(wxyz: Array) -> dict[str, Any]:
 
 
 def _turns(R: Mat3, count: int) -> Array:
-    """Rotation matrices (N, 3, 3) from a rotation whose entries are numbers or arrays."""
+    """Convert a rotation whose entries are numbers or arrays to matrices (N, 3, 3)."""
     return np.array([[np.broadcast_to(np.asarray(c, dtype=float), (count,)) for c in row] for row in R.rows]).transpose(
         2, 0, 1
     )
@@ -146,7 +146,7 @@ MARKER_TYPES = {"box": 1, "sphere": 2, "ellipsoid": 2}
 
 
 def markers(vehicle: Vehicle, frames: Frames) -> list[dict[str, Any]]:
-    """Message visualization_msgs/Marker for each shape, fixed to the frame of its body."""
+    """Fields of a visualization_msgs/Marker for each shape of a vehicle."""
     found = []
     for number, shape in enumerate(vehicle_shapes(vehicle, meshes=False)):
         turn = quaternions_of(np.array([shape.rotation]))[0]

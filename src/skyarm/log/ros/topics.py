@@ -48,7 +48,7 @@ MARKERS = "visualization_msgs/MarkerArray"
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """ROS topic: its message type, rate and content.
+    """ROS topic of a log: name, message type, rate, and the function that fills the messages.
 
     Attributes:
         name, kind: of the topic and of its messages.
@@ -65,7 +65,7 @@ class Topic:
 
 
 class FlightTopics:
-    """All ROS topics of a flight.
+    """All ROS topics of a log, with the encoder of their messages.
 
     Args:
         log: of the flight, or its first part.
@@ -98,7 +98,7 @@ class FlightTopics:
         )
 
     def encode(self, topic: Topic, log: Log) -> tuple[npt.NDArray[np.int64], Bytes]:
-        """Times (ns) and encoded messages of a topic in a section of the flight.
+        """Encode the messages of one topic in a section of the flight; returns times (ns) and bytes.
 
         Args:
             topic: one of :attr:`topics`; one without a rate is written at the part's first instant.
@@ -112,20 +112,20 @@ class FlightTopics:
 
 
 def _reference(part: Part) -> dict[str, Any]:
-    """Fields of a geometry_msgs/PoseStamped of the base's reference."""
+    """Fields of the PoseStamped messages of the base's reference."""
     pose = _pose(part["position_reference"], yaw_quaternion(part["yaw_reference"]))
     return {"header": part.header(WORLD), "pose": pose}
 
 
 def vehicle_of(log: Log) -> Vehicle | None:
-    """Vehicle of the plant; None if the log has none or needs user code that is not loaded."""
+    """Vehicle of a log's plant; None if it cannot be restored."""
     found = restored_part(log.info, "agent", "plant", "vehicle")
     shape = log.joints.shape[1], log.rotor_speeds.shape[1]
     return found if isinstance(found, Vehicle) and (found.n, len(found.rotors)) == shape else None
 
 
 def every_of(log: Log) -> tuple[int, int]:
-    """Message interval in control instants: of the state topics, and of the slower other topics."""
+    """Control instants between messages: of base and joint states, and of slower topics."""
     rate = float(log.info["rates_hz"]["control"])
     fast = max(1, round(rate / FAST))
     return fast, fast * max(1, round(rate / fast / SLOW))
@@ -214,7 +214,7 @@ def _topic(
     time: str = "",
     frame: str | None = None,
 ) -> Topic:
-    """Topic of one of MESSAGES.
+    """Make a ROS topic whose messages are filled from arrays of the log.
 
     Args:
         name: of the topic.
@@ -236,12 +236,12 @@ def _topic(
 
 
 def _joints(name: str, every: int, names: Names, arrays: Mapping[str, str]) -> list[Topic]:
-    """Topic of type sensor_msgs/JointState from arrays of the log; none for a vehicle without joints."""
+    """Make a JointState topic from arrays of the log; empty for a vehicle without joints."""
     return [_topic(name, JOINTS, every, arrays, {"name": names.joints})] if names.joints and arrays else []
 
 
 def _sensor_topics(log: Log, fast: int, names: Names) -> list[Topic]:
-    """Topics of the estimate and of each sensor, at the instants of its readings; none without sensors."""
+    """Make the ROS topics of the estimate and of each sensor."""
     sources = {name: each for name, each in sources_of(log.info).items() if set(each.fields) - {"time"}}
     found: list[Topic] = []
     for name, (source, each) in zip(distinct([word(last_of(name)) for name in sources]), sources.items(), strict=True):
@@ -255,7 +255,7 @@ def _sensor_topics(log: Log, fast: int, names: Names) -> list[Topic]:
 
 
 def _reading(topic: str, every: int, offset: int, source: str, described: Source, names: Names) -> Topic:
-    """Topic of a sensor or the estimate: the ROS message that fits its numbers, else one of this library."""
+    """Make the ROS topic of a sensor or the estimate, with the standard message type that fits if there is one."""
     sizes = {field: len(each.axes or ()) for field, each in described.fields.items()}
     stamped = sizes.pop("time", 1) == 0
     kind = next((kind for kind, (_, wanted, _) in MESSAGES.items() if wanted == sizes), OWN)

@@ -49,7 +49,7 @@ KNOWN = ("paper_pd", "paper_ct", "l1_adaptive", "centroidal_tip", "nmpc")
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """Success rate with its confidence interval."""
+    """Success rate of a control law with its confidence interval, as shares from 0 to 1."""
 
     value: float
     low: float
@@ -64,7 +64,7 @@ def laws_figure(
     error_label: str,
     share_label: str,
 ) -> Figure:
-    """Draw tracking errors as dots on a logarithmic axis, and success rates on perturbed plants as bars.
+    """Draw tracking errors of control laws as dots on a log axis, and success rates on perturbed plants as bars.
 
     Args:
         names: of the laws, top to bottom.
@@ -103,7 +103,7 @@ def _errors(ax: Axes, errors: Mapping[str, Sequence[float | None]]) -> None:
 
 
 def envelope_figure(axes: Mapping[str, Any], laws: Sequence[str]) -> Figure:
-    """Draw an envelope: a panel per axis, a line per controller, and a mark where the vehicle is lost.
+    """Draw performance envelopes: a panel per varied condition, a line per controller, a cross where it crashes.
 
     Args:
         axes: name -> values, unit, and of each law a point for every value
@@ -135,7 +135,7 @@ def _low(axes: Mapping[str, Any]) -> float:
 
 
 def _looks(laws: Sequence[str]) -> dict[str, Style]:
-    """Line style of each controller: colour, marker and dashes."""
+    """Return the line style (colour, marker, dashes) of each controller, by its name."""
     known = {law: KNOWN.index(law) for law in laws if law in KNOWN}
     free = iter([place for place in range(len(LINES) + len(laws)) if place not in known.values()])
     places = {law: known[law] if law in known else next(free) for law in laws}

@@ -1,4 +1,4 @@
-"""Plot strip below a film: tip error or contact force over time, one curve per flight, as pixels."""
+"""Plot below a film's pictures: tip error or contact force over time, one curve per flight, as pixels."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ POINTS = 1500
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """Curve of one flight in the strip: error (N,), m, or force (N,), N, at times (N,), s, with a colour."""
+    """Curve of one flight in a film's plot: tip error (N,), m, or force (N,), N, over time (N,), s; with a colour."""
 
     time: Array
     error: Array
@@ -42,7 +42,7 @@ class Curve:
 
 @dataclass(frozen=True, slots=True)
 class Strip:
-    """Rendered plot (height, width, 3), with the pixel position of its time axis.
+    """Rendered plot of a film: pixels (height, width, 3), and the pixel positions of its time axis.
 
     Attributes:
         left, right: columns of the first and last instant. top, bottom: rows of the axes' edges.
@@ -58,7 +58,7 @@ class Strip:
 def error_strip(
     curves: Sequence[Curve], span: tuple[float, float], width: int, height: int, scale: float, *, forces: bool = False
 ) -> Strip:
-    """Render the plot strip.
+    """Render the plot of tip errors or contact forces over time that a film shows below its pictures.
 
     Args:
         curves: at least one.

@@ -1,4 +1,4 @@
-"""Facts of a flight for its figures: label, end, forces and events."""
+"""Labels, end times, forces and events of a flight, as its figures and films show them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ LONGEST, LONGEST_VALUE = 40, 16
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Event of a flight from ``start`` to ``stop``, s; both equal for an instant."""
+    """Event in a flight, such as a gust or fault: label, start and stop time, s (equal for an instant)."""
 
     label: str
     start: float
@@ -55,7 +55,7 @@ def gust_interval(log: Log) -> tuple[float, float] | None:
 
 
 def flights_by_label(flights: Log | Sequence[Log] | Mapping[str, Log]) -> dict[str, Log]:
-    """Legend label -> log, in the order given."""
+    """Return logs by their legend labels, in the order given."""
     if isinstance(flights, Log):
         flights = [flights]
     if isinstance(flights, Mapping):
@@ -64,7 +64,7 @@ def flights_by_label(flights: Log | Sequence[Log] | Mapping[str, Log]) -> dict[s
 
 
 def flight_labels(logs: Sequence[Log], files: Sequence[str] = ()) -> list[str]:
-    """A unique label for each flight.
+    """Make a unique legend label for each of several flights, from file names, laws, scenarios, plants or seeds.
 
     Args:
         logs: of the flights.
@@ -95,12 +95,12 @@ def shorten_label(text: str) -> str:
 
 
 def ending_of(log: Log) -> str:
-    """Label suffix of a flight that ended early; empty for a completed one."""
+    """Text to add to the legend label of a flight that ended early, such as " (diverged)"; empty for others."""
     return "" if log.status == "completed" else f" ({log.status.replace('_', ' ')})"
 
 
 def applied_force(log: Log) -> Array | None:
-    """Total contact force (N,) on the vehicle, N, or the grip force if there is no contact; None without surfaces."""
+    """Total normal contact force (N,) on the vehicle, N; the grip force without contact, None without surfaces."""
     touches, grips = log.component("contact_force"), log.component("gripper_force")
     if not touches.size:
         return None
@@ -115,7 +115,7 @@ def desired_push(log: Log) -> Array | None:
 
 
 def flight_events(log: Log) -> tuple[Event, ...]:
-    """Gusts, faults, payloads and scheduled changes of a flight, in order within each kind.
+    """List the gusts, faults, payloads and scheduled parameter changes of a flight, sorted by kind.
 
     An interval keeps its end behind that of the flight: flights that were lost at other times met the same gust.
     """
@@ -135,7 +135,7 @@ def flight_events(log: Log) -> tuple[Event, ...]:
 
 
 def _changes(scenario: Scenario, end: float) -> Iterator[Event]:
-    """Event of each scheduled parameter change, labelled by path and value, or by path only if repeated."""
+    """List scheduled parameter changes of a scenario as events, labelled by parameter path and value."""
     changes = [change for change in scenario.changes if float(change.at) < end]
     paths = [change.path for change in changes]
     for change in changes:

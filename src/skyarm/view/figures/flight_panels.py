@@ -1,4 +1,4 @@
-"""Panels of flight figures, by kind: label, unit, curve, reference and limits."""
+"""Panels of a flight's time plots, by kind: axis label, unit, curve, reference and limits."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ MILLIMETRES = 1e3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Panel:
-    """Panel of a figure: one quantity over time.
+    """Panel of a time plot: one logged quantity with its unit, reference curve and limits.
 
     Attributes:
         label: words for the axis. unit: of all that it shows.
@@ -55,7 +55,7 @@ class Panel:
 
 
 def column(name: str, i: int, reference: str = "", factor: float = 1.0) -> Read:
-    """Function from a log to column ``i`` of a logged array, or to that column's difference from a reference array."""
+    """Make a function that reads column ``i`` of a logged array, or its difference from a reference array."""
 
     def read(log: Log) -> Array | None:
         table: Array = getattr(log, name)
@@ -68,12 +68,12 @@ def column(name: str, i: int, reference: str = "", factor: float = 1.0) -> Read:
 
 
 def distance(name: str, reference: str, factor: float = 1.0) -> Read:
-    """Function from a log to the norm, over time, of a logged array's difference from a reference."""
+    """Make a function that computes the norm over time of a logged array's difference from a reference array."""
     return lambda log: factor * np.asarray(np.linalg.norm(getattr(log, name) - getattr(log, reference), axis=1))
 
 
 def by_axis(label: str, array: str, desired: str = "", error: str = "") -> list[Panel]:
-    """One panel per world axis: an array with its reference, or its error against the reference."""
+    """Make a panel for each world axis: a logged position with its reference, or its error."""
     return [
         Panel(
             label=f"{label} {axis}",
@@ -86,7 +86,7 @@ def by_axis(label: str, array: str, desired: str = "", error: str = "") -> list[
 
 
 def _joints(logs: Sequence[Log]) -> Iterator[tuple[int, str, str, list[Any]]]:
-    """(index, label, kind, joint models of all flights) of each joint of the arm with most joints."""
+    """Yield (index, label, kind, joint records of all flights) for each joint of the arm with most joints."""
     names = names_of(max(logs, key=lambda log: log.joints.shape[1]))
     for i, (name, kind) in enumerate(zip(names.joints, names.kinds, strict=True)):
         label = name[:1].upper() + name[1:] if kind else f"Joint {i + 1}"
@@ -121,7 +121,7 @@ def _tip(logs: Sequence[Log]) -> list[Panel]:
 
 
 def _contact(logs: Sequence[Log]) -> list[Panel]:
-    """Panels of the normal contact force, one per pair of surface and point that touched in any flight."""
+    """Make panels of the normal contact force, one per pair of surface and contact point that touched."""
     pairs = dict.fromkeys(
         pair
         for log in logs
@@ -142,7 +142,7 @@ def _contact(logs: Sequence[Log]) -> list[Panel]:
 
 
 def _pair_force(*pair: str) -> Read:
-    """Function from a log to the normal force (N,), N, of a surface on a point."""
+    """Make a function that reads the normal force (N,), N, between a surface and a contact point from a log."""
 
     def read(log: Log) -> Array | None:
         pairs = contact_pairs(log)
@@ -163,13 +163,13 @@ def _attitude(logs: Sequence[Log]) -> list[Panel]:
 
 
 def _yaw(log: Log) -> Array:
-    """Yaw in degrees, unwrapped to within half a turn of its reference."""
+    """Yaw angle over time in degrees, without jumps of a full turn against its reference."""
     yaw = log.euler[:, 2]
     return np.degrees(yaw + math.tau * np.round((log.yaw_reference - yaw) / math.tau))
 
 
 def _efforts(logs: Sequence[Log]) -> list[Panel]:
-    """Panels of the joint commands: effort, or setpoint with its unit."""
+    """Make panels of the joint commands: torque or force, or the setpoint of a drive, with its unit."""
     found = []
     for i, label, kind, joints in _joints(logs):
         for setpoint in dict.fromkeys(names_of(log).setpoints[i] for log in logs if i < log.efforts.shape[1]):
@@ -185,7 +185,7 @@ def _efforts(logs: Sequence[Log]) -> list[Panel]:
 
 
 def _command(i: int, setpoint: str | None) -> Read:
-    """Function from a log to the command of joint ``i``; None if the joint takes another kind of command."""
+    """Make a function that reads the command of joint ``i``; it returns None for another kind of command."""
     efforts = column("efforts", i)
     return lambda log: efforts(log) if i < log.efforts.shape[1] and names_of(log).setpoints[i] == setpoint else None
 
@@ -206,13 +206,13 @@ def _rotors(logs: Sequence[Log]) -> list[Panel]:
 
 
 def _parts(logs: Sequence[Log]) -> list[Panel]:
-    """Panels of all quantities logged by the flights' components (winds, forces, contacts, payloads, batteries)."""
+    """Make panels of all quantities logged by winds, forces, contacts, payloads and batteries."""
     every = {each.name: each for log in logs for each in columns(log) if each.array.startswith(f"{COMPONENTS}.")}
     return [Panel(label=name, unit=each.unit, of=_declared(name)) for name, each in every.items()]
 
 
 def _declared(name: str) -> Read:
-    """Function from a log to a quantity logged by a component (wind, force, contact, payload, battery), by name."""
+    """Make a function that reads a logged quantity of a wind, force, contact, payload or battery, by column name."""
     return lambda log: next((each.of(log) for each in columns(log) if each.name == name), None)
 
 
@@ -238,7 +238,7 @@ RECEIVED = ("position", "quaternion", "joints", "rotor_speeds")
 
 
 def measured_flights(log: Log) -> Iterator[tuple[str, Log]]:
-    """Copies of a log with measured and with estimated quantities in place of the true ones."""
+    """Yield copies of a log with measured, then estimated, quantities in place of the true ones."""
     full = {"position": log.measured_position, "joints": log.measured_joints}
     sources = [*((MEASURED, each) for each in (full, *log.readings.values())), (ESTIMATED, log.estimate)]
     for word, fields in sources:
@@ -249,7 +249,7 @@ def measured_flights(log: Log) -> Iterator[tuple[str, Log]]:
 
 
 def panels_of(kind: str, logs: Sequence[Log]) -> list[Panel]:
-    """Panels of a given kind, covering the joints and rotors of all flights.
+    """Make the panels of one kind of time plot, for all joints and rotors of the given flights.
 
     Raises:
         ValueError: one line: no such kind, or flights that have nothing of it.

@@ -46,7 +46,7 @@ def plot(
     kind: str = ALL,
     window: tuple[float, float] | None = None,
 ) -> Picture:
-    """Draw flights over time.
+    """Plot one or several flights over time, with references, limits and events.
 
     Args:
         flights: one log, several, or several by the words that the legend has for them.
@@ -81,7 +81,7 @@ def plot(
 def _panels_figure(
     panels: Sequence[Panel], named: Mapping[str, Log], span: tuple[float, float], every: bool
 ) -> Picture:
-    """Draw panels over a common time axis; if all kinds of panel are drawn, in columns of a page."""
+    """Draw panels over a common time axis, with shaded events and one legend."""
     figure, axes = PAPER.stacked_panels(len(panels), OF_A_PAGE if every else None)
     handles: Handles = {}
     events = _events_by_label(named)
@@ -96,7 +96,7 @@ def _panels_figure(
 
 
 def _window(window: tuple[float, float] | None, named: Mapping[str, Log]) -> tuple[float, float]:
-    """Time interval to draw, s; the whole flights by default."""
+    """Time interval to draw, s: the requested one after checks, else the whole flights."""
     end = max(map(end_time, named.values()))
     if window is None:
         return 0.0, end or 1.0
@@ -109,7 +109,7 @@ def _window(window: tuple[float, float] | None, named: Mapping[str, Log]) -> tup
 
 
 def _draw(ax: Axes, panel: Panel, named: Mapping[str, Log], span: tuple[float, float]) -> Handles:
-    """Draw curves, references and limits of one panel; returns legend label -> line."""
+    """Draw curves, references and limits of one panel; returns the drawn lines by legend label."""
     handles: Handles = {}
     # what fits the value axis: flights that were completed, and those that were lost
     kept: list[Array] = []
@@ -144,7 +144,7 @@ def _draw(ax: Axes, panel: Panel, named: Mapping[str, Log], span: tuple[float, f
 
 
 def _received(panel: Panel, log: Log, truth: Array) -> Iterator[tuple[str, Array | None, Style]]:
-    """(label, curve, style) of the measured and of the estimated values of a panel's quantity."""
+    """Yield (label, curve, line style) of the measured and of the estimated values of a panel's quantity."""
     first = PAPER.look(0)
     held: Style = {"color": HELD, "linewidth": first.width, "zorder": 2.5, "drawstyle": "steps-post"}
     looks = {MEASURED: held, ESTIMATED: PAPER.look(1).line}
@@ -155,7 +155,7 @@ def _received(panel: Panel, log: Log, truth: Array) -> Iterator[tuple[str, Array
 
 
 def _different_references(panel: Panel, named: Mapping[str, Log]) -> list[tuple[Array, Array]]:
-    """(times, values) of each distinct reference, the longest flight's first."""
+    """List the times and values of each distinct reference curve of several flights, longest flight first."""
     found: list[tuple[Array, Array]] = []
     for log in sorted(named.values(), key=lambda log: -log.time.size):
         desired = panel.desired(log) if panel.desired else None
@@ -165,7 +165,7 @@ def _different_references(panel: Panel, named: Mapping[str, Log]) -> list[tuple[
 
 
 def _ends(panel: Panel, kept: Sequence[Array], lost: Sequence[Array]) -> tuple[float, float]:
-    """Limits of the value axis, from references and completed flights; from all flights if none was completed.
+    """Limits of a panel's value axis, from references and completed flights if there are any.
 
     A flight that was lost adds at most as much again on each side, so that it does not flatten the others.
     """
@@ -177,7 +177,7 @@ def _ends(panel: Panel, kept: Sequence[Array], lost: Sequence[Array]) -> tuple[f
 
 
 def _mark_events(ax: Axes, events: Mapping[Event, str], span: tuple[float, float]) -> Handles:
-    """Draw events: an interval as shading, an instant as a line; returns legend label -> artist."""
+    """Draw events in a panel (shading for an interval, a line for an instant); returns artists by legend label."""
     handles: Handles = {}
     instants: dict[str, str] = {}
     for i, (event, label) in enumerate(events.items()):
@@ -195,7 +195,7 @@ def _mark_events(ax: Axes, events: Mapping[Event, str], span: tuple[float, float
 
 
 def _events_by_label(named: Mapping[str, Log]) -> dict[Event, str]:
-    """Event -> label, with the names of the flights that have the event unless all do."""
+    """Return a legend label for each event; it names the flights unless all flights have the event."""
     found: dict[Event, list[str]] = {}
     for label, log in named.items():
         for event in flight_events(log):

@@ -1,4 +1,4 @@
-"""Figures 3-18 of the paper, an overview of its experiments, and tip error by controller, from logs.
+"""Figures 3 to 18 of Barakou et al. 2026, drawn from logs, and an overview of the experiments.
 
 Errors are actual minus desired, against the published and held reference, as a recorded bag would show them.
 
@@ -50,12 +50,12 @@ TOOL_POSITIONS = by_axis("Tip", "tool", desired="tool_held")
 
 
 def joint_error(i: int) -> Panel:
-    """Panel of the error of joint i, rad."""
+    """Make the panel of the tracking error of joint i, rad."""
     return Panel(label=f"Joint {i + 1} error", unit="rad", of=column("joints", i, "joints_held"))
 
 
 def joint_error_size(i: int) -> Panel:
-    """Panel of the absolute error of joint i, rad."""
+    """Make the panel of the absolute tracking error of joint i, rad."""
 
     def size(log: Log) -> Array:
         return np.abs(log.joints[:, i] - log.joints_held[:, i])
@@ -64,7 +64,7 @@ def joint_error_size(i: int) -> Panel:
 
 
 def joint_angle(i: int) -> Panel:
-    """Panel of the angle of joint i with its reference, rad."""
+    """Make the panel of the angle of joint i with its reference, rad."""
     return Panel(label=f"Joint {i + 1}", unit="rad", of=column("joints", i), desired=column("joints_held", i))
 
 
@@ -80,7 +80,7 @@ CASES = {
 
 
 class PaperFigure:
-    """One figure of the paper.
+    """One figure of Barakou et al. 2026: experiment, title, caption and panels.
 
     Args:
         case: experiment. subject: of its title. caption: below it.
@@ -140,7 +140,7 @@ PAPER_CATALOGUE: Mapping[int, PaperFigure] = {
 
 
 def by_hold(log: Log, values: Array | None) -> tuple[Array, Array]:
-    """Average a curve (N,) over each sample-and-hold interval of the reference; returns mid-times (K,), s, and means.
+    """Average a curve (N,) over each sample-and-hold interval of the reference; returns mid-times, s, and means.
 
     An error against held samples is a sawtooth at the control rate, too fast for a line.
     """
@@ -154,7 +154,7 @@ def by_hold(log: Log, values: Array | None) -> tuple[Array, Array]:
 
 
 def paper_figures(logs: Mapping[str, Mapping[str, Log]], windows: Mapping[str, Window]) -> dict[int, Figure]:
-    """Draw Figures 3-18 of the paper.
+    """Draw Figures 3 to 18 of Barakou et al. 2026 from logs; returns figures by their number.
 
     Args:
         logs: experiment ("case1", "case2", "case3", "case2_gust", "case3_wind") -> controller ("CT", "PD") -> log.
@@ -171,7 +171,7 @@ def paper_figures(logs: Mapping[str, Mapping[str, Log]], windows: Mapping[str, W
 
 
 def _draw(number: int, spec: PaperFigure, logs: Mapping[str, Log], window: Window | None) -> Figure:
-    """Draw one figure of the paper: a curve per controller, averaged over each hold, and the reference."""
+    """Draw one figure of Barakou et al. 2026: a curve per controller and the reference."""
     figure, axes = STYLE.stacked_panels(len(spec.panels))
     figure.suptitle(f"Figure {number}. {spec.title}", **STYLE.words)
     handles: Handles = {}
@@ -207,12 +207,12 @@ def _draw(number: int, spec: PaperFigure, logs: Mapping[str, Log], window: Windo
 
 
 def _law_look(name: str, i: int) -> Look:
-    """Line style of a controller; the paper's two have fixed ones."""
+    """Return the line style of a controller; CT and PD of Barakou et al. 2026 have fixed ones."""
     return PAPER.look(PLACES.get(name, 2 + i))
 
 
 def overview_figure(logs: Mapping[str, Mapping[str, Log]], steady: Window) -> Figure:
-    """Draw three panels: tip path from above and tip error (Case 3), base position along the gust (Case 2).
+    """Draw tip path and tip error of Case 3, and the base position in the gust of Case 2, side by side.
 
     Args:
         logs: experiment ("case3", "case2_gust") -> controller -> log.
@@ -242,7 +242,7 @@ def overview_figure(logs: Mapping[str, Mapping[str, Log]], steady: Window) -> Fi
 
 
 def _curves(ax: Axes, logs: Mapping[str, Log], panel: Panel, span: tuple[float, float]) -> None:
-    """Draw a panel's curve of each controller over a time interval, mm."""
+    """Draw one quantity of each controller over a time interval, mm."""
     drawn = []
     for i, (controller, log) in enumerate(logs.items()):
         time, mean = by_hold(log, panel.of(log))

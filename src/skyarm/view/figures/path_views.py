@@ -1,4 +1,4 @@
-"""Path plots: flights in their surroundings, with their contacts."""
+"""Plots of the tip's path from above and from the right, with surfaces and objects."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def draw_view(
     ax: Axes, view: View, named: Mapping[str, Log], span: tuple[float, float],
     world: Scene,
 ) -> dict[str, Any]:  # fmt: skip
-    """Draw the tip paths and the surroundings in one view; returns the legend entries.
+    """Draw tip paths and surroundings in one projection; returns the legend entries.
 
     Args:
         ax: empty.
@@ -87,7 +87,7 @@ def draw_view(
 
 
 def _paths(ax: Axes, view: View, named: Mapping[str, Log], span: tuple[float, float]) -> dict[str, Any]:
-    """Draw the tip paths and their references."""
+    """Draw the tip's path of each flight and its reference; returns the legend entries."""
     handles: dict[str, Any] = {}
     for i, (label, log) in enumerate(named.items()):
         inside = (log.time >= span[0]) & (log.time <= span[1])
@@ -99,7 +99,7 @@ def _paths(ax: Axes, view: View, named: Mapping[str, Log], span: tuple[float, fl
 
 
 def _frame(ax: Axes) -> None:
-    """Set square axes limits around the paths."""
+    """Set axes limits to a square around the drawn paths."""
     ends = np.array([ax.dataLim.min, ax.dataLim.max])
     ends[:, ~np.isfinite(ends).all(axis=0)] = [[-1.0], [1.0]]
     half = 0.5 * float(np.max(ends[1] - ends[0]))
@@ -112,7 +112,7 @@ def _frame(ax: Axes) -> None:
 
 
 def world_of(named: Mapping[str, Log], span: tuple[float, float]) -> Scene:
-    """Surroundings in the first flight whose scenario has any, at start and end of the time interval."""
+    """Surfaces and objects of the first flight that has any, at start and end of a time interval."""
     for log in named.values():
         scenario = scenario_of(log)
         inside = np.flatnonzero((log.time >= span[0]) & (log.time <= span[1]))

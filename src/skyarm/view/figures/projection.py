@@ -21,7 +21,7 @@ DIRECTIONS = 720
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """Parallel projection onto a drawing plane.
+    """Parallel projection of world points onto a drawing plane, given by its right and up directions.
 
     Attributes:
         right, up: unit vectors (3,) in the world that point so on paper; their cross product points to the observer.
@@ -41,7 +41,7 @@ class View:
 
 
 def axonometric(azimuth: float, elevation: float) -> View:
-    """Parallel projection from a direction: azimuth from x towards y, elevation above the horizon, rad."""
+    """Make a parallel projection from an azimuth (from x towards y) and an elevation above the horizon, rad."""
     ca, sa, ce, se = math.cos(azimuth), math.sin(azimuth), math.cos(elevation), math.sin(elevation)
     return View((-sa, ca, 0.0), (-se * ca, -se * sa, ce))
 

@@ -1,4 +1,4 @@
-"""Figures of studies: curves with bands, robustness maps, Nyquist diagrams, attainable torques."""
+"""Figures of parameter studies (curves with bands, robustness maps) and Nyquist diagrams."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def plot_sweep(
 
 
 def metric_figure(found: Sequence[BandedCurves]) -> Picture:
-    """Draw metrics against one variable: a panel per metric, a line per controller."""
+    """Draw metrics of a sweep against one variable: a panel per metric, a line per controller."""
     first = found[0]
     lost = any(curve.lost.any() for curve in first.curves)
     heights = [2.0] * len(found) + [0.7] * lost
@@ -111,13 +111,13 @@ def _short(words: str) -> str:
 
 
 def _ends(found: BandedCurves) -> tuple[float, float]:
-    """Limits of the value axis, from zero if no curve is negative."""
+    """Limits of a metric's value axis, starting at zero if no value is negative."""
     seen = np.concatenate([line for curve in found.curves for line in (curve.middle, curve.low, curve.high)])
     return limits([seen], floor=not (seen < 0.0).any(), span=ROUNDING)
 
 
 def _draw_band(ax: Axes, curve: BandedCurve, look: Look, label: str) -> Line2D:
-    """Draw a curve with its band."""
+    """Draw a median curve with its quantile band; returns the line for the legend."""
     fill: Style = {"color": look.color, "alpha": 0.16, "linewidth": 0.0, "zorder": look.layer - 1.0}
     ax.fill_between(curve.x, curve.low, curve.high, **fill)
     for end in (curve.low, curve.high):
@@ -185,7 +185,7 @@ CURVE, DISK = "#0b4f8a", "#b2182b"
 
 
 def nyquist_figure(loci: Sequence[Locus]) -> Figure:
-    """Draw Nyquist curves with the point -1 and the disk of the symmetric disk margin.
+    """Draw Nyquist curves of open loops with the point -1 and the disk of the symmetric disk margin.
 
     The disk's points are -1 / f for all factors f of the margin: on the real axis from -1 over the lowest gain to -1
     over the highest. At a margin of 2 it is the left half plane.

@@ -43,7 +43,7 @@ NOTEBOOK_DPI = 110.0
 
 
 class Picture(Figure):
-    """Matplotlib figure that displays itself in a notebook with any backend."""
+    """Matplotlib figure that a notebook shows without an interactive backend."""
 
     def _repr_png_(self) -> bytes:
         return image_bytes(self, dpi=NOTEBOOK_DPI)
@@ -51,7 +51,7 @@ class Picture(Figure):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Look:
-    """Line style: colour, dash, width and layer.
+    """Line style of a curve: colour, dash, width and layer.
 
     Attributes:
         color: hex. dash: on-off lengths in line widths, empty for solid. width: pt.
@@ -109,12 +109,12 @@ class PictureStyle:
 
     @property
     def words(self) -> Style:
-        """Keyword arguments for text of the larger size."""
+        """Keyword arguments of Matplotlib for text of the larger size."""
         return {"fontsize": self.text, "family": list(self.font), "color": self.ink, "parse_math": False}
 
     @property
     def small_words(self) -> Style:
-        """Keyword arguments for text of the smaller size."""
+        """Keyword arguments of Matplotlib for text of the smaller size."""
         return {**self.words, "fontsize": self.small}
 
     @property
@@ -123,12 +123,12 @@ class PictureStyle:
         return {"size": self.small, "family": list(self.font)}
 
     def look(self, position: int) -> Look:
-        """Line style of the flight with this index; colours repeat with another dash."""
+        """Line style of the curve with a given index; beyond the last one colours repeat with another dash."""
         look = self.looks[position % len(self.looks)]
         return look if position < len(self.looks) else replace(look, dash=(1.0, 1.0), width=0.8 * look.width)
 
     def blank(self, width: float, height: float) -> Picture:
-        """Create an empty figure of given width and height, inches."""
+        """Create a figure without axes, of given width and height in inches."""
         pad = 0.006 * self.text
         layout = ConstrainedLayoutEngine(w_pad=pad, h_pad=pad)
         figure = Picture(figsize=(width, height), layout=layout, facecolor=self.face)
@@ -136,7 +136,7 @@ class PictureStyle:
         return figure
 
     def dress(self, ax: Axes) -> Axes:
-        """Style frame, grid and ticks of one panel."""
+        """Style frame, grid and ticks of one axes."""
         line = 0.06 * self.text
         ax.set_facecolor(self.face)
         ticks: Style = {"labelsize": self.small, "labelfontfamily": self.font[0], "labelcolor": self.ink}
@@ -162,7 +162,7 @@ class PictureStyle:
         return figure, [self.dress(ax) for ax in axes[:count]]
 
     def stacked_panels(self, count: int, rows: int | None = None) -> tuple[Picture, list[Axes]]:
-        """Create a figure with panels over a common time axis, filled column by column from the top."""
+        """Create a figure with panels over a common time axis, filled column by column."""
         columns = -(-count // (rows or self.rows))
         rows = -(-count // columns)
         figure = self.blank(self.width if columns == 1 else self.wide, self.panel * rows + 5.0 * self.text / 72.0)
@@ -220,7 +220,7 @@ PAGE = replace(PAPER, font=("DejaVu Sans",), text=9.5, small=9.5, width=11.0, wi
 
 
 def limits(values: Iterable[Array], *, floor: bool, span: float, cap: float = np.inf) -> tuple[float, float]:
-    """Limits of a value axis for given curves.
+    """Compute limits of a value axis that fit the given curves.
 
     Args:
         values: what the panel shows; entries that are not finite are left out.
@@ -250,12 +250,12 @@ def logarithmic(axis: Axis) -> None:
 
 
 def plain_numbers(axis: Axis) -> None:
-    """Set plain tick labels such as 0.1 and 100 on a logarithmic axis, instead of powers."""
+    """Label the ticks of a logarithmic axis by plain numbers such as 0.1 and 100."""
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
 def image_bytes(figure: Figure, kind: str = "png", dpi: float = 160.0) -> bytes:
-    """Encode a figure as "png", "svg" or "pdf" without dates, so that equal figures give equal pixels."""
+    """Encode a figure as PNG, SVG or PDF without dates, so that equal figures give equal files."""
     stamp = {"png": {"Software": None}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
     buffer = io.BytesIO()
     with warnings.catch_warnings():
@@ -266,7 +266,7 @@ def image_bytes(figure: Figure, kind: str = "png", dpi: float = 160.0) -> bytes:
 
 
 def save_picture(figure: Picture, path: Path) -> Path:
-    """Write a figure atomically, in the format of the file's suffix."""
+    """Write a figure to a file in the format of its suffix; the file appears whole or not at all."""
     return write_atomically(path, image_bytes(figure, require_suffix(path), dpi=DPI))
 
 

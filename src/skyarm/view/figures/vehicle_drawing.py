@@ -67,7 +67,7 @@ LEADER = 1.5
 
 
 def vehicle_drawing(vehicle: Vehicle) -> Picture:
-    """Draw a vehicle in an axonometric, a side and a top view.
+    """Draw a labelled picture of a vehicle: an axonometric view, a side view and a top view.
 
     Bodies are guesses by :mod:`skyarm.world.scene`; frames, joints, rotors, lengths and angles are the vehicle's own.
     World z up, body x forward, y left, z up. Joints whose motion the side view shows are bent by 0.5 rad.
@@ -93,7 +93,7 @@ def vehicle_drawing(vehicle: Vehicle) -> Picture:
 
 
 class Posed:
-    """Vehicle in an arm pose to draw, level, its base at the world's origin.
+    """Vehicle with bent joints for its drawing: poses of bodies, frames and joint axes, with a level base.
 
     Attributes:
         vehicle: with concrete numbers. angles: of its joints, rad or m. poses: body -> (R_WB, p_WB).
@@ -116,7 +116,7 @@ class Posed:
 
 
 def drawing_angles(vehicle: Vehicle) -> tuple[float, ...]:
-    """Joint values for a drawing, within limits: BENT for a joint that turns in the side view's plane, else zero."""
+    """Joint values for a drawing: 0.5 rad for joints whose motion the side view shows, else zero, within limits."""
     level = _at_origin(vehicle, [0.0] * vehicle.n)
     found = []
     for i, link in enumerate(vehicle.links):
@@ -126,7 +126,7 @@ def drawing_angles(vehicle: Vehicle) -> tuple[float, ...]:
 
 
 def _at_origin(vehicle: Vehicle, joints: Sequence[float]) -> Poses:
-    """Body -> pose (R_WB, p_WB), with the base level at the origin."""
+    """Poses (R_WB, p_WB) of all bodies, by body number, with the base level at the origin."""
     level = np.array([[1.0, 0.0, 0.0, 0.0]])
     found = body_poses(vehicle, np.zeros((1, 3)), level, np.array([joints], dtype=float))
     return {body: (R[0], p[0]) for body, (R, p) in found.items()}
@@ -137,7 +137,7 @@ def _vector(v: Iterable[SupportsFloat]) -> Array:
 
 
 class Sheet:
-    """One view of a vehicle: bodies, farthest first, then marks; labels are collected and written at last."""
+    """One view of a vehicle's drawing: outlines of the bodies, and the requested labels."""
 
     def __init__(self, ax: Axes, view: View, posed: Posed) -> None:
         self.ax, self.view, self.posed, self.reach = ax, view, posed, posed.reach
@@ -158,12 +158,12 @@ class Sheet:
             self._drawn.append(corners)
 
     def below(self) -> Array:
-        """Position (3,) below and left of the drawing on paper."""
+        """World position (3,) that appears below and to the left of the drawn bodies."""
         low = np.concatenate(self._drawn).min(axis=0) - self.reach * np.array([0.15, 0.2])
         return np.asarray(low[0] * np.array(self.view.right) + low[1] * np.array(self.view.up))
 
     def label(self, text: str, at: Array, color: str = PAPER.ink) -> None:
-        """Request a label near a point (3,)."""
+        """Request a label at a point (3,); labels are placed after everything else is drawn."""
         self.labels.append((text, self.view.flat(at), color))
 
     def line(self, points: Array) -> None:
@@ -182,7 +182,7 @@ class Sheet:
         self.ax.add_patch(head)
 
     def triad(self, name: str, R: Array, at: Array, share: float = TRIAD) -> None:
-        """Draw the axes of a frame (columns of R) with letters and name, without axes seen end on."""
+        """Draw the x, y and z axes of a coordinate frame (columns of R) with letters and the frame's name."""
         for letter, axis, color in zip("xyz", R.T, AXIS_COLORS, strict=True):
             if np.linalg.norm(self.view.flat(axis)) >= 0.25:
                 end = at + share * self.reach * axis
@@ -191,7 +191,7 @@ class Sheet:
         self.label(name, at)
 
     def angle(self, centre: Array, start: Array, axis: Array, angle: float) -> None:
-        """Draw an angle in degrees as an arc with an arrowhead, from a dashed start direction."""
+        """Draw an angle as an arc with an arrowhead and its value in degrees."""
         bow = arc(centre, axis, start, angle)
         self.line(np.array([centre, centre + 1.25 * start]))
         self.arrow(bow, AXIS_COLORS[2], 0.08)
@@ -210,7 +210,7 @@ class Sheet:
 
 
 def _mark_frames_and_axes(sheet: Sheet) -> None:
-    """Draw in the axonometric view: world, base and named frames, joint directions, rotors and tilt."""
+    """Add coordinate frames, joint axes, rotor numbers and rotor tilts to the axonometric view."""
     posed, vehicle = sheet.posed, sheet.posed.vehicle
     sheet.triad("world", np.eye(3), sheet.below())
     origins = [posed.poses[i][1] for i in range(vehicle.n)]
@@ -236,7 +236,7 @@ def _mark_frames_and_axes(sheet: Sheet) -> None:
 
 
 def _mark_lengths_and_angles(sheet: Sheet) -> None:
-    """Draw in the side view: lengths between joints, and angles of joints seen end on."""
+    """Add lengths between joints, and joint angles, to the side view."""
     posed, vehicle = sheet.posed, sheet.posed.vehicle
     sheet.triad("base", *posed.frames["base"])
     ends = [(link.parent, _vector(link.joint.position)) for link in vehicle.moving]
@@ -261,7 +261,7 @@ def _mark_lengths_and_angles(sheet: Sheet) -> None:
 
 
 def _mark_rotors(sheet: Sheet) -> None:
-    """Draw in the top view: numbers, names and senses of rotation of rotors, and boom lengths."""
+    """Add numbers, names and rotation senses of the rotors, and a boom length, to the top view."""
     vehicle = sheet.posed.vehicle
     sheet.triad("base", *sheet.posed.frames["base"])
     for i, rotor in enumerate(vehicle.rotors):
@@ -274,7 +274,7 @@ def _mark_rotors(sheet: Sheet) -> None:
 
 
 def _rotor_bow(sheet: Sheet, rotor: Rotor) -> tuple[Array, Array]:
-    """Draw an arc with an arrowhead in a rotor's sense of rotation; returns the rotor's hub and axis."""
+    """Draw a rotor's sense of rotation as an arc with an arrowhead; returns the rotor's hub and axis."""
     hub, axis = _vector(rotor.position), _vector(rotor.axis)
     axis = axis / np.linalg.norm(axis)
     start = 0.72 * rotor_radius(sheet.posed.vehicle) * perpendicular(axis)
@@ -283,7 +283,7 @@ def _rotor_bow(sheet: Sheet, rotor: Rotor) -> tuple[Array, Array]:
 
 
 def _write_labels(figure: Picture, sheets: Sequence[Sheet]) -> None:
-    """Write every label near its point, at the place that overlaps least with the drawing."""
+    """Write all labels of a drawing where they overlap least with lines, bodies and each other."""
     figure.canvas.draw()
     ink = 1.0 - np.asarray(figure.canvas.buffer_rgba())[::-1, :, :3].mean(axis=2) / 255.0  # type: ignore[attr-defined]
     for sheet in sheets:
@@ -293,7 +293,7 @@ def _write_labels(figure: Picture, sheets: Sequence[Sheet]) -> None:
 
 
 def _write_label(ax: Axes, text: str, at: Array, color: str, ink: Array) -> None:
-    """Write a label near a point (2,) of a view, and mark its area in ``ink`` (rows from below, columns) as taken."""
+    """Write one label near a point (2,), and mark its area in the image ``ink`` as taken."""
     font = PAPER.small * ax.figure.dpi / 72.0
     words = {**PAPER.small_words, "color": color, "ha": "center", "va": "center", "linespacing": 1.0}
     label = ax.text(float(at[0]), float(at[1]), text, zorder=9.0, **words)

@@ -47,7 +47,7 @@ LEAVES = 6.0
 
 @dataclass(frozen=True, slots=True)
 class CameraPath:
-    """Camera path over F frames.
+    """Target, distance and direction of a film's camera in each of F frames.
 
     Attributes:
         look_at: (F, 3) m. distance: (F,) m. azimuth, elevation: (F,) deg, as MuJoCo's free camera has them.
@@ -60,7 +60,7 @@ class CameraPath:
 
 
 def fixed_camera(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> CameraPath:
-    """Path of a static camera that has every vehicle in view all the time."""
+    """Path of a camera that stands still and keeps all vehicles in view."""
     places = np.concatenate([part for flight in flights for part in _places_in_view(flight)])
     azimuth = free_azimuth(flights)
     view = _axes_of_view(azimuth)
@@ -79,7 +79,7 @@ def follow(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> Ca
 
 
 def tip(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> CameraPath:
-    """Path of a close-up camera at the desired tip position."""
+    """Path of a close-up camera that follows the desired tip position."""
     desired = np.mean([flight.desired_tip for flight in flights], axis=0)
     distance = _to_hold(0.9 * max(map(vehicle_reach, flights)), aspect)
     return _path(_low_pass(desired, seconds), distance, free_azimuth(flights))
@@ -99,7 +99,7 @@ def _path(look_at: Array, distance: float, azimuth: float) -> CameraPath:
 
 
 def vehicle_reach(flight: FilmedFlight) -> float:
-    """Radius of the vehicle around its base, m: rotor booms with discs, or the arm along the flight."""
+    """Radius of a vehicle around its base, m: rotor booms with discs, or the arm, whichever is longer."""
     arm = float(np.max(np.linalg.norm(flight.desired_tip - flight.desired_position, axis=1)))
     return max(1.5 * longest_boom(flight.vehicle), arm)
 
@@ -113,12 +113,12 @@ def _places_in_view(flight: FilmedFlight) -> list[Array]:
 
 
 def _margin(flights: Sequence[FilmedFlight]) -> float:
-    """Radius around the base that contains the drawn vehicle, m."""
+    """Radius around the base within which the largest vehicle is drawn, m."""
     return 1.6 * max(longest_boom(flight.vehicle) for flight in flights)
 
 
 def _at_most(offset: Array, length: float) -> Array:
-    """Limit the lengths of vectors (F, 3)."""
+    """Shorten vectors (F, 3) that are longer than a given length."""
     size = np.linalg.norm(offset, axis=1, keepdims=True)
     return np.asarray(offset * np.minimum(1.0, length / np.maximum(size, 1e-9)), dtype=float)
 
@@ -131,7 +131,7 @@ def _to_hold(radius: float, aspect: float) -> float:
 
 
 def _to_see(places: Array, flights: Sequence[FilmedFlight], aspect: float, azimuth: float) -> float:
-    """Camera distance at which vehicles at positions (N, 3) relative to the target are all in view."""
+    """Camera distance at which vehicles at all given positions (N, 3), relative to its target, are in view."""
     across, upwards, away = (places @ _axes_of_view(azimuth)).T
     slope = math.tan(math.radians(0.5 * FIELD_OF_VIEW))
     margin = _margin(flights)
@@ -161,7 +161,7 @@ def looking_towards(azimuth: float, elevation: float = ELEVATION) -> Array:
 
 
 def free_azimuth(flights: Sequence[FilmedFlight]) -> float:
-    """Camera azimuth, deg, at which surfaces hide the tips least; the default if nothing hides them."""
+    """Camera azimuth, deg, from which surfaces and objects hide the tips least."""
     if not any(flight.scene.obstacles for flight in flights):
         return AZIMUTH
     hidden = [sum(_occlusion(flight, -looking_towards(side)) for flight in flights) for side in SIDES]
@@ -169,7 +169,7 @@ def free_azimuth(flights: Sequence[FilmedFlight]) -> float:
 
 
 def _occlusion(flight: FilmedFlight, towards: Array) -> float:
-    """Share of the instants at which an obstacle hides the tip from a camera in a direction (3,)."""
+    """Share of a flight's time in which a surface or object hides the tip from a given direction (3,)."""
     chosen = np.unique(np.linspace(0, len(flight.tip) - 1, LOOKS).astype(int))
     obstacles = flight.scene.obstacles
     solids = [replace(each, position=each.position[chosen], rotation=each.rotation[chosen]) for each in obstacles]

@@ -40,7 +40,7 @@ LEAST_TEXT = 6
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """Rectangle of the frame, pixels from the upper left corner."""
+    """Rectangle in a film frame, in pixels from the upper left corner."""
 
     left: int
     top: int
@@ -59,7 +59,7 @@ class Box:
 
 @dataclass(frozen=True, slots=True)
 class FrameLayout:
-    """Layout of a film frame: rectangles of panels, captions and plot strip.
+    """Layout of a film frame: rectangles of 3D panels, captions and plot.
 
     Attributes:
         width, height: of the whole. scale: of texts and bands, 1 at 720 lines.
@@ -77,7 +77,7 @@ class FrameLayout:
 
 
 class Captions:
-    """Captions and plot strip of all frames of a film."""
+    """Captions and plot in all frames of a film."""
 
     def __init__(self, flights: Sequence[FilmedFlight], times: Array, layout: FrameLayout, title: str) -> None:
         self._flights, self._times, self._layout = flights, times, layout
@@ -91,7 +91,7 @@ class Captions:
         self._strip = self._plot()
 
     def frame(self, drawn: Pixels, k: int) -> Pixels:
-        """Compose frame k from the rendered panels ``drawn``, texts and plot."""
+        """Compose a film frame from the rendered 3D panels, captions and plot."""
         found, layout, time = self._blank.copy(), self._layout, float(self._times[k])
         for box in layout.panels:
             found[box.inside] = drawn[box.inside]
@@ -112,12 +112,12 @@ class Captions:
         return found
 
     def _name_width(self, flight: FilmedFlight, box: Box) -> int:
-        """Width of a flight's name, pixels; the rest of the caption is for error values."""
+        """Width in pixels of a flight's name in its caption."""
         wide, share = (225.0, 0.52) if flight.contact is None else (410.0, 0.62)
         return box.width - round(min(wide * self._layout.scale, share * box.width))
 
     def _plot(self) -> Strip | None:
-        """Render the plot strip: desired and applied forces if every flight has them, else tip errors."""
+        """Render a film's plot: desired and measured forces if every flight has them, else tip errors."""
         box = self._layout.plot
         if box is None:
             return None
@@ -137,7 +137,7 @@ class Captions:
     def _write(
         self, pixels: Pixels, box: Box, text: str, ink: Sequence[int] = INK, *, align: str = "left", bold: bool = False
     ) -> None:
-        """Write a line of text into a box, smaller if it would not fit."""
+        """Write a line of text into a rectangle of an image, smaller if too long."""
         # a picture's line of text: no line breaks, no characters that steer a terminal
         text = "".join(each if each.isprintable() else " " for each in text)
         margin = max(1, round(10.0 * self._layout.scale))
@@ -152,7 +152,7 @@ class Captions:
 
 
 def state_words(flight: FilmedFlight, time: float, k: int) -> str:
-    """Text of a flight's state at frame k, ``time`` s: its error, or after its end the reason for it."""
+    """Caption of a flight at frame k: contact force and tip error, or how the flight ended."""
     if time >= flight.end:
         return flight.lost or f"ended at {flight.end:g} s"
     touch = f"contact {force:.1f} N, " if (force := 0.0 if flight.contact is None else flight.contact[k]) > 0.0 else ""
@@ -170,7 +170,7 @@ def error_words(error: float) -> str:
 
 
 def _end(times: Array) -> float:
-    """End time of the last frame, s."""
+    """Time at which a film's last frame ends, s."""
     return float(times[-1] + (times[-1] - times[0]) / max(len(times) - 1, 1)) if len(times) > 1 else times[0] + 1.0
 
 
@@ -180,7 +180,7 @@ def _font(height: int, *, bold: bool) -> ImageFont.FreeTypeFont:
 
 
 def frame_layout(width: int, height: int, flights: int, layout: str, *, plot: bool) -> FrameLayout:
-    """Compute the layout of a frame.
+    """Compute the rectangles of 3D panels, captions and plot in a film frame.
 
     Args:
         width: pixels.
@@ -209,6 +209,6 @@ def frame_layout(width: int, height: int, flights: int, layout: str, *, plot: bo
 
 
 def _columns(width: int, count: int, gap: int) -> list[tuple[int, int]]:
-    """(left, width) of equal columns over a width."""
+    """List (left, width) in pixels of equal columns in a frame."""
     edges = [round(i * (width + gap) / count) for i in range(count + 1)]
     return [(left, right - gap - left) for left, right in pairwise(edges)]

@@ -1,4 +1,4 @@
-"""Rendered images of a running episode, one instant at a time, without a film's texts."""
+"""Rendered images of a running simulation, one instant at a time, for learning environments."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ FARTHEST = 1e6
 
 @dataclass(frozen=True, kw_only=True)
 class InstantLog(Log):
-    """Log of single instants of a running episode; holds the running scenario itself instead of a file's copy.
+    """Log of single instants of a running simulation, with the scenario that is flown.
 
     Attributes:
         flown: the scenario.
@@ -65,12 +65,12 @@ class InstantLog(Log):
 
     @property
     def scenario(self) -> Scenario:
-        """Scenario of the running episode."""
+        """Scenario of the running simulation."""
         return self.flown
 
 
 def picture_settings(given: Mapping[str, Any]) -> FilmSettings:
-    """Check and build the settings of the images.
+    """Check the image options of a learning environment and convert them to film settings.
 
     Raises:
         ValueError: one line: an option that there is not, or a value that cannot be.
@@ -82,7 +82,7 @@ def picture_settings(given: Mapping[str, Any]) -> FilmSettings:
 
 
 def instant_log(inputs: EpisodeInputs, row: int, states: Array, wind: WindSample) -> InstantLog:
-    """Log of some control instants with states and wind only, without commands and measurements.
+    """Make a log of some control instants from states and wind alone, without commands and measurements.
 
     Args:
         inputs: of the episode.
@@ -99,7 +99,7 @@ def instant_log(inputs: EpisodeInputs, row: int, states: Array, wind: WindSample
 
 
 class EpisodePictures:
-    """Renderer of images for a sequence of episodes; its graphics context stays open within an episode.
+    """Renderer of images of running simulations, one episode after another.
 
     Args:
         settings: size, camera, ghost, fine.
@@ -114,7 +114,7 @@ class EpisodePictures:
         self._stage: Stage | None = None
 
     def begin(self, scenario: Scenario) -> None:
-        """Start another episode, given its scenario with the drawn parameters."""
+        """Start another episode, given its scenario with the sampled parameters."""
         self.close()
         self._scenario, self._inputs = scenario, episode_inputs(scenario)
         self._stages, self._last = Stages(scenario), first_state(scenario)
@@ -167,7 +167,7 @@ class EpisodePictures:
         return Panel(0, 0, settings.width, settings.height, camera, solids, all_marks, flight.scene.ground or 0.0)
 
     def _reference(self, numbers: int, wind: WindSample) -> FilmedFlight:
-        """Film data of a flight that follows its reference exactly."""
+        """Make the film data of an ideal flight that follows its reference exactly."""
         steps, control = self._scenario.steps, self._scenario.rates.control
         states = np.zeros((steps, numbers))
         states[:, 3] = 1.0
@@ -183,7 +183,7 @@ class EpisodePictures:
         )
 
     def _camera(self, whole: FilmedFlight, flight: FilmedFlight, time: float) -> CameraPath:
-        """Camera at one instant: centred on the current vehicle, or fixed with the whole reference in view."""
+        """Camera at one instant: following the vehicle, or fixed with the whole reference in view."""
         settings = self._settings
         along = settings.camera in ("follow", "tip")
         path = CAMERAS[settings.camera]

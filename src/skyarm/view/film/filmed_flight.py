@@ -1,4 +1,4 @@
-"""A flight resampled at a film's frames, and its drawn parts: solids, lines and arrows."""
+"""Flight resampled at a film's frames, with the solids, lines and arrows that are drawn."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ WIDEST = 6.0
 
 @dataclass(frozen=True, kw_only=True)
 class FilmedFlight:
-    """Flight resampled at F frames; world axes, SI units, radians.
+    """Flight data at the F frames of a film, in SI units and world axes: poses, references, tip error, forces.
 
     Attributes:
         label: name in the picture. color: of the vehicle, its trail and its curve.
@@ -101,7 +101,7 @@ class FilmedFlight:
 
 
 def film_flights(logs: Sequence[Log], times: Array, labels: Sequence[str] | None = None) -> list[FilmedFlight]:
-    """Resample several flights for a film, each with its name and colour.
+    """Resample several logs at a film's frames, each with a name and a colour.
 
     Raises:
         ValueError: too many flights or labels, or a log that does not tell its vehicle.
@@ -115,7 +115,7 @@ def film_flights(logs: Sequence[Log], times: Array, labels: Sequence[str] | None
 
 
 def film_flight(log: Log, label: str, color: Color, times: Array, about: Array | None = None) -> FilmedFlight:
-    """Resample a log at the frames by linear interpolation; the last state is held after its end.
+    """Resample a log at a film's frames by linear interpolation; the last state is held after the flight's end.
 
     Args:
         log: of the flight.
@@ -175,14 +175,14 @@ def _error(log: Log, push: TipPush | None) -> Array:
 
 
 def patch_about(tip: Array) -> float:
-    """Half width, m, of the patch drawn for an infinite plane: grows with the tip's displacement, up to a limit."""
+    """Half width, m, of the square drawn for an infinite plane, grown with the tip's displacement."""
     finite = tip[np.isfinite(tip).all(axis=1)]
     way = float(np.ptp(finite, axis=0).max()) if len(finite) else 0.0
     return PATCH + 0.5 * min(way, WIDEST)
 
 
 def _scene(log: Log, components: Sequence[Any], seen: Instants) -> Scene:
-    """Surroundings at the frames, interpolated between the log's instants."""
+    """Surfaces, objects and contact forces at a film's frames, interpolated from a log."""
 
     def at_frames(name: str) -> Array:
         array = log.component(name)
@@ -202,7 +202,7 @@ def read(time: Array, values: Array, times: Array) -> Array:
 
 
 def continuous(quaternion: Array) -> Array:
-    """Quaternions with continuous signs, for interpolation."""
+    """Flip signs of a quaternion series (N, 4) so that it is continuous, for interpolation."""
     same = np.einsum("ni,ni->n", quaternion[1:], quaternion[:-1]) >= 0.0
     sign = np.concatenate([[1.0], np.cumprod(np.where(same, 1.0, -1.0))])[: len(quaternion)]
     return np.asarray(quaternion * sign[:, None], dtype=float)
@@ -244,7 +244,7 @@ LEAST_FORCE, LEAST_SPEED = 0.02, 0.05
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """Line or arrow between two points of the world, in one frame.
+    """Line or arrow between two world points, drawn in one frame of a film.
 
     Attributes:
         kind: "line" or "arrow". width: pixels of a line, m of an arrow's radius.
@@ -258,7 +258,7 @@ class Mark:
 
 
 def trail(flight: FilmedFlight, times: Array, k: int, width: float) -> list[Mark]:
-    """Fading trail of the tip over the last seconds, as lines."""
+    """Make the fading trail of the tip's last seconds, as lines."""
     first = int(np.searchsorted(times, times[k] - TRAIL))
     # every so many frames of the film, not of the trail, so that a line stays where it was drawn once
     every = max(1, int(np.searchsorted(times, times[0] + TRAIL)) // TRAIL_PIECES)
@@ -270,13 +270,13 @@ def trail(flight: FilmedFlight, times: Array, k: int, width: float) -> list[Mark
 
 
 def desired_path(flight: FilmedFlight, width: float) -> list[Mark]:
-    """Desired tip path over the film, as lines."""
+    """Make the line of the desired tip path over a whole film."""
     at = _apart(flight.desired_tip[:: -(-len(flight.desired_tip) // (4 * TRAIL_PIECES))])
     return [Mark("line", width, a, b, PATH) for a, b in pairwise(at)]
 
 
 def wind_arrow(flight: FilmedFlight, k: int, reach: float) -> list[Mark]:
-    """Arrow along the wind near the vehicle, its length scaled by the wind force or else the air speed."""
+    """Make an arrow along the wind near the vehicle, with a length by wind force or air speed."""
     length = np.zeros(3)
     if np.linalg.norm(flight.force[k]) > LEAST_FORCE:
         length = ARROW_PER_NEWTON * flight.force[k]
@@ -291,7 +291,7 @@ def wind_arrow(flight: FilmedFlight, k: int, reach: float) -> list[Mark]:
 
 
 def touch_marks(flight: FilmedFlight, k: int, reach: float) -> list[Mark]:
-    """Arrows of all contact forces in a frame, each from its point of application."""
+    """Make arrows of all contact forces at frame k, each starting at its contact point."""
     found = []
     for touch in flight.scene.arrows:
         size = float(np.linalg.norm(touch.force[k]))
@@ -312,7 +312,7 @@ def wind_words(flight: FilmedFlight, k: int) -> str:
 
 
 def _apart(places: Array) -> Array:
-    """Thin out a path (F, 3): remove points closer than a minimum distance to the previous one."""
+    """Thin out a path (F, 3) so that neighbouring points keep a minimum distance."""
     chosen = [places[0]]
     for place in places[1:]:
         if np.linalg.norm(place - chosen[-1]) > LEAST_STEP:
@@ -321,7 +321,7 @@ def _apart(places: Array) -> Array:
 
 
 def marks_of(flights: Sequence[FilmedFlight], times: Array, reach: float, scale: float) -> Callable[[int], list[Mark]]:
-    """Function from a frame number to the lines and arrows of one panel."""
+    """Make a function that lists the lines and arrows of a film panel at a given frame."""
     still = desired_path(flights[0], THIN * scale)
     for flight in flights[1:]:
         if not np.allclose(flight.desired_tip, flights[0].desired_tip, atol=1e-6):
@@ -338,25 +338,25 @@ def marks_of(flights: Sequence[FilmedFlight], times: Array, reach: float, scale:
 
 
 def vehicle_solids(flight: FilmedFlight) -> list[Solid]:
-    """Solids of a flight: vehicle in its colour, payloads and surroundings."""
+    """Make the solids of a flight in a film: vehicle in the flight's colour, payloads and surroundings."""
     own = _solids(flight, flight.position, flight.quaternion, flight.joints, ghost=False)
     return [*own, *scene_solids(flight)]
 
 
 def scene_solids(flight: FilmedFlight) -> list[Solid]:
-    """Solids of the surroundings; default colour by role."""
+    """Make the solids of surfaces, objects and payloads, coloured by their role unless they have a colour."""
     colors = [each.rgba or role_color(each.shape.role, flight.color, ghost=False) for each in flight.scene.solids]
     return [replace(each, rgba=color) for each, color in zip(flight.scene.solids, colors, strict=True)]
 
 
 def scene_lines(flight: FilmedFlight, k: int, width: float) -> list[Mark]:
-    """Lines of the surroundings in a frame, without hidden ones (NaN)."""
+    """Make the lines of the surroundings, such as cables, at frame k; hidden ones (NaN) are left out."""
     pieces = [(a, b, line.rgba) for line in flight.scene.lines for a, b in pairwise(line.places[k])]
     return [Mark("line", width, a, b, rgba) for a, b, rgba in pieces if np.isfinite([a, b]).all()]
 
 
 def ghost_solids(flight: FilmedFlight) -> list[Solid]:
-    """Transparent solids of the desired pose: level base and joints on their references."""
+    """Make transparent solids of the vehicle in its desired pose: level base, joints on reference."""
     desired = flight.desired_position, flight.desired_quaternion, flight.desired_joints
     return _solids(flight, *desired, ghost=True)
 

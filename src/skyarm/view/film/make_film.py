@@ -39,7 +39,7 @@ def make_film(
     labels: Sequence[str] | None = None,
     progress: Progress | None = None,
 ) -> Path:
-    """Render flights to an MP4 or an animated WebP file, by its suffix.
+    """Render logs as a film and write it as MP4 or animated WebP, by the file's suffix.
 
     Args:
         flights: one log or several, at most MOST_FLIGHTS.
@@ -65,7 +65,7 @@ def make_film(
 
 
 def frame_times(logs: Sequence[Log], settings: FilmSettings) -> Array:
-    """Times of the frames, s, up to the end of the longest flight.
+    """Compute the flight time of each frame of a film, s, up to the end of the longest flight.
 
     Raises:
         ValueError: a log has no instants, or none is left of them all.
@@ -84,7 +84,7 @@ def frame_times(logs: Sequence[Log], settings: FilmSettings) -> Array:
 def film_frames(
     flights: Sequence[FilmedFlight], times: Array, settings: FilmSettings, progress: Progress | None = None
 ) -> Iterator[Pixels]:
-    """Iterate over the rendered frames of a film, as byte arrays (height, width, 3).
+    """Yield the rendered frames of a film as byte arrays (height, width, 3).
 
     Raises:
         NoDisplayError: nothing can be drawn on this machine.
@@ -102,7 +102,7 @@ def film_frames(
 def film_panels(
     flights: Sequence[FilmedFlight], times: Array, settings: FilmSettings, layout: FrameLayout
 ) -> list[Panel]:
-    """Panels of a film: their flights, solids and cameras."""
+    """Make the 3D panels of a film: camera, solids, lines and arrows of their flights."""
     together = [list(flights)] if settings.layout == "over" else [[flight] for flight in flights]
     paths = _cameras(together, times, settings, layout)
     panels = []
@@ -121,7 +121,7 @@ def film_panels(
 def _cameras(
     together: Sequence[Sequence[FilmedFlight]], times: Array, settings: FilmSettings, layout: FrameLayout
 ) -> list[CameraPath]:
-    """Camera path of each panel: shared if the flights have one desired path, always at the same distance."""
+    """Compute the camera path of each panel; flights with one desired path share one."""
     seconds = (times - times[0]) / settings.speed
     every = [flight for inside in together for flight in inside]
     path = CAMERAS[settings.camera]
@@ -134,7 +134,7 @@ def _cameras(
 
 
 def _with_title(settings: FilmSettings, logs: Sequence[Log]) -> FilmSettings:
-    """Settings with the scenarios' titles if no title is given."""
+    """Fill in the title of a film from its scenarios if the settings have none."""
     if settings.title is not None:
         return settings
     scenarios = dict.fromkeys(str(log.scenario.title or log.info["scenario"]) for log in logs)

@@ -24,12 +24,12 @@ _Pointer = ctypes.c_void_p
 
 
 class NoDisplayError(ValueError):
-    """Error if offscreen rendering is impossible; names the missing library."""
+    """Error if images cannot be rendered on this machine; names the missing library."""
 
 
 @contextmanager
 def offscreen() -> Iterator[Callable[[], None]]:
-    """Context manager that makes an offscreen OpenGL context current in this thread.
+    """Context manager with an OpenGL context that needs no window; yields a function that makes it current.
 
     Yields a function that makes it current again, after another one was.
 
@@ -58,7 +58,7 @@ def offscreen() -> Iterator[Callable[[], None]]:
 
 @contextmanager
 def _of_mujoco() -> Iterator[Callable[[], None]]:
-    """OpenGL context of MuJoCo, by CGL on macOS and glfw on Windows."""
+    """Context manager with MuJoCo's own OpenGL context, for macOS and Windows."""
     import mujoco
 
     try:
@@ -88,7 +88,7 @@ def _library() -> Any:
 
 
 def _display(egl: Any) -> tuple[int, int]:
-    """Find the first EGL device that initialises with an OpenGL configuration."""
+    """Find an EGL display and configuration that render OpenGL."""
     for device in _devices(egl):
         display = _extension(egl, b"eglGetPlatformDisplayEXT", _Pointer, ctypes.c_uint, _Pointer, _Pointer)(
             PLATFORM_DEVICE, device, None

@@ -82,7 +82,7 @@ def record(
     labels: Sequence[str] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Recording:
-    """Record flights as a 3D scene.
+    """Record flights as a 3D scene that plays in a browser.
 
     Args:
         flights: one log or several.
@@ -112,7 +112,7 @@ def save_recording(recording: Recording, path: str | os.PathLike[str]) -> Path:
 
 @contextlib.contextmanager
 def _server() -> Iterator[Any]:
-    """Context manager with a viser server on loopback, in which to build the scene."""
+    """Context manager with a local viser server, in which a scene is built."""
     with contextlib.redirect_stdout(io.StringIO()):
         server = import_viser().ViserServer(host="127.0.0.1", port=0, verbose=False)
     try:
@@ -129,7 +129,7 @@ def _serialize(
     settings: FilmSettings,
     progress: Callable[[int, int], None] | None,
 ) -> bytes:
-    """Build the scene and play the flights; returns the serialized recording."""
+    """Build a 3D scene of flights and play it once; returns the recording as bytes."""
     shifts = _shifts(flights, settings)
     _surroundings(server, flights, shifts, times, settings)
     vehicles = [
@@ -151,7 +151,7 @@ def _serialize(
 
 
 class _Recorded:
-    """Scene nodes of one recorded flight: vehicle, ghost, tip path, label, wind, surroundings, contact forces."""
+    """Scene nodes of one flight in a recording: vehicle, desired pose, paths, label, wind and contact forces."""
 
     def __init__(
         self, scene: Any, root: str, flight: FilmedFlight, shift: Array, times: Array, settings: FilmSettings
@@ -185,7 +185,7 @@ class _Recorded:
     def _vehicle(
         self, scene: Any, name: str, pose: tuple[Array, Array, Array], *, ghost: bool
     ) -> tuple[VehicleNodes, Array, Array]:
-        """Create the nodes of a vehicle; returns them with their poses at every frame."""
+        """Create the scene nodes of a vehicle; returns them with rotations and positions at every frame."""
         flight = self._flight
 
         def paint(role: str) -> RGBA:
@@ -196,7 +196,7 @@ class _Recorded:
         return nodes, np.stack(rotations, axis=1), np.stack(positions, axis=1)
 
     def put(self, k: int) -> None:
-        """Move the nodes to frame k; only nodes that moved are recorded."""
+        """Move the scene nodes to frame k."""
         flight = self._flight
         turned = {name: turn[k] for name, turn in self._turns.items()}
         for i, (nodes, rotations, positions) in enumerate(self._bodies):
@@ -238,7 +238,7 @@ def _add_path(scene: Any, name: str, places: Array, color: tuple[int, ...], widt
 def _surroundings(
     server: Any, flights: Sequence[FilmedFlight], shifts: Sequence[Array], times: Array, settings: FilmSettings
 ) -> None:
-    """Set up ground, light and initial camera."""
+    """Set up ground, light and initial camera of a recording."""
     scene = server.scene
     scene.set_up_direction("+z")
     # shadows and a map of the surroundings take seconds a frame where no GPU draws
@@ -265,7 +265,7 @@ def _surroundings(
 
 
 def _shifts(flights: Sequence[FilmedFlight], settings: FilmSettings) -> list[Array]:
-    """Offset of each flight's scene, m: zero to overlay flights, or side by side as seen by the camera."""
+    """Offset of each flight in a recording, m: zero to overlay flights, else side by side."""
     if settings.layout == "over" or len(flights) == 1:
         return [np.zeros(3) for _ in flights]
     # to the camera's right
@@ -278,14 +278,14 @@ def _shifts(flights: Sequence[FilmedFlight], settings: FilmSettings) -> list[Arr
 
 
 def _eye(path: CameraPath, wider: float) -> tuple[Array, Array]:
-    """Initial positions of the camera and of its target."""
+    """Initial position of a recording's camera and of its target."""
     target = path.look_at[0]
     along = looking_towards(float(path.azimuth[0]), float(path.elevation[0]))
     return target - (path.distance[0] + wider) * along, target
 
 
 def page_with(content: bytes) -> str:
-    """HTML page with player and recording, which also opens as a local file."""
+    """Make an HTML page with the player and a recording, which also opens as a local file."""
     held = base64.b64encode(content).decode("ascii")
     script = f'<script>window.__VISER_EMBED_DATA__="{held}";window.__VISER_EMBED_CONFIG__={{darkMode:false}};</script>'
     return _client().replace("</head>", f"{script}</head>", 1)
@@ -305,5 +305,5 @@ def import_viser() -> Any:
 
 
 def _client() -> str:
-    """HTML of the player page that is part of the package viser."""
+    """HTML of the player page that viser ships."""
     return (Path(import_viser().__file__).parent / "client" / "build" / "index.html").read_text("utf-8")

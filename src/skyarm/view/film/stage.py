@@ -1,4 +1,4 @@
-"""Offscreen renderer of films, by MuJoCo: solids and marks over a light ground with a grid.
+"""Offscreen renderer of films by MuJoCo: solids, lines and arrows over a ground with a grid.
 
 No vehicle is in MuJoCo's model: every solid is handed over with its place, so that films of both plants, and of plants
 that MuJoCo does not know, are drawn alike.
@@ -71,7 +71,7 @@ THIN = 2e-4
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """Rectangle of a frame with its camera, solids and marks.
+    """Rectangle of a film frame with its camera, solids, lines and arrows.
 
     Attributes:
         left, top, width, height: pixels, from the frame's upper left corner.
@@ -90,7 +90,7 @@ class Panel:
 
 
 class Stage:
-    """Renderer of a film's panels, frame by frame; made by :func:`open_stage`."""
+    """Offscreen renderer of a film's 3D panels, frame by frame."""
 
     def __init__(
         self, panels: Sequence[Panel], width: int, height: int, *, fine: bool, current: Callable[[], None]
@@ -105,7 +105,7 @@ class Stage:
         self._pixels = np.zeros((height, width, 3), np.uint8)
 
     def draw(self, k: int) -> Pixels:
-        """Render frame k (height, width, 3), undefined outside the panels; the next call overwrites the array."""
+        """Render the panels of frame k as pixels (height, width, 3); the next call overwrites them."""
         self._current()  # two stages may be open at once
         for panel, (scene, ground) in zip(self._panels, self._scenes, strict=True):
             self._place(panel, scene, ground, k)
@@ -115,7 +115,7 @@ class Stage:
         return self._pixels[::-1]
 
     def move(self, panels: Sequence[Panel]) -> None:
-        """Replace the panels by ones with the same shapes in the same order at other poses."""
+        """Replace the panels by ones that show the same shapes at other poses."""
         self._panels = panels
 
     def close(self) -> None:
@@ -150,7 +150,7 @@ class Stage:
         return scene, ground
 
     def _place_mesh(self, geom: Any, mesh: int) -> None:
-        """Correct a mesh's pose, since MuJoCo moves mesh coordinates to the principal axes of inertia."""
+        """Correct the pose of a mesh, whose coordinates MuJoCo moves to the principal axes of inertia."""
         turn = np.zeros(9)
         mujoco.mju_quat2Mat(turn, self._model.mesh_quat[mesh])
         R = np.array(geom.mat).reshape(3, 3)
@@ -173,7 +173,7 @@ class Stage:
                 scene.lights[i].pos = panel.camera.look_at[k] + LAMP
 
     def _add(self, scene: Any, kind: str, size: Sequence[float], rgba: Sequence[float]) -> Any:
-        """Add a matt geom to the scene."""
+        """Add a geom without gloss to a MuJoCo scene."""
         geom = scene.geoms[scene.ngeom]
         sizes = np.array([*size, THIN if kind == "patch" else 0.0, 0.0][:3])
         mujoco.mjv_initGeom(geom, KINDS[kind].value, sizes, np.zeros(3), np.eye(3).ravel(), np.array(rgba, np.float32))
@@ -211,12 +211,12 @@ MeshKey = tuple[str, tuple[float, ...]]
 
 
 def mesh_key(shape: Shape) -> MeshKey:
-    """Key of a shape's mesh: file and size; equal keys share one mesh."""
+    """Key of a shape's mesh (file and size); shapes with equal keys share one mesh."""
     return shape.mesh, shape.size if shape.kind in ("mesh", "hole") else ()
 
 
 def _meshes_of(panels: Sequence[Panel]) -> dict[MeshKey, Any]:
-    """Mesh identity -> (vertices, triangles) of all meshes in the panels."""
+    """Collect (vertices, triangles) of all meshes in the panels, by mesh key."""
     shapes = {mesh_key(solid.shape): solid.shape for panel in panels for solid in panel.solids}
     local = {key: replace(shape, position=(0.0, 0.0, 0.0), rotation=UPRIGHT) for key, shape in shapes.items()}
     found = {key: mesh_of(each) if each.kind == "hole" else own_mesh(each) for key, each in local.items()}
@@ -224,7 +224,7 @@ def _meshes_of(panels: Sequence[Panel]) -> dict[MeshKey, Any]:
 
 
 def _model(width: int, height: int, meshes: Mapping[MeshKey, Any], *, fine: bool) -> tuple[Any, dict[MeshKey, int]]:
-    """MuJoCo model with ground, sky, light and meshes, and the index of each mesh."""
+    """Make the MuJoCo model with ground, sky, light and meshes; also returns the index of each mesh."""
     spec = mujoco.MjSpec.from_string(WORLD)
     spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
     quality = spec.visual.quality

@@ -1,4 +1,4 @@
-"""Video files by suffix: MP4 (H.264) and animated WebP, written atomically."""
+"""Video file formats: MP4 (H.264) and animated WebP."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ USUAL, USUAL_IN_MEMORY = (1280, 720, 30), (800, 450, 15)
 
 
 def write_mp4(path: Path, frames: Frames, size: tuple[int, int], fps: int, count: int) -> Path:
-    """Write frames as H.264 in MP4, as browsers and slide programs play it.
+    """Write frames as an MP4 file (H.264) that browsers and slide programs play.
 
     Raises:
         ValueError: the library for it is missing.
@@ -82,7 +82,7 @@ FILM_FORMATS: dict[str, Writer] = {"mp4": write_mp4, "webp": write_webp}
 
 
 def require_film_format(path: Path, others: tuple[str, ...] = ()) -> Writer | None:
-    """Video writer for a file's suffix; None for a suffix in ``others``; raises for an unknown one.
+    """Return the video writer for a file's suffix (None for a suffix in ``others``), or raise an error.
 
     Raises:
         ValueError: no such format, or its library is missing.
@@ -100,7 +100,7 @@ def require_film_format(path: Path, others: tuple[str, ...] = ()) -> Writer | No
 
 
 def usual_size_and_rate(path: Path) -> tuple[int, int, int]:
-    """Default width, height and frames per second for a file's suffix."""
+    """Default width, height and frames per second of a film, by its file's suffix."""
     return USUAL_IN_MEMORY if path.suffix.lower() == ".webp" else USUAL
 
 

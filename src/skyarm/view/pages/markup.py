@@ -1,4 +1,4 @@
-"""HTML of self-contained offline pages, from templates with escaped text."""
+"""HTML elements of self-contained report pages, made from templates with escaped text."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def page(
     sections: Sequence[tuple[str, str, str]] = (),
     **parts: str,
 ) -> str:
-    """HTML of a whole page, without addresses outside its folder.
+    """Make the HTML of a whole report page that loads nothing from other sites.
 
     Args:
         title: heading of the page, text.
@@ -78,32 +78,32 @@ def _plain_style() -> str:
 
 
 def section(title: str, content: str) -> str:
-    """HTML of a section with a heading; ``content`` is HTML."""
+    """Make the HTML of a section from a heading (text) and its content (HTML)."""
     return _part("section", title, content)
 
 
 def details(summary: str, content: str) -> str:
-    """HTML of a folded block, unfolded in print; ``content`` is HTML."""
+    """Make the HTML of a block that the reader can unfold, from a summary (text) and its content (HTML)."""
     return _part("details", summary, content)
 
 
 def paragraph(words: str, kind: str = "") -> str:
-    """HTML of a paragraph of text; ``kind`` "note" marks an explanation."""
+    """Make the HTML of a paragraph of text; ``kind`` "note" marks an explanation."""
     return _part("paragraph", words, kind)
 
 
 def bullets(items: Iterable[str]) -> str:
-    """HTML of a list of texts."""
+    """Make the HTML of a bulleted list of texts."""
     return _part("bullets", items)
 
 
 def table(head: Iterable[str], rows: Rows, caption: str = "", kind: str = "") -> str:
-    """HTML of a table whose first column names the rows; a wide one scrolls by itself."""
+    """Make the HTML of a table whose first column holds row names."""
     return grouped_table(head, [("", rows)], caption, kind)
 
 
 def grouped_table(head: Iterable[str], groups: Iterable[tuple[str, Rows]], caption: str = "", kind: str = "") -> str:
-    """HTML of a table with grouped rows.
+    """Make the HTML of a table with rows grouped under titles.
 
     Args:
         head: names of the columns; one that begins with ">" holds numbers and is set to the right.
@@ -120,7 +120,7 @@ def grouped_table(head: Iterable[str], groups: Iterable[tuple[str, Rows]], capti
 
 
 def image(alternative: str, caption: str, content: bytes, *, wide: bool = False, kind: str = "", name: str = "") -> str:
-    """HTML of a picture embedded in the page.
+    """Make the HTML of an embedded picture with caption.
 
     Args:
         alternative: text in its place.

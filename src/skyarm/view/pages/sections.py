@@ -1,4 +1,4 @@
-"""Report as data: sections of notes, tables and pictures, written as Markdown or HTML."""
+"""Report as data (sections of notes, tables and pictures), written as Markdown or HTML."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def number(found: float | None, factor: float = 1.0) -> str:
 
 
 def markdown(head: Iterable[str], rows: Iterable[Row]) -> str:
-    """Table as Markdown; columns of numbers, with names that begin with ">", are right-aligned."""
+    """Format a table as Markdown; columns whose names begin with ">" are right-aligned."""
     names = list(head)
     rules = ["---:" if name[:1] == ">" else "---" for name in names]
     lines = [[name.removeprefix(">") for name in names], rules, *rows]
@@ -48,7 +48,7 @@ def markdown(head: Iterable[str], rows: Iterable[Row]) -> str:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Table:
-    """A table of text.
+    """Table of a report: column names, rows of text and a caption.
 
     Attributes:
         head: names of the columns; ">" begins that of numbers.
@@ -74,7 +74,7 @@ class Table:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Section:
-    """A section of a report.
+    """Section of a report: title, notes, tables and pictures.
 
     Attributes:
         title: heading; "" for what stands under the report's own in Markdown.
@@ -90,7 +90,7 @@ class Section:
     pictures: str = ""
 
     def markdown(self) -> list[str]:
-        """Markdown blocks of the section."""
+        """List the Markdown blocks of the section: heading, notes and tables."""
         head = [f"## {self.title}"] if self.title else []
         return [*head, *self.notes, *(each.markdown(self.title) for each in self.tables)]
 
@@ -99,14 +99,14 @@ class Section:
         return section(self.title or self.name, self.content())
 
     def content(self) -> str:
-        """HTML of the section without heading: notes, pictures and tables."""
+        """Make the HTML of the section without its heading: notes, pictures and tables."""
         notes = [paragraph(words, "note") for words in (*self.notes, *([self.remark] if self.remark else ()))]
         return "".join([*notes, self.pictures, *(each.html() for each in self.tables)])
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Report:
-    """Report of titled sections.
+    """Report with a title and sections, to be written as Markdown or HTML.
 
     Attributes:
         title: heading. facts: first line of the page.

@@ -1,4 +1,4 @@
-"""Controls and plots of the studio's page: clock, pushes, controllers, cases, view, sliders, curves."""
+"""Buttons, menus, sliders and live plots of the studio's web page."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ CLOCK: dict[str, Callable[[Fleet], None]] = {
 
 
 class Controls:
-    """Controls of the studio's page.
+    """Buttons and menus of the studio's web page: clock, pushes, controllers and scenarios.
 
     Args:
         gui: of viser.
@@ -69,20 +69,20 @@ class Controls:
             _by_hand(box, page.follow)
 
     def _law(self, gui: Any, page: Page, place: int, first: str) -> None:
-        """Create the drop-down menu of one of the controllers; the first controller cannot be removed."""
+        """Create the menu that chooses one of up to three controllers."""
         names = dict.fromkeys([first, *law_names(), *([NO_LAW] if place else [])])
         menu = gui.add_dropdown(f"law {place + 1}", tuple(names), initial_value=first)
         _by_hand(menu, lambda value: page.choose_law(place, None if value == NO_LAW else value))
 
 
 def _scrub(fleet: Fleet, time: float) -> None:
-    """Stop the simulation and go to an instant."""
+    """Pause the simulation and go to a given time."""
     fleet.playing = False
     fleet.go(min(round(time * fleet.rate), fleet.furthest))
 
 
 def _by_hand(handle: Any, work: Callable[[Any], None]) -> None:
-    """Register a callback for changes of an input by a user, not by the program."""
+    """Register a callback that is called when the user, not the program, changes an input."""
 
     async def used(event: Any) -> None:
         if event.client_id is not None:
@@ -92,12 +92,12 @@ def _by_hand(handle: Any, work: Callable[[Any], None]) -> None:
 
 
 def literal(text: str) -> str:
-    """Escape text for a page's Markdown, so that nothing in it is a link or code."""
+    """Escape text for Markdown, so that a page shows it unchanged."""
     return re.sub(r"([\\`*\[\]<>{}!#|~$&])", r"\\\1", text)
 
 
 class KnobPanel:
-    """Panel of sliders for some parameters.
+    """Panel of sliders for adjustable parameters of a simulation.
 
     Args:
         gui: of viser, within the container of the sliders.
@@ -118,7 +118,7 @@ class KnobPanel:
                     self._sliders.append((knob, slider))
 
     def show(self, values: Mapping[str, float]) -> None:
-        """Set each slider to the value given for its path, or to the scenario's value if the path is not given."""
+        """Set each slider to the given value of its parameter, else to the scenario's value."""
         for knob, slider in self._sliders:
             slider.value = knob.clip(values.get(knob.path, knob.value))
 
@@ -140,7 +140,7 @@ Column = Callable[[Sight], float]
 
 
 class Chart:
-    """Plot of one or several quantities, with a curve per flight and quantity.
+    """Live plot of one or several quantities over the last seconds, with a curve per flight.
 
     Args:
         gui: of viser. title: with the unit.
@@ -172,7 +172,7 @@ class Chart:
         )
 
     def draw(self) -> None:
-        """Update the plot with the last seconds."""
+        """Update the plot with the last seconds of all flights."""
         self._node.data = self._data()
 
     def remove(self) -> None:
@@ -180,7 +180,7 @@ class Chart:
         self._node.remove()
 
     def _data(self) -> tuple[Array, ...]:
-        """Time axis of the longest flight, and all curves, padded with NaN to its length."""
+        """Return the time axis and all curves of the plot, padded with NaN to one length."""
         rows = [flight.recent(SECONDS) for flight in self._flights]
         longest = max(rows, key=len, default=[])
         times = [seen.time for seen in longest]
@@ -197,12 +197,12 @@ class Chart:
 
 
 def charts(gui: Any, flights: Sequence[Flight]) -> list[Chart]:
-    """Create all plots of some flights."""
+    """Create all live plots for some flights."""
     return [Chart(gui, title, flights, columns, limit) for title, columns, limit in _chart_rows(flights)]
 
 
 def _chart_rows(flights: Sequence[Flight]) -> Iterator[tuple[str, dict[str, Column], float | None]]:
-    """(title, curve functions by label, limit or None) of each plot."""
+    """Yield (title, curve functions by label, limit or None) of each live plot."""
     yield "tip error (mm)", {"": lambda seen: 1e3 * seen.error}, None
     yield "tilt (deg)", {"": lambda seen: math.degrees(seen.tilt)}, None
     if not flights:
@@ -228,10 +228,10 @@ def _chart_rows(flights: Sequence[Flight]) -> Iterator[tuple[str, dict[str, Colu
 
 
 def _force(surface: str) -> Column:
-    """Function from an instant to the sum of a surface's normal forces on the vehicle, N."""
+    """Make a function that reads the normal force of a surface on the vehicle, N, at an instant."""
     return lambda seen: seen.contacts[surface]
 
 
 def _effort(joint: int, limited: bool) -> Column:
-    """Function from an instant to a joint's effort as % of its limit, or as its value without a limit."""
+    """Make a function that reads a joint's effort at an instant, in % of its limit if it has one."""
     return lambda seen: 100.0 * abs(seen.efforts[joint]) if limited else seen.efforts[joint]

@@ -1,4 +1,4 @@
-"""Fleet of up to three flights with different controllers, equal otherwise, on one clock; and their log files."""
+"""Up to three simulated flights on one clock, equal but for their controllers, and their log files."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ LOG = ".npz"
 
 
 def adjustable(plain: Scenario) -> Scenario:
-    """Scenario with inactive wind, push, actuator faults and delay added, to be activated by sliders."""
+    """Add wind, push, actuator faults and delay to a scenario, inactive until a slider sets them."""
     known, vehicle = {fault.name for fault in plain.faults}, plain.plant.vehicle
     faults = [Fault(rotor=rotor.name) for rotor in vehicle.rotors]
     faults += [Fault(joint=link.joint.name) for link in vehicle.links]
@@ -71,7 +71,7 @@ def adjustable(plain: Scenario) -> Scenario:
 
 
 class Fleet:
-    """Simultaneous flights with different controllers; empty at first.
+    """Simultaneous flights of one scenario under different controllers, on one clock.
 
     Args:
         source: name or file of the scenario.
@@ -97,7 +97,7 @@ class Fleet:
         self._due = 0.0
 
     def under(self, law: str | None) -> Scenario:
-        """Scenario of the fleet with a controller given by name; None for the scenario's own controller.
+        """Load the scenario with a controller given by name; None keeps the scenario's own controller.
 
         Raises:
             ScenarioError: no such law, or one that does not fit the vehicle.
@@ -105,7 +105,7 @@ class Fleet:
         return adjustable(load_scenario(self.source, controller=law, duration=self._duration))
 
     def make_flight(self, law: str | None) -> Flight:
-        """Create a flight with a controller; compiles, which takes a while."""
+        """Create a flight under a controller; compiling it takes a while."""
         return Flight(law, self.under(law), self.push_path)
 
     @property
@@ -124,7 +124,7 @@ class Fleet:
         return self.scenario.steps
 
     def join(self, flight: Flight, place: int | None = None) -> None:
-        """Add a flight, simulated up to the current time with the changes made so far.
+        """Add a flight and simulate it up to the current time, with the user's parameter changes so far.
 
         Args:
             flight: at its first period.
@@ -153,7 +153,7 @@ class Fleet:
             del self.flights[place]
 
     def move(self, values: Mapping[str, float], place: int | None = None) -> None:
-        """Change parameters of one flight or of all, from the next control period on.
+        """Change parameters of one flight or of all flights, from the next control period on.
 
         Raises:
             ScenarioError: a number that cannot be.
@@ -164,7 +164,7 @@ class Fleet:
         self.furthest = self.tick
 
     def push(self, direction: Sequence[float], force: float, seconds: float) -> None:
-        """Apply a force on the base for a while from now on: a push or a gust.
+        """Apply a force on the base, N, for some seconds from now on.
 
         Args:
             direction: unit vector, world axes.
@@ -176,7 +176,7 @@ class Fleet:
         self.move({f"{self.push_path}.gust.{name}": value for name, value in gust.items()})
 
     def advance(self, seconds: float) -> None:
-        """Simulate the elapsed wall-clock time, s, at the chosen speed."""
+        """Simulate as much flight time as has passed on the wall clock, s, times the chosen speed."""
         if not self.playing:
             return
         self._due += min(seconds, LONGEST_STRETCH) * self.speed * self.rate
@@ -185,7 +185,7 @@ class Fleet:
         self.go(self.tick + ticks)
 
     def go(self, tick: int) -> None:
-        """Go to a control period, forward or back."""
+        """Go forward or back to a given control period."""
         self.tick = min(max(tick, 0), self.steps - 1)
         for flight in self.flights:
             flight.to(self.tick)
@@ -206,7 +206,7 @@ class Fleet:
         self._due, self.playing = 0.0, True
 
     def save(self, folder: Path) -> str:
-        """Write a log of each flight without overwriting files; returns commands that repeat the flights, as text.
+        """Write a log of each flight to new files; returns the commands that repeat the flights.
 
         Raises:
             ScenarioError: nothing has been flown yet. OSError: a file cannot be written.
@@ -232,7 +232,7 @@ def law_names() -> list[str]:
 
 
 def open_fleet(source: str, laws: Sequence[str]) -> Fleet:
-    """Create the fleet of a scenario; raises if it or one of the controllers cannot be simulated.
+    """Create the flights' common scenario and check that each controller can fly it.
 
     Raises:
         ScenarioError: one line.
@@ -246,7 +246,7 @@ def open_fleet(source: str, laws: Sequence[str]) -> Fleet:
 
 
 class Flight:
-    """Simulated flight that steps forward and back; the user's changes are repeated at their times.
+    """Simulated flight that steps forward and back, and repeats the user's parameter changes at their times.
 
     A change at an instant takes the place of all that were made later: the flight goes another way from there.
 
@@ -278,13 +278,13 @@ class Flight:
 
     @property
     def lost(self) -> str:
-        """Text of the reason why the vehicle is lost; empty while it flies."""
+        """Reason why the vehicle crashed or diverged; empty while it flies."""
         ended = self.session.ended
         return "" if ended is None else ended.cause
 
     @property
     def values(self) -> Mapping[str, float]:
-        """Path -> current value of every parameter changed so far."""
+        """Current value of every parameter that the user changed, by parameter path."""
         made = [values for tick, values in self.moved.items() if tick <= self.tick]
         return {path: value for values in made for path, value in values.items()}
 
@@ -295,7 +295,7 @@ class Flight:
 
     @property
     def shared_knobs(self) -> tuple[Knob, ...]:
-        """Adjustable parameters of the surroundings, common to all flights."""
+        """Adjustable parameters of the environment and reference, common to all flights."""
         return tuple(knob for knob in self.knobs if not knob.path.startswith(OF_LAW))
 
     @property
@@ -304,12 +304,12 @@ class Flight:
         return self.first.plant.vehicle
 
     def poses(self) -> Placed:
-        """Current poses of the bodies."""
+        """Current positions and rotations of the vehicle's bodies."""
         state = self.session.state
         return place(self.vehicle, tuple(state.position), tuple(state.quaternion), state.joints)
 
     def goal(self) -> Placed:
-        """Current desired poses of the bodies."""
+        """Desired positions and rotations of the vehicle's bodies at the current time."""
         return goal_of(self.vehicle, self.session.scenario.reference.at(self.session.time))
 
     @property
@@ -318,7 +318,7 @@ class Flight:
         return self.values.get("plant.payload.mass", 0.0)
 
     def scene(self, around: Array) -> Scene:
-        """Current surroundings of the vehicle; planes are drawn around a position (3,), m."""
+        """Surfaces, objects and forces around the vehicle at the current time."""
         session = self.session
         motion = PointMotion(self.vehicle, session.state, gravity=session.scenario.plant.gravity)
         seen = instant_of(motion, session.time, around)
@@ -326,20 +326,20 @@ class Flight:
 
     @property
     def last(self) -> Sight:
-        """Latest recorded plot quantities, not after the current time."""
+        """Latest plotted quantities up to the current time."""
         return self.sights[self._after(self.tick) - 1]
 
     def recent(self, seconds: float) -> list[Sight]:
-        """Recorded quantities of the last seconds."""
+        """Plotted quantities of the last seconds."""
         first = math.ceil(self.tick - seconds * self.session.scenario.rates.control) - 1
         return self.sights[self._after(first) : self._after(self.tick)]
 
     def _after(self, tick: int) -> int:
-        """Number of recorded instants up to and including a control period."""
+        """Number of stored plot samples up to and including a control period."""
         return bisect.bisect_right(self.sights, tick, key=lambda each: each.tick)
 
     def move(self, values: Mapping[str, float]) -> None:
-        """Change parameters from the next control period on.
+        """Change parameters of this flight from the next control period on.
 
         Raises:
             ScenarioError: a number that cannot be; nothing is changed then.
@@ -361,13 +361,13 @@ class Flight:
         return going
 
     def begin(self) -> None:
-        """Restart with the scenario's parameters."""
+        """Restart the flight with the scenario's parameters."""
         self.moved = {}
         self.session.restore(self._kept[0])
         self._kept, self.sights = self._kept[:1], self.sights[:1]
 
     def to(self, tick: int) -> None:
-        """Go to a control period: restore an earlier snapshot, then simulate forward, repeating the user's changes."""
+        """Go to a control period: restore an earlier snapshot, then simulate forward."""
         if tick < self.tick:
             at = bisect.bisect_right(self._kept, tick, key=lambda each: each.tick) - 1
             self.session.restore(self._kept[at])
@@ -376,12 +376,12 @@ class Flight:
             pass
 
     def _repeat(self) -> None:
-        """Repeat the user's earlier parameter changes of this control period."""
+        """Apply the user's recorded parameter changes of the current control period again."""
         if values := self.moved.get(self.tick):
             self.session.change(values)
 
     def _note(self) -> None:
-        """Store a snapshot every second, and the plotted quantities at their own rate."""
+        """Store a snapshot every second, and plot samples at 20 Hz."""
         tick = self.tick
         if tick % self.first.rates.control == 0 and (not self._kept or self._kept[-1].tick < tick):
             self._kept.append(self.session.snapshot())
@@ -390,7 +390,7 @@ class Flight:
 
 
 def _session(scenario: Scenario, paths: Sequence[str]) -> Session:
-    """Simulation session with the given parameters adjustable, and those of scheduled changes where compatible."""
+    """Create a simulation session in which the given parameters are adjustable."""
     scheduled = [change.path for change in scenario.changes if isinstance(change.value, float)]
     with contextlib.suppress(ScenarioError):
         return Session(scenario, tuple(dict.fromkeys((*paths, *scheduled))))

@@ -1,4 +1,4 @@
-"""Adjustable parameters of a scenario, found in its nested dataclasses, with units and slider ranges."""
+"""Adjustable parameters of a scenario, with units and slider ranges."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ LONGEST_DELAY = 0.03
 
 @dataclass(frozen=True, slots=True)
 class Knob:
-    """Parameter of a running simulation that the user may adjust.
+    """Adjustable parameter of a running simulation, with its slider's range.
 
     Attributes:
         path: of the number (:mod:`skyarm.scenario.numbers`). group: one of GROUPS.
@@ -73,7 +73,7 @@ class Knob:
 
 
 def knobs_of(scenario: Scenario, without: str = "") -> tuple[Knob, ...]:
-    """All adjustable parameters of a scenario, in the order of the panels.
+    """List all adjustable parameters of a scenario, in the order of the slider panels.
 
     Times at which something starts or stops are left out, since they mean nothing once they have passed.
 
@@ -96,7 +96,7 @@ def knobs_of(scenario: Scenario, without: str = "") -> tuple[Knob, ...]:
 
 
 def _places(scenario: Scenario, path: str) -> tuple[Place, ...]:
-    """Field locations in the scenario that a parameter path refers to; empty if the parameter cannot vary."""
+    """Field paths in the scenario record of a parameter path; empty if the parameter cannot vary."""
     try:
         number_at(scenario, path)
         return ((path,),) if ".payload." in path else places_of(scenario, path)
@@ -105,7 +105,7 @@ def _places(scenario: Scenario, path: str) -> tuple[Place, ...]:
 
 
 def _paths(scenario: Scenario) -> Iterator[tuple[str, str]]:
-    """(slider group, parameter path) of all adjustable parameters of a scenario."""
+    """Yield (slider panel, parameter path) of all parameters of a scenario that may be adjusted."""
     law = parts(scenario.controller.par)
     gains = [word for word in law if word not in DERIVED_PARTS and not isinstance(law[word], (bool, int, str))]
     yield from _all_below("law", {f"controller.{word}": law[word] for word in gains})
@@ -123,13 +123,13 @@ def _paths(scenario: Scenario) -> Iterator[tuple[str, str]]:
 
 
 def _all_below(group: str, records: Mapping[str, object]) -> Iterator[tuple[str, str]]:
-    """(slider group, parameter path) of all parameters inside the given scenario parts."""
+    """Yield (slider panel, parameter path) of all parameters inside the given parts of a scenario."""
     for root, record in records.items():
         yield from ((group, path) for path in _below(record, root))
 
 
 def _of_tree(tree: object, path: str) -> Iterator[str]:
-    """Parameter paths in a tree of field names; position components by letter (x, y, z), not by index."""
+    """Yield the parameter paths in a tree of field names; position components by letter, not by index."""
     if not isinstance(tree, Mapping):
         yield path
         return
@@ -139,7 +139,7 @@ def _of_tree(tree: object, path: str) -> Iterator[str]:
 
 
 def _below(value: object, path: str) -> Iterator[str]:
-    """Parameter paths inside a scenario part, with the field names of the scenario file."""
+    """Yield the parameter paths inside one part of a scenario, in the words of the scenario file."""
     # the coefficients of a planned curve are made together: a hand that moved one would tear the curve
     if value is None or isinstance(value, (bool, str, Polynomials)):
         return
@@ -162,7 +162,7 @@ def _below(value: object, path: str) -> Iterator[str]:
 
 
 def _span(group: str, value: float, unit: Unit) -> tuple[float, float]:
-    """Range of a slider around a value, within the bounds of its field."""
+    """Compute the range of a slider around a parameter's value, within the parameter's bounds."""
     if math.isfinite(unit.low) and math.isfinite(unit.high):
         return unit.low, unit.high
     if group == "delay":

@@ -1,4 +1,4 @@
-"""Studio page: real-time simulation of a fleet, with its controls."""
+"""Web page of the studio: the real-time loop between simulated flights and browser."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Work = Callable[[], None]
 
 
 class Page:
-    """Studio page.
+    """Web page of the studio: runs simulated flights in real time and handles the user's inputs.
 
     What a tab asks for is done by the thread that draws, between two pictures; machine code is made by another one.
 
@@ -58,7 +58,7 @@ class Page:
     # orders, from any thread
 
     def do(self, work: Callable[[Fleet], None]) -> None:
-        """Queue a function that acts on the fleet, to be called before the next frame."""
+        """Queue a function that changes the flights, to be called before the next frame."""
 
         def done() -> None:
             work(self.fleet)
@@ -67,7 +67,7 @@ class Page:
         self._orders.put(done)
 
     def choose_law(self, place: int, law: str | None) -> None:
-        """Set the controller of the menu with index ``place``; None removes the flight."""
+        """Set the controller of a menu, by the menu's index; None removes that flight."""
 
         def choose() -> None:
             if law is None:
@@ -80,7 +80,7 @@ class Page:
         self._orders.put(choose)
 
     def choose_case(self, name: str) -> None:
-        """Load a shipped scenario by name and keep the controllers; an unknown name has no effect."""
+        """Load a shipped scenario by name, under the current controllers."""
 
         def choose() -> None:
             if name not in list_scenarios():
@@ -99,7 +99,7 @@ class Page:
         self._orders.put(lambda: self._say(self.fleet.save(self._out)))
 
     def move(self, place: int | None, path: str, value: float) -> None:
-        """Change a parameter of one flight or of all; of several changes between two frames the last one counts."""
+        """Queue a parameter change of one flight, or of all flights if ``place`` is None."""
         self._orders.put(lambda: self._moves.setdefault(place, {}).__setitem__(path, value))
 
     def stop(self) -> None:
@@ -131,7 +131,7 @@ class Page:
             self._worker.shutdown(wait=False, cancel_futures=True)
 
     def _obey(self) -> None:
-        """Execute the queued commands of the browser tabs; an impossible one is reported and has no effect."""
+        """Execute the queued inputs of the browser tabs; an invalid one is reported on the page."""
         while True:
             try:
                 order = self._orders.get_nowait()
@@ -156,7 +156,7 @@ class Page:
     # laws and scenarios
 
     def _begin(self, fleet: Fleet, laws: Sequence[str | None]) -> None:
-        """Draw a fleet at its initial state, and start to create its flights."""
+        """Show a scenario at its initial state, and start compiling its flights."""
         self.fleet = fleet
         scenario = fleet.scenario
         self._picture.build(scenario, [law or scenario.controller.name for law in laws])
@@ -164,7 +164,7 @@ class Page:
             self._make(fleet, law, place)
 
     def _make(self, fleet: Fleet, law: str | None, place: int) -> None:
-        """Create a flight in the background; it joins the fleet when it is ready."""
+        """Compile a flight in the background and add it when it is ready."""
         self._making += 1
         self._worker.submit(self._compile_flight, fleet, law, place)
 
@@ -185,7 +185,7 @@ class Page:
             self._rebuild()
 
     def _rebuild(self) -> None:
-        """Redraw vehicles, sliders and plots for the current flights."""
+        """Rebuild vehicles, sliders and plots after a flight was added or removed."""
         flights = self.fleet.flights
         with self._server.atomic():
             if not self._making:
@@ -214,7 +214,7 @@ class Page:
             panel.show(self.fleet.flights[place or 0].values)
 
     def _draw_slowly(self) -> None:
-        """Update plots, texts and clock, at a lower rate than the vehicles."""
+        """Update plots, status text and clock, at a lower rate than the 3D picture."""
         fleet = self.fleet
         # each plot at a third of the rate: they are most of what is sent
         self._turn = (self._turn + 1) % 3
@@ -229,7 +229,7 @@ class Page:
         self._controls.status.content = self._status()
 
     def _status(self) -> str:
-        """Status text: clock, errors and contact forces."""
+        """Status text of the page: clock, and tip error and contact force of each flight."""
         fleet = self.fleet
         clock = "at its end" if fleet.tick == fleet.steps - 1 else "playing" if fleet.playing else "paused"
         state = f"{fleet.time:.2f} s, {clock}, {fleet.speed:g}x"

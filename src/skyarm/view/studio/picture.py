@@ -1,4 +1,4 @@
-"""3D picture of a fleet: per controller a vehicle with arrows, trail and surroundings; one desired pose."""
+"""3D picture of the studio: vehicles with force arrows and trails, surroundings, and the desired pose."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ VIEWS = tuple(np.array([x, y, 0.38]) for x, y in ((0.72, -0.85), (-0.72, -0.85),
 
 
 def tones_of(color: Sequence[int], opacity: float = 1.0) -> Paint:
-    """Colours of a vehicle's shapes: shades of one colour, rotors transparent."""
+    """Make a function from a shape's role to a shade of one colour; rotors are transparent."""
 
     def paint(role: str) -> RGBA:
         red, green, blue = (min(1.0, TONES.get(role, 0.6) * c / 255.0) for c in color)
@@ -61,7 +61,7 @@ def tones_of(color: Sequence[int], opacity: float = 1.0) -> Paint:
 
 
 class FlightNodes:
-    """Scene nodes of one flight: vehicle, force arrows, trail, name, payloads; for the first also surroundings.
+    """Scene nodes of one flight in the studio: vehicle, force arrows, trail, name and surroundings.
 
     Args:
         scene: of viser. number: of the flight, from 0.
@@ -87,7 +87,7 @@ class FlightNodes:
         self.vehicle.place(placed.rotations, placed.positions, _turns_now(vehicle, first_state(scenario)))
 
     def _place_scene(self, scene: Scene, more: Sequence[Solid] = ()) -> None:
-        """Draw the surroundings; obstacles only for the first flight, since all flights share them."""
+        """Draw payloads and cables of a flight; surfaces and objects only for the first flight."""
         solids = scene.solids if self._first else [each for each in scene.solids if each.shape.role not in OBSTACLES]
         self._world.place([*solids, *more])
         self._lines.place(scene.lines)
@@ -95,7 +95,7 @@ class FlightNodes:
             self._touches.point(touch_arrows(scene.arrows))
 
     def draw(self, flight: Flight, *, slow: bool) -> Placed:
-        """Draw the flight's current state; trail and label only if ``slow``. Returns the poses of the bodies."""
+        """Draw a flight at the current time; returns the poses of its bodies."""
         session, placed = flight.session, flight.poses()
         state = session.state
         speeds, turns = np.array([float(w) for w in state.rotor_speeds]), _turns_now(self._vehicle, state)
@@ -113,7 +113,7 @@ class FlightNodes:
         return placed
 
     def _hung(self, flight: Flight, placed: Placed) -> list[Solid]:
-        """Solid of the mass that the user attached to the tip."""
+        """Solid of the mass that the user attached to the tip by a slider; empty for no mass."""
         mass = flight.hung_mass
         if not (mass > 0.0 and self._vehicle.end_effector):
             return []
@@ -122,7 +122,7 @@ class FlightNodes:
         return [Solid(shape, (placed.positions[1 + shape.body] + R @ np.array(shape.position))[None], R[None])]
 
     def remove(self) -> None:
-        """Remove the flight from the scene."""
+        """Remove the flight's nodes from the scene."""
         parts = self.vehicle, self._forces, self._trail, self._label, self._world, self._lines
         for node in (*parts, self._touches):
             if node is not None:
@@ -148,7 +148,7 @@ def touch_arrows(arrows: Sequence[Arrow]) -> Array:
 
 
 def first_scene(scenario: Scenario, around: Array) -> Scene:
-    """Surroundings at the start of a scenario."""
+    """Surfaces, objects and cables at the start of a scenario."""
     motion = PointMotion(scenario.plant.vehicle, first_state(scenario), gravity=scenario.plant.gravity)
     memories = first_memories(scenario.components, 1.0 / scenario.rates.control)
     return scene_now(scenario.components, memories, instant_of(motion, 0.0, around), motion)
@@ -162,13 +162,13 @@ def trail(tips: Sequence[Array]) -> Array:
 
 
 def _turns_now(vehicle: Vehicle, state: State) -> dict[str, Array]:
-    """Rotor disc name -> rotation matrix (3, 3) of a tilting rotor in the current state."""
+    """Rotation matrix (3, 3) of each tilting rotor in a state, by the name of its disc."""
     angles = np.array([[float(each) for each in state.tilts]])
     return {name: turn[0] for name, turn in rotor_turns(vehicle, angles).items()}
 
 
 class Picture:
-    """Scene nodes of all flights in a viser scene.
+    """3D picture of all flights, drawn in a viser scene.
 
     Args:
         server: of viser.
@@ -189,7 +189,7 @@ class Picture:
         self._ground = self._scene.add_grid(f"{STAGE}/ground", width=12.0, height=12.0, cell_size=0.5)
 
     def build(self, scenario: Scenario, titles: Sequence[str]) -> None:
-        """Clear the scene and draw one vehicle per title at the scenario's initial state."""
+        """Clear the scene and draw a vehicle for each flight at the scenario's initial state."""
         for nodes in self._flights:
             nodes.remove()
         if self._ghost is not None:
@@ -213,7 +213,7 @@ class Picture:
         camera.position = tuple(at + VIEWS[int(np.argmin(hidden))])
 
     def draw(self, flights: Sequence[Flight]) -> None:
-        """Draw the current state of the flights."""
+        """Draw the flights at the current time."""
         self._frame += 1
         slow = self._frame % SLOW == 0
         for i, (nodes, flight) in enumerate(zip(self._flights, flights, strict=False)):
@@ -228,11 +228,11 @@ class Picture:
             self._ghost.place(goal.rotations, goal.positions)
 
     def _follow(self, at: Array) -> None:
-        """If following, shift the scene to keep the first vehicle, now at (3,), m, in place for the camera."""
+        """Shift the whole scene so that the first vehicle stays in place for the camera."""
         moved = self._origin - at if self.follow else np.zeros(3)
         if np.abs(moved - self._moved).max() > STILL:
             self._stage.position = self._moved = moved
 
     def hurry(self) -> None:
-        """Request a full redraw in the next frame, after an input of the user."""
+        """Redraw everything in the next frame, also what is usually drawn at a lower rate."""
         self._frame = -1

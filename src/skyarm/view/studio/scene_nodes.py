@@ -1,4 +1,4 @@
-"""Nodes of a viser scene, for studio and recordings: vehicles, solids, lines, arrows.
+"""Nodes of a viser scene for studio and recordings: vehicles, solids, lines and arrows.
 
 A node is sent a value only where it differs from the last one by more than can be seen.
 """
@@ -51,14 +51,14 @@ HEAD = 2.6, 5.3
 
 
 class MovingNode:
-    """Scene node with a variable pose."""
+    """Scene node with a pose, which is sent to the browser only if it changed."""
 
     def __init__(self, node: Any) -> None:
         self.node = node
         self._place, self._turn = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
 
     def put(self, position: Array, rotation: Array) -> None:
-        """Set position (3,), m, and rotation (3, 3) in the parent's axes; NaN leaves the node in place."""
+        """Set position (3,), m, and rotation (3, 3) relative to the parent node; NaN has no effect."""
         if not (np.isfinite(position).all() and np.isfinite(rotation).all()):
             return
         place, turn = np.round(position, DIGITS), np.round(quaternions_of(rotation[None])[0], DIGITS)
@@ -69,7 +69,7 @@ class MovingNode:
 
 
 def add_shape(scene: Any, name: str, shape: Shape, color: RGBA) -> Any:
-    """Add one shape to the scene under its body's node; the end spheres of a capsule become child nodes."""
+    """Add a box, sphere, cylinder, capsule or mesh to a viser scene."""
     look: dict[str, Any] = {
         "color": bytes_of(color),
         "opacity": color[3] if color[3] < 1.0 else None,
@@ -102,7 +102,7 @@ def bytes_of(color: Sequence[float]) -> tuple[int, int, int]:
 
 
 class VehicleNodes:
-    """Scene nodes of one vehicle.
+    """Scene nodes of one vehicle: base, links and rotor discs.
 
     Args:
         scene: of viser. name: beginning of the nodes' names.
@@ -150,7 +150,7 @@ class VehicleNodes:
 
 
 class SolidNodes:
-    """Scene nodes of solids: surfaces, objects, payloads.
+    """Scene nodes of surfaces, objects and payloads.
 
     Args:
         scene: of viser. name: beginning of the nodes' names.
@@ -163,7 +163,7 @@ class SolidNodes:
         self._nodes: dict[str, tuple[MovingNode, tuple[float, ...]]] = {}
 
     def place(self, solids: Sequence[Solid], k: int = 0) -> None:
-        """Draw these solids and remove all others, with the poses at instant ``k``."""
+        """Draw the given solids at instant ``k`` and remove all others."""
         for name in set(self._nodes) - {each.shape.name for each in solids}:
             self._nodes.pop(name)[0].node.remove()
         for solid in solids:
@@ -180,7 +180,7 @@ class SolidNodes:
 
 
 class LineNodes:
-    """Scene nodes of lines through points of the world.
+    """Scene nodes of lines, such as cables.
 
     Args:
         scene: of viser. name: beginning of the nodes' names.
@@ -191,7 +191,7 @@ class LineNodes:
         self._nodes: dict[str, tuple[Any, npt.NDArray[np.float32]]] = {}
 
     def place(self, lines: Sequence[Line], k: int = 0) -> None:
-        """Draw these lines and remove all others, at instant ``k``; lines with NaN are hidden."""
+        """Draw the given lines at instant ``k`` and remove all others; lines with NaN are hidden."""
         drawn = {each.name: each for each in lines if np.isfinite(each.places[k]).all()}
         for name in set(self._nodes) - set(drawn):
             self._nodes.pop(name)[0].remove()
@@ -213,7 +213,7 @@ class LineNodes:
 
 
 class Arrows:
-    """Scene nodes of arrows between points of the world.
+    """Scene node of several arrows, such as contact forces.
 
     Args:
         scene: of viser. name: of the node.

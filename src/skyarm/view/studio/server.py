@@ -1,4 +1,4 @@
-"""viser server behind an access check of every request and a filter of every frame.
+"""Local viser server with access check of every request and filter of every received frame.
 
 viser takes every page's websocket and every value, and opens a tunnel into the internet where a frame requests it; it
 is given a loopback socket that is bound already, and websockets that pass allowed frames only.
@@ -42,7 +42,7 @@ def require_viser() -> None:
 
 
 def listening_socket(port: int) -> socket.socket:
-    """Open a listening socket on loopback; port 0 selects a free port.
+    """Open a listening socket on this machine's loopback address; port 0 selects a free port.
 
     Raises:
         StudioError: the port is taken.
@@ -89,7 +89,7 @@ def close_server(server: Any) -> None:
 
 @contextlib.contextmanager
 def _serving(module: Any, listening: socket.socket, guard: Guard, inputs: dict[str, Any]) -> Iterator[None]:
-    """Context in which a websocket server is made on our socket, with our access check and frame filter."""
+    """Context manager in which viser serves on a given socket, with access check and frame filter."""
     plain = module.serve
 
     def serve(handler: Callable[[Any], Any], _host: str, _port: int, **options: Any) -> Any:
@@ -132,13 +132,13 @@ def _serving(module: Any, listening: socket.socket, guard: Guard, inputs: dict[s
 
 @contextlib.contextmanager
 def _silent() -> Iterator[None]:
-    """Context that hides the lines which viser prints when it starts and stops."""
+    """Context manager that hides what viser prints when it starts and stops."""
     with contextlib.redirect_stdout(io.StringIO()):
         yield
 
 
 class Sieve:
-    """Websocket that passes the frames of the studio's own page, and drops all others.
+    """Websocket wrapper that passes valid slider and camera messages, and drops all others.
 
     Args:
         connection: the websocket. inputs: "gui" -> the sliders and buttons of the page.
@@ -153,7 +153,7 @@ class Sieve:
         return getattr(self._connection, name)
 
     async def recv(self) -> bytes:
-        """Receive the next allowed frame, its numbers clipped to the limits of their sliders."""
+        """Receive the next valid message."""
         while True:
             frame = await self._connection.recv()
             passed = self.admit(frame)
@@ -161,7 +161,7 @@ class Sieve:
                 return passed
 
     def admit(self, frame: Any) -> bytes | None:
-        """Return the frame as viser receives it; None for a frame that is dropped."""
+        """Return a received message with slider values clipped to their limits; None to drop it."""
         import msgspec
 
         try:
@@ -204,7 +204,7 @@ SCALARS = ("fov", "near", "far", "image_height", "image_width")
 
 
 def _is_camera(message: dict[str, Any]) -> bool:
-    """True for a valid camera: finite numbers, of the right count."""
+    """True for a valid camera message: all fields with finite numbers of the right count."""
     vectors = all(
         type(message[name]) is list and len(message[name]) == count and all(map(_is_finite, message[name]))
         for name, count in CAMERA.items()
@@ -215,7 +215,7 @@ def _is_camera(message: dict[str, Any]) -> bool:
 
 
 def _is_finite(value: object) -> bool:
-    """True for a finite number as a frame holds one, which is no subclass of its type."""
+    """True for a finite int or float."""
     return type(value) in (int, float) and math.isfinite(value)  # type: ignore[arg-type]
 
 
@@ -227,7 +227,7 @@ MOST_BYTES = 1 << 20
 
 @dataclass(frozen=True, slots=True)
 class Guard:
-    """Access rules of one server.
+    """Access rules of the studio's server: allowed host, origin and secret token.
 
     Attributes:
         port: of the loopback that it listens at. token: that every request must bear.
@@ -238,7 +238,7 @@ class Guard:
 
     @property
     def cookie(self) -> str:
-        """Name of the cookie: browsers do not separate cookies by port."""
+        """Name of the cookie that holds the token; it contains the port."""
         return f"skyarm_studio_{self.port}"
 
     def refusal(self, path: str, headers: Mapping[str, str], *, websocket: bool) -> str | None:
@@ -260,7 +260,7 @@ class Guard:
         return None
 
     def _has_token(self, path: str, headers: Mapping[str, str]) -> bool:
-        """True if a request has the token, in its address or its cookie."""
+        """True if a request has the secret token in its address or cookie."""
         given = parse_qs(urlsplit(path).query).get("token", [])
         try:
             kept = SimpleCookie(headers.get("Cookie", "")).get(self.cookie)
@@ -271,9 +271,9 @@ class Guard:
         return any(hmac.compare_digest(each.encode(), self.token.encode()) for each in given)
 
     def remember(self) -> str:
-        """Cookie header that stores the token in the browser, hidden from scripts and from other sites."""
+        """Header that stores the secret token as a cookie in the browser."""
         return f"{self.cookie}={self.token}; Path=/; HttpOnly; SameSite=Strict"
 
     def address(self) -> str:
-        """Address for the user's browser."""
+        """Web address with the secret token, for the user's browser."""
         return f"http://{LOOPBACK[0]}:{self.port}/?token={self.token}"

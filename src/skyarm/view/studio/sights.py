@@ -1,4 +1,4 @@
-"""Quantities of a flight at one instant for picture and plots: poses, errors, efforts, forces."""
+"""Quantities of a running simulation that the studio draws and plots: errors, efforts, forces."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Sight:
-    """Plotted quantities of a flight at one instant.
+    """Plotted quantities of a running simulation at one instant: tip error, tilt, efforts, rotor speeds, forces.
 
     Attributes:
         tick: control periods flown. time: s.
@@ -56,7 +56,7 @@ class Sight:
 
 
 def sight(session: Session) -> Sight:
-    """Current quantities of a simulation session."""
+    """Compute the plotted quantities of a simulation session at its current time."""
     scenario, now, time = session.scenario, session.now, session.time
     vehicle, state = scenario.plant.vehicle, now.state
     placed = place(vehicle, tuple(state.position), tuple(state.quaternion), state.joints)
@@ -81,7 +81,7 @@ def sight(session: Session) -> Sight:
 
 
 def contact_forces(components: Sequence[Component], memories: Sequence[Any], motion: PointMotion) -> dict[str, float]:
-    """Current sum of the normal forces on the vehicle, N, of each surface, as the contact models log them.
+    """Current sum of the normal forces on the vehicle, N, by the name of each surface.
 
     Args:
         components: of the scenario, with their memories.
@@ -98,12 +98,12 @@ def contact_forces(components: Sequence[Component], memories: Sequence[Any], mot
 
 
 def goal_of(vehicle: Vehicle, reference: Reference) -> Placed:
-    """Desired poses of the bodies: level base at desired position and heading, desired joints."""
+    """Desired positions and rotations of the bodies: level base and joints on a reference."""
     half = 0.5 * float(reference.yaw)
     return place(vehicle, tuple(reference.position), (math.cos(half), 0.0, 0.0, math.sin(half)), reference.joints)
 
 
 def _efforts(vehicle: Vehicle, setpoints: Sequence[Any]) -> tuple[float, ...]:
-    """Joint effort setpoints as shares of their limits; in N m or N for a joint without a limit."""
+    """Joint effort commands as shares of their limits; in N m or N for a joint without a limit."""
     limits = [float(link.joint.effort_limit) for link in vehicle.links]
     return tuple(float(u) / m if m and math.isfinite(m) else float(u) for u, m in zip(setpoints, limits, strict=True))
