@@ -1,1 +1,1 @@
-"""Records (frozen dataclasses of numbers): traversal, checks, digests, and conversion to and from plain data."""
+"""Frozen dataclasses of numbers: traversal, checks, digests, and conversion to and from plain data."""

@@ -1,4 +1,4 @@
-"""Conversion of field values to their stored types (floats, vectors, tuples); other values raise an error.
+"""Conversion of dataclass fields to their stored types (floats, vectors, tuples); other values raise an error.
 
 NumPy's scalars and arrays without axes become floats, so that checks see them; arrays with axes are lanes of a batch
 and stay, as do JAX arrays and nodes of a trace. Each rule takes a field's name and what was given, and returns what is
@@ -25,11 +25,11 @@ TOLERANCE = 1e-6
 
 
 class RecordError(ValueError):
-    """Error for a value that a record's field cannot store."""
+    """Error: a field of a dataclass cannot store the given value."""
 
 
 def refuse(field: str, value: object, allowed: str) -> NoReturn:
-    """Raise an error with field, value and the allowed values, on one line."""
+    """Raise an error that states field, value and the allowed values on one line."""
     raise RecordError(f"{field} = {shown(value)}: {allowed}")
 
 
@@ -42,7 +42,7 @@ _STRUCTURE = (-1, 0, 1)
 
 
 def accept(record: object, where: str, rules: Mapping[str, Rule], error: type[ValueError] = RecordError) -> None:
-    """Convert the fields of a frozen record under construction to their stored types.
+    """Convert the fields of a frozen dataclass under construction to their stored types.
 
     Raises:
         ValueError: of the class ``error``.
@@ -79,12 +79,12 @@ def number(field: str, value: object) -> Any:
 
 
 def coefficient(field: str, value: object) -> Any:
-    """Convert a scalar coefficient; an integer 0 is a constant that removes the effect from compiled code."""
+    """Convert a scalar coefficient; an integer 0 stays one, which removes the effect from compiled code."""
     return 0 if type(value) is int and value == 0 else number(field, value)
 
 
 def vector(field: str, value: object) -> Vec3:
-    """Convert to a vector; in three plain numbers exact 0, 1 and -1 become constants of compiled code."""
+    """Convert to a vector; plain numbers that are exactly 0, 1 or -1 become constants of compiled code."""
     if isinstance(value, Vec3):
         held = [_entry(f"{field}.{axis}", each) for axis, each in zip("xyz", value, strict=True)]
         return value if all(a is b for a, b in zip(held, value, strict=True)) else Vec3(*held)
@@ -92,14 +92,14 @@ def vector(field: str, value: object) -> Vec3:
 
 
 def matrix(field: str, value: object) -> Mat3:
-    """Convert to a matrix, from a matrix or three rows of three numbers."""
+    """Convert three rows of three numbers to a 3 x 3 matrix."""
     if isinstance(value, Mat3):
         return Mat3(*(vector(field, row) for row in value.rows))
     return Mat3(*(vector(field, row) for row in items(field, value, (3,), "must be three rows of three numbers")))
 
 
 def inertia(field: str, value: object) -> Sym3:
-    """Convert to a symmetric matrix, from xx yy zz, from xx yy zz xy xz yz, or from three symmetric rows."""
+    """Convert an inertia (xx yy zz, xx yy zz xy xz yz, or three symmetric rows) to a symmetric matrix."""
     if isinstance(value, Sym3):
         return Sym3(
             *(_entry(f"{field}.{name}", each) for name, each in zip(Sym3.__slots__, value.entries, strict=True))
@@ -114,7 +114,7 @@ def inertia(field: str, value: object) -> Sym3:
 
 
 def _symmetric(field: str, rows: list[list[Any]], value: object) -> list[Any]:
-    """Components xx yy zz xy xz yz of three symmetric rows."""
+    """Entries xx yy zz xy xz yz of a 3 x 3 matrix, after a check of its symmetry."""
     pairs = [(rows[i][j], rows[j][i]) for i, j in ((0, 1), (0, 2), (1, 2))]
     concrete = [each for row in rows for each in row if type(each) is float]
     slack = TOLERANCE * max((abs(each) for each in concrete), default=0.0)
@@ -165,7 +165,7 @@ def flag(field: str, value: object) -> bool:
 
 
 def whole(field: str, value: object) -> int:
-    """Convert to a whole number, for a field that holds an index or a sign."""
+    """Convert a value to a whole number; fractions and other types raise an error."""
     plain = plain_number(value)
     if isinstance(plain, bool) or not isinstance(plain, (int, float)) or plain != plain // 1:
         refuse(field, value, "must be a whole number")
@@ -173,7 +173,7 @@ def whole(field: str, value: object) -> int:
 
 
 def one(kind: type) -> Rule:
-    """Make a conversion rule that accepts only instances of a given class."""
+    """Make a check that accepts only instances of a given class."""
 
     def rule(field: str, value: object) -> Any:
         if not isinstance(value, kind):
@@ -278,7 +278,7 @@ def proper_rotation(field: str, value: object) -> Mat3:
 
 
 def _dot(rows: list[list[Any]], i: int, j: int) -> Any:
-    """Dot product of two columns."""
+    """Dot product of two columns of a matrix."""
     return sum(row[i] * row[j] for row in rows)
 
 

@@ -1,4 +1,4 @@
-"""Checks of a record's fields, derived from their type annotations.
+"""Checks of dataclass fields, derived from their type annotations.
 
 ``mass: Annotated[Scalar, Unit("kg", low=0.0)]`` is coerced and checked as such when the record is made
 (:func:`accept_fields`), and described in those words in exported files and documents (:mod:`skyarm.records.units`). A
@@ -30,7 +30,7 @@ WHOLE = 2**53
 
 
 def accept_fields(record: object, where: str, error: type[ValueError] = RecordError) -> None:
-    """Convert every field of a frozen record under construction to its stored type.
+    """Check all fields of a frozen dataclass under construction, and convert them to their stored types.
 
     Args:
         record: a dataclass, in its ``__post_init__``.
@@ -44,7 +44,7 @@ def accept_fields(record: object, where: str, error: type[ValueError] = RecordEr
 
 
 def require_fields(record: object, where: str, skipped: tuple[type, ...] = ()) -> None:
-    """Raise an error if a field of a record, at any depth, has a value that its annotation does not allow.
+    """Raise an error if a field of a dataclass, at any depth, has a value that its annotation does not allow.
 
     Args:
         record: a dataclass, a tuple of them, or anything else, which passes.
@@ -89,7 +89,7 @@ defaults: Callable[[type], Mapping[str, Any]] = _usual
 
 
 def _rule(wanted: Any, unit: Unit) -> Rule | None:
-    """Conversion rule of a type annotation; None if there is nothing to check."""
+    """Function that checks and converts values of an annotated type; None if there is nothing to check."""
     if unit.rule is not None:
         return _with_bounds(unit.rule, unit)
     origin, options = typing.get_origin(wanted), typing.get_args(wanted)
@@ -113,7 +113,7 @@ def _rule(wanted: Any, unit: Unit) -> Rule | None:
 
 
 def _with_bounds(rule: Rule, unit: Unit) -> Rule:
-    """Extend a user-defined conversion rule by a check of the field's bounds."""
+    """Extend a field's own conversion function by a check of the field's bounds."""
 
     def check(field: str, value: object) -> Any:
         held = rule(field, value)
@@ -129,7 +129,7 @@ def _with_bounds(rule: Rule, unit: Unit) -> Rule:
 
 
 def _is_record(wanted: object) -> bool:
-    """True if an annotation is a class, such as a record class, of which ``isinstance`` can test a value."""
+    """True if an annotation is a class whose instances ``isinstance`` can test, such as a dataclass."""
     said = isinstance(wanted, type) and wanted not in (Any, object, bool, str, *_NUMBERS)
     return said and not hasattr(wanted, "_is_protocol")
 
@@ -169,7 +169,7 @@ def _within(field: str, value: float, unit: Unit) -> None:
 
 
 def _numbers(field: str, value: Any, unit: Unit, kind: Any, letters: str, allowed: str) -> Any:
-    """Convert to a record of scalars, such as a vector, from a record of that class or from plain numbers."""
+    """Convert a list of plain numbers, or an instance of the class, to a vector or quaternion class."""
     if isinstance(value, kind):
         given = [getattr(value, letter) for letter in letters]
         held = [_scalar(f"{field}.{letter}", each, unit) for letter, each in zip(letters, given, strict=True)]
@@ -200,7 +200,7 @@ _NUMBERS: Mapping[Any, Callable[[str, Any, Unit], Any]] = {
 
 
 def _one_of(options: tuple[Any, ...], unit: Unit) -> Rule | None:
-    """Rule of a union type: the first option that accepts the value; the last one's error if none does."""
+    """Make a check for a union type: the first member type that accepts a value converts it."""
     found = [_rule(each, unit) for each in options if each is not type(None)]
     if any(each is None for each in found):
         return None
@@ -225,7 +225,7 @@ def _one_of(options: tuple[Any, ...], unit: Unit) -> Rule | None:
 
 
 def _many(each: Rule | None, exactly: tuple[Rule | None, ...] | None, scalars: bool = False) -> Rule:
-    """Rule for a tuple annotation: of any length with one rule for all items, or with a rule for each item.
+    """Make a check for a tuple type, with one check for all items or one check for each item.
 
     Whole numbers of a plain list of scalars are data.
     """
@@ -249,7 +249,7 @@ def _many(each: Rule | None, exactly: tuple[Rule | None, ...] | None, scalars: b
 
 
 def _many_records(kind: type) -> Rule:
-    """Rule of a tuple of any length of records of one class."""
+    """Make a check for a tuple of any length whose items are instances of one class."""
     item = coerce.one(kind)
 
     def rule(field: str, value: Any) -> Any:

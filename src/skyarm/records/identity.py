@@ -1,4 +1,4 @@
-"""Digest of a scenario, by which stored results are matched with the present scenario."""
+"""Digest of a scenario, by which stored results are matched with the scenario that is loaded now."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ FOR_PEOPLE = ("title", "sources", *DRAWN)
 
 
 def identity(record: object) -> str:
-    """Digest of a record's content, without its titles and sources.
+    """SHA-256 digest of all content of a scenario that affects a flight, thus without titles and sources.
 
     Where plugins are loaded, or code of the record is the user's, their files are part of it: a file that has
     changed flies something else.
@@ -33,7 +33,7 @@ def identity(record: object) -> str:
 
 
 def log_digest(written: object, files: Mapping[str, str]) -> str:
-    """Digest of the scenario stored in a log.
+    """SHA-256 digest of the scenario that is stored in a log.
 
     Args:
         written: plain data of the scenario, titles included; paths of meshes and notes are left out of the digest.
@@ -120,7 +120,7 @@ def _of_class(kind: type) -> set[Pair]:
 
 
 def _parts(value: object) -> list[Any]:
-    """Objects inside a value: class, items, fields, arguments, captured variables; for a search for user code."""
+    """Objects inside an object, such as items, fields and captured variables, in which user code is searched."""
     if isinstance(value, Mapping):
         return [*value.values()]
     if isinstance(value, (list, tuple, set, frozenset)):
@@ -143,7 +143,7 @@ def _cells(function: object) -> tuple[types.CellType, ...]:
 
 
 def _content(cell: types.CellType) -> Any:
-    """Value of a variable that a closure captured (its cell); None if the cell is still empty."""
+    """Value of a variable captured by a function (closure cell); None if it is not assigned yet."""
     try:
         return cell.cell_contents
     except ValueError:

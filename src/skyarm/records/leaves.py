@@ -1,4 +1,4 @@
-"""Conversion between records and flat lists of scalars.
+"""Conversion between nested dataclasses and flat lists of their scalars.
 
 A record is a frozen dataclass or a tuple of records. Its *leaves* are the scalars that may vary; integers, strings,
 booleans, None and enums are structure: they shape the program and are not leaves.
@@ -32,7 +32,7 @@ def _map(record: object, visit: Callable[[Any], Any]) -> Any:
 
 
 def leaves(record: object) -> list[Any]:
-    """Variable scalars of a record in field order, as a flat list."""
+    """All variable scalars of a nested dataclass as a flat list, in field order."""
     found: list[Any] = []
 
     def visit(leaf: object) -> Any:
@@ -63,24 +63,24 @@ field_names: Callable[[type], tuple[str, ...] | None] = cache(_field_names)
 
 
 def is_record(value: object) -> bool:
-    """True if a value is an instance of a record class."""
+    """True if a value is an instance of a dataclass."""
     return field_names(type(value)) is not None
 
 
 def is_leaf(value: object) -> bool:
-    """True if a value is a variable scalar; False if it is a constant that compiled code contains."""
+    """True if a value is a variable scalar; false for constants of compiled code, such as integers and texts."""
     return not isinstance(value, _STRUCTURE)
 
 
 def parts(record: object) -> dict[str, Any]:
-    """Direct parts of a value by name: fields of a record or items of a tuple; empty for a scalar."""
+    """Fields of a dataclass, or items of a tuple, by name; empty for a scalar."""
     if isinstance(record, tuple):
         return {str(i): item for i, item in enumerate(record)}
     return {name: getattr(record, name) for name in field_names(type(record)) or ()}
 
 
 def walk(record: object, place: Place = ()) -> Iterator[tuple[Place, Any]]:
-    """Field path and value of every number, text or other innermost value of a record, constants included.
+    """Field names and value of each number, text or other innermost value of a nested dataclass.
 
     The leaves among them, which :func:`is_leaf` tells, come in the order of :func:`leaves`.
     """
@@ -92,7 +92,7 @@ def walk(record: object, place: Place = ()) -> Iterator[tuple[Place, Any]]:
 
 
 def pairs(example: object, record: object, path: str) -> list[tuple[Any, Any, str]] | None:
-    """Direct parts of two records in pairs, each with its path; None if the records differ in structure."""
+    """Fields of two dataclasses in pairs, each pair with its name; None if the two differ in structure."""
     if isinstance(example, tuple) and isinstance(record, tuple) and len(example) == len(record):
         return [(a, b, f"{path}[{i}]") for i, (a, b) in enumerate(zip(example, record, strict=True))]
     if type(example) is type(record) and (names := field_names(type(example))) is not None:
@@ -101,7 +101,7 @@ def pairs(example: object, record: object, path: str) -> list[tuple[Any, Any, st
 
 
 def mismatch(example: object, record: object, path: str) -> str | None:
-    """Message on where ``record`` differs in structure from ``example``; None if they have the same structure."""
+    """Message about the first difference in structure between two nested dataclasses; None if they match."""
     below = pairs(example, record, path)
     if below is None:
         kinds = (*_STRUCTURE, tuple)
@@ -112,24 +112,24 @@ def mismatch(example: object, record: object, path: str) -> str | None:
 
 
 def named_leaves(record: object, where: str = "") -> Iterator[tuple[str, Any]]:
-    """Path and value of every variable scalar of a record, in the order of :func:`leaves`."""
+    """Dotted path and value of every variable scalar of a nested dataclass."""
     return ((path, value) for path, value in named_parts(record, where) if is_leaf(value))
 
 
 def named_parts(record: object, where: str = "") -> Iterator[tuple[str, Any]]:
-    """Dotted path and value of every innermost value of a record, constants included, in field order."""
+    """Dotted path and value of every number, text or flag of a nested dataclass, constants included."""
     for place, value in walk(record):
         yield f"{where}{''.join(f'[{i}]' if i.isdigit() else f'.{i}' for i in place)}".removeprefix("."), value
 
 
 def rebuild(template: Record, values: Iterator[Any]) -> Record:
-    """Return a copy of the template with its scalars replaced, in order, by ``values``."""
+    """Copy of a nested dataclass with its scalars replaced, in order, by given values."""
     result: Record = _map(template, lambda _leaf: next(values))
     return result
 
 
 def shaped_like(template: Record, values: Sequence[Any]) -> Record:
-    """Return a copy of the template with the given scalars; raises ValueError if their number differs."""
+    """Copy of a nested dataclass with a list of scalars in place of its own; their number must match."""
     iterator = iter(values)
     count = len(leaves(template))
     if count != len(values):
@@ -138,14 +138,14 @@ def shaped_like(template: Record, values: Sequence[Any]) -> Record:
 
 
 def part(record: object, place: Place) -> Any:
-    """Value that is found in a record along a path of field names and indices."""
+    """Value inside nested dataclasses, found by a sequence of field names and indices."""
     for name in place:
         record = record[int(name)] if isinstance(record, tuple) else getattr(record, name)
     return record
 
 
 def replace_at(record: Any, values: Mapping[Place, Any]) -> Any:
-    """Record with the values at some field paths replaced; no path may be a prefix of another.
+    """Copy of nested dataclasses with some values inside replaced, each given by its sequence of field names.
 
     Every record on the way is made, and checked, once: numbers that only together make sense are replaced together.
     """
@@ -162,6 +162,6 @@ def replace_at(record: Any, values: Mapping[Place, Any]) -> Any:
 
 
 def blend(condition: object, new: object, old: object) -> Any:
-    """Select ``new`` where a condition holds, else ``old``, scalar by scalar; constants are those of ``old``."""
+    """Select between two nested dataclasses, scalar by scalar: ``new`` where a condition holds, else ``old``."""
     values = (where(condition, a, b) for a, b in zip(leaves(new), leaves(old), strict=True))
     return rebuild(old, values)

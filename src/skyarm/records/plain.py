@@ -1,4 +1,4 @@
-"""Records as plain data for strict JSON, and a digest of such data."""
+"""Dataclasses as plain data for strict JSON, and a digest of such data."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ digest."""
 
 
 def plain(value: object) -> Any:
-    """Convert a record to plain data (tables, lists, numbers, texts, true, false, null).
+    """Convert nested dataclasses to plain data: tables, lists, numbers, texts, true, false, null.
 
     A record becomes a table of its fields with its class, by module and name, under ``type``. Functions, arrays, enums
     and tables that have a ``type`` of their own are tables with a type, too. Infinities and NaN become text, and texts
@@ -42,7 +42,7 @@ def _text(record: object) -> str:
 
 
 def _plain(value: object, above: tuple[int, ...]) -> Any:
-    """Convert a value to plain data; ``above`` are the ids of the objects that contain it."""
+    """Convert any value to plain data; ``above`` are the ids of the objects that contain the value."""
     if value is None or (isinstance(value, (bool, str)) and not isinstance(value, Enum)):
         return {"type": "text", "text": value} if value in NOT_FINITE else value
     if isinstance(value, Enum):
@@ -103,7 +103,7 @@ written_if_any: Callable[[type], tuple[str, ...]] = functools.cache(_written_if_
 
 
 def _bound(function: object) -> list[Any]:
-    """Object to which a method is bound, and variables that a closure captured, for a digest of a function."""
+    """Object of a bound method, or variables captured by a function, which distinguish it in a digest."""
     owner = getattr(function, "__self__", None)
     cells = getattr(function, "__closure__", None) or ()
     return [*([] if owner is None or isinstance(owner, ModuleType) else [owner]), *(c.cell_contents for c in cells)]

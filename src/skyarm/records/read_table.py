@@ -1,4 +1,4 @@
-"""Read records from tables of a file, one key for each field."""
+"""Read dataclasses from tables of a file, one key for each field."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Record = TypeVar("Record")
 
 
 def record_from(kind: type[Record], fields: Fields) -> Record:
-    """Read a record of a given class from a file's table.
+    """Read an instance of a given dataclass from a table of a file.
 
     A number may stand where the field is a ``float`` or ``Scalar``; three numbers where it is a ``Vec3``; a list where
     it is a tuple; a table where it is a record, or whatever its class reads by ``from_table``. Fields with a default
@@ -52,7 +52,7 @@ def record_from(kind: type[Record], fields: Fields) -> Record:
 
 
 def make_at(where: str, kind: Callable[..., Record], /, **values: Any) -> Record:
-    """Create a record from its field values; an error names the table of the file from which they come.
+    """Create an instance of a class; an error message begins with the table of the file that states its values.
 
     Raises:
         ValueError: one line.
@@ -71,7 +71,7 @@ def make_at(where: str, kind: Callable[..., Record], /, **values: Any) -> Record
 
 
 def numbers_from(kind: type, fields: Fields, names: Iterable[str], required: Collection[str] = ()) -> dict[str, Any]:
-    """Read the numbers of a record that a table states, and check them against the fields' declared bounds."""
+    """Read some numeric fields of a dataclass from a table, and check their declared bounds."""
     known, found = units(kind), {}
     for name in names:
         if fields.take(name, None) is None and name not in required:
@@ -86,7 +86,7 @@ def numbers_from(kind: type, fields: Fields, names: Iterable[str], required: Col
 
 
 def takes_table(function: Callable[..., Any]) -> bool:
-    """True if a function's only parameter is a ``Fields`` reader, so that the function reads its table itself."""
+    """True if a function's only parameter is a ``Fields`` reader, from which it reads a whole table."""
     parameters = list(inspect.signature(function).parameters.values())
     return len(parameters) == 1 and parameters[0].annotation in (Fields, "Fields")
 
@@ -108,7 +108,7 @@ def options_from(function: Callable[..., Any], fields: Fields) -> dict[str, Any]
 
 
 def _value(wanted: object, unit: Unit, fields: Fields, name: str) -> Any:
-    """Read a field's value by its annotated type."""
+    """Read a field of a table as the type that the dataclass declares for it."""
     if typing.get_origin(wanted) in (typing.Union, types.UnionType):
         wanted = next(each for each in typing.get_args(wanted) if each is not type(None))
     if wanted in (float, Scalar):
@@ -137,7 +137,7 @@ def _value(wanted: object, unit: Unit, fields: Fields, name: str) -> Any:
 
 
 def _several(kind: object, fields: Fields, name: str) -> tuple[Any, ...]:
-    """Read a tuple of numbers, of tuples of numbers, or of records."""
+    """Read a tuple of numbers, of tuples of numbers, or of dataclasses from a list in a table."""
     if kind in (float, Scalar):
         return fields.numbers(name)
     at = fields.at(name)
@@ -158,7 +158,7 @@ def _several(kind: object, fields: Fields, name: str) -> tuple[Any, ...]:
 
 
 def registered_from(kind: str, base: type, table: Any, where: str) -> Any:
-    """Read a record from a table ``{ kind = NAME, numbers ... }``; the class is registered under that name.
+    """Read a table ``{ kind = NAME, ... }`` as an instance of the class that is registered as NAME.
 
     Args:
         kind: of the registry.

@@ -1,4 +1,4 @@
-"""Restore records from plain data, bit for bit.
+"""Restore dataclasses from plain data, bit for bit.
 
 Plain data names classes and functions and never brings any: they are found in this package or in plugins that are
 loaded (:mod:`skyarm.records.registry.registrations`). Only frozen dataclasses are made, and only functions of laws are
@@ -23,11 +23,11 @@ FUNCTIONS = ("skyarm.control.",)
 
 
 class RestoreError(ValueError):
-    """Error for plain data from which no record can be restored."""
+    """Error: a dataclass cannot be restored from plain data."""
 
 
 def restore(data: object, plugins: Mapping[str, str] | None = None) -> Any:
-    """Restore a record from the plain data of :func:`skyarm.records.plain.plain`; lists become tuples.
+    """Restore nested dataclasses from the output of :func:`skyarm.records.plain.plain`; lists become tuples.
 
     Args:
         data: plain data.
@@ -69,7 +69,7 @@ def _each(table: dict[str, Any], plugins: Mapping[str, str], where: str) -> dict
 
 
 def _record(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> Any:
-    """Restore a frozen dataclass; its fields must match exactly."""
+    """Restore an instance of a frozen dataclass, whose fields must match exactly."""
     kind: Any = code_of(data["type"], plugins)
     names = field_names(kind) if isinstance(kind, type) and dotted_name(kind) == data["type"] else None
     if names is None or not kind.__dataclass_params__.frozen:

@@ -1,4 +1,4 @@
-"""Units of a field's numbers: unit, meaning and bounds, declared together with the field.
+"""Units of numeric fields: unit, meaning and bounds, declared together with the field.
 
 ``mass: Annotated[Scalar, Unit("kg", low=0.0)]`` is read by checks (:mod:`skyarm.records.field_rules`), exported C,
 heads of CSV files and tables of the documents.

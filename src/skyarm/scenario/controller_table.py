@@ -59,7 +59,7 @@ MEASURED = ("stiffness", "damping")
 
 
 def loop_facts(rates: Rates, delays: Delays) -> dict[str, float]:
-    """Periods of control and reference, and measurement delay, in s, as needed for building a control law."""
+    """Timing data for building a control law: control period, reference period and measurement delay, s."""
     return {
         "control_period": 1.0 / rates.control,
         "reference_period": 1.0 / rates.reference,
@@ -98,7 +98,7 @@ def controller_from(
 
 
 def require_servos_said(fields: Fields, carrier: Vehicle, model: Model) -> None:
-    """Raise an error if plant joints have servos that the model lacks, unless the file states what the law commands.
+    """Raise an error if plant joints have servos, the model has none, and [controller] does not state ``servos``.
 
     Raises:
         ValueError: one line: torques would reach the servos as angles.
@@ -111,7 +111,7 @@ def require_servos_said(fields: Fields, carrier: Vehicle, model: Model) -> None:
 
 
 def _with_safety(found: Controller, safety: object) -> Controller:
-    """Add the safety layer that a file requests: false, true, or a table of limits and the stowed pose."""
+    """Wrap a controller in the safety layer that [controller] safety requests: false, true, or a table of limits."""
     if safety is False:
         return found
     from skyarm.control.safety import with_safety_layer
@@ -148,7 +148,7 @@ def on_actuators(made: Controller, model: Model, control_period: float, servos: 
 
 
 def _with_safety_of(before: Any, made: Controller, scenario: Scenario) -> Controller:
-    """Add the safety layer of the previous controller to a new one; unchanged if the previous one had none."""
+    """Wrap a new controller in the safety layer of the controller that it replaces, if there is such a layer."""
     if getattr(before, "turns_rotors", False):
         before = before.own
     from skyarm.control.safety.safety_layer import SafetyParameters
@@ -168,7 +168,7 @@ def _with_safety_of(before: Any, made: Controller, scenario: Scenario) -> Contro
 
 
 def under_law(scenario: Scenario, name: str) -> Scenario:
-    """Scenario with another control law, given by name (see :meth:`skyarm.Scenario.under`).
+    """Scenario with its control law replaced by the preset, law or gains file of a given name.
 
     Raises:
         ControllerError, AllocationError: as :func:`controller_by_name`.
@@ -190,13 +190,13 @@ LAYERS = ("safety", "servos")
 
 
 def law_words(law: str) -> tuple[str, ...]:
-    """Keys that a [controller] table may have for a given law: the law's options, and those of all laws."""
+    """Keys that a [controller] table may have for a given control law."""
     options = (WORDS.get(option, option) for option in LAWS[law].options() if option not in PYTHON_ONLY)
     return (*options, *(("tuned",) if law in tuned_factors() else ()), *LAYERS)
 
 
 def by_words(fields: Fields, model: Model, known: Mapping[str, Any], *, loaded: bool = False) -> Controller:
-    """Build the controller that a table describes by a preset's name, or by a law's name and options.
+    """Build the controller of a [controller] table from a preset's name, or from a law's name and its options.
 
     Args:
         fields: the table.
@@ -241,7 +241,7 @@ def _require_clock(fields: Fields, known: Mapping[str, Any]) -> None:
 
 
 def _preset_name(fields: Fields) -> Any:
-    """Name of the preset that a table states; a preset takes no options."""
+    """Name of the preset that a [controller] table states, after a check that no law options are given with it."""
     name = fields.take("preset", None)
     if name is None:
         raise ValueError(f"{fields.where}: must have a preset, as 'centroidal_tip', or a law; 'skyarm show' shows all")
@@ -252,14 +252,14 @@ def _preset_name(fields: Fields) -> Any:
 
 
 def _require_only(fields: Fields, word: str, allowed: str) -> None:
-    """Raise an error if a controller's table has keys other than a given one and those common to all laws."""
+    """Raise an error if a [controller] table has other keys than the given one, ``safety`` and ``servos``."""
     for other, value in fields.table.items():
         if other not in (word, *LAYERS):
             raise ValueError(f"{fields.at(other)} = {shown(value)}: must be left out: {allowed}")
 
 
 def _read(fields: Fields, law: str, option: str, word: str) -> Any:
-    """Read the value of a law's option from a table, converting nested tables to records."""
+    """Read one option of a control law from a [controller] table; a nested table becomes a dataclass."""
     value, at = fields.take(word), fields.at(word)
     if option in RECORDS:
         return record_from(RECORDS[option], Fields(value, at))
@@ -275,7 +275,7 @@ def _read(fields: Fields, law: str, option: str, word: str) -> Any:
 
 
 def _terms(value: object, at: str) -> Terms:
-    """Terms of the computed torque law, with those that a list names switched off."""
+    """Switches of the computed-torque terms, with those in a file's list ``without`` turned off."""
     allowed = tuple(parts(Terms()))
     if not isinstance(value, list) or any(name not in allowed for name in value):
         raise ValueError(f"{at} = {shown(value)}: must be a list of {', '.join(allowed)}")
@@ -335,7 +335,7 @@ def load_controller(
 
 
 def controller_of_file(name: Any, folder: Path, model: Model, known: Mapping[str, Any], field: str) -> Controller:
-    """Read the controller from the gains file that a scenario's field names.
+    """Read a controller from a gains file (TOML) that a field of a scenario file names.
 
     Args:
         name: path of the file.
@@ -379,7 +379,7 @@ def _controller(top: Fields, model: Model, known: Mapping[str, Any]) -> Controll
 
 
 def with_gains(controller: Controller, gains: object, where: str) -> Controller:
-    """Controller with some of its constants replaced, given by parameter path.
+    """Controller with some constants replaced, each given by its parameter path such as ``gains.position``.
 
     Raises:
         ValueError: a path that the constants do not have, or numbers that do not fit it: one line.

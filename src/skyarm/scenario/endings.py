@@ -37,7 +37,7 @@ class Ending:
     """One word for the log."""
 
     def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: object) -> Any:
-        """True as long as the condition does not end the episode; false for NaN.
+        """True while a state does not meet the termination condition; false if the state contains NaN.
 
         Args:
             scenario: of the episode.
@@ -131,7 +131,7 @@ class LawUndefined(Ending):
         return True if margin is None else margin(state.quaternion) >= slack
 
     def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
-        """Message with the law's own description of its singularity."""
+        """Message of the control law about the attitude at which its equations are singular."""
         return scenario.controller.limit
 
 
@@ -243,7 +243,7 @@ def lowest_point(vehicle: Vehicle, state: State) -> Scalar:
 
 
 def state_words(vehicle: Vehicle) -> list[str]:
-    """Description of each number of a state, in order."""
+    """Names of all numbers of a plant state, in order, for messages: position.x, joint 'elbow', and so on."""
     axes = [("position", "xyz"), ("quaternion", "wxyz"), ("velocity", "xyz"), ("rate", "xyz")]
     named = [f"{word}.{axis}" for word, letters in axes for axis in letters]
     joints = [link.joint.name for link in vehicle.links]
@@ -253,7 +253,7 @@ def state_words(vehicle: Vehicle) -> list[str]:
 
 
 def command_words(vehicle: Vehicle) -> list[str]:
-    """Description of each number of a command, in order."""
+    """Names of all numbers of a command, in order, for messages: rotor speeds, joint efforts, rotor angles."""
     found = [f"commanded speed of rotor '{rotor.name}'" for rotor in vehicle.rotors]
     found += [f"commanded effort of joint '{link.joint.name}'" for link in vehicle.links]
     return found + [f"commanded angle of rotor '{rotor.name}'" for rotor in vehicle.rotors if rotor.tilt is not None]
@@ -266,7 +266,7 @@ def not_finite(vehicle: Vehicle, command: Sequence[float]) -> str | None:
 
 
 def apart(value: float, limit: float) -> tuple[str, str]:
-    """Texts of two different numbers with just enough digits (at least four) that the texts differ."""
+    """Format two different numbers with just enough digits (at least four) that their texts differ."""
     for digits in range(4, 18):
         texts = f"{value:.{digits}g}", f"{limit:.{digits}g}"
         if texts[0] != texts[1]:

@@ -1,4 +1,4 @@
-"""Scheduled changes of a scenario during a flight: numbers or whole parts, such as the controller, are replaced.
+"""Scheduled changes during a flight: parameters or whole sections of the scenario, such as the law, are replaced.
 
 Changes replace, they do not add up: at any instant the scenario is the one that began, with each path's latest value
 in the place of its own. A load that a change sets is therefore the load on top of what the vehicle carried at the
@@ -42,7 +42,7 @@ WHOLE_PARTS = (LAW, "controller", "reference", *OF_REFERENCE, *PARTS)
 
 
 def with_part(scenario: Scenario, path: str, value: object) -> Scenario:
-    """Scenario with a whole part, such as the controller or the wind, replaced.
+    """Scenario with one whole section of its file, such as [controller] or the wind, replaced.
 
     Args:
         scenario: whose model and clocks a new law is made for.
@@ -59,7 +59,7 @@ def with_part(scenario: Scenario, path: str, value: object) -> Scenario:
 
 
 def _fields_of_part(scenario: Scenario, path: str, value: object) -> dict[str, Any]:
-    """Scenario fields that result from replacing a whole part, such as the wind, by a value in a file's format."""
+    """Scenario fields that result from replacing a section, such as the wind, by a table of a scenario file."""
     if path in PARTS:
         place, read = PARTS[path]
         return {place[-1]: read(value, path)}
@@ -83,7 +83,7 @@ def _fields_of_part(scenario: Scenario, path: str, value: object) -> dict[str, A
 
 
 def _law(scenario: Scenario, name: object) -> Controller:
-    """Controller by its name, with the safety layer of the present controller if it has one."""
+    """Controller of a given name, with the safety layer of the present controller if it has one."""
     if not isinstance(name, str):
         raise ValueError(f"{LAW} = {shown(name)}: must be the name of a preset, a law or LAW_tuned")
     if is_law_of_file(name):
@@ -95,13 +95,13 @@ def _law(scenario: Scenario, name: object) -> Controller:
 
 
 def _below(path: str) -> str:
-    """Prefix of the paths of all numbers that a replacement of a whole part also replaces."""
+    """Beginning of the paths of all parameters inside a section, which a new section also replaces."""
     return "controller." if path == LAW else f"{path}."
 
 
 @dataclass(frozen=True, slots=True)
 class Overrides:
-    """Values that replace those of a scenario in flight, as pairs of parameter path and value, the latest last.
+    """Replacements made by scheduled changes so far: pairs of parameter path, such as plant.gravity, and value.
 
     Attributes:
         parts: whole parts, as a file has them. numbers: by path.
@@ -111,7 +111,7 @@ class Overrides:
     numbers: tuple[tuple[str, Any], ...] = ()
 
     def with_change(self, change: Change) -> Overrides:
-        """Overrides with one more change."""
+        """Overrides after one more scheduled change, which replaces earlier changes of the same parameter."""
         path, value = change.path, change.table
         if not is_part(path, value):
             kept = tuple(pair for pair in self.numbers if pair[0] != path)
@@ -122,7 +122,7 @@ class Overrides:
         return Overrides((*parts, (path, value)), numbers)
 
     def data(self, scenario: Scenario, paths: Sequence[str] = ()) -> Overrides:
-        """Overrides in a canonical order: equal for changes whose order has no effect.
+        """Overrides in a canonical order, equal for sequences of changes whose order has no effect.
 
         Args:
             scenario: as the flight began.
@@ -140,7 +140,7 @@ class Overrides:
         return Overrides(self.parts, tuple(numbers.items()))
 
     def holds(self, scenario: Scenario, path: str) -> bool:
-        """True if the number at a path is overridden, also under an alias of it: "faults.0" may be "faults.front"."""
+        """True if the parameter at a path is overridden, also under another name: faults.0 may be faults.front."""
         if not self.numbers or is_added(path) or path in dict(self.numbers):
             return path in dict(self.numbers)
         for own, _ in self.numbers:
@@ -150,12 +150,12 @@ class Overrides:
         return False
 
     def hides(self, path: str) -> bool:
-        """True if a number's original value is no longer used: the number, or a whole part with it, was replaced."""
+        """True if the overrides replace a parameter, or a whole section that contains the parameter."""
         gone = any(_within(path, own, _below(own)) for own, _ in self.parts)
         return gone or any(path == own for own, _ in self.numbers)
 
     def parts_of(self, scenario: Scenario) -> Scenario:
-        """Scenario with only the whole-part overrides applied, not those of single numbers; no scheduled changes."""
+        """Scenario with replaced whole sections, but without replaced single parameters or scheduled changes."""
         scenario = scenario.as_begun
         for path, value in self.parts:
             scenario = with_part(scenario, path, value)
@@ -171,7 +171,7 @@ NONE = Overrides()
 
 
 def is_part(path: str, value: object) -> bool:
-    """True if a path and value replace a whole part rather than a number."""
+    """True if a scheduled change replaces a whole section, such as the controller, and not a single number."""
     return path in WHOLE_PARTS and (path != "reference.yaw" or isinstance(value, (str, bool, list, tuple, Mapping)))
 
 
@@ -192,7 +192,7 @@ class Stretch:
 
 
 def stretches(scenario: Scenario) -> tuple[Stretch, ...]:
-    """Intervals of a flight between its scheduled changes; the first is empty if a change applies at once.
+    """Split a flight into intervals between its scheduled changes; the first is empty for a change at t = 0.
 
     Changes after the end of the flight are ignored.
     """
@@ -210,17 +210,17 @@ def stretches(scenario: Scenario) -> tuple[Stretch, ...]:
 
 
 def is_traceable(scenario: Scenario) -> bool:
-    """True if every control law of a flight can be traced and compiled."""
+    """True if every control law that a flight uses can be traced and compiled to machine code."""
     return all(stretch.overrides.parts_of(scenario).controller.compiled for stretch in stretches(scenario))
 
 
 def overrides_at(scenario: Scenario, tick: int) -> Overrides:
-    """Overrides that apply in a control period."""
+    """Overrides by scheduled changes that apply in a given control period."""
     return [stretch for stretch in stretches(scenario) if stretch.start <= tick][-1].overrides
 
 
 def sources(scenario: Scenario, tick: int) -> dict[str, int]:
-    """For each number that scheduled changes have set by a control period: index of the change that set it."""
+    """For each parameter changed up to a control period: index of the scheduled change that set it."""
     rate, found = scenario.rates.control, dict[str, int]()
     for i in sorted(range(len(scenario.changes)), key=lambda i: scenario.changes[i].tick(rate)):
         change = scenario.changes[i]
@@ -244,7 +244,7 @@ MAY = f"what may is a number of {', '.join(NUMBERS)}, or as a whole {', '.join(W
 
 
 def require_changes(scenario: Scenario) -> None:
-    """Raise an error if a scheduled change is invalid; changes are tested in order, simultaneous ones together.
+    """Raise an error if a scheduled change is invalid; changes are tested in order of time.
 
     Raises:
         ScenarioError: one line with the change, its path or its value, and what is allowed.
@@ -255,7 +255,7 @@ def require_changes(scenario: Scenario) -> None:
 
 
 def try_coming(begun: Scenario, now: Scenario, held: Overrides, coming: Sequence[Change]) -> None:
-    """Raise an error if a change would make a later scheduled change invalid.
+    """Raise an error if a change made now would make a later scheduled change invalid.
 
     Args:
         begun: as the flight began.
@@ -272,7 +272,7 @@ def try_coming(begun: Scenario, now: Scenario, held: Overrides, coming: Sequence
 
 
 def _try_in_order(begun: Scenario, now: Scenario, held: Overrides, changes: Sequence[tuple[str, Change]]) -> None:
-    """Apply scheduled changes in order, those of one control period together."""
+    """Test scheduled changes in order of time, those of one control period together."""
     rate = begun.rates.control
 
     def tick(named: tuple[str, Change]) -> int:
@@ -314,7 +314,7 @@ def try_changes(
 
 @contextmanager
 def _said_of(where: str) -> Iterator[None]:
-    """Context manager that puts the name of a scheduled change at the start of its error message."""
+    """Context manager that puts the name of a scheduled change, such as changes[2], before error messages."""
     try:
         yield
     except ValueError as error:
@@ -324,7 +324,7 @@ def _said_of(where: str) -> Iterator[None]:
 
 
 def _require_changeable(scenario: Scenario, path: str) -> None:
-    """Raise an error if a path cannot be changed during a flight."""
+    """Raise an error if a parameter or section of the scenario may not change during a flight."""
     if path in WHOLE_PARTS or (path in LATER and scenario.delays.longest_command is not None):
         return
     if path in LATER:
@@ -343,7 +343,7 @@ def _require_changeable(scenario: Scenario, path: str) -> None:
 
 
 def _require_number(scenario: Scenario, change: Change) -> None:
-    """Raise an error unless a path leads to a number and its new value is a number."""
+    """Raise an error unless a change's path leads to a number and the change's value is a number."""
     try:
         number_at(scenario, change.path)
     except ScenarioError as error:
@@ -354,14 +354,14 @@ def _require_number(scenario: Scenario, change: Change) -> None:
 
 
 def _require_one_load(scenario: Scenario, path: str, changed: Sequence[str]) -> None:
-    """Raise an error if two paths set the same payload mass: payloads add up, so that mass would count twice."""
+    """Raise an error if two paths set the payload mass at one frame, because payload masses add up."""
     for other in changed if is_added(path) else ():
         if other != path and is_added(other) and means_the_same(scenario, path, other):
             raise ScenarioError(f"path = {path!r}: is the same load as {other!r}, must be changed by that name")
 
 
 def require_continuous(old: Scenario, new: Scenario) -> None:
-    """Raise an error if a changed scenario differs in something fixed for a flight, such as rates or joint count.
+    """Raise an error if a changed scenario differs in what is fixed for a flight, such as clock rates.
 
     Raises:
         ScenarioError: names it.

@@ -1,4 +1,4 @@
-"""Read and replace numbers of a scenario by dotted parameter path, such as ``plant.vehicle.base.mass``.
+"""Read and replace parameters of a scenario by dotted path, such as ``plant.vehicle.base.mass``.
 
 A path starts with one of ``plant``, ``model``, ``controller``, ``environment.wind``, ``environment.faults``,
 ``sensors``, ``initial``, ``reference`` and goes on through the words of the scenario file (``reference.base.radius``,
@@ -50,7 +50,7 @@ DERIVED = ("initial.", "reference.", "plant.payload.", "model.payload.")
 
 
 def require_apart(scenario: Scenario, paths: Sequence[str]) -> None:
-    """Raise an error if two paths denote the same number.
+    """Raise an error if two parameter paths denote the same number of a scenario.
 
     Raises:
         ScenarioError: names both.
@@ -68,7 +68,7 @@ def require_apart(scenario: Scenario, paths: Sequence[str]) -> None:
 
 
 def means_the_same(scenario: Scenario, path: str, other: str) -> bool:
-    """True if two paths denote the same number of a scenario."""
+    """True if two parameter paths denote the same number of a scenario."""
     return not set(_meant(scenario, path)).isdisjoint(_meant(scenario, other))
 
 
@@ -77,7 +77,7 @@ def _meant(scenario: Scenario, path: str) -> tuple[Place, ...]:
 
 
 def _target(scenario: Scenario, path: str) -> tuple[str, tuple[Place, ...]]:
-    """Kind of number that a parameter path denotes, and the positions in the scenario record that store the number."""
+    """Kind of parameter that a path such as plant.gravity denotes, and all scenario fields that store it."""
     for root, vehicle in PAYLOADS.items():
         if path == root or path.startswith(f"{root}."):
             return "payload", ((*vehicle, "payload", _frame_of_payload(part(scenario, vehicle), path, root)),)
@@ -89,7 +89,7 @@ def _target(scenario: Scenario, path: str) -> tuple[str, tuple[Place, ...]]:
 
 
 def _frame_of_payload(vehicle: Vehicle, path: str, root: str) -> str:
-    """Name of the vehicle frame to which the payload mass of a parameter path is attached."""
+    """Vehicle frame that carries the payload of a parameter path such as model.payload.tip.mass."""
     frames, words = [frame.name for frame in vehicle.frames], path[len(root) + 1 :].split(".")
     if words == ["mass"] and vehicle.end_effector:
         return vehicle.end_effector
@@ -100,12 +100,12 @@ def _frame_of_payload(vehicle: Vehicle, path: str, root: str) -> str:
 
 
 def _with_start(scenario: Scenario) -> Scenario:
-    """Scenario whose initial state is stated explicitly: the given one, else hover trim."""
+    """Scenario with an explicit initial state: the stated one, else hover trim."""
     return scenario if scenario.initial is not None else scenario.with_words(initial=first_state(scenario))
 
 
 def number_at(scenario: Scenario, path: str) -> float:
-    """Number at a dotted path of a scenario.
+    """Value of the parameter at a dotted path of a scenario, such as plant.vehicle.base.mass.
 
     Raises:
         ScenarioError: a field that does not exist (with those that do), or something that is not a number.
@@ -123,7 +123,7 @@ def number_at(scenario: Scenario, path: str) -> float:
 
 
 def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
-    """Return the scenario with the numbers at some paths replaced; they may be traced.
+    """Scenario with the parameters at some paths replaced; values may be symbols of a traced program.
 
     The mixer follows the model's rotors, a trimmed start the vehicle, and the setpoints that are on their way to a
     servo of the model its latency. What else a law's maker took from its model
@@ -189,7 +189,7 @@ def _require_numbers(values: object) -> None:
 
 
 def _fields(scenario: Scenario, leaves: Mapping[Place, Any]) -> dict[str, Any]:
-    """Top-level fields of a scenario after numbers at some field paths inside them are replaced."""
+    """Top-level fields of a scenario after values deep inside them are replaced."""
     below: dict[str, dict[Place, Any]] = {}
     for place, value in leaves.items():
         below.setdefault(place[0], {})[place[1:]] = value
@@ -214,7 +214,7 @@ def is_added(path: str) -> bool:
 
 
 def start_with(scenario: Scenario, values: Mapping[str, Any]) -> State:
-    """Initial state of a scenario with some of its numbers replaced."""
+    """Initial state of a scenario after parameters such as initial.position.x are replaced."""
     held = scenario.initial
     if held is None:
         joints = [number(q) for q in first_state(scenario).joints]
@@ -257,7 +257,7 @@ WHOSE = {"plant": "plant", "model": "model", "controller": "law"}
 
 
 def unit_at(scenario: Scenario, path: str) -> str:
-    """SI unit of the number at a path, from its field's declaration; empty for pure numbers and unknown ones.
+    """SI unit of the parameter at a path, from its field's declaration; empty if dimensionless or unknown.
 
     Raises:
         ScenarioError: no number is there.
@@ -266,7 +266,7 @@ def unit_at(scenario: Scenario, path: str) -> str:
 
 
 def declared_at(scenario: Scenario, path: str) -> Unit:
-    """Unit, meaning and bounds of the number at a path, from its field's declaration.
+    """Unit, meaning and bounds declared for the parameter at a path.
 
     Of a joint, whose numbers have one unit if it turns and another if it slides, those of its kind; of a number of a
     signal, those of what the signal is.
@@ -282,7 +282,7 @@ def declared_at(scenario: Scenario, path: str) -> Unit:
 
 
 def _declared(record: object, place: Place) -> Unit:
-    """Unit declaration of the innermost field along a path that has one."""
+    """Unit declaration of the innermost field on the way to a parameter that has a declaration."""
     found = Unit()
     for name in place:
         if isinstance(record, tuple):

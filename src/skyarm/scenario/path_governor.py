@@ -1,4 +1,4 @@
-"""Path governor: slow a reference along its path where the nominal vehicle could not follow it.
+"""Path governor: slows the reference in time where the nominal vehicle could not follow it along its path.
 
 The path stays as it is: no corner is cut. Errors are taken against the reference as it is commanded at each instant,
 and the lag t - s(t) stands beside them. The plan is made before the flight, from the law's model; the scenario
@@ -77,7 +77,7 @@ def govern(scenario: Scenario, **options: float) -> Scenario:
 
 
 def planner_from(table: object, setting: Setting) -> Callable[[Scenario], Scenario]:
-    """Read [reference.governor]; return the function that adds the governor's timing to a scenario.
+    """Read [reference.governor]; return a function that adds the governor's time law to a scenario.
 
     Args:
         table: [reference.governor]: true, or limits.
@@ -93,7 +93,7 @@ def planner_from(table: object, setting: Setting) -> Callable[[Scenario], Scenar
 
 
 def governed_scenario(scenario: Scenario, options: GovernorOptions, events: Sequence[TaskEvent] = ()) -> Scenario:
-    """Scenario with a governed time scale of its reference; unchanged if the reference is already feasible.
+    """Scenario whose reference is slowed to feasible speeds; unchanged if the reference is already feasible.
 
     Raises:
         ValueError: one line: events at fixed instants, after which a slowed vehicle would arrive; or a long flight.
@@ -110,7 +110,7 @@ def governed_scenario(scenario: Scenario, options: GovernorOptions, events: Sequ
 
 
 def _reasons_against(scenario: Scenario, events: Sequence[TaskEvent]) -> Iterator[str]:
-    """Reasons why a reference cannot be slowed by a path governor."""
+    """Reasons why the reference of a scenario cannot be slowed, such as phases that wait for contact."""
     if events:
         yield f"of a reference that picks or places something ({events[0].where})"
     if scenario.duration > LONGEST:
@@ -130,7 +130,7 @@ def _switches(scenario: Scenario) -> list[float]:
 
 
 def plan_of(scenario: Scenario, options: GovernorOptions) -> Plan:
-    """Plan the timing along a scenario's reference with the model of its law."""
+    """Plan the time law along a scenario's reference with the nominal model of its control law."""
     trajectory, limits = scenario.reference, Limits(scenario.controller.par.model, options)
     ceilings = Ceilings(duration=float(scenario.duration), stops=_corners(trajectory, scenario))
 
@@ -167,7 +167,7 @@ LEFT = 1e-3
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class GovernorOptions:
-    """Limits and settings of the path governor.
+    """Options of the path governor: reserve of the actuators, and limits of tilt, turning and joint speed.
 
     Attributes:
         reserve: share of rotors and joints that is left to the control: it plans with the rest.
@@ -187,7 +187,7 @@ class GovernorOptions:
 
 
 class Limits:
-    """Limits of the nominal vehicle, and what a motion demands of the vehicle as fractions of these limits.
+    """Vehicle limits for the path governor, and the demands of a motion as fractions of these limits.
 
     Args:
         model: of the law. options: of the governor.
@@ -211,7 +211,7 @@ class Limits:
             self._efforts[i] = min(float(self._efforts[i, 0]), float(servo.largest_effort()))
 
     def names(self) -> list[str]:
-        """Names of the vehicle limits, in the order of the rows of the demand array."""
+        """Names of the vehicle limits, one for each row of the array of demands."""
         rotors = [rotor.name for rotor in self._vehicle.rotors]
         joints = [link.joint.name for link in self._vehicle.links]
         return [
@@ -236,7 +236,7 @@ class Limits:
         return found
 
     def _shift(self, motion: Motion, settled: Any) -> Array:
-        """Extra acceleration of a base that tilts but keeps its tip where a level base has it, (3, K), m/s^2."""
+        """Extra acceleration of a base that tilts while its tip stays where a level base has it, (3, K), m/s^2."""
         force = motion.acceleration + np.array([[0.0], [0.0], [self._gravity]])
         held = frame_pose(self._vehicle, self._vehicle.frame(self._tip), tuple(motion.joints)).p
         arm = np.stack([np.broadcast_to(np.asarray(c, dtype=float), len(motion.time)) for c in held])
@@ -276,7 +276,7 @@ class Limits:
         )
 
     def _window_means(self, time: Array) -> Any:
-        """Smoothing function for a force, two moving averages over SETTLES seconds: models the attitude's response."""
+        """Smoothing function for a force: two moving averages over SETTLES seconds, a model of attitude lag."""
         step = float(time[1] - time[0]) if len(time) > 1 else SETTLES
         half = max(0, round(0.5 * SETTLES / step))
 

@@ -69,7 +69,7 @@ class Ceilings:
         self.rate, self.acceleration = np.ones(count), np.full(count, ACCELERATION)
 
     def lower(self, values: Array, at: Array, to: Array, least: float, rate: float = 1.0) -> None:
-        """Lower the speed bounds at some path positions (given in s) and around them, as far as CALM seconds of flight.
+        """Lower the speed bounds at some path positions (s) and within CALM seconds of flight around them.
 
         No bound is lowered below ``least``.
         """
@@ -98,7 +98,7 @@ class Ceilings:
 
 
 def follow(ceilings: Ceilings, duration: float) -> PathTime:
-    """Time law of the fastest path speed within the bounds, with a short rest at each stop."""
+    """Time law of the fastest motion along the path within speed bounds, with a short rest at each stop."""
     square, parts = ceilings.squares(), 10
     small = STEP / parts
     stops = [stop for stop in sorted(ceilings.stops) if stop < duration]
@@ -127,7 +127,7 @@ def follow(ceilings: Ceilings, duration: float) -> PathTime:
 
 
 def _first_rate(square: Array) -> float:
-    """Largest initial ds/dt that is feasible for the first two steps.
+    """Largest initial path speed ds/dt that is feasible for the first two control points.
 
     Of the control points in these s(0) is made: they stand on one line, so that it is exactly 0.
     """
@@ -137,7 +137,7 @@ def _first_rate(square: Array) -> float:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Plan:
-    """Planned time law of a reference, and the largest remaining demand.
+    """Result of planning: time law of the reference, and the largest remaining demand on the vehicle.
 
     Attributes:
         path_time: time law; None if the reference is feasible as commanded.
@@ -160,7 +160,7 @@ NOTHING = 1e-7
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Judge:
-    """Evaluator of what a motion along the path demands of the vehicle, relative to the vehicle's limits.
+    """Evaluator of the demands of a motion on the vehicle, relative to the vehicle's limits.
 
     Attributes:
         motion: motion from the path parameter and its derivatives at K instants, and from these instants, s.
@@ -172,7 +172,7 @@ class Judge:
     at_rest: Callable[[Motion], Array]
 
     def over(self, s: Derivatives, time: Array) -> Array:
-        """Demand over allowed demand, (limits, K): over the limit or, if larger, the posture's static demand."""
+        """Ratio of demand to allowed demand, (limits, K); the static demand of a posture is always allowed."""
         with np.errstate(all="ignore"):
             motion = self.motion(s, time)
             found = np.asarray(self.shares(motion) / np.maximum(1.0, self.at_rest(motion)))
@@ -184,7 +184,7 @@ class Judge:
 
 
 def even_rates(judge: Judge, ceilings: Ceilings) -> None:
-    """Lower the bounds at each path position to the largest constant path speed that is feasible there."""
+    """Lower the bounds along the path to the largest constant path speed that is feasible at each position."""
     path = np.arange(-BEYOND, ceilings.duration + BEYOND + 0.5 * GRID, GRID)
     inside = (path > -0.5 * GRID) & (path < ceilings.duration + 0.5 * GRID)
     open_, still = np.ones(len(path), dtype=bool), np.zeros_like(path)

@@ -1,4 +1,4 @@
-"""Parameter paths: dotted names as in a scenario file, converted to field paths of the scenario record.
+"""Parameter paths: dotted names as in a scenario file, converted to fields of the Scenario dataclass.
 
 One number of a file may have several places in the records (a circle's radius is the amplitude of two sines), and a
 file's word may be another than the record's (``force`` is ``force_W``). Both words lead to the record.
@@ -51,7 +51,7 @@ TRACKING_START = "reference.tracking_start"
 
 
 def places_of(scenario: Scenario, path: str) -> tuple[Place, ...]:
-    """Field paths in the scenario record for a parameter path; several if one number is stored more than once.
+    """Fields of a scenario that store the parameter at a path; several if one number is stored more than once.
 
     Raises:
         ScenarioError: a field that does not exist (with those that do), or one that is structure.
@@ -75,7 +75,7 @@ def places_of(scenario: Scenario, path: str) -> tuple[Place, ...]:
 
 
 def roots(scenario: Scenario) -> dict[str, Place]:
-    """First parts of parameter paths with their field paths: named sensors and drives, then the fixed ``ROOTS``."""
+    """Beginnings of parameter paths, such as plant or sensors.imu, with the scenario fields that they denote."""
     named: dict[str, Place] = {
         f"sensors.{each.name}": ("agent", "sensors", str(i), "sensor") for i, each in enumerate(scenario.sensors)
     }
@@ -109,13 +109,13 @@ def _follow(scenario: Scenario, path: str, start: Place, words: list[str]) -> tu
 
 
 def _further(scenario: Scenario, path: str) -> list[str]:
-    """Names of sensors and drives that a misspelt parameter path may have meant."""
+    """Names of sensors and drives, listed as suggestions for a misspelt parameter path."""
     head = path[: path.index(".") + 1]
     return [name.removeprefix(head) for name in roots(scenario) if name not in ROOTS and name.startswith(head)]
 
 
 def _with_heads(heads: tuple[Place, ...], found: object) -> Any:
-    """Put each of several parent field paths in front of field paths."""
+    """Prepend each of several parent fields to the fields that a name denotes."""
     if isinstance(found, tuple):
         return tuple((*head, *tail) for head in heads for tail in found)
     return found
@@ -139,7 +139,7 @@ REGISTERED: Mapping[type, str] = {Air: "air", Force: "force", Ending: "ending"}
 
 
 def names(record: object) -> dict[str, tuple[Place, ...] | Tree]:
-    """Parameter names that may follow a record in a parameter path, with the field path of each."""
+    """Names that may continue a parameter path inside a given dataclass or tuple, with the field of each."""
     found: dict[str, tuple[Place, ...] | Tree] = {}
     if isinstance(record, tuple):
         found |= {number: ((number,),) for number in parts(record)}
@@ -201,7 +201,7 @@ def _signal(signal: Signal) -> dict[str, tuple[Place, ...] | Tree]:
 
 
 def _under(head: Place, at: tuple[Place, ...] | Tree) -> tuple[Place, ...] | Tree:
-    """Put the field path of a containing record in front of field paths."""
+    """Prepend the field of a containing dataclass to the fields of the contained dataclass."""
     if isinstance(at, tuple):
         return tuple((*head, *place) for place in at)
     return {name: _under(head, inner) for name, inner in at.items()}

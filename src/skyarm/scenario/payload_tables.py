@@ -44,7 +44,7 @@ FIELD = {"pick": "pick", "place": "drop"}
 
 
 def payloads_from(tables: object, where: str = "payloads") -> tuple[TimedPayload, ...]:
-    """Payloads that a list of tables describes.
+    """Read payloads from the list of tables [[payloads]].
 
     Raises:
         ValueError: one line with field, value and what is allowed.
@@ -69,7 +69,7 @@ def _payload(fields: Fields) -> TimedPayload:
 
 
 def _instant(fields: Fields, name: str) -> tuple[float, Reach | None]:
-    """Read when an event occurs: at a time (s), or when a position is reached, not before a time (s)."""
+    """Read when a payload is picked or dropped: a time (s), or the arrival of its frame at a position."""
     if not isinstance(fields.table.get(name), dict):
         return fields.number(name, low=0.0), None
     inner = fields.inner(name)
@@ -82,7 +82,7 @@ def _instant(fields: Fields, name: str) -> tuple[float, Reach | None]:
 def with_model_changes(
     payloads: Sequence[TimedPayload], trajectory: Trajectory, duration: float, rate: int
 ) -> tuple[tuple[TimedPayload, ...], tuple[Change, ...]]:
-    """Payloads, and scheduled changes of the model's payload mass at each frame.
+    """Payloads, and scheduled changes by which the law's model follows the masses of known payloads.
 
     Those of waiting phases, whose instants are unknown, keep ``believed``: the loop follows them.
 
@@ -115,7 +115,7 @@ def _whole_period(time: float, rate: float) -> float:
 
 
 def with_instants(tables: object, events: Sequence[TaskEvent], control_rate: float) -> Any:
-    """Payload tables completed with the times at which task phases pick and place the payloads.
+    """Payload tables with pick and drop times filled in from the phases of a task.
 
     Args:
         tables: as in the file.
@@ -152,7 +152,7 @@ def with_instants(tables: object, events: Sequence[TaskEvent], control_rate: flo
 
 
 def with_commands(contact: Any, events: Sequence[TaskEvent], control_rate: float) -> Any:
-    """Contact model with gripper commands added: each gripper closes and opens in the task phases that name it.
+    """Contact model whose grippers close and open in the task phases that name them.
 
     Args:
         contact: as read; None without a world.
@@ -178,7 +178,7 @@ def with_commands(contact: Any, events: Sequence[TaskEvent], control_rate: float
 
 
 def _with_task_windows(gripper: Any, events: Sequence[TaskEvent], rate: float) -> Any:
-    """Gripper with a command to be closed from each pick phase of the task to the next place phase."""
+    """Gripper that is commanded closed from each pick phase of a task to the next place phase."""
     windows: list[Windowed] = []
     since: float | None = None
     for event in (each for each in events if each.gripper == gripper.name):

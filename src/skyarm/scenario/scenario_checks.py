@@ -64,7 +64,7 @@ FLOWN = (
 
 
 def check_scenario(scenario: Scenario) -> None:
-    """Raise an error if the records of a scenario are inconsistent, before anything is built.
+    """Raise an error if the plant, law, sensors, clocks and other settings of a scenario are inconsistent.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
@@ -236,7 +236,7 @@ def _check_vehicles(scenario: Scenario) -> None:
 
 
 def _counts_of_law(par: object, joints: int, rotors: int) -> Iterator[tuple[str, Sequence[Any], int]]:
-    """Required lengths of a law's arrays (gains, mixer, recovery): (field, values, length)."""
+    """Lists among a law's constants whose lengths must match joints or rotors: (field, values, length)."""
     layer = par
     while getattr(layer, "recovery", None) is None and hasattr(layer, "inner"):
         layer = layer.inner
@@ -308,7 +308,7 @@ def check_quaternion(values: tuple[Any, ...]) -> None:
 
 
 def require_flight(scenario: object) -> None:
-    """Check for one scenario of plain numbers, not a batch, whose vehicle starts outside of all surfaces.
+    """Raise an error unless a scenario has plain numbers, not those of a batch, and starts outside all surfaces.
 
     Raises:
         ScenarioError: one line with field and value.
@@ -365,7 +365,7 @@ def _require_tip_sensor(at: str, sensors: Sequence[tuple[str, Sensor]], vehicle:
 
 
 def _check_guards(trajectory: Trajectory, sensors: Sequence[tuple[str, Sensor]], vehicle: Vehicle) -> None:
-    """Check that the scenario has the sensors that conditions for the end of a phase use."""
+    """Check that the scenario has all sensors that the end conditions of task phases use."""
     if not trajectory.guards:
         return
     from skyarm.sensing.sensor_kinds import TactileSwitch

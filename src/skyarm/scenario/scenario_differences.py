@@ -20,7 +20,7 @@ SEVERAL = (("environment", "air"), ("environment", "forces"), ("endings",))
 
 
 def scenario_differences(a: object, b: object) -> dict[str, tuple[Any, Any]]:
-    """Values that differ between two scenarios: path -> pair of values.
+    """Values that differ between two scenarios, as a dict from parameter path to pair of values.
 
     Args:
         a: plain data of a scenario (``log.info["scenario_record"]``); anything else counts as empty.
@@ -36,7 +36,7 @@ def scenario_differences(a: object, b: object) -> dict[str, tuple[Any, Any]]:
 
 
 def _leaves(data: object, words: Words) -> Iterator[tuple[Words, Any]]:
-    """Field path and value of each innermost value of a scenario's plain data."""
+    """Field names and value of each number, text or flag in a scenario's plain data."""
     inner = data.items() if isinstance(data, Mapping) else enumerate(data) if isinstance(data, list) else ()
     if not inner:
         yield words, data
@@ -52,7 +52,7 @@ def _has_choice(words: Words) -> bool:
 
 
 def _path(words: Words) -> str:
-    """Parameter path for a field path of the scenario record; the field names joined by dots if there is none."""
+    """Parameter path of a value in a scenario's plain data; the field names joined by dots if no path exists."""
     roots = sorted(ROOTS.items(), key=lambda pair: -len(pair[1]))
     for root, place in roots:
         if words[: len(place)] == place and len(words) > len(place):

@@ -89,7 +89,7 @@ def load_scenario(
     seed: int | None = None,
     duration: float | None = None,
 ) -> Scenario:
-    """Load a scenario by library name, from a .toml file or from a log; keywords replace values of the file.
+    """Load a scenario by library name, from a .toml file or from a log; keywords replace stated values.
 
     Args:
         name_or_path: a name of :func:`list_scenarios`, or the path of a .toml file or of a log of a flight.
@@ -120,7 +120,7 @@ def load_scenario(
 
 
 def _of_log(path: str, given: Mapping[str, Any]) -> Scenario:
-    """Scenario of a log, with some values replaced."""
+    """Load the scenario stored in a log file, with some values replaced."""
     from skyarm.log.formats import load_log
 
     replaced = {"kind" if name == "plant" else name: value for name, value in given.items() if name != "controller"}
@@ -219,7 +219,7 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
 
 
 def _at_start(scenario: Scenario, initial: object) -> Scenario:
-    """Scenario with the given initial state, its objects in static equilibrium, and no initial penetration."""
+    """Scenario with a given initial state, objects in static equilibrium, and no initial penetration."""
     if scenario.world is not None:
         from skyarm.world.contact.static_equilibrium import with_standing_objects
 
@@ -235,7 +235,7 @@ def _at_start(scenario: Scenario, initial: object) -> Scenario:
 
 
 def _changes(top: Fields, replaced: Mapping[str, Any]) -> tuple[Change, ...]:
-    """Read [[changes]]; those of the controller are dropped if another controller replaces the file's."""
+    """Read [[changes]]; changes of the controller are dropped if the caller replaces the file's controller."""
     found = tuple(record_from(Change, fields) for fields in top.tables("changes"))
     return tuple(each for each in found if not each.of_law or "controller" not in replaced)
 
@@ -253,7 +253,7 @@ def require_within(changes: Iterable[Change], steps: int, rate: int) -> None:
 
 
 def _model(top: Fields, plant: Fields, world: Truth, folder: Path) -> Model:
-    """Read [model]; by default the plant's vehicle (without its payload) and gravity."""
+    """Read the controller's model from [model]; by default the plant's vehicle and gravity, without payload."""
     if top.take("model", None) is None:
         return Model(vehicle=tables.vehicle(plant, folder), gravity=world.gravity)
     fields = top.inner("model")

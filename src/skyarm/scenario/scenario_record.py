@@ -1,4 +1,4 @@
-"""Scenario record: plant, model, controller, reference, environment, clocks and scheduled changes of an experiment."""
+"""Scenario dataclass: plant, model, controller, reference, environment, clocks and scheduled changes of a flight."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ class Rates:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Delays:
-    """Time delays of the control loop.
+    """Dead times of the control loop: of measurements, of all commands, and of rotor or joint commands alone.
 
     ``measurement`` is a whole number of control periods, the others are of physics steps. ``rotors`` and ``joints`` are
     what the rotors' and the joints' part of a command takes on top of ``command``; an int of 0 is structure: they
@@ -108,7 +108,7 @@ class Delays:
 
     @property
     def longest(self) -> float:
-        """Longest command delay, s; the upper bound if the delays vary."""
+        """Longest command delay, s: the stated upper bound if delays vary between episodes."""
         if self.longest_command is not None:
             return self.longest_command
         return float(self.command) + max(float(self.rotors), float(self.joints))
@@ -130,7 +130,7 @@ class NamedSensor:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class JointDrive:
-    """Actuator of one joint, given by the joint's name."""
+    """Actuator model assigned to one joint by the joint's name."""
 
     joint: str
     drive: Drive
@@ -144,7 +144,7 @@ class JointDrive:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Change:
-    """Scheduled change of a parameter or part, from the first control period that starts at or after ``at``.
+    """Scheduled change of a parameter or section of the scenario, from the first control period at or after ``at``.
 
     Attributes:
         at: s.
@@ -181,17 +181,17 @@ class Change:
 
     @property
     def of_law(self) -> bool:
-        """True for a change of the controller, which is dropped when the law is replaced."""
+        """True for a change of the controller; such changes are dropped when the law is replaced."""
         return self.path.split(".", maxsplit=1)[0] == "controller"
 
     @property
     def table(self) -> Any:
-        """New value of a scheduled change in the format of a file: with lists in place of tuples."""
+        """Value of a scheduled change in the format of a scenario file: lists in place of tuples."""
         return _table(self.value)
 
 
 def _plain_value(field: str, value: object, whole: bool = True) -> Any:
-    """Convert the new value of a scheduled change: lists to tuples, numbers to float unless ``whole``."""
+    """Convert the value of a scheduled change: lists to tuples, numbers to floats unless ``whole``."""
     value = coerce.plain_number(value)
     if isinstance(value, Mapping):
         if not all(isinstance(name, str) for name in value):
@@ -218,7 +218,7 @@ def _table(value: object) -> Any:
 
 
 def in_order(changes: Iterable[Change], rate: int) -> tuple[Change, ...]:
-    """Sort changes by control period, and keep the order within one period."""
+    """Sort scheduled changes by control period, and keep the order within one period."""
     return tuple(sorted(changes, key=lambda change: change.tick(rate)))
 
 
@@ -244,7 +244,7 @@ class Solver:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Environment:
-    """Surroundings shared by all vehicles.
+    """Surroundings shared by all vehicles: wind, other air motion, forces, ground and contact model.
 
     Attributes:
         wind: of the air. air, forces: further components (:mod:`skyarm.world.component`).
@@ -313,7 +313,7 @@ class Agent:
 
 
 class Word(Generic[Held]):
-    """Shortcut attribute of the scenario for a field of a group: ``scenario.wind`` is ``scenario.environment.wind``."""
+    """Descriptor that makes ``scenario.wind`` a shortcut for ``scenario.environment.wind``."""
 
     def __init__(self, group: str) -> None:
         self._group = group
@@ -380,7 +380,7 @@ class Scenario:
             raise ScenarioError(str(error)) from None
 
     def with_words(self, **words: Any) -> Scenario:
-        """Scenario with some fields replaced, also fields of its groups, such as ``wind``."""
+        """Scenario with some fields replaced, also fields of its groups, such as ``wind`` of ``environment``."""
         made: Any = dataclasses.replace(self, **words)
         return made  # type: ignore[no-any-return]
 
@@ -455,12 +455,12 @@ class Scenario:
 
     @property
     def all_sensors(self) -> tuple[tuple[str, Sensor], ...]:
-        """All sensors by name: the full state first, then the named ones."""
+        """All sensors by name: the full-state sensor first, then the named sensors."""
         return ((FULL_STATE, self.noise), *((each.name, each.sensor) for each in self.sensors))
 
     @property
     def joint_drives(self) -> tuple[JointDrive, ...]:
-        """Drives of joints by name: the scenario's, else those of the vehicle."""
+        """Drives of joints by joint name: those of the scenario, and those of the vehicle for other joints."""
         named = [each.joint for each in self.drives]
         carried = (each for each in self.plant.vehicle.drives if each.name not in named)
         return (*self.drives, *(JointDrive(joint=each.name, drive=each.drive) for each in carried))
@@ -479,7 +479,7 @@ class Scenario:
 
 
 def _group_fields(words: dict[str, Any]) -> dict[str, Any]:
-    """All fields of a scenario, gathered from its own fields and those of its groups."""
+    """Sort keywords such as ``wind`` into the Scenario fields that contain them, and add defaults."""
     found: dict[str, Any] = {}
     for name, default in defaults(Scenario).items():
         kind = GROUPS.get(name)
@@ -505,7 +505,7 @@ def check_name(name: str) -> None:
 
 
 def noise_key(field: str, value: object) -> int:
-    """Key of the random number generator for noise."""
+    """Check a key of the noise generator (seed or episode): a whole number from 0 to 2**32 - 1."""
     held = whole(value)
     if held is None or not 0 <= held < 2**32:
         raise ScenarioError(f"{field} = {shown(value)}: must be a whole number from 0 to 2**32 - 1")
@@ -541,7 +541,7 @@ def first_state(scenario: Scenario) -> State:
 
 
 def _as_data(state: State) -> State:
-    """State with all numbers as floats, which compiled code takes as inputs, and a normalized quaternion."""
+    """State whose numbers are all floats, inputs of compiled code, with a normalized quaternion."""
 
     def as_data(value: Any) -> Any:
         numbers = (data(each) for each in value)

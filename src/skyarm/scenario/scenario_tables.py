@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 
 def _several(kind: str, base: type, tables: object, where: str) -> tuple[Any, ...]:
-    """Read a list of tables ``{ kind = NAME, numbers ... }`` as records."""
+    """Read a list of tables ``{ kind = NAME, ... }``, each as an instance of the class registered as NAME."""
     return tuple(registered_from(kind, base, each.table, each.where) for each in list_of_tables(tables, where))
 
 
@@ -79,7 +79,7 @@ def parts_from(tables: Mapping[str, Fields]) -> dict[str, Any]:
 
 
 def vehicle(fields: Fields, folder: Path) -> Vehicle:
-    """Vehicle to which [plant] or [model] refers, before the payload and other numbers of the table apply."""
+    """Load the vehicle that [plant] or [model] names, without the table's payload and joint values."""
     named = fields.take("vehicle")
     if not isinstance(named, str) or not named:
         raise ValueError(f"{fields.at('vehicle')} = {shown(named)}: must be a name of the library or a path")
@@ -91,7 +91,7 @@ def vehicle(fields: Fields, folder: Path) -> Vehicle:
 
 
 def truth(plant: Fields, folder: Path) -> Vehicle:
-    """Vehicle that [plant] or [model] describes, with its payload and overridden joint numbers."""
+    """Vehicle of [plant] or [model] with the payload, drives and joint values that the table states."""
     found = vehicle(plant, folder)
     if "payload" in plant.table:
         try:
@@ -110,7 +110,7 @@ def _drives(fields: Fields) -> tuple[MountedDrive, ...]:
 
 
 def _with_joint_numbers(found: Vehicle, table: Fields) -> Vehicle:
-    """Vehicle with overridden joint numbers: one value for every joint, or a list of one for each."""
+    """Vehicle with joint values replaced, such as damping: one value for all joints, or a list with one for each."""
     rows: list[dict[str, Any]] = [{} for _ in found.links]
     for name in JOINT_NUMBERS:
         value, at = table.take(name, None), table.at(name)
@@ -130,7 +130,7 @@ def _with_joint_numbers(found: Vehicle, table: Fields) -> Vehicle:
 
 
 def gravity(fields: Fields) -> float:
-    """Read gravity, m/s^2."""
+    """Read gravity from [plant] or [model], m/s^2; by default 9.81."""
     return fields.number("gravity", 9.81, low=0.0)
 
 
@@ -175,7 +175,7 @@ def with_files(table: object, where: str, folder: Path) -> Any:
 
 
 def sensors(table: Mapping[str, Any]) -> tuple[SensorNoise, tuple[NamedSensor, ...]]:
-    """Read sensors: standard deviations of the full state, and named sensors in nested tables."""
+    """Read [sensors]: noise of the full state, and named sensors in nested tables."""
     named = {name: value for name, value in table.items() if isinstance(value, dict)}
     noise = record_from(SensorNoise, Fields({name: table[name] for name in table if name not in named}, "sensors"))
     read = {name: registered_from("sensor", Sensor, value, f"sensors.{name}") for name, value in named.items()}
@@ -203,14 +203,14 @@ def feasibility_of(scenario: Scenario) -> Feasibility | None:
 
 
 def _as_commanded(scenario: Scenario) -> Scenario:
-    """Return a scenario unchanged: the default for a reference without a governor."""
+    """Return a scenario unchanged, in place of a path governor."""
     return scenario
 
 
 def reference(
     table: object, world: Truth, setting: Setting, folder: Path = Path()
 ) -> tuple[dict[str, Any], Callable[[Scenario], Scenario]]:
-    """Read [reference]: trajectory and start of tracking, and the function that adds the path governor."""
+    """Read [reference]: trajectory, start of tracking, and the function that adds the path governor to a scenario."""
     planned: Callable[[Scenario], Scenario] = _as_commanded
     rest, start = table, 0
     if isinstance(table, Mapping):
@@ -226,7 +226,7 @@ def reference(
 
 
 def initial(fields: Fields, scenario: Scenario) -> State:
-    """Initial state: hover trim with given fields replaced; ``standing`` puts the vehicle on a surface, rotors off."""
+    """Read [initial]: hover trim with given fields replaced, or a vehicle standing on a surface with rotors off."""
     stands = fields.flag("standing", False)
     start = scenario.reference.at(0.0)
     joints = fields.numbers("joints", [float(q) for q in start.joints])

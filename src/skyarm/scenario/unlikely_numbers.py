@@ -99,7 +99,7 @@ def unlikely_in_vehicle(vehicle: Vehicle) -> tuple[str, ...]:
 
 
 def _unusual(record: object, where: str) -> Iterator[str]:
-    """Warnings about numbers of a record beyond the usual range that their fields declare; one for each field."""
+    """Warnings about values beyond the usual range that their dataclass fields declare, one for each field."""
     found: dict[tuple[type, str], list[str]] = {}
     for key, line in _unusual_fields(record, where):
         found.setdefault(key, []).append(line)
@@ -201,13 +201,13 @@ def _inertias(vehicle: Vehicle) -> Iterator[str]:
 
 
 def _gyration(body: Body, moment: float) -> float:
-    """Radius of gyration of a body for a moment of inertia, m."""
+    """Radius of gyration of a body, m, from its moment of inertia."""
     mass = float(body.mass)
     return math.sqrt(max(moment, 0.0) / mass) if mass > 0.0 else (math.inf if moment > 0.0 else 0.0)
 
 
 def _rotors(vehicle: Vehicle) -> Iterator[str]:
-    """Warning about a highest total thrust far from the vehicle's weight."""
+    """Warning about a total thrust at full speed that is far from the vehicle's weight."""
     weight, top = float(vehicle.mass) * EARTH, float(highest_thrust(vehicle)) if vehicle.rotors else math.nan
     if not 0.0 <= top < math.inf or MARGINS[0] * weight <= top <= MARGINS[1] * weight:
         return
@@ -222,7 +222,7 @@ def _norm(vector: Any) -> float:
 
 
 def law_of_undriven(scenario: Scenario) -> Iterator[str]:
-    """Warning about a shipped law that commands torques at the plant's passive joints.
+    """Warning if a shipped control law commands torques at passive joints of the plant.
 
     Such a law takes the reaction of those torques into the base's: a slung load falls within seconds.
     """

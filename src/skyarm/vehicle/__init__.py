@@ -1,4 +1,4 @@
-"""Vehicles: records of airframe, arm and rotors, their checks, and the files that describe them."""
+"""Vehicles: dataclasses of airframe, arm and rotors, their checks, and the files that describe them."""
 
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.linkage import Body, Joint, Link

@@ -22,7 +22,7 @@ MIMIC = ("lock", "couple")
 
 @dataclass(frozen=True, slots=True)
 class Mount:
-    """Mounting point of an arm's root link.
+    """Place where an arm is mounted: link or frame of the airframe, pose, and prefix of the arm's names.
 
     Attributes:
         to: "base", the name of the airframe's root, of a link or of a frame.
@@ -42,7 +42,7 @@ FrameOrLook = TypeVar("FrameOrLook", Frame, Look)
 
 
 def place_in(bodies: RigidBodies, name: str, field: str) -> Frame:
-    """Index of the body that carries a named link or frame, and the pose of the link or frame in that body."""
+    """Find a named link or frame: index of the body that carries it, and its pose in that body."""
     names = [link.name for link in bodies.links]
     if name in ("base", bodies.root):
         return Frame(name=name, link=BASE, position=Vec3(0, 0, 0))
@@ -62,7 +62,7 @@ def posed_in(frame: Frame, R: Mat3, p: Vec3, name: str = "") -> Frame:
 
 
 def attach(airframe: RigidBodies, arm: RigidBodies, mount: Mount) -> RigidBodies:
-    """Join an airframe and an arm; the arm's root link becomes a part of the body that carries it, and a frame.
+    """Attach an arm to an airframe; the arm's root link becomes part of the carrying body, and a frame.
 
     Args:
         airframe: with the arms that came before.
@@ -154,7 +154,7 @@ PLAIN = ("damping", "coulomb", "armature", "stop_stiffness", "stop_damping")
 
 @dataclass(frozen=True, slots=True)
 class Mimic:
-    """Mimic joint of a description file: q = ratio q_joint + offset.
+    """Joint that follows another joint, as in URDF files: q = ratio q_leader + offset.
 
     Attributes:
         joint: name of the joint that it follows, which may follow another one.
@@ -166,12 +166,12 @@ class Mimic:
     offset: float = 0.0
 
     def at_rest(self, lower: float = 0.0, upper: float = 0.0) -> float:
-        """Joint value where the leader is at zero, or at the limit nearest to zero."""
+        """Value of a following joint while its leader is at zero, or at the limit nearest to zero."""
         return self.ratio * min(max(0.0, lower), upper) + self.offset
 
 
 def held_pose(kind: str, axis: Vec3, value: float) -> tuple[Mat3, Vec3]:
-    """Rotation and translation (m) of a joint's child in the joint's frame at a joint value, rad or m."""
+    """Pose of a child link in the frame of its joint at a constant joint value (rad or m)."""
     return (axis_rotation(axis, value), ZERO3) if kind == "revolute" else (Mat3.identity(), axis * value)
 
 
@@ -219,7 +219,7 @@ def couple(
 
 
 def follow(name: str, mimics: Mapping[str, Mimic]) -> Mimic:
-    """Leader at the end of a chain of mimic joints, with the total ratio and offset.
+    """Last leader in a chain of mimic joints, with the total ratio and offset.
 
     Raises:
         VehicleError: the chain is a ring.
@@ -247,7 +247,7 @@ def resolve(name: str, mimics: Mapping[str, Mimic], links: Sequence[Link]) -> Mi
 
 
 def _with_friction(leader: Joint, follower: Joint, ratio: float) -> Joint:
-    """Leader joint with its follower's friction added."""
+    """Leader joint to which a follower's friction and armature are added."""
     values: dict[str, Any] = {}
     for name, by in (("damping", ratio * ratio), ("armature", ratio * ratio), ("coulomb", abs(ratio))):
         more = getattr(follower, name)
@@ -314,7 +314,7 @@ SHOWN = 4
 
 
 class Notes:
-    """Notes of a file reader; names with the same note are listed in one line: ``joints a, b: TEXT``."""
+    """Collector of a file reader's notes; names with equal notes share one line: ``joints a, b: TEXT``."""
 
     def __init__(self) -> None:
         self._names: dict[tuple[str, str], list[str]] = {}
@@ -359,7 +359,7 @@ class BodyTree:
         return Frame(name="", link=len(self.links) - 1, position=Vec3(0, 0, 0))
 
     def add_body(self, link: int, body: Body) -> None:
-        """Merge an additional mass into a link or the base; it is expressed in the axes of that link or base."""
+        """Add a mass, expressed in the axes of a link or the base, to that link or base."""
         self.parts[link + 1].append(body)
 
     def bodies(self, name: str, root: str, coupled: bool) -> RigidBodies:

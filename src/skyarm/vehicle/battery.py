@@ -88,7 +88,7 @@ class Battery:
         return rotor_power(rotors, speeds, self.efficiency, self.reference_voltage, self.standing_power)
 
     def voltage(self, charge: Any, power: Any) -> Any:
-        """Voltage of the pack under a load (W), V: V = V_0 - R P / V; that at peak power for larger loads.
+        """Voltage of the pack under a load P (W), V: solution of V = V_0 - R P / V, limited to peak power.
 
         Zero for an empty battery, which is cut off.
         """

@@ -1,4 +1,4 @@
-"""Checks of a vehicle: its topology always, its numbers where they are plain numbers.
+"""Checks of a vehicle: topology, names, and physical consistency of its numbers.
 
 Each message names the field, the value and what is allowed; the file is added by the reader that knows it.
 """
@@ -40,7 +40,7 @@ class VehicleError(RecordError):
 
 
 def accept_named(record: Any, kind: str) -> None:
-    """Convert a named record to its stored types; errors state its name, as in ``joints[shoulder].axis``.
+    """Check and convert the fields of a named dataclass; errors state its name, as in ``joints[shoulder].axis``.
 
     Raises:
         VehicleError: one line with field, value and what is allowed.
@@ -92,7 +92,7 @@ def joint(field: str, value: Joint) -> None:
 
 
 def unique(field: str, names: list[str]) -> None:
-    """Check that names are unique and not empty."""
+    """Raise an error if names are repeated or empty."""
     for name in names:
         if not name:
             refuse(field, name, "must have a name")
@@ -206,7 +206,7 @@ def nearest_inertia(inertia: Sym3) -> Sym3:
 
 
 def with_real_inertias(bodies: RigidBodies) -> RigidBodies:
-    """Replace inertias that violate physical consistency by up to a tenth with the nearest consistent ones."""
+    """Bodies with each slightly unphysical inertia (by up to a tenth) replaced by the nearest physical one."""
     notes: list[str] = []
     base = _checked_body(f"link {bodies.root}", bodies.base, notes)
     links = tuple(replace(link, body=_checked_body(f"link {link.name}", link.body, notes)) for link in bodies.links)

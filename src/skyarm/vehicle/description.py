@@ -27,7 +27,7 @@ def zero_is_structure(value: float) -> int | float:
 
 
 def vector(values: Sequence[float]) -> Vec3:
-    """Vector of three numbers of a file."""
+    """Vector of three numbers, in which exact zeros and ones become constants of compiled code."""
     return Vec3.from_numbers([float(value) for value in values])
 
 
@@ -74,12 +74,12 @@ def rotation_quaternion(field: str, wxyz: Sequence[float]) -> Mat3:
 
 
 def inertia(values: Sequence[float]) -> Sym3:
-    """Inertia from xx yy zz or xx yy zz xy xz yz, kg m^2."""
+    """Inertia matrix, kg m^2, from entries xx yy zz or xx yy zz xy xz yz."""
     return Sym3.from_numbers(*(float(value) for value in values))
 
 
 def body(parts: Sequence[Body]) -> Body:
-    """Merge the parts of one link into one body, with exact zeros as constants."""
+    """Merge the parts of one link into one body; exact zeros become constants of compiled code."""
     # a part that weighs nothing would still move the centre of mass by a rounding error
     weighed = [part for part in parts if not _nothing(part)] or parts[:1]
     whole = weighed[0] if len(weighed) == 1 else Body.of_parts(weighed)

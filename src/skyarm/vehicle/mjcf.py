@@ -110,7 +110,7 @@ def _root(model: MjModel) -> tuple[int, list[int]]:
 
 
 def _below(model: MjModel, body: int) -> list[int]:
-    """Body and all its descendants."""
+    """A body of a MuJoCo model and all its descendants, as body numbers."""
     found = [body]
     for each in range(body + 1, int(model.nbody)):
         if int(model.body_parentid[each]) in found:
@@ -146,7 +146,7 @@ def _read_child(tree: _Tree, body: int) -> None:
 
 
 def _is_fixed(tree: _Tree, joint: int) -> bool:
-    """True if a joint cannot move: it follows a fixed joint, or it follows another one while followers are locked."""
+    """True if a joint cannot move: it follows a fixed joint, or follows any joint while mimic joints are locked."""
     name = name_of(tree.model, "jnt", joint)
     if name not in tree.mimics or not tree.coupled:
         return name in tree.mimics
@@ -155,7 +155,7 @@ def _is_fixed(tree: _Tree, joint: int) -> bool:
 
 
 def _held_pose(tree: _Tree, joint: int, at: Frame) -> Frame:
-    """Pose of the body that a fixed joint carries."""
+    """Pose of the body behind a joint that is fixed at a constant value."""
     name = name_of(tree.model, "jnt", joint)
     value = resting(tree.model, name, tree.mimics)
     tree.notes.add(f"tied by an equality: fixed at {value:g}", name)
@@ -271,7 +271,7 @@ def mimics_of(model: MjModel) -> dict[str, Mimic]:
 
 
 def resting(model: MjModel, name: str, mimics: Mapping[str, Mimic]) -> float:
-    """Value of a mimic joint when the joint that leads its chain of mimics is at rest."""
+    """Value of a mimic joint while the last leader in its chain of mimic joints is at rest."""
     found = follow(name, mimics)
     return found.at_rest(*(limits(model, model.joint(found.joint).id) if found.joint else (0.0, 0.0)))
 

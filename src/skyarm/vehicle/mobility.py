@@ -1,4 +1,4 @@
-"""Regularity of the mass matrix: a joint that moves no mass makes it singular, and its acceleration undefined.
+"""Regularity of the mass matrix: a joint that moves no mass makes the matrix singular.
 
 A link whose inertia is positive definite always passes. Only vehicles with point masses, thin rods, planar links or
 massless links are tested, by eliminating joint after joint from the tips to the base at a few joint values.
@@ -26,7 +26,7 @@ GOLDEN = 0.6180339887498949
 
 
 def what_does_not_move(value: Vehicle) -> tuple[str, Any, str] | None:
-    """Error (field, value, requirement) about a joint or base that can move without moving mass; None if none can."""
+    """Error (field, value, requirement) about a joint or base that moves no mass; None if each moves mass."""
     found = immobile(value) if concrete(*_rigid_numbers(value)) else None
     if found is None:
         return None
@@ -47,7 +47,7 @@ def what_does_not_move(value: Vehicle) -> tuple[str, Any, str] | None:
 
 
 def immobile(vehicle: Vehicle) -> tuple[str, tuple[float, ...]] | None:
-    """Field of the first joint (or base) that moves no mass, with the joint values tested; None if each moves mass.
+    """First joint (or base) that moves no mass, and the tested joint values; None if each moves mass.
 
     All numbers of the vehicle must be concrete.
     """
@@ -103,7 +103,7 @@ def mass_matrix(vehicle: Vehicle, joints: Sequence[float]) -> tuple[Any, list[An
 
 
 def _eliminate(vehicle: Vehicle, joints: Sequence[float]) -> str:
-    """Field of the outermost joint (or the base) that moves no mass, by elimination in the mass matrix; else empty.
+    """Find the outermost joint (or base) that moves no mass by elimination in the mass matrix; empty if none.
 
     The pivot of a joint in the mass matrix is the articulated inertia about it: with the joints after it free.
     """

@@ -59,7 +59,7 @@ def _has_limits(joint: Joint) -> bool:
 
 
 def _stiffness(joint: Joint, ease: float) -> float:
-    """Stop stiffness, N m/rad or N/m, for a joint's effort limit and its mobility ``ease``, 1/(kg m^2) or 1/kg."""
+    """Stop stiffness, N m/rad or N/m, from a joint's effort limit and its mobility, 1/(kg m^2) or 1/kg."""
     if not math.isfinite(joint.effort_limit):
         return USUAL**2 / ease
     shallow = float(joint.effort_limit) / DEPTH[joint.kind]

@@ -32,7 +32,7 @@ READ = ("link", "joint", "material")
 
 @dataclass(frozen=True, slots=True)
 class _File:
-    """Contents of a URDF file: links and joints by name, parent joint of each link, and mimic joints."""
+    """Parsed URDF file: links and joints by name, parent joint of each link, and mimic joints."""
 
     links: Mapping[str, ET.Element]
     joints: Mapping[str, ET.Element]
@@ -118,7 +118,7 @@ def _bodies(robot: ET.Element, mimic: str, notes: Notes, path: Path) -> RigidBod
 
 
 def _held_at(joint: ET.Element, file: _File, mimic: str, notes: Notes) -> float | None:
-    """Constant value of a fixed joint, rad or m; None for a moving one."""
+    """Constant value of a joint that cannot move, rad or m; None for a joint that can move."""
     name = joint.get("name", "")
     follows = file.mimics.get(name)
     if follows is None:
@@ -195,7 +195,7 @@ KINDS = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismat
 
 
 def kind_of_joint(joint: ET.Element) -> str:
-    """Kind of a URDF joint as records name it, or "fixed"."""
+    """Kind of a URDF joint: revolute, prismatic or fixed."""
     kind = joint.get("type", "")
     if kind not in KINDS:
         refuse(f"joint[{joint.get('name')}].type", kind, f"must be one of {', '.join(KINDS)}")
@@ -275,7 +275,7 @@ def read_mimics(joints: Mapping[str, ET.Element]) -> dict[str, Mimic]:
 
 
 def resting(follows: Mimic, joints: Mapping[str, ET.Element]) -> float:
-    """Value of a mimic joint when the joint that leads its chain of mimics is at rest."""
+    """Value of a mimic joint while the last leader in its chain of mimic joints is at rest."""
     if follows.joint not in joints:
         return follows.at_rest()
     leader = joints[follows.joint]
@@ -315,7 +315,7 @@ def _candidates(address: str, urdf: Path) -> list[Path]:
 
 
 def looks_of(link: ET.Element, urdf: Path, notes: Notes) -> list[Look]:
-    """Visual meshes of a link in its axes; meshes that cannot be drawn are noted.
+    """Visual meshes of a URDF link; meshes that cannot be drawn are noted.
 
     Args:
         link: of the file.
@@ -359,7 +359,7 @@ def read_xml(path: str | os.PathLike[str]) -> ET.Element:
 
 
 def child(element: ET.Element, tag: str, field: str) -> ET.Element | None:
-    """Child element of a kind that may occur at most once."""
+    """Child of an XML element with a tag that may occur at most once; None if there is no such child."""
     found = element.findall(tag)
     if len(found) > 1:
         refuse(f"{field}.{tag}", f"{len(found)} elements <{tag}>", "must be at most one")
@@ -378,13 +378,13 @@ def required_numbers(element: ET.Element, tag: str, names: Sequence[str], field:
 
 
 def number(element: ET.Element | None, name: str, field: str, default: float, *, infinite: bool = False) -> float:
-    """Read an optional number of an element; infinity only if it is allowed."""
+    """Read an optional number from an attribute of an XML element; infinity only if it is allowed."""
     text: Any = None if element is None else element.get(name)
     return default if text is None else finite(text, f"{field}.{name}", infinite=infinite)
 
 
 def numbers(element: ET.Element | None, name: str, field: str, default: tuple[float, float, float]) -> Sequence[float]:
-    """Read three optional numbers of an element."""
+    """Read three optional numbers from an attribute of an XML element."""
     text: Any = None if element is None else element.get(name)
     if text is None:
         return default

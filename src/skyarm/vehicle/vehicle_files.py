@@ -68,7 +68,7 @@ def load_vehicle(name_or_path: str | os.PathLike[str]) -> Vehicle:
 
 
 def _name_file_in_errors(file: str, read: Any) -> Vehicle:
-    """Call ``read``; its errors become one line that begins with the file's name."""
+    """Call ``read`` and return its vehicle; an error becomes one line that begins with the file's name."""
     try:
         vehicle: Vehicle = read()
     except VehicleError as error:
@@ -79,7 +79,7 @@ def _name_file_in_errors(file: str, read: Any) -> Vehicle:
 
 
 def _from_toml(content: bytes, file: Path | None, above: tuple[Path, ...] = ()) -> Vehicle:
-    """Read the vehicle of a TOML file; ``above`` are the files that refer to it."""
+    """Read a vehicle from the bytes of a TOML file; ``above`` are files that refer to it, to detect cycles."""
     chain = above if file is None else (*above, file.resolve())
     refer = partial(_read, folder=Path() if file is None else file.parent, chain=chain)
     try:
@@ -97,7 +97,7 @@ RIGID = (".urdf", ".xml", ".mjcf")
 
 
 def expand(path: Path) -> str:
-    """Raise an error for a xacro file, with instructions to expand it."""
+    """Text of an error message that tells how to expand a xacro file."""
     return f"must be expanded first: xacro {path.name} -o {path.with_suffix('').with_suffix('.urdf').name}"
 
 

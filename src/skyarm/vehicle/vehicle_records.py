@@ -1,4 +1,4 @@
-"""Vehicle records: a rigid base with rotors and a tree of links.
+"""Vehicle dataclasses: a rigid base with rotors and a tree of links.
 
 Plain frozen records of scalars: a mass may be a float, a lane of a batch, a traced node or a JAX array. Integers are
 structure (see :mod:`skyarm.algebra.scalars`). Where a record holds a vector, matrix or tuple it also takes plain
@@ -122,7 +122,7 @@ class BodyDrag:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class MountedDrive:
-    """Actuator of one joint, as a part of the vehicle.
+    """Actuator of one joint as part of a vehicle: name of the joint, and drive model.
 
     Attributes:
         name: of the joint. drive: a :class:`skyarm.Drive`.
@@ -198,7 +198,7 @@ class Vehicle:
 
     @property
     def moving(self) -> tuple[Link, ...]:
-        """All bodies that joints move: the links, then the followers."""
+        """All links that joints move: the independent links, then the followers."""
         return (*self.links, *(each.link for each in self.followers)) if self.followers else self.links
 
     @property

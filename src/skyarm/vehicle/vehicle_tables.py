@@ -41,7 +41,7 @@ Refer = Callable[[str, str, Collection[str], str], RigidBodies | Vehicle]
 
 
 def vehicle_from(document: Mapping[str, Any], refer: Refer) -> Vehicle:
-    """Read the vehicle that a file's tables describe.
+    """Read a vehicle from the tables of a vehicle file.
 
     Args:
         document: tables of the file.
@@ -107,7 +107,7 @@ def vehicle_from(document: Mapping[str, Any], refer: Refer) -> Vehicle:
 
 
 def _optional(kind: type[Record], top: Fields, name: str, default: Default, *required: str) -> Record | Default:
-    """Read the record of an optional table, which must state the required fields."""
+    """Read a dataclass from an optional table; if present, the table must state the required fields."""
     if top.take(name, None) is None:
         return default
     fields = top.inner(name)
@@ -132,7 +132,7 @@ def _source(top: Fields) -> str:
 
 
 def _bodies(top: Fields, refer: Refer, mimic: str) -> tuple[RigidBodies, Vehicle | None]:
-    """Rigid bodies of a vehicle file or of the file that it refers to, and the vehicle if that is a vehicle file."""
+    """Read the rigid bodies of a vehicle file or of the file it refers to, and that file's vehicle if it has one."""
     source = _source(top)
     base, links = top.take("base", None), top.take("links", [])
     if not source:
@@ -173,7 +173,7 @@ def _own_bodies(top: Fields) -> RigidBodies:
 
 
 def _body(fields: Fields, known: Sequence[str]) -> Body:
-    """Merge mass and parts of a link into one body; ``known`` are keys of its table that other readers use."""
+    """Read the mass distribution of a link, merged from its own numbers and its [[parts]]."""
     for word in known:
         fields.take(word, None)
     parts = _named_tables(fields, "parts")
@@ -234,7 +234,7 @@ def _frame(fields: Fields, bodies: RigidBodies) -> Frame:
 
 
 def _attach(bodies: RigidBodies, fields: Fields, refer: Refer, mimic: str) -> tuple[RigidBodies, Vehicle | None]:
-    """Bodies after an arm is attached to them, and the arm's vehicle if its file is a vehicle file."""
+    """Attach an arm from another file to the bodies; also return the arm's vehicle if its file has one."""
     arm = fields.text("arm")
     found = refer(fields.at("arm"), arm, SOURCES["airframe"], fields.choice("mimic", MIMIC, mimic))
     carried = found if isinstance(found, Vehicle) else None
@@ -276,7 +276,7 @@ COEFFICIENTS = ("thrust_coefficient", "moment_coefficient")
 
 
 def _rotor_values(fields: Fields) -> dict[str, Any]:
-    """Read those fields of a rotor that a table states; the table may apply to one rotor or to all."""
+    """Read the stated fields of one rotor, or those of [rotor_defaults]."""
     values: dict[str, Any] = numbers_from(Rotor, fields, ROTOR_NUMBERS)
     values |= _axis(fields)
     if fields.take("thrust_table", None) is not None:
@@ -344,6 +344,6 @@ def _with_limits_of_drives(
 
 
 def _sources(top: Fields) -> dict[str, str]:
-    """Read [sources]: a source's text for the dotted path of each field."""
+    """Read [sources]: for the dotted name of a field, a text on where its value comes from."""
     found = top.inner("sources")
     return {key: found.text(key) for key in found.table}

@@ -1,4 +1,4 @@
-"""Files: read tables field by field, and write files atomically; does not depend on the flight simulation."""
+"""File access: read tables field by field, and write files atomically."""
 
 from skyarm.records.files.fields import Fields, number
 from skyarm.records.files.messages import did_you_mean, must_be_one_of, nearest, one_line, printable, shown

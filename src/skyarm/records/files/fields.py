@@ -29,7 +29,7 @@ class Fields:
         return f"{self.where}.{name}" if self.where else name
 
     def take(self, name: str, default: object = _REQUIRED) -> Any:
-        """Value of a field of the table, without a check of its type."""
+        """Value of a field of the table, without a check of its type; the field then counts as read."""
         self._asked.append(name)
         if name in self.table:
             return self.table[name]
@@ -105,7 +105,7 @@ class Fields:
 
 
 def list_of_tables(value: object, where: str, named: bool = False) -> list[Fields]:
-    """Readers of a list of tables, in order."""
+    """Make a reader for each table in a list of tables, in order."""
     if not isinstance(value, list):
         raise ValueError(f"{where} = {shown(value)}: must be a list of tables")
     names = [table.get("name") if named and isinstance(table, dict) else None for table in value]

@@ -36,13 +36,13 @@ def one_line(text: str) -> str:
 
 
 def comma_list(names: Iterable[Any]) -> str:
-    """Names for a message, separated by commas, on one line of bounded length."""
+    """Join names by commas to one line of bounded length, for a message."""
     text = printable(", ".join(map(str, names)))
     return text if len(text) <= LONGEST_LIST else text[: LONGEST_LIST - 3] + "..."
 
 
 def shown(value: object) -> str:
-    """Value as text for a message, on one line of bounded length."""
+    """Text of a value for a message, on one line of bounded length."""
     try:
         text = " ".join(repr(value).split())  # an array's text has several lines
     except (ValueError, RecursionError):  # a whole number of over 4300 digits; lists in lists
@@ -76,7 +76,7 @@ def nearest(word: object, known: Iterable[str]) -> list[str]:
 
 
 def must_be_one_of(known: Iterable[str], word: object, see: str = "") -> str:
-    """List of allowed names for a message, after a suggestion for a misspelt one.
+    """Text of a message that lists the allowed names, after a suggestion for a misspelt one.
 
     Args:
         known: names.

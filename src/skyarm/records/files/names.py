@@ -1,4 +1,4 @@
-"""File names: checks that a file is readable or a name portable, and the kind of a file by suffix or content."""
+"""File names: readable files, names that are portable between systems, and the kind of a TOML file."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def picture_file(name: str, field: str = "file") -> Path:
 
 
 def require_suffix(path: Path, field: str = "file") -> str:
-    """Suffix of a picture's file without its dot; an unsupported one raises an error.
+    """Suffix of a picture file without its dot, after a check that the format is supported.
 
     Raises:
         ValueError: one line.

@@ -49,7 +49,7 @@ def installed_versions(packages: Iterable[str], path: Iterable[str] | None = Non
 
 
 def below_floor(versions: dict[str, str]) -> str | None:
-    """Message about the first package whose version is too low, with the version required and the remedy."""
+    """Message about the first package that is too old, with the required version; None if there is none."""
     for package, floor in FLOORS.items():
         version = versions.get(package)
         if version is not None and _order(version) < _order(floor):

@@ -1,4 +1,4 @@
-"""Private folders and files of one user: not writable by others, and not read if another user can write them.
+"""Private files of one user: not writable by others, and ignored if another user could have written them.
 
 On systems without such rights (Windows, whose user folders are closed by themselves) owner and mode are not looked at.
 """

@@ -1,4 +1,4 @@
-"""User code: file and line of a function or an error, and a digest of a file's content."""
+"""User code: source file and line of a function or an error, and digests of source files."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ DEPTH = 8
 
 
 def own_code(thing: object, depth: int = DEPTH) -> types.CodeType | None:
-    """Code object of the first user-written part of a function; None if the library wrote all of it.
+    """Code object of the first function in an object that a user wrote; None if the library wrote them all.
 
     Args:
         thing: a function, a method, a partial one, an object that can be called, or a class.
@@ -54,7 +54,7 @@ def own_code(thing: object, depth: int = DEPTH) -> types.CodeType | None:
 
 
 def _of_class(kind: type) -> types.CodeType | None:
-    """First method of a class or its ancestors that was not written by the library."""
+    """Code object of the first method of a class or its bases that a user wrote; None without any."""
     for each in kind.__mro__:
         methods = vars(each)
         for held in (methods.get("__call__"), *methods.values()):
@@ -90,7 +90,7 @@ def is_beside(file: str, folder: str) -> bool:
 
 
 def place_of(thing: object) -> str:
-    """Text of where a function, or the first method of an object or class, begins (file and line); else its name."""
+    """File and line where a function, or the first method of a class, begins; its name if they are unknown."""
     code = own_code(thing) or getattr(thing, "__code__", None)
     if code is None:
         return str(getattr(thing, "__qualname__", type(thing).__qualname__))
@@ -102,7 +102,7 @@ class OwnCodeError(ValueError):
 
 
 def failure(error: BaseException) -> str:
-    """One-line text of an error in user code: file, line, class, message; empty for an error of the library."""
+    """Message about an error in user code: file, line, class and text; empty for an error of the library."""
     place = place_of_error(error)
     return f"{place}: {type(error).__name__}: {error}" if place else ""
 
@@ -135,7 +135,7 @@ COMMAND_LINE = f"{os.path.basename(os.path.dirname(PACKAGE))}.cli."
 
 
 def _frames(error: BaseException) -> list[tuple[str, str, str]]:
-    """Each stack frame of user ("own") or library ("ours") code: owner, function and module."""
+    """Owner (user or library), function and module of each stack frame of an error."""
     trace, found = error.__traceback__, []
     while trace is not None:
         code, module = trace.tb_frame.f_code, str(trace.tb_frame.f_globals.get("__name__", ""))
@@ -163,7 +163,7 @@ MISSING = "missing"
 
 
 def number_duplicates(pairs: Iterable[tuple[str, str]]) -> dict[str, str]:
-    """Table of digests by name from pairs; a second digest of the same name is stored under a numbered name."""
+    """Table of digests by file name; a second digest of one name is stored under a numbered name."""
     found: dict[str, str] = {}
     for plain, identity in pairs:
         name = plain
@@ -203,7 +203,7 @@ def source_of(code: types.CodeType) -> tuple[str, str]:
 
 
 def _told(code: types.CodeType) -> str:
-    """Text of a code object's bytecode, names and constants, equal in every process, for a digest."""
+    """Text of a code object's bytecode, names and constants for a digest, equal in every process."""
     held = [_told(each) if isinstance(each, types.CodeType) else _constant(each) for each in code.co_consts]
     return f"{code.co_name} {code.co_code.hex()} {code.co_names} {code.co_varnames} {code.co_freevars} {held}"
 

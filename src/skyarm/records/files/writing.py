@@ -165,7 +165,7 @@ LONGEST_NAME = 80
 
 
 def file_names(labels: Iterable[str], before: str, after: str) -> dict[str, str]:
-    """Unique file names for labels: letters, digits, ``.``, ``_`` and ``-`` are kept.
+    """Make unique, portable file names for labels; letters, digits, ``.``, ``_`` and ``-`` are kept.
 
     Args:
         labels: any texts, each once.
@@ -189,7 +189,7 @@ def file_names(labels: Iterable[str], before: str, after: str) -> dict[str, str]
 
 
 def require_no_link(path: Path) -> Path:
-    """Raise an error if a link is at the path of a library file or folder: it may lead anywhere.
+    """Raise an error if an output file or folder is a symbolic link, which may lead anywhere.
 
     Raises:
         OSError: with one line that names it.
@@ -213,7 +213,7 @@ def write_inside(path: Path, content: bytes, *, entry: bool = True) -> Path:
 
 @contextmanager
 def taken_back(*paths: str | os.PathLike[str]) -> Iterator[None]:
-    """Context manager that removes new output files if the work fails, unless a result exists or the disk failed.
+    """Context manager that removes new output files if the work inside fails before it has a result.
 
     Args:
         paths: folders that the work makes, outermost first (with those above them), and files that mean nothing
@@ -257,7 +257,7 @@ class TakenError(ValueError):
 
 @contextmanager
 def one_writer(folder: Path) -> Iterator[None]:
-    """Context that locks a folder for a single writer.
+    """Context manager that locks a folder, so that only one process at a time writes there.
 
     The lock is the system's (flock, on Windows a locked byte), not the file's being there: it goes when the process
     ends, so a kill leaves nothing to clear away. On a file system without locks everyone may write, as before.
@@ -332,7 +332,7 @@ FAR = 4096
 
 
 def _process(handle: int) -> str:
-    """Process that holds a lock, from the lock file."""
+    """Text with the number of the process that holds a lock, from the lock file; empty if unknown."""
     with contextlib.suppress(OSError):
         os.lseek(handle, 0, os.SEEK_SET)
         number = os.read(handle, 20).decode("ascii", "replace")

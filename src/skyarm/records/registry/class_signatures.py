@@ -57,7 +57,7 @@ def format_mistake(thing: object) -> tuple[str, str] | None:
 
 
 def thing_mistake(kind: str, thing: object) -> tuple[str, str] | None:
-    """Error in a registered object, as (file and line, message); None if there is none."""
+    """Error in an object that a plugin registers, as (file and line, message); None if there is none."""
     if isinstance(thing, str):
         return None  # where it is found, which nobody has read yet
     if kind == "log_format":

@@ -70,7 +70,7 @@ def loaded_plugins() -> tuple[Plugin, ...]:
 
 
 def plugin_of(module: str) -> Plugin | None:
-    """Plugin that a module belongs to, as its file or as an import from its folder; None for any other module."""
+    """Plugin whose file, or a file imported from its folder, defines a module; None for other modules."""
     file = file_of(sys.modules.get(module))
     for key, plugin in _LOADED.items():
         if (key in _MODULES and _MODULES[key].__name__ == module) or file in dict(plugin.beside):
@@ -87,12 +87,12 @@ def identities() -> dict[str, str]:
 
 
 def known_names() -> set[str]:
-    """Names of loaded plugins, as a file may require them."""
+    """Names of all loaded plugins, which a scenario file may require."""
     return {*identities()}
 
 
 def load_plugin(path: str | Path, expected: str | None = None) -> ModuleType:
-    """Run a plugin's file and store the names that it registers.
+    """Run a plugin file, register the objects that it defines, and return its module.
 
     Args:
         path: of the .py file.
@@ -131,7 +131,7 @@ def load_plugin(path: str | Path, expected: str | None = None) -> ModuleType:
 
 
 def _beside(key: str, before: set[str]) -> list[str]:
-    """Names of newly imported modules whose files are in a plugin's own folder or below."""
+    """Names of modules, newly imported by a plugin, whose files are in the plugin's folder."""
     folder = str(Path(key).parent)
     since = {name: file_of(module) for name, module in [*sys.modules.items()] if name not in before}
     return [name for name, file in since.items() if file != key and is_beside(file, folder)]
@@ -201,12 +201,12 @@ FROM_FILE = re.compile(r"(?P<file>.+\.py):(?P<maker>[A-Za-z_]\w*)")
 
 
 def laws_of_files() -> tuple[str, ...]:
-    """All laws given as FILE.py:make in this process, to be loaded in worker processes."""
+    """Control laws given as FILE.py:make in this process, which worker processes must load too."""
     return tuple(name for name in registrations("law") if is_law_of_file(name))
 
 
 def is_law_of_file(text: object) -> bool:
-    """True for the text FILE.py:make, a law in a user's file, which only the command line accepts."""
+    """True for a text of the form FILE.py:make, which names a control law in a user's file."""
     return isinstance(text, str) and FROM_FILE.fullmatch(text) is not None
 
 
@@ -217,7 +217,7 @@ def law_of_file_name(text: str) -> str:
 
 
 def law_of_file_key(text: str) -> str:
-    """Normalized text of a law FILE.py:make with its path resolved; other texts unchanged."""
+    """Text FILE.py:make with the path of its file made absolute; other texts unchanged."""
     match = FROM_FILE.fullmatch(text)
     return text if match is None else f"{Path(match['file']).resolve()}:{match['maker']}"
 
@@ -271,7 +271,7 @@ def load_installed() -> None:
 
 
 def load_again(plugins: Iterable[Plugin]) -> None:
-    """Load the plugins of another process, before its objects are unpickled.
+    """Load the same plugins as another process, before objects of that process are unpickled.
 
     Raises:
         RegistryError: one is missing here or is not the same.

@@ -49,7 +49,7 @@ class RegistryError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Registration:
-    """Registry entry of one name.
+    """Registry entry of a user's or the library's object: kind, name, object or its location, title and source.
 
     Attributes:
         kind: a key of ``KINDS``. name: in files and on the command line.
@@ -134,7 +134,7 @@ def names(kind: str) -> tuple[str, ...]:
 
 
 def find(kind: str, name: object, field: str = "") -> Any:
-    """Registered object of a name.
+    """Registered object with a given kind and name; an unknown name raises an error.
 
     Args:
         kind: a key of ``KINDS``.
@@ -152,7 +152,7 @@ def find(kind: str, name: object, field: str = "") -> Any:
 
 
 def name_of(kind: str, thing: object) -> str | None:
-    """Name under which a class is registered, or None; imports no module."""
+    """Name under which a class is registered, without importing modules; None if there is none."""
     if not hasattr(thing, "__qualname__"):
         return None
     ours = f"{thing.__module__}:{thing.__qualname__}"
@@ -177,7 +177,7 @@ class Register:
     """Decorators that register a class or function: ``@register.force("ground_effect", title="...")``."""
 
     def __getattr__(self, kind: str) -> Callable[..., Callable[[Thing], Thing]]:
-        """Decorator that registers objects of a kind."""
+        """Decorator that registers objects of one kind, as ``register.force`` does."""
         if kind not in KINDS:
             raise AttributeError(f"register.{kind}: there are {', '.join(KINDS)}")
 
