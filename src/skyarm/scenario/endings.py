@@ -99,19 +99,19 @@ class JointLimits(Ending):
     def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Any) -> Any:
         """True if every joint is within its limits."""
         fine: Any = True
-        for value, link in self._looked_at(scenario, state):
+        for value, link in self._checked_joints(scenario, state):
             inside = logical_and(add(link.joint.lower, slack) <= value, value <= sub(link.joint.upper, slack))
             fine = logical_and(fine, inside)
         return fine
 
-    def _looked_at(self, scenario: Scenario, state: State) -> list[tuple[Any, Link]]:
+    def _checked_joints(self, scenario: Scenario, state: State) -> list[tuple[Any, Link]]:
         """Value and link of each joint whose limits are checked; joints with end stops may be exempt."""
         every = zip(state.joints, scenario.plant.vehicle.links, strict=True)
         return [(value, link) for value, link in every if self.stops or not link.joint.has_stops]
 
     def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
         """Message naming the first joint beyond its limit."""
-        for value, link in self._looked_at(scenario, state):
+        for value, link in self._checked_joints(scenario, state):
             joint = link.joint
             if not joint.lower <= value <= joint.upper:
                 limit = float(joint.upper if value > joint.upper else joint.lower)

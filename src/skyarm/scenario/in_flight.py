@@ -94,7 +94,7 @@ def _law(scenario: Scenario, name: object) -> Controller:
         raise ValueError(str(error).replace("controller = ", f"{LAW} = ", 1)) from None
 
 
-def _below(path: str) -> str:
+def _prefix_of_part(path: str) -> str:
     """Beginning of the paths of all parameters inside a section, which a new section also replaces."""
     return "controller." if path == LAW else f"{path}."
 
@@ -116,7 +116,7 @@ class Overrides:
         if not is_part(path, value):
             kept = tuple(pair for pair in self.numbers if pair[0] != path)
             return Overrides(self.parts, (*kept, (path, value)))
-        hidden = _below(path)
+        hidden = _prefix_of_part(path)
         parts = tuple(pair for pair in self.parts if not _within(pair[0], path, hidden))
         numbers = tuple(pair for pair in self.numbers if not _within(pair[0], path, hidden))
         return Overrides((*parts, (path, value)), numbers)
@@ -151,7 +151,7 @@ class Overrides:
 
     def hides(self, path: str) -> bool:
         """True if the overrides replace a parameter, or a whole section that contains the parameter."""
-        gone = any(_within(path, own, _below(own)) for own, _ in self.parts)
+        gone = any(_within(path, own, _prefix_of_part(own)) for own, _ in self.parts)
         return gone or any(path == own for own, _ in self.numbers)
 
     def parts_of(self, scenario: Scenario) -> Scenario:
@@ -227,7 +227,7 @@ def sources(scenario: Scenario, tick: int) -> dict[str, int]:
         if change.tick(rate) > tick:
             break
         if is_part(change.path, change.value):
-            hidden = _below(change.path)
+            hidden = _prefix_of_part(change.path)
             found = {path: k for path, k in found.items() if not _within(path, change.path, hidden)}
         else:
             found[change.path] = i
@@ -298,7 +298,7 @@ def try_changes(
     """
     following = held
     for where, change in changes:
-        with _said_of(where):
+        with _name_change_in_errors(where):
             _require_changeable(begun, change.path)
             if not is_part(change.path, change.value):
                 _require_number(now, change)
@@ -306,14 +306,14 @@ def try_changes(
             following = following.with_change(change)
             if is_part(change.path, change.value):
                 now = following.of(begun)
-    with _said_of(changes[0][0] if len(changes) == 1 else ""):
+    with _name_change_in_errors(changes[0][0] if len(changes) == 1 else ""):
         now = following.of(begun)
         require_continuous(begun, now)
     return following, now
 
 
 @contextmanager
-def _said_of(where: str) -> Iterator[None]:
+def _name_change_in_errors(where: str) -> Iterator[None]:
     """Context manager that puts the name of a scheduled change, such as changes[2], before error messages."""
     try:
         yield

@@ -233,7 +233,7 @@ def start_with(scenario: Scenario, values: Mapping[str, Any]) -> State:
     if any(angle is not None for angle in angles):
         known = euler_angles(held.quaternion.rotation())
         chosen = (old if angle is None else angle for angle, old in zip(angles, known, strict=True))
-        changed = dataclasses.replace(changed, quaternion=_of_angles(*chosen))
+        changed = dataclasses.replace(changed, quaternion=_quaternion_of_angles(*chosen))
     elif any(path.startswith("initial.quaternion") for path in values):
         q = changed.quaternion
         length = sqrt(q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z)
@@ -242,7 +242,7 @@ def start_with(scenario: Scenario, values: Mapping[str, Any]) -> State:
     return state
 
 
-def _of_angles(roll: Any, pitch: Any, yaw: Any) -> Quaternion:
+def _quaternion_of_angles(roll: Any, pitch: Any, yaw: Any) -> Quaternion:
     """Quaternion from roll, pitch and yaw (ZYX), rad."""
     half = [(cos(0.5 * angle), sin(0.5 * angle)) for angle in (roll, pitch, yaw)]
     about = [Quaternion(c, *Vec3(*(s if i == axis else 0.0 for i in range(3)))) for axis, (c, s) in enumerate(half)]

@@ -97,7 +97,7 @@ def _follow(scenario: Scenario, path: str, start: Place, words: list[str]) -> tu
         else:
             options, heads = places, (start,)
         if word not in options:
-            known = [*options, *(_further(scenario, path) if start in ROOTS.values() else ())]
+            known = [*options, *(_named_sensors_and_drives(scenario, path) if start in ROOTS.values() else ())]
             there = f"{did_you_mean(word, known)}there are {', '.join(known) or 'no fields'}"
             raise ScenarioError(f"path = {path!r}: no {word!r} here; {there}")
         places = _with_heads(heads, options[word])
@@ -108,7 +108,7 @@ def _follow(scenario: Scenario, path: str, start: Place, words: list[str]) -> tu
     return tuple((*at, "value") if isinstance(part(scenario, at), Constant) else at for at in places)
 
 
-def _further(scenario: Scenario, path: str) -> list[str]:
+def _named_sensors_and_drives(scenario: Scenario, path: str) -> list[str]:
     """Names of sensors and drives, listed as suggestions for a misspelt parameter path."""
     head = path[: path.index(".") + 1]
     return [name.removeprefix(head) for name in roots(scenario) if name not in ROOTS and name.startswith(head)]

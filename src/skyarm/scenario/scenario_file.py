@@ -108,7 +108,7 @@ def load_scenario(
     replaced = {"plant": plant, "controller": controller, "seed": seed, "duration": duration}
     given = {field: value for field, value in replaced.items() if value is not None}
     if Path(text).suffix.removeprefix(".") in names("log_format"):
-        return _of_log(text, given)
+        return _scenario_of_log(text, given)
     try:
         document, folder = read_named(text, "scenario", LIBRARY, " or a log, or a name")
     except ValueError as error:
@@ -119,7 +119,7 @@ def load_scenario(
         raise ScenarioError(f"{text}: {error}") from None
 
 
-def _of_log(path: str, given: Mapping[str, Any]) -> Scenario:
+def _scenario_of_log(path: str, given: Mapping[str, Any]) -> Scenario:
     """Load the scenario stored in a log file, with some values replaced."""
     from skyarm.log.formats import load_log
 

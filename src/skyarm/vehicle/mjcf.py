@@ -104,12 +104,12 @@ def _root(model: MjModel) -> tuple[int, list[int]]:
     if not free:
         return 0, []
     for body in alone:
-        if any(_joints(model, each) for each in _below(model, body)):
+        if any(_joints(model, each) for each in _subtree(model, body)):
             refuse(f"body[{name_of(model, 'body', body)}]", "beside the base", "must be a part of the base's tree")
     return free[0], alone
 
 
-def _below(model: MjModel, body: int) -> list[int]:
+def _subtree(model: MjModel, body: int) -> list[int]:
     """A body of a MuJoCo model and all its descendants, as body numbers."""
     found = [body]
     for each in range(body + 1, int(model.nbody)):

@@ -99,7 +99,7 @@ def _bodies(robot: ET.Element, mimic: str, notes: Notes, path: Path) -> RigidBod
     for name in order:
         joint = file.above[name]
         at = posed_in(seats[parents[name]], *origin_of(joint, f"joint[{joint.get('name')}]"), name)
-        value = _held_at(joint, file, mimic, notes)
+        value = _constant_value(joint, file, mimic, notes)
         if value is None:
             seats[name] = tree.add_link(name, at.link, read_joint(joint, at.rotation, at.position, notes))
         else:
@@ -117,7 +117,7 @@ def _bodies(robot: ET.Element, mimic: str, notes: Notes, path: Path) -> RigidBod
     return tree.bodies(robot.get("name") or "urdf", root, mimic == "couple")
 
 
-def _held_at(joint: ET.Element, file: _File, mimic: str, notes: Notes) -> float | None:
+def _constant_value(joint: ET.Element, file: _File, mimic: str, notes: Notes) -> float | None:
     """Constant value of a joint that cannot move, rad or m; None for a joint that can move."""
     name = joint.get("name", "")
     follows = file.mimics.get(name)

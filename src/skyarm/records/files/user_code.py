@@ -40,7 +40,7 @@ def own_code(thing: object, depth: int = DEPTH) -> types.CodeType | None:
         return own_code(thing.__wrapped__, depth - 1)
     code = getattr(thing, "__code__", None)
     if not isinstance(code, types.CodeType):
-        return _of_class(thing if isinstance(thing, type) else type(thing))
+        return _code_of_class(thing if isinstance(thing, type) else type(thing))
     if is_own(code, str(getattr(thing, "__module__", ""))):
         return code
     for cell in getattr(thing, "__closure__", None) or ():
@@ -53,7 +53,7 @@ def own_code(thing: object, depth: int = DEPTH) -> types.CodeType | None:
     return None
 
 
-def _of_class(kind: type) -> types.CodeType | None:
+def _code_of_class(kind: type) -> types.CodeType | None:
     """Code object of the first method of a class or its bases that a user wrote; None without any."""
     for each in kind.__mro__:
         methods = vars(each)
@@ -199,12 +199,12 @@ def source_of(code: types.CodeType) -> tuple[str, str]:
     if identity != MISSING:
         return Path(file).name, identity
     lines = "".join(linecache.getlines(file))  # a notebook's cell
-    return "(typed in)", identity_of((lines or _told(code)).encode())
+    return "(typed in)", identity_of((lines or _bytecode_text(code)).encode())
 
 
-def _told(code: types.CodeType) -> str:
+def _bytecode_text(code: types.CodeType) -> str:
     """Text of a code object's bytecode, names and constants for a digest, equal in every process."""
-    held = [_told(each) if isinstance(each, types.CodeType) else _constant(each) for each in code.co_consts]
+    held = [_bytecode_text(each) if isinstance(each, types.CodeType) else _constant(each) for each in code.co_consts]
     return f"{code.co_name} {code.co_code.hex()} {code.co_names} {code.co_varnames} {code.co_freevars} {held}"
 
 
