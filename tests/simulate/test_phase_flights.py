@@ -6,7 +6,6 @@ import copy
 import dataclasses
 import tomllib
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,7 +13,6 @@ import pytest
 import skyarm
 from skyarm.cli.run_command import facts, sentences
 from skyarm.log.metrics.score import score
-from skyarm.log.periods import timed_out
 from skyarm.scenario.numbers import with_numbers
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.check_endings import failed_phase
@@ -188,15 +186,6 @@ def test_a_guard_may_let_the_task_go_on(scenario):
     goes_on = skyarm.run(dataclasses.replace(away, reference=on, duration=4.5))
     assert (goes_on.status, goes_on.phase_ends[1]) == ("completed", ("press", pytest.approx(4.055)))
     assert "press 4.055 s (timeout)" in sentences(facts(goes_on))[0]
-
-
-def test_a_phase_is_done_by_its_timeout_where_the_reference_rested_so_long():
-    time = 0.1 * np.arange(40)
-    waits = [{"phase": 0, "at": 1.0, "timeout": 0.5}, {"phase": 2, "at": 2.0, "timeout": 0.5}]
-    for rest, late in ((5, {0}), (4, set())):
-        path = np.minimum(np.maximum(time - 0.1 * rest, np.minimum(time, 1.0)), 9.0)
-        assert timed_out(SimpleNamespace(time=time, path_time=path, info={"waits": waits})) == late
-    assert timed_out(SimpleNamespace(time=time, path_time=time, info={})) == set()
 
 
 def test_a_law_that_observes_no_force_is_told_of(scenario):

@@ -153,6 +153,16 @@ def test_without_a_free_joint_the_only_body_floats(tmp_path):
     assert vehicle.links == with_joint.links
 
 
+def test_what_is_fixed_to_the_world_is_left_out_however_many_joints_the_vehicle_has(tmp_path):
+    shelf = '<worldbody><body name="shelf"><body name="board"><geom size="1"/></body></body>'
+    path = saved(tmp_path, model(arm()).replace("<worldbody>", shelf))
+    assert len(load_vehicle(path).links) == 1
+    crane = shelf.replace('<geom size="1"/>', '<joint axis="1 0 0"/><geom size="1"/>')
+    path = saved(tmp_path, model(arm()).replace("<worldbody>", crane))
+    with pytest.raises(VehicleError, match=r"body\[shelf\] = 'beside the base': must be a part of the base's tree"):
+        load_vehicle(path)
+
+
 REFUSED = {
     "ball": (model(arm('<joint name="b" type="ball"/>')), "joint[b].type = 'ball': must be 'hinge' or 'slide'"),
     "spring": (model(arm('<joint name="h" stiffness="3"/>')), "joint[h].stiffness = 3.0: must be 0"),
