@@ -57,7 +57,7 @@ def has_tables(model: Model) -> bool:
 
 
 def plain_model(model: Model) -> Model:
-    """Model with each rotor's thrust table replaced by k_f W^2 (speed W), with speed limits of the same thrust."""
+    """Model with k_f W^2 (speed W) in place of each rotor's thrust table, and a speed limit of equal thrust."""
     if not has_tables(model):
         return model
     rotors = tuple(_plain(rotor) for rotor in model.vehicle.rotors)
@@ -69,14 +69,14 @@ def _plain(rotor: Rotor) -> Rotor:
 
 
 def _as_plain(rotor: Rotor, speed: Any) -> Any:
-    """Speed, rad/s, at which k_f W^2 equals the rotor table's thrust at ``speed`` (None: at the highest speed)."""
+    """Speed (rad/s) at which k_f W^2 equals the thrust table's value at ``speed``, or at the highest speed for None."""
     if rotor.table is None:
         return speed
     return sqrt(maximum(push(rotor, rotor.max_speed if speed is None else speed), 0.0))
 
 
 def with_actuators(controller: Controller, model: Model, control_period: float, *, servos: bool = True) -> Controller:
-    """Return the law with its torques sent as servo setpoints, and its rotor speeds converted by the thrust tables.
+    """Wrap a law so that its joint torques become servo setpoints and its rotor speeds pass through thrust tables.
 
     A servo's loop acts while its setpoint is held, so that the torque varies as the joint moves. The setpoint is
     therefore that whose torque is the law's on average over the control period: the modelled servo's law is inverted at
@@ -124,7 +124,7 @@ def _first_memories(drives: Sequence[Any], control_period: float) -> tuple[Any, 
 
 
 def with_believed_queues(controller: Controller, control_period: float) -> Controller:
-    """Controller whose internal models of the joint drives are reset to rest, for use after a change of parameters."""
+    """Controller with its internal models of the joint drives reset to rest, for use after a change of parameters."""
     memory = controller.memory
     if not isinstance(memory, ActuatorMemory) or not memory.drives:
         return controller
@@ -133,7 +133,7 @@ def with_believed_queues(controller: Controller, control_period: float) -> Contr
 
 
 def believed_drives(model: Model) -> tuple[Any, ...]:
-    """Drive model of each joint: the drive listed for it in the vehicle, else an ideal torque drive."""
+    """Modelled drive of each joint: as listed in the vehicle model, else an ideal torque drive."""
     carried = {each.name: each.drive for each in model.vehicle.drives}
     return tuple(carried.get(link.joint.name, TORQUE_DRIVE) for link in model.vehicle.links)
 
@@ -167,7 +167,7 @@ def actuator_law(
 def _setpoints(
     memory: ActuatorMemory, measurement: Measurement, efforts: Any, plain: Model, model: Model, dt: Scalar
 ) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
-    """Drive setpoints that give the desired mean joint efforts over a period, and next states of the drive models."""
+    """Drive setpoints for the desired mean joint efforts over a period, and next states of the modelled drives."""
     setpoints, kept = [], []
     angles = _angles(plain.vehicle, memory, measurement)
     rows = zip(
@@ -196,7 +196,7 @@ def _mean_motion(drive: Any, q: Scalar, qd: Scalar, qdd: Scalar, dt: Scalar) -> 
 
 
 def _angles(vehicle: Vehicle, memory: ActuatorMemory, measurement: Measurement) -> tuple[Scalar, ...]:
-    """Angles of the tilting rotors, rad: measured, else estimated by the inner law, else zero."""
+    """Angles (rad) of the tilting rotors: measured if available, else estimated by the inner law, else zero."""
     inner = memory.inner
     return angles_seen(measurement, inner.angles if isinstance(inner, VectoredMemory) else (0.0,) * len(vehicle.tilts))
 

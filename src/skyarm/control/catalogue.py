@@ -39,13 +39,13 @@ whose joints nothing drives (``tests/studies/assess/test_hanging_joints.py`` fli
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """Catalogue entry of a control law; the law's module is imported only when a controller is made."""
+    """Catalogue entry of a control law, whose module is imported only when a controller is made."""
 
     row: Registration
 
     @property
     def title(self) -> str:
-        """Title of the law in one line."""
+        """One-line title of the law."""
         return self.row.title
 
     def function(self) -> Callable[..., Controller]:
@@ -54,7 +54,7 @@ class Entry:
         return found
 
     def options(self) -> tuple[str, ...]:
-        """Names of the options of this control law, from the signature of its maker function or from ``ENTRIES``."""
+        """Names of the law's options."""
         maker = self.function()
         parameters = inspect.signature(maker).parameters.values()
         named = tuple(p.name for p in parameters if p.kind is p.KEYWORD_ONLY)
@@ -106,7 +106,7 @@ def make_controller(name: str, model: Model, **options: Any) -> Controller:
 
 
 def suitable_options(law: str, known: Mapping[str, Any]) -> dict[str, Any]:
-    """Subset of the given options that a law accepts."""
+    """Subset of given options that a law accepts."""
     options = LAWS[law].options()
     return {name: value for name, value in known.items() if name in options}
 
@@ -171,7 +171,7 @@ PRESETS: Mapping[str, Preset] = {
 
 
 def preset(name: str, model: Model, known: Mapping[str, Any] | None = None) -> Controller:
-    """Make a controller by the name of a preset.
+    """Make the controller of a named preset for a model.
 
     Args:
         name: a key of ``PRESETS``.
@@ -253,22 +253,22 @@ def make_named(name: str, model: Model, known: Mapping[str, Any] | None = None) 
 
 
 def is_named(name: Any) -> bool:
-    """True if there is a controller of this name."""
+    """True if a value is the name of a preset, law or law with tuned gains."""
     return is_one_of(name, every_name())
 
 
 def is_one_of(name: Any, names: Container[str]) -> bool:
-    """True if a value of any type is a string among ``names``."""
+    """True if a value is a string and one of ``names``."""
     return isinstance(name, str) and name in names
 
 
 def every_name() -> tuple[str, ...]:
-    """Names of presets, laws and laws with tuned gains."""
+    """Names of all presets, laws and laws with tuned gains."""
     return (*PRESETS, *LAWS, *(f"{law}{TUNED}" for law in tuned_factors()))
 
 
 def require_different(names: Sequence[str], field: str) -> None:
-    """Reject a list in which two names denote the same controller.
+    """Reject a list of names that contains a controller twice.
 
     Raises:
         ControllerError: one line with the field and the two names.

@@ -1,4 +1,4 @@
-"""Controller: a control law's step function with its constants and its initial internal state."""
+"""Controllers: a control law's step function, its constants and its initial internal state."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class ControllerError(ValueError):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Controller:
-    """A controller is a control law's step function with its constants and its initial internal state.
+    """Control law as a step function, with its constants and its initial internal state.
 
     Attributes:
         name: of the law. law: the step function. memory: its first memory.
@@ -67,7 +67,7 @@ class Controller:
 
 
 def _whole(par: Any) -> Any:
-    """Constants of a law in layers (``inner``), with the outermost model and mixer filled in at every level."""
+    """Constants of nested law layers with the outermost model and mixer filled in at every level."""
     inner: Any = getattr(par, "inner", None)
     if inner is None or getattr(inner, "model", par) is not None:
         return par
@@ -76,7 +76,7 @@ def _whole(par: Any) -> Any:
 
 
 def innermost(record: Any) -> Any:
-    """Constants (or internal state) of the innermost control law, inside all layers such as safety or servos.
+    """Constants or internal state of the control law inside all layers such as safety or servos.
 
     Layers share model and mixer, which stand with the outermost and are None in what this gives.
     """
@@ -92,7 +92,7 @@ def with_innermost(record: Any, own: Any) -> Any:
 
 
 def with_applied_command(memory: Any, sent: Command) -> Any:
-    """Internal state of a law with the applied command in place of the desired one, if the law stores commands.
+    """Internal state of a law with the applied command in place of the desired one, where a law stores commands.
 
     A law that observes or integrates must know the applied command, not the desired one. It keeps them in a field
     ``sent`` of its memory: one :class:`Command`, or a tuple of them with the newest last. Whoever alters a command on
@@ -114,29 +114,29 @@ def with_applied_command(memory: Any, sent: Command) -> Any:
 
 
 def part_of(record: Any, name: str) -> Any:
-    """Field ``name`` of the constants or internal state of the innermost law or its parts; None if missing."""
+    """Constants or internal state of one part of a control law, such as "load"; None if the law has no such part."""
     own = innermost(record)
     return getattr(getattr(own, "parts", own), name, None)
 
 
 def presses(par: Any) -> bool:
-    """Return True if a law, inside any layers, controls the contact that a reference requests."""
+    """True if a law, inside any layers, controls contact forces that a reference requests."""
     return part_of(par, "interaction") is not None
 
 
 def senses_force(par: Any) -> bool:
-    """Return True if a law, inside any layers, uses a force sensor at the tip."""
+    """True if a law, inside any layers, uses a force sensor at the tip."""
     parts = (part_of(par, part) for part in ("interaction", "admittance"))
     return any(getattr(part, "sensing", None) is not None for part in parts)
 
 
 def learns_load(par: Any) -> bool:
-    """Return True if a law, inside any layers, estimates the load that a reference announces."""
+    """True if a law, inside any layers, estimates the load at the tip that a reference announces."""
     return hasattr(part_of(par, "load"), "limit")
 
 
 def all_applied(joints: int) -> tuple[float, ...]:
-    """Initial flags of all 1, for the rotors together and for each joint: all commands were applied as desired."""
+    """Initial flags, all 1, for the rotors together and for each joint: every command was applied as desired."""
     return (1.0,) * (1 + joints)
 
 

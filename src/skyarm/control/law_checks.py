@@ -1,4 +1,4 @@
-"""Checks of a user-defined control law and of its results; errors name the law's file and line.
+"""Checks of a user-defined control law and of its results, with the law's file and line in each message.
 
 Shipped laws are not looked at: all of their code stands in the library, and its tests fly them. A law of which any
 function stands elsewhere, in a plugin, another package or a script, is
@@ -53,12 +53,12 @@ class LawError(ControllerError):
 
 
 def is_own(controller: Controller) -> bool:
-    """Return True if any of a law's code lies outside this library."""
+    """True if any code of a law lies outside this library."""
     return own_code(controller.law) is not None
 
 
 def wrong(controller: Controller, words: str, place: str = "") -> LawError:
-    """Make the one-line error about a user-defined law, with its file and line.
+    """One-line error about a user-defined law, with its file and line.
 
     Args:
         controller: whose law it is.
@@ -96,13 +96,13 @@ def check_controller(controller: Controller) -> None:
 
 
 def memory_mistake(memory: Any, path: str) -> str | None:
-    """Error text for an initial controller state that a compiled program cannot store; None for a valid one."""
+    """Error text for an initial controller state that cannot be compiled; None for a valid state."""
     found = (_kept_mistake(value, at) for at, value in named_parts(memory, path))
     return next((words for words in found if words), None)
 
 
 def _kept_mistake(value: Any, path: str) -> str | None:
-    """Error text for a value in a controller state that a compiled program cannot store; None for a valid one."""
+    """Error text for one value of a controller state that cannot be compiled; None for a valid value."""
     if isinstance(value, (bool, int)) and not isinstance(value, Enum):
         number = "1.0 or 0.0" if isinstance(value, bool) else f"{value}.0"
         return f"has {path} = {value!r}: an int never changes in a program; must be {number}"
@@ -112,7 +112,7 @@ def _kept_mistake(value: Any, path: str) -> str | None:
 
 
 def checked_law(controller: Controller) -> Law:
-    """Wrap a user-defined law with a check of each result; a shipped law is returned unchanged.
+    """Step function that checks each result of a user-defined law; a shipped law is returned unchanged.
 
     A wrong result raises LawError. An error of the law's own code passes as it is.
     """
@@ -124,7 +124,7 @@ def checked_law(controller: Controller) -> Law:
 
 
 def _counts(controller: Controller) -> dict[str, int]:
-    """Required number of values in each field of a command: rotor speeds, joint efforts, tilt angles."""
+    """Required number of rotor speeds, joint efforts and tilt angles in a command."""
     vehicle = controller.par.model.vehicle
     return {"rotor_speeds": len(vehicle.rotors), "efforts": vehicle.n, "tilts": len(vehicle.tilts)}
 
@@ -182,7 +182,7 @@ def _field_mistake(field: str, values: Any, count: int) -> str | None:
 
 
 def mistake_in(error: Exception) -> str | None:
-    """Error text for an exception from tracing user-defined code; None for an ordinary bug of that code."""
+    """Error text for an exception caused by untraceable user code; None for an ordinary bug in that code."""
     text = " ".join(str(error).split())
     if isinstance(error, TracedBranchError):
         return f"{TRACED}: {text.rpartition('.py:')[2].partition(': ')[2] or text}"
@@ -201,7 +201,7 @@ def mistake_in(error: Exception) -> str | None:
 
 
 def difference(example: Any, record: Any, path: str) -> str | None:
-    """Describe the first difference in structure between two nested dataclasses or tuples; None if there is none."""
+    """Text on the first difference in structure between two nested dataclasses or tuples; None if alike."""
     below = pairs(example, record, path)
     if below is None:
         tuples = isinstance(example, tuple) or isinstance(record, tuple)
@@ -211,7 +211,7 @@ def difference(example: Any, record: Any, path: str) -> str | None:
 
 
 def _is_number(value: Any) -> bool:
-    """Return True if a value is a float or a traced scalar; an int counts as a constant and gives False."""
+    """True if a value is a float or a traced scalar, not an int, which would be a constant of the program."""
     if isinstance(value, (int, str, Enum, np.ndarray)) or is_record(value):
         return False
     return isinstance(value, (float, Node)) or (hasattr(value, "__mul__") and hasattr(value, "__float__"))
@@ -229,7 +229,7 @@ def kind_of(value: Any) -> str:
 
 
 def call_maker(maker: Callable[..., Any], name: str, model: Model, options: dict[str, Any]) -> Controller:
-    """Call a user-defined function that makes a controller; exceptions raised inside that function pass unchanged.
+    """Call a user-defined function that makes a controller, and check the result.
 
     Raises:
         LawError: it cannot be called as maker(model, **options), makes a record that cannot be, or no controller.
@@ -258,7 +258,7 @@ def call_maker(maker: Callable[..., Any], name: str, model: Model, options: dict
 
 
 def try_law(controller: Controller, period: float, seen: Measurement, wanted: Sequence[Reference]) -> None:
-    """Reject a user-defined law that is not a pure function, or whose first command is not finite.
+    """Reject a user-defined law that is not a pure function or whose first command is not finite.
 
     A shipped law is not tried, nor one that is called with floats: such a law may keep what it likes.
 
@@ -301,12 +301,12 @@ def _require_numbers(controller: Controller, instant: Any, command: Sequence[flo
 
 
 def _drifting(first: Measurement, period: float) -> list[Measurement]:
-    """Test measurements of a slowly drifting vehicle, one per period."""
+    """Measurements of a slowly drifting vehicle, one per period, for the trial of a law."""
     return [dataclasses.replace(perturb(first, k), time=float(first.time) + k * period) for k in range(PERIODS)]
 
 
 def perturb(record: Any, k: int) -> Any:
-    """Test measurement with every number changed slightly, differently in each period ``k``; unchanged in period 0."""
+    """Test measurement with every number slightly changed in period ``k`` > 0, unchanged in period 0."""
     start = [float(leaf) for leaf in leaves(record)]
     if k == 0:
         return rebuild(record, iter(start))
@@ -316,5 +316,5 @@ def perturb(record: Any, k: int) -> Any:
 
 
 def level(blank: Measurement, gravity: float) -> Measurement:
-    """Measurement of a vehicle at rest and level; gravity in m/s^2."""
+    """Measurement at rest with a level base; gravity in m/s^2."""
     return dataclasses.replace(blank, specific_force=Vec3(0.0, 0.0, gravity))

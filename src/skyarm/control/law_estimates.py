@@ -1,4 +1,4 @@
-"""Access to the online estimates of a control law (loop lags, tip load, tip force), for the log and other code."""
+"""Online estimates inside a control law's state (loop lags, tip load, tip force), for logs and displays."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from skyarm.records.leaves import is_record
 
 
 def found_by_law(memory: Any) -> Mapping[str, tuple[Any, ...]]:
-    """Estimates of a control law to log, by array name: loop lags and tip load; empty if the law has none.
+    """Estimates of a control law by log array name: loop lags and tip load; empty without such estimates.
 
     A law shows a load by a field ``load`` of its memory: a record with a ``mass`` (kg) and a ``place`` (m, axes of the
     tip). Any other field of this name is not logged.
@@ -26,7 +26,7 @@ def found_by_law(memory: Any) -> Mapping[str, tuple[Any, ...]]:
 
 
 def lags_found(memory: Any) -> tuple[Scalar, ...]:
-    """Estimated lags of the rotor and joint loops, s, from a control law's internal state; empty if not estimated.
+    """Estimated lags (s) of the rotor and joint loops in a control law's state; empty if not estimated.
 
     A law shows them by a field ``lag`` of its memory: a record whose ``found`` is a tuple.
     """
@@ -36,12 +36,12 @@ def lags_found(memory: Any) -> tuple[Scalar, ...]:
 
 
 def numbers_found(memory: Any) -> tuple[Scalar, ...]:
-    """All estimates of a control law to log (loop lags, tip load), as one flat tuple of numbers."""
+    """Estimated loop lags and tip load of a control law as one flat tuple."""
     return tuple(number for numbers in found_by_law(memory).values() for number in numbers)
 
 
 def observed_push(memory: Any) -> Vec3 | None:
-    """Force on the tip (N, world axes) estimated by a control law, from the law's state; None if not estimated.
+    """Tip force (N, world axes) estimated in a control law's state; None if not estimated.
 
     The estimate is a field ``tip_force`` of the memory, or part of contact force control (``interaction``) or of
     admittance control (``admittance``).
@@ -56,12 +56,12 @@ def observed_push(memory: Any) -> Vec3 | None:
 
 @dataclass(frozen=True, slots=True)
 class PushAlone:
-    """Tip force estimate alone, without the rest of a control law's internal state; empty if not estimated."""
+    """Tip force estimate of a control law, without the rest of the law's state; empty if not estimated."""
 
     tip_force: Vec3 | tuple[()]
 
     @classmethod
     def of(cls, memory: Any) -> PushAlone:
-        """Extract the tip force estimate from a control law's internal state."""
+        """Tip force estimate extracted from a control law's internal state."""
         found = observed_push(memory)
         return cls(() if found is None else found)

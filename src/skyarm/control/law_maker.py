@@ -1,4 +1,4 @@
-"""Makers of control laws: options from the declared constants, and default gains that fit a model."""
+"""Generation of a law's maker function, with options from the declared constants and default gains for a model."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def default_gains(model: Model) -> GeometricGains:
 
 
 def default_joint_gains(model: Model, *, torque: bool = False) -> JointGains:
-    """Default joint gains: on acceleration, or with ``torque`` on torque, scaled by each joint's inertia.
+    """Default joint gains on acceleration, or with ``torque`` on torque, scaled by each joint's inertia.
 
     Friction is not in the laws: a joint of inertia J with damping d lags by d rate / (J stiffness), which is large on a
     light link behind a real gear. Give such joints their own gains.
@@ -56,7 +56,7 @@ def default_joint_gains(model: Model, *, torque: bool = False) -> JointGains:
 
 
 def fitting_mixer(model: Model, policy: str) -> Mixer:
-    """Mixer (control allocation) for the rotors of a model; ``policy`` acts at the rotor speed limits.
+    """Mixer (control allocation) for a model's rotors, with the given policy at the rotor speed limits.
 
     Raises:
         ControllerError: unknown policy.
@@ -84,7 +84,7 @@ def law_maker(
     rate_error: str = "corrected",
     **of_controller: Any,
 ) -> Callable[..., Controller]:
-    """Make the function (model, **options) -> Controller for the step function of a control law.
+    """Make the function (model, **options) -> Controller of a control law.
 
     Its options are ``gains`` of the base and ``joint_gains`` (defaults that fit the model), ``mixer_policy``
     (:class:`skyarm.dynamics.actuators.Mixer`), and the fields with a default of the law's constants, each checked by
@@ -138,7 +138,7 @@ def law_maker(
 def checked_option(
     kind: type, option: str, value: Any, model: Model, readers: Mapping[str, tuple[Any, Reader]] = MappingProxyType({})
 ) -> Any:
-    """Validated option in the type of the law's constants.
+    """Option value validated and converted to the type of the law's constant.
 
     Raises:
         ControllerError: one line with field, value and what is allowed.
@@ -153,7 +153,7 @@ def checked_option(
 
 
 def option_numbers(option: str, value: Any, count: int) -> tuple[Any, ...]:
-    """Option value as a tuple of ``count`` plain numbers.
+    """Option value converted to a tuple of ``count`` numbers.
 
     Raises:
         ControllerError: one line.

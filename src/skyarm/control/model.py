@@ -128,7 +128,7 @@ class LayerParameters:
 
     @classmethod
     def around(cls, par: Any, **constants: Any) -> Self:
-        """Constants of the layer wrapped around the constants of a law."""
+        """Constants of a layer wrapped around the constants of a law."""
         return cls(**{"mixer": par.mixer, "inner": dataclasses.replace(par, model=None, mixer=None)} | constants)
 
     @property
@@ -138,5 +138,5 @@ class LayerParameters:
 
     @property
     def own(self) -> Any:
-        """Constants of the law inside the layer, with its model filled in."""
+        """Constants of the law inside a layer, with the law's model and mixer filled in."""
         return dataclasses.replace(self.inner, model=self.inner_model, mixer=self.mixer)

@@ -1,4 +1,4 @@
-"""Layer for tilting rotors: the inner law sees two fixed rotors per tilting one; the layer handles the servo lag."""
+"""Layer for tilting rotors, which the inner law commands as two fixed rotors each; it handles the servo lag."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ angles at which thrusts give none of it ask for none."""
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class VectoredParameters(LayerParameters):
-    """Constants of a law with the tilting-rotor layer; the mixer is that of the pairs of fixed rotors.
+    """Constants of a law inside the tilting-rotor layer, whose mixer is for pairs of fixed rotors.
 
     Attributes:
         lead: of each servo's setpoint.
@@ -97,14 +97,14 @@ class VectoredMemory:
 
 
 def law_inside(controller: Controller) -> Controller:
-    """Inner controller, for pairs of fixed rotors, of a controller made by :func:`with_tilting`."""
+    """Controller inside the tilting-rotor layer, for pairs of fixed rotors."""
     held: Any = controller.law
     law, memory = held.keywords["inner"], controller.memory.inner
     return dataclasses.replace(controller, law=law, par=controller.par.own, memory=memory)
 
 
 def turns_rotors(controller: Controller) -> bool:
-    """Return True if a law, inside any layers, commands angles of tilting rotors."""
+    """True if a law, inside any layers, commands angles of tilting rotors."""
     par = controller.par
     while par is not None and not getattr(par, "turns_rotors", False):
         par = getattr(par, "inner", None)
@@ -117,7 +117,7 @@ def pairs_model(model: Model) -> Model:
 
 
 def with_tilting(controller: Controller, model: Model) -> Controller:
-    """Wrap a law for ``pairs_model(model)`` so that it commands speeds and angles of tilting rotors.
+    """Wrap a law for pairs of fixed rotors so that it commands speeds and angles of tilting rotors.
 
     The law's wrench is a sum of forces, one for each rotor: its size is a squared speed, its direction an angle. Servos
     are slow beside motors, so the thrusts are those that give torque and thrust of the wrench at the angles that are
@@ -175,7 +175,7 @@ def vectored_law(
     par: VectoredParameters,
     inner: Law,
 ) -> tuple[VectoredMemory, Command]:
-    """One step of the law ``inner`` for pairs of fixed rotors, with its command converted to speeds and angles."""
+    """Step of a law for pairs of fixed rotors, with its command converted to rotor speeds and angles."""
     vehicle = par.model.vehicle
     own = par.own
     angles = angles_seen(measurement, memory.angles)
@@ -201,7 +201,7 @@ def vectored_law(
 
 
 def angles_seen(measurement: Measurement, believed: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
-    """Measured servo angles, rad; the modelled ones where measurements are missing or not finite."""
+    """Servo angles (rad): measured, or modelled where a measurement is missing or not finite."""
     if not measurement.tilts:
         return believed
     rows = zip(measurement.tilts, believed, strict=True)
@@ -209,7 +209,7 @@ def angles_seen(measurement: Measurement, believed: tuple[Scalar, ...]) -> tuple
 
 
 def goal_angles(model: Model, forces: Sequence[Force], last: Sequence[Scalar], dt: Scalar) -> tuple[Scalar, ...]:
-    """Servo angles of the desired rotor forces, rad; changes slowly where a force is near zero."""
+    """Servo angles (rad) of the desired rotor forces, which change slowly where a force is near zero."""
     vehicle = model.vehicle
     total: Scalar = 0.0
     for each in vehicle.rotors:
@@ -226,7 +226,7 @@ def goal_angles(model: Model, forces: Sequence[Force], last: Sequence[Scalar], d
 
 
 def squares_at(vehicle: Vehicle, forces: Sequence[Force], angles: Sequence[Scalar]) -> list[Scalar]:
-    """Squared rotor speeds that give the desired torque and thrust with the rotors at ``angles``.
+    """Squared rotor speeds that give the desired torque and thrust at given rotor angles.
 
     Beginning with each wanted force's part along its rotor's axis as it stands, the least change (in squares) gives the
     four rows; as much of it is taken as the rotors' limits leave room for. Torque about z, which thrusts alone may

@@ -1,4 +1,4 @@
-"""Modelled actuators of a law: saturation, and inversion of the motor lag."""
+"""Actuator models inside a control law: saturation checks and inversion of the motor lag."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 
 def rotors_follow(mixer: Mixer, squares: Sequence[Scalar]) -> Any:
-    """True while every squared rotor speed requested by the mixer lies within the rotor's limits."""
+    """True if each squared rotor speed from the mixer lies between zero and the rotor's limit."""
     inside: Any = True
     for square, top in zip(squares, mixer.highest, strict=True):
         fits = logical_and(square >= 0.0, square <= top)
@@ -22,7 +22,7 @@ def rotors_follow(mixer: Mixer, squares: Sequence[Scalar]) -> Any:
 
 
 def all_follow(applied: Sequence[Scalar]) -> Any:
-    """True if the last command was applied unchanged by every actuator, by the flags of ``with_applied_command``.
+    """True if every actuator applied the last command unchanged, from one flag per actuator.
 
     One for all: through the coupled dynamics what one actuator does not do is missing from every acceleration.
     """
@@ -33,7 +33,7 @@ def all_follow(applied: Sequence[Scalar]) -> Any:
 
 
 def joints_follow(vehicle: Vehicle, efforts: Sequence[Scalar]) -> list[Scalar]:
-    """For each joint, True while its desired effort lies within its limit."""
+    """List with True for each joint whose desired effort lies within its limit."""
     return [absolute(e) <= link.joint.effort_limit for e, link in zip(efforts, vehicle.links, strict=True)]
 
 
@@ -66,7 +66,7 @@ def command_for(rotor: Rotor, speed: Scalar, wanted: Scalar, dt: Scalar, share: 
 def compensate_motor_lag(
     rotors: Sequence[Rotor], mixer: Mixer, force_rate: Vec3, squares: Sequence[Scalar], dt: Scalar, share: Scalar
 ) -> tuple[Scalar, ...]:
-    """Squared rotor speeds, (rad/s)^2, advanced to compensate the motor lag under a planned force rate.
+    """Squared rotor speeds, (rad/s)^2, advanced in time by the motor lag for a planned rate of the force.
 
     A target that :func:`command_for` is given once a period is followed dt / (1 - (1 - share) e) late, e = exp(-dt /
     tau); without that the mean speed of a period is the wanted one at its middle.

@@ -39,7 +39,7 @@ class Posture:
 
 
 def posture(vehicle: Vehicle, joints: Sequence[Taylor], order: int) -> Posture:
-    """Centre of mass, tip and link poses for joint trajectories given as Taylor series, to ``order`` derivatives."""
+    """Centre of mass, tip and link poses as Taylor series, for joint trajectories given as Taylor series."""
     # every number a series: an engine's scalar on the left of a product would not know what a series is
     lifted = rebuild(vehicle, iter([Taylor.constant(number, order) for number in leaves(vehicle)]))
     poses = tuple(link_poses(lifted, [q.truncate(order) for q in joints]))
@@ -55,12 +55,12 @@ def posture(vehicle: Vehicle, joints: Sequence[Taylor], order: int) -> Posture:
 
 
 def derivative(v: Vec3, k: int) -> Vec3:
-    """The k-th derivative of a vector of Taylor series; int components count as constant."""
+    """The k-th derivative of a vector of Taylor series; an int component is a constant."""
     return Vec3(*(c.derivative(k) if isinstance(c, Taylor) else (c if k == 0 else 0) for c in v))
 
 
 def moving(values: Sequence[Scalar], *rates: Sequence[Any]) -> list[Taylor]:
-    """Taylor series in time of several signals, from their values and time derivatives."""
+    """Taylor series in time of several signals from their values and time derivatives."""
     return [Taylor.of_derivatives(each) for each in zip(values, *rates, strict=True)]
 
 
@@ -81,7 +81,7 @@ class Attitude:
 
 
 def reachable(force: Vec3, tilt: Scalar, floor: Scalar) -> Vec3:
-    """Force (Taylor series, N), clipped to a vertical part of at least ``floor`` and a tilt of atan(``tilt``)."""
+    """Force (Taylor series, N) limited to a vertical part of at least ``floor`` and a tilt angle of atan(``tilt``)."""
     z = choose(force.z > floor, force.z, floor)
     side = force.x * force.x + force.y * force.y
     steep = side > z * z * (tilt * tilt)
@@ -91,7 +91,7 @@ def reachable(force: Vec3, tilt: Scalar, floor: Scalar) -> Vec3:
 
 
 def upright(force: Vec3, weight: Scalar, start: Any) -> Vec3:
-    """Force with a vertical part below ``start`` times the weight raised smoothly; only the attitude depends on it.
+    """Desired force (Taylor series, N) with a small vertical part raised smoothly, so that the attitude turns slowly.
 
     Near free fall the direction of a small force turns quickly, and noise in it requires more torque than rotors at
     low speed give. With t = (start - f_z / weight) / width from 0 to 1 the vertical part is f_z + width weight
@@ -108,7 +108,7 @@ def upright(force: Vec3, weight: Scalar, start: Any) -> Vec3:
 
 
 def attitude(force: Vec3, yaw: Taylor) -> Attitude:
-    """Attitude with body z along a force and body x as near the heading as possible, as Taylor series of one order."""
+    """Attitude with body z along a force and body x nearest to the heading, with body rate and angular acceleration."""
     c, s = cos(yaw), sin(yaw)
     b3 = _unit(force)
     # b3 x heading, heading = [c, s, 0]

@@ -30,7 +30,7 @@ def central_inertia(locked: SpatialInertia) -> tuple[Vec3, Sym3]:
 
 
 def center_velocity(vehicle: Vehicle, joints: Sequence[Scalar], joint_rates: Sequence[Scalar]) -> Vec3:
-    """Velocity of the centre of mass relative to the base, due to the joint rates, m/s, base axes."""
+    """Velocity of the centre of mass relative to the base due to the joint rates, m/s, base axes."""
     total: Vec3 = ZERO3
     for i, link in enumerate(vehicle.moving):
         columns = jacobian_columns(vehicle, Frame(name="com", link=i, position=link.body.com), joints)
@@ -41,12 +41,12 @@ def center_velocity(vehicle: Vehicle, joints: Sequence[Scalar], joint_rates: Seq
 
 
 def axes(vehicle: Vehicle, poses: Sequence[Pose]) -> list[Vec3]:
-    """Unit vectors of the joint axes, base axes."""
+    """Unit vectors along the joint axes, in base axes."""
     return [pose.R.apply(link.joint.axis) for link, pose in zip(vehicle.links, poses, strict=False)]
 
 
 def com_columns(vehicle: Vehicle, poses: Sequence[Pose]) -> list[Vec3]:
-    """Jacobian columns of the centre of mass by the joint rates, times the vehicle's mass, base axes."""
+    """Jacobian of the centre of mass with respect to the joints times the vehicle's mass, as columns in base axes."""
     if vehicle.followers:
         own = com_columns(vehicle.with_free_followers, poses)
         for each, column in zip(vehicle.followers, own[vehicle.n :], strict=True):
@@ -74,7 +74,7 @@ def arm_reaction(
     joint_rates: Sequence[Scalar],
     joint_accelerations: Sequence[Any],
 ) -> Force:
-    """Force and torque at the base origin required by the arm's motion and by velocity products, base axes.
+    """Force and torque at the base origin that the arm's motion and velocity products require, base axes.
 
     With the base's origin and its rate unaccelerated; at rate zero the force is the mass times the acceleration of the
     centre of mass against the base.
@@ -93,7 +93,7 @@ def forces_under_thrust(
     angular: Vec3,
     joint_accelerations: Sequence[Any],
 ) -> tuple[Force, tuple[Any, ...], Vec3]:
-    """Inverse dynamics for desired angular and joint accelerations when the force on the base is given.
+    """Inverse dynamics for desired angular and joint accelerations under a given force on the base.
 
     The translational block of the mass matrix is m 1: the proper acceleration that follows is (f - F0) / m, with F0
     the force that the wanted accelerations need while the base's origin does not accelerate.
@@ -120,7 +120,7 @@ def forces_under_thrust(
 
 @dataclass(frozen=True, slots=True)
 class Reaction:
-    """Reduced mass matrix of the joints, for a freely translating base whose angular acceleration stays as desired.
+    """Mass matrix of the joints of a vehicle whose base translates freely and rotates as desired.
 
     Blocks of the mass matrix: t the base's translation, w its rotation, j the joints; the base's origin moves freely.
 
@@ -142,7 +142,7 @@ class Reaction:
 
 
 def reaction(vehicle: Vehicle, joints: Sequence[Scalar]) -> Reaction:
-    """Reduced mass matrix of an arm at joint positions (rad or m), see :class:`Reaction`."""
+    """Reduced mass matrix (:class:`Reaction`) of an arm at given joint positions, rad or m."""
     if not joints:
         return Reaction([], [[], [], []])
     M = dynamics.mass_matrix(vehicle, Mat3.identity(), joints)

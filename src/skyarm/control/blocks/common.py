@@ -19,7 +19,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 
 def wanted_specific_force(par: Parameters, measurement: Measurement, reference: Reference) -> Vec3:
-    """Desired specific force: position PD plus reference acceleration plus gravity, m/s^2, world axes (up in hover)."""
+    """Desired specific force (m/s^2, world axes): position PD plus reference acceleration plus gravity."""
     down = downward_acceleration(
         par.gains,
         par.model.vehicle.mass,
@@ -32,7 +32,7 @@ def wanted_specific_force(par: Parameters, measurement: Measurement, reference: 
 
 
 def turn_towards(par: Parameters, measurement: Measurement, reference: Reference, R: Mat3, up: Vec3) -> Vec3:
-    """Angular acceleration, rad/s^2, base axes, that turns body z towards ``up`` and the heading to the desired yaw."""
+    """Angular acceleration (rad/s^2, base axes) that turns body z towards ``up`` and the nose to the desired yaw."""
     return attitude_loop(
         par.gains,
         par.model.vehicle.base.inertia,
@@ -46,20 +46,20 @@ def turn_towards(par: Parameters, measurement: Measurement, reference: Reference
 
 
 def arm_alone(par: Parameters, R: Mat3, joints: Any, joint_accelerations: Any) -> tuple[Scalar, ...]:
-    """Joint torques for desired joint accelerations on a motionless base at attitude R, gravity included."""
+    """Joint torques for desired joint accelerations, gravity included, on a motionless base at attitude R."""
     vehicle = par.model.vehicle
     weight = Motion(ZERO3, R.apply_T(E_Z * par.model.gravity))
     return dynamics.inverse_dynamics(vehicle, joints, ZERO3, (0,) * vehicle.n, weight, joint_accelerations)[1]
 
 
 def make_command(par: Parameters, torque: Vec3, thrust: Any, efforts: Any) -> tuple[Command, tuple[Any, ...]]:
-    """Limited command for a body torque, a thrust and joint torques, and the squared rotor speeds before the limits."""
+    """Limited command for body torque, thrust and joint torques, and the squared rotor speeds before the limits."""
     speeds, squares = mix(par.mixer, torque, thrust)
     return Command(rotor_speeds=speeds, efforts=limit_efforts(par, efforts)), squares
 
 
 def no_command(vehicle: Vehicle) -> Command:
-    """Command of zeros that fills the field of the previous command before the first control step."""
+    """Command of zeros that stands for the previous command at the first control step."""
     return Command(rotor_speeds=(0.0,) * len(vehicle.rotors), efforts=(0.0,) * vehicle.n)
 
 

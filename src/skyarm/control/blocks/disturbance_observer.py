@@ -50,7 +50,7 @@ from skyarm.sensing.measurement import Measurement
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class AccelerometerGains:
-    """Bandwidths of the disturbance observer when an accelerometer is used, rad/s.
+    """Bandwidths (rad/s) of the disturbance observer's accelerometer correction.
 
     Attributes:
         force: at which the unknown force follows the accelerometer.
@@ -63,7 +63,7 @@ class AccelerometerGains:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Felt:
-    """Estimates with an accelerometer: base velocity, accelerometer bias, and change of the unknown force.
+    """Translation estimates of the observer: base velocity, accelerometer bias and change of the external force.
 
     Attributes:
         velocity: of the base origin, world axes, m/s. bias: of the accelerometer, base axes, m/s^2; empty without one.
@@ -89,7 +89,7 @@ def measure_translation(
     joints: Sequence[Scalar],
     dt: Scalar,
 ) -> Felt:
-    """Estimate the base's velocity and change of the unknown force over one period, with the accelerometer.
+    """Accelerometer-based estimate of the base's velocity and of the change of the external force in one period.
 
     A joint at its limit shakes the base by what the model lacks, because the disturbance of that joint is held: the
     force is then estimated from the measured velocity alone. Rotors at their limit are no such case: the model has
@@ -152,7 +152,7 @@ def first_observed(joints: int, rotor_speeds: Sequence[Scalar], accelerometer: b
 
 
 def disturbance(observed: Observed) -> Disturbance:
-    """Disturbance estimate contained in the disturbance observer's state."""
+    """Estimated disturbance (force, torque, joint efforts) from the observer's state."""
     return Disturbance(force=observed.force, torque=observed.torque, efforts=observed.efforts)
 
 
@@ -167,7 +167,7 @@ def observe(
     free: Sequence[Scalar],
     dt: Scalar,
 ) -> tuple[Observed, Told]:
-    """One update of the disturbance observer: next observer state, and model accelerations over the period.
+    """Update of the disturbance observer by one measurement: next state, and modelled accelerations of the period.
 
     Args:
         model: the controller's model.
@@ -245,7 +245,7 @@ def observe_uncompensated(
     free: Sequence[Scalar],
     dt: Scalar,
 ) -> Observed:
-    """One update of the disturbance observer, in which the last disturbance estimate acts on the model."""
+    """Update of the disturbance observer with its own last disturbance estimate in the model: next observer state."""
     speeds = choose_each(started > 0.5, memory.rotor_speeds, measurement.rotor_speeds)
     before = dataclasses.replace(memory, rotor_speeds=speeds)
     return observe(model, gains, before, measurement, acted, disturbance(before), started, free, dt)[0]
@@ -254,7 +254,7 @@ def observe_uncompensated(
 def unmodelled_thrust(
     model: Model, squares: Sequence[Scalar], half: Sequence[Scalar], speeds: Sequence[Scalar]
 ) -> Vec3:
-    """Thrust of all rotors at the end of a period minus its mean in the model's prediction, N, base axes.
+    """Difference of the rotors' thrust at the end of a period from its predicted mean in the period, N, base axes.
 
     Args:
         model: the controller's model.
@@ -269,7 +269,7 @@ def unmodelled_thrust(
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Told:
-    """Model accelerations over the period before a measurement, and corrections of them by that measurement.
+    """Modelled accelerations over the period before a measurement, and their corrections by that measurement.
 
     Attributes:
         angular, joints: accelerations under the commands and the disturbance estimated before, rad/s^2 or m/s^2.
@@ -284,7 +284,7 @@ class Told:
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Pose of the vehicle: base position (m), attitude and joint positions."""
+    """Base position (m), attitude and joint positions of the vehicle."""
 
     position: Vec3
     quaternion: Quaternion
@@ -292,7 +292,7 @@ class Place:
 
 
 def filter_pose(bandwidth: Scalar, memory: Observed, measurement: Measurement, started: Scalar, dt: Scalar) -> Place:
-    """Filtered pose and joints: integrated from the estimated velocities, corrected by the measurement (low-pass)."""
+    """Low-pass filtered base pose and joint positions, predicted from the estimated velocities and then corrected."""
     share = where(started > 0.5, low_pass_share(bandwidth, dt), 1.0)
     position = memory.position + memory.velocity * dt
     quaternion = memory.quaternion * Quaternion.of_small_rotation(memory.rate * dt)
@@ -307,7 +307,7 @@ def filter_pose(bandwidth: Scalar, memory: Observed, measurement: Measurement, s
 
 
 def nearer_sign(q: Quaternion, before: Quaternion) -> Quaternion:
-    """Quaternion of the same attitude, q or -q, whose sign is nearer to ``before``."""
+    """Quaternion q or -q, which are one attitude, with the sign nearer to the quaternion ``before``."""
     near = q.w * before.w + q.x * before.x + q.y * before.y + q.z * before.z
     side = where(near < 0.0, -1.0, 1.0)
     return Quaternion(*(c * side for c in q))
@@ -316,7 +316,7 @@ def nearer_sign(q: Quaternion, before: Quaternion) -> Quaternion:
 def inertia_times(
     model: Model, R: Mat3, joints: Sequence[Scalar], linear_W: Vec3, angular_B: Vec3, joint: Sequence[Scalar]
 ) -> tuple[Vec3, Vec3, tuple[Scalar, ...]]:
-    """Mass matrix times an acceleration: force (world axes), torque (base axes) and joint torques."""
+    """Mass matrix times an acceleration: force (N, world axes), torque (N m, base axes) and joint torques."""
     still = (0,) * len(joints)
     base = Motion(angular_B, R.apply_T(linear_W))
     force, torques = dynamics.inverse_dynamics(model.vehicle, joints, ZERO3, still, base, joint)

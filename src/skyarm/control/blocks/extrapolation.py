@@ -24,7 +24,7 @@ Sample = tuple[Any, Any, Any]
 
 
 def samples(reference: Reference) -> list[Sample]:
-    """Reference samples (value, rate, acceleration) of x, y, z, yaw and each joint."""
+    """Value, rate and acceleration of the reference's x, y, z, yaw and each joint."""
     found = list(zip(reference.position, reference.velocity, reference.acceleration, strict=True))
     found.append((reference.yaw, reference.yaw_rate, reference.yaw_acceleration))
     joints = zip(reference.joints, reference.joint_rates, reference.joint_accelerations, strict=True)
@@ -39,7 +39,7 @@ def extrapolate(
     dt: Scalar,
     period: Scalar,
 ) -> tuple[list[Taylor], tuple[Channel, ...], Scalar]:
-    """Reference signals extrapolated to the present (Taylor series), next extrapolator states, and age of the samples.
+    """Reference signals extrapolated to the present, next extrapolator states, and age of the held sample.
 
     Args:
         channels: as remembered.
@@ -63,7 +63,7 @@ def extrapolate(
 
 
 def _after(channel: Channel, sample: Sample, new: Any, due: Any, started: Scalar, period: Scalar) -> Channel:
-    """Extrapolator state of one reference signal, updated with the reference sample now held.
+    """State of one signal's extrapolator after comparison with the reference sample now held.
 
     Where a sample is due and nothing has changed, the motion is over: its last jerk and snap do not continue.
     """
@@ -84,7 +84,7 @@ def _after(channel: Channel, sample: Sample, new: Any, due: Any, started: Scalar
 
 
 def _series(channel: Channel, sample: Sample, age: Scalar, period: Scalar) -> Taylor:
-    """Taylor series to fourth order of a reference signal, ``age`` seconds after its sample."""
+    """Fourth-order Taylor series of a reference signal, ``age`` seconds after its sample was published."""
     if all(type(c) is int and c == 0 for c in sample[1:]):
         return Taylor.constant(sample[0], 4)
     p, v, a = (data(c) for c in sample)
@@ -109,7 +109,7 @@ def _series(channel: Channel, sample: Sample, age: Scalar, period: Scalar) -> Ta
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Channel:
-    """Extrapolator state of one reference signal: last sample, two earlier accelerations, continuous samples."""
+    """State of one signal's extrapolator: last sample, two earlier accelerations, and count of continuous samples."""
 
     value: Annotated[Scalar, Unit("", "last sample of a reference signal: x, y, z, yaw, joints")] = 0.0
     rate: Annotated[Scalar, Unit("", "per second")] = 0.0

@@ -24,7 +24,7 @@ def low_pass_share(bandwidth: Any, dt: Scalar) -> Scalar:
 
 
 def double_pole(bandwidth: Scalar, dt: Scalar) -> tuple[Scalar, Scalar]:
-    """Observer gains (L1, L2) that place both poles at exp(-bandwidth dt); bandwidth in rad/s, dt in s."""
+    """Gains (L1, L2) of a second-order observer with both poles at exp(-bandwidth dt); rad/s and s."""
     b = exp(-(bandwidth * dt))
     return 1.0 - b * b, (1.0 - b) * (1.0 - b)
 
@@ -41,7 +41,7 @@ class Butterworth:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Taps:
-    """State of one Butterworth filter: the two sums of the transposed direct form."""
+    """State of a Butterworth filter: the two delayed sums of its transposed direct form."""
 
     first: Annotated[Scalar, Unit("", "first sum of a filter, in its signal's unit")] = 0.0
     second: Annotated[Scalar, Unit("", "second sum of a filter, in its signal's unit")] = 0.0
@@ -72,6 +72,6 @@ def apply_butterworth(taps: Taps, value: Any, par: Butterworth) -> tuple[Taps, S
 def filtered_all(
     taps: Sequence[Taps], values: Sequence[Scalar], par: Butterworth
 ) -> tuple[tuple[Taps, ...], list[Scalar]]:
-    """One Butterworth filter step of each of several signals: next states and outputs."""
+    """Step of one Butterworth filter per signal: next filter states and outputs."""
     pairs = [apply_butterworth(each, value, par) for each, value in zip(taps, values, strict=True)]
     return tuple(following for following, _ in pairs), [out for _, out in pairs]

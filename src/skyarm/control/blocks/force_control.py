@@ -1,4 +1,4 @@
-"""Force control along the estimated normal n of a surface, for the tip of any arm.
+"""Contact force control of an arm's tip along the estimated normal n of a surface.
 
 The disturbance observer takes a surface for a disturbance; a law that compensated it would push against its own push.
 Along n the *desired* force therefore replaces the observed one: the joints give it, the base carries it.
@@ -61,7 +61,7 @@ def interact(
     dt: Scalar,
     felt: Vec3 | None = None,
 ) -> tuple[InteractionMemory, Pressing]:
-    """One period of the contact force controller: next controller state, and force command for the control law.
+    """Step of the contact force controller: next controller state, and force command for the control law.
 
     Args:
         gains: constants.
@@ -123,7 +123,7 @@ def interact(
 def touches(
     gains: InteractionGains, memory: InteractionMemory, asked: Scalar, along: Scalar, into: Scalar, dt: Scalar
 ) -> tuple[Scalar, Scalar]:
-    """Contact detection with hysteresis: contact (1 or 0), and progress towards its loss (1 at the loss)."""
+    """Contact detection with hysteresis: contact (1 or 0), and progress (0 to 1) towards the loss of contact."""
     was = memory.touching > 0.5
     weak, through = (
         where(along < gains.lost, dt / gains.loss_time, 0.0),
@@ -139,7 +139,7 @@ def touches(
 
 
 def ramp_share(gains: InteractionGains, share: Scalar, touching: Scalar, dt: Scalar) -> Scalar:
-    """Share (0 to 1) of the desired contact force one period later: ramps up in contact, down without contact."""
+    """Commanded share (0 to 1) of the contact force, which ramps up in contact and down without contact."""
     return clip(share + where(touching > 0.5, dt / gains.rise, -dt / gains.fall), 0.0, 1.0)
 
 
@@ -154,7 +154,7 @@ def integrate_force_error(
     dt: Scalar,
     signed: bool = False,
 ) -> Scalar:
-    """Bounded integral of the force error, N: held while the force ramps up, zero without contact.
+    """Bounded integral of the contact force error, N: constant during the force ramp, zero without contact.
 
     With ``relieved`` (0 to 1, at an actuator's limit) the order does not grow.
     """
@@ -167,7 +167,7 @@ def integrate_force_error(
 def normal_shift(
     gains: InteractionGains, memory: InteractionMemory, asked: Scalar, touching: Scalar, speed: Scalar, dt: Scalar
 ) -> tuple[Scalar, Scalar, Scalar]:
-    """Shift of the reference along the surface normal, with two derivatives: to approach, follow or leave it."""
+    """Offset of the reference along a surface normal, with two derivatives: to approach, follow or leave a surface."""
     s, rate, w = memory.shift, memory.shift_rate, gains.follow
     speed = where(memory.found > 0.0, minimum(speed, gains.again), speed)
     coming = where(s > -gains.furthest, -speed, 0.0)
@@ -183,7 +183,7 @@ def normal_shift(
 def update_bias(
     gains: InteractionGains, bias: Disturbance, d: Disturbance, force: Vec3, asked: Scalar, free: Scalar, dt: Scalar
 ) -> Disturbance:
-    """Disturbance without contact (bias) one period later; under requested contact only the base force changes."""
+    """Low-pass estimate of the disturbance without contact; during contact only the base force is updated."""
     learns = logical_and(logical_not(asked), free > gains.rest)
     share = where(learns, low_pass_share(gains.bias_rate, dt), 0.0)
     wind = where(learns, share, where(asked, low_pass_share(gains.wind_rate, dt), 0.0))
@@ -192,13 +192,13 @@ def update_bias(
 
 
 def contact_cleared(gains: InteractionGains, memory: InteractionMemory) -> Scalar:
-    """1 when the observed disturbance is free of contact effects, else 0."""
+    """Flag of 1 if contact ended long enough ago that the observed disturbance is free of it, else 0."""
     return where(maximum(memory.free - gains.rest, 0.0) > 0.0, 1.0, 0.0)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Pressing:
-    """Output of the contact force controller in one period: force command, reference shift and damping.
+    """Output of the contact force controller: force command, reference offset and tip damping.
 
     Attributes:
         n: out of the surface. share: 0 free, 1 pressing. damping: 1/s, of the tip along n where it presses.
@@ -220,7 +220,7 @@ class Pressing:
     asked: Scalar = False
 
     def with_order(self, d: Disturbance, then: TipLevers, now: TipLevers) -> Disturbance:
-        """Disturbance with the observed contact force replaced by the commanded one along the normal."""
+        """Disturbance with the observed contact force replaced by the commanded force along the normal."""
         across = self.force - self.n * self.n.dot(self.force)
         wanted = across * self.kept + self.n * self.order
         borne = wanted + self.n * self.beyond
@@ -273,7 +273,7 @@ class InteractionGains:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class InteractionMemory:
-    """Internal state of the contact force controller: contact flags, force integral, shift, disturbance bias."""
+    """State of the contact force controller: contact flags, force integral, reference offset, disturbance bias."""
 
     touching: Annotated[Scalar, Unit("", "1 while the tip touches as it is wanted to")] = 0.0
     losing: Annotated[Scalar, Unit("", "0 to 1, how far contact is on its way to count as lost")] = 0.0
@@ -308,23 +308,23 @@ class Wanted:
 
     @property
     def grips(self) -> bool:
-        """True if the reference of a flight can request a grip; fixed before compilation."""
+        """True if the flight's reference can request a grip, which is known before compilation."""
         return type(self.grip) is not int
 
     @property
     def requests_contact(self) -> Scalar:
-        """True while the reference requests contact of the tip: to press or to grip."""
+        """True while the reference requests that the tip presses or grips."""
         wanted: Scalar = self.force > 0.0
         return logical_or(wanted, self.grip > 0.5) if self.grips else wanted
 
     @property
     def presses(self) -> Scalar:
-        """True while the tip shall press on a surface, and not grip."""
+        """True while the reference requests that the tip presses on a surface without gripping."""
         wanted: Scalar = self.force > 0.0
         return logical_and(wanted, self.grip < 0.5) if self.grips else wanted
 
     def about_the_pivot(self, tip: Vec3) -> Wanted:
-        """Desired contact; while gripping, the normal points from the tip's arc axis to the tip (m, world axes)."""
+        """Desired contact whose normal, while gripping, points from the axis of the tip's arc to the tip."""
         if self.pivot is None or self.axis is None:
             return self
         out = out_of_axis(tip, self.pivot, self.axis, self.grip > 0.5, self.normal)
@@ -362,7 +362,7 @@ def first_interaction(joints: int, sensor: bool = False) -> InteractionMemory:
 
 
 def wanted_of(push: Sequence[Scalar]) -> Wanted:
-    """Desired contact from the field ``push`` of a reference."""
+    """Desired contact from the values in a reference's field ``push``."""
     force, speed, *normal = push[:5]
     grip = where(push[5] > 0.5, 1.0, 0.0) if len(push) > 5 else 0
     pivot, axis = (Vec3(*push[6:9]), Vec3(*push[9:])) if len(push) > 6 else (None, None)

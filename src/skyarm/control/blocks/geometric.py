@@ -1,4 +1,4 @@
-"""Geometric position controller of RotorS.
+"""Geometric tracking controller of position and attitude, as in the RotorS simulator.
 
 Source: Lee, Leok, McClamroch 2010; Furrer et al. 2016 (RotorS), lee_position_controller.cpp at commit cd813b7a8c37;
 eq. (80)-(85) of Barakou et al. 2026. Deviations: two degenerate cases have a value, which RotorS leaves as NaN.
@@ -30,7 +30,7 @@ def downward_acceleration(
     velocity_error: Vec3,
     acceleration: Vec3,
 ) -> Vec3:
-    """Desired acceleration a_d (82), m/s^2, world axes; points down in hover, as the desired specific force is -a_d.
+    """Desired acceleration a_d, eq. (82) of Barakou et al. 2026, m/s^2, world axes; points down in hover.
 
     a_d = (Kp e_p + Kv e_v) / m - g e_3 - pdd_d
     """
@@ -62,12 +62,12 @@ def _unit(v: Vec3, length: Scalar, vanishes: Any, otherwise: Vec3) -> Vec3:
 
 
 def attitude_error(R_WB: Mat3, R_d: Mat3) -> Vec3:
-    """Attitude error e_R (83): vee(1/2 (R_d^T R - R^T R_d)); zero also at 180 degrees, an unstable equilibrium."""
+    """Attitude error e_R (83): vee(1/2 (R_d^T R - R^T R_d)), which vanishes also at 180 degrees."""
     return (R_d.T @ R_WB).vee_antisymmetric()
 
 
 def rate_error(w_B: Vec3, R_WB: Mat3, R_d: Mat3, yaw_rate: Scalar, form: str) -> Vec3:
-    """Body rate error e_w (84) against w_d = [0, 0, yaw rate] in the desired body's axes.
+    """Body rate error e_w, eq. (84), against the desired rate [0, 0, yaw rate] in the desired body's axes.
 
     "corrected" is Lee's w - R^T R_d w_d; "rotors_sim" is RotorS's own w - R_d^T R w_d, which differs once the yaw
     rate is not zero and the attitude is off.
@@ -104,7 +104,7 @@ def attitude_loop(
 
 
 def body_thrust(mass: Scalar, a_d: Vec3, R_WB: Mat3) -> Scalar:
-    """Thrust along the present body z, N: -m a_d . (R e_3); negative when the vehicle is on its back."""
+    """Thrust along the present body z, N: -m a_d . (R e_3); negative if the vehicle is upside down."""
     return mul(-mass, a_d.dot(R_WB.column(2)))
 
 

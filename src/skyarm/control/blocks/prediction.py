@@ -43,7 +43,7 @@ class Disturbance:
         )
 
     def blend_towards(self, new: Disturbance, share: Scalar, force_share: Scalar) -> Disturbance:
-        """Low-pass step towards a new disturbance, with a separate filter gain for its force."""
+        """Disturbance after one low-pass step towards a new one, with a separate filter gain for the force."""
         return Disturbance(
             force=vector_data(self.force + (new.force - self.force) * force_share),
             torque=vector_data(self.torque + (new.torque - self.torque) * share),
@@ -52,7 +52,7 @@ class Disturbance:
 
 
 def no_disturbance(joints: int) -> Disturbance:
-    """Zero disturbance (force, torque, joint efforts) as floats, for the initial state of a control law."""
+    """Disturbance of zero force, torque and joint efforts."""
     zero = Vec3(0.0, 0.0, 0.0)
     return Disturbance(force=zero, torque=zero, efforts=(0.0,) * joints)
 
@@ -62,14 +62,14 @@ SUBSTEPS = 5
 
 
 def rotor_wrench(model: Model, squares: Sequence[Scalar], sideways: bool = False) -> Force:
-    """Wrench of given squared rotor speeds in the mixer's model: torque and thrust (``sideways``: whole force)."""
+    """Force and torque of rotors at squared speeds in the mixer's model; ``sideways`` adds thrust across body z."""
     rows = allocation_matrix(model.vehicle, sideways)
     x, y, z, thrust, *across = (inner_product(row, squares) for row in rows)
     return Force(Vec3(x, y, z), Vec3(*(*(across or (0, 0)), thrust)))
 
 
 def side_wrench(model: Model, speeds: Sequence[Scalar], velocity_B: Vec3, rate: Vec3, sideways: bool = False) -> Force:
-    """Rotor wrench that the mixer omits: hub drag in still air, rolling moment, and thrust across body z."""
+    """Rotor force and torque that the mixer omits: hub drag in still air, rolling moment, thrust across body z."""
     total = Force(ZERO3, ZERO3)
     for rotor, speed in zip(model.vehicle.rotors, speeds, strict=True):
         total = total + rotor_force(rotor, speed, velocity_B + rate.cross(rotor.position))
@@ -122,7 +122,7 @@ def with_side(
     rate: Vec3,
     sideways: bool = False,
 ) -> Disturbance:
-    """Disturbance plus the rotor wrench that the mixer omits (:func:`side_wrench`), at a world velocity."""
+    """Disturbance plus the rotor force and torque that the mixer omits (:func:`side_wrench`)."""
     side = side_wrench(model, speeds, R.apply_T(velocity), rate, sideways)
     return Disturbance(
         force=unknown.force + R.apply(side.force),
@@ -141,7 +141,7 @@ def acceleration(
     efforts: Sequence[Scalar],
     unknown: Disturbance,
 ) -> tuple[Vec3, Vec3, tuple[Scalar, ...]]:
-    """Accelerations of the model: derivatives of world velocity, body rate and joint rates."""
+    """Modelled accelerations under an applied wrench, joint efforts and a disturbance: world, body, joints."""
     total = Force(applied.torque + unknown.torque, applied.force + R.apply_T(unknown.force))
     given = [limited_effort(link.joint, effort) for link, effort in zip(model.vehicle.links, efforts, strict=True)]
     return acceleration_under(model, R, rate, joints, joint_rates, total, given, unknown.efforts, joint_rates)
@@ -158,7 +158,7 @@ def acceleration_under(
     extra: Sequence[Scalar],
     dry_rates: Sequence[Scalar],
 ) -> tuple[Vec3, Vec3, tuple[Scalar, ...]]:
-    """Accelerations of the model under the total wrench ``total`` on the base, joint efforts and extra joint forces.
+    """Modelled accelerations under the total wrench on the base, joint efforts and further joint forces.
 
     ``efforts`` are what drives give, within their limits; friction is taken from them, its dry part at ``dry_rates``;
     ``extra`` acts on the joints beside them.
@@ -171,14 +171,14 @@ def acceleration_under(
 
 
 def motor_speeds(model: Model, speeds: Sequence[Scalar], command: Command, dt: Scalar) -> tuple[Scalar, ...]:
-    """Rotor speeds after ``dt`` seconds of a held command."""
+    """Modelled rotor speeds (rad/s) after ``dt`` seconds of a held command."""
     return speeds_after(model.vehicle.rotors, speeds, command.rotor_speeds, dt)
 
 
 def predict(
     model: Model, state: State, command: Command, unknown: Disturbance, dt: Scalar, sideways: bool = False
 ) -> State:
-    """State after one control period of a held command, by symplectic integration of the model."""
+    """Vehicle state after one control period of a held command, by symplectic integration of the model."""
     h = dt / SUBSTEPS
 
     def step(x: State) -> State:

@@ -9,12 +9,12 @@ from skyarm.algebra.scalars import Scalar, where
 
 
 def data(value: Any) -> Any:
-    """Convert an int constant to a float, so that a control law's internal state keeps its data types."""
+    """Float of an int constant, other values unchanged, so that a law's internal state keeps its data types."""
     return float(value) if type(value) is int else value
 
 
 def vector_data(v: Vec3) -> Vec3:
-    """Convert the int constants of a vector to floats, so that a control law's internal state keeps its data types."""
+    """Vector with int constants as floats, so that a law's internal state keeps its data types."""
     return Vec3(*(data(c) for c in v))
 
 

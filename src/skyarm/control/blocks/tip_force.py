@@ -28,7 +28,7 @@ AXES = (Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1))
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ForceErrors:
-    """Error scales of the tip force estimate: error of a torque or joint effort that counts as 1 N on the base."""
+    """Torque and effort errors that weigh as much as an error of 1 N on the base in the tip force estimate."""
 
     turning: Annotated[Scalar, Unit("N m", "of a joint that turns, as much as 1 N of the base's force")] = 0.0045
     sliding: Annotated[Scalar, Unit("N", "of a joint that slides, as much as 1 N of the base's force")] = 0.02
@@ -42,7 +42,7 @@ class ForceErrors:
 
 @dataclass(frozen=True, slots=True)
 class TipLevers:
-    """Tip Jacobian at one configuration: maps a force at the tip to base and joints.
+    """Tip position and Jacobian at one configuration, which map a force at the tip to base and joints.
 
     Attributes:
         vehicle: model. R: R_WB.
@@ -70,7 +70,7 @@ class TipLevers:
 
 
 def levers(vehicle: Vehicle, R: Mat3, joints: Sequence[Scalar]) -> TipLevers:
-    """Tip Jacobian at an attitude and joint positions."""
+    """Tip position and Jacobian at an attitude and joint positions."""
     frame = vehicle.frame()
     columns = tuple(column.linear for column in jacobian_columns(vehicle, frame, joints))
     return TipLevers(vehicle, R, frame_pose(vehicle, frame, joints).p, columns)
@@ -96,14 +96,14 @@ class LeastSquares:
         self.b: list[Scalar] = [0] * n
 
     def require(self, columns: Sequence[Any], wanted: Any, weight: Scalar) -> None:
-        """Add the term weight |columns x - b|^2 for the target b = ``wanted``, of numbers or vectors."""
+        """Add the term weight |columns x - wanted|^2, of numbers or vectors."""
         for i, c in enumerate(columns):
             self.b[i] = add(self.b[i], mul(weight, _product(c, wanted)))
             for j, d in enumerate(columns[: i + 1]):
                 self.A[i][j] = add(self.A[i][j], mul(weight, _product(c, d)))
 
     def prefer(self, values: Iterable[Scalar], weight: Scalar, first: int = 0) -> None:
-        """Add the term weight |x - values|^2 for the unknowns from index ``first`` on."""
+        """Add the term weight |x - values|^2 for consecutive unknowns, the first with index ``first``."""
         for i, value in enumerate(values, first):
             self.A[i][i] = add(self.A[i][i], weight)
             self.b[i] = add(self.b[i], mul(weight, value))

@@ -132,7 +132,7 @@ def stepped_computed_torque(
 def _present(
     memory: StepMemory, reference: Reference, dt: Scalar, par: StepParameters
 ) -> tuple[Reference, tuple[Any, ...], Any]:
-    """Reference extrapolated to the present, with the extrapolator's state and the age of the reference samples."""
+    """Reference extrapolated to the present, extrapolator states, and age of the held sample."""
     if par.steps < EXTRAPOLATION:
         return reference, (), memory.age
     series, channels, age = extrapolate(
@@ -177,7 +177,7 @@ def _estimate_disturbance(
 def _force(
     wanted: Vec3, measurement: Measurement, R: Mat3, qdd: Any, unknown: Disturbance, par: StepParameters
 ) -> Vec3:
-    """Desired rotor force, world axes, N, which also sets the desired thrust direction."""
+    """Desired rotor force (N, world axes), whose direction is the desired thrust axis."""
     vehicle = par.model.vehicle
     force: Vec3 = wanted * vehicle.mass - unknown.force
     if par.steps < COUPLED_THRUST:
@@ -211,7 +211,7 @@ def _turn(
 def _force_series(
     force: Vec3, measurement: Measurement, goal: Reference, R: Mat3, unknown: Disturbance, par: StepParameters
 ) -> Vec3:
-    """Desired force with two derivatives, from the reference, the tracking errors and the present thrust."""
+    """Desired force with two time derivatives, from reference, tracking errors and present thrust."""
     mass, b3 = par.model.vehicle.mass, R.column(2)
     per_mass = divide(1.0, mass)
     b3d = R.apply(measurement.rate.cross(E_Z))

@@ -28,7 +28,7 @@ from skyarm.sensing.measurement import Measurement
 def geometric_accelerations(
     par: Parameters, measurement: Measurement, reference: Reference, *, feedforward: bool
 ) -> tuple[Mat3, Vec3, Vec3]:
-    """Attitude R_WB, desired acceleration a_d of (82) (down in hover), and angular acceleration alpha_d of (85)."""
+    """Attitude R_WB, desired acceleration a_d of eq. (82), and angular acceleration alpha_d of eq. (85)."""
     R = measurement.quaternion.rotation()
     vehicle = par.model.vehicle
     a_d = downward_acceleration(
@@ -45,7 +45,7 @@ def geometric_accelerations(
 def rotors_sim_position(
     memory: Any, measurement: Measurement, reference: Reference, dt: Scalar, *, par: Parameters
 ) -> tuple[Any, Command]:
-    """RotorS's geometric position controller for the base; zero joint torques."""
+    """RotorS's geometric position controller for the base, with zero joint torques."""
     del dt
     speeds = _base_speeds(par, measurement, reference, feedforward=True)
     return memory, Command(rotor_speeds=speeds, efforts=(0.0,) * par.model.vehicle.n)
@@ -54,7 +54,7 @@ def rotors_sim_position(
 def decoupled_pd(
     memory: Any, measurement: Measurement, reference: Reference, dt: Scalar, *, par: Parameters
 ) -> tuple[Any, Command]:
-    """The paper's baseline: RotorS's controller for the base, PD with simplified gravity for the joints.
+    """Baseline of Barakou et al. 2026: RotorS's controller for the base, joint PD with simplified gravity.
 
     tau = Kp e + Kd ed + G(joints) at R = 1, limited to the joint's effort. Position and velocity references only.
 
@@ -114,14 +114,14 @@ def generalized_force(
 
 
 def level_joint_gravity(model: Model, joints: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
-    """Joint torques that hold the arm against gravity under a level base, (78)-(79), for any arm."""
+    """Joint torques that hold the arm against gravity under a level base, eq. (78)-(79)."""
     still = (0,) * model.vehicle.n
     level = Motion(ZERO3, E_Z * model.gravity)
     return dynamics.inverse_dynamics(model.vehicle, joints, ZERO3, still, level, still)[1]
 
 
 def joint_accelerations(par: Parameters, measurement: Measurement, reference: Reference) -> tuple[Scalar, ...]:
-    """Desired joint accelerations, eq. (92): PD, plus the reference's acceleration if that is fed forward."""
+    """Desired joint accelerations, eq. (92): PD plus, if fed forward, the reference's acceleration."""
     pd = _joint_pd(par, measurement, reference)
     if not par.terms.feedforward:
         return pd

@@ -1,4 +1,4 @@
-"""Two contact laws based on those of Barakou et al. 2026: hybrid force/motion control, and admittance control.
+"""Hybrid force/motion control and admittance control, built on the laws of Barakou et al. 2026.
 
 Both share an observer whose estimates are not compensated, only read: the tip's force along the surface's normal, its
 bias, touch and loss are those of the centroidal law (:mod:`skyarm.control.laws.centroidal.interaction`), so that only
@@ -71,7 +71,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PressingParameters(Parameters):
-    """Constants of the two contact laws (hybrid, admittance), in addition to those of the paper's laws."""
+    """Constants of hybrid force control and admittance control: observer and contact force controller."""
 
     observer: ObserverGains
     interaction: InteractionGains
@@ -79,7 +79,7 @@ class PressingParameters(Parameters):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PressingMemory:
-    """Internal state of the two contact laws: disturbance observer, contact force controller and last command.
+    """Internal state of hybrid force control and admittance control.
 
     Attributes:
         started: 0 before the first measurement. observed: of the observer. sent: the last command. interaction: of
@@ -113,7 +113,7 @@ class Touch:
 def observe_contact(
     memory: PressingMemory, measurement: Measurement, reference: Reference, dt: Scalar, par: PressingParameters
 ) -> tuple[PressingMemory, Touch | None]:
-    """One period of disturbance observer and contact detection; no contact state unless contact is requested."""
+    """Step of disturbance observer and contact detection; the contact is None unless the reference requests one."""
     vehicle = par.model.vehicle
     free = (1.0,) * (1 + vehicle.n)
     observed = observe_uncompensated(
@@ -143,7 +143,7 @@ def shift_base(reference: Reference, n: Vec3, shift: tuple[Scalar, Scalar, Scala
 
 
 def thresholds(model: Model, forces: Any) -> InteractionGains:
-    """Contact detection constants from two normal forces, N: contact above the first, loss below the second.
+    """Contact detection constants from two normal forces (N), those of contact and of its loss.
 
     Raises:
         ControllerError: forces that are none, or a vehicle whose joints move no tip.
@@ -157,7 +157,7 @@ def thresholds(model: Model, forces: Any) -> InteractionGains:
 
 
 def first_memory(par: PressingParameters) -> PressingMemory:
-    """Initial internal state of the two contact laws: no command, no contact."""
+    """Initial internal state of hybrid force control and admittance control, without contact."""
     vehicle = par.model.vehicle
     return PressingMemory(
         started=0.0,
@@ -176,7 +176,7 @@ VAGUE = 0.01
 def hybrid_ct(
     memory: PressingMemory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: PressingParameters
 ) -> tuple[PressingMemory, Command]:
-    """Hybrid force/motion control: the paper's computed torque across the normal, force control along it."""
+    """Hybrid force/motion control: computed torque across the surface normal, force control along it."""
     after, touch = observe_contact(memory, measurement, reference, dt, par)
     if touch is None:
         _, command = hybrid_computed_torque((), measurement, reference, dt, par=par)
@@ -196,7 +196,7 @@ def level_tip(vehicle: Vehicle, reference: Reference) -> Vec3:
 
 
 def pressing_command(par: PressingParameters, measurement: Measurement, reference: Reference, touch: Touch) -> Command:
-    """Command of the paper's law plus the contact force command along the normal."""
+    """Computed torque command plus the contact force command along the surface normal."""
     vehicle, R = par.model.vehicle, measurement.quaternion.rotation()
     up = wanted_specific_force(par, measurement, reference)
     known = touch.at.disturbance(touch.pressing.n * touch.pressing.order)
@@ -210,7 +210,7 @@ def pressing_command(par: PressingParameters, measurement: Measurement, referenc
 
 
 def release_normal(touch: Touch, wanted: Sequence[Scalar]) -> tuple[Scalar, ...]:
-    """Joint accelerations that leave only damping of the tip along the surface normal, while the tip presses."""
+    """Joint accelerations whose part along the surface normal is replaced by damping while the tip presses."""
     own = touch.at.R.apply_T(touch.pressing.n)
     row = [own.dot(column) for column in touch.at.columns]
     length: Scalar = VAGUE * VAGUE
@@ -237,7 +237,7 @@ LEAST = 0.01
 def admittance_pd(
     memory: PressingMemory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: PressingParameters
 ) -> tuple[PressingMemory, Command]:
-    """Admittance control: the paper's baseline with its reference shifted by a virtual mass."""
+    """Admittance control: decoupled PD control of a reference that a virtual mass shifts."""
     after, touch = observe_contact(memory, measurement, reference, dt, par)
     if touch is not None:
         shift = admittance_motion(par, memory, touch, dt)
@@ -254,7 +254,7 @@ def admittance_pd(
 def admittance_motion(
     par: PressingParameters, memory: PressingMemory, touch: Touch, dt: Scalar
 ) -> tuple[Scalar, Scalar, Scalar]:
-    """Position, velocity and acceleration (m, s) of the virtual mass along the normal, one period later."""
+    """Position, velocity and acceleration of the virtual mass along the normal, one period later."""
     s, rate = memory.interaction.shift, memory.interaction.shift_rate
     damping = divide(maximum(touch.force, LEAST), maximum(touch.speed, LEAST))
     driven = divide(touch.along - touch.force, damping)  # m/s, at which it would settle

@@ -51,7 +51,7 @@ SPEEDS = {"rotor_speeds": Unit("rad/s", "unsigned, in the order of the rotors ab
 
 
 def units_of(joint: Joint, vehicle: Vehicle) -> str:
-    """Text with a joint's kind, position unit and command unit (effort or drive setpoint)."""
+    """Text with a joint's kind, position unit and command unit."""
     slides = not joint.turns
     drive = drives_of(vehicle).get(joint.name, TORQUE_DRIVE)
     takes = drive.takes.split(" or ")[-1 if slides else 0]
@@ -61,18 +61,18 @@ def units_of(joint: Joint, vehicle: Vehicle) -> str:
 
 
 def drives_of(vehicle: Vehicle) -> dict[str, Any]:
-    """Drives by joint name, of the joints commanded by a setpoint other than torque."""
+    """Drives by joint name of the joints that take a setpoint other than torque."""
     return {each.name: each.drive for each in vehicle.drives if not isinstance(each.drive, TorqueDrive)}
 
 
 def command_units(vehicle: Vehicle, *place: str) -> Units:
-    """Units of the fields of a command at a struct path; empty (default units) if all joints take torques."""
+    """Units of a command's fields in the C struct at ``place``; empty if all joints take torques."""
     return {place: SPEEDS | SETPOINTS} if drives_of(vehicle) else {}
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FilterReadings:
-    """Sensor inputs of an exported state estimator: latest measurements with time stamps; empty for unused sensors.
+    """Sensor inputs of an exported state estimator, with time stamps; empty for unused sensors.
 
     The time stamp shows whether a reading is new; where none has arrived, the previous one is repeated. The force at
     the tip bypasses the filter, to a law that uses it.
@@ -88,7 +88,7 @@ class FilterReadings:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class EstimatedConstants:
-    """Constants of law and state estimator, and the time between two calls (s)."""
+    """Constants of an exported law and of its state estimator, and the time between two calls (s)."""
 
     parameters: Any
     estimator: ErrorStateFilter
@@ -127,7 +127,7 @@ def first_estimated_memory(controller: Controller, estimator: ErrorStateFilter) 
 
 
 def estimated_law(controller: Controller) -> Callable[..., tuple[EstimatedMemory, Command]]:
-    """Step function (constants, readings, reference, memory) -> (memory, command) of a law behind a state estimator."""
+    """Step function (constants, readings, reference, memory) -> (memory, command) of state estimator and law."""
     law = checked_law(controller)
 
     def step(
@@ -163,7 +163,7 @@ NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
 
 @dataclasses.dataclass(frozen=True, kw_only=True, slots=True)
 class Constants:
-    """Constants of a law, and the time between two calls (s)."""
+    """Constants of an exported law, and the time between two calls (s)."""
 
     parameters: Any
     period: Annotated[float, Unit("s", "between two calls")]
@@ -233,7 +233,7 @@ def export_c(
 
 
 def _examples(controller: Controller, period: float, estimator: ErrorStateFilter | None) -> dict[str, Any]:
-    """Example inputs of the exported C function: array shapes, and default values for constants and internal state."""
+    """Example inputs of the exported C function, which give array lengths and default values."""
     vehicle = controller.par.model.vehicle
     joints = (0.0,) * vehicle.n
     arm: dict[str, Any] = {f"joint{word}": joints for word in ("s", "_rates", "_accelerations", "_jerks", "_snaps")}
@@ -251,7 +251,7 @@ def _examples(controller: Controller, period: float, estimator: ErrorStateFilter
 
 
 def _blank(controller: Controller) -> Measurement:
-    """Example measurement for a law without a state estimator."""
+    """Placeholder measurement with the array lengths of the controller's vehicle."""
     vehicle = controller.par.model.vehicle
     return blank_measurement(vehicle.n, len(vehicle.rotors), len(vehicle.tilts), tip_force=_axes_at_tip(controller))
 
@@ -319,7 +319,7 @@ def _on_torque(controller: Controller) -> Units:
 
 
 def _member(path: Place) -> str:
-    """Name of a struct member from a field path, as link0_mass from (..., "links", "0", "body", "mass")."""
+    """Name of a C struct member from a field path, as link0_mass from (..., "links", "0", "body", "mass")."""
     words: list[str] = []
     for part in path:
         if part.isdigit() and words and words[-1] in SHORTER.values():

@@ -1,4 +1,4 @@
-"""Limits on references and commands in the safety layer.
+"""Limits on references and commands in the safety layer, and the joint-limit barrier.
 
 Reference: a wrapper sees neither the law's attitude loop nor its gains, but it may move the reference. With the law
 taken for a = stiffness e_p + damping e_v + a_ref, the errors and a_ref are scaled together, which keeps the balance of
@@ -98,7 +98,7 @@ def _limit_length(v: Vec3, longest: Scalar) -> Vec3:
 
 
 def _longer(v: Vec3, shortened: Vec3) -> Any:
-    """True where the vector ``shortened`` is shorter than ``v``."""
+    """True if the vector ``v`` is longer than ``shortened``."""
     return _length(shortened) < _length(v)
 
 
@@ -113,7 +113,7 @@ def govern_joints(
     model: Model,
     limits: Limits,
 ) -> tuple[Reference, tuple[Scalar, ...]]:
-    """Joint references clipped to the joint limits and limited in rate where they jump by more than ``steps``.
+    """Joint references clipped to joint limits, and limited in rate after a jump by more than ``steps``.
 
     Args:
         reference: wanted.
@@ -186,7 +186,7 @@ def with_priorities(model: Model, mixer: Mixer) -> Mixer:
 
 
 def reachable(model: Model, mixer: Mixer, speeds: Sequence[Scalar]) -> tuple[Scalar, ...]:
-    """Rotor speeds within limits: mixed again from their torque and thrust where one exceeds its limit.
+    """Rotor speeds reallocated from their torque and thrust where one exceeds its limit, else unchanged.
 
     A law that commands more than it needs, to undo the motors' lag, may command such speeds with any mixer.
     """
@@ -208,7 +208,7 @@ def reachable(model: Model, mixer: Mixer, speeds: Sequence[Scalar]) -> tuple[Sca
 def limit_slew(
     command: Command, last: Command, started: Scalar, rotor_slew: Scalar, effort_slew: Sequence[Scalar], dt: Scalar
 ) -> Command:
-    """Limit the change of a command since the last one by slew rates; the first command is unlimited."""
+    """Command whose change since the last command is limited in rate; the first command is unlimited."""
 
     def near(value: Any, before: Any, slew: Scalar) -> Scalar:
         step = mul(slew, dt)
@@ -227,7 +227,7 @@ def limit_slew(
 def apply_joint_barrier(
     model: Model, limits: Limits, measurement: Measurement, efforts: Sequence[Scalar]
 ) -> tuple[Scalar, ...]:
-    """Joint efforts modified by a barrier function so that no joint reaches its limits.
+    """Joint efforts corrected by a control barrier function so that no joint reaches its limits.
 
     With d the distance to a limit (less the margin) and k the pole, d'' + 2 k d' + k^2 d >= 0 bounds the acceleration
     towards it; 4 k (speed - rate) bounds it near the largest speed. The model says which accelerations the efforts and

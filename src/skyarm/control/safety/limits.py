@@ -35,7 +35,7 @@ USUAL = (5.0, 2.7)
 
 
 def law_stiffness(controller: Controller) -> tuple[float, float]:
-    """Stiffness and damping (1/s^2, 1/s) of a law: vertical acceleration per position and velocity error in hover.
+    """Position and velocity gain (1/s^2, 1/s) of a law, from its vertical response to small errors in hover.
 
     Vertical, because there the thrust answers in the same period; horizontal gains are taken to be the same. Each call
     starts from the first memory, so that an observer has nothing to learn.
@@ -82,7 +82,7 @@ _limit = partial(_finite, infinite=True)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Limits:
-    """Limits of references, commands and states in the safety layer; tuples have one entry per joint.
+    """Limits of references, commands and states in the safety layer.
 
     Attributes:
         tilt: rad, largest tilt that position and velocity errors together may request.
@@ -162,7 +162,7 @@ USUAL_JOINTS = {
 
 
 def usual_joint_errors(vehicle: Vehicle, *, keeps_tip: bool) -> tuple[float, ...]:
-    """Default ``trusted_joint_error`` of each joint, larger for a law that moves the joints to hold the tip."""
+    """Default ``trusted_joint_error`` of each joint, larger if the law uses the joints to hold the tip."""
     usual = [USUAL_JOINTS[link.joint.kind] for link in vehicle.links]
     return tuple(each.tip_error if keeps_tip else each.error for each in usual)
 

@@ -1,4 +1,4 @@
-"""Supervisor of a control law, and the recovery law that takes over on failure.
+"""Failure detection for a control law, and the recovery law that takes over.
 
 The recovery hovers level where the law was given up, the arm on its way to its stowed pose.
 """
@@ -50,7 +50,7 @@ CALM_TILT, CALM_RATE, CALM_SPEED = math.radians(15.0), 1.0, 0.5
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Confidence:
-    """State of the supervisor that decides between a law and the recovery.
+    """State of the failure detection that decides between a law and the recovery.
 
     Attributes:
         given_up: 1 while the recovery flies.
@@ -79,7 +79,7 @@ def not_finite(record: Any) -> Scalar:
 def update_confidence(
     limits: Limits, confidence: Confidence, measurement: Measurement, joints: Any, failed: Any, dt: Scalar
 ) -> Confidence:
-    """Supervisor state after one measurement.
+    """State of the failure detection after one measurement.
 
     A law is given up when it failed (a command or a memory that is not finite, an attitude where it is not defined), at
     once when the vehicle is beyond ``lost_*``, and after ``patience`` s beyond ``trusted_*``: a large attitude error
@@ -132,7 +132,7 @@ class Recovery:
 
 
 def stow_position(joint: Joint) -> float:
-    """Stowed position of a joint: middle of its range; if unbounded on a side, zero or the nearest allowed value."""
+    """Stowed position of a joint: middle of its range, or the allowed value nearest to zero if unbounded."""
     low, high = float(joint.lower), float(joint.upper)
     if low > -float("inf") and high < float("inf"):
         return 0.5 * (low + high)
@@ -140,7 +140,7 @@ def stow_position(joint: Joint) -> float:
 
 
 def pose_of(stow: Any, links: tuple[Link, ...]) -> tuple[float, ...]:
-    """Stowed arm pose from a user's option, after a check: one number per joint, within the joint limits."""
+    """Stowed arm pose from a user's option: one number per joint, within the joint limits."""
     listed = stow if isinstance(stow, (str, bytes)) or not hasattr(stow, "__iter__") else list(stow)
     if not isinstance(listed, list) or len(listed) != len(links):
         raise ControllerError(f"safety.stow = {shown(listed)}: must be {len(links)} numbers, one per joint")

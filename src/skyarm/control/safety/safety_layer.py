@@ -50,7 +50,7 @@ from skyarm.sensing.measurement import Measurement
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SafetyParameters(LayerParameters):
-    """Constants of a law with the safety layer; its mixer has priorities if the rotors allow them.
+    """Constants of a law inside the safety layer: limits and recovery law.
 
     Attributes:
         limits: of references and commands. recovery: law that flies when the other is given up.
@@ -103,7 +103,7 @@ def first_memory(controller: Controller) -> SafetyMemory:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Governed:
-    """Limited (governed) reference of a law.
+    """Reference of the law after the safety layer's limits, with flags of the limited joints.
 
     Attributes:
         reference: governed. ramping: 1 for each joint whose reference is on its way.
@@ -118,7 +118,7 @@ class Governed:
 def govern(
     par: SafetyParameters, memory: SafetyMemory, measurement: Measurement, reference: Reference, dt: Scalar
 ) -> Governed:
-    """Limit the reference before it reaches the law."""
+    """Reference for the law within the safety layer's limits."""
     limits = par.limits
     joints = choose_each(memory.started > 0.5, memory.joints, measurement.joints)
     base = govern_base(
@@ -144,7 +144,7 @@ def arbitrate(
     failed: Any,
     dt: Scalar,
 ) -> SafetyMemory:
-    """Select the law or the recovery, and return the safety layer's next internal state.
+    """Choose between the law and the recovery; return the safety layer's next internal state.
 
     Args:
         par: constants.
@@ -175,7 +175,7 @@ def arbitrate(
 
 
 def _place(before: Any, memory: SafetyMemory, measurement: Measurement) -> tuple[Vec3, Scalar]:
-    """Hover position and heading for the recovery: tracks the measurement while the law flies, held afterwards."""
+    """Hover position and heading of the recovery, which follow the measurement while the law flies."""
     hold = choose(before, memory.hold, measurement.position)
     return hold, where(before, memory.yaw, yaw_of(measurement.quaternion))
 
@@ -206,7 +206,7 @@ def _hold_reference(
 def limit_command(
     par: SafetyParameters, memory: SafetyMemory, measurement: Measurement, command: Command, dt: Scalar
 ) -> Command:
-    """Limit the command to actuator limits, slew rates and the joint barrier."""
+    """Command within actuator limits, slew rates and the joint barrier."""
     limits = par.limits
     held = within_efforts(limits, command.efforts)
     if held:
@@ -233,7 +233,7 @@ FAILURES = (ArithmeticError, ValueError, RuntimeError)
 def with_safety_layer(
     controller: Controller, limits: Limits | Mapping[str, Any] | None = None, *, stow: tuple[float, ...] | None = None
 ) -> Controller:
-    """Return the controller wrapped in the safety layer.
+    """Wrap a controller in the safety layer.
 
     In order, each period: the reference is governed (:mod:`skyarm.control.safety.bounds`); the law steps on it; if
     it is given up (:mod:`skyarm.control.safety.recovery`) the recovery flies in its place, the arm on its way to
@@ -292,7 +292,7 @@ def with_safety_layer(
 
 
 def _limits(controller: Controller, limits: Any) -> Limits:
-    """Check the given safety limits and fill in defaults."""
+    """Safety limits from a user's option, with defaults for omitted fields."""
     if limits is None:
         return limits_for(controller)
     if isinstance(limits, Limits):
@@ -303,7 +303,7 @@ def _limits(controller: Controller, limits: Any) -> Limits:
 
 
 def _layer(controller: Controller) -> Law:
-    """Step function of a law with the safety layer, as a picklable partial."""
+    """Step function of a law inside the safety layer, as a picklable partial."""
     step = _traced_law if controller.compiled else _called_law
     return partial(step, inner=checked_law(controller), first=controller.memory, margin=controller.margin)
 
@@ -319,7 +319,7 @@ def _traced_law(
     first: Any,
     margin: Callable[[Any], Any] | None,
 ) -> tuple[SafetyMemory, Command]:
-    """Step of a traceable law with the safety layer: limited reference and command, recovery on failure.
+    """Step of a traceable law inside the safety layer: limited reference and command, recovery on failure.
 
     ``inner`` is the law, ``first`` its first memory and ``margin`` its distance to where it is not defined.
     """
@@ -347,7 +347,7 @@ def _called_law(
     first: Any,
     margin: Callable[[Any], Any] | None,
 ) -> tuple[SafetyMemory, Command]:
-    """One step, in plain floats, of a law that cannot be traced, with the safety layer around that law."""
+    """Step, in plain floats, of an untraceable law inside the safety layer."""
     if not finite(measurement):
         return memory, memory.sent
     governed = govern(par, memory, measurement, reference, dt)

@@ -51,14 +51,14 @@ def _towards(old: Scalar, new: Scalar, share: Scalar) -> Scalar:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Regressor:
-    """Regressor of one joint's adaptation: effort per kg at the tip, position and rate of the planned motion."""
+    """Adaptation regressor of one joint: effort per kg at the tip, planned position and planned rate."""
 
     load: Annotated[Scalar, Unit("N m/kg or N/kg", "effort of 1 kg at the tip in the planned motion, late")]
     place: Annotated[Scalar, Unit("rad or m", "planned position, late")]
     rate: Annotated[Scalar, Unit("rad/s or m/s", "planned rate, late")]
 
     def towards(self, new: Regressor, share: Scalar) -> Regressor:
-        """Low-pass filter step towards a new regressor."""
+        """Regressor after one low-pass step towards a new regressor."""
         pairs = ((self.load, new.load), (self.place, new.place), (self.rate, new.rate))
         load, place, rate = (_towards(a, b, share) for a, b in pairs)
         return Regressor(load=load, place=place, rate=rate)
@@ -66,7 +66,7 @@ class Regressor:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class JointLearned:
-    """Adapted friction and effort offset of one joint, with the filtered signals used for the adaptation.
+    """Adaptation state of one joint: friction damping, effort offset and slope, and filtered signals.
 
     ``once`` and ``twice`` are the planned signals after one and two stages of the observer's lag.
     """
@@ -80,7 +80,7 @@ class JointLearned:
     off: Annotated[Scalar, Unit("(rad/s)^2 or (m/s)^2", "mean square of what the rate is off")]
 
     def filtered(self, regressor: Regressor, rate: Scalar, share: Scalar, dt: Scalar) -> JointLearned:
-        """Filtered regressor one period later, with statistics of how well the joint tracks its planned rate."""
+        """Joint state with filtered regressors and rate-tracking statistics, one period later."""
         once, slow = self.once.towards(regressor, share), low_pass_share(FOLLOWING, dt)
         off = sub(rate, regressor.rate)
         return dataclasses.replace(
@@ -92,7 +92,7 @@ class JointLearned:
         )
 
     def trust(self, slow: Scalar) -> Scalar:
-        """Adaptation weight of a joint: 1 if it tracks its planned rate, 0 from an RMS error of 0.7 of that rate."""
+        """Adaptation weight of a joint, 0 to 1, from how well the joint tracks its planned rate."""
         return maximum(0.0, sub(1.0, divide(mul(2.0, self.off), add(self.moving, slow))))
 
     def learned(
@@ -104,7 +104,7 @@ class JointLearned:
         limits: tuple[Scalar, Scalar],
         dt: Scalar,
     ) -> JointLearned:
-        """Adapted friction damping, and offset and position slope of the observed effort, after one gradient step."""
+        """Joint state after one gradient step of damping, effort offset and position slope."""
         (small, slow), (low, high), place, rate = least, limits, self.twice.place, self.twice.rate
         error = mul(weight, sub(sub(left, self.level), mul(self.slope, place)))
         step = divide(mul(error, rate), add(mul(rate, rate), slow))
@@ -119,7 +119,7 @@ class JointLearned:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Learned:
-    """Adapted tip mass and joint parameters, and their feed-forward as a known disturbance in the next period."""
+    """Adapted tip mass and joint friction, and the resulting feed-forward of the next period."""
 
     tip_mass: Annotated[Scalar, Unit("kg", "adapted")]
     joints: tuple[JointLearned, ...]
@@ -157,7 +157,7 @@ class AdaptationGains(Part):
 
 
 def adaptation_gains(vehicle: Vehicle, gains: Mapping[str, Any], limit: float) -> AdaptationGains | None:
-    """Adaptation constants from the law's options, None if disabled; without tip mass if the load estimate is on."""
+    """Adaptation constants from the law's options; None if neither tip mass nor friction is adapted."""
     load = gains["adaptation"] if vehicle.n and vehicle.end_effector and not gains["load"] else 0.0
     friction = gains["friction_adaptation"] if vehicle.n else 0.0
     if not load and not friction:
@@ -184,7 +184,7 @@ def adapt(
     free: Sequence[Scalar],
     dt: Scalar,
 ) -> Learned:
-    """Adapted estimates of tip mass, joint friction and effort one period later.
+    """Adapted tip mass, joint friction and feed-forward one period later.
 
     ``rates`` of the joints now; ``left``: efforts of the observer; ``free``: 1 or 0 for the base and each joint,
     0 holds its estimates.

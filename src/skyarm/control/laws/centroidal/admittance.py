@@ -46,7 +46,7 @@ FASTEST = 50.0
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Compliance:
-    """Virtual mass, damping and stiffness of the admittance for each axis; a mass of int 0 locks that axis."""
+    """Virtual mass, damping and stiffness of the admittance along three axes; an axis of mass int 0 is locked."""
 
     inertia: Annotated[tuple[Scalar, ...], Unit("kg", "of the virtual body; 0 holds an axis", low=0.0)]
     damping: Annotated[tuple[Scalar, ...], Unit("N s/m", "along each axis", low=0.0)]
@@ -57,14 +57,14 @@ class Compliance:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class VirtualBody:
-    """State of the admittance's virtual body: offset from the reference, and rate, along each axis."""
+    """State of the admittance's virtual body: offset from the reference and its rate along three axes."""
 
     offset: Annotated[tuple[Scalar, ...], Unit("m", "from the reference, along each axis")] = (0.0, 0.0, 0.0)
     rate: Annotated[tuple[Scalar, ...], Unit("m/s", "along each axis, without the lead")] = (0.0, 0.0, 0.0)
 
 
 def move(gains: Compliance, memory: VirtualBody, force: Vec3, dt: Scalar) -> tuple[VirtualBody, tuple[Vec3, ...]]:
-    """Next state of the virtual body under a force (N), and the body's offset with two derivatives (m, world axes)."""
+    """Next state of the virtual body under a force (N), and its offset with two derivatives (m, world axes)."""
     along = [axis.dot(force) for axis in gains.axes] if gains.axes else list(force)
     axes = zip(gains.inertia, gains.damping, gains.stiffness, memory.offset, memory.rate, along, strict=True)
     rates, motions = zip(*(_axis_step(axis, gains.lead, dt) for axis in axes), strict=True)
@@ -76,7 +76,7 @@ def move(gains: Compliance, memory: VirtualBody, force: Vec3, dt: Scalar) -> tup
 
 
 def _axis_step(axis: Sequence[Scalar], lead: Scalar, dt: Scalar) -> tuple[Scalar, tuple[Scalar, Scalar, Scalar]]:
-    """One integration step of the virtual body along one axis: its rate, then offset, velocity and acceleration."""
+    """Integration step of the virtual body along one axis: its rate, and offset, velocity, acceleration."""
     M, D, K, x, w, f = axis
     if type(M) is int:
         return data(w), (0, 0, 0)
@@ -95,7 +95,7 @@ def _axis_step(axis: Sequence[Scalar], lead: Scalar, dt: Scalar) -> tuple[Scalar
 
 
 def along_world(axes: Sequence[Vec3], values: Sequence[Scalar]) -> Vec3:
-    """Vector in world axes from its components along the given axes."""
+    """World-axes vector from components along given unit vectors."""
     if not axes:
         return Vec3(*values)
     first, second, third = (axis * value for axis, value in zip(axes, values, strict=True))
@@ -156,7 +156,7 @@ class AdmittanceGains(Part):
         return memory
 
     def force_cleared(self, memory: AdmittanceMemory) -> Scalar:
-        """1 if the observed disturbance has been free of an external force for a while, else 0."""
+        """Flag of 1 if no external force has counted for a while, else 0."""
         return where(memory.quiet > self.rest, 1.0, 0.0)
 
 
@@ -169,7 +169,7 @@ def shift_reference(
     reading: Sequence[Scalar],
     dt: Scalar,
 ) -> tuple[AdmittanceMemory, list[Taylor]]:
-    """One admittance step: next admittance state, and the reference signals with x, y and z shifted."""
+    """Admittance step: next admittance state, and reference signals with x, y and z shifted by the virtual body."""
     at = levers(vehicle, observed.quaternion.rotation(), observed.joints)
     d = disturbance(observed)
     estimate = tip_force(gains.errors, at, d - memory.bias)
@@ -188,7 +188,7 @@ def shift_reference(
 def detect(
     gains: Detection, memory: AdmittanceMemory, observed: Disturbance, force: Vec3, dt: Scalar
 ) -> AdmittanceMemory:
-    """Update the detection of an external force, and the bias of the observed disturbance."""
+    """Admittance state with updated external-force detection and disturbance bias."""
     settled = memory.age >= gains.settle
     loud = logical_and(settled, memory.force.dot(memory.force) > gains.threshold * gains.threshold)
     quiet = where(loud, 0.0, memory.quiet + dt)

@@ -1,4 +1,4 @@
-"""Tracking of the centre of mass: the required force, with two derivatives.
+"""Centre-of-mass tracking: the force that the law requires, with two derivatives.
 
 p_c,d = p_d + R_q h(th_d): the base's reference plus the arm's, with R_q the quasi-static attitude. Taking R_q from the
 force of the centre of mass itself would invert the zero dynamics h theta'' + g theta = x'', which are undamped for a
@@ -26,7 +26,7 @@ from skyarm.records.units import Unit
 
 @dataclass(frozen=True, slots=True)
 class Thrust:
-    """Force on the centre of mass: desired and achievable, with the resulting acceleration.
+    """Desired and achievable force on the centre of mass, and the resulting acceleration.
 
     Attributes:
         force: desired, series of second order, world axes, N.
@@ -43,7 +43,7 @@ class Thrust:
 def quasi_static(
     par: CentroidalParameters, mass: Scalar, base: list[Vec3], disturbance: Vec3, rates: Sequence[Vec3] = (ZERO3, ZERO3)
 ) -> Vec3:
-    """Force required by the base's reference without feedback, m (p_d'' + g) - d, N, with two derivatives.
+    """Force (N, two derivatives) that the base's reference requires without feedback: m (p_d'' + g) - d.
 
     ``rates`` are known derivatives of the disturbance, N/s and N/s^2.
     """
@@ -58,7 +58,7 @@ def quasi_static(
 
 
 def goal(base: list[Vec3], h: list[Vec3], still: Attitude, moving: bool) -> list[Vec3]:
-    """Reference of the centre of mass with four derivatives, from that of the base and the offset h in base axes.
+    """Reference of the centre of mass, with four derivatives, from the base's reference and the offset h.
 
     ``moving`` differentiates R_q too, in velocity and acceleration.
     """
@@ -88,7 +88,7 @@ def thrust(
     force_bend: Vec3 = ZERO3,
     reach: Reach | None = None,
 ) -> Thrust:
-    """Tracking force m (p_c,d'' + g e_3 + PD) - d on the centre of mass, and its derivatives, N.
+    """Force on the centre of mass for tracking, m (p_c,d'' + g e_3 + PD) - d, with derivatives, N.
 
     ``wanted`` is the reference of the centre of mass, value to fourth derivative, ``position`` and ``velocity`` its
     present ones; ``force_rate`` and ``force_bend`` are known derivatives of the disturbance.
@@ -119,7 +119,7 @@ def thrust(
 
 
 def _attraction(par: CentroidalParameters, errors: list[Vec3]) -> Vec3:
-    """Derivative (of the highest order given) of the position feedback kp e, reduced for large errors to allow braking.
+    """Position feedback kp e or its derivative, reduced for large errors so that braking remains possible.
 
     kp e + kv e' settles at the velocity kp / kv e, which no bounded thrust can stop from far away. With
     e_0 = 2 a (kv / kp)^2, kp e / (1 + |e / e_0|^4)^(1/8) settles at sqrt(2 a |e|) there, which falls at the rate a.
@@ -137,7 +137,7 @@ def _attraction(par: CentroidalParameters, errors: list[Vec3]) -> Vec3:
 
 
 def _soft_limit(pull: list[Vec3], limit: Scalar) -> Vec3:
-    """Derivative (of the highest order given) of the smooth saturation pull / sqrt(1 + |pull|^2 / limit^2)."""
+    """Feedback acceleration or its derivative after the smooth saturation pull / sqrt(1 + |pull|^2 / limit^2)."""
     series = [Taylor.of_derivatives(each) for each in zip(*pull, strict=True)]
     square = series[0] * series[0] + series[1] * series[1] + series[2] * series[2]
     share = 1.0 / sqrt(square * divide(1.0, limit * limit) + 1.0)
@@ -155,7 +155,7 @@ SMALL = 1e-9
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ArmMotion:
-    """Filter state of the arm's motion: intensity of the motion, and slow mean of the centre of mass."""
+    """Filter state of the arm's motion: intensity, and slow mean of the centre of mass."""
 
     size: Annotated[Scalar, Unit("rad/s^2", "angular acceleration that the arm's motion asks for")]
     mean: Annotated[Vec3, Unit("m", "slow mean of the common centre of mass, base axes")]
@@ -173,7 +173,7 @@ def update_arm_motion(memory: ArmMotion, com: Vec3, gravity: Scalar, dt: Scalar)
 
 
 def compensated_motion(memory: ArmMotion, limit: Scalar, h: list[Vec3]) -> list[Vec3]:
-    """Centre of mass and its derivatives, base axes, blended towards a slow mean while the arm moves fast."""
+    """Centre-of-mass offset with derivatives, blended towards its slow mean while the arm moves fast."""
     left = 1.0 - minimum(1.0, divide(limit, memory.size + SMALL))
     mean = [memory.mean]
     for each in h[:-1]:

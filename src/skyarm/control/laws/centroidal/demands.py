@@ -1,4 +1,4 @@
-"""Demands of the law at one instant: thrust, angular acceleration and joint accelerations."""
+"""Desired thrust, angular acceleration and joint accelerations of the centroidal law."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Planned:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Demand:
-    """Demand of the law at one instant: thrust, angular acceleration and joint accelerations.
+    """Desired thrust, angular acceleration and joint accelerations of one control step.
 
     Attributes:
         thrust: N, along body z. across: N, body axes.
@@ -73,7 +73,7 @@ class Demand:
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """Desired configuration of the vehicle at one instant: base motion, quasi-static attitude, posture and joints.
+    """Desired motion of base and arm at one instant, with the quasi-static attitude.
 
     Attributes:
         base: of the base origin, value to fourth derivative, world axes.
@@ -94,7 +94,7 @@ class Course:
 
 
 def demands(step: Step) -> Demand:
-    """Compute the demanded thrust, angular acceleration and joint accelerations of one control step."""
+    """Desired thrust, angular acceleration and joint accelerations of one control step."""
     par, state, before = step.par, step.state, step.memory.following
     model, pressing = par.model, step.pressing
     vehicle, mass = model.vehicle, model.vehicle.mass
@@ -167,7 +167,7 @@ def demands(step: Step) -> Demand:
 
 
 def _course(step: Step) -> Course:
-    """Desired configuration of one step; in tip mode the joints are corrected for the quasi-static attitude.
+    """Desired motion of base and arm in one step; in tip mode the joints compensate the base's tilt.
 
     Attitude and drag along the path are those of the base as it shifts.
     """
@@ -225,7 +225,7 @@ def _velocity(R: Mat3, w: Vec3, point: Vec3) -> Vec3:
 
 
 def wanted_attitude(par: CentroidalParameters, force: Vec3, yaw: Taylor, reach: Reach | None) -> Attitude:
-    """Desired attitude for a force (Taylor series, N, world axes); ``reach``: rotors give part of it sideways."""
+    """Desired attitude for a force (Taylor series, N, world axes), of which rotors may give a part sideways."""
     center = par.center
     if reach is not None and center.sideways is not None:
         held = center.sideways.attitude
@@ -251,7 +251,7 @@ def within_limits(
     references: Sequence[Taylor],
     accelerations: Sequence[Scalar],
 ) -> tuple[Scalar, ...]:
-    """Joint accelerations (rad/s^2 or m/s^2) limited by a control barrier that keeps joints off their limits.
+    """Joint accelerations limited by a control barrier function that keeps joints off their limits.
 
     A joint may go a share of the way from its reference to a limit, more where a hard stop holds it. With d the way
     that is left and k the pole of the joint's own loop, half of its damping (the root of its stiffness where that is

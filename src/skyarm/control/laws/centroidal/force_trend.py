@@ -1,4 +1,4 @@
-"""Trend of the observed external force: its rate of change, weighted by the accuracy of past predictions.
+"""Trend of the observed external force: its rate of change, weighted by how well past predictions matched.
 
 A steady turn of the wind can be predicted, turbulence and noise cannot. The rate comes from a second-order tracker,
     level' = rate + 2 w (d - level),    rate' = w^2 (d - level),
@@ -40,7 +40,7 @@ SLOWEST, STEEPEST = 0.1, 5.0
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TrendGains(Part):
-    """Constants of the filter that tracks the observed force and its rate, and of the weight of that rate."""
+    """Constants of the force trend: tracking filter of force and rate, and evidence for the rate's weight."""
 
     bandwidth: Annotated[Scalar, Unit("rad/s", "tracker of the observed force")]
     horizon: Annotated[Scalar, Unit("s", "over which the force is foretold to find the trust")]
@@ -69,7 +69,7 @@ class TrendGains(Part):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ForceTrend:
-    """State of the force trend: tracking filter, delay lines (``forces``, ``rates``) and prediction statistics."""
+    """Filter state of the force trend: tracked force and rate, delay lines and prediction statistics."""
 
     level: Annotated[Vec3, Unit("N", "of the tracker, world axes")]
     rate: Annotated[Vec3, Unit("N/s", "of the tracker, world axes")]
@@ -91,7 +91,7 @@ def trend_gains(bandwidth: float, mass: float) -> TrendGains:
 
 
 def update_trend(gains: TrendGains, memory: ForceTrend, force: Vec3, dt: Scalar) -> ForceTrend:
-    """Force trend one period later; ``force`` is the observed one, N, world axes."""
+    """Filter state of the force trend after one period; ``force`` is the observed one, N, world axes."""
     b = exp(-(gains.bandwidth * dt))
     ahead = memory.level + memory.rate * dt
     miss = force - ahead
@@ -128,13 +128,13 @@ def rate_weight(gains: TrendGains, memory: ForceTrend) -> Scalar:
 
 
 def weighted_rate(gains: TrendGains, memory: ForceTrend) -> Vec3:
-    """Rate of the observed force times its weight, N/s, world axes."""
+    """Weighted rate of the observed force, N/s, world axes."""
     rate: Vec3 = memory.rate * rate_weight(gains, memory)
     return rate
 
 
 def lateness(par: CentroidalParameters) -> Scalar:
-    """Delay, s, of the observer's force estimate behind a steadily changing force."""
+    """Delay (s) of the observer's force estimate behind a steadily changing force."""
     accelerometer = par.observer.accelerometer
     if accelerometer is None:
         return divide(2.0, maximum(par.observer.force, AHEAD))
@@ -142,6 +142,6 @@ def lateness(par: CentroidalParameters) -> Scalar:
 
 
 def _no_step(gains: TrendGains, rate: Vec3) -> Scalar:
-    """Weight of a force rate: 1 for rates well below that of a step change, 0 for rates far above."""
+    """Weight of a force rate: near 1 below the rate of a step change, near 0 far above."""
     square = rate.dot(rate) * divide(1.0, gains.steep * gains.steep)
     return divide(1.0, square * square + 1.0)

@@ -1,4 +1,4 @@
-"""Pressing on a surface: force control along its estimated normal, motion control across it.
+"""Contact force control in the centroidal law: force control along the surface normal, motion control across.
 
 Force, touch and loss are those of :mod:`skyarm.control.blocks.force_control`; along n the tip has damping alone, across
 n everything is as without a surface. While the tip presses with its full force and its reference moves along the
@@ -36,7 +36,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Interaction(InteractionGains, Part):
-    """Part of the centroidal law that presses the tip on a surface."""
+    """Contact force control as an optional part of the centroidal law."""
 
     def start(self, joints: int) -> InteractionMemory:
         """Initial state of the contact force controller: no contact."""
@@ -86,7 +86,7 @@ SLIDES = 0.01
 
 
 def _effort(vehicle: Vehicle, sent: Command) -> Scalar:
-    """Largest actuator load: joint effort or squared rotor speed, as a share of its limit."""
+    """Largest actuator load as a share of the limit: of joint efforts and squared rotor speeds."""
     most: Scalar = 0.0
     for link, effort in zip(vehicle.links, sent.efforts, strict=True):
         limit = link.joint.effort_limit  # 0 is none
@@ -104,7 +104,7 @@ def shift_reference(pressing: Pressing, signals: Sequence[Taylor]) -> list[Taylo
 
 
 def release_normal(pressing: Pressing, goal: Goal, tip: Vec3, tip_velocity: Vec3, velocity_gain: Scalar) -> Goal:
-    """Tip reference without position control along the surface normal, where only damping remains."""
+    """Tip reference without position control along the surface normal, along which only damping remains."""
     p, v, a = goal.tip
     n, slower = pressing.n, 1.0 - pressing.damping / velocity_gain
     return dataclasses.replace(
@@ -125,7 +125,7 @@ STEEPEST = 0.4
 
 
 def estimated_normal(told: Vec3, lean: Vec3) -> Vec3:
-    """Unit normal of the surface: that of the reference, corrected by the estimated tilt of the surface."""
+    """Unit normal of the surface: the reference's normal corrected by the estimated tilt of the surface."""
     n = told + lean
     # a reference that has not begun has no normal
     unit: Vec3 = n * divide(1.0, sqrt(n.dot(n) + 1e-12))

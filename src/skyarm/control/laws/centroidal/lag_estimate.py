@@ -51,7 +51,7 @@ IGNORED = 0.002
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LagGains(Part):
-    """Constants of the lag estimate, with the lags that halve the bandwidths of the rotor and joint loops."""
+    """Constants of the lag estimate: lags that halve the bandwidths of rotor and joint loops, spacing of candidates."""
 
     base: Annotated[Scalar, Unit("s", "lag of the rotors' loops that halves their bandwidth", low=0.0, strict=True)]
     joints: Annotated[Scalar, Unit("s", "lag of the joints' loops that halves theirs", low=0.0, strict=True)]
@@ -78,7 +78,7 @@ class LagGains(Part):
         return at_shares(par, *self.shares(memory, dt))
 
     def shares(self, memory: LagMemory, dt: Scalar) -> tuple[Scalar, Scalar]:
-        """Allowed shares of the nominal bandwidth under the estimated lags: rotor loops, joint loops; 0 to 1."""
+        """Shares (0 to 1) of the nominal bandwidths of rotor and joint loops under the estimated lags."""
         base, joints = self.lags(memory, dt)
 
         def share(half: Scalar, lag: Any) -> Any:
@@ -128,7 +128,7 @@ class LagGains(Part):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Bank:
-    """Mean prediction residual of each candidate lag for one group of axes, and scale of the residuals."""
+    """Residual statistics of the candidate lags for one group of axes."""
 
     means: Annotated[tuple[Scalar, ...], Unit("", "0 to 1, residual of each lag of the bank")]
     scale: Annotated[Scalar, Unit("(rad/s^2)^2", "size of the residuals")]
@@ -136,7 +136,7 @@ class Bank:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LagMemory:
-    """State of the lag estimate: filtered accelerations of roll, pitch, yaw and joints, and mean residuals."""
+    """State of the lag estimate: filtered accelerations of body axes and joints, and residual statistics."""
 
     count: Annotated[Scalar, Unit("", "periods seen")]
     rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "measured one period ago")]
@@ -166,7 +166,7 @@ def estimate(bank: Bank, step: Scalar) -> Any:
 
 
 def _price_lags(means: Sequence[Scalar]) -> tuple[list[Scalar], Scalar]:
-    """Mean residuals plus a penalty that grows with the lag, and the smallest of these sums."""
+    """Mean residual plus penalty of each candidate lag, and the smallest of these sums."""
     paid = [mean + PRIOR * j for j, mean in enumerate(means)]
     least = paid[0]
     for each in paid[1:]:
@@ -177,7 +177,7 @@ def _price_lags(means: Sequence[Scalar]) -> tuple[list[Scalar], Scalar]:
 def _in_row(
     before: Sequence[Sequence[Scalar]], new: Sequence[Scalar], running: Scalar, dt: Scalar
 ) -> tuple[tuple[Scalar, ...], ...]:
-    """Three low-pass filters in series: two at the band's upper edge, one at its lower edge."""
+    """States of three low-pass filters in series: two at the band's upper edge, one at its lower edge."""
     found = []
     for old, edge in zip(before, (HIGH, HIGH, LOW), strict=True):
         share = running * low_pass_share(edge, dt)
@@ -187,14 +187,14 @@ def _in_row(
 
 
 def _band_pass(filtered: Sequence[Sequence[Scalar]]) -> tuple[Scalar, ...]:
-    """Band-pass output: the low-pass at the upper edge minus the one at the lower edge."""
+    """Band-pass output: low-pass at the upper edge minus low-pass at the lower edge."""
     return tuple(sub(above, below) for above, below in zip(filtered[1], filtered[2], strict=True))
 
 
 def _bank(
     bank: Bank, seen: Sequence[Scalar], delayed: Sequence[Sequence[Scalar]], keep: Scalar, passed: Scalar
 ) -> Bank:
-    """Mean residuals of the candidate lags, and their scale, after one more measurement."""
+    """Residual statistics of the candidate lags after one more measurement."""
     if not seen:
         return bank
     squares = []

@@ -1,4 +1,4 @@
-"""Estimate of a load at the tip from the observed disturbance during a grasp, for the law's model.
+"""Online estimate of mass and centre of mass of a load that the tip holds.
 
 A mass dm beyond the model's is the weight -dm g e_z at the tip, one that lies elsewhere a horizontal torque t about the
 tip: the weighted least squares (lengths as in :mod:`skyarm.control.blocks.tip_force`) of both in the disturbance beyond
@@ -40,7 +40,7 @@ VAGUE = 1e6
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Hang:
-    """Regressor of a tip load: wrench on base and joints per kg, and per N m of horizontal torque.
+    """Regressor of a tip load: wrench on base and joints per kg and per N m of horizontal torque.
 
     Attributes:
         lift: N on the base, world z, per kg.
@@ -71,7 +71,7 @@ def hang(vehicle: Vehicle, R: Mat3, joints: Sequence[Scalar], gravity: Scalar) -
 
 
 def missing(vehicle: Vehicle, gains: LoadGains, at: Hang, rest: Disturbance) -> tuple[Scalar, ...]:
-    """Tip load, as mass (kg) and horizontal torque (N m, world x and y), that best explains disturbance ``rest``."""
+    """Tip load beyond the model that best explains a disturbance: mass (kg) and horizontal torque (N m)."""
     squares, errors = LeastSquares(3), gains.errors
     squares.require((at.lift, 0, 0), rest.force.z, 1)
     for turned, torque in zip(zip(*at.turning, strict=True), rest.torque, strict=True):
@@ -96,7 +96,7 @@ def learn_load(
     bandwidth: Scalar,
     dt: Scalar,
 ) -> tuple[LoadMemory, Disturbance]:
-    """Load estimate one period later, and a disturbance term that keeps an upward support force uncompensated.
+    """Load estimate one period later, and the support force under the load that is to stay uncompensated.
 
     A held load that lies on something pushes the tip up as soon as the reference is low; a law that compensated this
     would push down ever harder. So an upward force beyond the load's weight is taken out of the disturbance.
@@ -131,7 +131,7 @@ def learn_load(
 
 
 def _step(pace: Scalar, bandwidth: Scalar, holds: Scalar, learns: Scalar, dt: Scalar) -> Scalar:
-    """Filter gain of the load estimate in one period."""
+    """Filter gain of the load estimate for one period."""
     return where(holds, low_pass_share(mul(pace, bandwidth), dt), 0.0) * learns
 
 
@@ -168,7 +168,7 @@ class LoadGains(Part):
         return dataclasses.replace(par, model=dataclasses.replace(par.model, vehicle=vehicle.with_body(tip.link, load)))
 
     def adjust_reference(self, memory: LoadMemory, step: Step) -> LoadMemory:
-        """Update the load estimate; an upward force of a support under the load is not compensated."""
+        """Update the load estimate; leave the force of a support under the load uncompensated."""
         if not step.reference.load:
             return memory
         par, before, dt, observed = step.par, step.memory, step.dt, step.observed
@@ -192,7 +192,7 @@ class LoadGains(Part):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LoadMemory:
-    """Load estimate: mass, centre of mass, and the disturbance without the load (``bias``)."""
+    """State of the load estimate: mass, centre of mass, and disturbance without the load."""
 
     mass: Annotated[Scalar, Unit("kg", "learned")]
     place: Annotated[Vec3, Unit("m", "centre of mass, axes of the tip")]

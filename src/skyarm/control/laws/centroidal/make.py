@@ -179,13 +179,13 @@ def _interaction(gains: Mapping[str, Any], leads: bool) -> Interaction:
 
 
 def ends_of(vehicle: Vehicle) -> tuple[tuple[bool, bool], ...]:
-    """For each joint of a vehicle, whether it has a lower and an upper limit."""
+    """Whether each joint of a vehicle has a lower and an upper limit."""
     joints = (link.joint for link in vehicle.links)
     return tuple((math.isfinite(float(joint.lower)), math.isfinite(float(joint.upper))) for joint in joints)
 
 
 def _of_options(kind: type[Gains], gains: Mapping[str, Any], **others: Any) -> Gains:
-    """Fill a dataclass of constants from law options of the same names; an optional constant of 0 becomes None."""
+    """Dataclass of constants filled from equally named options; 0 for an optional constant becomes None."""
     for field in dataclasses.fields(kind):  # type: ignore[arg-type]
         if field.name in gains and field.name not in others:
             others[field.name] = (gains[field.name] or None) if "None" in str(field.type) else gains[field.name]
@@ -193,12 +193,12 @@ def _of_options(kind: type[Gains], gains: Mapping[str, Any], **others: Any) -> G
 
 
 def _row(names: str, values: Iterable[Any]) -> dict[str, Any]:
-    """Dictionary from a text of gain names, separated by spaces, and the values of these gains."""
+    """Dictionary of gain values by name, from names separated by spaces."""
     return dict(zip(names.split(), values, strict=True))
 
 
 def _mixer(vehicle: Vehicle, sideways: bool, yaw_slack: float, given: bool) -> Mixer:
-    """Make the law's mixer; ``yaw_slack`` is a yaw acceleration in rad/s^2, with the joints at zero.
+    """Mixer of the centroidal law; ``yaw_slack`` is a yaw acceleration in rad/s^2 with the joints at zero.
 
     Rotors that allow no priorities fly a preset without a slack; one that is ``given`` is refused there.
     """

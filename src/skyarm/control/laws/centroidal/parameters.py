@@ -55,7 +55,7 @@ class RotorGains:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class GustGains:
-    """Constants of the base's shift under a changing external force: shift speed, and size of a large change."""
+    """Constants of the base offset under gusts: pace of the offset, and force change that counts as large."""
 
     pace: Annotated[Scalar, Unit("rad/s", "pace of the base's shift where the force changes by much", low=0.0)]
     size: Annotated[Scalar, Unit("N", "change of the force below which the base shifts slowly", low=0.0, strict=True)]
@@ -63,7 +63,7 @@ class GustGains:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ShiftGains:
-    """Constants of the base's shift in tip mode (offset that keeps the tip in place); None disables a part."""
+    """Constants of the base offset that keeps the tip in place; None disables a part."""
 
     bandwidth: Annotated[Scalar, Unit("rad/s", "differentiators of the base's shift")]
     swing_rate: Annotated[Scalar, Unit("1/s", "rate of the adapted pace of the arm's swing")] | None
@@ -73,7 +73,7 @@ class ShiftGains:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TipGains:
-    """Gains of the tip mode (control of the tip instead of the joints); without ``shift`` the base's shift is constant.
+    """Gains of tip control, and constants of the base offset that keeps the tip in place.
 
     ``damping`` over ``reach`` weighs the references of sliding joints.
     """
@@ -149,7 +149,7 @@ def at_shares(par: CentroidalParameters, rotors: Scalar, joints: Scalar) -> Cent
 
 
 def _times(gains: Any, **shares: Scalar) -> Any:
-    """Gains with the named fields multiplied by given factors."""
+    """Dataclass of gains with the named fields multiplied by factors."""
     held = {name: getattr(gains, name) for name in shares}
     scaled = {
         name: tuple(each * share for each in held[name]) if type(held[name]) is tuple else held[name] * share

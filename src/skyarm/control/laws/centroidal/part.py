@@ -1,4 +1,4 @@
-"""Interface of the centroidal law's parts, and the control step that they share.
+"""Base class of the centroidal law's optional parts, and the control step data that they share.
 
 A part is a record of constants with any of the functions below; its memory is its own record, which the law keeps. A
 part that is left out is not in the law's program at all.
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 @dataclass(kw_only=True, slots=True)
 class Step:
-    """Data of one control step, read and changed by the law's parts in the order of :class:`Parts`.
+    """Data of one control step of the centroidal law, read and changed by its optional parts.
 
     Attributes:
         par: constants of this step. memory: of the law, one period earlier. dt: s.
@@ -70,12 +70,12 @@ class Step:
     demand: Demand | None = None
 
     def isolate(self, share: Scalar) -> None:
-        """Stop adaptation where ``share`` is 0, as the observed disturbance contains an external force."""
+        """Stop adaptation where ``share`` is 0, because an external force is in the observed disturbance."""
         self.free, self.isolated = tuple(mul(each, share) for each in self.free), mul(self.isolated, share)
 
 
 class Part:
-    """Optional part of the centroidal law; by default its methods change nothing."""
+    """Base class of an optional part of the centroidal law, whose methods change nothing."""
 
     __slots__ = ()
 
@@ -92,5 +92,5 @@ class Part:
         return memory
 
     def learn(self, memory: Any, step: Step) -> Any:
-        """Next state of an optional part at the end of a control step, from the computed demand."""
+        """State of an optional part at the end of a control step, updated from the computed demand."""
         return memory

@@ -130,7 +130,7 @@ def name_of(mode: str, preset: str) -> str:
 
 
 def without_preset(name: str) -> str:
-    """Law name without the suffix of a centroidal preset; any other name unchanged."""
+    """Law name without a centroidal preset's suffix; other names unchanged."""
     for preset in PRESETS:
         if name in (name_of(mode, preset) for mode in ("joint", "tip")):
             return name.removesuffix(f"_{preset}")
@@ -148,7 +148,7 @@ def arm_length(vehicle: Vehicle) -> float:
 
 
 def damping_share(vehicle: Vehicle) -> float:
-    """Scale of the presets' damping: square root of the vehicle's arm length over that of the presets' vehicle.
+    """Scale of the presets' damping: root of the arm length over that of the vehicle the presets were tuned on.
 
     Small errors of height fold a longer arm that hangs straight. A damping that grows as the length costs a hover's
     accuracy under noise two thirds, one that grows as its root a tenth to a third; both hold the arm.
@@ -157,12 +157,12 @@ def damping_share(vehicle: Vehicle) -> float:
 
 
 def refuse(name: str, value: Any, words: str) -> NoReturn:
-    """Raise the error for an option's value, in one line with the allowed values."""
+    """Raise the one-line error for an option's value, with the allowed values."""
     raise ControllerError(f"controller.{name} = {shown(value)}: must be {words}")
 
 
 def number_within(name: str, value: Any, low: float, high: float = math.inf) -> float:
-    """Return a number after the check that it is finite and from ``low`` to ``high``."""
+    """Finite number between ``low`` and ``high`` from an option's value."""
     try:
         held = number(value, f"controller.{name}", low=low)
     except ValueError as error:
@@ -171,7 +171,7 @@ def number_within(name: str, value: Any, low: float, high: float = math.inf) -> 
 
 
 def check_entry(name: str, value: Any) -> Any:
-    """Check type and range of a preset's entry.
+    """Option value of a preset after a check of type and range.
 
     Raises:
         ControllerError: no such entry, another count, or something that is no such number.
@@ -189,7 +189,7 @@ def check_entry(name: str, value: Any) -> Any:
 
 
 def must_act(changes: Mapping[str, Any], gains: Mapping[str, Any], mode: str, admits: bool) -> None:
-    """Reject options without effect because another option is missing; ``admits`` if ``admittance`` is set."""
+    """Reject options that have no effect because another option is missing."""
     for name in ("gust_shift", "swing_rate", "path_rate"):
         if changes.get(name) and not gains["shift_bandwidth"]:
             refuse(name, changes[name], "0 without shift_bandwidth")

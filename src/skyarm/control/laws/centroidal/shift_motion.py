@@ -1,4 +1,4 @@
-"""Motion of the base's shift (base offset that keeps the tip in place): derivatives, arm swing, base path and gusts.
+"""Base offset that keeps the tip in place: derivatives, arm swing, base trajectory and gusts.
 
 Swing. With c the sideways position of the common centre of mass, sigma the tilt under a steady force, delta the tilt
 beyond it and lambda the height of the centre of mass above the tip, c - (lambda / g) c'' = -lambda sigma keeps the tip.
@@ -47,7 +47,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ShiftMotion:
-    """Filter state of two differentiators in series, for jerk and snap of the base's shift."""
+    """Filter state of two differentiators in series, for jerk and snap of the base offset."""
 
     acceleration: Annotated[Vec3, Unit("m/s^2", "of the base's shift, filtered")]
     jerk: Annotated[Vec3, Unit("m/s^3", "of the base's shift, filtered")]
@@ -56,7 +56,7 @@ class ShiftMotion:
 def differentiate(
     memory: ShiftMotion, acceleration: Vec3, bandwidth: Scalar, dt: Scalar
 ) -> tuple[ShiftMotion, Vec3, Vec3]:
-    """Next filter state, and jerk and snap of the base's shift by filtered differentiation; ``bandwidth`` in rad/s."""
+    """Next filter state, jerk and snap of the base offset, by two filtered differentiations."""
     jerk = (acceleration - memory.acceleration) * bandwidth
     snap = (jerk - memory.jerk) * bandwidth
     following = ShiftMotion(
@@ -77,7 +77,7 @@ RESONANT = 0.25
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SwingPace:
-    """Swing statistics of the arm: mean squared derivatives of the tip's height below the centre of mass."""
+    """Mean squared derivatives of the centre of mass's height above the tip, which give the arm's swing frequency."""
 
     rate: Annotated[Scalar, Unit("(m/s)^2", "mean square of the lever's rate")]
     acceleration: Annotated[Scalar, Unit("(m/s^2)^2", "mean square of the lever's acceleration")]
@@ -85,7 +85,7 @@ class SwingPace:
 
 @dataclass(frozen=True, slots=True)
 class SwingShift:
-    """Base shift with two derivatives (m, world axes), and jerk and snap of the part due to the arm's swing.
+    """Base offset under arm swing with two derivatives (m, world axes), and the swing's part of jerk and snap.
 
     ``steady`` is its acceleration without the swing's part.
     """
@@ -102,14 +102,14 @@ def levers(level: Posture) -> list[Scalar]:
 
 
 def tilt_of(needed: Vec3, level: Posture) -> Vec3:
-    """Tilt that a base shift compensates, rad: the shift over the tip's height relative to the base."""
+    """Tilt (rad) that a base offset compensates: the offset over the tip's height relative to the base."""
     height = derivative(level.tip, 0).z
     per_height = divide(height, height * height + SHORT * SHORT)
     return Vec3(needed.x * per_height, needed.y * per_height, 0)
 
 
 def swing_pace(memory: SwingPace, lever: list[Scalar], rate: Scalar, dt: Scalar) -> SwingPace:
-    """Swing statistics of the arm one period later; filter ``rate`` in 1/s."""
+    """Swing statistics of the arm after one period; filter ``rate`` in 1/s."""
     share = low_pass_share(rate, dt)
     return SwingPace(
         rate=memory.rate + (lever[1] * lever[1] - memory.rate) * share,
@@ -118,7 +118,7 @@ def swing_pace(memory: SwingPace, lever: list[Scalar], rate: Scalar, dt: Scalar)
 
 
 def shift_for_swing(memory: SwingPace, needed: list[Vec3], level: Posture, gravity: Scalar) -> SwingShift:
-    """Base shift that keeps the tip in place while the arm swings.
+    """Base offset that keeps the tip in place while the arm swings.
 
     ``needed`` is the shift (m, world axes) required by each instant, with two derivatives.
     """
@@ -140,7 +140,7 @@ def shift_for_swing(memory: SwingPace, needed: list[Vec3], level: Posture, gravi
 def move_shift(
     par: CentroidalParameters, before: Following, needed: list[Vec3], level: Posture, dt: Scalar, own: Vec3 = ZERO3
 ) -> tuple[Following, list[Vec3]]:
-    """Next filter states, and the base's shift with as many derivatives as the law uses.
+    """Next filter states, and the base offset with two or four derivatives.
 
     ``needed`` has two derivatives; ``own`` (m/s^2, world axes) jumps with a force and is not differentiated.
     """
@@ -172,7 +172,7 @@ LEAST = 1e-6
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class AxisShift:
-    """Statistics of the base's path along a horizontal axis, with rate and acceleration of the centre-of-mass shift."""
+    """Statistics of the base trajectory along one axis, and rate and acceleration of the centre-of-mass offset."""
 
     size: Annotated[Scalar, Unit("(m/s^2)^2", "mean square of the path's acceleration, doubled")]
     change: Annotated[Scalar, Unit("(m/s^3)^2", "mean square of the path's jerk, doubled")]
@@ -188,7 +188,7 @@ AT_REST = AxisShift(size=0.0, change=0.0, rate=0.0, acceleration=0.0)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Following:
-    """Filter states of base shift, arm motion, arm swing and base path; empty for a disabled one."""
+    """Filter states of base offset, arm motion, arm swing and base trajectory; empty where disabled."""
 
     shift: ShiftMotion | tuple[()] = ()
     arm: ArmMotion | tuple[()] = ()
@@ -197,7 +197,7 @@ class Following:
 
 
 def first_following(par: CentroidalParameters) -> Following:
-    """Initial filter states of base shift, arm motion, arm swing and base path: everything at rest."""
+    """Initial filter states of base offset, arm motion, arm swing and base trajectory."""
     zero, moves = Vec3(0.0, 0.0, 0.0), par.tip.shift
     return Following(
         shift=() if moves is None else ShiftMotion(acceleration=zero, jerk=zero),
@@ -208,7 +208,7 @@ def first_following(par: CentroidalParameters) -> Following:
 
 
 def with_shift(path: PathShift | tuple[()], base: list[Vec3], level: Posture, gravity: Scalar) -> list[Vec3]:
-    """Base reference to fourth derivative, with the horizontal shift added to all derivatives but not the position.
+    """Base reference with the horizontal centre-of-mass offset added to its four derivatives.
 
     ``path`` is empty where the attitude answers the reference alone; ``level`` the references' posture on a level base.
     """
@@ -233,7 +233,7 @@ def path_step(
     par: CentroidalParameters,
     dt: Scalar,
 ) -> PathShift | tuple[()]:
-    """Statistics of the base's path, and resulting base shift, along both horizontal axes, one period later.
+    """Statistics of the base trajectory and centre-of-mass offset along x and y, one period later.
 
     ``asked`` is the shift of the base under the attitude ``still``, that of the result of :func:`with_shift`; ``level``
     and ``turned`` are the postures of a level base's references and of the arm under the attitude.
@@ -252,7 +252,7 @@ def path_step(
 
 
 def square_of_pace(axis: AxisShift, per: Scalar) -> Scalar:
-    """Squared angular frequency of the base's motion along one axis, (rad/s)^2; ``per`` is l / g in s^2."""
+    """Squared angular frequency (rad/s)^2 of the base's motion along one axis, bounded before resonance."""
     most = divide(BELOW, maximum(maximum(per, per * (-BELOW / ABOVE)), LEAST))
     return minimum(divide(maximum(axis.change, 0.0), maximum(axis.size, 0.0) + STILL), most)
 
@@ -264,7 +264,7 @@ def _per(level: Posture, gravity: Scalar) -> Scalar:
 def axis_step(
     axis: AxisShift, reference: tuple[Scalar, ...], asked: tuple[Scalar, Scalar], per: Scalar, rate: Scalar, dt: Scalar
 ) -> AxisShift:
-    """Path statistics of one axis, one period later; ``asked``: rate and acceleration of the required base shift."""
+    """Trajectory statistics of one axis, one period later."""
     _, v, a, jerk, snap = reference
     share = low_pass_share(rate, dt)
     w2, size = square_of_pace(axis, per), maximum(axis.size, 0.0)
@@ -287,14 +287,14 @@ NOISE = 0.3
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class GustMemory:
-    """Additional state of the second-order force filter that gusts require: rate of the filtered force."""
+    """State of the second-order force filter under gusts: rate of the filtered force."""
 
     rate: Annotated[Vec3, Unit("N/s", "of the filtered force, world axes")]
 
 
 @dataclass(frozen=True, slots=True)
 class SlowForce:
-    """Filtered force, N, with its first two derivatives, N/s and N/s^2, and the filter's internal state."""
+    """Filtered disturbance force (N) with two derivatives, and the filter's state."""
 
     force: Vec3
     rate: Vec3 = ZERO3
@@ -303,7 +303,7 @@ class SlowForce:
 
 
 def gust_gains(share: float, vehicle: Vehicle, gravity: Scalar) -> GustGains:
-    """Constants for shifts under a changing force: a share of the frequency of a pendulum of the arm's length."""
+    """Constants of the base offset under gusts, from a share of the arm's pendulum frequency."""
     pace = math.sqrt(float(gravity) / max(arm_length(vehicle), SHORTEST))
     return GustGains(pace=share * min(pace, QUICKEST), size=NOISE * float(vehicle.mass))
 
@@ -311,7 +311,7 @@ def gust_gains(share: float, vehicle: Vehicle, gravity: Scalar) -> GustGains:
 def slow_force(
     par: CentroidalParameters, before: Vec3, memory: GustMemory | tuple[()], force: Vec3, dt: Scalar
 ) -> SlowForce:
-    """Low-pass filtered force that the base's shift follows, N, world axes; of second order with ``gust``.
+    """Low-pass filtered disturbance force that the base offset follows, N, world axes.
 
     The filter's step is exact for a constant force, so that it is stable at any period.
     """
@@ -329,7 +329,7 @@ def slow_force(
 
 
 def steady_force(par: CentroidalParameters, step: Step, slow: SlowForce, adapted: Vec3) -> tuple[Vec3, SlowForce]:
-    """Predicted steady force that the attitude balances (N, world axes), and the filtered force."""
+    """Predicted force that the attitude balances (N, world axes), and the filtered disturbance force."""
     steady, rate, shift = (slow.force if par.mode == "tip" else step.force) + adapted, step.rate, par.tip.shift
     if step.trend is None:
         return steady, slow
@@ -348,7 +348,7 @@ def steady_force(par: CentroidalParameters, step: Step, slow: SlowForce, adapted
 def shift_acceleration(
     par: CentroidalParameters, still: Attitude, force: Vec3, turned: Sequence[Taylor], level: Posture, bend: Vec3
 ) -> Vec3:
-    """Acceleration of the base's shift from the second derivative of the filtered force, m/s^2, world axes.
+    """Acceleration of the base offset from the second derivative of the disturbance force, m/s^2, world axes.
 
     It jumps with the force; its derivatives would require more torque than rotors have, and are left out.
 

@@ -29,7 +29,7 @@ goes away for a moment; more counts on force that is not there (tried from 0.05 
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """Rotor capability for sideways force: squared rotor speeds per unit of force, and limits of the squared speeds.
+    """Squared rotor speeds per unit of force, and limits of the squared speeds, for sideways forces.
 
     Attributes:
         rows: squared speed of each rotor per force at the centre of mass, body axes, (rad/s)^2 / N.
@@ -42,7 +42,7 @@ class Reach:
 
 
 def reach_of(mixer: Mixer, com: Vec3, weight: Scalar) -> Reach:
-    """Squared rotor speeds per unit of force from a six-row mixer; ``com`` in base axes, m, ``weight`` in N."""
+    """Squared rotor speeds per unit of force at the centre of mass, from a mixer that commands sideways force."""
     rows = []
     for turning, across in zip(mixer.inverse, mixer.across, strict=True):
         rows.append(Vec3(*(*across, turning[3])) + Vec3(*turning[:3]).cross(com))
@@ -51,7 +51,7 @@ def reach_of(mixer: Mixer, com: Vec3, weight: Scalar) -> Reach:
 
 
 def gauge(reach: Reach, force: Vec3) -> Taylor:
-    """Rotor margin used by a sideways force (body axes, Taylor series): sum of eighth powers of each rotor's share."""
+    """Sum of eighth powers of each rotor's used margin under a sideways force (Taylor series, body axes)."""
     total: Any = 0
     for row, top, least in zip(reach.rows, reach.highest, reach.least, strict=True):
         held, change = force.z * row.z, force.x * row.x + force.y * row.y
@@ -66,7 +66,7 @@ def gauge(reach: Reach, force: Vec3) -> Taylor:
 
 
 def leaning(reach: Reach, force: Vec3, share: Scalar, upright: Vec3 | None = None) -> Vec3:
-    """Force for the attitude: the desired one (Taylor series, N, world axes) less the part given sideways.
+    """Force that sets the attitude: the desired force (Taylor series, N) less the part given sideways.
 
     Sideways is across ``upright`` (series), or world z. The second derivative counts as the rest does: the snap of a
     reference is rough where its acceleration bends.
@@ -90,7 +90,7 @@ def thrust_axis(attitude: Sequence[Scalar], yaw: Taylor) -> Vec3:
 
 
 def slightest(reach: Reach, vertical: Taylor) -> Taylor:
-    """Squared share of the rotors' margin per N of sideways force in the worst direction, 1/N^2 (Taylor series)."""
+    """Squared rotor margin used per N of sideways force in the worst direction, 1/N^2 (Taylor series)."""
     total: Any = 0
     for row, top, least in zip(reach.rows, reach.highest, reach.least, strict=True):
         held, size = vertical * row.z, row.x * row.x + row.y * row.y
@@ -133,7 +133,7 @@ def achievable_force(reach: Reach | None, force: Sequence[Vec3], R: Mat3, w: Vec
 
 
 def across(force: Vec3) -> Vec3:
-    """Part of a force perpendicular to z."""
+    """Components of a force perpendicular to z."""
     return Vec3(force.x, force.y, 0)
 
 

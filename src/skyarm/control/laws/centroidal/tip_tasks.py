@@ -1,4 +1,4 @@
-"""Tip mode: tip and link references of a level base, base shift, and joint accelerations.
+"""Tip control: tip and link references of a level base, base offset, and joint accelerations.
 
 What the arm cannot reach goes to a slow, bounded shift of the base, and base errors beyond the arm's reach go to the
 tip's reference.
@@ -45,7 +45,7 @@ class Goal:
 
 
 def turn_by_yaw(yaw: Taylor, v: Vec3) -> Vec3:
-    """Return R_z(yaw) v as a Taylor series."""
+    """Vector R_z(yaw) v as a Taylor series."""
     c, s = cos(yaw), sin(yaw)
     x, y = (Taylor.constant(k, len(yaw.c) - 1) if not isinstance(k, Taylor) else k for k in (v.x, v.y))
     return Vec3(c * x - s * y, s * x + c * y, v.z)
@@ -79,7 +79,7 @@ def goal(vehicle: Vehicle, base: list[Vec3], yaw: Taylor, joints: Sequence[Taylo
 
 
 def move_goal(goal: Goal, error: Sequence[Vec3], reach: Scalar) -> Goal:
-    """Move the tip's reference with base errors (value to second derivative) too large for the arm to compensate.
+    """Tip reference moved with the base error, as far as that exceeds the arm's reach.
 
     The tip takes over e |e|^4 / (|e|^4 + reach^4): nothing of small errors, all of large ones.
     """
@@ -93,7 +93,7 @@ def move_goal(goal: Goal, error: Sequence[Vec3], reach: Scalar) -> Goal:
 
 
 def shift(level: Posture, yaw: Taylor, turned_arm: Posture, still: Attitude, limit: Scalar) -> list[Vec3]:
-    """Base shift, with two derivatives, that keeps the tip of a tilted vehicle on its level-base reference.
+    """Base offset, with two derivatives, that keeps the tip of a tilted vehicle on its reference for a level base.
 
     ``turned_arm`` is the posture whose links are turned as those of a level base; the offset stays within ``limit``
     (m), hardly changed up to half of it.
@@ -132,7 +132,7 @@ def chain(vehicle: Vehicle, index: int) -> list[int]:
 
 
 def orientation_error(R: Mat3, R_d: Mat3) -> Vec3:
-    """Rotation error from R to R_d: the axis times the sine of the angle, world axes."""
+    """Rotation error from R to R_d: rotation axis times the sine of the angle, world axes."""
     total = ZERO3
     for k in range(3):
         total = total + R.column(k).cross(R_d.column(k))
@@ -148,7 +148,7 @@ def orientation_rows(vehicle: Vehicle, axes_B: Sequence[Vec3], i: int) -> list[V
 def joints_of_turns(
     vehicle: Vehicle, gains: TipGains, directions: Sequence[Vec3], turns: Sequence[Vec3], preferred: Sequence[Scalar]
 ) -> tuple[Scalar, ...]:
-    """Joint motion that gives each link its rotation (base axes), by least squares regularised to ``preferred``."""
+    """Joint motion that gives each link its rotation (base axes), by regularised least squares."""
     problem = LeastSquares(vehicle.n)
     for i, turn in enumerate(turns):
         problem.require(orientation_rows(vehicle, directions, i), turn, gains.damping * gains.damping)
@@ -171,14 +171,14 @@ def link_turning(
 
 
 def level_joints(vehicle: Vehicle, gains: TipGains, wanted: Goal, R: Mat3, poses: Sequence[Pose]) -> tuple[Scalar, ...]:
-    """Joint correction that gives the links of a tilted base their level-base orientations: one Newton step."""
+    """Joint correction, by one Newton step, that orients the links of a tilted base as those of a level base."""
     pairs = zip(poses[: vehicle.n], wanted.links, strict=True)
     errors = [R.apply_T(orientation_error(R @ pose.R, link)) for pose, link in pairs]
     return joints_of_turns(vehicle, gains, axes(vehicle, poses), errors, (0.0,) * vehicle.n)
 
 
 def level_turn(vehicle: Vehicle, gains: TipGains, turn: Vec3, poses: Sequence[Pose]) -> tuple[Scalar, ...]:
-    """Joint correction that keeps the links' orientations while the base turns by a small ``turn``, base axes.
+    """Joint correction that keeps the links' orientations while the base makes a small rotation, base axes.
 
     To first order, so that it holds of rates, or of accelerations, too.
     """
@@ -214,7 +214,7 @@ def turned_joints(
     level: Posture,
     moving: bool,
 ) -> tuple[Taylor, ...]:
-    """Joint signals that give the links their level-base orientations on a tilted and, if ``moving``, turning base."""
+    """Joint signals that orient the links on a tilted base as those on a level base."""
     poses = [Pose(Mat3(*(derivative(row, 0) for row in pose.R.rows)), ZERO3) for pose in level.links]
     change = level_joints(vehicle, gains, goal, still.R, poses)
     if not moving:
@@ -251,7 +251,7 @@ class Now:
 def joint_accelerations(
     vehicle: Vehicle, gains: TipGains, wanted: Goal, now: Now, preferred: Sequence[Scalar]
 ) -> tuple[Scalar, ...]:
-    """Joint accelerations for the tip and link tasks; ``preferred`` are those of the joint references."""
+    """Joint accelerations for the tip and link tasks, regularised to those of the joint references."""
     R, w = now.R, now.rate
     poses = link_poses(vehicle, now.joints)
     problem = LeastSquares(vehicle.n)

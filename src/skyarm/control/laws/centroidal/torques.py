@@ -44,7 +44,7 @@ def needed(model: Model, state: State, demand: Demand, unknown: Disturbance) -> 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Done:
-    """Result of one control step: command, flags of actuators at their limit, and rotor trim.
+    """Result of one control step: command, flags of unsaturated actuators, and rotor trim.
 
     Attributes:
         free: 1 for the base and each joint whose actuators are not at their limit, else 0.

@@ -1,1 +1,1 @@
-"""Learned compensator: the paper's law with a small network that estimates unmodelled forces."""
+"""Learned compensator: the law of Barakou et al. 2026 with a small network that estimates unmodelled forces."""

@@ -111,7 +111,7 @@ def read_network(text: str) -> tuple[Network, dict[str, Any]]:
 
 
 def numbers_of(vehicle: Vehicle) -> dict[str, list[float]]:
-    """Masses (kg, base first) and joint positions (m, in their parents) that identify a vehicle."""
+    """Masses (kg, base first) and joint positions (m, in the parent link) that identify a vehicle."""
     return {
         "masses": [float(body.mass) for body in vehicle.bodies],
         "places": [float(c) for link in vehicle.links for c in link.joint.position],
@@ -119,7 +119,7 @@ def numbers_of(vehicle: Vehicle) -> dict[str, list[float]]:
 
 
 def unlike(vehicle: Vehicle, training: dict[str, Any]) -> str:
-    """Text on how a vehicle differs from the one that a network was trained on; empty if alike or unknown."""
+    """Text on how a vehicle differs from that of a network's training; empty if alike or unknown."""
     known = training.get("numbers", {})
     if not concrete(
         *(body.mass for body in vehicle.bodies), *(c for link in vehicle.links for c in link.joint.position)
@@ -186,7 +186,7 @@ def feature_names(joints: int) -> tuple[str, ...]:
 
 
 def features(measurement: Measurement, reference: Reference, history: History) -> tuple[Scalar, ...]:
-    """Network inputs; accelerations are high-pass filtered velocities, HISTORY (x - filtered x)."""
+    """Input vector of the network from measurement, reference and filtered history."""
     m, R = measurement, measurement.quaternion.rotation()
     new = history.started < 0.5
     pairs = zip(_velocities(m), history.motion, strict=True)
@@ -212,14 +212,14 @@ def _velocities(measurement: Measurement) -> tuple[Scalar, ...]:
 
 
 def with_motion(history: History, measurement: Measurement, dt: Scalar) -> History:
-    """Filtered history of network inputs, updated by a new measurement."""
+    """History of network inputs updated by a new measurement."""
     new = history.started < 0.5
     motion = _filter_values(new, history.motion, _velocities(measurement), dt)
     return dataclasses.replace(history, started=where(new, 1.0, history.started), motion=motion)
 
 
 def with_command(vehicle: Vehicle, history: History, command: Command, dt: Scalar) -> History:
-    """Filtered history of network inputs, updated by the last command; unchanged before the first measurement."""
+    """History of network inputs updated by the last command."""
     pushed = Force(ZERO3, ZERO3)
     for rotor, speed in zip(vehicle.rotors, command.rotor_speeds, strict=True):
         pushed = pushed + rotor_force(rotor, speed, ZERO3)
@@ -233,14 +233,14 @@ def with_command(vehicle: Vehicle, history: History, command: Command, dt: Scala
 
 
 def _filter_values(new: Any, filtered: Any, values: Any, dt: Scalar) -> tuple[Scalar, ...]:
-    """One low-pass filter step of several values; a new filter starts at the first values."""
+    """Low-pass filter step of several values; a new filter starts at its first input."""
     share = 1.0 - exp(mul(-HISTORY, dt))
     return tuple(where(new, x, add(y, mul(share, sub(x, y)))) for y, x in zip(filtered, values, strict=True))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LearnedParameters(Parameters):
-    """Constants of the learned law: those of the paper's law, the network, its output filter's bandwidth (rad/s)."""
+    """Constants of the learned law: those of computed torque, the network, and its output filter's bandwidth."""
 
     network: Network
     answer: Annotated[float, Unit("rad/s", "bandwidth of the filtered answer", low=0.0, high=1e4, strict=True)] = 10.0
@@ -248,7 +248,7 @@ class LearnedParameters(Parameters):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LearnedMemory:
-    """State of the learned law: input history, last command, and filtered network output (N, N m; base axes).
+    """State of the learned law: input history, last command, and filtered network output.
 
     The last command, ``sent``, enters the history one step later, when it is known whether it was sent as desired.
     """
@@ -261,7 +261,7 @@ class LearnedMemory:
 def learned_compensator(
     memory: LearnedMemory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: LearnedParameters
 ) -> tuple[LearnedMemory, Command]:
-    """The paper's computed torque minus a network's estimate of unmodelled forces.
+    """Computed torque of Barakou et al. 2026 minus a network's estimate of unmodelled forces.
 
     Source: Wu et al. 2024 (idea only), Barakou et al. 2026, eq. (82)-(96).
     """
@@ -276,7 +276,7 @@ def learned_compensator(
 def compensate(
     measurement: Measurement, reference: Reference, unknown: tuple[Any, ...], par: LearnedParameters
 ) -> Command:
-    """Command of the paper's law that compensates a force and torque (base axes) and joint torques."""
+    """Command of Barakou et al. 2026's law minus a force and torque (base axes) and joint torques."""
     vehicle, R = par.model.vehicle, measurement.quaternion.rotation()
     force_B, torque_B = Vec3(*unknown[:3]), Vec3(*unknown[3:6])
     specific = wanted_specific_force(par, measurement, reference)
@@ -291,7 +291,7 @@ def compensate(
 
 
 def network_for(model: Model, network: Any) -> Network:
-    """Network for a model, by default the shipped one; rejects one trained for a different vehicle.
+    """Network for a model: the given or the shipped one; rejects a network of another vehicle.
 
     Raises:
         ControllerError: it is not one of a vehicle with these joints, or the shipped one is not of this vehicle.

@@ -36,7 +36,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Contact:
-    """Desired contact at one stage of the horizon.
+    """Desired contact of the tip with a surface at one stage of the horizon.
 
     Attributes:
         normal: out of the surface as estimated, world axes.
@@ -73,7 +73,7 @@ def under_contact(
     dry_rates: tuple[Scalar, ...] | None,
     contact: Contact | tuple[()],
 ) -> tuple[Disturbance, Scalar]:
-    """Disturbance plus the predicted surface force, and that force (N); unchanged and 0 without contact.
+    """Disturbance with the predicted contact force added, and that force (N), 0 without contact.
 
     Args:
         model: the controller's model.
@@ -126,7 +126,7 @@ class Goal:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Weights:
-    """Weights of the residuals; each is one over the error that costs 1 per second.
+    """Cost weights of predictive control, each the reciprocal of the error that costs 1 per second.
 
     Attributes:
         position: 1/m. velocity: s/m. heading: 1/rad. rate: s/rad, of the base.
@@ -185,7 +185,7 @@ def state_residuals(model: Model, weights: Weights, state: State, goal: Goal, mo
 
 
 def given_way(vehicle: Vehicle, joints: tuple[Scalar, ...], tilt: Vec3) -> tuple[Scalar, ...]:
-    """Joint positions, with joints next to the base turned to compensate a base tilt (sine of angle, body axes)."""
+    """Joint positions at which the joints next to the base compensate a base tilt (sine of angle, body axes)."""
     return tuple(
         sub(q, link.joint.rotation.apply(link.joint.motion_subspace.angular).dot(tilt)) if link.parent == BASE else q
         for link, q in zip(vehicle.links, joints, strict=True)
@@ -195,7 +195,7 @@ def given_way(vehicle: Vehicle, joints: tuple[Scalar, ...], tilt: Vec3) -> tuple
 def input_residuals(
     model: Model, weights: Weights, state: State, inputs: Inputs, disturbance: Disturbance, goal: Goal
 ) -> tuple[Scalar, ...]:
-    """Weighted residuals of one stage's joint accelerations, rotor accelerations and, if possible, contact force.
+    """Weighted residuals of one stage's joint and rotor accelerations, and of the contact force if there is one.
 
     Accelerations of the joints, not their torques, are kept near the wanted ones, and the rates of the rotor speeds,
     not the speeds, small: what holds against a constant disturbance costs nothing, so that it leaves no offset. Where
@@ -213,6 +213,6 @@ def input_residuals(
 def predict_stage(
     model: Model, state: State, inputs: Inputs, disturbance: Disturbance, goal: Goal, dt: Scalar
 ) -> State:
-    """State after a stage of ``dt`` seconds, with the surface force constant over the stage."""
+    """State after a stage of ``dt`` seconds under a constant contact force."""
     pushed, _ = under_contact(model, state, inputs.efforts, disturbance, goal.joint_rates, goal.contact)
     return integrate_stage(model, state, inputs, pushed, dt, goal.joint_rates)

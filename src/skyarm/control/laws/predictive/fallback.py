@@ -1,4 +1,4 @@
-"""Fallback of the predictive law: acceptance test of a plan, rejection time, and the substitute law.
+"""Fallback of predictive control: acceptance test of a plan, waiting time, and substitute law.
 
 A plan is trusted if all its numbers are finite and it costs at most :func:`worst_cost`, which no flight that goes well
 reaches. The first one that is not hands over to the paper's computed torque law, which needs no plan, no iterations and
@@ -64,7 +64,7 @@ FORGIVEN = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Trust:
-    """History of plan quality, which decides whether plans are flown.
+    """Acceptance history of plans, which decides whether plans or the substitute law fly the vehicle.
 
     Attributes:
         good: plans to be trusted in a row. resting: s for which the plans are not flown yet; 0 while they are.
@@ -83,7 +83,7 @@ class Trust:
 
 
 def worst_cost(weights: Weights, mode: str, joints: int, horizon: float) -> float:
-    """Largest acceptable plan cost: :data:`TIMES` that of constant errors :data:`WORST` over the horizon."""
+    """Largest cost of an acceptable plan: :data:`TIMES` that of constant errors :data:`WORST`."""
     errors = [float(weights.position) * WORST["position"], float(weights.velocity) * WORST["velocity"]]
     errors += [float(weights.joints) * WORST["joints"]] * joints
     if mode == "tool":
@@ -98,7 +98,7 @@ def is_flyable(plan: Plan, most: float) -> bool:
 
 
 def after_plan(trust: Trust, good: bool) -> Trust:
-    """Plan quality history (:class:`Trust`), updated by a new plan."""
+    """Acceptance history (:class:`Trust`) updated by a new plan."""
     if good:
         count = trust.good + 1
         resting = 0.0 if trust.resting <= SPENT and count >= GOOD else trust.resting
@@ -111,7 +111,7 @@ def after_plan(trust: Trust, good: bool) -> Trust:
 
 
 def after_period(trust: Trust, dt: float) -> Trust:
-    """Plan quality history (:class:`Trust`), updated after ``dt`` seconds."""
+    """Acceptance history (:class:`Trust`) after ``dt`` seconds."""
     if trust.flies_plans:
         return trust if not trust.rest else Trust(trust.good, 0.0, trust.rest, trust.calm + dt)
     # what is left stays above zero until the plans are good
@@ -123,7 +123,7 @@ SPENT = 1e-9
 
 
 class Stabiliser:
-    """Compiled substitute law: the paper's computed torque with RotorS's gains scaled to the model.
+    """Compiled substitute law: computed torque of Barakou et al. 2026 with RotorS's gains scaled to the model.
 
     Args:
         model: the controller's model.
@@ -143,7 +143,7 @@ class Stabiliser:
 
 
 def _computed_torque(par: Parameters, reading: Measurement, unknown: Disturbance, signals: Any) -> tuple[Scalar, ...]:
-    """Rotor speeds and joint efforts of the paper's law, with limited tilt and the disturbance compensated."""
+    """Rotor speeds and joint efforts of computed torque with limited tilt and compensated disturbance."""
     model, (values, rates, accelerations) = par.model, signals
     vehicle, R = model.vehicle, reading.quaternion.rotation()
     wanted = Reference(
@@ -165,7 +165,7 @@ def _computed_torque(par: Parameters, reading: Measurement, unknown: Disturbance
 
 
 def _near(yaw: Scalar, heading: Scalar) -> Scalar:
-    """Desired yaw (rad) limited to within :data:`TURN` of the heading, on the shorter side.
+    """Desired yaw (rad) limited to :data:`TURN` from the present heading, on the shorter side.
 
     The attitude error is the sine of the turn: a nose that points backwards would take the torque from the tilt.
     """
@@ -186,7 +186,7 @@ def _climbable(force: Vec3, gravity: Scalar) -> Vec3:
 
 
 def _parameters(model: Model) -> Parameters:
-    """RotorS's gains scaled to the model, with priority of torque where every rotor gives lift."""
+    """Constants of the substitute law: RotorS's gains scaled to the model, torque before thrust if possible."""
     try:
         made = make_hybrid_computed_torque(model, mixer_policy="priority")
     except AllocationError:

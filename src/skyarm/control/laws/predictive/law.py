@@ -121,7 +121,7 @@ KEPT = 16
 
 @dataclass(frozen=True, slots=True)
 class Engine:
-    """Compiled functions of the predictive law; no flight state is inside, so that several flights can share them.
+    """Compiled functions of predictive control for one model and one set of constants, shared between flights.
 
     Attributes:
         key: constants that it was made of.
@@ -144,14 +144,14 @@ class Engine:
 
 
 def engine_key(par: PredictiveParameters, dt: float, push: bool) -> EngineKey:
-    """Cache key of a law's compiled functions; with ``push`` the reference may request contact."""
+    """Cache key of the compiled functions of predictive control."""
     shape = par.mode, par.stages, par.horizon, par.every
     return par.model, par.weights, par.bandwidths, *shape, dt, par.interaction if push else None
 
 
 @lru_cache(maxsize=KEPT)
 def make_engine(key: EngineKey) -> Engine:
-    """Compile the functions of a predictive law."""
+    """Compile the functions of predictive control for a cache key."""
     model, weights, bandwidths, mode, stages, horizon, every, dt, interaction = key
     vehicle, presses = model.vehicle, interaction is not None
     bounds = Bounds(
@@ -175,7 +175,7 @@ def make_engine(key: EngineKey) -> Engine:
 
 
 def stage_lengths(stages: int, every: int, horizon: float, dt: float) -> Array:
-    """Lengths of the prediction stages, s: control periods until the next solution, then growing geometrically."""
+    """Lengths (s) of the horizon's stages: control periods until the next plan, then a geometric growth."""
     powers = np.maximum(np.arange(stages) - every + 1, 0)
     low, high = 1.0, 10.0
     for _ in range(60):
@@ -186,7 +186,7 @@ def stage_lengths(stages: int, every: int, horizon: float, dt: float) -> Array:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PredictiveMemory:
-    """Internal state of the predictive law between steps: observer, last plan, reference sample, plan quality history.
+    """Internal state of predictive control: observer, last plan, reference sample and acceptance history.
 
     Attributes:
         engine: machine code. past: of the observer. Both None before the first step.
@@ -210,7 +210,7 @@ class PredictiveMemory:
 def nmpc(
     memory: PredictiveMemory, measurement: Measurement, reference: Reference, dt: float, *, par: PredictiveParameters
 ) -> tuple[PredictiveMemory, Command]:
-    """One step of whole-body nonlinear model predictive control; accepts floats only."""
+    """Step of whole-body nonlinear model predictive control; accepts floats only."""
     key = engine_key(par, dt, bool(reference.push))
     engine = memory.engine
     if engine is None or engine.key != key:
@@ -286,7 +286,7 @@ def _solve_plan(engine: Engine, last: Plan | None, passed: float, problem: Probl
 
 
 def _command(engine: Engine, plan: Plan, stage: int, x: Array, dt: float) -> Command:
-    """Command of one stage of a plan, with state feedback, motor lag inversion and effort limits."""
+    """Command of one stage of a plan, with state feedback, inverted motor lag and effort limits."""
     u = plan.u[stage] + plan.K[stage] @ (x - plan.x[stage])
     lags, most = engine.observation.motors, engine.bounds.efforts
     rotors = len(lags.most)
@@ -365,7 +365,7 @@ def problem_at(
     par: PredictiveParameters,
     touch: Touch | None = None,
 ) -> Problem:
-    """Optimisation problem that starts ``late`` seconds from now, when a command begins to act."""
+    """Optimal control problem whose initial state is ``late`` seconds ahead, when a new command takes effect."""
     later = late + np.append(0.0, np.cumsum(engine.solver.steps))
     motion = extrapolate(sample, sample.age + later)
     model, pressed, gains = par.model, disturbance, par.interaction
@@ -391,13 +391,13 @@ def problem_at(
 
 
 def _heading(x: Array) -> float:
-    """Heading of a state, rad."""
+    """Heading (rad) of a state array."""
     w, a, b, c = x[3:7].tolist()
     return math.atan2(2.0 * (w * c + a * b), 1.0 - 2.0 * (b * b + c * c))
 
 
 def bearable(disturbance: Array, most: Array) -> Array:
-    """Disturbance with body and joint torques scaled down to what the joint actuators can balance; force unchanged.
+    """Disturbance with torques scaled down to what the joint actuators can balance; force unchanged.
 
     What pushes harder carries the arm away until it lies along the push. A torque foreseen as constant would spin it
     up over the whole horizon, and no plan would be found.

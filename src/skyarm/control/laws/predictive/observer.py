@@ -50,7 +50,7 @@ class Bandwidths:
 
 
 def predict(model: Model, estimate: Estimate, command: Command, dt: Scalar) -> State:
-    """State ``dt`` seconds later under a held command, with rotor lag."""
+    """Predicted state after ``dt`` seconds of a held command, with motor lag."""
     state = estimate.state
     after = motor_speeds(model, state.rotor_speeds, command, dt)
     rates = tuple(divide(end - start, dt) for end, start in zip(after, state.rotor_speeds, strict=True))
@@ -62,7 +62,7 @@ def predict(model: Model, estimate: Estimate, command: Command, dt: Scalar) -> S
 def observe(
     model: Model, bandwidths: Bandwidths, before: Estimate, command: Command, measurement: Measurement, dt: Scalar
 ) -> Estimate:
-    """Observer update from the previous estimate, the command in between and the new measurement.
+    """Observer update: next estimate from the previous one, the command in between and a new measurement.
 
     The correction is that of :mod:`skyarm.control.blocks.disturbance_observer`, of velocities foreseen over a whole
     period. Pose and joints are the measured ones.
@@ -101,7 +101,7 @@ Array = npt.NDArray[np.float64]
 
 
 class Observation:
-    """Compiled observer, and prediction over commands not yet visible in a measurement, on arrays.
+    """Compiled extended state observer, and prediction over commands that no measurement shows yet.
 
     Args:
         model: the controller's. bandwidths: of the observer. dt: control period, s.
@@ -121,7 +121,7 @@ class Observation:
         self._advance = Compiled(lambda before, command: predict(model, before, command, dt), estimate, command)
 
     def now(self, estimate: Array, commands: Sequence[Array]) -> Array:
-        """Vehicle state and disturbance estimate, predicted over the commands since the last measurement."""
+        """Vehicle state and disturbance predicted over the commands sent since the last measurement."""
         for command in commands:
             state = self._advance(estimate, command)
             estimate = np.concatenate([state, estimate[len(state) :]])
@@ -135,7 +135,7 @@ class Observation:
         return Past(estimate, first_lateness(np.array(m.rotor_speeds, dtype=float)))
 
     def update(self, past: Past, sent: Command, measurement: Measurement) -> Past:
-        """Observer state after a new measurement; ``sent`` is the command of the preceding period."""
+        """Observer state after a new measurement, where ``sent`` is the command of the preceding period."""
         reading = np.array(leaves(measurement), dtype=float)
         shown = (*past.shown, sent)[-1 - LONGEST :]
         modelled = speeds_under(self.motors, past.late.modelled[0], np.array(sent.rotor_speeds))
@@ -148,13 +148,13 @@ class Observation:
 
 
 def command_row(command: Command) -> Array:
-    """Command as a one-dimensional array."""
+    """Rotor speeds and joint efforts of a command as one array."""
     return np.array([*command.rotor_speeds, *command.efforts], dtype=float)
 
 
 @dataclass(frozen=True, slots=True)
 class Past:
-    """State of the predictive law's observer: last estimate, history for the command delay, recent commands.
+    """Observer state: last estimate, statistics of the command delay, and recent commands.
 
     Attributes:
         estimate: leaves of an :class:`Estimate` at the last measurement. late: how late commands act.
@@ -184,7 +184,7 @@ NOTICED = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Lateness:
-    """History of modelled rotor speeds for the estimate of the command delay.
+    """Statistics of the command delay: modelled rotor speeds and their differences from the measured ones.
 
     Attributes:
         modelled: (LONGEST + 1, rotors) speeds of rotors that obey at once, rad/s; row k is of k periods ago.
@@ -200,12 +200,12 @@ class Lateness:
 
 
 def first_lateness(speeds: Array) -> Lateness:
-    """Initial estimate of the command delay: zero."""
+    """Initial statistics of the command delay, at zero delay."""
     return Lateness(np.tile(speeds, (LONGEST + 1, 1)), np.zeros(LONGEST + 1))
 
 
 def update_lateness(before: Lateness, modelled: Array, measured: Array, dt: float) -> Lateness:
-    """Estimate of the command delay after ``dt`` seconds.
+    """Statistics and estimate of the command delay after one measurement.
 
     Args:
         before: one period earlier.

@@ -74,7 +74,7 @@ def base_accelerations(
 
 
 def _on_base(model: Model, state: State, R: Mat3, disturbance: Disturbance) -> Force:
-    """Total torque and force of rotors and disturbance about the base origin, base axes."""
+    """Total wrench of rotors and disturbance about the base origin, base axes."""
     v_B = R.apply_T(state.velocity)
     applied = Force(disturbance.torque, R.apply_T(disturbance.force))
     for rotor, speed in zip(model.vehicle.rotors, state.rotor_speeds, strict=True):
@@ -117,7 +117,7 @@ def integrate_stage(
     dt: Scalar,
     dry_rates: tuple[Scalar, ...] | None = None,
 ) -> State:
-    """State after a stage of ``dt`` seconds, with the joint accelerations of its initial efforts held.
+    """State after a stage of ``dt`` seconds at constant joint accelerations, those of the initial efforts.
 
     A drive follows gravity and inertia far more often than a stage is long. Torques held over a stage would let a
     light link fall and swing by several radians before the next one corrects it, and no plan of a fast arm converges.
@@ -132,7 +132,7 @@ def integrate_stage(
 
 
 def _runge_kutta_step(state: State, k1: State, slope: Callable[[State], State], dt: Scalar) -> State:
-    """One step of the classical Runge-Kutta method with a given first slope."""
+    """State after one step of the classical Runge-Kutta method with a given first slope."""
     k2 = slope(euler_step(state, k1, 0.5 * dt))
     k3 = slope(euler_step(state, k2, 0.5 * dt))
     k4 = slope(euler_step(state, k3, dt))
@@ -145,7 +145,7 @@ def _runge_kutta_step(state: State, k1: State, slope: Callable[[State], State], 
 
 
 def euler_step(state: State, rate: State, dt: Scalar) -> State:
-    """Euler step: state + dt * rate, number by number."""
+    """State plus dt times its rate, number by number."""
     return rebuild(state, iter([x + dt * dx for x, dx in zip(leaves(state), leaves(rate), strict=True)]))
 
 
@@ -175,6 +175,6 @@ def command_for(lags: Motors, speed: Scalar, acceleration: Scalar, dt: Scalar) -
 
 
 def speeds_under(lags: Motors, speed: Scalar, command: Any) -> Any:
-    """Speeds (rad/s) of lagging rotors after one control period under commanded speeds."""
+    """Speeds (rad/s) of lagging rotors one control period after commanded speeds."""
     change = np.minimum(np.maximum(command, 0.0), lags.most) - speed
     return speed + change * np.where(change > 0.0, lags.up, lags.down)

@@ -1,4 +1,4 @@
-"""Reference preview over the horizon: extrapolated samples or the known trajectory, and the base's shift.
+"""Reference over the prediction horizon by extrapolation of samples, and the base offset under tilt.
 
 The base shifts so that the tip is where a level base would carry it although rotors must lean to push. The arm takes
 back what its joints can of the lean: those next to the base turn against it. The base takes the rest: the whole of the
@@ -48,7 +48,7 @@ SETTLED = 2
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """Sample of the reference signals [x, y, z, yaw, joints ...] that the controller holds.
+    """Held reference sample of [x, y, z, yaw, joints ...], with jerks and oscillation statistics.
 
     Attributes:
         motion: (3, signals) values, rates, accelerations. jerks: (signals,). age: s.
@@ -89,7 +89,7 @@ def extrapolate(sample: Sample, ahead: Array) -> Array:
 
 
 def _shares(angle: Array) -> tuple[Array, Array, Array, Array]:
-    """Values of sin(x) / x, 2 (1 - cos(x)) / x^2, 6 (x - sin(x)) / x^3 and cos(x), all 1 at 0."""
+    """Functions sin(x) / x, 2 (1 - cos(x)) / x^2, 6 (x - sin(x)) / x^3 and cos(x), all 1 at 0."""
     still = angle < SLOW
     x = np.where(still, 1.0, angle)
     sine, cosine = np.sin(x), np.cos(x)
@@ -98,7 +98,7 @@ def _shares(angle: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def update_sample(reference: Reference, before: Sample | None, dt: float) -> Sample:
-    """Reference sample held after ``dt`` seconds, with jerks from the accelerations of the last two samples.
+    """Held reference sample after ``dt`` seconds, with jerks from two successive samples' accelerations.
 
     A sample has come when it differs; one that came where none was predicted starts with no jerk.
     """
@@ -129,7 +129,7 @@ def update_sample(reference: Reference, before: Sample | None, dt: float) -> Sam
 
 
 def goals(motion: Array, shift: Array) -> Array:
-    """References of the horizon as an array, one row per instant (fields of ``cost.Goal``).
+    """Reference array of the horizon, one row per instant with the fields of :class:`Goal`.
 
     Args:
         motion: (3, T, signals) signals with two derivatives.
@@ -141,7 +141,7 @@ def goals(motion: Array, shift: Array) -> Array:
 
 
 def shift(vehicle: Vehicle, thrust: Vec3, yaw: Scalar, joints: tuple[Scalar, ...]) -> Vec3:
-    """Base shift that keeps the tip in place while the base tilts to a thrust direction, m, world axes.
+    """Base offset (m, world axes) that keeps the tip in place while the base tilts to a thrust direction.
 
     Args:
         vehicle: with a tip.
@@ -159,7 +159,7 @@ def shift(vehicle: Vehicle, thrust: Vec3, yaw: Scalar, joints: tuple[Scalar, ...
 
 
 def make_stance(model: Model, mode: str) -> Callable[[Array, Array], Array]:
-    """Compile :func:`shift`, the base shift that keeps the tip in place, for T thrusts (T, 3) and reference signals.
+    """Compiled function that gives the base offsets (:func:`shift`) for several thrusts and reference signals.
 
     None in mode "joints" and without a tip.
     """

@@ -1,4 +1,4 @@
-"""Real-time iteration of predictive control: linearisation, Riccati recursion and line search.
+"""Solver of predictive control: linearisation, Riccati recursion and line search, one iteration per call.
 
 Every stage and every nudged copy of it is a lane: the prediction that the plant's own compiler turns into machine code
 gives values and differences of a whole horizon in a fraction of a millisecond. A rollout moves the model under a policy
@@ -31,7 +31,7 @@ Array = npt.NDArray[np.float64]
 
 
 class Compiled:
-    """Traceable function compiled to machine code, evaluated on arrays.
+    """Function of dataclasses compiled to machine code and evaluated on arrays.
 
     Args:
         function: of records; returns a record.
@@ -144,7 +144,7 @@ class Stages:
         return ends[:, 0], self._slopes(ends), errors[:, 0], self._slopes(errors)
 
     def _slopes(self, values: Array) -> Array:
-        """Derivatives of states and residuals by central differences, an array of shape (stages, values, inputs)."""
+        """Central-difference derivatives, an array (stages, values, state and input components)."""
         width = self.nx + self.nu
         change = values[:, 1 : width + 1] - values[:, width + 1 :]
         return np.asarray((change / (2.0 * NUDGE * self.scales[:, None])).transpose(0, 2, 1))
@@ -168,7 +168,7 @@ class Motions:
 
 
 class Rollouts:
-    """Rollouts of the policy u = u_guess + a k + K (x - x_guess) within limits, for several step sizes a at once.
+    """Rollouts of a policy within input limits, for several step sizes at once.
 
     Args:
         model: the controller's. weights, mode: of :mod:`skyarm.control.laws.predictive.cost`. bounds: of the inputs.
@@ -213,7 +213,7 @@ class Rollouts:
     def run(
         self, x: Array, u: Array, found: Policy, a: Array, start: Array, given: tuple[Array, Array, Array]
     ) -> Motions:
-        """Roll out a policy from ``start`` about a guess x (N + 1, nx), u (N, nu), once per step size.
+        """Roll out a policy about a guessed trajectory from a start state, once per step size.
 
         Args:
             x: (N + 1, nx) states of the guess.
@@ -251,7 +251,7 @@ HOLD = 1e8
 
 @dataclass(frozen=True, slots=True)
 class Linear:
-    """Linear-quadratic problem x[k+1] = A x[k] + B u[k] + c with residuals Jx x[k] + Ju u[k] + r, in deviations.
+    """Linear-quadratic problem x[k+1] = A x[k] + B u[k] + c with least-squares residuals.
 
     Attributes:
         AB: (N, nx, nx + nu). c: (N, nx). J: (N + 1, nr, nx + nu), of which the last counts x alone. r: (N + 1, nr).
@@ -265,7 +265,7 @@ class Linear:
 
 @dataclass(frozen=True, slots=True)
 class Policy:
-    """Affine policy u[k] = k[k] + K[k] x[k], shapes (N, nu) and (N, nu, nx); P (nx, nx) is the initial cost-to-go."""
+    """Affine policy u[k] = k[k] + K[k] x[k] of N stages, with the initial cost-to-go P."""
 
     k: Array
     K: Array
@@ -312,7 +312,7 @@ def policy(problem: Linear, held: Array | None = None, at: Array | None = None, 
 
 
 def rollout(problem: Linear, found: Policy, first: Array, low: Any, high: Any) -> tuple[Array, Array]:
-    """Linear rollout: deviations x (N + 1, nx), u (N, nu) from ``first``, inputs clipped to (N, nu) limits."""
+    """Linear rollout of a policy with clipped inputs: deviations x (N + 1, nx) and u (N, nu)."""
     stages, nx, width = problem.AB.shape
     x, u = np.empty((stages + 1, nx)), np.empty((stages, width - nx))
     x[0] = first
@@ -341,7 +341,7 @@ class NoPlanError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """A planned motion: states (N + 1, nx), inputs (N, nu) and the gains (N, nu, nx) of u = u* + K (x - x*).
+    """Planned motion: states (N + 1, nx), inputs (N, nu) and feedback gains (N, nu, nx).
 
     Attributes:
         x, u, K: states, inputs and gains. damping: of the next step. cost: sum of squared residuals; NaN if not known.
@@ -370,7 +370,7 @@ class Problem:
 
 
 class Riccati:
-    """Solver: one damped Gauss-Newton step per call, by the Riccati recursion with a line search.
+    """Solver that makes one damped Gauss-Newton step per call, by Riccati recursion and line search.
 
     Args:
         stages: compiled prediction. rollouts: compiled motions. steps: (N,) lengths of the stages, s.
@@ -426,7 +426,7 @@ class Riccati:
         return found
 
     def _room(self, guess: Plan, rotors: int) -> tuple[Array, Array]:
-        """Allowed decrease and increase of each input (N, nu) within rotor speed and effort limits."""
+        """Smallest and largest change of each input (N, nu) within rotor speed and effort limits."""
         speeds, dt = guess.x[:-1, -rotors:], self.steps[:, None]
         efforts = np.broadcast_to(self.bounds.efforts, (len(self.steps), len(self.bounds.efforts)))
         low, high = np.hstack([-speeds / dt, -efforts]), np.hstack([(self.bounds.speeds - speeds) / dt, efforts])
@@ -434,7 +434,7 @@ class Riccati:
 
 
 def next_damping(damping: float, share: float) -> float:
-    """Damping of the next iteration, from the share of the last step that was taken."""
+    """Damping of the next iteration, from the share of the last step that the line search took."""
     least, most = DAMPING
     if share < 0.5:
         return min(max(damping * GROWTH, least), most)
@@ -444,7 +444,7 @@ def next_damping(damping: float, share: float) -> float:
 
 
 def linear_problem(stages: Stages, problem: Problem, x: Array, u: Array, steps: Array, roots: Array) -> Linear:
-    """Linear-quadratic problem about a motion x (N + 1, nx), u (N, nu), in deviations from it."""
+    """Linear-quadratic problem about a trajectory x (N + 1, nx), u (N, nu), in deviations from that trajectory."""
     dt, inputs = np.append(steps, steps[-1]), np.vstack([u, u[-1:]])
     ends, AB, errors, slopes = stages.derivatives(x, inputs, dt, problem.disturbance, problem.goals)
     J, r = slopes * roots[:, None, None], errors * roots[:, None]
@@ -454,7 +454,7 @@ def linear_problem(stages: Stages, problem: Problem, x: Array, u: Array, steps: 
 
 
 def shift_plan(plan: Plan, steps: Array, dt: float) -> Plan:
-    """Plan shifted by ``dt`` seconds on the same stage lengths; the end of the plan is held constant."""
+    """Plan advanced by ``dt`` seconds on unchanged stage lengths, with its end held constant."""
     times = np.append(0.0, np.cumsum(steps))
     later = np.minimum(times + dt, times[-1])
     at = np.clip(np.searchsorted(times, later, side="right") - 1, 0, len(steps) - 1)

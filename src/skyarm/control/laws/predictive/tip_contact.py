@@ -45,7 +45,7 @@ against its own push, and the arm of six joints swings up.
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Touch:
-    """State of the contact in one period; forces (N), displacements (m) and speeds (m/s) along the normal.
+    """Contact in one period: flags, and forces (N), displacements (m), speeds (m/s) along the normal.
 
     Attributes:
         normal: (3,) out of the surface, world axes.
@@ -75,7 +75,7 @@ class Touch:
 
 
 class TipContact:
-    """Compiled contact detection of one period, and the disturbance without the contact force.
+    """Compiled contact detection, and the disturbance without the contact force.
 
     Args:
         model: the controller's. gains: of pressing. dt: control period, s.
@@ -122,7 +122,7 @@ class TipContact:
     def at(
         self, before: InteractionMemory | None, estimate: Array, push: Sequence[Scalar], wanted: Array
     ) -> tuple[InteractionMemory, Touch]:
-        """Next state of the contact force controller, and the state of the contact in this period.
+        """Next state of the contact force controller, and the contact in this period.
 
         Args:
             before: memory a period earlier; None before the first.
@@ -138,7 +138,7 @@ class TipContact:
 
 
 def shift_ahead(gains: InteractionGains, touch: Touch, later: Array) -> tuple[Array, Array, Array]:
-    """Predicted reference shift along the normal, m, with two derivatives, at ``later`` (T,) s from now.
+    """Predicted reference offset along the normal (m), with two derivatives, at given times from now.
 
     A tip that comes keeps its speed; what follows the surface, or returns, does so as a critically damped swing.
     """
@@ -163,7 +163,7 @@ def shift_ahead(gains: InteractionGains, touch: Touch, later: Array) -> tuple[Ar
 
 
 def contact_goals(gains: InteractionGains, touch: Touch, later: Array) -> Array:
-    """Contact references of the horizon as an array, N + 1 instants (N + 1, 6) (fields of ``cost.Contact``).
+    """Contact references of the horizon, an array (N + 1, 6) with the fields of ``cost.Contact``.
 
     The wanted force goes on rising, or falling after a loss, as its ramp does. The damping is that of a stage's length:
     a force that is held over it would turn the tip back by more than its velocity.

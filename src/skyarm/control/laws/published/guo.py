@@ -66,7 +66,7 @@ def guo_center_of_inertia(
 
 
 def _about_origin(J: Sym3, alpha: Vec3, w: Vec3, c: Vec3, thrust: Scalar) -> Vec3:
-    """Rotor torque about the base origin that turns the locked body about its centre of mass."""
+    """Rotor torque about the base origin for an angular acceleration about the centre of mass."""
     torque: Vec3 = J.apply(alpha) + w.cross(J.apply(w)) + c.cross(E_Z * thrust)
     return torque
 

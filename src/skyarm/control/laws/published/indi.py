@@ -128,7 +128,7 @@ def indi(
 def _speeds(
     memory: IndiMemory, measurement: Measurement, par: IndiParameters, first: Any, dt: Scalar
 ) -> tuple[Scalar, ...]:
-    """Rotor speeds: as measured, or from the motor model with the same delay as the measurements."""
+    """Rotor speeds: measured, or modelled with the measurement's delay."""
     if par.measured_speeds:
         return measurement.rotor_speeds
     turned = speeds_after(par.model.vehicle.rotors, memory.speeds, memory.sent[0].rotor_speeds, dt)
@@ -145,7 +145,7 @@ def _filter_signals(
     par: IndiParameters,
     first: Any,
 ) -> tuple[tuple[Taps, ...], list[Any]]:
-    """Low-pass filter step of all signals; at the first call the filters are in steady state."""
+    """Low-pass filter step of all signals, from steady state at the first call."""
     torque, force = rotor_thrust(par.model.vehicle, speeds)
     efforts = [where(first, a, b) for a, b in zip(hold, memory.sent[0].efforts, strict=True)]
     signals = [
@@ -162,7 +162,7 @@ def _filter_signals(
 
 
 def _command_history(memory: IndiMemory, command: Command, held: Command, first: Any) -> tuple[Command, ...]:
-    """Commands of the last periods, newest last; before the first command the actuators were held."""
+    """Commands of the last periods, newest last, with the actuators held before the first command."""
 
     def begun(hold: tuple[Scalar, ...], old: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
         return tuple(where(first, a, b) for a, b in zip(hold, old, strict=True))

@@ -86,7 +86,7 @@ def sliding_rates(stiffness: Scalar, damping: Scalar) -> tuple[Scalar, Scalar]:
 def reached(
     error: Scalar, rate: Scalar, kp: Scalar, kd: Scalar, group: int, par: SlidingParameters
 ) -> tuple[Scalar, Scalar, Scalar]:
-    """Sliding variable of one coordinate; linear and switching part of its reaching acceleration."""
+    """Sliding variable of one coordinate, and linear and switching part of its desired acceleration."""
     slope, gain = sliding_rates(kp, kd)
     s = rate + slope * error
     push = par.switching[group] * tanh(divide(s, par.boundary[group]))

@@ -53,7 +53,7 @@ from skyarm.sensing.measurement import Measurement
 
 
 def adaptation(error: Scalar, rate: Scalar, dt: Scalar) -> Any:
-    """Piecewise-constant estimate -Phi^-1 mu of one channel from its prediction error, for the predictor rate -a.
+    """Piecewise-constant disturbance estimate of one velocity channel, from its prediction error.
 
     The error that sigma makes in one period from ztilde = 0 is e^(a dt) times itself: the next sigma cancels it.
     """
@@ -193,7 +193,7 @@ def _advance_filters(memory: L1Memory, R: Mat3, force: Force, efforts: Any, dt: 
 
 
 def _command(filtered: L1Memory, measurement: Measurement, reference: Reference, R: Mat3, par: L1Parameters) -> Command:
-    """Command u_b + u_ad: baseline plus adaptive part."""
+    """Command u_b + u_ad of the L1 law: baseline control plus adaptive compensation."""
     wanted = up = wanted_specific_force(par, measurement, reference)
     b3 = R.column(2)
     if par.lateral:
@@ -206,7 +206,7 @@ def _command(filtered: L1Memory, measurement: Measurement, reference: Reference,
 
 
 def limits(model: Model) -> dict[str, Any]:
-    """Limits of the compensated force (half the weight) and torque (a quarter of the weight at the rotor arm).
+    """Bounds of the compensation: half the weight, and a quarter of the weight at the rotor arm as torque.
 
     More cannot be compensated and flown at once.
     """
