@@ -12,7 +12,7 @@ import math
 import types
 import typing
 from collections.abc import Callable, Mapping
-from functools import cache
+from functools import cache, partial
 from typing import Any, TypeVar
 
 from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3
@@ -178,22 +178,12 @@ def _numbers(field: str, value: Any, unit: Unit, kind: Any, letters: str, allowe
     return kind(*(0 if unit.folds and concrete(each) and each == 0.0 else each for each in entries))
 
 
-def _vector(field: str, value: object, unit: Unit) -> Vec3:
-    found: Vec3 = _numbers(field, value, unit, Vec3, "xyz", "must be three numbers")
-    return found
-
-
-def _quaternion(field: str, value: object, unit: Unit) -> Quaternion:
-    found: Quaternion = _numbers(field, value, unit, Quaternion, "wxyz", "must be four numbers (w x y z)")
-    return found
-
-
 _NUMBERS: Mapping[Any, Callable[[str, Any, Unit], Any]] = {
     float: _number,
     int: _whole,
     Scalar: _scalar,
-    Vec3: _vector,
-    Quaternion: _quaternion,
+    Vec3: partial(_numbers, kind=Vec3, letters="xyz", allowed="must be three numbers"),
+    Quaternion: partial(_numbers, kind=Quaternion, letters="wxyz", allowed="must be four numbers (w x y z)"),
     Mat3: lambda field, value, _unit: coerce.matrix(field, value),
     Sym3: lambda field, value, _unit: coerce.inertia(field, value),
 }

@@ -34,16 +34,11 @@ def _map(record: object, visit: Callable[[Any], Any]) -> Any:
 def leaves(record: object) -> list[Any]:
     """All variable scalars of a nested dataclass as a flat list, in field order."""
     found: list[Any] = []
-
-    def visit(leaf: object) -> Any:
-        found.append(leaf)
-        return leaf
-
-    _visit_only(record, visit)
+    _visit_only(record, found.append)
     return found
 
 
-def _visit_only(record: object, visit: Callable[[Any], Any]) -> None:
+def _visit_only(record: object, visit: Callable[[Any], None]) -> None:
     if isinstance(record, tuple):
         for item in record:
             _visit_only(item, visit)

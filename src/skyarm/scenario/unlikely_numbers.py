@@ -86,11 +86,6 @@ def plan_warnings(scenario: Scenario) -> tuple[str, ...]:
     return tuple(found.warnings()) if found is not None else ()
 
 
-def law_warnings(scenario: Scenario) -> tuple[str, ...]:
-    """Warnings about a control law that does not suit the vehicle's joints or rotors."""
-    return tuple(law_of_undriven(scenario))
-
-
 def unlikely_in_vehicle(vehicle: Vehicle) -> tuple[str, ...]:
     """Warnings about vehicle numbers that are probably in other units."""
     heavy = _too_large("mass =", float(vehicle.mass), HEAVIEST, "kg")
@@ -221,7 +216,7 @@ def _norm(vector: Any) -> float:
     return math.hypot(*(float(c) for c in vector))
 
 
-def law_of_undriven(scenario: Scenario) -> Iterator[str]:
+def law_warnings(scenario: Scenario) -> Iterator[str]:
     """Warning if a shipped control law commands torques at passive joints of the plant.
 
     Such a law takes the reaction of those torques into the base's: a slung load falls within seconds.
