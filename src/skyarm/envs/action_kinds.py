@@ -1,4 +1,4 @@
-"""Kinds of actions: conversion of numbers in [-1, 1] to the vehicle's command of a control period."""
+"""Action spaces of the learning environments: conversion of numbers in [-1, 1] to vehicle commands."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Decide = Callable[[Any, Measurement, Reference], tuple[Any, Command]]
 
 
 class Turn(NamedTuple):
-    """Inputs with which an action is converted to a command: law, its internal state, measurement and reference.
+    """Control law, measurement and reference with which an action is converted to a vehicle command.
 
     Attributes:
         memory: of the law, ``()`` where it is not used. measurement: of the period. reference: of the law for it.
@@ -43,7 +43,7 @@ class Turn(NamedTuple):
 
     @property
     def model(self) -> Model:
-        """Vehicle model of the scenario's law."""
+        """Nominal vehicle model of the scenario's control law."""
         found: Model = self.par.model
         return found
 
@@ -54,7 +54,7 @@ USUAL_EFFORT = 0.5
 
 @dataclass(frozen=True, kw_only=True)
 class Actions:
-    """Base class of action kinds. A subclass is a frozen dataclass of numbers.
+    """Base class of action spaces, whose subclasses convert an action to a vehicle command.
 
     Attributes:
         joints: setpoint of every joint at full action, in its unit: N m or N of a joint that takes its effort, else
@@ -71,11 +71,11 @@ class Actions:
         accept_fields(self, type(self).__name__)
 
     def size(self, vehicle: Vehicle) -> int:
-        """Number of components of an action."""
+        """Number of components of an action for a vehicle."""
         return len(vehicle.rotors) + vehicle.n
 
     def command(self, action: tuple[Scalar, ...], now: Turn) -> tuple[Any, Command]:
-        """Convert an action to a vehicle command; returns the law's updated internal state and the command.
+        """Convert an action to a vehicle command; return the control law's next internal state and the command.
 
         Args:
             action: (size,) numbers in [-1, 1].
@@ -84,15 +84,15 @@ class Actions:
         raise NotImplementedError(f"{type(self).__name__} must define command()")
 
     def efforts(self, action: tuple[Scalar, ...], now: Turn) -> tuple[Scalar, ...]:
-        """Joint efforts (or setpoints of joint drives) commanded by the last components of an action."""
+        """Joint efforts, or setpoints of joint drives, commanded by the last components of an action."""
         return tuple(middle + a * half for a, (middle, half) in self._spans(action, now))
 
     def effort_increments(self, action: tuple[Scalar, ...], now: Turn) -> tuple[Scalar, ...]:
-        """Changes of joint efforts (or drive setpoints) commanded by the last components of an action."""
+        """Changes of joint efforts, or of joint drive setpoints, commanded by the last components of an action."""
         return tuple(a * half for a, (_, half) in self._spans(action, now))
 
     def _spans(self, action: tuple[Scalar, ...], now: Turn) -> list[tuple[Any, tuple[Scalar, Scalar]]]:
-        """For each joint: the action's component, the setpoint at zero action, and the change at full action."""
+        """List of each joint's action component, setpoint at zero action, and change at full action."""
         links = now.model.vehicle.links
         spans = [self._span(link.joint, each) for link, each in zip(links, now.told, strict=True)]
         return list(zip(action[len(action) - len(links) :], spans, strict=True))
@@ -108,7 +108,7 @@ class Actions:
 
 @dataclass(frozen=True, kw_only=True)
 class RotorsAndJoints(Actions):
-    """Action: rotor speeds relative to hover, then joint setpoints.
+    """Action space of rotor speeds relative to hover, then joint setpoints.
 
     Attributes:
         span: share of the model's hover speed that a full action adds or subtracts.
@@ -117,14 +117,14 @@ class RotorsAndJoints(Actions):
     span: Annotated[float, Unit("", "share of the hover speed", low=0.0, strict=True)] = 0.2
 
     def command(self, action: tuple[Scalar, ...], now: Turn) -> tuple[Any, Command]:
-        """Command with rotor speeds at hover plus scaled actions, clipped to the rotors' speed range."""
+        """Vehicle command with rotor speeds around hover and joint setpoints, within their limits."""
         speeds = tuple(w * (1.0 + self.span * a) for w, a in zip(_hover(now.model), action, strict=False))
         return now.memory, within_limits(now, speeds, self.efforts(action, now))
 
 
 @dataclass(frozen=True, kw_only=True)
 class RatesAndThrust(Actions):
-    """Action: desired body rates (x, y, z) and thrust, for a built-in rate controller, then joint setpoints.
+    """Action space of body rates and thrust for a built-in rate controller, then joint setpoints.
 
     Attributes:
         rate: rad/s at full action. thrust: share of the weight that a full action adds or takes.
@@ -136,11 +136,11 @@ class RatesAndThrust(Actions):
     bandwidth: Annotated[float, Unit("1/s", low=0.0, strict=True)] = 20.0
 
     def size(self, vehicle: Vehicle) -> int:
-        """Number of components: three rates, thrust, and one for each joint."""
+        """Number of action components: three body rates, thrust, and one for each joint."""
         return 4 + vehicle.n
 
     def command(self, action: tuple[Scalar, ...], now: Turn) -> tuple[Any, Command]:
-        """Command of a proportional body-rate controller; the mixer converts torque and thrust to rotor speeds."""
+        """Vehicle command of a proportional body-rate controller for the desired rates and thrust."""
         model = now.model
         missing = Vec3(*(self.rate * a for a in action[:3])) - now.measurement.rate
         torque = model.vehicle.base.inertia.apply(missing * self.bandwidth)
@@ -154,7 +154,7 @@ class RatesAndThrust(Actions):
 
 @dataclass(frozen=True, kw_only=True)
 class References(Actions):
-    """Action: offsets added to the position reference of the law: of the base (x, y, z), then of the joints.
+    """Action space of offsets added to the control law's reference: base position, then joint positions.
 
     Attributes:
         position: m at full action, world axes. angle: rad or m of a joint at full action.
@@ -166,11 +166,11 @@ class References(Actions):
     asks_law = True
 
     def size(self, vehicle: Vehicle) -> int:
-        """Number of components: three for the base, and one for each joint."""
+        """Number of action components: three base coordinates, and one for each joint."""
         return 3 + vehicle.n
 
     def command(self, action: tuple[Scalar, ...], now: Turn) -> tuple[Any, Command]:
-        """Command of the law for the reference with added offsets; velocities and accelerations are unchanged."""
+        """Vehicle command of the control law for the reference plus the action's position offsets."""
         reference = now.reference
         position = reference.position + Vec3(*(self.position * a for a in action[:3]))
         joints = tuple(q + self.angle * a for q, a in zip(reference.joints, action[3:], strict=True))
@@ -181,7 +181,7 @@ class References(Actions):
 
 @dataclass(frozen=True, kw_only=True)
 class Residual(Actions):
-    """Action: corrections that are added to the law's command: to rotor speeds, then to joint setpoints.
+    """Action space of corrections added to the control law's command: rotor speeds, then joint setpoints.
 
     A law that remembers its command receives the command that was sent.
 
@@ -194,7 +194,7 @@ class Residual(Actions):
     asks_law = True
 
     def command(self, action: tuple[Scalar, ...], now: Turn) -> tuple[Any, Command]:
-        """Command of the law plus the action's correction, within the limits of rotors and joints."""
+        """Vehicle command of the control law plus the action's corrections, within the actuators' limits."""
         following, own = now.law(now.memory, now.measurement, now.reference)
         pairs = zip(own.rotor_speeds, _hover(now.model), action, strict=False)
         speeds = tuple(w + self.span * hover * a for w, hover, a in pairs)
@@ -213,7 +213,7 @@ ACTIONS: dict[str, type[Actions]] = {
 
 
 def middle_and_half(lower: Scalar, upper: Scalar) -> tuple[Scalar, Scalar]:
-    """Centre and half width of a joint's range; a missing limit gets a default distance."""
+    """Centre and half width of a joint's range, with a default distance for a missing limit."""
     if _free(-lower) and _free(upper):
         return 0.0, USUAL_EFFORT
     low = upper - 2.0 * USUAL_EFFORT if _free(-lower) else lower
@@ -222,7 +222,7 @@ def middle_and_half(lower: Scalar, upper: Scalar) -> tuple[Scalar, Scalar]:
 
 
 def within_limits(now: Turn, speeds: tuple[Scalar, ...], efforts: tuple[Scalar, ...]) -> Command:
-    """Command clipped to the rotors' speeds and the joints' efforts; drive setpoints are not clipped."""
+    """Vehicle command clipped to the limits of rotor speeds and joint efforts."""
     vehicle = now.model.vehicle
     turned = tuple(clip(w, 0.0, rotor.max_speed) for w, rotor in zip(speeds, vehicle.rotors, strict=True))
     rows = zip(efforts, vehicle.links, now.told, strict=True)
@@ -234,7 +234,7 @@ def within_limits(now: Turn, speeds: tuple[Scalar, ...], efforts: tuple[Scalar, 
 
 
 def _as_kept(memory: Any, sent: Command) -> Command:
-    """Sent command as a law stores it in its internal state: without tilt angles if the law stores none."""
+    """Vehicle command in the form in which a control law stores its last command."""
     kept = getattr(memory, "sent", None)
     newest = kept[-1] if isinstance(kept, tuple) and kept else kept
     return sent if getattr(newest, "tilts", ()) else dataclasses.replace(sent, tilts=())
@@ -245,5 +245,5 @@ def _free(limit: Scalar) -> bool:
 
 
 def _hover(model: Model) -> tuple[Scalar, ...]:
-    """Rotor speeds of the model in hover with all joints at zero, rad/s."""
+    """Rotor speeds (rad/s) of the nominal model in hover with all joints at zero."""
     return hover_trim(model.vehicle, (0.0,) * model.vehicle.n, model.gravity).speeds

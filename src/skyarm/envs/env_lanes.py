@@ -1,4 +1,4 @@
-"""Initial data of many episodes, precomputed in batches: random numbers, initial states and observations."""
+"""Parallel episodes of a learning task in SIMD lanes, with precomputed initial states."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ AHEAD = 8192
 
 
 class EpisodeStarts:
-    """Initial data of the episodes of many lanes: pure functions of a lane's seed and the episode number.
+    """Precomputed initial data of many parallel episodes: randomised parameters, states and observations.
 
     Precomputed, because a lane must restart between two steps of some microseconds each.
 
@@ -58,13 +58,13 @@ class EpisodeStarts:
             self._table[:, :, 0] = self._compute(np.zeros(1, dtype=np.uint64), np.zeros(1, dtype=np.int64))
 
     def seed(self, lanes: Array, seeds: Array) -> None:
-        """Assign new seeds to lanes and restart their episode numbers at 0."""
+        """Assign new random seeds to parallel episodes and restart their episode count at 0."""
         self._seeds[lanes] = seeds
         # as far as could be from any episode that is asked for: made when it is
         self._first[lanes] = -(2**40)
 
     def take(self, lanes: Array, episodes: Array) -> Array:
-        """Randomised numbers, initial state and first observation of an episode in each lane, as (numbers, lanes)."""
+        """Randomised parameters, initial state and first observation of given episodes, as (numbers, episodes)."""
         if not self.varies:
             return self._table[:, np.zeros(len(lanes), dtype=np.intp), 0]
         at = episodes - self._first[lanes]
@@ -75,14 +75,14 @@ class EpisodeStarts:
         return self._table[:, lanes, at]
 
     def _fill(self, lanes: Array, episodes: Array) -> None:
-        """Compute and store the initial data of several episodes of some lanes, beginning with the given episodes."""
+        """Compute and store the initial data of the next several episodes of some SIMD lanes."""
         self._first[lanes] = episodes
         numbers = (episodes[:, None] + np.arange(self._depth)).ravel()
         columns = self._compute(np.repeat(self._seeds[lanes], self._depth), numbers)
         self._table[:, lanes] = columns.reshape(len(columns), len(lanes), self._depth)
 
     def _compute(self, seeds: Array, episodes: Array) -> Array:
-        """Compute the initial data of episodes from the given seeds and episode numbers."""
+        """Compute the initial data of episodes with given seeds and episode numbers, as (numbers, episodes)."""
         program, keys = self._program, seeds
         columns = program.task.randomised.draw(keys, episodes)
         # numbers are what 32 bits hold of them, where that is what the code flies
@@ -100,17 +100,17 @@ class EpisodeStarts:
 
     @property
     def state(self) -> slice:
-        """Rows of the table of initial data that hold the initial state."""
+        """Slice of the initial data that holds the initial state of the closed loop."""
         return slice(len(self._program.paths), len(self._program.paths) + self._program.loop.carry)
 
     @property
     def observation(self) -> slice:
-        """Rows of the table of initial data that hold the initial observation."""
+        """Slice of the initial data that holds the first observation."""
         return slice(self.state.stop, len(self._table))
 
 
 class EnvLanes:
-    """Parallel episodes of a task, one per lane; a lane's episodes depend only on its own seed.
+    """Parallel episodes of a learning task, each in a SIMD lane with its own random seed.
 
     Args:
         task: of the episodes. lanes: their number. threads: largest number of threads.
@@ -150,13 +150,13 @@ class EnvLanes:
         self.reseed(self._every, np.zeros(lanes, dtype=np.uint64))
 
     def reseed(self, lanes: Array, seeds: Array) -> None:
-        """Start episode 0 of some lanes with new seeds."""
+        """Start episode 0 with new random seeds in some SIMD lanes."""
         self.seeds[lanes] = seeds
         self._starts.seed(lanes, seeds)
         self._begin(lanes, np.zeros(len(lanes), dtype=np.int64))
 
     def begin(self, lanes: Array) -> None:
-        """Start the next episode of some lanes."""
+        """Start the next episode in some SIMD lanes."""
         self._begin(lanes, self.episodes[lanes] + 1)
 
     def _begin(self, lanes: Array, episodes: Array) -> None:
@@ -176,7 +176,7 @@ class EnvLanes:
         self._stepper.fill()
 
     def act(self, actions: Array) -> None:
-        """Set the actions for the next step, an array (lanes, components of an action).
+        """Set the actions of all parallel episodes for the next step, an array (lanes, components).
 
         Raises:
             ScenarioError: another shape, no numbers, or numbers that are not finite; nothing is taken then.
@@ -190,20 +190,20 @@ class EnvLanes:
         np.clip(found.T, -1.0, 1.0, out=held)  # a larger one than 32 bits hold counts as the bound, too
 
     def step(self) -> bool:
-        """Simulate one control period in every lane; returns true if an episode has ended in any of them."""
+        """Simulate one control period of all parallel episodes; return True if an episode has ended."""
         self._stepper.step()
         np.greater(self.ending, 0.5, out=self.ended)
         np.greater(self._truncated, 0.5, out=self.truncated)
         return bool(self.ended.any() or self.truncated.any())
 
     def numbers(self) -> dict[str, Array]:
-        """Randomised numbers of the running episodes: parameter path -> array with one number for each lane."""
+        """Randomised parameters of the running episodes, as a dictionary from parameter path to array (lanes,)."""
         return {path: row.copy() for path, row in zip(self.program.paths, self._numbers, strict=True)}
 
     def lane_scenario(self, lane: int) -> Scenario:
-        """Scenario with the randomised numbers of a lane's episode."""
+        """Scenario of one parallel episode, with its randomised parameters."""
         return with_numbers(self.task.scenario, {path: float(row[lane]) for path, row in self.numbers().items()})
 
     def close(self) -> None:
-        """Stop the worker threads."""
+        """Stop the worker threads that simulate the parallel episodes."""
         self._stepper.close()

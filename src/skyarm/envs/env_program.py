@@ -42,7 +42,7 @@ LARGEST = 1e6
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class EnvState:
-    """State of an environment between two steps.
+    """State of a learning environment between two steps.
 
     Attributes:
         loop: state of the closed loop; sensors, estimator and components are those of the next period.
@@ -57,7 +57,7 @@ class EnvState:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Outcome:
-    """Result of an environment step.
+    """Result of an environment step: observation, reward, truncation and termination.
 
     Attributes:
         observation: numbers. reward: number. truncated: 1 where the scenario's duration is over, and no ending came.
@@ -72,7 +72,7 @@ class Outcome:
 
 
 class EnvProgram:
-    """Step function of a task, and the initial state of its episodes.
+    """Compiled step function of a learning task, and the initial state of its episodes.
 
     Args:
         task: what is flown. loops: keep repetitions as loops, for machine code; JAX wants them written out.
@@ -125,7 +125,7 @@ class EnvProgram:
     def _begin(
         self, numbers: Sequence[Scalar], draws: Sequence[Scalar], started: Any
     ) -> tuple[LoopState, Any, Reference]:
-        """Initial loop state, measurement and reference of an episode."""
+        """Initial closed-loop state, first measurement and first reference of an episode."""
         stages = Stages(self._lane_scenario(numbers))
         first = first_loop_state(stages.scenario, started)
         if not self.task.actions.asks_law:
@@ -183,13 +183,13 @@ class EnvProgram:
         return with_numbers(self.task.scenario, dict(zip(self.paths, numbers, strict=True)))
 
     def _goal(self, scenario: Scenario, ticks: Scalar) -> Vec3:
-        """Position reference held after a control period; after the last period that of the last period."""
+        """Position reference at the end of a control period."""
         last = float(self.task.scenario.steps - 1)
         position: Vec3 = own_row(scenario, where(ticks > last, last, ticks)).reference.position
         return position
 
     def _decide(self, stages: Stages, now: EnvState, row: Row, action: tuple[Scalar, ...]) -> Any:
-        """Convert an action to the vehicle's command; returns the law's updated internal state and the command."""
+        """Convert an action to a vehicle command; return the control law's next internal state and the command."""
         values = iter(leaves(self._measurement))
         known = dict(zip(self._kept, now.seen, strict=True))
         measurement = rebuild(self._measurement, iter([known.get(i, old) for i, old in enumerate(values)]))
@@ -200,7 +200,7 @@ class EnvProgram:
         return memory, with_rest(stages.scenario.plant.vehicle, command)
 
     def _measure_next(self, stages: Stages, now: LoopState, row: Row, draws: Any) -> tuple[LoopState, Any]:
-        """Update environment models (wind, forces, contacts) and sensors, and measure for the next period."""
+        """Advance wind, contacts and sensors to the next control period, and measure there."""
         found = measure(stages, RigidBodySteps(stages, self._plant.substeps), now, row, draws)
         memories = {"components": found.components, "sensors": found.read.sensors, "estimate": found.read.estimate}
         return dataclasses.replace(now, **memories), found.read.measurement
@@ -216,7 +216,7 @@ class EnvProgram:
         return observation_of(self.task, Sight(measurement=measurement, reference=told, action=action, model=model))
 
     def _ending(self, scenario: Scenario, state: State, goal: Vec3, sent: Scalar) -> Scalar:
-        """Index of the first termination condition that is met; 0 if none is."""
+        """Number of the first termination condition that is met, counted from 1; 0 if none is met."""
         endings = endings_of(scenario)
         found = where(sent > 0.5, 0.0, float(len(endings) + 1))
         for index in range(len(endings), 0, -1):
@@ -227,10 +227,10 @@ class EnvProgram:
 
 
 def observation_of(task: Task, sight: Sight) -> tuple[Scalar, ...]:
-    """Numbers of an observation, all of them finite."""
+    """Observation vector of a learning task, with every number finite."""
     return tuple(_finite(number) for each in task.observation for number in each.numbers(sight))
 
 
 def _finite(value: Scalar) -> Scalar:
-    """Number clipped to the largest finite value; 0 for NaN."""
+    """Number clipped to a finite range; 0 in place of NaN."""
     return where(absolute(value) <= LARGEST, value, where(value > 0.0, LARGEST, where(value < 0.0, -LARGEST, 0.0)))

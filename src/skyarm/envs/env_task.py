@@ -26,7 +26,7 @@ PRECISIONS = ("single", "double", "bit_exact")
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
-    """Complete definition of an environment apart from its seed.
+    """Definition of a learning environment: scenario, actions, observation, reward and randomised parameters.
 
     Attributes:
         scenario: to simulate; its law is evaluated only if the actions build on it.
@@ -44,7 +44,7 @@ class Task:
 
     @property
     def told(self) -> tuple[bool, ...]:
-        """For each joint, true if it is commanded by setpoints of a drive."""
+        """Tuple that is True for each joint commanded by setpoints of a drive instead of efforts."""
         return self.scenario.commands_setpoints
 
 
@@ -59,7 +59,7 @@ def make_task(
     duration: float | None = None,
     precision: str = "single",
 ) -> Task:
-    """Make a task after checks of all arguments.
+    """Make a learning task from its arguments, after a check of every argument.
 
     Args:
         scenario: record, name or path of a file.
@@ -103,7 +103,7 @@ def make_task(
 
 
 def _scenario(given: Any, controller: str | None, duration: float | None) -> Scenario:
-    """Load and check the scenario, which must be suitable for batches."""
+    """Load the scenario of a learning task and check that it can be simulated in batches."""
     if isinstance(given, Scenario):
         if controller is not None:
             raise ScenarioError(f"controller = {shown(controller)}: must be left out with a scenario that is a record")
@@ -120,7 +120,7 @@ def _scenario(given: Any, controller: str | None, duration: float | None) -> Sce
 
 
 def _record_of(field: str, given: Any, known: Mapping[str, Any], kind: type) -> Any:
-    """Return a record unchanged, or create the record of a registered name."""
+    """Return an action, observation or reward record unchanged, or make one from its registered name."""
     if isinstance(given, kind):
         return given
     if isinstance(given, str) and given in known:
@@ -129,7 +129,7 @@ def _record_of(field: str, given: Any, known: Mapping[str, Any], kind: type) -> 
 
 
 def _several(field: str, given: Any, known: Mapping[str, Any], kind: type) -> tuple[Any, ...]:
-    """Convert a list of records or names to a tuple of records."""
+    """Make a tuple of observation or reward records from records and registered names."""
     if isinstance(given, (str, Mapping)) or not isinstance(given, Iterable):
         raise ScenarioError(f"{field} = {shown(given)}: must be a list of names or records {kind.__name__}")
     return tuple(_record_of(f"{field}[{i}]", each, known, kind) for i, each in enumerate(given))
@@ -150,7 +150,7 @@ KEYS = 2**32
 
 
 def seed_of(seed: Any, field: str = "seed") -> int:
-    """Convert a nonnegative whole number to a random key.
+    """Check that a seed is a nonnegative whole number, and reduce it to 32 bits.
 
     Raises:
         ScenarioError: it is none.
@@ -161,7 +161,7 @@ def seed_of(seed: Any, field: str = "seed") -> int:
 
 
 def seeds_of(seed: int | Sequence[int | None] | None, lanes: int) -> list[int | None]:
-    """Seed of each lane (parallel episode): seed + k for lane k, the k-th of a list, or None without a seed.
+    """Random seeds of all parallel episodes, from one seed or a list of seeds.
 
     Raises:
         ScenarioError: no such seed, or a list of another length.

@@ -1,4 +1,4 @@
-"""Environment of pure JAX functions with the interface of gymnax; it runs the native environment's programs.
+"""Learning environment of pure JAX functions, with the interface of gymnax.
 
 Both fly the program of :class:`skyarm.envs.env_program.EnvProgram`, and draw the same numbers: lane ``reset(key)`` with
 ``jax.random.PRNGKey(s)`` flies what the native environment flies after ``reset(seed=s)``, to rounding.
@@ -46,7 +46,7 @@ StepResult = tuple[Any, "JaxState", Any, Any, Info]
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class JaxState:
-    """State of a JAX environment, as a pytree.
+    """State of a JAX environment, as a pytree of JAX arrays.
 
     Attributes:
         carry: leaves of :class:`skyarm.envs.env_program.EnvState`. numbers: drawn for the episode, a path each.
@@ -61,7 +61,7 @@ class JaxState:
 
 
 class JaxEnvironment:
-    """Pure functions ``reset`` and ``step`` of one episode; ``jax.vmap`` vectorizes them.
+    """Learning environment as pure JAX functions ``reset`` and ``step`` of one episode, for ``jax.vmap``.
 
     An episode depends on the key of its reset and on its number alone. The key that a step is given, as is usual, is
     not used: noise and what the next episode begins with follow from the key of the reset.
@@ -113,7 +113,7 @@ class JaxEnvironment:
         return self._began(_words(key), jnp.uint32(0), self._numbers(params))  # type: ignore[no-any-return]
 
     def step(self, key: Any, state: JaxState, action: Any, params: Any) -> StepResult:
-        """Simulate one control period; when the episode has ended, start the next one.
+        """Simulate one control period, and start the next episode if this one has ended.
 
         Args:
             key: not used.
@@ -131,7 +131,7 @@ class JaxEnvironment:
         return lax.select(done, fresh, observed), following, reward, done, {**info, "final_obs": observed}
 
     def step_env(self, key: Any, state: JaxState, action: Any, params: Any) -> StepResult:
-        """Simulate one control period as :meth:`step` does, without a reset; undefined after the end of an episode."""
+        """Simulate one control period without starting a new episode at the end."""
         del key
         given = jnp.asarray(action, self.dtype)
         if given.shape != (self.action_size,):
@@ -145,12 +145,12 @@ class JaxEnvironment:
         return observed, after, reward, terminated | truncated, info
 
     def plant_state(self, state: JaxState) -> State:
-        """True state of the plant as a record of JAX scalars, for analysis."""
+        """True vehicle state of a JAX environment, for analysis."""
         now: Any = rebuild(self._program.first, iter(state.carry))
         return now.loop.state  # type: ignore[no-any-return]
 
     def _numbers(self, params: Any) -> tuple[Scalar, ...]:
-        """Numbers of ``params`` in the order of the environment's paths, after checks.
+        """Check the adjustable parameters of a JAX environment and return them as a tuple.
 
         Raises:
             ScenarioError: other paths than those of the environment, or something else than one number.
@@ -208,12 +208,12 @@ QUANTILES: dict[type, Callable[[Any, Any], Any]] = {
 
 
 def quantile(distribution: Any, unit: Any) -> Scalar:
-    """Quantile function of a distribution: its value for a number uniform in (0, 1), a JAX scalar."""
+    """Value of a probability distribution at a cumulative probability between 0 and 1, in JAX."""
     return jnp.asarray(QUANTILES[type(distribution)](distribution, unit), unit.dtype)
 
 
 def _words(key: Any) -> Any:
-    """High and low 32-bit word of a JAX key, typed or legacy."""
+    """High and low 32-bit word of a JAX random key."""
     if isinstance(key, jax.Array) and jnp.issubdtype(key.dtype, jax.dtypes.prng_key):
         key = jax.random.key_data(key)
     words = jnp.asarray(key)

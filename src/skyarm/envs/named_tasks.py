@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class NamedTask:
-    """Defaults of a shipped environment.
+    """Default arguments of a shipped learning environment.
 
     Attributes:
         file: of its scenario. actions: kind of actions. reward, observation: their parts.
@@ -107,7 +107,7 @@ NAMED: dict[str, NamedTask] = {
 
 
 def task_scenario(name: str) -> Scenario:
-    """Scenario of a shipped environment.
+    """Load the scenario of a shipped learning environment.
 
     Raises:
         ScenarioError: there is none of this name.
@@ -117,7 +117,7 @@ def task_scenario(name: str) -> Scenario:
 
 
 def named_task(name: str) -> NamedTask:
-    """Definition of a shipped environment.
+    """Default arguments of a shipped learning environment, by its name.
 
     Raises:
         ScenarioError: there is none of this name.
@@ -128,7 +128,7 @@ def named_task(name: str) -> NamedTask:
 
 
 def task_arguments(task: str, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Arguments of an environment; missing ones are the task's defaults."""
+    """Arguments of a shipped learning environment, with defaults for those not given."""
     mine = named_task(task)
     own = {name: getattr(mine, name) for name in ("actions", "observation", "reward", "randomise")}
     found = {**own, **given}
@@ -136,7 +136,7 @@ def task_arguments(task: str, given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def make_single(*, task: str, **given: Any) -> Environment:
-    """Make a single-episode shipped environment; arguments as of :class:`Environment`."""
+    """Make a shipped learning environment with one episode at a time."""
     from skyarm.envs.single_environment import Environment
 
     return Environment(**task_arguments(task, given))
@@ -147,7 +147,7 @@ make_single.__dict__["metadata"] = {"render_modes": ["rgb_array"]}
 
 
 def make_vector(num_envs: int = 1, *, task: str, **given: Any) -> VectorEnvironment:
-    """Make a vectorized shipped environment; arguments as of :class:`VectorEnvironment`."""
+    """Make a shipped learning environment with many parallel episodes."""
     from skyarm.envs.vector_environment import VectorEnvironment
 
     return VectorEnvironment(num_envs, **task_arguments(task, given))

@@ -1,4 +1,4 @@
-"""Quantities for observations (from the law's measurement) and rewards (from the true state)."""
+"""Quantities that make up the observation of a learning environment."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ RadPerSecond = Annotated[float, Unit("rad/s", low=0.0, strict=True)]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Sight:
-    """Data on which a policy bases its action: measurement, reference and last action, not the true state.
+    """Data from which observations are computed: measurement, reference, last action and nominal model.
 
     Attributes:
         measurement: of this period. reference: of the law for this period.
@@ -42,7 +42,7 @@ class Sight:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Result:
-    """True state and related quantities at the end of a control period.
+    """Data from which rewards are computed: true state, reference, actions and command of a control period.
 
     Attributes:
         state: of the plant. reference: held at that time. vehicle: the true one.
@@ -62,13 +62,13 @@ class Result:
 
 @dataclass(frozen=True, kw_only=True)
 class Observed:
-    """Base class of observed quantities, which are parts of an observation. A subclass is a frozen dataclass."""
+    """Base class of quantities that make up an observation."""
 
     def __post_init__(self) -> None:
         accept_fields(self, type(self).__name__)
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
-        """Numbers that the observed quantity contributes to the observation vector."""
+        """Numbers that the quantity adds to the observation vector."""
         raise NotImplementedError(f"{type(self).__name__} must define numbers()")
 
 
@@ -128,7 +128,7 @@ class SpecificForce(Observed):
 
 @dataclass(frozen=True, kw_only=True)
 class JointErrors(Observed):
-    """Observed joint errors: reference minus measured joint values."""
+    """Observed joint errors: reference minus measured joint positions."""
 
     scale: JointTravel = 1.0
 
@@ -174,7 +174,7 @@ class TipError(Observed):
 
 @dataclass(frozen=True, kw_only=True)
 class LastAction(Observed):
-    """Observed previous action."""
+    """Observed action of the previous control period."""
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
         """The components of the previous action for the observation vector."""
@@ -203,7 +203,7 @@ USUAL = (
 
 
 def tip_error(vehicle: Vehicle, state: State | Measurement, reference: Reference) -> Vec3:
-    """Desired minus actual position of the tip, world axes, m."""
+    """Position error of the tip: reference minus actual position, world axes, m."""
     return goal_of(vehicle, reference).tool - tip_at(vehicle, state.position, state.quaternion, state.joints)
 
 

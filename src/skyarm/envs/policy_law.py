@@ -31,7 +31,7 @@ Policy = Callable[[tuple[Any, ...]], Sequence[Any]]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PolicyParameters:
-    """Constants of a policy that is used as a control law.
+    """Parameters of a control law that evaluates a learned policy.
 
     Attributes:
         model: nominal model. mixer: of its rotors.
@@ -47,7 +47,7 @@ class PolicyParameters:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PolicyMemory:
-    """Internal state of a policy that is carried from one control period to the next.
+    """Internal state of a control law that evaluates a learned policy.
 
     Attributes:
         inner: memory of the law that the actions build on. action: the last one.
@@ -114,7 +114,7 @@ def policy_law(
     asked: Law,
     function: Policy | None,
 ) -> tuple[PolicyMemory, Command]:
-    """Observe, evaluate the policy, and convert its action to a command, as the environment did.
+    """Control law that computes an observation, evaluates the policy, and converts its action to a command.
 
     ``observation`` is the task with its observation and actions, ``asked`` the law that the actions build on, and
     ``function`` the policy where it is no record.
@@ -183,7 +183,7 @@ def network(
 
 
 def _row(field: str, given: Any, count: int, usual: float) -> Any:
-    """Check that an input is ``count`` finite numbers; None gives the default number ``count`` times."""
+    """Check that a list has ``count`` finite numbers, or fill it with a default number."""
     try:
         found = np.full(count, usual) if given is None else np.asarray(given, dtype=float)
     except (TypeError, ValueError):
@@ -194,7 +194,7 @@ def _row(field: str, given: Any, count: int, usual: float) -> Any:
 
 
 def task_of(environment: Any) -> Task:
-    """Learning task of an environment, also if the environment is inside Gymnasium wrappers.
+    """Learning task of an environment, also of one inside Gymnasium wrappers.
 
     Raises:
         ControllerError: it is none of this library's.

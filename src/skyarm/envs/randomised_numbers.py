@@ -1,4 +1,4 @@
-"""Domain randomisation: numbers drawn for every episode, with the paths and distributions of sweeps."""
+"""Domain randomisation: scenario parameters that are drawn anew for every episode."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ MOST_CORNERS = 6
 
 @dataclass(frozen=True, kw_only=True)
 class Randomised:
-    """Numbers that are randomised for every episode.
+    """Scenario parameters that are drawn for every episode, each with its distribution.
 
     Attributes:
         vary: path -> distribution. stiffest: the scenario that needs the shortest integration steps.
@@ -41,11 +41,11 @@ class Randomised:
 
     @property
     def paths(self) -> tuple[str, ...]:
-        """Paths of the randomised numbers, in order."""
+        """Paths of the randomised parameters, such as plant.payload.mass."""
         return tuple(self.vary)
 
     def draw(self, seeds: Array, episodes: Array) -> list[Array]:
-        """Draw the numbers of episodes with given seeds: a column (m,) for each path.
+        """Draw the randomised parameters of several episodes, one array per parameter.
 
         They are those of a sweep with this seed, whose ``[vary]`` has the same paths in the same order.
         """
@@ -58,7 +58,7 @@ class Randomised:
 
 
 def read_randomised(scenario: Scenario, table: Mapping[str, Any] | None) -> Randomised:
-    """Read the randomised numbers and check that each is valid over its whole range.
+    """Read the table of randomised parameters and check each over its whole range.
 
     Raises:
         ScenarioError: one line with path, value and what is allowed.
@@ -77,7 +77,7 @@ def read_randomised(scenario: Scenario, table: Mapping[str, Any] | None) -> Rand
 
 
 def with_fixed(found: Randomised, scenario: Scenario, paths: Iterable[str]) -> Randomised:
-    """Randomised numbers extended by more parameter paths, each with a constant value that can be changed later.
+    """Randomised parameters plus further parameters that are constant and can be changed later.
 
     Raises:
         ScenarioError: no such path, or one that is drawn already.
@@ -96,7 +96,7 @@ def with_fixed(found: Randomised, scenario: Scenario, paths: Iterable[str]) -> R
 
 
 def _check(scenario: Scenario, vary: Mapping[str, Distribution]) -> Randomised:
-    """Check that paths and ranges of randomised numbers are valid for a scenario."""
+    """Check that a scenario is valid over the ranges of its randomised parameters."""
     try:
         require_paths(scenario, tuple(vary))
         require_draws(scenario, tuple(vary))
@@ -118,7 +118,7 @@ def _ends(distribution: Distribution) -> tuple[float, float]:
 
 
 def _corners(ends: Mapping[str, tuple[float, float]]) -> dict[str, Array]:
-    """Test values of the randomised numbers, path -> array: combinations of their least and greatest values."""
+    """Extreme combinations of the randomised parameters for validity checks, by parameter path."""
     if not ends:
         return {}
     if len(ends) <= MOST_CORNERS:

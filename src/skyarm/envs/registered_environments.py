@@ -1,4 +1,4 @@
-"""Registration of the environments with Gymnasium, and a function that makes them in JAX.
+"""Registration of the learning environments with Gymnasium, and their construction in JAX.
 
 Neither the engine nor JAX is loaded before an environment is made.
 """
@@ -27,7 +27,7 @@ TASK_NAMES = ("Hover", "TrackTip", "HoldTipInWind", "CarryPayload", "Recover")
 
 
 def register() -> None:
-    """Register ``skyarm/Scenario-v0`` and the shipped tasks with Gymnasium; repeated calls have no effect."""
+    """Register the learning environments with Gymnasium; repeated calls have no effect."""
     if ANY_SCENARIO in gymnasium.registry:
         return
     gymnasium.register(ANY_SCENARIO, entry_point=SINGLE, vector_entry_point=VECTOR)
@@ -52,7 +52,7 @@ STARTED = (
 def make_jax(
     name: str = ANY_SCENARIO, *, numbers: Iterable[str] = (), **task: Any
 ) -> tuple[JaxEnvironment, dict[str, Any]]:
-    """Make an environment in JAX and the parameters of its functions.
+    """Make a learning environment in JAX; return the environment and its default parameters.
 
     On a processor XLA compiles a step in seconds with options that JAX reads when it starts, and in minutes without
     them: this sets them in ``XLA_FLAGS`` of the process, and warns in one line if JAX has started without them.

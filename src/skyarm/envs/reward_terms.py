@@ -19,7 +19,7 @@ from skyarm.records.units import Unit
 
 @dataclass(frozen=True, kw_only=True)
 class RewardTerm:
-    """Base class of reward terms, with one value per period. A subclass is a frozen dataclass of numbers.
+    """Base class of reward terms; a term returns one value per control period.
 
     Attributes:
         weight: factor of its value in the reward.
@@ -34,7 +34,7 @@ class RewardTerm:
         accept_fields(self, type(self).__name__)
 
     def value(self, result: Result) -> Scalar:
-        """Value of the term before its weight."""
+        """Value of the reward term in a control period, before multiplication by its weight."""
         raise NotImplementedError(f"{type(self).__name__} must define value()")
 
 
@@ -45,7 +45,7 @@ class TipNear(RewardTerm):
     scale: Metres = 0.1
 
     def value(self, result: Result) -> Scalar:
-        """Value of the term, between 0 and 1."""
+        """Reward between 0 and 1 that is 1 at the reference position of the tip."""
         return _nearness(tip_error(result.vehicle, result.state, result.reference), self.scale)
 
 
@@ -56,7 +56,7 @@ class TipDistance(RewardTerm):
     scale: Metres = 1.0
 
     def value(self, result: Result) -> Scalar:
-        """Value of the term, at most 0."""
+        """Negative distance of the tip from its reference, divided by the scale."""
         return -_length(tip_error(result.vehicle, result.state, result.reference)) / self.scale
 
 
@@ -67,7 +67,7 @@ class PositionNear(RewardTerm):
     scale: Metres = 0.5
 
     def value(self, result: Result) -> Scalar:
-        """Value of the term, between 0 and 1."""
+        """Reward between 0 and 1 that is 1 at the reference position of the base."""
         return _nearness(result.reference.position - result.state.position, self.scale)
 
 
@@ -78,7 +78,7 @@ class PositionDistance(RewardTerm):
     scale: Metres = 1.0
 
     def value(self, result: Result) -> Scalar:
-        """Value of the term, at most 0."""
+        """Negative distance of the base from its reference, divided by the scale."""
         return -_length(result.reference.position - result.state.position) / self.scale
 
 
@@ -87,7 +87,7 @@ class Upright(RewardTerm):
     """Reward for a level attitude: cosine of the tilt, 1 when level, -1 upside down."""
 
     def value(self, result: Result) -> Scalar:
-        """Value of the term, between -1 and 1."""
+        """Cosine of the tilt angle, between -1 and 1."""
         return result.state.quaternion.rotation().r2.z
 
 
@@ -98,7 +98,7 @@ class Spin(RewardTerm):
     scale: RadPerSecond = 10.0
 
     def value(self, result: Result) -> Scalar:
-        """Value of the term, at most 0."""
+        """Negative squared body rate, divided by the squared scale."""
         return -_squares(result.state.rate) / (self.scale * self.scale)
 
 
@@ -109,7 +109,7 @@ class JointDistance(RewardTerm):
     scale: JointTravel = 1.0
 
     def value(self, result: Result) -> Scalar:
-        """Value of the term, at most 0."""
+        """Negative mean square of the scaled joint errors."""
         pairs = zip(result.reference.joints, result.state.joints, strict=True)
         return -_mean_square([(a - b) / self.scale for a, b in pairs])
 
@@ -121,7 +121,7 @@ class ActionSize(RewardTerm):
     of_state = False
 
     def value(self, result: Result) -> Scalar:
-        """Value of the term, between -1 and 0."""
+        """Negative mean square of the action's components, between -1 and 0."""
         return -_mean_square(result.action)
 
 
@@ -132,7 +132,7 @@ class ActionChange(RewardTerm):
     of_state = False
 
     def value(self, result: Result) -> Scalar:
-        """Value of the term, between -4 and 0."""
+        """Negative mean square of the action's change, between -4 and 0."""
         return -_mean_square([a - b for a, b in zip(result.action, result.action_before, strict=True)])
 
 
@@ -143,7 +143,7 @@ class Alive(RewardTerm):
     of_state = False
 
     def value(self, result: Result) -> Scalar:
-        """Value of the term, 1 or 0."""
+        """Reward 1 in a control period without early termination, else 0."""
         return 1.0 - result.ended
 
 
@@ -154,7 +154,7 @@ class Lost(RewardTerm):
     of_state = False
 
     def value(self, result: Result) -> Scalar:
-        """Value of the term, -1 or 0."""
+        """Penalty -1 in the control period of an early termination, else 0."""
         return 0.0 - result.ended
 
 

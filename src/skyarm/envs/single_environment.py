@@ -29,7 +29,7 @@ PICTURES = "skyarm.view.film.episode_pictures"
 
 
 class Environment(gymnasium.Env[Array, Array]):
-    """Gymnasium environment of a scenario whose commands come from actions.
+    """Gymnasium environment that simulates one episode of a scenario at a time.
 
     Args:
         scenario: record, name or path of a file.
@@ -61,11 +61,11 @@ class Environment(gymnasium.Env[Array, Array]):
 
     @property
     def scenario(self) -> Scenario:
-        """Scenario of the task with its nominal numbers, before randomisation."""
+        """Scenario of the learning task with its nominal parameters."""
         return self.lanes.task.scenario
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """Start episode 0 of a seed, or the next episode if no seed is given; there are no options."""
+        """Start episode 0 of a random seed, or the next episode without a seed."""
         require_open("reset", closed=self._closed)
         key = None if seed is None else seed_of(seed)
         super().reset(seed=None if seed is None else int(seed))
@@ -79,7 +79,7 @@ class Environment(gymnasium.Env[Array, Array]):
         return self.lanes.observation[:, 0].copy(), {}
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """Simulate one control period.
+        """Simulate one control period with an action, as Gymnasium's ``step``.
 
         Args:
             action: (numbers,) in [-1, 1]; what is beyond counts as the bound.
@@ -106,7 +106,7 @@ class Environment(gymnasium.Env[Array, Array]):
         return lanes.observation[:, 0].copy(), float(lanes.reward[0]), ended, bool(lanes.truncated[0]), info
 
     def _ending(self) -> dict[str, Any]:
-        """Status and cause of an early termination."""
+        """Status and cause of an early termination, as a Gymnasium info."""
         lanes = self.lanes
         ending = int(lanes.ending[0])
         status = str(lanes.statuses[ending])
@@ -121,7 +121,7 @@ class Environment(gymnasium.Env[Array, Array]):
         return {"status": status, "cause": ended.cause if ended else status}
 
     def render(self) -> Any:
-        """Draw the present state as a picture without texts.
+        """Render the present vehicle state as an image without text.
 
         Returns:
             (height, width, 3) bytes; None, with a warning, of an environment that was made without ``render_mode``.
@@ -144,7 +144,7 @@ class Environment(gymnasium.Env[Array, Array]):
         return self._pictures.draw(now)
 
     def close(self) -> None:
-        """Stop the worker threads and release drawing resources; can be called repeatedly."""
+        """Stop the worker threads and release drawing resources."""
         self._closed = True
         self.lanes.close()
         if self._pictures is not None:
@@ -152,7 +152,7 @@ class Environment(gymnasium.Env[Array, Array]):
 
 
 def _pictures_of(mode: Any, options: Any) -> Any:
-    """Renderer of the episode's pictures; None without a render mode.
+    """Renderer of an environment's images; None without a render mode.
 
     Raises:
         ScenarioError: one line with field, value and what is allowed.

@@ -22,7 +22,7 @@ Array = npt.NDArray[Any]
 
 
 class VectorEnvironment(VectorEnv[Array, Array, Array]):
-    """Vectorized Gymnasium environment: many episodes of a scenario, stepped together.
+    """Gymnasium environment that simulates many episodes of a scenario in parallel.
 
     Lane k of ``reset(seed=s)`` flies the episodes of a single environment with ``reset(seed=s + k)``, to the bit.
 
@@ -67,18 +67,18 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
 
     @property
     def scenario(self) -> Scenario:
-        """Scenario of the task with its nominal numbers, before randomisation."""
+        """Scenario of the learning task with its nominal parameters."""
         return self.lanes.task.scenario
 
     @property
     def observations(self) -> Array:
-        """Current observations (num_envs, length), as a view of an array that every step or reset overwrites."""
+        """Current observations (num_envs, length), as a view that every step overwrites."""
         return self._view
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Start an episode in every lane, or in those where ``options["reset_mask"]`` is True.
+        """Start a new episode in all SIMD lanes, or in those that a mask selects.
 
         Args:
             seed: lane k takes ``seed + k``, or the k-th of a list; without one its next episode begins.
@@ -108,7 +108,7 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         return self._observe(), {}
 
     def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
-        """Simulate one control period in every lane.
+        """Simulate one control period of all parallel episodes, as Gymnasium's ``step``.
 
         Args:
             actions: (num_envs, numbers) in [-1, 1]; what is beyond counts as the bound.
@@ -146,7 +146,7 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         return self._observe(), rewards, ended, truncated, infos
 
     def close_extras(self, **_: Any) -> None:
-        """Stop the worker threads, also after a failed construction."""
+        """Stop the worker threads when Gymnasium closes the environment."""
         if hasattr(self, "lanes"):
             self.lanes.close()
 

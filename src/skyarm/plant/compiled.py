@@ -1,4 +1,4 @@
-"""Rigid-body plant compiled into straight-line programs."""
+"""Rigid-body plant compiled into machine code or straight-line Python."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ from skyarm.vehicle.check import require_plant
 
 
 def example_command(joints: int, rotors: int, tilts: int = 0) -> Command:
-    """Example command with the right number of leaves."""
+    """Example command for tracing, with the right number of rotors, joints and tilt angles."""
     return Command(rotor_speeds=(0.0,) * rotors, efforts=(0.0,) * joints, tilts=(0.0,) * tilts)
 
 
 class Steps(NamedTuple):
-    """Numbers of integration steps of an interval.
+    """Number of integration steps that a plant takes in an interval, near contacts and far from them.
 
     Attributes:
         near: steps. far: fewer steps of the plant's integrator while the coupled components are inactive; 0 for none.
@@ -56,7 +56,7 @@ class Steps(NamedTuple):
 def hold(
     world: Truth, integrator: str, count: Steps, now: Moved, command: Command, around: Surroundings, seconds: Any
 ) -> Moved:
-    """Integrate the states of plant and coupled components (contacts) over an interval (s) with constant inputs."""
+    """Integrate vehicle and contact states over an interval (s) with a constant command."""
     near = VERLET if count.verlet else integrator
 
     def step(both: Moved) -> Moved:
@@ -74,7 +74,7 @@ def hold(
 
 
 class RigidBodyPlant:
-    """Rigid-body plant of this library, one traced program per length of an interval.
+    """Simulated vehicle by this library's own rigid-body dynamics, compiled once per interval length.
 
     Args:
         world: true vehicle and gravity. A planar model is refused: no real body has its inertia.
@@ -112,7 +112,7 @@ class RigidBodyPlant:
         return Vec3(*(number(c) for c in base.linear))
 
     def substeps(self, seconds: float) -> Steps:
-        """Numbers of integration steps in an interval of ``seconds``."""
+        """Number of integration steps that the plant takes in an interval of ``seconds``."""
         near, far = (self._count(seconds, largest) for largest in (self._largest, self._largest_far))
         if near == far:
             return Steps(near)
@@ -129,7 +129,7 @@ class RigidBodyPlant:
         return whole_steps(seconds, self._physics_step) * divisions(self._physics_step, largest)
 
     def advance(self, state: Flat, command: Flat, around: Flat, seconds: float) -> tuple[float, ...]:
-        """Plant state after ``seconds`` with constant inputs, then internal states of coupled components."""
+        """Vehicle state, then contact states, after ``seconds`` with a constant command."""
         if seconds not in self._programs:
 
             def interval(_: Any, __: Any, given: Any, ___: Any) -> tuple[tuple[()], Moved]:
@@ -148,7 +148,7 @@ class RigidBodyPlant:
         return trace(impact, self._examples[0], self.around)
 
     def after_impact(self, state: Flat, around: Flat) -> tuple[float, ...]:
-        """State right after the impacts of grasps and of joints that get stuck in this period."""
+        """Vehicle state right after the impulse of a grasp or of a joint that gets stuck."""
         found: tuple[float, ...] = self._impact.flat((*state, *around))
         return found
 

@@ -1,4 +1,4 @@
-"""Protocol of a plant: flat sequences of numbers in and out."""
+"""Interface of a plant: states, commands and environment inputs as flat sequences of numbers."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Flat = Sequence[float]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Truth:
-    """True vehicle and gravity (m/s^2) of the simulation."""
+    """True vehicle and gravity (m/s^2) of the simulation, as opposed to the controller's model."""
 
     vehicle: Vehicle
     gravity: Annotated[Scalar, Unit("m/s^2", low=0.0, rule=coerce.number, usual=25.0)] = 9.81
@@ -32,12 +32,12 @@ class Truth:
 
 
 class Plant(Protocol):
-    """Protocol of a simulated vehicle that stores nothing between calls: the whole state is an argument."""
+    """Interface of a simulated vehicle; a plant stores no state between calls."""
 
     vehicle: Vehicle
 
     def advance(self, state: Flat, command: Flat, around: Flat, seconds: float) -> tuple[float, ...]:
-        """State after ``seconds`` (whole physics steps, or one control period) with constant inputs.
+        """State after ``seconds`` with constant inputs.
 
         Behind its numbers stand those of the coupled memories (:mod:`skyarm.plant.surroundings`), if there are any.
         """
@@ -54,7 +54,7 @@ def flat(state: State) -> tuple[float, ...]:
 
 
 def number(value: Scalar) -> Any:
-    """Convert an int to a float, so that a traced program keeps it as an output."""
+    """Convert an integer to a float, so that a traced program returns it as an output."""
     return float(value) if type(value) is int else value
 
 
@@ -69,7 +69,7 @@ def whole_steps(seconds: float, physics_step: float) -> int:
 
 
 def make_plant(scenario: Any, around: Any) -> Plant:
-    """Plant of a scenario; ``around`` is an example of its surroundings over one period."""
+    """Make the plant of a scenario, such as rigid body or MuJoCo."""
     kind = find("plant", scenario.kind, "plant.kind")
     plant: Plant = kind(scenario.plant, around, scenario.integrator, 1.0 / scenario.rates.physics)
     return plant

@@ -1,4 +1,4 @@
-"""Fastest rates of joints under friction and at their stops, which limit the integration step.
+"""Fastest decay rates of joint friction and fastest oscillations at joint stops, which limit integration steps.
 
 The mass matrix is our own, for MuJoCo's plant too: its numbers choose how long a step is, no force comes from them.
 """
@@ -51,7 +51,7 @@ def friction_rate(vehicle: Vehicle) -> float:
 
 
 def fastest_mode(vehicle: Vehicle, root: Array) -> tuple[float, Array]:
-    """Largest eigenvalue (1/s) of the joint friction dynamics over sampled configurations, and its eigenvector."""
+    """Largest joint decay rate (1/s) over sampled arm configurations, and its eigenvector."""
     still = np.array([1.0, 0.0, 0.0, 0.0])
     none = 0.0, np.zeros(vehicle.n)
     try:
@@ -72,7 +72,7 @@ def _steepest(joint: Joint) -> float:
 
 
 def _configurations(joints: list[Joint]) -> Array:
-    """Sampled joint positions (SAMPLES + 1, n) within limits; the first is the one nearest to zero."""
+    """Sampled joint positions (SAMPLES + 1, n) within limits, beginning with those nearest to zero."""
     middle = np.array([min(max(0.0, float(j.lower)), float(j.upper)) for j in joints])
     reach = np.array([REACH[j.kind] for j in joints])
     low = np.maximum(middle - reach, [float(j.lower) for j in joints])
@@ -82,7 +82,7 @@ def _configurations(joints: list[Joint]) -> Array:
 
 
 def _blame(joint: Joint, rate: float) -> str:
-    """Error message about a joint whose friction is too stiff, with field and remedy."""
+    """Error message about a joint with too stiff friction: joint, field and remedy."""
     field, remedy = "damping", "lower damping, or state the armature"
     if _steepest(joint) > joint.damping:
         field, remedy = "coulomb", "raise coulomb_rate or lower coulomb, or state the armature"
@@ -137,6 +137,6 @@ def _stiffness(joint: Joint) -> float:
 
 
 def _damping(joint: Joint) -> float:
-    """Damping of a joint stop at the penetration under full drive effort, N m s/rad or N s/m."""
+    """Damping (N m s/rad or N s/m) of a joint stop that is pressed with the drive's full effort."""
     effort = float(joint.effort_limit)
     return effort * float(joint.stop_damping) if joint.has_stops and math.isfinite(effort) else 0.0

@@ -1,4 +1,4 @@
-"""Longest integration steps of air, forces and joint drives, and names of the integrators."""
+"""Longest stable integration steps of winds, forces, contacts and joint drives; names of the integrators."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ STAGES = 4
 
 
 def largest_step(around: Surroundings, *, coupled: bool = True, euler: bool = False) -> float | None:
-    """Smallest ``largest_step`` (s) of air, forces and joint drives in a period; None without such a limit.
+    """Longest integration step (s) that is stable for all environment models and joint drives; None for no limit.
 
     ``coupled`` says whether coupled components count: inactive ones allow any step.
     ``euler`` selects the steps of the semi-implicit Euler method.
@@ -44,7 +44,7 @@ def largest_step(around: Surroundings, *, coupled: bool = True, euler: bool = Fa
 
 
 def largest_stable_step(record: Any, *, euler: bool) -> Any:
-    """Longest stable step (s) of a component or drive over the integrators that may be used; None if unlimited."""
+    """Longest step (s) of an environment model or joint drive that is stable with all integrators in use."""
     verlet = getattr(record, "largest_verlet_step", None)
     if not euler and verlet is None:
         return record.largest_step
@@ -53,7 +53,7 @@ def largest_stable_step(record: Any, *, euler: bool) -> Any:
 
 
 def lanes_step(around: Surroundings, *, euler: bool) -> float | None:
-    """Smallest :func:`largest_stable_step` (s) of air, forces and joint drives in a batch; None without a limit."""
+    """Longest step (s) that is stable in every SIMD lane of a batch; None for no limit."""
     return _least(largest_stable_step(each, euler=euler) for each in (*around.components, *around.drives))
 
 
@@ -69,7 +69,7 @@ def verlet_step(around: Surroundings) -> float | None:
 
 
 def drives_step(around: Surroundings) -> float | None:
-    """Smallest ``largest_step`` (s) of the joint drives; None without such a limit."""
+    """Longest integration step (s) that is stable for all joint drives; None for no limit."""
     return _least(drive.largest_step for drive in around.drives)
 
 
@@ -82,19 +82,19 @@ STATED = ("plant.drives.", "plant.vehicle.drives.", "environment.air.", "environ
 
 
 def stated_step(scenario: Any) -> float | None:
-    """Smallest ``largest_step`` (s) of a scenario's air, forces and joint drives; None without such a limit."""
+    """Longest integration step (s) that is stable for a scenario's winds, forces and joint drives."""
     around = Surroundings(components=scenario.components, drives=scenario.all_drives)
     return largest_step(around, euler=scenario.integrator == "euler")
 
 
 def divisions(seconds: float, largest: float | None) -> int:
-    """Smallest whole number that divides ``seconds`` into parts of at most ``largest``."""
+    """Smallest number of equal parts of ``seconds`` that are at most ``largest`` (s) long."""
     # 0.005 / 0.001 is five up to rounding
     return 1 if largest is None else max(1, math.ceil(seconds / largest - 1e-9))
 
 
 def check_largest_step(records: Iterable[tuple[str, Any]], period: float) -> None:
-    """Refuse a largest step that is not positive, or far below the control period.
+    """Refuse a longest stable integration step that is not positive, or below a thousandth of the control period.
 
     Args:
         records: (where it stands, air, force or drive).

@@ -1,4 +1,4 @@
-"""Loads on the vehicle in a control period: carried bodies, and all forces except gravity."""
+"""Loads on the vehicle during a control period: payloads, stuck joints, and all forces except gravity."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ rounding leaves of a joint's angle, and both plants solve for the other accelera
 
 
 def rigid_loads(around: Surroundings) -> list[tuple[Any, Any]]:
-    """Rigid payloads, each with the payload's internal state (held or not, resting position)."""
+    """Rigid payloads of the scenario, each with its internal state."""
     pairs = zip(around.components, around.memories, strict=True)
     return [(each, memory) for each, memory in pairs if each.rigid]
 
 
 def stuck_of(around: Surroundings) -> Sequence[Scalar]:
-    """Stuck flag of each joint (1 or 0; an int 0 if it never gets stuck); () without such faults."""
+    """Stuck flag of each joint, 1 or 0; an empty tuple without such faults."""
     return () if around.effectiveness is None else around.effectiveness.stuck
 
 
 def changes_inertia(around: Surroundings) -> bool:
-    """True if payloads or stuck joints may change the inertia of the moving bodies in a period."""
+    """True if a payload or a stuck joint may change the vehicle's inertia during the flight."""
     return bool(rigid_loads(around)) or bool(stuck_of(around))
 
 
 def loaded_vehicle(vehicle: Vehicle, around: Surroundings) -> Vehicle:
-    """Vehicle with the payloads that it holds and its stuck joints; the same object if it can have neither."""
+    """Vehicle including the payloads that it holds and its stuck joints."""
     for load, memory in rigid_loads(around):
         vehicle = vehicle.with_body(*load.body(vehicle, memory.held))
     stuck = stuck_of(around)
@@ -92,7 +92,7 @@ def applied_force(
 
 
 def _outside(wrenches: Sequence[Wrench], motion: PointMotion) -> tuple[Force, Sequence[Scalar]]:
-    """Sum of wrenches on bodies, as force and torque on the base and joint torques."""
+    """Sum of wrenches on bodies, as a force and torque on the base and torques of the joints."""
     total = Force(ZERO3, ZERO3)
     pushed: list[Scalar] = [0] * motion.vehicle.n
     for wrench in wrenches:
@@ -107,7 +107,7 @@ STEADY = Surroundings()
 
 
 def with_lag(vehicle: Vehicle, state: State, command: Command, dt: Scalar, around: Surroundings = STEADY) -> State:
-    """State with the rotor speeds and tilt angles after ``dt`` seconds of a constant command, all else unchanged."""
+    """Vehicle state whose rotor speeds and tilt angles have followed a constant command for ``dt`` seconds."""
     commands = around.rotor_commands(vehicle.rotors, command.rotor_speeds)
     return dataclasses.replace(
         state,

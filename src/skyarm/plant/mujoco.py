@@ -1,4 +1,4 @@
-"""Second plant: MuJoCo's rigid-body dynamics with this library's rotors, wind and joint drives.
+"""MuJoCo plant: MuJoCo's rigid-body dynamics with this library's rotors, wind and joint drives.
 
 Only the length of a step where joint friction is stiff comes from our own mass matrix
 (:mod:`skyarm.plant.joint_rate`).
@@ -43,7 +43,7 @@ LARGEST_FRICTION_STEP = {"rk4": HELD_FRICTION_STEP, "rk4_staged": FRICTION_STEP}
 
 
 class _Quiet:
-    """Context that suppresses MuJoCo's warnings, which print and write a log file into the user's folder.
+    """Context manager that suppresses MuJoCo's warnings.
 
     An episode's own checks report divergence. MuJoCo has one handler for all threads; the caller's comes back.
     """
@@ -73,7 +73,7 @@ QUIET = _Quiet()
 
 
 def _with_loads_at_stages(integrator: str, vehicle: Vehicle, around: Surroundings) -> str:
-    """Integrator name, "rk4_staged" in place of "rk4" for joint stops, servo loops or coupled components.
+    """Integrator name, with "rk4" replaced by "rk4_staged" where forces are stiff.
 
     With its force held for a step h an undamped oscillator of frequency w grows by sqrt(1 + (w h)^2 / 2) each step of
     "rk4"; in "euler", which moves positions with the new velocities, it does not grow.
@@ -88,7 +88,7 @@ NOTHING = (None, None)
 
 
 class MujocoPlant:
-    """Plant whose rigid bodies MuJoCo integrates; forces come from :mod:`skyarm.plant.loads`.
+    """Simulated vehicle whose rigid bodies MuJoCo integrates; this library computes the forces.
 
     MuJoCo's own integrators hold forces for each physics step, which makes both methods of first order in it. With
     "rk4_staged" forces are evaluated at each stage, and the method is of fourth order. A spring whose force is held for
@@ -166,7 +166,7 @@ class MujocoPlant:
         angles: Any,
         around: Surroundings,
     ) -> tuple[Scalar, ...]:
-        """Generalised forces in MuJoCo's order; rotor, tilt and contact states after a physics step."""
+        """Generalised forces for MuJoCo, and rotor, tilt and contact states after an integration step."""
         state, command = self._layout.state(x), Command(rotor_speeds=commanded, efforts=setpoints, tilts=angles)
         if self._euler:
             around = before_euler_step(self._world, state, around, self._physics_step)
@@ -177,7 +177,7 @@ class MujocoPlant:
         return tuple(number(value) for value in (*forces, *lagged.rotor_speeds, *lagged.tilts, *memories))
 
     def advance(self, state: Flat, command: Flat, around: Flat, seconds: float) -> tuple[float, ...]:
-        """State after ``seconds`` (whole physics steps), then internal states of coupled components.
+        """Vehicle state, then contact states, after ``seconds`` (whole integration steps) with constant inputs.
 
         A diverged state stays diverged.
         """
@@ -209,7 +209,7 @@ class MujocoPlant:
     def _in_stages(
         self, staged: StagedRungeKutta, state: Flat, command: Flat, around: Flat, count: int
     ) -> tuple[float, ...]:
-        """State after ``count`` Runge-Kutta steps with loads evaluated at each stage."""
+        """Vehicle and contact state after several Runge-Kutta steps with forces evaluated at each stage."""
         self._loads.step()
         with QUIET:
             held = [around[place] for place in self._coupled]
@@ -217,7 +217,7 @@ class MujocoPlant:
         return (*self._layout.to_ours(x), *memory)
 
     def _set(self, state: Flat, command: Flat, around: Flat) -> None:
-        """Write state, command and surroundings into MuJoCo's data and the inputs of the loads.
+        """Write vehicle state, command and environment inputs into MuJoCo's data.
 
         A step begins where the accelerometer was read: of the same tuples only the command is written again.
         """
@@ -232,7 +232,7 @@ class MujocoPlant:
         self._loads.inputs[:] = (*x, *command, *around)
 
     def after_impact(self, state: Flat, around: Flat) -> tuple[float, ...]:
-        """State right after the impacts of grasps and of joints that get stuck in this period."""
+        """Vehicle state right after the impulse of a grasp or of a joint that gets stuck."""
         if self._carried is None:
             return tuple(state)
         x, nq, nv = self._layout.to_mujoco(state), self._layout.nq, self._layout.nv
@@ -244,7 +244,7 @@ class MujocoPlant:
         return ours
 
     def specific_force(self, state: Flat, command: Flat, around: Flat) -> tuple[float, float, float]:
-        """Proper acceleration of the base origin, base axes, m/s^2: the free joint's acceleration plus g."""
+        """Reading of an ideal accelerometer at the base origin, base axes, m/s^2."""
         self._set(state, command, around)
         self._loads.step()
         self._force[:] = self._pushed

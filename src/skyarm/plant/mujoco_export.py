@@ -77,7 +77,7 @@ def mjcf_text(vehicle: Vehicle, gravity: float, start: State | None = None, *, t
 
 
 def _finish_joint(joint: Any, vehicle: Vehicle) -> None:
-    """Set friction and limits of a joint in the exported model; the plant itself applies them as forces."""
+    """Set friction and limits of a joint in the exported MuJoCo model."""
     ours = next((link.joint for link in vehicle.moving if link.joint.name == joint.name), None)
     if ours is None or joint.type == mujoco.mjtJoint.mjJNT_FREE:
         return
@@ -95,7 +95,7 @@ def _finish_joint(joint: Any, vehicle: Vehicle) -> None:
 
 
 def _like(held: Any, value: float) -> Any:
-    """Value in the format of a MuJoCo field: a number, or a vector of coefficients with the value as the first."""
+    """Format a value as a MuJoCo field expects: a number, or a vector of coefficients."""
     if np.ndim(held) == 0:
         return value
     found = np.zeros(np.shape(held))
@@ -145,7 +145,7 @@ def _bound(actuator: Any, low: float, high: float) -> None:
 
 
 def _add_start(spec: Any, vehicle: Vehicle, model: Any, start: State | None, gravity: float) -> None:
-    """Add a keyframe of the initial state with hover thrusts."""
+    """Add the initial state with hover thrusts to the exported model as a keyframe."""
     joints = tuple(float(each) for each in start.joints) if start is not None else _next_to_zero(vehicle)
     qpos, qvel, ctrl = np.array(model.qpos0), np.zeros(model.nv), np.zeros(model.nu)
     qpos[:7] = (0.0, 0.0, HEIGHT, 1.0, 0.0, 0.0, 0.0)

@@ -18,7 +18,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 
 class Layout:
-    """Orders of a vehicle's state variables: the library's, and MuJoCo's [qpos, qvel, rotor speeds, tilt angles].
+    """Index maps between this library's and MuJoCo's orders of the vehicle's state variables.
 
     Attributes:
         nq, nv, rotors, tilts: how many numbers of each kind. end: of all.
@@ -65,7 +65,7 @@ class Layout:
         )
 
     def accelerations(self, qacc: Sequence[Scalar]) -> tuple[Vec3, Vec3, tuple[Any, ...]]:
-        """Base acceleration (world axes), angular acceleration (base axes) and joint accelerations, from MuJoCo's."""
+        """Accelerations of base (world axes) and joints, from MuJoCo's generalised accelerations."""
         return Vec3(*qacc[0:3]), Vec3(*qacc[3:6]), tuple(qacc[i] for i in self._dofs)
 
     def generalized_forces(self, state: State, command: Command, around: Surroundings) -> list[Scalar]:

@@ -1,4 +1,4 @@
-"""Follower joints, payloads and stuck joints of the MuJoCo plant, and its equations of motion.
+"""Follower joints, payloads and stuck joints of the MuJoCo plant.
 
 Joints that follow others are held by forces that are found exactly, not by soft constraints. MuJoCo moves every joint
 by itself. With M and h its mass matrix and bias, G q the joints by the leaders' and f the forces applied, the leaders'
@@ -28,7 +28,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 
 def own_to_mujoco(vehicle: Vehicle, model: Any, dofs: Sequence[int]) -> Any:
-    """Matrix G of shape (nv, 6 + joints), which maps base and joint velocities to MuJoCo's velocities.
+    """Matrix (nv, 6 + joints) that maps base and joint velocities to MuJoCo's generalised velocities.
 
     Args:
         vehicle: with or without followers.
@@ -45,7 +45,7 @@ def own_to_mujoco(vehicle: Vehicle, model: Any, dofs: Sequence[int]) -> Any:
 
 
 class Coupling:
-    """Constraint of a vehicle's follower joints in MuJoCo's data.
+    """Constraint that moves a vehicle's follower joints with their leading joints in MuJoCo's data.
 
     Args:
         vehicle: with followers. model, data: MuJoCo's. dofs: of links and followers, in ``model``.
@@ -58,7 +58,7 @@ class Coupling:
         self._force, self._bias = data.qfrc_applied, data.qfrc_bias
 
     def forward(self, model: Any, data: Any) -> None:
-        """Run ``mj_forward`` with the constraint forces of the follower joints added to the applied forces."""
+        """Compute MuJoCo's forward dynamics including the constraint forces of follower joints."""
         mujoco.mj_fwdPosition(model, data)
         mujoco.mj_fwdVelocity(model, data)
         for column, moved in zip(self._columns, self._moved, strict=True):
@@ -74,7 +74,7 @@ OF_A_LOAD = 5
 
 
 class Loads:
-    """Payloads and stuck joints of a MuJoCo model in a control period.
+    """Payloads and stuck joints in a MuJoCo model, updated every control period.
 
     Args:
         vehicle: without loads. model, data: MuJoCo's, made with bodies for the loads of ``around``.
@@ -92,7 +92,7 @@ class Loads:
         self._G = own_to_mujoco(vehicle, model, dofs)
 
     def _of(self, around: Flat) -> tuple[Any, Any]:
-        """Payload numbers (mass, moments of inertia, grasp flag) and stuck-joint flags of a period."""
+        """Mass, moments of inertia and grasp flag of each payload, and stuck flags of the joints."""
         self._numbers.inputs[:] = around
         self._numbers.step()
         found = np.array(self._numbers.outputs)
@@ -100,7 +100,7 @@ class Loads:
         return found[:ends].reshape(-1, OF_A_LOAD), found[ends:]
 
     def carry(self, around: Flat) -> None:
-        """Set payload inertias and stuck joints of a period in MuJoCo's model."""
+        """Set payload inertias and stuck joints in MuJoCo's model for a control period."""
         loads, stuck = self._of(around)
         self._put(loads[:, :4], stuck)
 
@@ -117,7 +117,7 @@ class Loads:
             model.dof_armature[self._dofs] += LOCKED * stuck
 
     def velocity_after(self, qvel: Any, around: Flat) -> Any:
-        """Velocities after the impacts of grasps and of joints that get stuck in a period, in MuJoCo's order."""
+        """Generalised velocities right after the impulse of a grasp or of a joint that gets stuck."""
         loads, stuck = self._of(around)
         if not (loads[:, 4].any() or stuck.any()):
             return qvel
@@ -140,7 +140,7 @@ class Loads:
 
 
 def _numbers(around: Surroundings) -> tuple[Any, ...]:
-    """Mass, moments of inertia and grasp flag of each payload, then the stuck-joint flags."""
+    """Mass, moments of inertia and grasp flag of each payload, then the stuck flags of the joints."""
     found: list[Any] = []
     for load, memory in rigid_loads(around):
         found += [load.mass * memory.held, *(each * memory.held for each in load.inertia), memory.caught]

@@ -37,7 +37,7 @@ state, and the time of the next state. What follows the last stage is the state 
 
 
 class StagedRungeKutta:
-    """Fourth-order Runge-Kutta integrator: accelerations from MuJoCo, loads from a compiled program.
+    """Fourth-order Runge-Kutta integrator that takes accelerations from MuJoCo and forces from this library.
 
     Args:
         layout: of the vehicle. model, data: MuJoCo's; a step works in ``data``.
@@ -79,7 +79,7 @@ class StagedRungeKutta:
         self, start: Any, kept: Any, now: Any, memory: Any, u: Any, total: Any, rates: Any, qacc: Any, weights: Any,
         speeds: Any, setpoints: Any, angles: Any, around: Surroundings,
     ) -> tuple[Scalar, ...]:  # fmt: skip
-        """One Runge-Kutta stage: next state, coupled components' states, rotation vector, slopes, loads."""
+        """Compute one Runge-Kutta stage: the next state, its rotation vector, sums of slopes and forces."""
         first, x, (own, share, earlier, time) = self._layout.state(start), self._layout.state(now), weights
         held = around.coupled_memories()
         there = around.with_coupled(rebuild(held, iter(memory)))
@@ -106,7 +106,7 @@ class StagedRungeKutta:
     def advance(
         self, x: Sequence[float], memory: Sequence[float], forces: Any, given: Sequence[float], steps: int
     ) -> tuple[list[float], list[float]]:
-        """State in MuJoCo's order and internal states of coupled components after several steps.
+        """Vehicle state in MuJoCo's order and contact states after several Runge-Kutta steps.
 
         Args:
             x: state now, in MuJoCo's order.
@@ -130,7 +130,7 @@ class StagedRungeKutta:
 
 
 def _move_state(first: State, change: Sequence[Scalar]) -> State:
-    """State moved by increments of position, rotation vector, joint positions and velocities."""
+    """Vehicle state after increments of position, rotation, joint positions and velocities."""
     n = len(first.joints)
 
     def line(values: Sequence[Scalar], more: Sequence[Scalar]) -> tuple[Scalar, ...]:

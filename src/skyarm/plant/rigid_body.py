@@ -44,7 +44,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Rate:
-    """Time derivative of a state, without rotor speeds and tilt angles, which are solved exactly."""
+    """Time derivative of the vehicle state, without rotor speeds and tilt angles, which are solved exactly."""
 
     position: Vec3
     quaternion: Quaternion
@@ -62,7 +62,7 @@ def accelerate(world: Truth, state: State, command: Command, around: Surrounding
 
 
 def derivative(world: Truth, state: State, command: Command, around: Surroundings) -> Rate:
-    """Time derivative of the state by the equations of motion."""
+    """Time derivative of the vehicle state by the equations of motion."""
     base, joint_accelerations = accelerate(world, state, command, around)
     linear, angular = coordinate_acceleration(state.quaternion.rotation(), base, world.gravity)
     return Rate(
@@ -80,7 +80,7 @@ Moved = tuple[State, Memories]
 
 
 def coupled_rk4(world: Truth, state: State, command: Command, around: Surroundings, dt: float) -> Moved:
-    """One step of the classical fourth-order Runge-Kutta method with constant command and surroundings.
+    """Vehicle and contact state after one classical fourth-order Runge-Kutta step.
 
     The attitude is integrated as four numbers and normalised after the step, which keeps the order. The memories of
     coupled components are integrated with the state.
@@ -104,7 +104,7 @@ def coupled_rk4(world: Truth, state: State, command: Command, around: Surroundin
 
 
 def _move_state(state: State, rate: Rate, dt: Scalar) -> State:
-    """State advanced by dt times a time derivative of the state."""
+    """Vehicle state after an explicit Euler increment: ``dt`` times a time derivative."""
 
     def line(values: Sequence[Scalar], slopes: Sequence[Scalar]) -> tuple[Scalar, ...]:
         return tuple(add(x, mul(dx, dt)) for x, dx in zip(values, slopes, strict=True))
@@ -121,7 +121,7 @@ def _move_state(state: State, rate: Rate, dt: Scalar) -> State:
 
 
 def coupled_euler(world: Truth, state: State, command: Command, around: Surroundings, dt: float) -> Moved:
-    """One semi-implicit Euler step: velocities first, then positions with the new velocities.
+    """Vehicle and contact state after one semi-implicit Euler step: velocities first, then positions.
 
     The attitude moves by the exponential of the new rate, as MuJoCo's manifold update does, so that both plants make
     the same step; its length is corrected before it turns, when nothing waits for it. Memories of coupled components
@@ -147,7 +147,7 @@ def coupled_euler(world: Truth, state: State, command: Command, around: Surround
 
 
 def coupled_verlet(world: Truth, state: State, command: Command, around: Surroundings, dt: Scalar) -> Moved:
-    """One Stoermer-Verlet step: positions over half the step, velocities over the whole, positions over the other half.
+    """Vehicle and contact state after one Stoermer-Verlet step: half positions, velocities, half positions.
 
     Forces are taken once, in the middle of the step, with the velocities before the push: of second order and without
     a drift of the energy for springs, of first order for damping. The gyroscopic and centrifugal terms are those of
@@ -164,7 +164,7 @@ def coupled_verlet(world: Truth, state: State, command: Command, around: Surroun
     moving, R = loaded_vehicle(vehicle, there), middle.quaternion.rotation()
 
     def push(at: State, seconds: Scalar) -> State:
-        """Midpoint state, velocities advanced by forces over ``seconds``; ``at``: state for inertial forces."""
+        """Vehicle state at mid-step with velocities advanced by the forces over ``seconds``."""
         base, joints = dynamics.forward_dynamics(moving, at.joints, at.rate, at.joint_rates, force, torques)
         linear, angular = coordinate_acceleration(R, base, world.gravity)
         rates = zip(middle.joint_rates, joints, strict=True)
@@ -182,7 +182,7 @@ def coupled_verlet(world: Truth, state: State, command: Command, around: Surroun
 
 
 def _drift(state: State, dt: Scalar) -> State:
-    """State after a time (s) with constant velocities."""
+    """Vehicle state after ``dt`` (s) with constant velocities."""
     return replace(
         state,
         position=state.position + state.velocity * dt,
@@ -194,7 +194,7 @@ def _drift(state: State, dt: Scalar) -> State:
 def far_step(
     name: str, world: Truth, now: Moved, command: Command, around: Surroundings, dt: Any, rounds: int
 ) -> Moved:
-    """One integration step while no contact is near; the contact states advance separately.
+    """Vehicle and contact state after one integration step while no contact can occur.
 
     Args:
         name: of the integrator.
@@ -214,7 +214,7 @@ COUPLED_STEP = {"rk4": coupled_rk4, "euler": coupled_euler, "rk4_staged": couple
 
 
 def after_impact(vehicle: Vehicle, state: State, around: Surroundings) -> State:
-    """State right after the impacts of grasps and of joints that get stuck; unchanged if neither can happen.
+    """Vehicle state right after the impulse of a grasp or of a joint that gets stuck; unchanged without either.
 
     Both are inelastic impacts. With M the mass matrix before and M' the one after, the generalised momentum of vehicle
     and load does not change while the grasp or the brake acts for an instant: its forces are internal, and joint

@@ -1,4 +1,4 @@
-"""Inputs of a plant over one control period: air, forces, faults, drives, and contacts integrated with the state."""
+"""Inputs of a plant over one control period: wind, forces, contacts, faults and joint drives."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from skyarm.world.component import moved_by
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Surroundings:
-    """Air, forces, faults and joint drives with their internal states, constant over one control period.
+    """Environment models, actuator faults and joint drives with their internal states, for one control period.
 
     Attributes:
         components: air and forces, in the order in which they add up. memories: theirs.
@@ -38,36 +38,36 @@ class Surroundings:
     drive_memories: tuple[Any, ...] = ()
 
     def air_velocity(self, position_W: Vec3) -> Vec3:
-        """Air velocity at a position, world axes, m/s."""
+        """Air velocity (m/s, world axes) at a position: sum of all wind models."""
         total = ZERO3
         for component, memory in zip(self.components, self.memories, strict=True):
             total = total + component.velocity(memory, self.time, position_W)
         return total
 
     def wrenches(self, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> list[Wrench]:
-        """Wrenches of all environment components on the vehicle's bodies, without rotors and body drag."""
+        """Forces and torques of all environment models on the vehicle's bodies."""
         found: list[Wrench] = []
         for component, memory in zip(self.components, self.memories, strict=True):
             found += component.wrenches(memory, self.time, motion, rotor_speeds)
         return found
 
     def rotor_commands(self, rotors: Sequence[Rotor], commands: Sequence[Scalar]) -> Sequence[Scalar]:
-        """Effective rotor speed commands (rad/s), limited by the supply."""
+        """Rotor speed commands (rad/s) limited by the battery."""
         for component, memory in zip(self.components, self.memories, strict=True):
             commands = component.rotor_commands(memory, rotors, commands)
         return commands
 
     @property
     def coupled(self) -> tuple[int, ...]:
-        """Indices of the coupled components (contacts), whose internal states the plant integrates."""
+        """Indices of the contact models, whose internal states are integrated with the vehicle's."""
         return tuple(i for i, component in enumerate(self.components) if component.coupled)
 
     def coupled_memories(self) -> tuple[Any, ...]:
-        """Internal states of the coupled components (contacts)."""
+        """Internal states of the contact models."""
         return tuple(self.memories[i] for i in self.coupled)
 
     def with_coupled(self, memories: Sequence[Any]) -> Surroundings:
-        """The surroundings with the internal states of the coupled components (contacts) replaced."""
+        """Copy of the plant inputs with other internal states of the contact models."""
         places = self.coupled
         if not places:
             return self
@@ -77,11 +77,11 @@ class Surroundings:
         return replace(self, memories=tuple(held))
 
     def slopes(self, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> tuple[Any, ...]:
-        """Time derivatives of the coupled components' (contacts') internal states."""
+        """Time derivatives of the contact models' internal states."""
         return tuple(self.components[i].slope(self.memories[i], self.time, motion, rotor_speeds) for i in self.coupled)
 
     def far(self, motion: PointMotion, seconds: Scalar) -> Any:
-        """True if all coupled components stay inactive for ``seconds``."""
+        """True if no contact can occur within ``seconds``."""
         found: Any = True
         for i in self.coupled:
             there = self.components[i].far(self.memories[i], motion, seconds)
@@ -89,24 +89,24 @@ class Surroundings:
         return found
 
     def without_coupled(self) -> Surroundings:
-        """The surroundings without the coupled components."""
+        """Copy of the plant inputs without the contact models."""
         kept = [i for i, component in enumerate(self.components) if not component.coupled]
         components, memories = (tuple(each[i] for i in kept) for each in (self.components, self.memories))
         return replace(self, components=components, memories=memories)
 
     def alone(self, seconds: Scalar, rounds: int, gravity: Scalar) -> tuple[Any, ...]:
-        """Internal states of the inactive coupled components after ``seconds``, in ``rounds`` steps."""
+        """Internal states of the contact models after ``seconds`` without contact."""
         return tuple(self.components[i].alone(self.memories[i], seconds, rounds, gravity) for i in self.coupled)
 
     def effort(self, index: int, setpoint: Scalar, position: Scalar, rate: Scalar) -> Scalar:
-        """Effort of a joint's drive before limit and friction, N m or N."""
+        """Effort (N m or N) of a joint's drive before its limit and joint friction."""
         if not self.drives:
             return TORQUE_DRIVE.effort((), setpoint, position, rate)
         return self.drives[index].effort(self.drive_memories[index], setpoint, position, rate)
 
 
 def wind_at(around: Surroundings, world: Truth, state: State) -> WindSample:
-    """Force on the base and air velocity at its origin, as recorded in logs."""
+    """Force on the base and air velocity at its origin, with all logged numbers of the environment models."""
     motion = PointMotion(world.vehicle, state, around.air_velocity, gravity=world.gravity)
     force = ZERO3
     for component, memory in zip(around.components, around.memories, strict=True):
@@ -126,7 +126,7 @@ Memories = tuple[Any, ...]
 
 
 def slopes_of(world: Truth, state: State, around: Surroundings) -> Memories:
-    """Time derivatives of the coupled components' (contacts') internal states at a vehicle state."""
+    """Time derivatives of the contact models' internal states for a vehicle state."""
     if not around.coupled:
         return ()
     motion = PointMotion(world.vehicle, state, around.air_velocity, gravity=world.gravity)
@@ -134,38 +134,38 @@ def slopes_of(world: Truth, state: State, around: Surroundings) -> Memories:
 
 
 def advance_memories(memories: Memories, slopes: Memories, dt: Scalar) -> Memories:
-    """Internal states of coupled components (contacts) plus dt * slopes."""
+    """Internal states of the contact models after an explicit Euler increment."""
     found: Memories = moved_by(memories, slopes, dt)
     return found
 
 
 def before_euler_step(world: Truth, state: State, around: Surroundings, dt: Scalar) -> Surroundings:
-    """Surroundings for evaluating the forces of an Euler step of ``dt`` (s): friction bristles are advanced."""
+    """Plant inputs from which a semi-implicit Euler step evaluates forces: friction bristles are advanced."""
     if not around.coupled:
         return around
     return bend_coupled(around, slopes_of(world, state, around), dt)
 
 
 def bend_coupled(around: Surroundings, slopes: Memories, dt: Scalar) -> Surroundings:
-    """The surroundings with the deflections of contact friction bristles advanced by ``dt`` (s)."""
+    """Copy of the plant inputs with the contact friction bristles advanced by ``dt`` (s)."""
     going = zip(around.coupled, around.coupled_memories(), slopes, strict=True)
     return around.with_coupled([around.components[i].before_euler_step(held, rate, dt) for i, held, rate in going])
 
 
 def after_euler_step(around: Surroundings, slopes: Memories, dt: Scalar) -> Memories:
-    """Internal states of the coupled components after a semi-implicit Euler step of ``dt`` (s)."""
+    """Internal states of the contact models after a semi-implicit Euler step of ``dt`` (s)."""
     going = zip(around.coupled, around.coupled_memories(), slopes, strict=True)
     return tuple(around.components[i].euler_step(memory, slope, dt) for i, memory, slope in going)
 
 
 def drift_coupled(around: Surroundings, dt: Scalar) -> Surroundings:
-    """The surroundings after ``dt`` (s) of force-free motion of the coupled components."""
+    """Copy of the plant inputs with movable bodies advanced by ``dt`` (s) at constant velocities."""
     going = zip(around.coupled, around.coupled_memories(), strict=True)
     return around.with_coupled([around.components[i].drift(held, dt) for i, held in going])
 
 
 def push_coupled(around: Surroundings, motion: PointMotion, rotor_speeds: Sequence[Scalar], dt: Scalar) -> Surroundings:
-    """The surroundings after an impulse: forces act on the coupled components for ``dt`` (s)."""
+    """Copy of the plant inputs with movable bodies accelerated by contact forces for ``dt`` (s)."""
     going = zip(around.coupled, around.coupled_memories(), strict=True)
     return around.with_coupled(
         [around.components[i].push(held, around.time, motion, rotor_speeds, dt) for i, held in going]
@@ -173,13 +173,13 @@ def push_coupled(around: Surroundings, motion: PointMotion, rotor_speeds: Sequen
 
 
 def places_in(around: Surroundings) -> tuple[int, ...]:
-    """Indices of the coupled components' internal states among all scalars of the surroundings."""
+    """Indices of the contact states among all numbers of the plant inputs."""
     first = len(leaves(around.components))
     return tuple(first + place for place in places_among(around.memories, around.coupled))
 
 
 def places_among(memories: Memories, coupled: Sequence[int]) -> tuple[int, ...]:
-    """Indices of the coupled components' internal states among all scalars of all internal states."""
+    """Indices of the contact states among the internal states of all environment models."""
     found, first = list[int](), 0
     for i, memory in enumerate(memories):
         count = len(leaves(memory))

@@ -1,4 +1,4 @@
-"""Reference motion: signals with four derivatives, trajectories of base and joints, sampling at a rate."""
+"""Reference motion: time signals with four derivatives, and trajectories of base, joints and tip."""
 
 from skyarm.reference.reference_tables import trajectory_from
 from skyarm.reference.signal_tables import signal_from

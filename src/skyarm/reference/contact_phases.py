@@ -28,7 +28,7 @@ ABOUT = ("center", "axis", "force")
 
 
 def grasp(task: Task, phase: Fields) -> None:
-    """Add to the task a grasp at the tip's position; with a ``center``, of a handle that turns about an axis."""
+    """Add a grasp at the tip's position to the task, also of a handle that turns about an axis."""
     arc = _arc_of(task, phase)
     handle(task, phase, "pick")
     if arc is not None:
@@ -41,7 +41,7 @@ def release(task: Task, phase: Fields) -> None:
 
 
 def handle(task: Task, phase: Fields, kind: str) -> None:
-    """Add to the task a wait for the phase's end condition, then a dwell with a grasp or release half-way through."""
+    """Add a dwell to the task, during which a gripper closes or opens or a payload is taken or left."""
     what = "gripper" if "gripper" in phase.table else "payload"
     name = phase.take(what)
     if not isinstance(name, str) or not name:
@@ -58,7 +58,7 @@ def handle(task: Task, phase: Fields, kind: str) -> None:
 
 
 def arc_about(task: Task, phase: Fields) -> tuple[Place, Place]:
-    """Center and axis of a rotation, from the phase, else from the held handle."""
+    """Centre (m) and unit axis of a task phase's rotation, given by the phase or by the held handle."""
     held = task.arc
     if held is None:
         return place_of(phase, "center"), unit_vector(phase, "axis")
@@ -74,7 +74,7 @@ def arc_about(task: Task, phase: Fields) -> tuple[Place, Place]:
 
 
 def _arc_of(task: Task, phase: Fields) -> Arc | None:
-    """Arc of the handle that a phase grasps; None if the phase describes no rotation."""
+    """Circular arc of the handle that a task phase grasps; None if the phase describes no rotation."""
     told = [name for name in ABOUT if phase.take(name, None) is not None]
     if not told:
         return None
@@ -115,14 +115,14 @@ FASTEST_TURNING = 1.0
 
 
 def approach(task: Task, phase: Fields) -> None:
-    """Add to the task a motion to a point in front of a surface."""
+    """Add a motion to a point in front of a surface to the task."""
     _tell_normal(task, phase)
     goal = place_of(phase, "position")
     task.go_through(phase, _in_front(task, phase, goal, near="normal" in phase.table), new=False)
 
 
 def press(task: Task, phase: Fields) -> None:
-    """Add to the task a contact force at rest: wait for contact, then hold the force for a while."""
+    """Add a press against a surface at rest to the task: wait for contact, then hold the force."""
     _tell_push(task, phase)
     force = task.force or 0.0
     usual = {"force": TOUCHED * force, "hold": 0.1, "timeout": 10.0, "fails": True, "direction": task.normal}
@@ -133,13 +133,13 @@ def press(task: Task, phase: Fields) -> None:
 
 
 def slide(task: Task, phase: Fields) -> None:
-    """Add to the task a motion along the surface to another place with contact force."""
+    """Add a straight motion along a surface with contact force to the task."""
     _tell_push(task, phase)
     task.go_through(phase, place_of(phase, "position"), back=False)
 
 
 def write(task: Task, phase: Fields) -> None:
-    """Add to the task a polyline along the surface with contact force, at rest in each corner."""
+    """Add a polyline along a surface with contact force to the task."""
     _tell_push(task, phase)
     points = points_of(phase.take("points"), phase.at("points"))
     if not 1 <= len(points) <= MOST_POINTS:
@@ -155,7 +155,7 @@ def write(task: Task, phase: Fields) -> None:
 
 
 def retreat(task: Task, phase: Fields) -> None:
-    """Add to the task a motion without contact force, away along the normal or to a place."""
+    """Add a motion away from a surface without contact force to the task."""
     task.force = None
     if phase.take("position", None) is not None:
         task.go_through(phase, place_of(phase, "position"), new=False)
@@ -170,7 +170,7 @@ def retreat(task: Task, phase: Fields) -> None:
 
 
 def search(task: Task, phase: Fields) -> None:
-    """Add to the task a spiral along the surface with contact force, until the tip drops into a hole."""
+    """Add a spiral along a surface with contact force to the task, until the tip drops into a hole."""
     _tell_push(task, phase)
     u, w = _across(task.normal or (0.0, 0.0, 1.0))
     pitch = positive(phase, "pitch")
@@ -192,7 +192,7 @@ def search(task: Task, phase: Fields) -> None:
 
 
 def insert(task: Task, phase: Fields) -> None:
-    """Add to the task a contact force along the axis until the tip has moved in by a distance."""
+    """Add a push into a hole to the task, until the tip has moved in by a distance."""
     _tell_push(task, phase)
     depth = positive(phase, "distance")
     usual = {"distance": depth, "hold": 0.05, "timeout": 10.0, "fails": True, "direction": task.normal}
@@ -201,7 +201,7 @@ def insert(task: Task, phase: Fields) -> None:
 
 
 def turn(task: Task, phase: Fields) -> None:
-    """Add to the task a rotation about an axis by an angle, with the contact force of earlier phases if any."""
+    """Add a rotation of the tip about an axis, such as a door's hinge, to the task."""
     if task.force is not None or "force" in phase.table:
         _tell_push(task, phase)
     center, axis = arc_about(task, phase)
@@ -233,7 +233,7 @@ ABOUT_AN_AXIS = ("turn", "open")
 
 
 def _in_front(task: Task, phase: Fields, place: Place, *, near: bool) -> Place:
-    """Position offset along the normal by the phase's clearance, by default ``CLEARANCE`` if ``near``, else 0."""
+    """Position in front of a surface, offset along its normal by the task phase's clearance."""
     clearance = bounded(phase, "clearance", CLEARANCE if near else 0.0, low=0.0)
     if clearance and task.normal is None:
         raise ValueError(f"{phase.at('clearance')} = {clearance:g}: must be left out without a normal")
@@ -248,7 +248,7 @@ def _tell_normal(task: Task, phase: Fields) -> None:
 
 
 def _tell_push(task: Task, phase: Fields) -> None:
-    """Read force, normal and speed of a contact phase; missing values stay as in the phase before."""
+    """Read contact force, surface normal and approach speed of a task phase into the task."""
     _tell_normal(task, phase)
     if phase.take("speed", None) is not None:
         speed = positive(phase, "speed", high=FASTEST)

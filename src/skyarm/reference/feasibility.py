@@ -1,4 +1,4 @@
-"""Feasibility check of a tip reference for a vehicle, before simulation."""
+"""Feasibility of a tip reference: peak demands against the vehicle's limits, before simulation."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ tip then moves by its own length in 50 rad or more."""
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Feasibility:
-    """Peak demands of a planned tip reference, joint limits it meets and its nearest singularity.
+    """Peak thrust, tilt and joint-limit times of a planned tip reference, and its nearest arm singularity.
 
     Attributes:
         at_limits: (joint, s) of joints that carry the tip and are planned at a limit, and how long.
@@ -54,7 +54,7 @@ class Feasibility:
     arm_length: float
 
     def warnings(self) -> Iterator[str]:
-        """One warning line for each demand beyond the vehicle's capability."""
+        """Warning texts, one for each demand beyond the vehicle's limits."""
         for joint, seconds in self.at_limits:
             yield f"reference.tip: joint {joint!r} is planned at its limit for {seconds:.3g} s; other posture?"
         if self.weakest < SINGULAR * self.arm_length:
@@ -70,7 +70,7 @@ class Feasibility:
 
 
 def _weakest(vehicle: Vehicle, carriers: Sequence[int], times: Array, joints: Array) -> tuple[float, float]:
-    """Smallest singular value of the tip's position Jacobian over a plan, and its time (s)."""
+    """Smallest singular value of the tip Jacobian over a planned motion, and its time (s)."""
     every = -(-len(times) // MOST_JACOBIANS)
     times, joints = times[::every], joints[:, ::every].T
     still, level = np.zeros((len(times), 3)), np.tile([1.0, 0.0, 0.0, 0.0], (len(times), 1))
@@ -81,7 +81,7 @@ def _weakest(vehicle: Vehicle, carriers: Sequence[int], times: Array, joints: Ar
 
 
 def feasibility(trajectory: Trajectory, setting: Setting) -> Feasibility | None:
-    """Feasibility of a trajectory's tip reference; None without one."""
+    """Feasibility of a trajectory's tip reference; None without a tip reference."""
     tip, vehicle = trajectory.tip, setting.vehicle
     if tip is None or vehicle is None:
         return None
@@ -106,7 +106,7 @@ def feasibility(trajectory: Trajectory, setting: Setting) -> Feasibility | None:
 
 
 def _at_limits(arm: Arm, q: Array, seconds: float) -> Iterator[tuple[str, float]]:
-    """Arm joints that the plan moves to a limit, and how long (s)."""
+    """Names of arm joints that a planned motion keeps at a limit, each with the duration (s)."""
     for number, joint in zip(arm.carriers, arm.joints, strict=True):
         low, high, values = float(joint.lower), float(joint.upper), q[number]
         near = (values <= low + 2.0 * MARGIN) | (values >= high - 2.0 * MARGIN)

@@ -37,7 +37,7 @@ FEWEST = 6
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PathTime:
-    """Path time of a reference as a function of flight time.
+    """Time scaling of a reference: path time as a spline of flight time.
 
     Attributes:
         points: s, control points, none before the one ahead of it; the i-th belongs to the time (i - 2) step.
@@ -56,11 +56,11 @@ class PathTime:
 
     @property
     def duration(self) -> float:
-        """Planned duration, s."""
+        """Planned duration of the time-scaled reference, s."""
         return float(self.step) * (len(self.points) - FEWEST + 1)
 
     def derivatives(self, t: Scalar) -> Derivatives:
-        """Path time s and its derivatives ds/dt to d4s/dt4 at flight times t (s); constant outside the plan."""
+        """Path time s and its derivatives up to d4s/dt4 at flight time t (s)."""
         points, step = np.asarray(self.points, dtype=float), float(self.step)
         # sums and products alone, so that every machine finds the same bits
         u = np.clip(np.asarray(t, dtype=float) / step, 0.0, float(len(points) - FEWEST + 1))
@@ -95,7 +95,7 @@ class PathTime:
             )
 
     def instant_of(self, path_time: float) -> float:
-        """Flight time (s) at which the path time reaches ``path_time``; the planned end if it never does."""
+        """Flight time (s) at which a given path time is reached; the planned end if it never is."""
         low, high = 0.0, self.duration
         if float(self.derivatives(high)[0]) < path_time:
             return high
@@ -109,13 +109,13 @@ class PathTime:
 
 
 def governed_reference(trajectory: Trajectory, path_time: PathTime, t: Scalar) -> Reference:
-    """Time-scaled reference at a flight time t (s): trajectory at s(t), with derivatives by t."""
+    """Reference of a trajectory at flight time t (s) under a time scaling."""
     s = path_time.derivatives(t)
     return by_flight_time(trajectory.at(s[0]), s)
 
 
 def by_flight_time(reference: Reference, s: Derivatives) -> Reference:
-    """Convert a sample's derivatives from path time to flight time.
+    """Convert a reference's derivatives by path time into derivatives by flight time.
 
     Source: chain rule of higher order, Faa di Bruno 1857.
     """
@@ -130,7 +130,7 @@ def by_flight_time(reference: Reference, s: Derivatives) -> Reference:
 
 
 def _chain_rule(d: tuple[Any, ...], s: Derivatives) -> tuple[Any, Any, Any, Any]:
-    """Derivatives one to four of x(s(t)) by t, from those by s (chain rule)."""
+    """First four derivatives of x(s(t)) by t, from those of x by s and of s by t."""
     (d1, d2, d3, d4), (_, s1, s2, s3, s4) = d, s
     twice = s1 * s1
     return (
@@ -147,7 +147,7 @@ def _chain_rule(d: tuple[Any, ...], s: Derivatives) -> tuple[Any, Any, Any, Any]
 def offset_reference(
     reference: Reference, offset: Vec3, returns: Sequence[tuple[float, float]], since: Any, time: Scalar
 ) -> Reference:
-    """Reference of base and tip plus a position offset, which return phases reduce to zero.
+    """Reference with base and tip shifted by an offset that decays to zero in return phases of the task.
 
     Args:
         reference: as planned, at ``time`` (s).

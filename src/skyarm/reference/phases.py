@@ -1,4 +1,4 @@
-"""Task motion in phases, each from rest to rest; the reference may wait at phase ends for a condition (guard).
+"""Task motion as a sequence of phases such as go to, press and grasp, each from rest to rest.
 
 In free flight: ``hold``: duration. ``go_to``, ``carry``: position, via = [[x, y, z], ...], duration (left out: as fast
 as the limits let). ``lift``: height (m), duration. ``pick`` and ``place``: payload (its name), position, approach = [0,
@@ -39,7 +39,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 
 def phases_table(fields: Fields, setting: Setting) -> Trajectory:
-    """Trajectory of a task whose table lists its phases."""
+    """Trajectory of a task from a table of a scenario file that lists the task's phases."""
     task = Task(place_of(fields, "position"), limits_of(fields, setting), setting)
     entries, at = fields.take("phases"), fields.at("phases")
     if not isinstance(entries, list) or not entries:
@@ -69,7 +69,7 @@ def phases_table(fields: Fields, setting: Setting) -> Trajectory:
 
 
 def _require_hands(task: Task, phase: Fields, kind: str) -> None:
-    """Refuse a contact phase while the tip holds a handle."""
+    """Refuse a phase that presses on a surface while the gripper holds a handle."""
     if task.arc is None or kind not in TOUCHING:
         return
     if kind not in ABOUT_AN_AXIS or phase.take("force", None) is not None:
@@ -79,7 +79,7 @@ def _require_hands(task: Task, phase: Fields, kind: str) -> None:
 
 
 def _joints(phase: Fields) -> dict[str, float]:
-    """Joint positions that a phase commands, by joint name, rad or m."""
+    """Joint positions (rad or m) that a task phase commands, by joint name."""
     table = phase.take("joints", None)
     if table is None:
         return {}
@@ -90,18 +90,18 @@ def _joints(phase: Fields) -> dict[str, float]:
 
 
 def hold(task: Task, phase: Fields) -> None:
-    """Add to the task a stay at the present position."""
+    """Add a stay at the present position to the task."""
     task.rest(seconds(phase, "duration"))
     task.wait_until(phase)
 
 
 def go_to(task: Task, phase: Fields) -> None:
-    """Add to the task a motion to a position through optional intermediate points."""
+    """Add a motion to a position, through optional intermediate points, to the task."""
     task.go_through(phase, place_of(phase, "position"))
 
 
 def lift(task: Task, phase: Fields) -> None:
-    """Add to the task a vertical motion by a height."""
+    """Add a vertical motion to the task."""
     height = bounded(phase, "height")
     duration = duration_of(phase)
     x, y, z = task.at
@@ -112,7 +112,7 @@ def lift(task: Task, phase: Fields) -> None:
 
 
 def pick_or_place(task: Task, phase: Fields) -> None:
-    """Add to the task an approach, a descent, a grasp or release of the payload, and an ascent."""
+    """Add an approach, a descent, a grasp or release of the payload, and an ascent to the task."""
     there = place_of(phase, "position")
     x, y, z = (a + b for a, b in zip(there, place_of(phase, "approach", (0.0, 0.0, 0.1)), strict=True))
     task.go([task.at, (x, y, z)], back=True)
@@ -137,7 +137,7 @@ PEAK_RATE = 2.1875
 def with_joint_moves(
     trajectory: Trajectory, moves: Sequence[JointMove], vehicle: Vehicle | None, fastest: float = math.inf
 ) -> Trajectory:
-    """Add moves of the joints that do not carry the tip to a trajectory.
+    """Add moves of joints that do not carry the tip, such as fingers, to a trajectory.
 
     Args:
         trajectory: whose own signals of these joints are constant.
@@ -169,7 +169,7 @@ def with_joint_moves(
 
 
 def _index(move: JointMove, trajectory: Trajectory, vehicle: Vehicle) -> int:
-    """Index of a move's joint; refuses joints that carry the tip or already move."""
+    """Index of the joint that a task phase moves; refuses joints that carry the tip or already move."""
     names = [link.joint.name for link in vehicle.links]
     carriers = () if trajectory.tip is None else trajectory.tip.arm.carriers
     if move.joint not in names:
@@ -186,7 +186,7 @@ def _index(move: JointMove, trajectory: Trajectory, vehicle: Vehicle) -> int:
 
 
 def _require_within(move: JointMove, at: float, vehicle: Vehicle, i: int, fastest: float) -> None:
-    """Refuse a joint move beyond the joint's limits or maximum speed."""
+    """Refuse a planned joint move beyond the joint's limits or maximum speed."""
     joint = vehicle.links[i].joint
     low, high = float(joint.lower), float(joint.upper)
     if not low <= move.value <= high:

@@ -1,4 +1,4 @@
-"""Trajectories from tables of a scenario file.
+"""Reference trajectories from the table ``[reference]`` of a scenario file.
 
 A table has up to three entries, all optional::
 
@@ -89,7 +89,7 @@ AT_ORIGIN = {"kind": "hover", "position": [0.0, 0.0, 0.0]}
 
 
 def trajectory_from(table: dict[str, Any], n_joints: int, where: str, setting: Setting | None = None) -> Trajectory:
-    """Trajectory that a table describes.
+    """Trajectory of base and joints from a reference table of a scenario file.
 
     Args:
         table: plain dict, as read from TOML.
@@ -116,7 +116,7 @@ def trajectory_from(table: dict[str, Any], n_joints: int, where: str, setting: S
 
 
 def motion_from(entry: Any, where: str, setting: Setting) -> Trajectory:
-    """Motion of a point, usually the base, from a table or a sum of tables."""
+    """Position trajectory of a point from a motion table or a list of motion tables."""
     if isinstance(entry, list):
         total = Trajectory()
         for index, item in enumerate(entry):
@@ -135,12 +135,12 @@ def motion_from(entry: Any, where: str, setting: Setting) -> Trajectory:
 
 
 def hover_table(fields: Fields) -> Trajectory:
-    """Trajectory that stays at the table's ``position``."""
+    """Trajectory at a constant position, from a motion table."""
     return hover(fields.vector("position"))
 
 
 def circle_table(fields: Fields) -> Trajectory:
-    """Circular trajectory from ``radius``, ``frequency_hz``, ``center``, ``start`` and ``stop`` of a table."""
+    """Circular trajectory from a motion table with radius, frequency, centre and time window."""
     radius = fields.number("radius", low=0.0)
     frequency, center = fields.number("frequency_hz"), fields.vector("center")
     start, stop = window_of(fields)
@@ -148,7 +148,7 @@ def circle_table(fields: Fields) -> Trajectory:
 
 
 def signals_table(fields: Fields) -> Trajectory:
-    """Trajectory from one signal each for ``x``, ``y`` and ``z``."""
+    """Position trajectory from a motion table with one time signal each for x, y and z."""
     x, y, z = (signal_from(fields.take(name, 0.0), f"{fields.where}.{name}") for name in "xyz")
     return Trajectory(x=x, y=y, z=z)
 
@@ -164,7 +164,7 @@ ROUNDING = 1e-6
 
 
 def push_from(table: Any, where: str, duration: float = 0.0) -> TipPush:
-    """Desired contact of the tip that a table describes.
+    """Desired tip contact from the table ``[reference.push]`` of a scenario file.
 
     Args:
         table: as above.
@@ -190,7 +190,7 @@ def push_from(table: Any, where: str, duration: float = 0.0) -> TipPush:
 
 
 def _require_force(force: Signal, at: str, duration: float, *, pulls: bool) -> None:
-    """Refuse an excessive contact force, and a pulling force without a grip."""
+    """Refuse an excessive desired contact force, and a pulling force without a grip."""
     switches = sorted({0.0, *(float(t) for t in force.switch_times()), duration})
     between = [0.5 * (a + b) for a, b in itertools.pairwise(switches)]
     looks = np.concatenate([switches, between, np.linspace(0.0, duration, LOOKS)])
@@ -205,7 +205,7 @@ def _require_force(force: Signal, at: str, duration: float, *, pulls: bool) -> N
 
 
 def reference_from(table: Any, n_joints: int, where: str, setting: Setting) -> Trajectory:
-    """Trajectory that a reference table describes, with an optional motion of the tip.
+    """Trajectory from the whole reference table of a scenario file, with optional tip motion and contact.
 
     Args:
         table: of the whole reference, as :func:`skyarm.reference.trajectory_from` takes it, and ``tip``, ``push``,

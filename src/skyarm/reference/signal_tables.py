@@ -44,7 +44,7 @@ from skyarm.reference.signals import (
 
 
 def signal_from(entry: Any, where: str) -> Signal:
-    """Time signal from a number, a list or a table."""
+    """Time signal from a number, list or table of a scenario file."""
     if isinstance(entry, list):
         return Sum(tuple(signal_from(item, f"{where}[{index}]") for index, item in enumerate(entry)))
     if not isinstance(entry, dict):
@@ -87,7 +87,7 @@ def _windowed_signal(fields: Fields) -> Signal:
 
 
 def window_of(fields: Fields) -> tuple[float, float]:
-    """Start and stop of a time window, s; infinite if absent."""
+    """Start and stop time (s) of a signal's window, infinite if absent from the table."""
     start = fields.number("start", -math.inf, infinite=True)
     stop = fields.number("stop", math.inf, infinite=True)
     if not start < stop:
@@ -96,7 +96,7 @@ def window_of(fields: Fields) -> tuple[float, float]:
 
 
 def _clip_to_window(signal: Signal, start: float, stop: float) -> Signal:
-    """Signal restricted to a time window; unchanged if the window is infinite."""
+    """Signal that is zero outside a time window; unchanged if the window is infinite."""
     return signal if math.isinf(start) and math.isinf(stop) else Windowed(signal, start, stop)
 
 
@@ -124,7 +124,7 @@ _SIGNALS: dict[str, type[Signal] | Callable[[Fields], Signal]] = {
 
 @dataclass(frozen=True, slots=True)
 class SignalList:
-    """List of time signals; in a file a list whose entries are numbers, tables or lists."""
+    """List of time signals, one for each component of a vector."""
 
     signals: tuple[Signal, ...]
 
@@ -133,7 +133,7 @@ class SignalList:
 
     @classmethod
     def from_table(cls, entry: Any, where: str) -> SignalList:
-        """Read the list from a file's value; raises ValueError with one line."""
+        """Read a list of time signals from a value of a scenario file."""
         if not isinstance(entry, list) or not entry:
             raise ValueError(f"{where} = {shown(entry)}: must be a list of signals of time, one for each component")
         found = (

@@ -30,7 +30,7 @@ Record = TypeVar("Record")
 
 
 class Signal(ABC):
-    """Scalar function of time with four derivatives; signals can be added."""
+    """Base class of time signals: scalar functions of time with four derivatives."""
 
     __slots__ = ()
 
@@ -42,23 +42,23 @@ class Signal(ABC):
         accept_fields(self, type(self).__name__.lower())
 
     def switch_times(self) -> tuple[float, ...]:
-        """List the times (s), in order, at which the value or a derivative may jump; here those of signals in it."""
+        """List the times (s), in order, at which the signal or one of its derivatives may jump."""
         return switch_times(tuple(parts(self).values()))
 
     def __add__(self, other: Signal) -> Signal:
-        """Return the sum of two signals."""
+        """Return the sum of two time signals."""
         return Sum((self, other))
 
     @classmethod
     def from_table(cls, entry: object, where: str) -> Signal:
-        """Signal from a number, a list or a table of a file."""
+        """Time signal from a number, list or table of a scenario file."""
         from skyarm.reference.signal_tables import signal_from
 
         return signal_from(entry, where)
 
 
 def with_signals(record: Record, change: Callable[[Signal], Signal]) -> Record:
-    """Copy of a dataclass with a function applied to each time signal in it, at any depth."""
+    """Copy of a dataclass with a function applied to every time signal in it."""
     if isinstance(record, Signal):
         return change(record)  # type: ignore[return-value]
     if isinstance(record, tuple):
@@ -71,7 +71,7 @@ def with_signals(record: Record, change: Callable[[Signal], Signal]) -> Record:
 
 
 def switch_times(record: Any) -> tuple[float, ...]:
-    """Times (s), sorted and unique, at which any signal of a dataclass or a derivative may jump."""
+    """Sorted times (s) at which any time signal in a dataclass, or one of its derivatives, may jump."""
     found: list[Signal] = []
     with_signals(record, lambda signal: found.append(signal) or signal)  # type: ignore[func-returns-value]
     return tuple(sorted({s for signal in found for s in signal.switch_times()}))
@@ -120,7 +120,7 @@ class Ramp(Signal):
         return where(t < self.start, 0.0, where(t < self.start + self.duration, inside, after))
 
     def switch_times(self) -> tuple[float, ...]:
-        """Start and end time of the ramp, s."""
+        """Start and end time (s) of the ramp."""
         return float(self.start), float(self.start + self.duration)
 
 
@@ -159,7 +159,7 @@ class Sine(Signal):
 
 @dataclass(frozen=True, slots=True)
 class Windowed(Signal):
-    """Signal within [start, stop), zero outside."""
+    """Time signal that equals another signal within [start, stop) and is zero outside."""
 
     signal: Signal
     start: Annotated[Scalar, Unit("s", infinite=True)] = -math.inf
@@ -180,7 +180,7 @@ class Windowed(Signal):
         return where(t < self.start, 0.0, where(t < self.stop, value, 0.0))
 
     def switch_times(self) -> tuple[float, ...]:
-        """Start and stop of the window, and the signal's own switch times between them, s."""
+        """Start and stop (s) of the window, and the inner signal's switch times between them."""
         first, last = float(self.start), float(self.stop)
         inner = [s for s in self.signal.switch_times() if first < s < last]
         return tuple(s for s in (first, *inner, last) if math.isfinite(s))
@@ -188,7 +188,7 @@ class Windowed(Signal):
 
 @dataclass(frozen=True, slots=True)
 class Shifted(Signal):
-    """Signal delayed by ``delay`` seconds."""
+    """Time signal delayed by ``delay`` seconds."""
 
     signal: Signal
     delay: Annotated[Scalar, Unit("s")]
@@ -237,7 +237,7 @@ class Product(Signal):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Pulses(Signal):
-    """Rectangular pulses: ``height`` in the first ``width`` seconds of ``count`` periods from ``start``, else 0.
+    """Rectangular pulse train: ``count`` pulses of ``height`` and ``width`` (s), one per ``period`` (s).
 
     The value jumps; its derivatives are those of the flat pieces, structural zeros.
     """
@@ -285,7 +285,7 @@ def sequence(
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Turning(Signal):
-    """One coordinate of a point on a circle or spiral about an axis, relative to its start.
+    """One coordinate of a point that moves along a circle or spiral, relative to its start.
 
     The point is (radius + growth a) (u cos a + w sin a) from the axis, a the angle: an arc, or with a growth an
     Archimedean spiral.

@@ -26,7 +26,7 @@ ORDERS = 5
 
 @dataclass(frozen=True, slots=True)
 class Polynomials(Signal):
-    """Piecewise polynomial signal of one degree, constant before the first and after the last knot.
+    """Piecewise polynomial time signal, constant before the first and after the last knot.
 
     Attributes:
         knots: s, rising, one more than there are polynomials.
@@ -44,7 +44,7 @@ class Polynomials(Signal):
             )
 
     def derivatives(self, t: Scalar) -> Derivatives:
-        """Value and derivatives; derivatives are zero before the first and after the last knot."""
+        """Value and derivatives one to four at time t (s); zero derivatives outside the knots."""
         numbers = [float(knot) for knot in self.knots]
         first, last = numbers[0], numbers[-1]
         if isinstance(t, (int, float)):
@@ -64,12 +64,12 @@ class Polynomials(Signal):
         return (_polynomial(c, s, 0), *(where(t < first, 0.0, where(t < last, each, 0.0)) for each in inside))
 
     def switch_times(self) -> tuple[float, ...]:
-        """First and last knot, s; between them the first four derivatives are continuous."""
+        """Times (s) of the first and the last knot, where a derivative may jump."""
         return float(self.knots[0]), float(self.knots[-1])
 
 
 def _polynomial(c: Sequence[Scalar], s: Scalar, order: int) -> Scalar:
-    """Derivative of a polynomial by Horner's rule; 0.0 if its degree is lower."""
+    """Derivative of given order of a polynomial, by Horner's rule."""
     total: Scalar = 0.0
     for power in range(len(c) - 1, order - 1, -1):
         total = total * s + c[power] * float(math.perm(power, order))
@@ -77,7 +77,7 @@ def _polynomial(c: Sequence[Scalar], s: Scalar, order: int) -> Scalar:
 
 
 def _select_row(t: Scalar, rows: list[tuple[Any, ...]], knots: Sequence[float]) -> list[Scalar]:
-    """Polynomial coefficients of the piece at a traced time, by a binary tree of comparisons."""
+    """Coefficients of the polynomial that applies at a symbolic time, by nested comparisons."""
     if len(rows) == 1:
         return [float(c) if isinstance(c, int) else c for c in rows[0]]
     half = len(rows) // 2
@@ -87,7 +87,7 @@ def _select_row(t: Scalar, rows: list[tuple[Any, ...]], knots: Sequence[float]) 
 
 
 def uniform_curve(points: Sequence[float], start: float, step: float) -> Polynomials:
-    """Uniform quintic B-spline curve of control points: four continuous derivatives, within their hull.
+    """Uniform quintic B-spline with given control points, as a piecewise polynomial signal.
 
     Args:
         points: control points, at least six; the i-th belongs to the time ``start + (i - 2) step``.
@@ -116,7 +116,7 @@ CARDINAL = (
 
 
 def interpolating_points(samples: Sequence[float]) -> list[float]:
-    """Control points of the uniform quintic B-spline that interpolates samples, by iteration.
+    """Control points of the uniform quintic B-spline through given samples.
 
     The curve's value at a sample is 1/120, 26/120, 66/120, 26/120, 1/120 of the control points around it; the error is
     given back again and again, which takes off at least 13 % of it each time and nearly all of a smooth one.
@@ -184,7 +184,7 @@ def knot_derivatives(times: Sequence[float], values: Sequence[float]) -> list[Se
 
 
 def snap_cost(motion: Polynomials) -> float:
-    """Integral of the squared fourth derivative over the motion."""
+    """Integral of the squared fourth derivative of a piecewise polynomial."""
     total = 0.0
     for i, c in enumerate(motion.coefficients):
         span = float(motion.knots[i + 1]) - float(motion.knots[i])
@@ -238,7 +238,7 @@ HERMITE = [[c / 6 for c in row] for row in SIXTHS]
 
 
 def _cost(j: int, k: int) -> float:
-    """Integral over [0, 1] of the product of fourth derivatives of two Hermite basis polynomials."""
+    """Integral over [0, 1] of a product of fourth derivatives of two Hermite basis polynomials."""
     fourth = [(m, math.perm(m + 4, 4) * SIXTHS[m + 4][j], math.perm(m + 4, 4) * SIXTHS[m + 4][k]) for m in range(4)]
     # over 36 * 420 in whole numbers, so that the quotient is the nearest float
     total = sum(a * b * (420 // (m + n + 1)) for m, a, _ in fourth for n, _, b in fourth)

@@ -1,4 +1,4 @@
-"""Task under construction: position, time and motion so far, and guards (conditions that end phases).
+"""Construction of a task's trajectory and of the conditions that end its phases.
 
 ``until`` of a phase is what the flight must show before the reference advances::
 
@@ -52,7 +52,7 @@ NOWHERE = 1e-6
 
 
 def guard_from(phase: Fields, normal: Vector | None, usual: Mapping[str, Any] | None = None) -> dict[str, Any] | None:
-    """Fields of a guard (condition that ends a phase) from the phase's ``until`` table; None without a guard.
+    """Condition that ends a task phase, from the table ``until`` of the phase; None without a condition.
 
     Args:
         phase: its table.
@@ -82,7 +82,7 @@ def guard_from(phase: Fields, normal: Vector | None, usual: Mapping[str, Any] | 
 
 
 def _guard_conditions(fields: Fields) -> dict[str, Any]:
-    """Conditions of a guard: thresholds and names of tactile switches."""
+    """Thresholds and tactile switches of the condition that ends a task phase."""
     found: dict[str, Any] = {}
     for name in SWITCHES:
         if fields.take(name, None) is not None:
@@ -101,7 +101,7 @@ def _guard_conditions(fields: Fields) -> dict[str, Any]:
 
 
 def unit_vector(fields: Fields, name: str) -> Vector:
-    """Vector of a table, normalised to unit length."""
+    """Read a vector of a table and normalise it to unit length."""
     given = fields.vector(name)
     length = math.hypot(*given)
     if not NOWHERE < length < 1.0 / NOWHERE:
@@ -121,18 +121,18 @@ COMING_BACK = 1.0
 
 
 def seconds(fields: Fields, name: str, *default: Any) -> float:
-    """Duration field of a phase, s."""
+    """Read a duration (s) of a task phase."""
     return bounded(fields, name, *default, low=CLOSEST)
 
 
 def duration_of(phase: Fields) -> float | None:
-    """Duration of a phase, s; None for the shortest within the limits."""
+    """Read the optional duration (s) of a task phase; None for the shortest within the flight limits."""
     return None if phase.take("duration", None) is None else seconds(phase, "duration")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Arc:
-    """Circular path of a handle about its axis, with the force and the gripper that hold it.
+    """Circular arc of a handle about its axis, such as that of a door.
 
     Attributes:
         center: m, on its axis. axis: unit vector. force: N, that the tip presses out of the axis while it holds it.
@@ -147,7 +147,7 @@ class Arc:
 
 
 class Task:
-    """Builder of a task's trajectory from its phases, one after the other.
+    """Builder of a task's trajectory, phase by phase.
 
     Args:
         start: place at the beginning, m. limits: of motions. setting: of the flight.
@@ -179,7 +179,7 @@ class Task:
         self._pressed = -2  # number of the last phase that pressed
 
     def begin(self, phase: Fields) -> None:
-        """Begin a phase; rest until the phase's start time if one is given."""
+        """Begin a phase of the task, after a rest until the start time that the phase may give."""
         if phase.take("start", None) is not None:
             start = bounded(phase, "start", low=0.0)
             if start < self.time:
@@ -189,7 +189,7 @@ class Task:
         self.begun, self._back = self.time, False
 
     def end(self, kind: str) -> None:
-        """End a phase and add it to the list of phases."""
+        """End the present phase of the task and record its planned end time."""
         self.setting.phases.append(Phase(name=kind, end=self.time, back=self._window if self._back else None))
 
     def rest(self, duration: float) -> None:
@@ -197,7 +197,7 @@ class Task:
         self.time += duration
 
     def go(self, points: Points, duration: float | None = None, *, back: bool = False) -> None:
-        """Add a minimum-snap motion through points; no motion if start and end coincide.
+        """Add a minimum-snap motion through points to the task.
 
         Args:
             points: from where the task stands, m.
@@ -216,7 +216,7 @@ class Task:
             self._back, self._window, self._strays = True, (begun, self.time), False
 
     def go_through(self, phase: Fields, goal: Place, *, back: bool = True, new: bool = True) -> None:
-        """Add a motion to a phase's position through ``via`` points, and a wait for the phase's end condition.
+        """Add the motion of a task phase to its goal, through its intermediate points.
 
         Args:
             phase: its table.
@@ -233,12 +233,12 @@ class Task:
         self.wait_until(phase)
 
     def turn(self, turning: Sequence[Turning], to: Place, duration: float) -> None:
-        """Add a motion about an axis, one signal for each coordinate."""
+        """Add a rotation about an axis to the task, given by one signal for each coordinate."""
         self._turns.append(tuple(turning))
         self.time, self.at = self.time + duration, to
 
     def press(self, begin: float, end: float) -> None:
-        """Request the task's contact force from one planned instant to another, s.
+        """Request the task's contact force between two planned times, s.
 
         The force of the phase before holds until then.
         """
@@ -251,18 +251,18 @@ class Task:
         self._pressed = number
 
     def grip(self, arc: Arc) -> None:
-        """Mark a handle as held from the instant at which the phase closes the gripper."""
+        """Record that the tip holds a handle from the time at which the gripper closes."""
         self.arc = self.known_arc = arc
         self._grips.append((self.handled[1], None, arc.force))
 
     def let_go(self, gripper: str) -> None:
-        """Mark the handle as released if the opening gripper is the one that holds it."""
+        """Record that the tip releases the handle if the gripper that opens is the one that holds it."""
         if self.arc is not None and self.arc.gripper == gripper:
             self._grips[-1] = (self._grips[-1][0], self.handled[1], self.arc.force)
             self.arc = None
 
     def wait_until(self, phase: Fields, usual: Mapping[str, Any] | None = None) -> None:
-        """Let the reference wait here until the phase's end condition, or the default ``usual``, is met."""
+        """Let the reference wait at the present position until the condition that ends the phase is met."""
         until = guard_from(phase, self.normal, usual)
         if until is None:
             return
@@ -272,7 +272,7 @@ class Task:
         self._strays = self._strays or guard.early
 
     def motion(self) -> Trajectory:
-        """Trajectory of the whole task; the desired contact force of the tip is stored in ``setting``."""
+        """Trajectory of the whole task from its phases."""
         axes: list[Signal] = []
         for axis in range(3):
             parts: list[Any] = [Constant(self.start[axis])]
@@ -286,7 +286,7 @@ class Task:
         return Trajectory(x=x, y=y, z=z)
 
     def _tell_push(self) -> None:
-        """Store the desired contact force of the tip over the whole task in ``setting``."""
+        """Store the desired contact force of all phases of the task."""
         if not self._forces and not self._grips:
             return
         if self.setting.pushes:
@@ -312,7 +312,7 @@ class Task:
 
 
 def _during(value: float, begin: float, end: float | None) -> Windowed:
-    """Signal with a value from one instant to another (s), or from one instant on."""
+    """Signal that is constant between two times (s) and zero outside."""
     return Windowed(Constant(value), begin) if end is None else Windowed(Constant(value), begin, end)
 
 
@@ -323,6 +323,6 @@ def _apart(a: Place, b: Place) -> float:
 def require_field(
     fields: Fields, name: str, value: tuple[Scalar, ...], known: tuple[Scalar, ...] | None, words: str
 ) -> None:
-    """Refuse a value that contradicts an earlier phase."""
+    """Refuse a value of a task phase that contradicts an earlier phase."""
     if known is not None and any(not math.isclose(a, b, abs_tol=1e-9) for a, b in zip(value, known, strict=True)):
         raise ValueError(f"{fields.at(name)} = {shown(list(value) if len(value) > 1 else value[0])}: {words}")

@@ -1,4 +1,4 @@
-"""Dataclasses of a task: phases, guards (conditions that end phases), events and joint moves."""
+"""Dataclasses of a task: phases, conditions that end phases, events and joint moves."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Phase:
-    """Phase of a task, in path time.
+    """Phase of a task: kind, planned end time, and interval in which a position offset returns to zero.
 
     Attributes:
         name: its kind. end: s, planned. back: begin and end (s) of the interval in which an offset, left by
@@ -32,14 +32,14 @@ class Phase:
         accept_fields(self, "phase")
 
     def later(self, seconds: float) -> Phase:
-        """The phase shifted by some seconds."""
+        """Copy of the task phase, shifted in time by some seconds."""
         back = None if self.back is None else (self.back[0] + seconds, self.back[1] + seconds)
         return Phase(name=self.name, end=self.end + seconds, back=back)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Guard:
-    """Guard: condition that the flight must meet before the waiting reference continues.
+    """Condition, such as a contact force, that the flight must meet before the task continues.
 
     All conditions must hold together for ``hold`` seconds; None is no condition. Force, distance and error are
     those available to the law: the measured tip, the force that the law observes, or that a sensor at the tip reads.
@@ -82,7 +82,7 @@ class Guard:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TaskEvent:
-    """Event of a task: payload picked up or placed, or gripper closed or opened.
+    """Event of a task: a payload is taken or left, or a gripper closes or opens.
 
     Attributes:
         kind: "pick" or "place". payload: its name; empty for a gripper's. time: s. where: the phase's table, for
@@ -113,7 +113,7 @@ class JointMove:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Setting:
-    """Flight data for reading reference tables, and results collected while their phases are read.
+    """Flight data that reference tables need, and lists of events, conditions and moves found in them.
 
     Attributes:
         vehicle: the plant's; None where a reference is read on its own.
@@ -134,11 +134,11 @@ class Setting:
 
     @property
     def all_guards(self) -> tuple[Guard, ...]:
-        """All guards (conditions that end phases), each with the names of the task's payloads."""
+        """All conditions that end phases of the tasks."""
         loads = tuple(dict.fromkeys(event.payload for event in self.events if event.payload))
         return tuple(dataclasses.replace(guard, loads=loads) for guard in self.guards)
 
     @property
     def all_phases(self) -> tuple[Phase, ...]:
-        """Phases of a task with guards; () without guards."""
+        """Phases of the task if any of them waits for a condition, else an empty tuple."""
         return tuple(self.phases) if self.guards else ()

@@ -54,7 +54,7 @@ class Arm:
     tip: Annotated[Vec3, Unit("m", "axes of the last link")] = ZERO3
 
     def tip_position(self, joints: Sequence[Taylor]) -> Vec3:
-        """Tip position relative to the base origin, base axes, as Taylor series of time."""
+        """Tip position (m, base axes) as Taylor series of time, from joint positions as Taylor series."""
         point = _to_series(self.tip)
         for number, joint in reversed(list(zip(self.carriers, self.joints, strict=True))):
             point = joint_placement(_to_series(joint), joints[number]).apply(point)
@@ -63,7 +63,7 @@ class Arm:
 
 
 def arm_of(vehicle: Vehicle) -> Arm:
-    """Chain of joints that carries the tip.
+    """Chain of joints between a vehicle's base and its tip.
 
     Raises:
         ValueError: the vehicle has no tip, or one that a follower carries.
@@ -99,7 +99,7 @@ class TipMotion:
         return vector_derivatives(self, t)
 
     def base(self, t: Scalar, yaw: Sequence[Scalar], joints: Sequence[Sequence[Any]]) -> FiveVectors:
-        """Position of a level base, with four derivatives, that keeps the tip on its desired path.
+        """Base position and four derivatives that keep the tip of a level vehicle on its desired path.
 
         Args:
             t: s.
@@ -112,13 +112,13 @@ class TipMotion:
 
 
 def vector_derivatives(motion: Any, t: Scalar) -> FiveVectors:
-    """Position and its first four derivatives of a motion with the signals x, y and z at time t (s)."""
+    """Position (m) and first four derivatives at time t (s) of a motion with the signals x, y and z."""
     rows = [signal.derivatives(t) for signal in (motion.x, motion.y, motion.z)]
     return tuple(Vec3(*column) for column in zip(*rows, strict=True))
 
 
 def rotate_by_yaw(yaw: Sequence[Scalar], v: Vec3) -> Vec3:
-    """Rotate a vector of Taylor series by a heading with derivatives: R_z(yaw) v."""
+    """Rotate a vector of Taylor series about the world z axis by a heading with derivatives."""
     heading = Taylor.of_derivatives([*yaw, *(0,) * (ORDER + 1 - len(yaw))])
     c, s = cos(heading), sin(heading)
     return Vec3(c * v.x - s * v.y, s * v.x + c * v.y, v.z)
@@ -130,7 +130,7 @@ def _derivatives(v: Vec3) -> FiveVectors:
 
 
 def _to_series(record: Any) -> Any:
-    """Copy of a dataclass with every number converted to a constant Taylor series."""
+    """Copy of a dataclass with every number as a constant Taylor series."""
     return rebuild(record, iter([Taylor.constant(number, ORDER) for number in leaves(record)]))
 
 
@@ -152,7 +152,7 @@ UPRIGHT = (0.0, 0.0, 1.0)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TipPush:
-    """Desired tip contact: force along a nominal surface normal, or along the radius of a nominal arc."""
+    """Desired tip contact: force signal, surface normal, approach speed, and the arc of a held handle."""
 
     force: Annotated[Signal, Unit("N", "that the tip presses with; 0 asks for no contact")]
     normal: Annotated[tuple[Scalar, Scalar, Scalar], Unit("", "out of the believed surface, world axes")]
@@ -171,7 +171,7 @@ class TipPush:
         accept_fields(self, "reference.push")
 
     def at(self, t: Scalar) -> tuple[Any, ...]:
-        """Contact request at time t (s), as the field ``push`` of a reference.
+        """Desired contact at time t (s) as a tuple: force, approach speed, normal, and grip data.
 
         Force (N), speed (m/s) and unit normal; where the tip may grip, also that (0 to 1), and where it goes about an
         axis, pivot (m) and unit vector of the axis.
@@ -183,12 +183,12 @@ class TipPush:
         return found if self.pivot is None else (*found, *self.pivot, *_unit(self.axis))
 
     def across(self, away: Vec3, t: Scalar, tip: Vec3) -> Vec3:
-        """Tip error at time t (s) without its component along the contact normal, m, world axes."""
+        """Tip position error (m) without the component along the contact normal, at time t (s)."""
         return counted_error(away, self.at(t), tip)
 
 
 def counted_error(away: Vec3, push: Sequence[Any], tip: Vec3) -> Vec3:
-    """Tip error without its component along the contact normal while the tip presses or grips.
+    """Tip position error (m) without the component along the normal while the tip presses or grips.
 
     Along the normal a force is held there, not a place.
 
@@ -210,7 +210,7 @@ def counted_error(away: Vec3, push: Sequence[Any], tip: Vec3) -> Vec3:
 
 
 def out_of_axis(tip: Vec3, pivot: Vec3, axis: Vec3, grips: bool, normal: Vec3) -> Vec3:
-    """Unit vector from an axis to the tip while the tip grips a handle, else the surface normal.
+    """Unit vector from a hinge axis to the tip while a handle is gripped, else the surface normal.
 
     Args:
         tip: m, world axes.

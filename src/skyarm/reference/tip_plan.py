@@ -76,7 +76,7 @@ class ArmTask:
 def follow(
     task: ArmTask, positions: Sequence[Vec3] | None, orientations: Sequence[Mat3] | None, step: float
 ) -> list[list[float]]:
-    """Joint positions at each instant of a tip motion, by inverse kinematics.
+    """Joint positions at every sample of a tip motion, by inverse kinematics.
 
     Args:
         task: the arm.
@@ -146,7 +146,7 @@ def _cost(task: ArmTask, q: Sequence[float], errors: Sequence[float]) -> float:
 def _errors(
     task: ArmTask, q: Sequence[float], position: Vec3 | None, orientation: Mat3 | None
 ) -> tuple[list[list[float]], list[float]]:
-    """Pose Jacobian and pose error of the arm; rotations are weighted by a length, so that all is in m."""
+    """Jacobian and error (m) of the tip pose, with rotations scaled to a length."""
     pose = frame_pose(task.vehicle, task.frame, q)
     columns = jacobian_columns(task.vehicle, task.frame, q)
     rows: list[list[float]] = []
@@ -169,7 +169,7 @@ def _step(
     held: set[int],
     damping: float,
 ) -> list[float]:
-    """Damped least-squares step of the joints that are not held at a bound."""
+    """Damped least-squares increment of the joint positions, with joints at a bound held fixed."""
     free = [i for i in task.carriers if i not in held]
     own = task.ease * task.ease
     J = [[row[i] for i in free] for row in rows]
@@ -213,7 +213,7 @@ MARGIN = 1e-3
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TipChoices:
-    """Options for sharing a tip's motion between base and arm.
+    """Options for a tip trajectory: posture of the arm, share of the motion by the base, and speed limits.
 
     Attributes:
         posture: joints that the arm prefers, rad or m.
@@ -239,7 +239,7 @@ class TipChoices:
 
 
 def plan(vehicle: Vehicle, tip: TipMotion, yaw: Signal, choices: TipChoices, duration: float) -> tuple[Signal, ...]:
-    """Joint signals with which a vehicle's tip follows a motion for ``duration`` seconds.
+    """Joint signals with which the tip of a vehicle follows a motion for ``duration`` seconds.
 
     Raises:
         ValueError: more samples than a plan may have.
@@ -276,7 +276,7 @@ def plan(vehicle: Vehicle, tip: TipMotion, yaw: Signal, choices: TipChoices, dur
 
 
 def _held_within(points: Sequence[float], low: float, high: float, most: float) -> list[float]:
-    """Spline control points limited in range and in increment, which bounds the curve and its speed."""
+    """Spline control points clipped to joint limits and to the largest increment per step."""
     found: list[float] = []
     for point in points:
         within = min(max(point, low), high)
@@ -285,7 +285,7 @@ def _held_within(points: Sequence[float], low: float, high: float, most: float) 
 
 
 def task_of(vehicle: Vehicle, carriers: tuple[int, ...], choices: TipChoices, *, exact: bool = True) -> ArmTask:
-    """Inverse kinematics problem of a vehicle's arm; ``exact`` if no other joints move the tip."""
+    """Inverse kinematics problem of a vehicle's arm, with joint limits, speeds and preferred posture."""
     length = max(float(reach(vehicle)), 1e-3)
     limits = [(float(link.joint.lower), float(link.joint.upper)) for link in vehicle.links]
     kept = [(low + min(MARGIN, 0.1 * (high - low)), high - min(MARGIN, 0.1 * (high - low))) for low, high in limits]
@@ -305,7 +305,7 @@ def task_of(vehicle: Vehicle, carriers: tuple[int, ...], choices: TipChoices, *,
 def _arm_goals(
     task: ArmTask, tip: TipMotion, choices: TipChoices, times: Sequence[float], headings: Sequence[float]
 ) -> list[Vec3]:
-    """Desired tip positions relative to the base, base axes, at each instant."""
+    """Desired tip positions in base axes (m) at given times."""
     start, home = tip.path(0.0)[0], frame_pose(task.vehicle, task.frame, choices.posture).p
     found = []
     for t, heading in zip(times, headings, strict=True):
@@ -332,7 +332,7 @@ def _turn(roll: float, pitch: float, yaw: float) -> Mat3:
 def tip_trajectory(
     fields: Fields, base: Trajectory, path: Trajectory, vehicle: Vehicle, setting: Setting
 ) -> Trajectory:
-    """Trajectory whose tip follows the base path of another trajectory.
+    """Trajectory of base and joints whose tip follows a given path.
 
     Args:
         fields: table ``tip`` of the reference.
@@ -356,7 +356,7 @@ def tip_trajectory(
 
 
 def _posture(given: tuple[float, ...], vehicle: Vehicle, fields: Fields) -> tuple[float, ...]:
-    """Preferred joint positions, which must be within the limits; mid-range if none are given."""
+    """Preferred joint positions of the arm within their limits; mid-range if none are given."""
     bounds = [(float(link.joint.lower), float(link.joint.upper)) for link in vehicle.links]
     if not given and "posture" not in fields.table:
         return tuple(

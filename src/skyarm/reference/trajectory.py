@@ -1,4 +1,4 @@
-"""Desired motion of base and joints: a sample (reference) and a trajectory.
+"""Reference trajectory of base, joints and tip, and its sample at one instant.
 
 A publisher samples it at one rate and holds each sample for a controller that runs at another.
 """
@@ -67,7 +67,7 @@ class Reference:
             accept_fields(self, "reference")
 
     def map_scalars(self, function: Callable[[Any], Any]) -> Reference:
-        """Apply a function to every scalar, int constants included."""
+        """Copy of the reference with a function applied to every number."""
         values: dict[str, Any] = {}
         for name, value in parts(self).items():
             if isinstance(value, Vec3):
@@ -79,7 +79,7 @@ class Reference:
         return Reference(**values)
 
     def dense(self) -> Reference:
-        """Return the sample with all integers converted to floats, so that one traced program fits every reference."""
+        """Copy of the reference with all integers as floats, so that one compiled program fits every reference."""
         return self.map_scalars(lambda value: float(value) if isinstance(value, (int, float)) else value)
 
 
@@ -98,7 +98,7 @@ ZERO = Constant(0.0)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Trajectory:
-    """Trajectory: signals of base position, heading and joints.
+    """Desired motion over time: signals of base position, heading and joints, with optional tip and contact.
 
     With a ``tip`` the base is where it carries that tip (:mod:`skyarm.reference.tip_motion`), moved by the
     signals ``x``, ``y``, ``z``. A ``push`` requests contact, a ``load`` defines when the tip has to hold one.
@@ -122,7 +122,7 @@ class Trajectory:
         accept_fields(self, "trajectory")
 
     def at(self, t: Scalar) -> Reference:
-        """Reference at time t (s); right-hand limits at switch times."""
+        """Reference at time t (s): position, heading and joints with derivatives, and contact request."""
         base = vector_derivatives(self, t)
         heading = self.yaw.derivatives(t)
         yaw, yaw_rate, yaw_acceleration, _, _ = heading
@@ -144,15 +144,15 @@ class Trajectory:
         )
 
     def switch_times(self) -> tuple[float, ...]:
-        """List the times (s), in order, at which a signal or one of its derivatives may jump."""
+        """List the times (s), in order, at which the trajectory or one of its derivatives may jump."""
         return switch_times(self)
 
     def with_joints(self, *joints: Signal | float) -> Trajectory:
-        """Return the same base motion with these joint signals; a number is a constant signal."""
+        """Copy of the trajectory with other joint signals; a number is a constant signal."""
         return dataclasses.replace(self, joints=signals(joints))
 
     def shifted(self, delay: Any) -> Trajectory:
-        """Return the same motion and guards (conditions that end phases) ``delay`` seconds later."""
+        """Copy of the trajectory that is ``delay`` seconds later."""
         moved = with_signals(self, lambda signal: Shifted(signal, delay))
         if not self.guards:
             return moved
@@ -162,11 +162,11 @@ class Trajectory:
 
     @property
     def returns(self) -> tuple[tuple[float, float], ...]:
-        """Begin and end (s) of the phases in which an offset of the reference returns to zero."""
+        """Time intervals (s) of the task phases in which a position offset returns to zero."""
         return tuple(phase.back for phase in self.phases if phase.back is not None)
 
     def __add__(self, other: Trajectory) -> Trajectory:
-        """Return the sum of two motions, with the guards (conditions that end phases) of both."""
+        """Return the sum of two trajectories."""
         if self.joints and other.joints and len(self.joints) != len(other.joints):
             raise ValueError(f"trajectories of {len(self.joints)} and {len(other.joints)} joints do not add")
         joints = tuple(a + b for a, b in zip(self.joints, other.joints, strict=False)) or self.joints or other.joints
@@ -183,12 +183,12 @@ class Trajectory:
 
 
 def signals(values: Sequence[Signal | Any]) -> tuple[Signal, ...]:
-    """Convert numbers among signals to constant signals."""
+    """Convert numbers in a list of time signals to constant signals."""
     return tuple(value if isinstance(value, Signal) else Constant(value) for value in values)
 
 
 def hover(position: Sequence[Scalar], *, yaw: Scalar = 0.0, joints: Sequence[Signal | Any] = ()) -> Trajectory:
-    """Make a trajectory that stays at a point (m) with a heading (rad) while the joints follow their signals."""
+    """Make a trajectory at a constant position (m) and heading (rad), with optional joint signals."""
     place = coerce.items("hover.position", position, (3,), "must be three numbers")
     x, y, z, heading = signals((*place, yaw))
     followed = coerce.items("hover.joints", joints, None, "must be signals or numbers, one per joint")
@@ -205,7 +205,7 @@ def circle(
     yaw: Scalar = 0.0,
     joints: Sequence[Signal | Any] = (),
 ) -> Trajectory:
-    """Make a horizontal circle, counter-clockwise seen from above, within [start, stop); at the centre otherwise.
+    """Make a horizontal circular trajectory within [start, stop), at the centre otherwise.
 
     It begins with a step: x = radius cos(2 pi f (t - start)), y = radius sin(...), as in the paper's Case 3. Without a
     ``start`` the angle counts from t = 0.
@@ -230,7 +230,7 @@ def circle(
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Publisher:
-    """Sampler of a trajectory at the reference rate, with samples held between.
+    """Zero-order hold of a reference that is sampled at a lower rate than the control rate.
 
     Attributes:
         control_rate: Hz, of the controller's ticks.
@@ -258,11 +258,11 @@ class Publisher:
         return round(self.control_rate / self.reference_rate)
 
     def held_tick(self, tick: Any) -> Any:
-        """Control tick at which the sample that is held at ``tick`` was taken."""
+        """Control tick at which the currently held reference sample was taken."""
         return tick // self.ratio * self.ratio
 
     def held_time(self, tick: Any) -> Any:
-        """Time of the sample that is held at ``tick``, s."""
+        """Time (s) at which the currently held reference sample was taken."""
         return self.held_tick(tick) / self.control_rate
 
 
@@ -273,13 +273,13 @@ PASSED = 1e-6
 
 
 def phase_numbers(trajectory: Trajectory, path_time: Scalar) -> Array:
-    """Index of the active phase at path times (s); the number of phases after the last."""
+    """Index of the active task phase at given path times (s)."""
     ends = np.array([phase.end + PASSED for phase in trajectory.phases])
     return np.searchsorted(ends, np.asarray(path_time), side="left").astype(float)
 
 
 def failure_words(trajectory: Trajectory, guard: Guard) -> str:
-    """Failure message of a phase: "phase 2 'press': no contact of 0.5 N within 5 s"."""
+    """Error text for a task phase whose end condition was not met in time."""
     words = {
         "force": "no contact of {:g} N", "force_below": "force not below {:g} N", "closed": "switch '{}' not closed",
         "open": "switch '{}' not open", "distance": "not moved by {:g} m", "error": "error not below {:g} m",

@@ -56,7 +56,7 @@ SHORTEST = 1e-3
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FlightLimits:
-    """Flight limits of a multirotor's motion, or the peak values of a motion.
+    """Limits, or peak values, of speed, acceleration, tilt, body rate and thrust of a motion.
 
     Attributes:
         speed: m/s. acceleration: m/s^2. tilt: rad. rate: rad/s, of roll and pitch. spin: rad/s^2, of roll and pitch.
@@ -71,7 +71,7 @@ class FlightLimits:
     thrust: float = 1.5
 
     def within(self, limits: FlightLimits) -> bool:
-        """True if no peak exceeds its limit."""
+        """True if no peak value exceeds the corresponding flight limit."""
         return all(getattr(self, name) <= getattr(limits, name) for name in LIMITS)
 
 
@@ -85,7 +85,7 @@ def through(points: Points, times: Sequence[float]) -> Trajectory:
 
 
 def allocate(points: Points, limits: FlightLimits, gravity: float) -> tuple[float, ...]:
-    """Waypoint times, the first 0, of the fastest minimum-snap motion within the limits.
+    """Times (s) of waypoints for the fastest minimum-snap motion within the flight limits.
 
     The pieces' shares of the time make the snap small; then the whole is stretched until every limit holds.
     """
@@ -110,7 +110,7 @@ def allocate(points: Points, limits: FlightLimits, gravity: float) -> tuple[floa
 
 
 def _shares(points: Points, shares: list[float]) -> list[float]:
-    """Shares of the total time per segment that minimise snap, by gradient descent."""
+    """Shares of the total time between successive waypoints that minimise snap, by gradient descent."""
     cost = _cost(points, shares)
     step = 0.3
     for _ in range(ROUNDS if len(shares) > 1 else 0):
@@ -145,7 +145,7 @@ def _times(spans: Sequence[float]) -> tuple[float, ...]:
 
 
 def sample_derivatives(motion: Trajectory, times: Sequence[float]) -> list[Array]:
-    """Velocity, acceleration, jerk and snap of a motion at sample times, (3, N) each."""
+    """Velocity, acceleration, jerk and snap of a trajectory at many times, as four arrays (3, N)."""
     at = np.concatenate([np.linspace(a, b, LOOKS, endpoint=False) for a, b in itertools.pairwise(times)])
     rows = [signal.derivatives(at) for signal in (motion.x, motion.y, motion.z)]
     return [
@@ -154,13 +154,13 @@ def sample_derivatives(motion: Trajectory, times: Sequence[float]) -> list[Array
 
 
 def peaks(derivatives: Sequence[Array], gravity: float) -> FlightLimits:
-    """Peak flight demands of a motion from its velocity, acceleration, jerk and snap, (3, N) each."""
+    """Peak speed, acceleration, tilt, body rate and thrust of a motion, from its sampled derivatives."""
     velocity, acceleration, jerk, snap = derivatives
     force = acceleration + np.array([[0.0], [0.0], [gravity]])
     size = np.maximum(_length(force), 1e-9)
 
     def across(vectors: Array) -> float:
-        """Largest component perpendicular to the thrust, divided by the thrust."""
+        """Largest component of vectors perpendicular to the thrust, divided by the thrust."""
         along = (force * vectors).sum(axis=0) / size
         return float((_length(vectors - force * (along / size)) / size).max())
 
@@ -194,24 +194,24 @@ that range: motions that somebody means leave it by some tenths.
 
 
 def within(value: float, at: str, low: float = -FARTHEST, high: float = FARTHEST) -> float:
-    """Require a number between two bounds (inclusive) and return it."""
+    """Check that a number is between two bounds (inclusive) and return it."""
     if not low <= value <= high:
         raise ValueError(f"{at} = {value:g}: must be from {low:g} to {high:g}")
     return value
 
 
 def bounded(fields: Fields, name: str, *default: Any, low: float = -FARTHEST, high: float = FARTHEST) -> float:
-    """Read a number of a table between two bounds (inclusive)."""
+    """Read a number of a table and check that it is between two bounds (inclusive)."""
     return within(fields.number(name, *default), fields.at(name), low, high)
 
 
 def positive(fields: Fields, name: str, *default: Any, low: float = 0.0, high: float = FARTHEST) -> float:
-    """Read a positive number of a table between two bounds (inclusive)."""
+    """Read a positive number of a table and check that it is between two bounds (inclusive)."""
     return within(fields.number(name, *default, low=0.0, strict=True), fields.at(name), low, high)
 
 
 def waypoints_table(fields: Fields, setting: Setting) -> Trajectory:
-    """Minimum-snap trajectory through the ``points`` of a table."""
+    """Minimum-snap trajectory through the waypoints of a motion table."""
     points = points_of(fields.take("points"), fields.at("points"))
     if not 2 <= len(points) <= MOST_POINTS:
         raise ValueError(f"{fields.at('points')} = {len(points)} points: must be 2 to {MOST_POINTS}")
@@ -229,7 +229,7 @@ def waypoints_table(fields: Fields, setting: Setting) -> Trajectory:
 
 
 def samples_signal(fields: Fields) -> Signal:
-    """Minimum-snap signal through one column of a CSV file."""
+    """Minimum-snap time signal through the values in a column of a CSV file."""
     names = [fields.take("time", "time"), fields.take("column")]
     if not all(isinstance(name, str) for name in names):
         raise ValueError(f"{fields.at('column')} = {shown(names[1])}: must be the name of a column")
@@ -240,7 +240,7 @@ def samples_signal(fields: Fields) -> Signal:
 
 
 def spline_signal(fields: Fields) -> Signal:
-    """Minimum-snap signal through the ``values`` of a table at its ``times``."""
+    """Minimum-snap time signal through given values at given times of a signal table."""
     times = rising(fields.numbers("times"), fields.at("times"))
     values = tuple(within(v, f"{fields.at('values')}[{i}]") for i, v in enumerate(fields.numbers("values")))
     if len(values) != len(times) or not 2 <= len(times) <= MOST_ROWS:
@@ -253,7 +253,7 @@ def spline_signal(fields: Fields) -> Signal:
 
 
 def limits_of(fields: Fields, setting: Setting) -> FlightLimits:
-    """Flight limits of a table; thrust at most 0.9 of the rotors' maximum."""
+    """Read flight limits from a motion table; thrust at most 0.9 of the rotors' maximum."""
     if setting.vehicle is not None and not setting.vehicle.rotors:
         raise ValueError(f"{fields.where}: needs a vehicle with rotors; {setting.vehicle.name!r} has none")
     usual = FlightLimits()
@@ -269,14 +269,14 @@ def limits_of(fields: Fields, setting: Setting) -> FlightLimits:
 
 
 def points_of(entries: Any, at: str) -> Points:
-    """Read a list of points, each a list of three numbers, m."""
+    """Read a list of waypoints, each three coordinates in m."""
     if not isinstance(entries, list):
         raise ValueError(f"{at} = {shown(entries)}: must be a list of points [x, y, z]")
     return [_place(entry, f"{at}[{i}]") for i, entry in enumerate(entries)]
 
 
 def place_of(fields: Fields, name: str, *default: Any) -> tuple[float, float, float]:
-    """Read a position of three numbers, m."""
+    """Read a position (m) of three coordinates from a table."""
     return _place(fields.take(name, *default), fields.at(name))
 
 
@@ -288,7 +288,7 @@ def _place(entry: Any, at: str) -> tuple[float, float, float]:
 
 
 def require_way(start: Sequence[float] | None, points: Points, names: Sequence[str]) -> None:
-    """Refuse consecutive points at the same place.
+    """Refuse successive waypoints at the same position.
 
     Args:
         start: where the task is before, m; None where the points begin the path.
@@ -303,7 +303,7 @@ def require_way(start: Sequence[float] | None, points: Points, names: Sequence[s
 
 
 def rising(times: tuple[float, ...], at: str) -> tuple[float, ...]:
-    """Require increasing times and return them."""
+    """Check that times increase and return them."""
     if len(times) < 2 or any(b - a < CLOSEST for a, b in itertools.pairwise(times)):
         allowed = f"must be at least two times, each {CLOSEST:g} s or more after the one before"
         raise ValueError(f"{at} = {shown(list(times))}: {allowed}")
@@ -313,7 +313,7 @@ def rising(times: tuple[float, ...], at: str) -> tuple[float, ...]:
 
 
 def require_near(values: Sequence[float], times: Sequence[float], at: str) -> None:
-    """Refuse times between which a minimum-snap motion overshoots its values by far.
+    """Refuse waypoint times between which the smooth motion overshoots far beyond its values.
 
     A short piece beside a long one does that: the motion is smooth there, and at any price.
 
@@ -331,7 +331,7 @@ def require_near(values: Sequence[float], times: Sequence[float], at: str) -> No
 
 
 def _read_columns(fields: Fields, names: list[str]) -> list[list[float]]:
-    """Columns of a CSV file by name; the first holds increasing times.
+    """Read columns of a CSV file by name; the times in the first must increase.
 
     Raises:
         ValueError: one line: file, line, column, what is allowed.

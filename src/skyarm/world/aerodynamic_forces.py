@@ -23,7 +23,7 @@ _STILL = 1e-24
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class GroundEffect(Force):
-    """Ground effect by image rotors: thrust of each rotor increases near the ground z = 0.
+    """Ground effect by image rotors: the thrust of each rotor increases near the ground plane z = 0.
 
     The thrust of rotor i grows by 1 / (1 - s), s = sum_j (R^2 / 2) z / (d_ij^2 + 4 z^2)^(3/2), with d_ij the distance
     between hubs and z the height of rotor i. Of a rotor alone s = (R / 4 z)^2. Lower than ``lowest`` radii the effect
@@ -43,7 +43,7 @@ class GroundEffect(Force):
         accept_fields(self, "ground_effect")
 
     def wrenches(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Sequence[Wrench]:
-        """Additional rotor forces due to the ground effect."""
+        """Additional upward force at each rotor due to the ground effect, as wrenches on the base."""
         found, rotors = [], motion.vehicle.rotors
         for i, (rotor, speed) in enumerate(zip(rotors, rotor_speeds, strict=True)):
             z = maximum(motion.position(rotor.position).z, self.lowest * self.radius)
@@ -61,7 +61,7 @@ class GroundEffect(Force):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LinkDrag(Force):
-    """Drag of the arm's links in moving air: -1/2 rho area |v| v at each link's centre of mass.
+    """Quadratic aerodynamic drag of the arm's links, acting at each link's centre of mass.
 
     v is the velocity of that point against the air there. One area for every direction, as of a sphere: a slender
     link across the flow has its largest area there. Torques about the centre of mass are left out.
@@ -83,7 +83,7 @@ class LinkDrag(Force):
             raise ValueError(f"area: {len(self.area)} numbers, must be {vehicle.n}, one for each link")
 
     def wrenches(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Sequence[Wrench]:
-        """Drag force on every link."""
+        """Aerodynamic drag force on every arm link, as a list of wrenches."""
         found = []
         for i, (link, area) in enumerate(zip(motion.vehicle.links, self.area, strict=True)):
             v: Vec3 = motion.velocity(link.body.com, i) - motion.air_velocity(link.body.com, i)
@@ -94,7 +94,7 @@ class LinkDrag(Force):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RotorDrag(Force):
-    """Change of a rotor's thrust in moving air: -inflow W v_n + lift |v_perp|^2 along the rotor's axis.
+    """Change of each rotor's thrust with the air speed: loss in climb and gain by translational lift.
 
     v is the velocity of the hub against the air, v_n its part along the axis, v_perp the rest. Drag in the rotor's
     plane and the rolling moment are numbers of the rotor itself (``drag_coefficient``).
@@ -109,7 +109,7 @@ class RotorDrag(Force):
         accept_fields(self, "rotor_drag")
 
     def wrenches(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Sequence[Wrench]:
-        """Additional thrust force at each rotor hub."""
+        """Additional thrust force at each rotor hub, as wrenches on the base."""
         found = []
         for rotor, speed in zip(motion.vehicle.rotors, rotor_speeds, strict=True):
             v = motion.velocity(rotor.position) - motion.air_velocity(rotor.position)

@@ -16,7 +16,7 @@ from skyarm.world.component import Column, Component
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class BatteryDrain(Component):
-    """Battery discharge by the rotors, updated once per control period."""
+    """Battery model: discharge by the rotors' power, updated once per control period."""
 
     battery: Battery
     rotors: tuple[Rotor, ...]
@@ -27,12 +27,12 @@ class BatteryDrain(Component):
         return charge, self.battery.voltage(charge, 0.0)
 
     def advance(self, memory: Any, t: Any, dt: float, state: State, draws: Sequence[Any]) -> tuple[Any, Any]:
-        """Charge after the period, and voltage under the rotors' load."""
+        """Battery charge after the control period, and its voltage under the rotors' load."""
         power = self.battery.power(self.rotors, state.rotor_speeds)
         return self.battery.discharge(memory[0], power, dt), self.battery.voltage(memory[0], power)
 
     def rotor_commands(self, memory: Any, rotors: Sequence[Rotor], commands: Sequence[Scalar]) -> Sequence[Scalar]:
-        """Achievable rotor speeds at the voltage: limited if governed, scaled with it if open loop."""
+        """Rotor speeds (rad/s) that the battery voltage allows: limited by a speed controller, scaled in open loop."""
         supply = memory[1] / self.battery.reference_voltage
         pairs = zip(commands, rotors, strict=True)
         if self.battery.esc == "open":
@@ -41,10 +41,10 @@ class BatteryDrain(Component):
 
     @property
     def columns(self) -> tuple[Column, ...]:  # type: ignore[override]
-        """Log columns of charge and voltage."""
+        """Log columns of battery charge and voltage."""
         charge = Column("battery_charge", "", "", "share of the capacity after the period")
         return charge, Column("battery_voltage", "", "V", "under load")
 
     def logged(self, memory: Any, motion: PointMotion) -> tuple[Any, ...]:
-        """Charge and voltage for the log."""
+        """Battery charge and voltage as logged values."""
         return tuple(memory)

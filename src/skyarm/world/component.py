@@ -56,7 +56,7 @@ class Wrench:
 
 
 def moved_by(memory: tuple[Vec3, ...], slope: tuple[Vec3, ...], dt: Scalar) -> tuple[Vec3, ...]:
-    """Internal state plus dt * slope, element by element."""
+    """Internal state after an explicit Euler step: each number plus ``dt`` times its time derivative."""
     pairs = zip(leaves(memory), leaves(slope), strict=True)
     return rebuild(memory, iter([add(value, mul(rate, dt)) for value, rate in pairs]))
 
@@ -87,7 +87,7 @@ Event = tuple[str, float, float]
 
 
 class Component:
-    """Base of environment components (winds, forces, contacts): a frozen dataclass that overrides what it needs."""
+    """Base class of environment models (wind, force, contact), whose subclasses override the methods that they need."""
 
     __slots__ = ()
 
@@ -96,11 +96,11 @@ class Component:
 
     @property
     def uniforms(self) -> int:
-        """Count of uniform random numbers that one ``advance`` draws."""
+        """Number of uniform random numbers that the environment model draws per control period."""
         return 0
 
     def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Scalar) -> None:
-        """Refuse a vehicle, control period (s) or gravity (m/s^2) that is incompatible with the component.
+        """Refuse a vehicle, control period (s) or gravity (m/s^2) that is incompatible with the environment model.
 
         Raises:
             ValueError: one line that begins with a field of the component.
@@ -111,12 +111,12 @@ class Component:
 
     @property
     def largest_euler_step(self) -> float | None:
-        """Longest stable step (s) of the semi-implicit Euler method; None for no limit."""
+        """Longest stable integration step (s) of the model under semi-implicit Euler; None for no limit."""
         return self.largest_step
 
     @property
     def largest_verlet_step(self) -> float | None:
-        """Longest stable step (s) of the Stoermer-Verlet method; None if the plant must keep its own method.
+        """Longest stable integration step (s) of the model under Stoermer-Verlet; None excludes that method.
 
         None keeps the plant's own method.
         """
@@ -126,7 +126,7 @@ class Component:
     """Whether its memory goes on within a control period, with the plant. A property will do."""
 
     def start(self, period: float, draws: Sequence[Any]) -> Any:
-        """Initial internal state, a dataclass or tuple of scalars; ``()`` for a component without one.
+        """Initial internal state of the environment model, a dataclass or tuple of scalars; an empty tuple for none.
 
         Args:
             period: of ``advance``, s.
@@ -137,11 +137,11 @@ class Component:
         return ()
 
     def advance(self, memory: Any, t: Scalar, dt: float, state: State, draws: Sequence[Any]) -> Any:
-        """Internal state for the period from ``t`` to ``t + dt`` (s), given the vehicle's state at ``t``."""
+        """Internal state of the environment model for the control period from ``t`` to ``t + dt`` (s)."""
         return memory
 
     def act(self, memory: Any, t: Scalar, dt: float, motion: PointMotion) -> Any:
-        """Internal state after the discrete events of a control instant, such as grasp and release.
+        """Internal state of the model after discrete events at the start of a control period, such as a grasp.
 
         Args:
             memory: of the period.
@@ -156,7 +156,7 @@ class Component:
         return ZERO3
 
     def wrenches(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Sequence[Wrench]:
-        """Wrenches on the vehicle's bodies at this instant.
+        """Forces and torques of the environment model on the vehicle's bodies at an instant.
 
         Args:
             memory: of the period.
@@ -167,44 +167,44 @@ class Component:
         return ()
 
     def rotor_commands(self, memory: Any, rotors: Sequence[Rotor], commands: Sequence[Scalar]) -> Sequence[Scalar]:
-        """Effective rotor speed commands (rad/s): the given ones, changed by the component."""
+        """Rotor speed commands (rad/s) as limited or scaled by the environment model, such as a battery."""
         return commands
 
     def slope(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Any:
-        """Time derivative of a coupled component's internal state, in the same structure."""
+        """Time derivative of the internal state of a model that is integrated with the plant, such as a contact."""
         raise NotImplementedError(f"{type(self).__name__} is coupled and must define slope()")
 
     def before_euler_step(self, memory: Any, slope: Any, dt: Scalar) -> Any:
-        """Internal state for evaluating the forces of a semi-implicit Euler step of ``dt`` (s).
+        """Internal state of the model from which a semi-implicit Euler step of ``dt`` (s) evaluates the forces.
 
         What velocities bend and has no inertia goes on here, by the velocities that the last step left.
         """
         return memory
 
     def euler_step(self, memory: Any, slope: Any, dt: Scalar) -> Any:
-        """Internal state of a coupled component after a semi-implicit Euler step of ``dt`` (s).
+        """Internal state of a model such as a contact after a semi-implicit Euler step of ``dt`` (s).
 
         Velocities go before what they move, or springs gain energy; a memory without velocities goes on straight.
         """
         return moved_by(memory, slope, dt)
 
     def drift(self, memory: Any, dt: Any) -> Any:
-        """Internal state of a coupled component after ``dt`` (s) of force-free motion: only positions change."""
+        """Internal state of a model such as a contact after ``dt`` (s) without forces: only positions change."""
         return memory
 
     def push(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any], dt: Any) -> Any:
-        """Internal state of a coupled component after forces acted for ``dt`` (s): only velocities change.
+        """Internal state of a model such as a contact after forces acted for ``dt`` (s): only velocities change.
 
         What goes on by its rate alone, and not in ``drift`` nor ``before_euler_step``, does so here.
         """
         return moved_by(memory, self.slope(memory, t, motion, rotor_speeds), dt)
 
     def far(self, memory: Any, motion: PointMotion, seconds: Any) -> Any:
-        """True if a coupled component stays inactive for ``seconds``, so that the vehicle moves without it."""
+        """True if the model, such as a distant contact, certainly exerts no force for the next ``seconds``."""
         return False
 
     def alone(self, memory: Any, seconds: Any, rounds: int, gravity: Any) -> Any:
-        """Internal state of a coupled component after ``seconds`` of inactivity.
+        """Internal state of a model such as a contact after ``seconds`` in which it exerted no force.
 
         Args:
             memory: before.
@@ -222,15 +222,15 @@ class Component:
 
     @property
     def constants(self) -> Mapping[str, tuple[Any, ...]]:
-        """Constants of the component that metrics need in addition to the logged values, by name."""
+        """Constants of the environment model that flight metrics need in addition to the logged values, by name."""
         return {}
 
     def logged(self, memory: Any, motion: PointMotion) -> tuple[Any, ...]:
-        """Values of the component that a log records at each control instant."""
+        """Numbers of the environment model that the flight log records in every control period."""
         return ()
 
     def shapes(self, seen: Instants) -> Scene:
-        """Shapes, lines and arrows that picture the component, from the component's logged values.
+        """Shapes, lines and arrows that draw the environment model in pictures and films of a flight.
 
         Args:
             seen: the instants, where the vehicle was, and the logged numbers.
@@ -240,7 +240,7 @@ class Component:
         return Scene()
 
     def warnings(self, vehicle: Vehicle, step: float) -> Sequence[str]:
-        """Warnings about suspicious or computationally expensive parameters.
+        """Warnings about suspicious or computationally expensive parameters of the environment model.
 
         Args:
             vehicle: of the plant.
@@ -250,12 +250,12 @@ class Component:
 
 
 class Air(Component):
-    """Base of the air models, which give the air velocity; rotor and body drag follow from it."""
+    """Base class of wind models, which give the air velocity at a position; they exert no force themselves."""
 
     __slots__ = ()
 
 
 class Force(Component):
-    """Base of the components that exert forces and torques on bodies of the vehicle."""
+    """Base class of environment models that exert forces and torques on bodies of the vehicle."""
 
     __slots__ = ()

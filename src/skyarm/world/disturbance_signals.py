@@ -69,19 +69,19 @@ class Disturbance(Force):
 
     @property
     def uniforms(self) -> int:
-        """Count of uniform random numbers per control period."""
+        """Number of uniform random numbers that the disturbance draws per control period."""
         return 0 if self.noise is None else 6
 
     def start(self, period: float, draws: Sequence[Any]) -> Any:
-        """Initial noise state, drawn from the stationary distribution."""
+        """Initial noise state of the disturbance, drawn from its stationary distribution."""
         return () if self.noise is None else self.noise.first(draws, 6)
 
     def advance(self, memory: Any, t: Scalar, dt: float, state: State, draws: Sequence[Any]) -> Any:
-        """Noise state of the next control period."""
+        """Noise state of the disturbance in the next control period."""
         return memory if self.noise is None else self.noise.next(memory, dt, draws)
 
     def wrenches(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Sequence[Wrench]:
-        """Wrench of the disturbance on the frame's body."""
+        """Force and torque of the disturbance on the vehicle at time ``t`` (s)."""
         force, torque = self.force.at(t), self.torque.at(t)
         if self.noise is not None:
             force = force + scale_noise(self.noise.force, memory[:3])
@@ -110,18 +110,18 @@ class AirSignals(Air):
 
     @property
     def uniforms(self) -> int:
-        """Count of uniform random numbers per control period, even."""
+        """Number of uniform random numbers that the wind noise draws per control period."""
         return 0 if self.noise is None else 4
 
     def start(self, period: float, draws: Sequence[Any]) -> Any:
-        """Initial noise state, drawn from the stationary distribution."""
+        """Initial state of the wind noise, drawn from its stationary distribution."""
         return () if self.noise is None else self.noise.first(draws, 3)
 
     def advance(self, memory: Any, t: Any, dt: float, state: State, draws: Sequence[Any]) -> Any:
-        """Noise state of the next control period."""
+        """State of the wind noise in the next control period."""
         return memory if self.noise is None else self.noise.next(memory, dt, draws)
 
     def velocity(self, memory: Any, t: Scalar, position_W: Vec3) -> Vec3:
-        """Air velocity, m/s, world axes: signals plus noise."""
+        """Air velocity (m/s, world axes): time signals plus noise."""
         found = self.velocity_W.at(t)
         return found if self.noise is None else found + scale_noise(self.noise.velocity, memory)

@@ -34,7 +34,7 @@ LOWEST, HIGHEST = 10 * METRES_PER_FOOT, 1000 * METRES_PER_FOOT
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Dryden:
-    """Parameters of Dryden turbulence; :func:`low_altitude` computes them from altitude and wind.
+    """Parameters of Dryden turbulence: intensities, length scales, airspeed and direction.
 
     The components are u (along the mean wind), v (to its left) and w (up). Their scale lengths are those of
     MIL-F-8785C (MIL-HDBK-1797 halves L_v and L_w and doubles them again in its spectra: the same turbulence).
@@ -52,7 +52,7 @@ class Dryden:
 
 @dataclass(frozen=True, slots=True)
 class DrydenMemory:
-    """State of the shaping filters in standard deviations: outputs u, v, w, and inner states for v and w."""
+    """State of the turbulence filters, in standard deviations of the velocity components u, v and w."""
 
     u: Scalar
     v: Scalar
@@ -64,7 +64,7 @@ class DrydenMemory:
 def low_altitude(
     altitude: Scalar, wind_20ft: Scalar, mean_wind: Scalar, direction_W: Vec3 = E_X, minimum_airspeed: Scalar = 1.0
 ) -> Dryden:
-    """Dryden parameters near the ground, from altitude and wind speed.
+    """Dryden turbulence parameters near the ground, from altitude and wind speed.
 
     Args:
         altitude: above ground, m, 3.048 to 304.8 (10 to 1000 ft); for lower flight take 3.048.
@@ -95,7 +95,7 @@ def low_altitude(
 
 
 def start(first: Vec3, second: Vec3, dt: Scalar, *, par: Dryden) -> DrydenMemory:
-    """Initial filter state, drawn from the stationary distribution.
+    """Initial state of the turbulence filters, drawn from their stationary distribution.
 
     Args:
         first: standard normal numbers.
@@ -135,7 +135,7 @@ def step(memory: DrydenMemory, noise: Vec3, dt: Scalar, *, par: Dryden) -> tuple
 
 
 def velocity(memory: DrydenMemory, *, par: Dryden) -> Vec3:
-    """Turbulence velocity of a filter state, world axes, m/s."""
+    """Turbulence velocity (m/s, world axes) for a state of the turbulence filters."""
     sigma, left = par.intensity, E_Z.cross(par.direction_W)
     along, across = par.direction_W * (sigma.x * memory.u), left * (sigma.y * memory.v)
     total: Vec3 = along + across + E_Z * (sigma.z * memory.w)
@@ -154,7 +154,7 @@ def _advance(output: Scalar, inner: Scalar, noise: Scalar, d: Scalar) -> tuple[S
 
 
 def _second_order(d: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
-    """Pole a, direct gain b, inner gain and coupling h of the filter with autocovariance (1 - d|k|/2) exp(-d|k|).
+    """Coefficients of the discrete filter whose autocovariance is (1 - d|k|/2) exp(-d|k|).
 
     The sequence is (1 - a z)^2 y = b (1 + c z) n with z one step back. Its numerator's autocovariance is
     g0 = 1 - a^4 + 2 a^2 d and g1 = -a ((1 - a^2) + (1 + a^2) d/2); both combinations factor,

@@ -9,7 +9,7 @@ from skyarm.algebra.scalars import Scalar
 
 @dataclass(frozen=True, slots=True)
 class Effectiveness:
-    """Remaining share of force of each actuator; an int 1 marks an actuator without faults.
+    """Remaining share of each rotor's thrust and of each joint drive's effort, and the stuck joints.
 
     Attributes:
         rotors: of thrust and drag torque, one per rotor.

@@ -37,7 +37,7 @@ _ZERO = (0.0, 0.0, 0.0)
 
 
 def wind_from(table: dict[str, Any], where: str) -> Wind:
-    """Wind model that a table describes.
+    """Wind model from the table ``[environment.wind]`` of a scenario file.
 
     Args:
         table: plain dict, as read from TOML.
@@ -73,7 +73,7 @@ def _moving_air(fields: Fields) -> Wind:
 
 
 def _gusts(fields: Fields, quantity: str, shapes: tuple[str, ...]) -> dict[str, Any]:
-    """Gusts of a wind table: one or a list."""
+    """Gusts from a wind table, which holds one gust or a list."""
     table = fields.take("gust", None)
     if table is None:
         return {}
@@ -113,5 +113,5 @@ def _turbulence(fields: Fields, velocity: Vec3) -> Dryden | None:
 
 
 def _vector(fields: Fields, name: str, *default: Any) -> Vec3:
-    """Read a vector; exact zeros become int 0, which removes their terms from compiled code."""
+    """Read a vector whose exact zeros become integers, which are constants of compiled code."""
     return Vec3(*(0 if value == 0.0 else value for value in fields.vector(name, *default)))

@@ -52,7 +52,7 @@ class Fault:
 
     @property
     def name(self) -> str:
-        """Name of the faulty actuator."""
+        """Name of the faulty rotor or joint."""
         return self.rotor or self.joint
 
     def check(self, vehicle: Vehicle) -> None:
@@ -71,7 +71,7 @@ class Fault:
 
 
 def effectiveness_at(faults: tuple[Fault, ...], vehicle: Vehicle, t: Scalar) -> Effectiveness | None:
-    """Effectiveness of all actuators under faults at time t (s); None without faults.
+    """Remaining effectiveness of all rotors and joint drives at time t (s); None without faults.
 
     Shares of several faults of one actuator multiply.
     """
@@ -91,7 +91,7 @@ def effectiveness_at(faults: tuple[Fault, ...], vehicle: Vehicle, t: Scalar) -> 
 
 
 def faults_from(tables: Any, where: str) -> tuple[Fault, ...]:
-    """Faults from a list of tables: { rotor or joint, effectiveness or stuck, start }.
+    """Actuator faults from the list of fault tables of a scenario file.
 
     Raises:
         ValueError: one line with field, value and what is allowed.

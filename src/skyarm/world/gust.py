@@ -17,7 +17,7 @@ SHAPES = ("step", "one_minus_cosine")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Gust:
-    """Temporary additional force or air velocity.
+    """Gust of a wind model: an additional force or air velocity during a time interval.
 
     Attributes:
         start, duration: the window [start, start + duration), half-open.

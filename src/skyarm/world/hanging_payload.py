@@ -35,7 +35,7 @@ FASTEST = 0.5
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Swing:
-    """State of a hanging load in a substep: its position (m) and velocity (m/s), frame position, summed tension (N)."""
+    """State of a hanging payload within a control period: load position and velocity, frame position, tension sum."""
 
     position: Vec3
     velocity: Vec3
@@ -85,7 +85,7 @@ class HangingPayload(TimedPayload):
 
     @property
     def rigid(self) -> bool:  # type: ignore[override]
-        """False: the load moves relative to the vehicle."""
+        """Always false: the hanging payload moves relative to the vehicle."""
         return False
 
     def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Any) -> None:
@@ -98,7 +98,7 @@ class HangingPayload(TimedPayload):
             raise ValueError(f"stretch = {self.stretch!r}: must be at least {least:.3g} at this control rate")
 
     def start(self, period: float, draws: Any) -> Any:
-        """Initial internal state: the load is not held yet."""
+        """Initial internal state of the hanging payload, which is not held yet."""
         rest = TimedPayload.start(self, period, draws)
         still = Vec3(0.0, 0.0, 0.0)
         return HangingMemory(
@@ -107,7 +107,7 @@ class HangingPayload(TimedPayload):
         )  # fmt: skip
 
     def act(self, memory: Any, t: Any, dt: float, motion: PointMotion) -> Any:
-        """Internal state for the period from ``t`` (s): final load state, and mean cord force on the frame."""
+        """Internal state of the hanging payload for a control period, with the mean cord force on the vehicle."""
         at = motion.frame(self.frame or None)
         holder, speed = motion.position(*at), motion.velocity(*at)
         held, caught, gone, place = self.next_status(memory, t, holder)

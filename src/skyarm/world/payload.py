@@ -26,5 +26,5 @@ class Payload:
         accept_fields(self, "payload")
 
     def held_by(self, vehicle: Vehicle) -> Vehicle:
-        """Return the vehicle with this payload; raises VehicleError for an unknown frame."""
+        """Return the vehicle with this payload attached; raises VehicleError for an unknown frame."""
         return vehicle.with_payload(self.mass, self.frame or None)

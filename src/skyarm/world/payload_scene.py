@@ -16,7 +16,7 @@ HELD = 0.5
 
 
 def payload_scene(payload: TimedPayload, seen: Instants) -> Scene:
-    """Shapes of a payload at some instants; none if it is never held."""
+    """Drawn ball and cord of a payload at some instants of a flight; empty if it is never held."""
     masses = seen.numbers["payload_mass"][:, 0]
     held = masses > HELD * float(payload.mass)
     if not held.any() or not (payload.frame or seen.vehicle.end_effector):

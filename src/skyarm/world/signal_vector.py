@@ -34,7 +34,7 @@ class SignalVector:
 
     @classmethod
     def from_table(cls, entry: Any, where: str) -> SignalVector:
-        """Read the vector from a file's value; raises ValueError with one line."""
+        """Read a vector of three time signals from a value of a scenario file."""
         if not isinstance(entry, list) or len(entry) != 3:
             raise ValueError(f"{where} = {shown(entry)}: must be a list of three signals of time, x, y and z")
         return cls(**{axis: _signal(each, f"{where}.{axis}") for axis, each in zip("xyz", entry, strict=True)})
@@ -45,7 +45,7 @@ class SignalVector:
 
 
 def _signal(entry: Scalar, where: str) -> Signal:
-    """Time signal from a file's value; an exact zero becomes an absent signal."""
+    """Time signal from a value of a scenario file; an exact zero becomes a constant of compiled code."""
     return NONE if type(entry) in (int, float) and entry == 0.0 else signal_from(entry, where)
 
 
@@ -58,7 +58,7 @@ DEVIATIONS = ("force", "torque", "velocity")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ColouredNoise:
-    """First-order Gauss-Markov noise of up to six components, sampled exactly once per control period.
+    """First-order Gauss-Markov noise added to a force, torque or air velocity.
 
     Its standard deviation does not depend on the control period, its spectrum is flat up to ``bandwidth_hz`` and falls
     with 20 dB per decade above: the autocovariance is sigma^2 exp(-2 pi bandwidth |tau|).
@@ -75,7 +75,7 @@ class ColouredNoise:
         accept_fields(self, "noise")
 
     def require_only(self, *own: str) -> None:
-        """Refuse non-zero deviations of quantities other than ``own``.
+        """Refuse noise of other quantities than those named, such as a force noise of the wind.
 
         Raises:
             ValueError: one line with the field, its value and what there is.
@@ -98,5 +98,5 @@ class ColouredNoise:
 
 
 def scale_noise(sigma: Vec3, numbers: Sequence[Any]) -> Vec3:
-    """Unit-variance noise times standard deviations; no noise where a deviation is absent (int 0)."""
+    """Unit-variance noise multiplied by standard deviations, as a vector."""
     return Vec3(*(mul(each, number) for each, number in zip(sigma, numbers, strict=True)))

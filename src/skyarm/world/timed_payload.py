@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Reach:
-    """Sphere in the world that the vehicle must reach, about a given position."""
+    """Sphere in the world that the gripping frame must enter before a payload is grasped or released."""
 
     within: Annotated[Scalar, Unit("m", "largest distance", low=0.0, strict=True)]
     of: Annotated[Vec3, Unit("m", "world axes")]
@@ -49,7 +49,7 @@ class Reach:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PayloadMemory:
-    """Internal state of a payload: held or not, and resting position.
+    """Internal state of a payload: whether it is held, and where it rests otherwise.
 
     Attributes:
         held: 1 while it is held. caught: 1 in the control period in which it is grasped. gone: 1 once it was let go.
@@ -64,7 +64,7 @@ class PayloadMemory:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TimedPayload(Component):
-    """Rigid load that the vehicle carries from ``pick`` to ``drop``.
+    """Rigid load that the vehicle carries between a pick-up and a set-down, by time or place.
 
     With a place, the instant beside it is the earliest (0 if left out). What happens, happens in the first control
     period that does not begin before: a load is held for whole control periods.
@@ -89,14 +89,14 @@ class TimedPayload(Component):
 
     @property
     def events(self) -> tuple[Event, ...]:  # type: ignore[override]
-        """Interval in which the payload is held; () if pick-up or set-down depends on position."""
+        """Time interval in which the payload is held; empty if pick-up or set-down depends on position."""
         if self.pick_place is not None or self.drop_place is not None:
             return ()
         return ((f"holds {float(self.mass):.3g} kg", float(self.pick), float(self.drop)),)
 
     @property
     def rigid(self) -> bool:  # type: ignore[override]
-        """True: the payload moves with the body that holds it."""
+        """Always true: the payload is rigidly fixed to the body that holds the payload."""
         return True
 
     def __post_init__(self) -> None:
@@ -111,36 +111,36 @@ class TimedPayload(Component):
             raise ValueError(f"drop = {self.drop!r}: must be after pick = {self.pick!r} s")
 
     def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Scalar) -> None:
-        """Refuse a vehicle that lacks the payload's frame."""
+        """Refuse a vehicle that lacks the frame that holds the payload."""
         require_frame(vehicle, self.frame)
 
     def start(self, period: float, draws: Any) -> Any:
-        """Initial internal state: the payload is not held yet."""
+        """Initial internal state of the payload, which is not held yet."""
         place = (0.0, 0.0, 0.0) if self.pick_place is None else tuple(1.0 * c for c in self.pick_place.of)
         return PayloadMemory(held=0.0, caught=0.0, gone=0.0, place=Vec3(*place))
 
     def act(self, memory: PayloadMemory, t: Scalar, dt: float, motion: PointMotion) -> PayloadMemory:
-        """Internal state after a possible grasp or release at the beginning of a control period."""
+        """Internal state of the payload after a possible pick-up or set-down at a control instant."""
         held, caught, gone, place = self.next_status(memory, t, motion.position(*motion.frame(self.frame or None)))
         return PayloadMemory(held=held, caught=caught, gone=gone, place=place)
 
     @property
     def columns(self) -> tuple[Column, ...]:  # type: ignore[override]
-        """Log column of the held mass."""
+        """Log column of the payload mass that the vehicle holds."""
         return (Column("payload_mass", self.name, "kg", "held"),)
 
     def logged(self, memory: PayloadMemory, motion: PointMotion) -> tuple[Any, ...]:
-        """Held mass for the log, kg."""
+        """Payload mass (kg) that the vehicle holds, for the log."""
         return (mul(self.mass, memory.held),)
 
     def shapes(self, seen: Instants) -> Scene:
-        """Ball that draws the payload before, during and after it is carried."""
+        """Drawn ball of the payload before, during and after it is carried."""
         from skyarm.world.payload_scene import payload_scene
 
         return payload_scene(self, seen)
 
     def next_status(self, memory: PayloadMemory, t: Scalar, position_W: Vec3) -> tuple[Any, Any, Any, Vec3]:
-        """Next flags (held, just grasped, set down) and resting position; ``position_W``: of the frame, m."""
+        """Next internal state of the payload: held, just grasped, set down (1 or 0 each), and resting position."""
         held, gone = memory.held > 0.5, memory.gone > 0.5
         pick, drop = self.events_reached(t, position_W)
         caught = where(held, 0.0, where(gone, 0.0, where(pick, 1.0, 0.0)))
@@ -150,7 +150,7 @@ class TimedPayload(Component):
         return now, caught, where(dropped > 0.5, 1.0, memory.gone), place
 
     def events_reached(self, t: Scalar, position_W: Vec3) -> tuple[Scalar, Scalar]:
-        """Conditions of the grasp and of the release, by time and by the frame's position (m, world axes)."""
+        """True or false for the pick-up and for the set-down, by time and by the gripping frame's position."""
         pick, drop = t >= self.pick, t >= self.drop
         if self.pick_place is not None:
             pick = logical_and(pick, self.pick_place.holds(position_W))
@@ -159,7 +159,7 @@ class TimedPayload(Component):
         return pick, drop
 
     def body(self, vehicle: Vehicle, share: Scalar = 1) -> tuple[int, Body]:
-        """Index of the link, and the payload as a body in that link's axes, scaled by ``share``."""
+        """Payload as a rigid body in the axes of the link that holds the payload, and the link's index."""
         at = vehicle.frame(self.frame or None)
         moments = Sym3(*(mul(each, share) for each in self.inertia)).rotate(at.rotation)
         return at.link, Body(mass=mul(self.mass, share), com=at.position + at.rotation.apply(self.com), inertia=moments)

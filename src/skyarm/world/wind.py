@@ -22,7 +22,7 @@ from skyarm.world.gust import Gust
 
 @dataclass(frozen=True, slots=True)
 class WindSample(Component):
-    """Wind and logged values of all environment components at one instant; also a constant wind model.
+    """Force, air velocity and logged numbers of all environment models at one instant of a flight.
 
     Attributes:
         force_W: force on the base, world axes, N.
@@ -37,7 +37,7 @@ class WindSample(Component):
     numbers: tuple[Scalar, ...] = ()
 
     def velocity(self, memory: Any, t: Scalar, position_W: Vec3) -> Vec3:
-        """Air velocity, world axes, m/s, constant in space and time."""
+        """Constant air velocity, m/s, world axes."""
         return self.air_velocity_W
 
     def wrenches(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Sequence[Wrench]:
@@ -47,7 +47,7 @@ class WindSample(Component):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ForceWind(Force):
-    """Wind as independent force and air velocity, like RotorS's wind plugin.
+    """Wind as a force on the base and an independent air velocity, like the wind plugin of RotorS.
 
     A gust is an additional force, a step; it never changes the velocity of the air. Several add up.
 
@@ -68,7 +68,7 @@ class ForceWind(Force):
 
     @property
     def events(self) -> tuple[Event, ...]:  # type: ignore[override]
-        """Intervals of the gusts, for pictures of a flight."""
+        """Time intervals of the gusts, for pictures of a flight."""
         return gust_events(self)
 
     def velocity(self, memory: Any, t: Scalar, position_W: Vec3) -> Vec3:
@@ -76,7 +76,7 @@ class ForceWind(Force):
         return self.air_velocity_W
 
     def wrenches(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Sequence[Wrench]:
-        """Wrench of the mean force and gusts on the base."""
+        """Wind force of mean and gusts on the base."""
         force = self.force_W
         for gust in all_gusts(self):
             force = force + gust.at(t)
@@ -85,7 +85,7 @@ class ForceWind(Force):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class MovingAir(Air):
-    """Wind as an air velocity, from which rotor drag and body drag follow; no direct force.
+    """Wind as an air velocity, which acts on the vehicle only through rotor drag and body drag.
 
     Attributes:
         gust: additional air velocity. gusts: more of them, which add up.
@@ -102,29 +102,29 @@ class MovingAir(Air):
 
     @property
     def uniforms(self) -> int:
-        """Count of uniform random numbers per control period, even."""
+        """Number of uniform random numbers that the turbulence draws per control period."""
         return 0 if self.turbulence is None else 4
 
     def start(self, period: float, draws: Sequence[Scalar]) -> Any:
-        """Initial turbulence state, drawn from the stationary distribution; () without turbulence."""
+        """Initial turbulence state, drawn from its stationary distribution; an empty tuple in smooth air."""
         if self.turbulence is None:
             return ()
         numbers = normals(draws)
         return dryden.start(Vec3(*numbers[0:3]), Vec3(*numbers[4:7]), period, par=self.turbulence)
 
     def advance(self, memory: Any, t: Scalar, dt: float, state: State, draws: Sequence[Scalar]) -> Any:
-        """Turbulence state of the next control period."""
+        """Turbulence state in the next control period."""
         if self.turbulence is None:
             return memory
         return dryden.step(memory, Vec3(*normals(draws)[:3]), dt, par=self.turbulence)[0]
 
     @property
     def events(self) -> tuple[Event, ...]:  # type: ignore[override]
-        """Intervals of the gusts, for pictures of a flight."""
+        """Time intervals of the gusts, for pictures of a flight."""
         return gust_events(self)
 
     def velocity(self, memory: Any, t: Scalar, position_W: Vec3) -> Vec3:
-        """Air velocity, m/s, world axes: mean, gusts and turbulence."""
+        """Air velocity (m/s, world axes): mean wind, gusts and turbulence."""
         velocity = self.velocity_W
         for gust in all_gusts(self):
             velocity = velocity + gust.at(t)
@@ -137,7 +137,7 @@ def all_gusts(wind: Any) -> tuple[Gust, ...]:
 
 
 def gust_events(wind: Any) -> tuple[Event, ...]:
-    """Intervals of the gusts of a wind model, for pictures of a flight."""
+    """Time intervals of the gusts of a wind model, for pictures of a flight."""
     blowing = (gust for gust in all_gusts(wind) if any(float(c) for c in gust.peak))
     return tuple(("gust", float(gust.start), float(gust.start + gust.duration)) for gust in blowing)
 

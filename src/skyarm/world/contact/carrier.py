@@ -23,7 +23,7 @@ Spot = tuple[Vec3, Any]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class CarriedFrame:
-    """Pose and velocity of a movable body's axes in the world.
+    """Position, rotation, velocity and angular velocity of a movable body (free object or mechanism) in the world.
 
     Attributes:
         position: of the origin, m. rotation: carrier's axes to world axes.
@@ -36,17 +36,17 @@ class CarriedFrame:
     turning: Vec3
 
     def velocity_at(self, place_W: Vec3) -> Vec3:
-        """Velocity of the movable body at a world position (m), m/s, world axes."""
+        """Velocity (m/s, world axes) of the material point of the movable body at a world position (m)."""
         return self.velocity + self.turning.cross(place_W - self.position)
 
     def depth(self, surface: Surface, point_W: Vec3, radius: Scalar) -> tuple[Any, Vec3]:
-        """Penetration depth (m) and outward normal of a point at a surface given in the body's axes."""
+        """Penetration depth (m) and outward normal of a ball at a surface that the movable body carries."""
         depth, normal = surface.depth(self.rotation.apply_T(point_W - self.position), radius, 0.0)
         return depth, self.rotation.apply(normal)
 
 
 class Carrier:
-    """Base of movable bodies with contact surfaces. A subclass is a frozen dataclass with a ``name``."""
+    """Base class of movable bodies with contact surfaces: free objects and mechanisms such as doors."""
 
     __slots__ = ()
 
@@ -59,7 +59,7 @@ class Carrier:
 
     @property
     def mobility(self) -> Scalar:
-        """Largest inverse effective mass at a contact, 1/kg: largest squared natural frequency over stiffness.
+        """Largest inverse effective mass (1/kg) of the movable body over its possible contact points.
 
         Integration steps follow from it. A body that is pushed at one point has 1/m there, and more beside its centre.
         """
@@ -81,12 +81,12 @@ class Carrier:
 
     @property
     def gyration(self) -> Scalar:
-        """Smallest squared radius of gyration, m^2, for the rotational stiffness of a grasp; 0 for none."""
+        """Smallest squared radius of gyration (m^2) of the movable body; 0 for a mechanism."""
         return 0
 
     @property
     def step_share(self) -> float:
-        """Factor on a material's longest integration step in contact with this movable body."""
+        """Factor by which contact with this movable body shortens the longest stable integration step."""
         return 1.0
 
     def start(self) -> Any:
@@ -94,15 +94,15 @@ class Carrier:
         raise NotImplementedError(f"{type(self).__name__} must define start()")
 
     def advance(self, memory: Any) -> Any:
-        """State of the body at a control instant without rounding drift: quaternions are normalised."""
+        """State of the movable body at the start of a control period, with its attitude quaternion normalised."""
         return memory
 
     def frame(self, memory: Any) -> CarriedFrame:
-        """Pose and velocity of the movable body's axes."""
+        """Pose and velocity of the movable body for a given state."""
         raise NotImplementedError(f"{type(self).__name__} must define frame()")
 
     def slope(self, memory: Any, force_W: Vec3, torque_W: Vec3, gravity: Scalar) -> Any:
-        """Time derivative of the body's state under external force and torque, in the same structure.
+        """Time derivative of the movable body's state under an external force (N) and torque (N m).
 
         Args:
             memory: now.
@@ -113,19 +113,19 @@ class Carrier:
         raise NotImplementedError(f"{type(self).__name__} must define slope()")
 
     def before_euler_step(self, memory: Any, slope: Any, dt: Scalar) -> Any:
-        """State for the forces of a semi-implicit Euler step: friction bristles are already advanced."""
+        """State from which a semi-implicit Euler step evaluates forces: friction bristles are advanced first."""
         return memory
 
     def kick(self, memory: Any, slope: Any, dt: Scalar) -> Any:
-        """State after an acceleration for ``dt`` (s): only velocities change."""
+        """State of the movable body after an acceleration for ``dt`` (s): only velocities change."""
         raise NotImplementedError(f"{type(self).__name__} must define kick()")
 
     def drift(self, memory: Any, dt: Any) -> Any:
-        """State after ``dt`` (s) with constant velocities: only positions change."""
+        """State of the movable body after ``dt`` (s) with constant velocities: only positions change."""
         raise NotImplementedError(f"{type(self).__name__} must define drift()")
 
     def after_push(self, memory: Any, force_W: Vec3, torque_W: Vec3, gravity: Scalar, dt: Scalar) -> Any:
-        """State after force (N) and torque (N m) acted for ``dt`` (s), with gyroscopic torques at mid-step.
+        """State of the movable body after a force (N) and torque (N m) acted for ``dt`` (s): only velocities change.
 
         By one iteration of the implicit midpoint rule, which is of second order.
         """
@@ -134,28 +134,28 @@ class Carrier:
         return self.kick(memory, self.slope(middle, force_W, torque_W, gravity), dt)
 
     def euler_step(self, memory: Any, slope: Any, dt: Scalar) -> Any:
-        """State after a semi-implicit Euler step: new velocities first, then positions by them."""
+        """State of the movable body after a semi-implicit Euler step of ``dt`` (s)."""
         return self.drift(self.kick(memory, slope, dt), dt)
 
     @property
     def spot_count(self) -> int:
-        """Number of contact spots of the movable body that may touch other surfaces."""
+        """Number of points (corners, rim points) of the movable body that may touch other surfaces."""
         return 0
 
     def spots(self, frame: CarriedFrame, toward: Callable[[Vec3], Vec3]) -> tuple[Spot, ...]:
-        """Contact spots of the body; ``toward`` returns the other surface's outward normal at a position (m)."""
+        """Points or balls of the movable body that may touch another surface: centre (m) and radius (m)."""
         return ()
 
     columns: tuple[Column, ...] = ()
     """As :attr:`skyarm.world.component.Component.columns`."""
 
     def logged(self, memory: Any) -> tuple[Any, ...]:
-        """Values of the movable body that a log records at each control instant."""
+        """Numbers of the movable body that the flight log records in every control period."""
         return ()
 
 
 def untouched_after(carrier: Carrier, memory: Any, dt: Scalar, rounds: int, gravity: Scalar) -> Any:
-    """State of a movable body without contact after ``rounds`` Runge-Kutta steps of ``dt`` (s)."""
+    """State of a movable body that nothing touches, after several Runge-Kutta steps of ``dt`` (s)."""
 
     def slope(at: Any) -> Any:
         return carrier.slope(at, ZERO3, ZERO3, gravity)
@@ -175,5 +175,5 @@ NOBODY = -1
 
 
 def both(a: Any, b: Any) -> Any:
-    """Reduced mass (kg) of two bodies in contact."""
+    """Reduced mass (kg) of two bodies in contact: 1 / (1 / a + 1 / b)."""
     return divide(1.0, divide(1.0, a) + divide(1.0, b))

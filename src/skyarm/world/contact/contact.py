@@ -59,7 +59,7 @@ up to 13 N on a tip of 20 g at a friction of 0.6, as stability of the bristle ha
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ContactMemory:
-    """Internal state of the contact model: clock, friction bristles, movable bodies and grippers.
+    """Internal state of the contact model: surface clock, friction bristles, movable bodies and grippers.
 
     Attributes:
         clock: s, of surfaces that move; empty where none does.
@@ -75,7 +75,7 @@ class ContactMemory:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Meeting:
-    """Contact pair: a surface and the point or spot that may touch it.
+    """Contact state of one surface with one point of the vehicle or of a movable body.
 
     Attributes:
         surface: name. of: number of the carrier of the surface, or ``NOBODY`` for the world.
@@ -98,7 +98,7 @@ class Meeting:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Contact(Force):
-    """Contact forces between surfaces of the world, movable bodies and points of the vehicle.
+    """Contact model: surfaces, movable bodies, grippers and the points of the vehicle that may touch them.
 
     Attributes:
         points: left out for the vehicle's tip.
@@ -133,7 +133,7 @@ class Contact(Force):
 
     @property
     def coupled(self) -> bool:  # type: ignore[override]
-        """True: friction bristles and movable bodies are integrated with the plant within a control period."""
+        """Always true: friction and movable bodies are integrated together with the vehicle."""
         return True
 
     @property
@@ -143,12 +143,12 @@ class Contact(Force):
 
     @property
     def grasps(self) -> Grasps:
-        """Grippers together with the bodies that they can grasp."""
+        """Grippers of the vehicle combined with the movable bodies that they can grasp."""
         return Grasps(grippers=self.grippers, carriers=self.carriers)
 
     @property
     def steps(self) -> tuple[tuple[str, Any], ...]:
-        """Longest stable integration step (s) of each material, contact pair, grasp and mechanism, with its name."""
+        """Longest stable integration step (s) of each contact, grasp and mechanism, with a text that names it."""
         carriers = self.carriers
         touched = self.surfaces if self.points or not carriers else ()
         own = [(f"the material of surface {each.name!r}", each.material.largest_step) for each in touched]
@@ -191,30 +191,30 @@ class Contact(Force):
         return None if step is None else VERLET_SHARE * step
 
     def on(self, vehicle: Vehicle) -> Contact:
-        """Contact model that uses the vehicle's tip as contact point if no point is named."""
+        """Contact model for a vehicle: its tip becomes the contact point if no contact point was given."""
         if self.points or not vehicle.end_effector:
             return self
         return replace(self, points=(ContactPoint(name=TIP, frame=vehicle.end_effector),))
 
     @property
     def logged_pairs(self) -> int:
-        """Number of logged contact pairs: each surface with each point of the vehicle."""
+        """Number of surface-point pairs whose contact forces are logged."""
         carried = sum(len(carrier.surfaces) for carrier in self.carriers)
         return (len(self.surfaces) + carried) * len(self.points)
 
     @property
     def meeting_count(self) -> int:
-        """Number of all contact pairs, including the contact spots of movable bodies."""
+        """Number of all contact pairs of surfaces with points of the vehicle and of movable bodies."""
         every = len(self.surfaces) + sum(len(each.surfaces) for each in self.carriers)
         return self.logged_pairs + sum(each.spot_count * (every - len(each.surfaces)) for each in self.carriers)
 
     @property
     def still(self) -> tuple[Surface, ...]:
-        """Surfaces of the world without a prescribed motion."""
+        """Surfaces of the world that do not move during the flight."""
         return tuple(surface for surface in self.surfaces if not surface.moves)
 
     def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Scalar) -> None:
-        """Refuse a vehicle without the named frames, contacts that are impossible, and too short integration steps."""
+        """Refuse a contact model that does not fit a vehicle or needs too short integration steps."""
         carriers = self.carriers
         if not self.surfaces and not carriers:
             raise RecordError("world.surfaces: is missing; a world has at least one surface")
@@ -241,7 +241,7 @@ class Contact(Force):
         self.require_steps(period / MOST_STEPS)
 
     def require_steps(self, least: float) -> None:
-        """Refuse steps shorter than ``least`` (s); the error names the contact pair, grasp or mechanism."""
+        """Refuse a contact model that needs integration steps shorter than ``least`` (s)."""
         if not concrete(*leaves(self)):
             return  # of a batch: its lanes are looked at one by one
         allowed = f"must leave them {least:g} s or more, a thousandth of the control period"
@@ -263,7 +263,7 @@ class Contact(Force):
         )
 
     def advance(self, memory: ContactMemory, t: Scalar, dt: float, state: State, draws: Sequence[Any]) -> Any:
-        """Internal state at a control instant: clock set to ``t``, quaternions normalised."""
+        """Internal state of the contact model at the start of a control period."""
         if not memory.clock and not memory.carried:
             return memory
         carried = tuple(each.advance(held) for each, held in zip(self.carriers, memory.carried, strict=True))
@@ -279,7 +279,7 @@ class Contact(Force):
         self, memories: Sequence[Any], moving: Sequence[Moving], clock: Scalar, bristles: Sequence[Vec3], step: Scalar,
         mean: Scalar | None = None,
     ) -> list[Meeting]:  # fmt: skip
-        """Contact state of every pair: all surfaces with the vehicle's points, then with spots of movable bodies.
+        """Contact state of every surface with every point of the vehicle and of other movable bodies.
 
         Args:
             memories: of the carriers.
@@ -327,13 +327,13 @@ class Contact(Force):
         return found
 
     def on_points(self, memory: ContactMemory, motion: PointMotion) -> Sequence[Touch]:
-        """Contact state of every surface with every point of the vehicle, in the order of the log."""
+        """Contact state of every surface with every point of the vehicle, surface by surface."""
         return [each.touch for each in self.meetings(memory, motion)[: self.logged_pairs]]
 
     def on_carriers(
         self, memory: ContactMemory, motion: PointMotion, meetings: Sequence[Meeting]
     ) -> list[tuple[Vec3, Vec3]]:
-        """Force (N) and torque (N m, about the body's origin) on each movable body by contacts and grasps."""
+        """Force (N) and torque (N m, about its origin) of contacts and grasps on each movable body."""
         pulls: Any = [()] * len(self.carriers)
         if self.grippers:
             pulls = self.grasps.on_bodies(memory, motion)
@@ -350,7 +350,7 @@ class Contact(Force):
     def slope(
         self, memory: ContactMemory, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]
     ) -> ContactMemory:
-        """Time derivative of the internal state: clock, friction bristles, movable bodies and grippers."""
+        """Time derivative of the contact model's internal state."""
         meetings = self.meetings(memory, motion)
         rows = zip(self.carriers, memory.carried, self.on_carriers(memory, motion, meetings), strict=True)
         return ContactMemory(
@@ -361,7 +361,7 @@ class Contact(Force):
         )
 
     def before_euler_step(self, memory: ContactMemory, slope: ContactMemory, dt: Scalar) -> ContactMemory:
-        """Internal state with friction bristles advanced by the velocities at the start of the step."""
+        """Internal state of the contact model with friction bristles advanced, for a semi-implicit Euler step."""
         rows = zip(self.carriers, memory.carried, slope.carried, strict=True)
         carried = tuple(carrier.before_euler_step(held, rate, dt) for carrier, held, rate in rows)
         return replace(memory, bristles=moved_by(memory.bristles, slope.bristles, dt), carried=carried)
@@ -369,26 +369,26 @@ class Contact(Force):
     def push(
         self, memory: ContactMemory, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar], dt: Scalar
     ) -> ContactMemory:
-        """Internal state after contact and grasp forces acted on the movable bodies for ``dt`` (s)."""
+        """Internal state of the contact model after forces accelerated the movable bodies for ``dt`` (s)."""
         pushes = self.on_carriers(memory, motion, self.meetings(memory, motion))
         rows = zip(self.carriers, memory.carried, pushes, strict=True)
         carried = tuple(carrier.after_push(held, *push, motion.gravity, dt) for carrier, held, push in rows)
         return replace(memory, carried=carried)
 
     def drift(self, memory: ContactMemory, dt: Scalar) -> ContactMemory:
-        """Internal state after ``dt`` (s) with constant velocities: clock and movable bodies advance."""
+        """Internal state of the contact model after ``dt`` (s) with constant velocities of the movable bodies."""
         carried = tuple(each.drift(held, dt) for each, held in zip(self.carriers, memory.carried, strict=True))
         return replace(memory, clock=tuple(t + dt for t in memory.clock), carried=carried)
 
     def euler_step(self, memory: ContactMemory, slope: ContactMemory, dt: Scalar) -> ContactMemory:
-        """Internal state after a semi-implicit Euler step: movable bodies move with their new velocities."""
+        """Internal state of the contact model after a semi-implicit Euler step of ``dt`` (s)."""
         rows = zip(self.carriers, memory.carried, slope.carried, strict=True)
         return self.drift(replace(memory, carried=tuple(each.kick(held, rate, dt) for each, held, rate in rows)), dt)
 
     def wrenches(
         self, memory: ContactMemory, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]
     ) -> Sequence[Wrench]:
-        """Wrenches of contacts and grasps on the vehicle's bodies."""
+        """Forces and torques of all contacts and grasps on the vehicle's bodies."""
         touches, pushes = self.on_points(memory, motion), []
         for i in range(len(self.points)):
             force = torque = ZERO3
@@ -398,11 +398,11 @@ class Contact(Force):
         return wrenches_on(self.points, motion, pushes) + self.grasps.on_vehicle(memory, motion)
 
     def act(self, memory: ContactMemory, t: Scalar, dt: float, motion: PointMotion) -> ContactMemory:
-        """Internal state after the grippers grasp, release or slip at a control instant."""
+        """Internal state of the contact model after the grippers close, open or slip at a control instant."""
         return replace(memory, grips=self.grasps.after(memory, t, motion)) if self.grippers else memory
 
     def far(self, memory: ContactMemory, motion: PointMotion, seconds: Scalar) -> Any:
-        """True if no point or spot can reach a surface within ``seconds`` and nothing is grasped.
+        """True if nothing can touch a surface within ``seconds`` and no gripper holds anything.
 
         Its whole speed counts, and not only what brings it nearer to the nearest place: force may still act where it
         leaves, and in a hole another wall may be in its way. What a gripper holds is near.
@@ -417,7 +417,7 @@ class Contact(Force):
         return whole
 
     def alone(self, memory: ContactMemory, seconds: Scalar, rounds: int, gravity: Scalar) -> ContactMemory:
-        """Internal state after ``seconds`` without contact: bristles relax, bodies move freely."""
+        """Internal state of the contact model after ``seconds`` in which nothing touched."""
         left = exp(-RECOVERY * seconds)
         bodies = zip(self.carriers, memory.carried, strict=True)
         return replace(
@@ -429,7 +429,7 @@ class Contact(Force):
 
     @property
     def columns(self) -> tuple[Column, ...]:  # type: ignore[override]
-        """Log columns: force, friction and penetration of each pair, then those of movable bodies and grippers."""
+        """Log columns of contact forces, movable bodies and grippers."""
         surfaces = [*self.surfaces, *(surface for carrier in self.carriers for surface in carrier.surfaces)]
         labels = [f"{surface.name}/{point.name}" for surface in surfaces for point in self.points]
         found = [Column(f"contact_{array}", label, *words) for label in labels for array, *words in LOGGED]
@@ -438,24 +438,24 @@ class Contact(Force):
 
     @property
     def constants(self) -> Mapping[str, tuple[Any, ...]]:
-        """Hinge of the first mechanism: a point on its axis (m) and a unit vector, world axes; () for a slide."""
+        """Hinge axis of the first mechanism, for metrics: a point (m) and a unit vector; empty for a slide."""
         return {"mechanism_hinge": self.mechanisms[0].hinge} if self.mechanisms else {}
 
     def logged(self, memory: ContactMemory, motion: PointMotion) -> tuple[Any, ...]:
-        """Logged values: normal force, friction (N), penetration (m) of each pair, then bodies and grippers."""
+        """Logged contact forces (N) and penetrations (m), states of movable bodies, and gripper forces."""
         numbers = [number for each in self.on_points(memory, motion) for number in each.logged]
         for carrier, held in zip(self.carriers, memory.carried, strict=True):
             numbers += carrier.logged(held)
         return (*numbers, *self.grasps.logged(memory, motion))
 
     def shapes(self, seen: Instants) -> Scene:
-        """Shapes of surfaces, bodies and contact points, and arrows of contact forces."""
+        """Shapes of surfaces and movable bodies, and arrows of contact forces, for pictures."""
         from skyarm.world.contact.contact_scene import contact_scene
 
         return contact_scene(self, seen)
 
     def warnings(self, vehicle: Vehicle, step: float) -> Sequence[str]:
-        """Warning about the contact, grasp or mechanism that needs much shorter steps than the vehicle."""
+        """Warning if contact needs much shorter integration steps than the vehicle alone."""
         what, bound = min(self.steps, key=lambda each: float(each[1]))
         least = float(bound)
         if not MUCH_SHORTER * least < step:
@@ -468,7 +468,7 @@ class Contact(Force):
 
 @dataclass(frozen=True, slots=True)
 class _Place:
-    """Contact ball of the vehicle or a movable body: centre (m), velocities, radius (m) and mass (kg)."""
+    """Point or ball that may touch a surface: centre, velocity, angular velocity, radius (m) and mass (kg)."""
 
     position: Vec3
     velocity: Vec3

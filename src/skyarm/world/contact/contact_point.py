@@ -28,7 +28,7 @@ MOST = 64
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Ring:
-    """Points evenly spaced on a circle about the z axis, such as the rim of a peg.
+    """Equally spaced contact points on a circle about the z axis, such as the rim of a peg.
 
     Attributes:
         count: of places, the first on the x axis.
@@ -48,7 +48,7 @@ class Ring:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ContactPoint:
-    """Contact point: a point of the vehicle, or a ball about it, that surfaces act on.
+    """Point or ball fixed to a body of the vehicle, at which surfaces exert contact forces.
 
     Attributes:
         name: for logs and messages.
@@ -73,7 +73,7 @@ class ContactPoint:
             raise RecordError("point.body: is missing; say a frame of the vehicle, or a body with a position")
 
     def each(self) -> tuple[ContactPoint, ...]:
-        """Single contact points: those of the ring, numbered from 1, or the point itself without a ring."""
+        """List the single contact points: the points of a ring, or the contact point itself without a ring."""
         if self.ring is None:
             return (self,)
         found = []
@@ -83,7 +83,7 @@ class ContactPoint:
         return tuple(found)
 
     def place(self, vehicle: Vehicle) -> tuple[Vec3, int]:
-        """Position in the axes of the body that the point belongs to (m), and index of this body.
+        """Position (m, body axes) of the contact point, and index of the vehicle's body that it is fixed to.
 
         Raises:
             ValueError: the vehicle has no such frame or body; names those it has.
@@ -103,7 +103,7 @@ class ContactPoint:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Touch:
-    """Contact state between a surface and a point, world axes.
+    """Contact state of one point at one surface: penetration, slip velocity, normal force and friction.
 
     Attributes:
         depth: penetration, m; negative outside. slip: velocity of the point relative to the surface, m/s.
@@ -127,12 +127,12 @@ class Touch:
 
     @property
     def torque(self) -> Vec3:
-        """Torque of the contact force about the point, N m."""
+        """Torque of the contact force about the centre of the contact ball, N m."""
         return self.spot.cross(self.force)
 
     @property
     def logged(self) -> tuple[Any, ...]:
-        """Normal force (N), friction (N) and penetration (m); zeros without contact."""
+        """Normal force (N), friction (N) and penetration (m, at least 0) of the contact, for the log."""
         return self.normal, sqrt(self.friction.dot(self.friction)), maximum(self.depth, 0.0)
 
 
@@ -148,7 +148,7 @@ def touch_of(
     *,
     mean: Scalar | None = None,
 ) -> Touch:
-    """Contact state between a point and a surface of a material.
+    """Contact state of one point at one surface, from penetration, slip velocity and bristle deflection.
 
     Args:
         material: of the surface.
@@ -202,7 +202,7 @@ def moving_points(points: Sequence[ContactPoint], motion: PointMotion) -> list[M
 def wrenches_on(
     points: Sequence[ContactPoint], motion: PointMotion, pushes: Sequence[tuple[Vec3, Vec3]]
 ) -> list[Wrench]:
-    """Wrenches on bodies from a force (N) and a torque (N m) at every contact point, world axes."""
+    """Wrenches on the vehicle's bodies from a force (N) and a torque (N m) at every contact point."""
     places, shared = _places(points, motion)
     axes, whole, found = {body: _axes(motion, body) for body in shared}, dict[int, Wrench](), list[Wrench]()
     for (at, body), (force, torque) in zip(places, pushes, strict=True):
@@ -216,7 +216,7 @@ def wrenches_on(
 
 
 def _places(points: Sequence[ContactPoint], motion: PointMotion) -> tuple[list[tuple[Vec3, int]], list[int]]:
-    """Position and body index of every contact point, and the bodies that have several points."""
+    """Body position and body index of every contact point, and the bodies with several contact points."""
     places = [point.place(motion.vehicle) for point in points]
     bodies = [body for _, body in places]
     return places, [body for body in dict.fromkeys(bodies) if body == BASE or bodies.count(body) > 1]

@@ -32,7 +32,7 @@ LEVEL = 1e-9
 
 
 def contact_scene(contact: Contact, seen: Instants) -> Scene:
-    """Shapes and arrows of a contact at some instants."""
+    """Drawn shapes and force arrows of the contact model at some instants of a flight."""
     poses, ground = _carrier_poses(contact, seen), ground_of(contact.surfaces)
     solids = [_surface_solid(each, seen) for each in contact.surfaces if each is not ground]
     for i, carrier in enumerate(contact.carriers):
@@ -46,7 +46,7 @@ def contact_scene(contact: Contact, seen: Instants) -> Scene:
 
 
 def ground_of(surfaces: Iterable[Surface]) -> Surface | None:
-    """Highest level plane at rest, which pictures draw as the ground; None without one."""
+    """Highest horizontal plane that does not move, drawn as the ground; None without such a plane."""
     level = [
         each
         for each in surfaces
@@ -56,7 +56,7 @@ def ground_of(surfaces: Iterable[Surface]) -> Surface | None:
 
 
 def surface_shape(surface: Surface, patch: float = PATCH) -> Shape:
-    """Shape of a surface about its own centre, in its own axes; ``patch``: half the drawn width of a plane, m."""
+    """Drawn shape of a contact surface in its own axes; a plane becomes a square of half width ``patch`` (m)."""
     size = tuple(float(each) for each in surface.size)
     if surface.shape == "plane":
         return Shape(f"world/{surface.name}", "surface", "patch", BASE, (patch, patch))
@@ -65,7 +65,7 @@ def surface_shape(surface: Surface, patch: float = PATCH) -> Shape:
 
 
 def _carrier_poses(contact: Contact, seen: Instants) -> Poses:
-    """Poses of movable bodies by index: rotations (N, 3, 3), positions (N, 3); objects, then mechanisms."""
+    """Rotations (N, 3, 3) and positions (N, 3) of free objects and mechanisms at N instants, by index."""
     poses, count = Poses(), len(seen.times)
     for i in range(len(contact.objects)):
         quaternion = seen.numbers["object_quaternion"][:, 4 * i : 4 * i + 4]
@@ -77,7 +77,7 @@ def _carrier_poses(contact: Contact, seen: Instants) -> Poses:
 
 
 def _surface_solid(surface: Surface, seen: Instants) -> Solid:
-    """Solid of a world surface at every instant; a plane is drawn as a patch near the vehicle."""
+    """Drawn solid of a surface of the world at N instants; a plane becomes a patch near the vehicle."""
     count = len(seen.times)
     rotation, place = matrices(surface.rotation, count), vectors(surface.place(seen.times)[0], count)
     if surface.shape == "plane" and count:
@@ -87,14 +87,14 @@ def _surface_solid(surface: Surface, seen: Instants) -> Solid:
 
 
 def _carrier_solid(surface: Surface, rotation: Array, position: Array) -> Solid:
-    """Solid of a movable body's surface, from rotations (N, 3, 3) and positions (N, 3) of the body."""
+    """Drawn solid of a movable body's surface at N instants."""
     shape = replace(surface_shape(surface), role="object")
     place = np.array(floats(surface.position))
     return Solid(shape, position + rotation @ place, rotation @ matrices(surface.rotation, 1)[0], OBJECT)
 
 
 def _point_shapes(contact: Contact, vehicle: Vehicle) -> Iterator[Shape]:
-    """Shapes of all contact points: a ball on a rod from its body's origin; the tip has its own shape."""
+    """Drawn shapes of the contact points: balls, each on a rod from the origin of its body."""
     least = POINT * longest_boom(vehicle)
     for point in contact.points:
         radius = float(point.radius)
@@ -109,7 +109,7 @@ def _point_shapes(contact: Contact, vehicle: Vehicle) -> Iterator[Shape]:
 
 
 def _touch_arrows(contact: Contact, seen: Instants, poses: Poses) -> Iterator[Arrow]:
-    """Arrow of the normal force of each surface on each contact point, in the order of the log."""
+    """Arrows of the normal forces of each surface on each contact point of the vehicle."""
     still = np.eye(3)[None], np.zeros((1, 3))
     carried = [(each, *poses[i]) for i, carrier in enumerate(contact.carriers) for each in carrier.surfaces]
     surfaces = [*((each, *still) for each in contact.surfaces), *carried]

@@ -52,7 +52,7 @@ _LEVEL = 1e-10
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ObjectMotion:
-    """State of a free object.
+    """State of a free object: position, attitude, velocity and angular velocity.
 
     Attributes:
         position: of its centre of mass, m, world axes. attitude: its axes to world axes.
@@ -67,7 +67,7 @@ class ObjectMotion:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FreeObject(Carrier):
-    """Free object: a rigid body of the world without a joint.
+    """Free object: a rigid box, cylinder or ball that lies on surfaces and can be pushed or grasped.
 
     Attributes:
         name: for messages, logs and paths. shape: one of ``SOLIDS``. size: as that of a surface.
@@ -182,12 +182,12 @@ class FreeObject(Carrier):
         )
 
     def kick(self, memory: ObjectMotion, slope: ObjectMotion, dt: Scalar) -> ObjectMotion:
-        """State after an acceleration for ``dt`` (s): only the velocities change."""
+        """State of the free object after an acceleration for ``dt`` (s): only velocities change."""
         velocity, rate = memory.velocity + slope.velocity * dt, memory.rate + slope.rate * dt
         return ObjectMotion(position=memory.position, attitude=memory.attitude, velocity=velocity, rate=rate)
 
     def drift(self, memory: ObjectMotion, dt: Any) -> ObjectMotion:
-        """State after ``dt`` (s) with constant velocities; the attitude moves by the exponential map."""
+        """State of the free object after ``dt`` (s) with constant velocities: only position and attitude change."""
         return ObjectMotion(
             position=memory.position + memory.velocity * dt,
             attitude=memory.attitude * Quaternion.of_small_rotation(memory.rate, dt),
@@ -197,11 +197,11 @@ class FreeObject(Carrier):
 
     @property
     def spot_count(self) -> int:
-        """Number of contact spots: corners of a box, rim points of a cylinder, one for a sphere."""
+        """Number of the object's contact points: corners of a box, rim points of a cylinder, one for a ball."""
         return {"box": 8, "cylinder": 2 * len(RIM), "sphere": 1}[self.shape]
 
     def spots(self, frame: CarriedFrame, toward: Callable[[Vec3], Vec3]) -> tuple[Spot, ...]:
-        """Contact spots of the object: centre (m, world axes) and radius (m)."""
+        """Contact points of the free object with world surfaces: centre (m, world axes) and radius (m)."""
         if self.shape == "sphere":
             return ((frame.position, self.size[0]),)
         if self.shape == "box":
@@ -220,7 +220,7 @@ class FreeObject(Carrier):
 
     @property
     def columns(self) -> tuple[Column, ...]:  # type: ignore[override]
-        """Log columns of pose and velocities."""
+        """Log columns of the free object's pose and velocities."""
         return tuple(
             Column(f"object_{array}", f"{self.name}/{axis}", unit, f"{meaning} of an object")
             for array, axes, unit, meaning in LOGGED
@@ -228,13 +228,13 @@ class FreeObject(Carrier):
         )
 
     def logged(self, memory: ObjectMotion) -> tuple[Any, ...]:
-        """Centre position, attitude, centre velocity (world axes) and angular velocity (own axes), for the log."""
+        """Position, attitude, velocity and angular velocity of the free object, for the log."""
         frame = self.frame(memory)
         return (*frame.position, *memory.attitude, *frame.velocity, *memory.rate)
 
 
 def _data(vector: Vec3) -> Vec3:
-    """Convert int zeros of a vector to floats."""
+    """Convert integer zeros of a vector to floats, so that a traced program keeps them as data."""
     return Vec3(*(data(c) for c in vector))
 
 
@@ -252,7 +252,7 @@ def uniform_moments(shape: str, size: Sequence[Scalar], mass: Scalar) -> Vec3:
 
 
 def largest_mobility(shape: str, size: Sequence[Any], com: Vec3, mass: Any, moments: Vec3) -> Any:
-    """Largest inverse effective mass over all contacts of a shape, 1/kg.
+    """Largest inverse effective mass (1/kg) of a rigid body over all its possible contacts.
 
     Args:
         shape: box, cylinder or sphere.
@@ -286,7 +286,7 @@ def largest_mobility(shape: str, size: Sequence[Any], com: Vec3, mass: Any, mome
 
 
 def _reach(distance: Any, com: Vec3) -> Any:
-    """Square of the largest distance between surface and centre of mass, m^2."""
+    """Squared largest distance (m^2) between a body's surface and its centre of mass."""
     away = distance
     for each in com:
         away = add(away, _size(each))
@@ -296,7 +296,7 @@ def _reach(distance: Any, com: Vec3) -> Any:
 def _face(
     count: int, spread_a: Any, spread_b: Any, off_a: Any, off_b: Any, mass: Any, moment_a: Any, moment_b: Any
 ) -> Scalar:
-    """Upper bound of the inverse effective mass of a face with ``count`` contacts, 1/kg.
+    """Upper bound of the inverse effective mass (1/kg) of a box or cylinder face that rests on several contacts.
 
     Args:
         count: of contacts.
@@ -320,5 +320,5 @@ def _face(
 
 
 def _size(value: Any) -> Scalar:
-    """Absolute value; an int 0 stays an int."""
+    """Absolute value of a number; an integer 0 stays an integer for constant folding."""
     return 0 if type(value) is int and value == 0 else absolute(value)

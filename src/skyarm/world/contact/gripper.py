@@ -65,7 +65,7 @@ class Command:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Grip:
-    """Internal state of a gripper: the held body, the pose of the grasp on the body, and past slips.
+    """Internal state of a gripper: index of the held body, pose of the grasp, and number of slips.
 
     Attributes:
         taken: number of the carrier that it holds, from 1; 0 for none.
@@ -84,7 +84,7 @@ class Grip:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Hold:
-    """Wrench of a grasp on the grasped body, world axes.
+    """Force and torque of a grasp on the grasped body, world axes.
 
     Attributes:
         force: N, at ``place`` (m). torque: N m, beside that of the force.
@@ -97,7 +97,7 @@ class Hold:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Gripper:
-    """Gripper: grasps the first movable body within its reach.
+    """Gripper of the vehicle (magnet, suction cup, jaw, ball or hook) that can hold one movable body.
 
     Attributes:
         name: for messages, logs and paths. kind: one of ``KINDS``.
@@ -122,7 +122,7 @@ class Gripper:
 
     @property
     def columns(self) -> tuple[Column, ...]:
-        """Log columns: index of the held body, grasp force, number of slips, force on the held body."""
+        """Log columns of the gripper: held body, grasp force, and number of slips."""
         pull = (Column("gripper_pull", f"{self.name}/{axis}", "N", "on what is held") for axis in "xyz")
         return (
             Column("gripper_taken", self.name, "", "number of the object that is held, from 1; 0 for none"),
@@ -132,7 +132,7 @@ class Gripper:
         )
 
     def step_of(self, mass: Scalar, moved: Any, *, euler: bool = False) -> Scalar:
-        """Longest stable integration step (s) of a grasp.
+        """Longest stable integration step (s) of the spring and damper that model a grasp.
 
         Args:
             mass: kg that it moves at least where it holds at the skin; its damping follows from that.
@@ -148,7 +148,7 @@ class Gripper:
         return minimum(NORMAL_STEP * sqrt(mass / self.stiffness), bound)
 
     def damping(self, mass: Scalar) -> Scalar:
-        """Damping of a grasp that moves a mass (kg), N s/m."""
+        """Damping coefficient (N s/m) of a grasp that moves a mass (kg)."""
         return 2.0 * self.damping_ratio * sqrt(self.stiffness * mass)
 
     def start(self) -> Grip:
@@ -157,7 +157,7 @@ class Gripper:
         return Grip(taken=0.0, ready=1.0, lost=0.0, place=zero, normal=zero, turn=Mat3(zero, zero, zero))
 
     def hold(self, grip: Grip, frame: CarriedFrame, body: CarriedFrame, mass: Any, gyration: Any) -> Hold:
-        """Wrench of the grasp on a body, on the assumption that the gripper holds it.
+        """Force and torque that the gripper would exert on a body if it held that body.
 
         Args:
             grip: memory.
@@ -196,7 +196,7 @@ class Gripper:
     def after(
         self, grip: Grip, t: Any, frame: CarriedFrame, bodies: tuple[tuple[CarriedFrame, Any, Vec3, Hold], ...]
     ) -> Grip:
-        """State of the gripper after a control instant: keep, release, slip or grasp.
+        """State of the gripper for the next control period: it keeps its grip, opens, slips, or grasps a body.
 
         Args:
             grip: before it.
@@ -236,12 +236,12 @@ class Gripper:
 
 
 def is_taken(taken: Any, number: float) -> Scalar:
-    """True if the gripper holds the movable body with this number."""
+    """True if a gripper holds the movable body with a given index, counted from 1."""
     return logical_and(taken > number - 0.5, taken < number + 0.5)
 
 
 def _not(condition: Scalar) -> Scalar:
-    """Logical not of a condition."""
+    """Logical not of a Boolean constant or of a traced condition."""
     return not condition if isinstance(condition, bool) else where(condition, 0.0, 1.0) > 0.5
 
 
@@ -279,7 +279,7 @@ class Grasps:
     carriers: tuple[Carrier, ...]
 
     def steps(self, *, euler: bool = False) -> Iterator[tuple[str, Any]]:
-        """Name of the gripper and longest stable integration step (s), for each gripper and movable body."""
+        """Longest stable integration step (s) of every possible grasp, with the name of its gripper."""
         for gripper in self.grippers:
             for carrier in self.carriers:
                 mobilities = carrier.mobility, carrier.mobility_at(gripper.reach)
@@ -287,7 +287,7 @@ class Grasps:
                 yield f"gripper {gripper.name!r}", gripper.step_of(*masses, euler=euler)
 
     def frames(self, motion: PointMotion) -> list[CarriedFrame]:
-        """Pose and velocity of each gripper's frame."""
+        """World pose and velocity of each gripper's frame."""
         found = []
         for gripper in self.grippers:
             at = motion.vehicle.frame(gripper.frame or None)
@@ -303,13 +303,13 @@ class Grasps:
         return found
 
     def bodies(self, memories: Sequence[Any]) -> list[CarriedFrame]:
-        """Pose and velocity of each movable body's axes."""
+        """World pose and velocity of each movable body."""
         return [carrier.frame(memory) for carrier, memory in zip(self.carriers, memories, strict=True)]
 
     def possible(
         self, grips: Sequence[Grip], frames: Sequence[CarriedFrame], bodies: Sequence[CarriedFrame]
     ) -> list[list[Hold]]:
-        """Hypothetical wrench of each gripper on each movable body, as if the body were held: [gripper][body]."""
+        """Force and torque of each gripper on each movable body if it held that body, as [gripper][body]."""
         masses = [both(LIGHTEST, 1.0 / carrier.mobility) for carrier in self.carriers]
         every = list(zip(bodies, masses, self.carriers, strict=True))
         return [
@@ -318,7 +318,7 @@ class Grasps:
         ]
 
     def holds(self, memory: Any, frames: Sequence[CarriedFrame]) -> list[list[Hold]]:
-        """Wrench of each gripper on each movable body: [gripper][body], zero for bodies that are not held."""
+        """Force and torque of each gripper on each movable body, zero for bodies not held, as [gripper][body]."""
         possible = self.possible(memory.grips, frames, self.bodies(memory.carried))
         return [
             [_scale_hold(hold, where(is_taken(grip.taken, i + 1.0), 1.0, 0.0)) for i, hold in enumerate(row)]
@@ -326,7 +326,7 @@ class Grasps:
         ]
 
     def on_bodies(self, memory: Any, motion: PointMotion) -> list[tuple[Vec3, Vec3]]:
-        """Force (N) and torque (N m, about the body's origin) of all grasps on each movable body, world axes."""
+        """Total force (N) and torque (N m, about the body's origin) of all grasps on each movable body."""
         holds, bodies = self.holds(memory, self.frames(motion)), self.bodies(memory.carried)
         found = []
         for i, body in enumerate(bodies):
@@ -339,7 +339,7 @@ class Grasps:
         return found
 
     def on_vehicle(self, memory: Any, motion: PointMotion) -> list[Wrench]:
-        """Reaction wrenches of all grasps on the vehicle."""
+        """Reaction forces and torques of all grasps on the vehicle."""
         frames, found = self.frames(motion), []
         for gripper, frame, row in zip(self.grippers, frames, self.holds(memory, frames), strict=True):
             at = motion.vehicle.frame(gripper.frame or None)
@@ -351,7 +351,7 @@ class Grasps:
         return found
 
     def after(self, memory: Any, t: Any, motion: PointMotion) -> tuple[Grip, ...]:
-        """States of all grippers after a control instant: each may grasp, release or slip."""
+        """States of all grippers for the next control period, after possible grasps, releases and slips."""
         frames, bodies = self.frames(motion), self.bodies(memory.carried)
         possible = self.possible(memory.grips, frames, bodies)
         found = []
@@ -362,7 +362,7 @@ class Grasps:
         return tuple(found)
 
     def logged(self, memory: Any, motion: PointMotion) -> list[Any]:
-        """Logged values of each gripper: held body, grasp force (N), number of slips, force on the held body (N).
+        """Logged values of each gripper: held body, grasp force (N), number of slips, force vector (N).
 
         The pull is the force on what it holds, N, world axes.
         """
@@ -376,7 +376,7 @@ class Grasps:
 
 
 def _skin(carrier: Carrier, body: CarriedFrame, place: Vec3) -> tuple[Any, Vec3]:
-    """Distance (m) of a point from a movable body's surfaces, and the outward normal there, world axes."""
+    """Distance (m) of a point from the nearest surface of a movable body, and the outward normal there."""
     depths = [body.depth(surface, place, 0) for surface in carrier.surfaces]
     deepest, normal = depths[0]
     for depth, outward in depths[1:]:
@@ -387,5 +387,5 @@ def _skin(carrier: Carrier, body: CarriedFrame, place: Vec3) -> tuple[Any, Vec3]
 
 
 def _scale_hold(hold: Hold, share: Scalar) -> Hold:
-    """Wrench of a grasp scaled by a factor."""
+    """Force and torque of a grasp multiplied by a factor."""
     return Hold(force=hold.force * share, torque=hold.torque * share, place=hold.place)

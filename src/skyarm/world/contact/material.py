@@ -55,7 +55,7 @@ _STILL = 1e-24
 
 
 def euler_step_of(square: Any, decay: Any) -> Scalar:
-    """Step (s) of the semi-implicit Euler method for an oscillator: three quarters of the stability limit.
+    """Semi-implicit Euler step (s) for a damped oscillator: three quarters of the stability limit.
 
     Args:
         square: of its angular frequency, 1/s^2.
@@ -78,17 +78,17 @@ class Material:
 
     @property
     def largest_step(self) -> Any:
-        """Longest stable integration step (s) in contact with a vehicle."""
+        """Longest stable integration step (s) of contact between the vehicle and this material."""
         return self.step_of(LIGHTEST)
 
     def step_of(self, mass: Scalar) -> Scalar:
-        """Longest stable integration step (s) of a contact that moves a mass (kg)."""
+        """Longest stable integration step (s) of contact between this material and a mass (kg)."""
         bristles = self.friction * self.stiffness * PRESSED / self.bristle_length
         fastest = maximum(sqrt(self.stiffness) / NORMAL_STEP, sqrt(bristles) / BRISTLE_STEP)
         return minimum(sqrt(mass) / fastest, LONGEST)
 
     def normal_force(self, depth: Scalar, depth_rate: Scalar, step: Scalar | None = None) -> Scalar:
-        """Normal contact force along the surface's outward normal, N.
+        """Normal contact force (N) from the penetration and its rate, by the Hunt-Crossley law.
 
         Args:
             depth: penetration, m; negative outside.
@@ -102,7 +102,7 @@ class Material:
         return where(half > 0.0, maximum(force, 0.0), 0.0)
 
     def bristle_rate(self, bristle: Vec3, slip: Vec3, depth: Scalar, fastest: Scalar) -> Vec3:
-        """Time derivative of a bristle's deflection, m/s, world axes.
+        """Time derivative (m/s) of the elastic bristle deflection in the friction model.
 
         Args:
             bristle: its deflection, m.
@@ -118,7 +118,7 @@ class Material:
         return Vec3(*(a if same(a, z) else where(touches, a, z) for a, z in zip(bending, recovery, strict=True)))
 
     def friction_force(self, bristle: Vec3, bristle_rate: Vec3, normal_force: Scalar, mass: Scalar = LIGHTEST) -> Vec3:
-        """Friction force, N, world axes, limited to the friction cone.
+        """Friction force (N, world axes) from the bristle deflection, limited to the friction cone.
 
         Args:
             bristle: deflection, m.

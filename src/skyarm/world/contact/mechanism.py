@@ -26,7 +26,7 @@ from skyarm.world.contact.surface import Surface, rotation_of
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Mechanism(Carrier):
-    """Mechanism: a body of the world with one degree of freedom.
+    """Mechanism with one degree of freedom and contact surfaces, such as a door, valve, drawer or button.
 
     Attributes:
         name: for messages, logs and paths. kind: one of ``KINDS``.
@@ -85,7 +85,7 @@ class Mechanism(Carrier):
                 raise RecordError(f"mechanism.parts[{i}].motion: must be left out; parts move with their mechanism")
 
     def _require_numbers(self) -> None:
-        """Refuse a mechanism without mass or with an empty range of its coordinate."""
+        """Refuse a mechanism without inertia, or with an empty or violated range of its coordinate."""
         turns = KINDS[self.kind].turns
         if not turns and type(self.inertia) is not int:
             raise RecordError(f"mechanism.inertia: must be left out of a {self.kind}, which slides; mass says it")
@@ -105,17 +105,17 @@ class Mechanism(Carrier):
 
     @property
     def turns(self) -> bool:
-        """True for a hinge, False for a slide."""
+        """True if the mechanism rotates about a hinge; false if it slides."""
         return KINDS[self.kind].turns
 
     @property
     def solid(self) -> Solid | None:
-        """Solid body of the mechanism's kind; None for a kind that is made of parts."""
+        """Box or cylinder of a door, valve, drawer or button; None for a plain hinge or slide."""
         return solid_of(self.kind, self.size) if self.size else None
 
     @property
     def surfaces(self) -> tuple[Surface, ...]:
-        """Surfaces of the mechanism: its own body, then its parts."""
+        """Contact surfaces of the mechanism: door, wheel, drawer or button, then parts such as a handle."""
         solid = self.solid
         if solid is None:
             return self.parts
@@ -126,7 +126,7 @@ class Mechanism(Carrier):
 
     @property
     def generalized_inertia(self) -> Scalar:
-        """Inertia along the coordinate: moment of inertia of a hinge (kg m^2), mass of a slide (kg)."""
+        """Inertia of the mechanism along its coordinate: kg m^2 of a hinge, kg of a slide."""
         if not self.turns:
             return self.mass
         if type(self.inertia) is int and self.solid is not None:
@@ -162,7 +162,7 @@ class Mechanism(Carrier):
 
     @property
     def along(self) -> Vec3:
-        """Unit vector along the axis, in the mechanism's axes."""
+        """Unit vector of the hinge or slide axis, in the mechanism's axes."""
         axis = KINDS[self.kind].axis
         if axis is not None:
             return axis
@@ -173,25 +173,25 @@ class Mechanism(Carrier):
 
     @property
     def largest_step(self) -> Any:
-        """Longest stable integration step (s) of stops, spring, friction and detent."""
+        """Longest stable integration step (s) of the mechanism's stops, spring, friction and detent."""
         return longest_step(self)
 
     @property
     def largest_euler_step(self) -> Any:
-        """Longest stable semi-implicit Euler step (s) of stops, spring, friction and detent."""
+        """Longest stable semi-implicit Euler step (s) of the mechanism's stops, spring, friction and detent."""
         return longest_step(self, euler=True)
 
     def start(self) -> MechanismMotion:
-        """Initial state: at rest at the initial coordinate."""
+        """Initial state of the mechanism: at rest at the initial coordinate."""
         bristle = () if type(self.friction) is int else (0.0,)
         return MechanismMotion(coordinate=data(self.initial), rate=0.0, bristle=bristle)
 
     def frame(self, memory: MechanismMotion) -> CarriedFrame:
-        """Pose and velocity of the mechanism's axes at a state."""
+        """World pose and velocity of the mechanism in a given state."""
         return self.frame_at(memory.coordinate, memory.rate)
 
     def frame_at(self, coordinate: Any, rate: Scalar = 0.0) -> CarriedFrame:
-        """Pose and velocity of the mechanism's axes at a coordinate (rad or m) and its rate."""
+        """World pose and velocity of the mechanism for a given coordinate (rad or m) and rate."""
         R = rotation_of(self.angles)
         axis = R.apply(self.along)
         if self.turns:
@@ -200,7 +200,7 @@ class Mechanism(Carrier):
         return CarriedFrame(position=self.position + axis * coordinate, rotation=R, velocity=axis * rate, turning=ZERO3)
 
     def slope(self, memory: MechanismMotion, force_W: Vec3, torque_W: Vec3, gravity: Scalar) -> MechanismMotion:
-        """Time derivative of the state by the equation of motion along the coordinate."""
+        """Time derivative of the mechanism's state under a contact force and torque, by its equation of motion."""
         frame, rate = self.frame(memory), memory.rate
         axis, weight = rotation_of(self.angles).apply(self.along), Vec3(0, 0, neg(mul(self.mass, gravity)))
         if self.turns:
@@ -211,26 +211,26 @@ class Mechanism(Carrier):
         return MechanismMotion(coordinate=rate, rate=(applied + own) / self.generalized_inertia, bristle=bristle)
 
     def before_euler_step(self, memory: MechanismMotion, slope: MechanismMotion, dt: Scalar) -> MechanismMotion:
-        """State with the friction bristle advanced by ``dt`` (s)."""
+        """State of the mechanism with its friction bristle advanced by ``dt`` (s)."""
         bristle = tuple(z + change * dt for z, change in zip(memory.bristle, slope.bristle, strict=True))
         return replace(memory, bristle=bristle)
 
     def kick(self, memory: MechanismMotion, slope: MechanismMotion, dt: Scalar) -> MechanismMotion:
-        """State after an acceleration for ``dt`` (s): only the rate changes."""
+        """State of the mechanism after an acceleration for ``dt`` (s): only the rate changes."""
         return replace(memory, rate=memory.rate + slope.rate * dt)
 
     def drift(self, memory: MechanismMotion, dt: Any) -> MechanismMotion:
-        """State after ``dt`` (s) at constant rate: only the coordinate changes."""
+        """State of the mechanism after ``dt`` (s) at constant rate: only the coordinate changes."""
         return replace(memory, coordinate=memory.coordinate + memory.rate * dt)
 
     @property
     def columns(self) -> tuple[Column, ...]:  # type: ignore[override]
-        """Log columns of coordinate and rate."""
+        """Log columns of the mechanism's coordinate and rate."""
         unit = "rad" if self.turns else "m"
         return Column("mechanism_position", self.name, unit), Column("mechanism_rate", self.name, f"{unit}/s")
 
     def logged(self, memory: MechanismMotion) -> tuple[Any, ...]:
-        """Coordinate (rad or m) and rate for the log."""
+        """Coordinate (rad or m) and rate of the mechanism, for the log."""
         return (memory.coordinate, memory.rate)
 
 
@@ -248,7 +248,7 @@ STEEPEST = 16.0 / 3.0**1.5
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Detent:
-    """Detent: a hump of force along the coordinate, as of a latch or a click.
+    """Detent of a mechanism: an interval of the coordinate with an opposing force, as of a latch or click.
 
     Attributes:
         place: coordinate at which it begins. width: way to its end; it is highest in the middle.
@@ -278,7 +278,7 @@ class MechanismMotion:
 
 
 def inner_effort(of: Mechanism, memory: MechanismMotion) -> tuple[Any, tuple[Any, ...]]:
-    """Internal effort (spring, damping, detent, stops, friction; N m or N), and rate of the friction bristle."""
+    """Internal force or torque of a mechanism (N or N m), and rate of its friction bristle."""
     q, rate = memory.coordinate, memory.rate
     effort = -of.stiffness * (q - of.rest) - of.damping * rate
     if of.detent is not None:
@@ -321,7 +321,7 @@ def longest_step(of: Mechanism, *, euler: bool = False) -> Scalar:
 
 
 def stop_of(of: Mechanism) -> Material:
-    """Contact material of a mechanism's stop; in rad and N m for a hinge."""
+    """Contact material that models a mechanism's end stop; in N m and rad for a hinge."""
     stiffness = of.stop_stiffness
     if type(stiffness) is int:
         stiffness = STOP_RATE * STOP_RATE * of.generalized_inertia
@@ -330,18 +330,18 @@ def stop_of(of: Mechanism) -> Material:
 
 
 def bristle_of(of: Mechanism) -> Scalar:
-    """Deflection at which the friction bristle reaches full dry friction, rad or m."""
+    """Displacement (rad or m) over which a mechanism's dry friction builds up to its full value."""
     return BRISTLES[of.turns] if type(of.bristle) is int else of.bristle
 
 
 def _at_stop(limit: Any) -> bool:
-    """True if the coordinate limit has a stop, that is unless it is infinite."""
+    """True if a coordinate limit of a mechanism is finite, so that there is an end stop."""
     return not (concrete(limit) and math.isinf(limit))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Kind:
-    """Kind of mechanism: its motion, its axis and the sizes of its body.
+    """Kind of mechanism, such as a door: whether it turns, its axis, and the lengths that define its body.
 
     Attributes:
         turns: whether it is a hinge; else it slides.
@@ -367,7 +367,7 @@ KINDS = {
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Solid:
-    """Solid part of a mechanism, in its own axes.
+    """Box or cylinder of a mechanism, in the mechanism's axes.
 
     Attributes:
         shape, size: as of a surface. middle: of it, m.
@@ -381,7 +381,7 @@ class Solid:
 
 
 def solid_of(kind: str, size: Sequence[Scalar]) -> Solid:
-    """Solid body of a door, valve, drawer or button.
+    """Box or cylinder of a door, valve, drawer or button with given lengths (m).
 
     Args:
         kind: the word.

@@ -66,7 +66,7 @@ def _turn(about_x: float, about_y: float) -> Quaternion:
 
 
 def stand_vehicle(vehicle: Vehicle, gravity: float, contact: Contact, state: State) -> State:
-    """State in which the vehicle rests on the surfaces below it.
+    """Vehicle state in static equilibrium on the surfaces below its given position.
 
     Args:
         vehicle: the true one.
@@ -116,7 +116,7 @@ def _nothing(what: str, position: Vec3) -> str:
 
 
 def with_standing_objects(contact: Contact, gravity: float) -> Contact:
-    """Contact model whose standing objects are placed in static equilibrium.
+    """Contact model whose objects marked as standing are placed in static equilibrium.
 
     Args:
         contact: as read.
@@ -139,7 +139,7 @@ def with_standing_objects(contact: Contact, gravity: float) -> Contact:
 
 
 def _set_down(contact: Contact, index: int, gravity: float, away: Sequence[int]) -> Contact:
-    """Contact model with one object placed in static equilibrium; objects to be placed later are ignored."""
+    """Contact model with one object moved to static equilibrium on the surfaces below that object."""
     body, supports, x = contact.objects[index], _Supports(contact, index, gravity, away), np.zeros(3)
     where = f"world.objects[{index}].standing = true"
     if np.abs(supports.residual(x)).max() < 1e-9:
@@ -173,13 +173,13 @@ def _set_down(contact: Contact, index: int, gravity: float, away: Sequence[int])
 
 
 def _half_of(body: FreeObject) -> float:
-    """Half the smallest size of an object, m."""
+    """Half of an object's smallest dimension, m."""
     radii = {("sphere", 0), ("cylinder", 0)}
     return min(float(each) * (1.0 if (body.shape, i) in radii else 0.5) for i, each in enumerate(body.size))
 
 
 class _Supports:
-    """Static balance of one object on its supports, by its height (m) and two small tilt angles (rad).
+    """Force and moment balance of one object that rests on surfaces, as a function of height and two tilts.
 
     Args:
         contact: surfaces and objects.
@@ -194,7 +194,7 @@ class _Supports:
         self._weight = float(contact.objects[index].mass) * gravity
 
     def _displace(self, x: Array) -> list[Any]:
-        """States of all movable bodies with the object raised and tilted about its centre of mass."""
+        """States of all movable bodies, one of them raised (m) and tilted (rad) about its centre of mass."""
         up, about_x, about_y = x.tolist()
         found, held = list(self._first), self._first[self._index]
         place = held.position + Vec3(0.0, 0.0, up)
@@ -202,14 +202,14 @@ class _Supports:
         return found
 
     def _pushes(self, moved: Sequence[Any]) -> list[tuple[Meeting, Vec3]]:
-        """Contact pairs of the object, and the contact force on it in each, N."""
+        """Contact pairs that involve the object, each with the normal force (N) on the object."""
         i = self._index
         pairs = ((each, {each.of, each.by}) for each in self._all(moved))
         mine = [each for each, pair in pairs if i in pair and not pair & self._away]
         return [(each, each.touch.axis * (each.touch.normal if each.by == i else -each.touch.normal)) for each in mine]
 
     def gap(self, x: Array) -> float:
-        """Distance from the object to the nearest surface, m."""
+        """Distance (m) from the displaced object to the nearest surface; negative if it penetrates."""
         return -max((float(each.touch.depth) for each, _ in self._pushes(self._displace(x))), default=-LOWEST)
 
     def force(self, x: Array) -> float:
@@ -217,7 +217,7 @@ class _Supports:
         return float(sum(push.z for _, push in self._pushes(self._displace(x))))
 
     def residual(self, x: Array) -> Array:
-        """Residual of vertical force and level moments (by the object's size), divided by the weight."""
+        """Residual of the vertical force and of the horizontal moments on the object, relative to its weight."""
         moved = self._displace(x)
         force, moment = 0.0, ZERO3
         for each, push in self._pushes(moved):
@@ -228,14 +228,14 @@ class _Supports:
         return np.array(values) / self._weight
 
     def contact_at(self, x: Array) -> Contact:
-        """Contact model with the object moved to a candidate position."""
+        """Contact model with the object moved to a given height and tilt."""
         objects = list(self._contact.objects)
         objects[self._index] = _place_object(objects[self._index], self._displace(x)[self._index])
         return replace(self._contact, objects=tuple(objects))
 
 
 def _place_object(of: FreeObject, memory: ObjectMotion) -> FreeObject:
-    """Object with the position and angles of a state."""
+    """Free object whose initial position and angles are those of a given state."""
     frame = of.frame(memory)
     (r00, _, _), (r10, _, _), (r20, r21, r22) = ((float(c) for c in row) for row in frame.rotation.rows)
     angles = (np.arctan2(r21, r22), -np.arcsin(np.clip(r20, -1.0, 1.0)), np.arctan2(r10, r00))
@@ -244,7 +244,7 @@ def _place_object(of: FreeObject, memory: ObjectMotion) -> FreeObject:
 
 
 def _meetings_of(contact: Contact) -> Callable[[Sequence[Any]], list[Meeting]]:
-    """Function that evaluates the contact pairs of objects and surfaces, without the vehicle."""
+    """Make a function that evaluates the contacts between objects and surfaces, without the vehicle."""
     bodies, step = replace(contact, points=()), contact.largest_step
     memory = bodies.start(1.0, ())
     clock = (*memory.clock, 0.0)[0]

@@ -54,7 +54,7 @@ Face = tuple[Any, Vec3]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Surface:
-    """Contact surface of a solid body, rigid except for the compliance of the contact material.
+    """Contact surface: plane, box, cylinder, ball or plate with a hole, with its pose, motion and material.
 
     Attributes:
         name: for messages, logs and pictures. shape: one of ``SHAPES``.
@@ -98,7 +98,7 @@ class Surface:
 
     @property
     def farthest(self) -> Scalar:
-        """Distance of the surface's farthest point from its origin, m; only for shapes of finite size."""
+        """Largest distance (m) of the surface from its own origin; only for shapes of finite size."""
         if self.shape == "sphere":
             return self.size[0]
         if self.shape == "box":
@@ -118,7 +118,7 @@ class Surface:
         return self.position + Vec3(*(each[0] for each in found)), Vec3(*(each[1] for each in found))
 
     def _faces(self, p: Vec3) -> tuple[Face, ...]:
-        """Height of a point above each nearby face, and the normals of these faces, perpendicular to each other."""
+        """Height of a point above each relevant face of the shape, with the face's outward normal."""
         if self.shape == "plane":
             return ((p.z, E_Z),)
         if self.shape == "sphere":
@@ -158,7 +158,7 @@ class Surface:
         return radius - height, R.apply(normal)
 
     def clearance(self, centre_W: Vec3, axis_W: Vec3, radius: Scalar, t: Scalar) -> Any:
-        """Distance of a disc from the surface, m; negative if they may touch.
+        """Distance (m) between a disc, such as a rotor, and the surface; negative if they may touch.
 
         A plane between both is looked for among the faces and across the way from the disc's middle to the nearest
         point of the surface: what one of them parts, does not touch. Next to a corner the disc may still be some
@@ -181,7 +181,7 @@ class Surface:
 
 
 def require_size(where: str, shape: str, size: Sequence[Scalar]) -> None:
-    """Refuse a size with another number of lengths than its shape has."""
+    """Refuse a wrong number of lengths for a shape."""
     sizes = SHAPES[shape]
     if len(size) != len(sizes):
         allowed = f"must be {len(sizes)} numbers, {', '.join(sizes)}" if sizes else "must be left out of a plane"
@@ -198,7 +198,7 @@ def rotation_of(angles: Vec3) -> Mat3:
 
 
 def _half_width(axis: Vec3, normal: Vec3, radius: Scalar) -> Scalar:
-    """Extent of a disc from its centre along a unit vector, m."""
+    """Half the extent (m) of a disc along a unit vector."""
     if type(radius) is int and radius == 0:
         return 0
     along = axis.dot(normal)
@@ -206,7 +206,7 @@ def _half_width(axis: Vec3, normal: Vec3, radius: Scalar) -> Scalar:
 
 
 def _nearest(faces: tuple[Face, ...]) -> Face:
-    """Nearest face of a convex body: largest height above (or least depth below), and its normal."""
+    """Nearest face of a convex body to a point: height of the point above it, and outward normal."""
     height, normal = faces[0]
     for above, axis in faces[1:]:
         nearer = above > height
@@ -215,7 +215,7 @@ def _nearest(faces: tuple[Face, ...]) -> Face:
 
 
 def _slab(c: Scalar, size: Scalar, axis: Vec3) -> Face:
-    """Nearer one of two opposite faces of a slab: height above it, and its normal."""
+    """Nearer of two opposite parallel faces to a point: height of the point above it, and outward normal."""
     return absolute(c) - 0.5 * size, axis * sign(c)
 
 
@@ -224,7 +224,7 @@ def _either(condition: Any, a: Vec3, b: Vec3) -> Vec3:
 
 
 def _nearest_edge(faces: tuple[Face, ...], height: Scalar, normal: Vec3) -> Face:
-    """Distance and direction from the nearest edge or corner for a point outside; the given face for a point inside."""
+    """Distance (m) and direction from the nearest face, edge or corner of a convex body to a point."""
     outside = [maximum(above, 0.0) for above, _ in faces]
     away = sqrt(sum(each * each for each in outside) + _CENTRE)
     way = ZERO3
@@ -242,7 +242,7 @@ _SMALL = 1e-24
 
 
 def require_hole(size: Sequence[Scalar]) -> None:
-    """Refuse hole sizes that leave no material; raises RecordError with one line."""
+    """Refuse dimensions of a hole that leave no material around it."""
     if not concrete(*size):
         return
     radius, depth, chamfer, outer, length = size
@@ -258,7 +258,7 @@ def require_hole(size: Sequence[Scalar]) -> None:
 
 
 def from_plate(size: Sequence[Scalar], p: Vec3) -> tuple[Any, Vec3]:
-    """Height of a point above a plate with a hole (m, negative inside), and the outward normal, plate axes.
+    """Signed distance (m) of a point from a plate with a hole, and the outward normal at the nearest point.
 
     Args:
         size: as listed in ``SIZES``.
@@ -295,7 +295,7 @@ def from_plate(size: Sequence[Scalar], p: Vec3) -> tuple[Any, Vec3]:
 
 
 def _outside(size: Sequence[Scalar], away: Any, z: Any) -> Scalar:
-    """True if a point of the cross-section is outside the material: in the hole or beyond the plate."""
+    """True if a point of the plate's cross-section is outside the material."""
     radius, depth, chamfer, outer, length = size
     beyond = maximum(maximum(away - outer, z), -length - z) > 0.0
     hollow = logical_and(z > -depth, away < radius + maximum(z + chamfer, 0.0))
@@ -303,7 +303,7 @@ def _outside(size: Sequence[Scalar], away: Any, z: Any) -> Scalar:
 
 
 def _to_edge(away: Any, z: Any, start: tuple[Any, Any], way: tuple[Any, Any]) -> tuple[Scalar, ...]:
-    """Squared distance to an edge of the cross-section, vector from its nearest point, and its outward normal.
+    """Squared distance to an edge of the plate's cross-section, offset from its nearest point, outward normal.
 
     The material is on the right of an edge, seen along it.
     """

@@ -51,7 +51,7 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Arrow:
-    """Arrow of a force on the vehicle at N instants.
+    """Drawn arrow of a force on the vehicle at N instants.
 
     Attributes:
         name: unique in the scene. spot: (N, 3) m, where it acts. force: (N, 3) N. World axes.
@@ -64,7 +64,7 @@ class Arrow:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Scene:
-    """Shapes of one or all environment components at N instants, for pictures.
+    """Drawn solids, lines and arrows of the environment models at N instants of a flight.
 
     Attributes:
         solids: in the world. lines, arrows: in the world. attached: shapes on the vehicle's bodies.
@@ -79,13 +79,13 @@ class Scene:
 
     @property
     def obstacles(self) -> tuple[Solid, ...]:
-        """Solids that may hide the vehicle from the camera."""
+        """Drawn solids that may hide the vehicle from the camera."""
         return tuple(each for each in self.solids if each.shape.role in OBSTACLES)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Instants:
-    """Instants of a flight to draw, with the vehicle's state and the logged numbers.
+    """Instants of a flight to draw: times, the vehicle's states, and logged numbers of one environment model.
 
     Attributes:
         vehicle: the plant's, with concrete numbers.
@@ -106,17 +106,17 @@ class Instants:
 
     @cached_property
     def poses(self) -> Poses:
-        """Poses of all bodies: body index -> R_WB (N, 3, 3) and p_WB (N, 3); ``BASE`` is the base."""
+        """World rotations (N, 3, 3) and positions (N, 3) of all bodies of the vehicle, by body index."""
         return body_poses(self.vehicle, self.position, self.quaternion, self.joints)
 
     def place(self, point: Iterable[Any] = (0.0, 0.0, 0.0), body: int = BASE) -> Array:
-        """World position (N, 3), m, of a point given in the axes of a body (m)."""
+        """World positions (N, 3), m, of a point that is fixed to a body of the vehicle."""
         R, p = self.poses[body]
         return np.asarray(p + R @ np.array([float(c) for c in point]))
 
 
 def scene_in_log(components: Sequence[Component], seen: Instants, logged: Callable[[str], Array]) -> Scene:
-    """Scene of a flight at some instants of its log.
+    """Drawn solids, lines and arrows of a flight, from its log.
 
     Args:
         components: of the scenario, with concrete numbers.
@@ -127,7 +127,7 @@ def scene_in_log(components: Sequence[Component], seen: Instants, logged: Callab
 
 
 def scene_now(components: Sequence[Component], memories: Sequence[Any], seen: Instants, motion: PointMotion) -> Scene:
-    """Scene at the current instant of a running flight.
+    """Drawn solids, lines and arrows of a running flight at the current instant.
 
     Args:
         components: of the scenario.
@@ -146,7 +146,7 @@ def scene_now(components: Sequence[Component], memories: Sequence[Any], seen: In
 
 
 def instant_of(motion: PointMotion, time: float, around: Array) -> Instants:
-    """One instant to draw from the vehicle's motion at a time (s); ``around``: centre of drawn planes (3,), m."""
+    """Single instant to draw, from the vehicle's present motion."""
     state = motion.state
     position, quaternion, joints = (
         np.array([[float(c) for c in each]]) for each in (state.position, state.quaternion, state.joints)
@@ -158,19 +158,19 @@ def instant_of(motion: PointMotion, time: float, around: Array) -> Instants:
 
 
 def first_memories(components: Sequence[Component], period: float) -> list[Any]:
-    """Initial internal states of all environment components, with every random number set to 0.5."""
+    """Initial internal states of all environment models, with every random number set to 0.5."""
     return [part.start(period, [0.5] * (2 * part.uniforms)) for part in components]
 
 
 def has_shapes(part: Component) -> bool:
-    """True if the environment component draws any shapes."""
+    """True if the environment model draws anything in pictures."""
     return type(part).shapes is not Component.shapes
 
 
 def _own_columns(
     components: Sequence[Component], logged: Callable[[str], Array]
 ) -> Iterator[tuple[Component, Mapping[str, Array]]]:
-    """Drawable environment components, each with the log columns of that component, if the log has them."""
+    """Environment models that draw something, each with its columns of the flight log."""
     begins: dict[str, int] = {}
     for part in components:
         own: dict[str, int] = {}
@@ -185,7 +185,7 @@ def _own_columns(
 
 
 def _scene(parts: Iterable[tuple[Component, Instants]]) -> Scene:
-    """Merged scene of all environment components, with the highest of all ground heights."""
+    """Merge the drawn solids, lines and arrows of all environment models."""
     scenes = [part.shapes(seen) for part, seen in parts]
     solids = [solid for each in scenes for solid in each.solids]
     lines = [line for each in scenes for line in each.lines]
@@ -200,7 +200,7 @@ def _scene(parts: Iterable[tuple[Component, Instants]]) -> Scene:
 
 
 def hidden_share(solids: Iterable[Solid], places: Array, towards: Array) -> float:
-    """Share of the instants at which solids hide a given point from the camera.
+    """Share of the instants at which drawn solids hide a given point from the camera.
 
     Args:
         solids: at N instants.
@@ -216,7 +216,7 @@ def hidden_share(solids: Iterable[Solid], places: Array, towards: Array) -> floa
 
 
 def inside(solid: Solid, places: Array) -> npt.NDArray[np.bool_]:
-    """True for points (..., 3) inside a solid, in its axes; for a patch, below it; holes count as filled."""
+    """True for points (..., 3) inside a drawn solid, given in its axes."""
     kind, size, height = solid.shape.kind, np.array(solid.shape.size), places[..., 2]
     across = np.linalg.norm(places[..., :2], axis=-1)
     found: Any

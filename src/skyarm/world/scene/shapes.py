@@ -29,7 +29,7 @@ ROLES = ("hull", "boom", "rotor", "link", "joint", "tip", "payload", "point", "s
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """Geometric shape in the frame of its body.
+    """Geometric shape to draw, fixed to a body of the vehicle or to the world.
 
     Attributes:
         name: unique among the shapes of a vehicle.
@@ -90,7 +90,7 @@ def shape_between(name: str, role: str, kind: str, body: int, radius: float, sta
 
 
 def turn_onto(axis: Vector) -> Matrix:
-    """Rotation matrix (rows) that turns z onto an axis by the shortest way; about x for -z."""
+    """Rotation matrix (rows) of the smallest rotation that turns the z axis onto a given axis."""
     length = math.hypot(*axis)
     if length == 0.0:
         return UPRIGHT
@@ -116,7 +116,7 @@ AROUND = 24
 
 
 def mesh_of(shape: Shape, around: int = AROUND) -> tuple[Array, Faces]:
-    """Mesh of a shape: vertices (V, 3) in axes of the body, m, and outward triangles (F, 3).
+    """Triangle mesh of a shape: vertices (V, 3) in m and triangles (F, 3) with outward normals.
 
     Args:
         shape: any of :data:`skyarm.world.scene.shapes`; one with a mesh whose file is there is that.
@@ -154,7 +154,7 @@ def mesh_of(shape: Shape, around: int = AROUND) -> tuple[Array, Faces]:
 
 
 def own_mesh(shape: Shape) -> tuple[Array, Faces] | None:
-    """Vertices (m, axes of the shape) and triangles of a shape's mesh file; None if it has no readable one."""
+    """Vertices (m) and triangles of a shape's STL file; None without a readable file."""
     if not shape.mesh:
         return None
     x, y, z = shape.size if shape.kind == "mesh" else METRES

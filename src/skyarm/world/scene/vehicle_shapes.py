@@ -33,7 +33,7 @@ _ORIGIN: Vector = (0.0, 0.0, 0.0)
 
 
 def vehicle_shapes(vehicle: Vehicle, *, meshes: bool = True) -> tuple[Shape, ...]:
-    """Shapes that draw a vehicle: meshes of its links if present, else simple shapes of rotors and joints.
+    """Shapes that draw a vehicle: meshes of its links if available, else simple rods, discs and balls.
 
     Args:
         vehicle: with concrete numbers.
@@ -65,14 +65,14 @@ def vehicle_shapes(vehicle: Vehicle, *, meshes: bool = True) -> tuple[Shape, ...
 
 
 def payload_shape(vehicle: Vehicle, mass: float, frame: str = "", com: Vec3 = ZERO3) -> Shape:
-    """Ball that draws a payload (kg) at its centre of mass (m, axes of a frame, by default the tip)."""
+    """Ball that draws a payload, with a volume that follows from its mass (kg)."""
     at = vehicle.frame(frame or None)
     radius = (3.0 * max(mass, 0.0) / (4.0 * math.pi * PAYLOAD_DENSITY)) ** (1.0 / 3.0)
     return Shape("payload", "payload", "sphere", at.link, (radius,), floats(at.position + at.rotation.apply(com)))
 
 
 def rotor_radius(vehicle: Vehicle) -> float:
-    """Radius of the drawn rotor discs, m: at most 0.45 of the hub distance and half the longest boom."""
+    """Radius (m) of the drawn rotor discs, small enough that neighbouring discs do not overlap."""
     hubs = [floats(rotor.position) for rotor in vehicle.rotors]
     apart = [math.dist(a, b) for i, a in enumerate(hubs) for b in hubs[:i] if math.dist(a, b) > 1e-6]
     longest = 0.5 * longest_boom(vehicle)
@@ -82,7 +82,7 @@ def rotor_radius(vehicle: Vehicle) -> float:
 
 
 def longest_boom(vehicle: Vehicle) -> float:
-    """Distance of the farthest rotor from the base, m, which scales all shapes; LEAST_REACH without rotors."""
+    """Distance (m) of the farthest rotor from the base, which scales all drawn shapes; 0.1 without rotors."""
     return max((math.hypot(*floats(rotor.position)) for rotor in vehicle.rotors), default=0.0) or LEAST_REACH
 
 
@@ -99,7 +99,7 @@ def _rotor_shapes(vehicle: Vehicle, reach: float) -> list[Shape]:
 
 
 def _rods(vehicle: Vehicle, body: int, name: str, radius: float) -> list[Shape]:
-    """Rods from a body's origin to its joints and frames; on a last link without frames, to the centre of mass."""
+    """Rods that draw a body of the vehicle, from its origin to its joints and frames."""
     ends = [(other.joint.name, other.joint.position) for other in vehicle.moving if other.parent == body]
     ends += [(frame.name, frame.position) for frame in vehicle.frames if frame.link == body]
     role = "boom" if body == BASE else "link"
@@ -113,7 +113,7 @@ def _rods(vehicle: Vehicle, body: int, name: str, radius: float) -> list[Shape]:
 
 
 def _mesh_shape(number: int, look: Look) -> Shape:
-    """Shape of a link's mesh file."""
+    """Drawn shape of a link with an STL mesh file."""
     a, b, c = (floats(row) for row in look.rotation.rows)
     role = "hull" if look.link == BASE else "link"
     name = f"mesh{number + 1}/{look.name}"
@@ -128,7 +128,7 @@ Poses = dict[int, tuple[Array, Array]]
 
 @dataclass(frozen=True, slots=True)
 class Placed:
-    """Poses of all bodies at one instant; row 0 is the base, row 1 + i is link i.
+    """World poses of all bodies of the vehicle at one instant: first the base, then the links.
 
     Attributes:
         rotations: (bodies, 3, 3), R_WB. positions: (bodies, 3), m.
@@ -142,7 +142,7 @@ class Placed:
 
 @lru_cache(maxsize=16)
 def _program(vehicle: Vehicle) -> Program:
-    """Program that computes R_WB and p_WB of every body, and the tip position."""
+    """Compiled program that computes the world poses of all bodies and the tip position."""
     frame = vehicle.frame() if vehicle.end_effector else None
 
     def poses(position: Vec3, quaternion: Quaternion, joints: tuple[Scalar, ...]) -> tuple[Any, ...]:
@@ -158,7 +158,7 @@ def _program(vehicle: Vehicle) -> Program:
 
 
 def place(vehicle: Vehicle, position: Sequence[Any], quaternion: Sequence[Any], joints: Sequence[Any]) -> Placed:
-    """Poses of all bodies at one instant, fast enough for 60 frames a second.
+    """World poses of all bodies of the vehicle at one instant, for animations in real time.
 
     Args:
         vehicle: with concrete numbers.
@@ -172,7 +172,7 @@ def place(vehicle: Vehicle, position: Sequence[Any], quaternion: Sequence[Any], 
 
 
 def body_poses(vehicle: Vehicle, position: Array, quaternion: Array, joints: Array) -> Poses:
-    """Poses of all bodies at N instants.
+    """World rotations (N, 3, 3) and positions (N, 3) of all bodies of the vehicle at N instants.
 
     Args:
         vehicle: with concrete numbers.
@@ -223,7 +223,7 @@ def matrices(R: Mat3, count: int) -> Array:
 
 
 def rotor_turns(vehicle: Vehicle, tilts: Array) -> dict[str, Array]:
-    """Rotation of every tilting rotor's disc about its hub, by the name of the disc's shape.
+    """Rotations (N, 3, 3) of every tilting rotor's disc about its hub, by shape name.
 
     Args:
         vehicle: with concrete numbers.
@@ -247,6 +247,6 @@ def disc_name(rotor: str) -> str:
 
 
 def shape_rotation(shape: Shape, turns: dict[str, Array]) -> Array:
-    """Rotation R_BS of a shape: (N, 3, 3) for a tilting disc, (3, 3) for any other."""
+    """Rotation of a drawn shape in its body: (N, 3, 3) for the disc of a tilting rotor, else (3, 3)."""
     still = np.array(shape.rotation)
     return turns[shape.name] @ still if shape.name in turns else still
