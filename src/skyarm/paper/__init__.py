@@ -1,1 +1,1 @@
-"""Reproduction of the paper's experiments: cases, published numbers, tables, report."""
+"""Reproduction of Barakou et al. 2026 (Drones 10, 274): cases, published numbers, tables, report."""

@@ -1,4 +1,4 @@
-"""Parallel simulation of the reproduction's flights: as published, varied, and with inferred settings."""
+"""Parallel simulation of all flights that reproduce Barakou et al. 2026, also with varied settings."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Job:
 
     @property
     def label(self) -> str:
-        """Description of the flight for a progress bar."""
+        """Description of one flight for a progress bar."""
         words = f"{self.flight.case} {self.flight.controller} {self.flight.plant}"
         more = [f"{self.group} {self.value}" if self.group else "", self.kind and f"{self.kind} settings"]
         return ", ".join([words, *filter(None, more)])
@@ -43,7 +43,7 @@ class Job:
 
 @dataclass(slots=True)
 class Campaign:
-    """Results of all flights of the reproduction.
+    """Results of all flights that reproduce Barakou et al. 2026: logs and metrics.
 
     Attributes:
         logs: plant -> case -> law -> log of the paper's flights. sensitivity: metrics under variations.
@@ -55,7 +55,7 @@ class Campaign:
     found: dict[str, dict[tuple[str, str, str], Metrics]] = field(default_factory=dict)
 
     def metrics_by_cell(self) -> dict[tuple[str, str, str], Metrics]:
-        """Metrics of the flights as published, as a mapping (case, controller, plant) -> metrics."""
+        """Metrics of the flights with published settings: (case, controller, plant) -> metrics."""
         return {
             (case, controller, plant): metrics(case, log)
             for plant, cases in self.logs.items()
@@ -64,11 +64,11 @@ class Campaign:
         }
 
     def all_logs(self) -> list[Log]:
-        """Logs of all of the paper's flights."""
+        """Flight logs of all cases of Barakou et al. 2026."""
         return [log for cases in self.logs.values() for pair in cases.values() for log in pair.values()]
 
     def keep(self, job: Job, result: Any) -> None:
-        """Store the result of a job."""
+        """Store the result of one simulated flight."""
         case, law, plant = job.flight.case, job.flight.controller, job.flight.plant
         if job.kind:
             self.found.setdefault(job.kind, {})[case, law, plant] = result
@@ -79,7 +79,7 @@ class Campaign:
 
 
 def perform(job: Job) -> Log | Metrics:
-    """Simulate one job; returns the log of a flight as published, or the metrics of a flight with changed settings."""
+    """Simulate one flight; returns its log, or its metrics if settings are changed."""
     if job.kind:
         return measure_inferred(job.flight, dict(job.settings))
     if not job.group:
@@ -88,7 +88,7 @@ def perform(job: Job) -> Log | Metrics:
 
 
 def inferred_jobs(plants: Sequence[str], evidence: Record) -> list[Job]:
-    """Jobs of all flights with inferred settings, then of the flights on the first plant with predicted settings."""
+    """Flights to simulate with inferred settings, and with settings predicted from some cases."""
     return [
         Job(flight, kind=kind, settings=tuple(settings_in(evidence, kind).items()))
         for kind, flown in ((INFERRED, plants), (PREDICTED, plants[:1]))
@@ -105,7 +105,7 @@ def run_campaign(
     workers: int = 1,
     progress: Progress | None = None,
 ) -> Campaign:
-    """Simulate all flights; results do not depend on the number of workers.
+    """Simulate all flights of the reproduction; results do not depend on the number of workers.
 
     Args:
         plants: "rigid_body", "mujoco" or both; variations are flown on the first.
@@ -139,7 +139,7 @@ def run_campaign(
 
 
 def _perform_all(jobs: Sequence[Job], workers: int, progress: Progress | None) -> dict[Job, Any]:
-    """Simulate all jobs, in parallel if there are several workers; results in the order of the jobs."""
+    """Simulate flights, in parallel if there are several workers; results in the given order."""
     done: dict[Job, Any] = {}
 
     def note(job: Job, result: Any) -> None:

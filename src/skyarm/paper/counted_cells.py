@@ -1,4 +1,4 @@
-"""Agreement with the paper: number of table cells that each column reproduces, and cells that no settings explain."""
+"""Agreement with Barakou et al. 2026: how many of its published numbers a simulation reproduces."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Column = Callable[[Record], Any]
 
 @lru_cache(maxsize=1)
 def published_cells() -> tuple[Cell, ...]:
-    """Numeric cells of the paper's tables, without settling times."""
+    """Published numbers of Barakou et al. 2026 by case, controller and metric, without settling times."""
     return tuple(
         Cell(f"{case} {law}", name, name, value, rounding(case, law, name))
         for case, laws in PAPER.items()
@@ -36,17 +36,17 @@ def published_cells() -> tuple[Cell, ...]:
 
 
 def stated_value(plant: str) -> Column:
-    """Function from a table cell to a plant's value under the settings that the paper states."""
+    """Function from a results entry to a plant's value under the settings that the publication states."""
     return lambda cell: cell.get(plant)
 
 
 def inferred_value(plant: str) -> Column:
-    """Function from a table cell to a plant's value under the inferred settings."""
+    """Function from a results entry to a plant's value under the inferred settings."""
     return lambda cell: cell.get("inferred", {}).get(plant)
 
 
 def column_values(experiments: Record, column: Column, cells: Sequence[Cell]) -> Any:
-    """Values (cells,) of one results column, in the order of the cells; NaN for a cell without a value."""
+    """Simulated values (numbers,) that belong to given published numbers; NaN without a value."""
     found = []
     for cell in cells:
         case, _, law = cell.flight.rpartition(" ")
@@ -56,7 +56,7 @@ def column_values(experiments: Record, column: Column, cells: Sequence[Cell]) ->
 
 
 def counts(experiments: Record, column: Column, fits: Callable[[Cell], bool] | None = None) -> dict[str, Any]:
-    """Loss and agreement counts of a column over selected cells (default all); {} if no cell has a value."""
+    """Counts of published numbers that simulated values agree with, within 5, 10 and 25 %."""
     cells = [cell for cell in published_cells() if fits is None or fits(cell)]
     values, shape = column_values(experiments, column, cells), unstated_study()["loss"]
     if np.isnan(values).all():
@@ -66,19 +66,19 @@ def counts(experiments: Record, column: Column, fits: Callable[[Cell], bool] | N
 
 
 def in_group(group: str) -> Callable[[Cell], bool]:
-    """Predicate on table cells: true for the cells of a given cell group of the study."""
+    """Predicate on published numbers: true for those of a named group, such as gust cases."""
     cells = published_cells()
     chosen = {cells[i] for i in group_places(unstated_study()["groups"][group], cells)}
     return lambda cell: cell in chosen
 
 
 def in_case(case: str) -> Callable[[Cell], bool]:
-    """Predicate on table cells: true for the cells of a given case."""
+    """Predicate on published numbers: true for those of a given case."""
     return lambda cell: cell.flight.rpartition(" ")[0] == case
 
 
 def sentence(results: Record) -> str:
-    """Sentence with the agreement counts of all columns."""
+    """Sentence that says how many published numbers are reproduced within 5, 10 and 25 %."""
     experiments = results.get("experiments", {})
     by_plant = {plant: counts(experiments, stated_value(plant)) for plant in PLANTS}
     found = {plant: counts(experiments, inferred_value(plant)) for plant in PLANTS}
@@ -93,7 +93,7 @@ def sentence(results: Record) -> str:
 
 
 def _several(by_plant: Mapping[str, Record]) -> str:
-    """Text of the agreement counts: first plant in words, other plants in brackets."""
+    """Text of agreement counts: the first plant in words, other plants in brackets."""
     flown = [(plant, [each[f"within_{share}%"] for share in (25, 10, 5)]) for plant, each in by_plant.items() if each]
     if not flown:
         return "none were flown"

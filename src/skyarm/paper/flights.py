@@ -1,4 +1,4 @@
-"""Simulation of the paper's five experiments with both controllers, measured as in the paper."""
+"""Simulation and metrics of the five cases of Barakou et al. 2026 with both controllers."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ Metrics = dict[str, float | None]
 
 @dataclass(frozen=True, slots=True)
 class Flight:
-    """One episode of the paper: a case, a controller ("CT", "PD" or a preset), a plant."""
+    """One flight of Barakou et al. 2026: a case, a controller ("CT", "PD" or a preset), a plant."""
 
     case: str
     controller: str
@@ -48,19 +48,19 @@ class Flight:
 
 
 def flights(plants: Sequence[str] = PLANTS) -> list[Flight]:
-    """All episodes of the paper for the given plants."""
+    """All flights of Barakou et al. 2026 for the given kinds of simulated plant."""
     return [Flight(case, controller, plant) for plant in plants for case in CASES for controller in CONTROLLERS]
 
 
 def scenario(flight: Flight) -> Scenario:
-    """Scenario of an episode: the shipped case with the episode's plant and controller."""
+    """Scenario of one flight: the shipped case with the flight's plant and controller."""
     return load_scenario(
         flight.case, plant=flight.plant, controller=CONTROLLERS.get(flight.controller, flight.controller)
     )
 
 
 def fly(flight: Flight, change: Callable[[Scenario], Scenario] | None = None) -> Log:
-    """Simulate an episode, optionally with a changed scenario."""
+    """Simulate one flight of a published case, optionally with a changed scenario."""
     planned = scenario(flight)
     return run(change(planned) if change else planned)
 
@@ -85,7 +85,7 @@ def metrics(case: str, log: Log, holds: tuple[Window, ...] = HOLDS) -> Metrics:
 
 
 def _metrics_by_name(case: str, joints: int) -> dict[str, str]:
-    """Name in the paper's table -> name of the metric, in the order of the table."""
+    """Metrics of a case: name in the published table -> name in skyarm, in the table's order."""
     efforts = (f"tau{i + 1}_rms" for i in range(joints))
     always = {name: name for name in ("pitch_rms", "roll_rms", *efforts, "hover_offset")}
     if case == "case2_gust":
@@ -99,7 +99,7 @@ def _metrics_by_name(case: str, joints: int) -> dict[str, str]:
 
 
 def _twin(metric: str, suffix: str) -> str:
-    """Metric name with the suffix of a reference form, such as ``_continuous``; unchanged if it needs no reference."""
+    """Metric name with a suffix such as ``_continuous``, if the metric depends on the reference's form."""
     return metric + suffix if metric in REFERRED or metric == "settling_time" else metric
 
 
@@ -108,7 +108,7 @@ Measured = Mapping[tuple[str, str, str], Metrics]
 
 
 def results(measured: Measured, settings: dict[str, Any], inferred: Measured | None = None) -> dict[str, Any]:
-    """Table of all cells: columns paper, rigid_body, mujoco; None for a plant that was not simulated.
+    """Published and simulated numbers by case, controller and metric; None if not simulated.
 
     Args:
         measured: metrics by (case, controller, plant).
@@ -133,7 +133,7 @@ def results(measured: Measured, settings: dict[str, Any], inferred: Measured | N
 
 
 def first_plant(results: Record) -> str:
-    """Plant that was simulated first, used for differences, reasons and figures."""
+    """Kind of plant that was simulated first, which differences and figures refer to."""
     named = results.get("settings", {}).get("plants")
     if named:
         return str(named[0])

@@ -1,4 +1,4 @@
-"""Evidence for the inferred settings as plain tables, for terminal, Markdown and report."""
+"""Tables of evidence for settings inferred from the numbers of Barakou et al. 2026."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ GROUPS = {
 
 
 def number(value: float) -> str:
-    """Format a setting with at most six digits."""
+    """Text of a number with at most six digits."""
     return f"{value:.6g}"
 
 
@@ -41,7 +41,7 @@ def settings_table(evidence: Record) -> Table:
 
 
 def ladder_table(evidence: Record) -> Table:
-    """Table of the loss as the inferred settings are added one after the other."""
+    """Table of the misfit to published numbers as inferred settings are added one after the other."""
     rows = [
         (each["name"], str(each["numbers"]), str(each["choices"]), *_loss_cells(each), *_laws(each))
         for each in evidence["stages"]["ladder"]["rungs"]
@@ -51,7 +51,7 @@ def ladder_table(evidence: Record) -> Table:
 
 
 def choices_table(evidence: Record) -> Table:
-    """Table of the loss for each option of a discrete choice, with the continuous settings refitted."""
+    """Table of the misfit for each option of a discrete setting, with the continuous settings refitted."""
     rows = []
     for name, stage in evidence["stages"].items():
         if name.startswith("choice "):
@@ -63,7 +63,7 @@ def choices_table(evidence: Record) -> Table:
 
 
 def profile_tables(evidence: Record) -> list[Table]:
-    """Tables of the loss against the value of each continuous setting, others held and refitted."""
+    """Tables of the misfit over each continuous setting, with the others held and refitted."""
     study, found = unstated_study(), []
     for name in study["fit"]["free"]:
         stage, each = evidence["stages"][f"profile {name}"], named(study["parameters"], name)
@@ -75,7 +75,7 @@ def profile_tables(evidence: Record) -> list[Table]:
 
 
 def rivals_table(evidence: Record) -> Table:
-    """Table of alternative explanations: loss with each alone on some cells, and in addition to the fitted settings."""
+    """Table of alternative explanations of published numbers: misfit with each alone and with the fit."""
     study, rows = unstated_study(), []
     for rival in study["rivals"]:
         stage = evidence["stages"][f"rival {rival['name']}"]
@@ -95,7 +95,7 @@ def rivals_table(evidence: Record) -> Table:
 
 
 def prediction_table(results: Record, predicted: Record, plant: str) -> Table:
-    """Table of out-of-sample results: as stated, predicted from Cases 2 and 3, fitted to all cases.
+    """Table of agreement for cases outside the fit: as stated, predicted from Cases 2 and 3, fitted.
 
     ``predicted`` are the experiments of results whose inferred column has the predicted settings.
     """
@@ -118,13 +118,13 @@ def prediction_table(results: Record, predicted: Record, plant: str) -> Table:
 
 
 def evidence_tables(evidence: Record) -> list[Table]:
-    """All tables of the search for inferred settings."""
+    """All tables of evidence for the inferred settings."""
     before = [settings_table(evidence), ladder_table(evidence), choices_table(evidence)]
     return [*before, *profile_tables(evidence), rivals_table(evidence)]
 
 
 def markdown_of(tables: Sequence[Table]) -> str:
-    """Convert tables to Markdown."""
+    """Markdown text of tables of evidence."""
     return "\n\n".join([RULE, *(f"## {each.caption}\n\n{each.markdown(each.caption)}" for each in tables)]) + "\n"
 
 
@@ -149,7 +149,7 @@ def _share(found: Record, within: str) -> str:
 
 
 def inferred_facts(evidence: Record) -> dict[str, Any]:
-    """Settings behind the inferred column, for ``settings`` of the results."""
+    """Inferred settings and their origin, as plain data for the results file."""
     fit, settings = unstated_study()["fit"], evidence["stages"]["fit"]["settings"]
     facts = {"numbers": len(fit["free"]), "choices": len(fit["choices"]), "settings": settings}
     return {"inferred": facts | {"found_by": evidence["version"], "study": evidence["study_digest"][:16]}}

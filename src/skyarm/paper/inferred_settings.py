@@ -1,4 +1,4 @@
-"""The paper's cases with settings that a search inferred from its published numbers."""
+"""Cases of Barakou et al. 2026 with settings inferred from its published numbers."""
 
 from __future__ import annotations
 
@@ -32,31 +32,31 @@ PREDICTION = "from_cases_2_and_3"
 
 @lru_cache(maxsize=1)
 def unstated_study() -> Tables:
-    """Study of the settings that the paper does not state, as in its file."""
+    """Definition of the search for settings that Barakou et al. 2026 do not state, as in its TOML file."""
     return read_toml((LIBRARY / STUDY).read_bytes())
 
 
 def shipped_evidence() -> dict[str, Any]:
-    """Read the shipped results of the search, made by ``research/infer.py`` of the source."""
+    """Read the shipped results of the search for unstated settings."""
     found: dict[str, Any] = json.loads((LIBRARY / FOUND).read_text(encoding="utf-8"))
     return found
 
 
 def is_of_this_study(evidence: Record) -> bool:
-    """True if the search results belong to the current version of the study."""
+    """True if given search results belong to the current definition of the search."""
     study = unstated_study()
     flights = {each["name"]: stated_tables(study, each["name"]) for each in study["flights"]}
     return bool(evidence.get("study_digest") == study_digest(study, flights))
 
 
 def settings_in(evidence: Record, kind: str) -> dict[str, Any]:
-    """Settings of one kind: inferred or predicted."""
+    """Settings that the search found: fitted to all cases, or predicted from some."""
     stage = "fit" if kind == INFERRED else f"prediction {PREDICTION}"
     return dict(evidence["stages"][stage]["settings"])
 
 
 def inferred_scenario(flight: Flight, settings: Record) -> Scenario:
-    """Scenario of a flight with settings of the study."""
+    """Scenario of one flight with inferred settings."""
     study, name = unstated_study(), f"{flight.case} {flight.controller}"
     tables = scenario_tables(study, stated_tables(study, name), name, settings)
     planned = scenario_from(tables, replaced={"plant": flight.plant})

@@ -1,4 +1,4 @@
-"""The paper's published numbers (``library/published.toml``, with sources), and their comparison with ours."""
+"""Published numbers of Barakou et al. 2026, and their comparison with simulated ones."""
 
 from __future__ import annotations
 
@@ -47,18 +47,18 @@ def rounding(case: str, controller: str, metric: str) -> float:
 
 
 def printed_number(case: str, controller: str, metric: str) -> str:
-    """The published number as printed; "" where there is none."""
+    """Published number as printed in the table; "" if there is none."""
     return PRINTED.get(case, {}).get(controller, {}).get(metric, "")
 
 
 def published_number(case: str, controller: str, metric: str) -> str:
-    """Published number as printed, or as stated in the text; "" if there is none."""
+    """Published number as printed in the table or stated in the text; "" if there is none."""
     return printed_number(case, controller, metric) or _TABLES["said"].get(case, {}).get(controller, {}).get(metric, "")
 
 
 @dataclass(frozen=True, slots=True)
 class Metric:
-    """Metric of the paper's tables: label, unit and definition.
+    """Metric of the published tables: label, unit and definition.
 
     Attributes:
         label: words. unit: SI. definition: one sentence. bound: the paper states an upper bound only.
@@ -74,7 +74,7 @@ METRICS = {name: Metric(**row) for name, row in _TABLES["metrics"].items()}
 
 
 def metric(name: str) -> Metric:
-    """Find a metric by name; an unlisted one gets its name as label."""
+    """Published metric by name; an unlisted name becomes its own label."""
     base = name.removesuffix(CONTINUOUS)
     found = METRICS.get(base, Metric(base.replace("_", " ")))
     return found if base == name else replace(found, label=f"{found.label}, continuous reference")
@@ -86,12 +86,12 @@ def finite_or_none(value: Number) -> float | None:
 
 
 def digits(value: Number) -> str:
-    """Format with three significant digits, trailing zeros included; a dash for None."""
+    """Text of a number with three significant digits; a dash for None."""
     return "-" if value is None else "0" if value == 0.0 else f"{value:#.3g}".removesuffix(".")
 
 
 def relative(ours: Number, paper: Number) -> float | None:
-    """Relative difference from the paper, positive for a larger magnitude.
+    """Relative difference from the published number, positive for a larger magnitude.
 
     A magnitude that is too large is positive, for negative numbers too; another sign than the paper's is below -1.
     None where either is missing or the paper's is zero.
@@ -101,14 +101,14 @@ def relative(ours: Number, paper: Number) -> float | None:
 
 
 def percent(ours: Number, paper: Number) -> str:
-    """Format a relative difference in whole percent with sign; no sign for zero, "" for None."""
+    """Text of a relative difference in whole percent with sign; "" if a number is missing."""
     found = relative(ours, paper)
     rounded = 0 if found is None else round(100.0 * found)
     return "" if found is None else f"{rounded:+d} %" if rounded else "0 %"
 
 
 def reversed_orders(experiments: Record, plant: str) -> list[tuple[str, str]]:
-    """(case, metric) pairs in which the controller that is better in the paper is worse here.
+    """Cases and metrics in which the controller with the better published number is worse here.
 
     Only metrics that are better when smaller in magnitude and that the paper gives for both controllers; numbers within
     1 % of each other have no order.

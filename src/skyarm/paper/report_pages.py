@@ -1,4 +1,4 @@
-"""HTML report of the reproduction: a page with the verdict and a page per case, usable offline."""
+"""HTML report of the reproduction of Barakou et al. 2026: an overview and a page per case."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def report_pages(
     inferred: str = "",
     opening: str = "",
 ) -> dict[str, str]:
-    """Write the HTML report.
+    """HTML pages of the reproduction's report: file name -> document.
 
     Args:
         results: as in ``results.json``: "experiments" and "settings".
@@ -116,13 +116,13 @@ def page_script() -> str:
 
 
 def case_files(cases: Iterable[str]) -> dict[str, str]:
-    """Case -> file name of its page, which is next to :data:`MAIN`."""
+    """File names of the report's case pages, by case."""
     named = file_names([MAIN.removesuffix(".html"), *cases], "", ".html")
     return {case: file for case, file in named.items() if file != MAIN}
 
 
 def _case_page(case: str, laws: Record, logs: Logs, figures: Mapping[int, bytes], plant: str) -> _Page:
-    """Page of a case: plots of its flights, table of its numbers, and the paper's figures."""
+    """Report page of a case: plots of its flights, table of its numbers, and redrawn figures."""
     flown = {each: cases[case] for each, cases in logs.items() if cases.get(case)}
     sections = [
         *([("flights", "Flights", _flights(case, flown))] if flown else []),
@@ -133,7 +133,7 @@ def _case_page(case: str, laws: Record, logs: Logs, figures: Mapping[int, bytes]
 
 
 def _flights(case: str, flown: Mapping[str, Mapping[str, Log]]) -> str:
-    """Plots of a case's flights over time, first plant: base, joints and tip; for the circle also the tip's path."""
+    """HTML plots of a case's flights over time: base, joints and tip."""
     plant, laws = next(iter(flown.items()))
     kinds = {"tracking": "base and joints", "tip": "tip and its error"}
     if case == "case3":
@@ -147,7 +147,7 @@ def _flights(case: str, flown: Mapping[str, Mapping[str, Log]]) -> str:
 
 
 def _paper_figures(figures: Mapping[int, bytes], plant: str) -> str:
-    """Section with the paper's figures, redrawn from our flights."""
+    """HTML section with the published figures, redrawn from simulated flights."""
     parts = []
     for number, png in sorted(figures.items()):
         caption = f"Figure {number}. {PAPER_CATALOGUE[number].caption}"

@@ -1,4 +1,4 @@
-"""HTML tables of the reproduction: paper and ours, differences and their explanations."""
+"""Tables of the reproduction: published and simulated numbers, and their differences."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def number_cell(value: Number, *, written: str = "", strong: bool = False) -> Ce
 
 
 def difference_text(ours: Number, paper: Number) -> str:
-    """Relative difference in percent; a dash if a number is missing."""
+    """Text of the relative difference from a published number in percent; a dash if a number is missing."""
     return typographic(percent(ours, paper)).replace(" ", "\N{NO-BREAK SPACE}") or DASH
 
 
@@ -74,14 +74,14 @@ def title_of(case: str) -> str:
 
 
 def not_reproduced(experiments: Experiments, plant: str) -> str:
-    """Metrics in which the controller that is better in the paper is worse here."""
+    """Sentence that lists where the controller with better published numbers is worse here."""
     pairs = reversed_orders(experiments, plant)
     named = "; ".join(f"{title_of(case).split(':')[0]} {name}" for case, name in pairs) or "nothing"
     return f"Not reproduced, the better controller of the paper is the worse one here ({plant}): {named}."
 
 
 def summary_table(experiments: Experiments, files: Mapping[str, str]) -> str:
-    """Table of agreement counts by column; each case links to its page, by ``files`` (case -> file name)."""
+    """HTML table of how many published numbers each case reproduces, with links to the cases' pages."""
     columns = {
         f">{title}: {plant}": column(plant)
         for title, column in (("as stated", stated_value), ("inferred", inferred_value))
@@ -98,7 +98,7 @@ def summary_table(experiments: Experiments, files: Mapping[str, str]) -> str:
 
 
 def experiment_table(case: str, controllers: Mapping[str, Cells]) -> str:
-    """Table of all metrics of one experiment against the sampled-and-held reference."""
+    """HTML table of the published and simulated numbers of one case."""
     head = [
         *("Metric", "Unit", ">Paper", ">as stated: rigid_body", ">mujoco", ">rigid_body - paper", ">mujoco - paper"),
         *(">inferred: rigid_body", ">mujoco", ">inferred rigid_body - paper"),
@@ -128,7 +128,7 @@ def _metric_row(case: str, controller: str, name: str, cell: Record) -> list[Cel
 
 
 def sensitivity_tables(sensitivity: Mapping[str, Variants], experiments: Experiments, plant: str) -> str:
-    """Collapsible HTML tables of the results on a plant, one table for each varied assumption."""
+    """Collapsible HTML tables of metrics under varied assumptions, one table for each assumption."""
     parts = []
     assumed = {(each.group, each.value) for each in variations() if each.change is None}
     for group, variants in sensitivity.items():
@@ -149,7 +149,7 @@ def sensitivity_tables(sensitivity: Mapping[str, Variants], experiments: Experim
 
 
 def _cells_of(variants: Variants) -> dict[tuple[str, str], dict[str, None]]:
-    """(case, controller) -> names of the metrics, in order of first appearance in the variants."""
+    """Metrics computed under any varied assumption, by case and controller."""
     found: dict[tuple[str, str], dict[str, None]] = {}
     for cases in variants.values():
         for case, controllers in cases.items():
@@ -170,13 +170,13 @@ def _variant_row(case: str, controller: str, name: str, variants: Variants, expe
 
 
 def definitions_table() -> str:
-    """Table of the definitions of all metrics."""
+    """HTML table of the definitions of all published metrics."""
     rows = [(m.label, name, m.unit, m.definition) for name, m in METRICS.items()]
     return table(("Metric", "Name", "Unit", "Definition"), rows, "Definitions; windows are half-open", "text")
 
 
 def markdown_tables(results: Record) -> str:
-    """Markdown tables of all experiments."""
+    """Markdown tables of the published and simulated numbers of all cases."""
     plant = first_plant(results)
     columns = [f"{which}: {each}" for which in ("as stated", "inferred") for each in PLANTS]
     head = ["metric", "unit", "", "paper", *columns, "as stated - paper", "inferred - paper"]

@@ -1,4 +1,4 @@
-"""Prose of the report on the reproduction."""
+"""Texts of the report that reproduces Barakou et al. 2026."""
 
 from __future__ import annotations
 

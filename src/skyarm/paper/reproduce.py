@@ -1,4 +1,4 @@
-"""Reproduction of the paper: simulate, measure, draw, write."""
+"""Reproduction of Barakou et al. 2026: simulate all cases, compute metrics, draw figures, write a report."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def reproduce(
     progress: Progress | None = None,
     note: Note | None = None,
 ) -> dict[str, Any]:
-    """Simulate the paper's five experiments with both controllers, and write results, figures and report.
+    """Simulate the five cases of Barakou et al. 2026 with both controllers; write results, figures, report.
 
     Writes ``results.json``, ``sensitivity.json``, ``table2.md``, ``inference.md``, ``report.html`` and a page for each
     case beside it (``case1.html`` ...), ``figures/figure_03.png`` ... ``figure_18.png`` and ``overview.png`` (first

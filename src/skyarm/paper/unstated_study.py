@@ -1,4 +1,4 @@
-"""Study of settings that the paper does not state: its published numbers, varied parameters and choices, as tables.
+"""Definition of a search for settings that a publication does not state, as plain tables.
 
 The grammar is that of ``research/inference/study.py`` of the source, which searches. A study is its file's tables;
 settings are parameter -> number and choice -> option, and what they do not name stays as the scenarios have it.
@@ -49,12 +49,12 @@ def named(tables: Iterable[Tables], name: str) -> Tables:
 
 
 def digest_of(facts: Tables) -> str:
-    """Digest of plain values."""
+    """SHA-256 digest of nested plain values."""
     return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
 
 
 def study_digest(study: Tables, flights: Tables) -> str:
-    """Digest of a study and of the scenarios of its flights, given as plain tables by name."""
+    """SHA-256 digest of a search definition and of the scenarios of its flights."""
     return digest_of({"study": study, "flights": flights})
 
 
@@ -76,7 +76,7 @@ def laid_over(below: Tables, above: Tables) -> dict[str, Any]:
 
 
 def stated_tables(study: Tables, flight: str) -> dict[str, Any]:
-    """Shipped scenario of a flight as nested tables, merged with the study's overrides."""
+    """Shipped scenario of a flight as nested tables, with the overrides of the search definition."""
     entry = named(study["flights"], flight)
     found = dict(read_toml((LIBRARY / f"{entry['scenario']}.toml").read_bytes()))
     for name in entry.get("over", ()):
@@ -95,7 +95,7 @@ def scenario_tables(study: Tables, stated: Tables, flight: str, settings: Tables
 
 
 def numbers(study: Tables, flight: str, settings: Tables) -> dict[str, Any]:
-    """Values of a flight's parameters by path, for given settings; later entries of the study override earlier ones."""
+    """Parameter values of a flight by path, for given settings of the search."""
 
     def acts(target: Tables) -> bool:
         chosen = all(settings.get(choice) == option for choice, option in target.get("when", {}).items())
@@ -118,7 +118,7 @@ def _options(study: Tables, settings: Tables) -> list[Tables]:
 
 
 def group_places(patterns: Iterable[str], cells: Sequence[Cell]) -> tuple[int, ...]:
-    """Indices of the table cells that match FLIGHT/CELL patterns; a pattern with "!" removes earlier matches."""
+    """Indices of the published numbers that match FLIGHT/METRIC patterns; "!" removes earlier matches."""
     chosen: set[int] = set()
     for pattern in patterns:
         found = {i for i, c in enumerate(cells) if fnmatchcase(f"{c.flight}/{c.name}", pattern.removeprefix("!"))}
@@ -127,14 +127,14 @@ def group_places(patterns: Iterable[str], cells: Sequence[Cell]) -> tuple[int, .
 
 
 def slack_distance(ours: Array, cells: Sequence[Cell]) -> Array:
-    """Distance |ours - published| beyond rounding, at least 0; (sets of settings, cells), infinite where missing."""
+    """Distances (settings, numbers) of simulated values from published ones beyond their rounding."""
     measured, half = _columns(cells)
     apart = np.maximum(np.abs(ours - measured) - half, 0.0)
     return np.where(np.isfinite(ours), apart, np.inf)
 
 
 def within(ours: Array, cells: Sequence[Cell], share: float) -> npt.NDArray[np.bool_]:
-    """True (sets of settings, cells) where a cell is within a relative share of the published number plus rounding."""
+    """True (settings, numbers) where a simulated value is within a relative share of the published number."""
     measured, _ = _columns(cells)
     # 1e-9: a number on the very edge is within
     found: npt.NDArray[np.bool_] = slack_distance(ours, cells) <= share * np.abs(measured) * (1.0 + 1e-9)
@@ -142,7 +142,7 @@ def within(ours: Array, cells: Sequence[Cell], share: float) -> npt.NDArray[np.b
 
 
 def losses(ours: Array, cells: Sequence[Cell], width: float, knee: float) -> Array:
-    """Robust loss (sets of settings, cells): u^2 / (1 + u^2 / knee^2), u = ln(ours / published) / width.
+    """Robust loss (settings, numbers): u^2 / (1 + u^2 / knee^2), u = ln(simulated / published) / width.
 
     Quadratic near the measured number, at most knee^2 however far, so that one cell that a model cannot make does not
     decide over the others (Geman, McClure 1987). The rounding of the measured number is taken off the difference
@@ -163,6 +163,6 @@ def _columns(cells: Sequence[Cell]) -> tuple[Array, Array]:
 
 
 def tally(ours: Array, cells: Sequence[Cell], shares: Sequence[float] = (0.05, 0.10, 0.25)) -> dict[str, Any]:
-    """Agreement counts of simulated values: all cells, and cells within each relative share of the published number."""
+    """Number of simulated values within 5, 10 and 25 % of the published numbers."""
     lane = np.asarray(ours, dtype=float).reshape(1, -1)
     return {"cells": len(cells)} | {f"within_{share:.0%}": int(within(lane, cells, share).sum()) for share in shares}

@@ -1,4 +1,4 @@
-"""Sensitivity to assumptions that the paper does not state: each varied alone, with all metrics computed again.
+"""Sensitivity of metrics to assumptions that Barakou et al. 2026 do not state, each varied alone.
 
 The report lists their metrics in tables of their own.
 """
@@ -39,7 +39,7 @@ GROUPS = {
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Variation:
-    """One changed assumption about a flight, with the cases to which it applies.
+    """One changed assumption about a flight, such as joint damping, with the cases to which it applies.
 
     Attributes:
         group, value: how tables name it.
@@ -54,7 +54,7 @@ class Variation:
 
 
 def reshaped_ramps(planned: Scenario, shape: str) -> Scenario:
-    """Case 1 with other ramp shapes at equal times and heights: quintic blends or steps."""
+    """Scenario of Case 1 with quintic blends or steps in place of linear ramps."""
     heights = (0.3, 0.3, 0.0, -0.3, -0.3, 0.0)
     rise = 1.0 if shape == "quintic" else STEP_RISE
     segments: list[tuple[float, float]] = []
@@ -88,7 +88,7 @@ def _damping_variation(damping: float) -> Variation:
 
 
 def variations() -> list[Variation]:
-    """List of all variations."""
+    """List of all changed assumptions."""
     ramps = [Variation(group="ramp_shape", value="linear", cases=("case1",))]
     for shape in ("quintic", "step"):
         change = functools.partial(reshaped_ramps, shape=shape)
@@ -108,5 +108,5 @@ def variations() -> list[Variation]:
 
 
 def variation(group: str, value: str) -> Variation:
-    """Find a variation by the names of its group and value."""
+    """Changed assumption by the names of its group and value."""
     return next(each for each in variations() if (each.group, each.value) == (group, value))

@@ -1,1 +1,1 @@
-"""Feasibility checks of a vehicle and a scenario: one file per question, each answer a finding."""
+"""Feasibility checks of ``skyarm check`` for a vehicle or a scenario, one module per topic."""

@@ -35,7 +35,7 @@ LEFT = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class Followed:
-    """Actuator demand of a flight that tracks its reference exactly.
+    """Rotor speeds and joint torques of a flight that tracks its reference exactly, as shares of their limits.
 
     Attributes:
         demand: of rotors and joints. rotors, joints: shares (rotors or n, K) of their limits.
@@ -79,7 +79,7 @@ def follow(parts: Sequence[FlightPart]) -> Followed:
 
 
 def _hovers_with_loads(parts: Sequence[FlightPart]) -> list[Finding]:
-    """Check thrust margins in level hover with each held load, in the arm poses of the reference at that time.
+    """Check the thrust margin in level hover with each payload, in the arm poses of the reference while it is carried.
 
     Of several loads each question is answered for the worst, of equal ones for the heaviest.
     """
@@ -108,7 +108,7 @@ def _effort_shares(part: FlightPart, demand: Demand) -> Array:
 
 
 def _stretches(part: FlightPart, end: float) -> list[Array]:
-    """Sample instants (K,) of each interval between the reference's jumps.
+    """Sample times (K,) of each interval between two jumps of the reference, s.
 
     Args:
         part: of a flight.
@@ -164,7 +164,7 @@ def _joint_limits(scenario: Scenario, demand: Demand) -> list[Finding]:
 def _saturation(
     question: str, demand: Demand, share: Array, parts: list[tuple[str, str]], reversed_: Any = None
 ) -> Finding:
-    """One finding for all rotors or all joints: first saturation, its actuator, and share of the flight saturated."""
+    """Check result for all rotors or all joints: which saturates first, when, and for what share of the flight."""
     within = share <= 1.0  # false for what is no number
     outside = ~within if reversed_ is None else ~within | reversed_
     at_any = np.any(outside, axis=0)

@@ -1,4 +1,4 @@
-"""Arm poses: level hovers sampled over the joint space, and a search for the worst pose."""
+"""Static hover in arm poses sampled over the joint space, and a search for the worst pose."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Allocation:
 
     @classmethod
     def of(cls, mixer: Mixer) -> Allocation:
-        """Create the allocation from a mixer whose entries are plain numbers."""
+        """Create the allocation arrays from a control mixer whose entries are plain numbers."""
         return cls(np.array(mixer.inverse, dtype=float), np.array(mixer.highest, dtype=float))
 
     def squared_speeds(self, efforts: Array) -> Array:
@@ -172,13 +172,13 @@ class ArmPoses:
 
     @classmethod
     def only(cls, vehicle: Vehicle, joints: Array, gravity: float, held: str) -> ArmPoses:
-        """Create from given arm poses (count, n), without a search for worse ones."""
+        """Hovers of a vehicle in given arm poses (count, n) only, without a search for worse poses."""
         none = np.zeros(vehicle.n)
         poses = cls(vehicle=vehicle, low=none, high=none, joints=joints, gravity=gravity, searched=False)
         return poses.of(vehicle, held)
 
     def of(self, vehicle: Vehicle, held: str = "") -> ArmPoses:
-        """These arm poses with another load on the vehicle, undriven joints at rest again."""
+        """Copy of the sampled hovers for another vehicle, with passive joints hanging at rest again."""
         return replace(self, joints=rest_of_hanging(vehicle, self.joints), vehicle=vehicle, held=held)
 
     @cached_property
@@ -195,7 +195,7 @@ class ArmPoses:
         return self.allocation.squared_speeds(self.efforts(joints))
 
     def worst(self, quantities: Quantities) -> tuple[Array, Array]:
-        """Minimum of each quantity (count,) over all arm poses, and the poses (count, n) of the minima.
+        """Minimum over all arm poses of each checked quantity (count,), and the poses (count, n) where it occurs.
 
         A random search with shrinking steps starts from the worst sample; each quantity has lanes of its own.
         """
@@ -221,13 +221,13 @@ class ArmPoses:
 
 
 def in_parts(quantities: Quantities, joints: Array) -> Array:
-    """Evaluate a function of arm poses for many of them, in batches of a few thousand."""
+    """Evaluate a function of arm poses for many poses, in batches of 4096 to bound memory."""
     parts = [quantities(joints[i : i + LANES]) for i in range(0, len(joints), LANES)]
     return np.concatenate(parts, axis=1)
 
 
 def arm_poses(vehicle: Vehicle, count: int = POSES, gravity: float = GRAVITY) -> ArmPoses:
-    """Sample the arm poses of a vehicle; a vehicle without joints has a single pose.
+    """Sample the arm poses of a vehicle for a check; a vehicle without joints has a single pose.
 
     Args:
         vehicle: its joints' limits.
@@ -266,7 +266,7 @@ def joint_range(joint: Joint) -> tuple[float, float]:
 
 
 def _coordinates(count: int, dimension: int, rng: np.random.Generator) -> Array:
-    """One coordinate of randomly shifted Sobol points; random numbers in dimensions beyond the Sobol table."""
+    """One coordinate of randomly shifted Sobol points; plain random numbers beyond the table's 21 dimensions."""
     if dimension >= DIMENSIONS:
         return rng.random(count)
     points = sobol(np.arange(count), dimension).astype(float) / 2.0**BITS

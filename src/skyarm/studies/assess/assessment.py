@@ -32,7 +32,7 @@ QUESTION = "delay margin"
 
 
 def delay_margin(scenario: Scenario) -> list[Finding]:
-    """Finding on the delay margin in hover: tolerable delay beyond the nominal delay of the loop."""
+    """Check result for the delay margin in hover: tolerable delay beyond the nominal delay of the loop."""
     found = hover_delay_if_known(scenario)
     if isinstance(found, str):
         return [Finding(QUESTION, NOTE, f"not known: {found}")]
@@ -55,13 +55,13 @@ UNITS, PLAN, LAW, PARTS = "units", "plan of the reference", "law for this vehicl
 
 
 def units_of_vehicle(vehicle: Vehicle) -> list[Finding]:
-    """Report suspicious values of the vehicle (see :func:`unlikely_in_vehicle`) as faults."""
+    """Check results, as faults, for vehicle parameters that are probably in wrong units."""
     found = [_finding(line, UNITS, FAULT) for line in unlikely_in_vehicle(vehicle)]
     return found or [Finding(UNITS, OK, "every number of the vehicle is of a likely size")]
 
 
 def warnings_of_scenario(scenario: Scenario) -> list[Finding]:
-    """Warnings on a scenario: suspicious values, limits that its reference exceeds, unsuitable controller."""
+    """Warnings of a scenario's check: suspicious values, reference beyond limits, unsuitable control law."""
     units = [_finding(line, UNITS, WARNING) for line in unlikely_units(scenario)]
     good = Finding(UNITS, OK, "every number of the scenario is of a likely size")
     return [
@@ -87,7 +87,7 @@ def _finding(line: str, question: str, level: str) -> Finding:
 
 @dataclass(frozen=True, slots=True)
 class Assessment:
-    """Findings of all checks of a vehicle or of a scenario.
+    """Results of all feasibility checks of a vehicle or of a scenario.
 
     Attributes:
         name: of the vehicle or scenario. vehicle: the simulated one. gravity: m/s^2. payload: kg at the tip.
@@ -103,15 +103,15 @@ class Assessment:
 
     @property
     def flies(self) -> bool:
-        """True if no finding is a fault."""
+        """True if no check found a fault, so that the vehicle can fly."""
         return worst_level(self.findings) != FAULT
 
     def alarms(self) -> list[Finding]:
-        """Faults, then warnings, without the findings that are ok."""
+        """Check results that are faults, then those that are warnings."""
         return [each for level in (FAULT, WARNING) for each in self.findings if each.level == level]
 
     def plain(self) -> dict[str, Any]:
-        """The assessment as plain data, for a file."""
+        """Results of a feasibility check as plain data, for a JSON file."""
         return {
             "name": self.name,
             "vehicle": self.vehicle.name,
@@ -164,7 +164,7 @@ def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = PO
 
 
 def _of_vehicle(poses: ArmPoses, payload: float) -> list[Finding]:
-    """Findings of all checks of a vehicle; rotor checks only if it has rotors."""
+    """Results of all checks of a vehicle; without rotors a fault replaces those of thrust."""
     vehicle, gravity = poses.vehicle, poses.gravity
     found = [*units_of_vehicle(vehicle), *disc_loading(vehicle, gravity)]
     if vehicle.rotors:

@@ -16,7 +16,7 @@ SHORTEST = 120.0
 
 
 def time_aloft(vehicle: Vehicle, gravity: float, held: str = "") -> list[Finding]:
-    """Finding on the time in level hover with the arm at zero; a note if the vehicle has no battery."""
+    """Check result for the hover endurance with the arm at zero; a note if the vehicle has no battery."""
     question = f"time aloft{held}"
     if vehicle.battery is None:
         return [Finding(question, NOTE, "not known: the vehicle's file describes no battery", "battery")]
@@ -36,7 +36,7 @@ def time_aloft(vehicle: Vehicle, gravity: float, held: str = "") -> list[Finding
 
 
 def aloft_for(vehicle: Vehicle, gravity: float, duration: float) -> list[Finding]:
-    """Finding on the battery over a flight: a fault if hover endurance is below the flight's duration."""
+    """Check result for the battery: a fault if hover endurance is below the flight's duration."""
     if vehicle.battery is None or not vehicle.rotors or not _hovers(vehicle, gravity):
         return []
     try:
@@ -66,7 +66,7 @@ STEPS = 2000
 
 @dataclass(frozen=True, slots=True)
 class HoverTime:
-    """Endurance in hover, down to the battery's limit.
+    """Hover endurance on the battery: time, power, and remaining charge and voltage.
 
     Attributes:
         seconds: until then. power: W, of the hover.

@@ -1,4 +1,4 @@
-"""Finding of a check: its value, its limit, its severity and the field of the file that it concerns."""
+"""Result of one feasibility check: value, limit, severity and the parameter of the file that it concerns."""
 
 from __future__ import annotations
 
@@ -39,19 +39,19 @@ class Finding:
     joints: Any = ()
 
     def __post_init__(self) -> None:
-        """Convert the numbers to floats and clear the remedy of an ok finding."""
+        """Convert the numbers to floats and clear the suggested change of a check that is ok."""
         object.__setattr__(self, "value", float(self.value))
         object.__setattr__(self, "joints", tuple(map(float, self.joints)))
         if self.level == OK:
             object.__setattr__(self, "remedy", "")
 
     def plain(self) -> dict[str, Any]:
-        """The finding as plain data."""
+        """Check result as plain data."""
         return asdict(self)
 
 
 def worst_level(findings: Iterable[Finding]) -> str:
-    """The most severe level among findings; ok if there are none."""
+    """The most severe level among check results; "ok" if there are none."""
     return max((each.level for each in findings), key=LEVELS.index, default=OK)
 
 
@@ -66,7 +66,7 @@ def at_least(
     warning: float = -math.inf,
     **more: Any,
 ) -> Finding:
-    """Finding on a value that must not fall below its limits.
+    """Check result for a value that must not fall below its fault and warning limits.
 
     Args:
         question: that it answers.
@@ -85,6 +85,6 @@ def at_least(
 
 def at_most(question: str, value: float, *words: str, fault: float = math.inf, warning: float = math.inf,
             **more: Any) -> Finding:  # fmt: skip
-    """Finding on a value that must not exceed its limits; arguments as of :func:`at_least`."""
+    """Check result for a value that must not exceed its fault and warning limits."""
     found = at_least(question, -value, *words, fault=-fault, warning=-warning, **more)
     return replace(found, value=value, limit=more.get("limit", -found.limit))

@@ -1,4 +1,4 @@
-"""Loads along a flight: payloads and scheduled changes over time."""
+"""Payloads carried and parameter changes over a flight, as intervals of constant load."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Load:
 
 @dataclass(frozen=True, slots=True)
 class FlightPart:
-    """Part of the flight during which payloads and scheduled parameters are constant.
+    """Time interval of a flight during which payloads and scheduled parameters are constant.
 
     Attributes:
         start, stop: s. scenario: with the changes so far. vehicle: the plant with its loads.
@@ -62,7 +62,7 @@ class FlightPart:
 
 
 def flight_parts(scenario: Scenario) -> list[FlightPart]:
-    """Divide a scenario's flight into parts of constant load, in order."""
+    """Divide a scenario's flight into time intervals of constant payload and parameters, in order."""
     of_the_world = tuple(c for c in scenario.changes if c.path.split(".", maxsplit=1)[0] not in OF_THE_LAW)
     scenario = dataclasses.replace(scenario, changes=of_the_world)
     loads = _payloads(scenario)
@@ -112,7 +112,7 @@ def _first(times: Array, found: npt.NDArray[np.bool_]) -> float:
 
 
 def reference_at(scenario: Scenario, time: Array) -> Reference:
-    """Reference of the controller at many instants."""
+    """Reference trajectory of the controller at many times."""
     path = scenario.path_time
     return scenario.reference.at(time) if path is None else governed_reference(scenario.reference, path, time)
 

@@ -19,7 +19,7 @@ NOTHING = 1e-12
 
 
 def joint_torques(poses: ArmPoses) -> list[Finding]:
-    """Finding on each joint's largest static effort against its limit, base level, over all arm poses."""
+    """Check results for each joint's largest static torque or force against its limit, over all arm poses."""
     vehicle, held = poses.vehicle, poses.held
     if not vehicle.n:
         return []
@@ -48,7 +48,7 @@ def joint_torques(poses: ArmPoses) -> list[Finding]:
 
 
 def servos_of(vehicle: Vehicle) -> dict[str, Servo]:
-    """Joint name -> servo."""
+    """Servos of a vehicle by joint name."""
     return {each.name: each.drive for each in vehicle.drives if isinstance(each.drive, Servo)}
 
 
@@ -66,14 +66,14 @@ OFTEN = 0.05
 
 
 def servos(scenario: Scenario) -> list[tuple[int, Servo]]:
-    """(joint index, servo) of each joint that a servo drives."""
+    """Servos of a scenario, each with the index of the joint that it drives."""
     given = {each.joint: each.drive for each in scenario.joint_drives}
     named = [(i, given.get(link.joint.name)) for i, link in enumerate(scenario.plant.vehicle.links)]
     return [(i, drive) for i, drive in named if isinstance(drive, Servo)]
 
 
 def servo_speeds(scenario: Scenario, time: Array, every_rate: Array) -> list[Finding]:
-    """Finding on the fastest reference rate of each servo against its rate limit and no-load speed.
+    """Check results for the fastest reference rate of each servo against its rate limit and no-load speed.
 
     Args:
         scenario: whose reference is followed exactly.
@@ -98,7 +98,7 @@ def servo_speeds(scenario: Scenario, time: Array, every_rate: Array) -> list[Fin
 
 
 def arm_workspace(poses: ArmPoses) -> list[Finding]:
-    """Finding on the bounding box of the tip's workspace; empty without an arm."""
+    """Bounding box of the tip's workspace, as a check result; empty without an arm."""
     vehicle = poses.vehicle
     if not vehicle.end_effector or vehicle.frame().link == BASE:
         return []

@@ -17,7 +17,7 @@ DISC_LOADING = 2.0, 1000.0
 
 
 def disc_loading(vehicle: Vehicle, gravity: float) -> list[Finding]:
-    """Finding on the disc loading, weight over rotor disc area, against the range of real multirotors."""
+    """Check result for the disc loading (weight over rotor disc area) against the range of real multirotors."""
     if not vehicle.rotors:
         return []
     radius = disc_radius(vehicle)
@@ -43,7 +43,7 @@ def disc_radius(vehicle: Vehicle) -> float:
 
 
 def _beside(vehicle: Vehicle) -> Array:
-    """Horizontal distances (rotors, rotors) of hubs, m; infinite for coaxial or staggered pairs."""
+    """Horizontal distances (rotors, rotors) between rotor hubs, m; infinite for coaxial or staggered pairs."""
     hubs = np.array([[float(c) for c in rotor.position] for rotor in vehicle.rotors])
     apart = np.linalg.norm(hubs[:, None, :2] - hubs[None, :, :2], axis=2)
     most = float(apart.max(initial=0.0))
@@ -70,7 +70,7 @@ EVENER = 0.25
 
 
 def rotor_layout(vehicle: Vehicle, gravity: float) -> list[Finding]:
-    """Findings on allocation rank, senses of rotation, and thrust and moment coefficients."""
+    """Check results for allocation rank, senses of rotation, and thrust and moment coefficients of the rotors."""
     found = [*_axes(vehicle), *_coefficients(vehicle)]
     try:
         make_mixer(vehicle)
@@ -83,7 +83,7 @@ def rotor_layout(vehicle: Vehicle, gravity: float) -> list[Finding]:
 
 
 def _axes(vehicle: Vehicle) -> list[Finding]:
-    """Faults for rotors whose positive thrust points down."""
+    """Check results, as faults, for rotors whose positive thrust points down."""
     found = []
     for rotor in vehicle.rotors:
         up, name = float(rotor.axis.z), f"rotors[{rotor.name}].axis"
@@ -95,7 +95,7 @@ def _axes(vehicle: Vehicle) -> list[Finding]:
 
 
 def _coefficients(vehicle: Vehicle) -> list[Finding]:
-    """Findings on thrust and moment coefficients: the rotor furthest from the plausible range decides."""
+    """Check results for thrust and moment coefficients, by the rotor furthest from the plausible range."""
     radius, found = disc_radius(vehicle), []
     thrusts = [thrust_number(rotor, radius) for rotor in vehicle.rotors]
     arms = [float(rotor.moment_coefficient) / radius for rotor in vehicle.rotors]
@@ -127,7 +127,7 @@ def thrust_number(rotor: Rotor, radius: float) -> float:
 
 
 def _directions(vehicle: Vehicle, gravity: float) -> Finding:
-    """Finding on the senses of rotation: a fault if reversing one rotor would balance the hover."""
+    """Check result for the rotors' senses of rotation: a fault if reversing one rotor would balance the hover."""
     own = _spread(vehicle, gravity)
     question = "senses of rotation"
     tried = []

@@ -1,4 +1,4 @@
-"""Checks of a commanded push: controller with force control, joint torques and yaw torque."""
+"""Checks of a contact force that the reference commands: force control, joint torques and yaw torque."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ WARNS, HALF = 0.8, 0.5
 
 
 def push_limits(scenario: Scenario) -> list[Finding]:
-    """Findings on the commanded push against joint and rotor limits, base level; empty without a push.
+    """Check results for the commanded contact force against joint and rotor limits; empty without such a force.
 
     The base is taken as level; friction along the surface is left out at the joints, and at the rotors it is that of
     the roughest surface, in the direction along the surface in which it turns the vehicle most.

@@ -27,7 +27,7 @@ LEAST_SHARE = 0.05
 
 
 def thrust_margin(poses: ArmPoses) -> list[Finding]:
-    """Findings on the thrust margin of the most loaded rotor and the share of the least loaded, over all poses."""
+    """Check results for thrust: margin of the most loaded rotor and share of the least loaded, worst arm pose."""
 
     def quantities(joints: Array) -> Array:
         squared = poses.squared_speeds(joints)
@@ -67,7 +67,7 @@ FAULTS, WARNINGS = (1.0, 1.0, 0.05), (5.0, 5.0, 0.2)
 
 
 def torque_authority(poses: ArmPoses) -> list[Finding]:
-    """Finding on the angular acceleration available in hover about each axis and sense, worst arm pose.
+    """Check results for roll, pitch and yaw: angular acceleration available in hover in the worst arm pose.
 
     The worst pose is that of the least acceleration: an arm that is stretched out adds inertia and takes no torque.
     """
@@ -114,7 +114,7 @@ NOTHING = 1e-9
 
 
 def largest_payload(poses: ArmPoses, payload: float = 0.0) -> list[Finding]:
-    """Finding on the largest point mass at the tip that allows hover with thrust margin ENOUGH in every pose.
+    """Check result for the largest point mass at the tip with which hover keeps a thrust margin of 1.2 in all poses.
 
     Wrench and efforts of a level hover are linear in the mass at the tip, so that each pose has its largest mass in
     closed form; the least of them is sought over the poses.
@@ -160,7 +160,7 @@ def _largest_by_part(poses: ArmPoses, loaded: ArmPoses, joints: Array) -> Array:
 
 
 def largest_side_force(vehicle: Vehicle, gravity: float, payload: float = 0.0) -> list[Finding]:
-    """Finding on the largest steady horizontal force, as of wind, against which the thrust holds a hover, N."""
+    """Check result for the largest steady horizontal force, as of wind, at which hover is possible, N."""
     question, weight = "largest side force", (float(vehicle.mass) + payload) * gravity
     top = float(highest_thrust(vehicle)) / ENOUGH
     if not math.isfinite(top):

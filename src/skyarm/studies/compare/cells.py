@@ -1,4 +1,4 @@
-"""Cells of a comparison: all episodes of one controller in one case under one condition, stored as a file.
+"""Flights of a controller comparison, simulated and stored per controller, case and condition.
 
 A law that can be traced flies all episodes of a cell as one batch; others, and every law on MuJoCo's plant, fly one
 episode after the other, about a thousand times slower.
@@ -76,7 +76,7 @@ class Cell:
 
     @classmethod
     def of(cls, flown: Sequence[Flown]) -> Cell:
-        """Combine single flights into a cell; metrics that a flight lacks become NaN."""
+        """Combine the metrics of single flights into arrays; metrics that a flight lacks become NaN."""
         names = dict.fromkeys(name for row, _ in flown for name in row)
         metrics = {name: np.array([row.get(name, np.nan) for row, _ in flown]) for name in names}
         return cls(metrics, np.array([status for _, status in flown]))
@@ -100,7 +100,7 @@ class Cell:
 
 @dataclass(frozen=True, kw_only=True)
 class Flights:
-    """Description of a cell's flights by names, small enough to send to another process.
+    """Description of the flights of one controller in one case and condition, to send to another process.
 
     Attributes:
         entrant: controller. case, condition: of the flights. plant: kind of simulated plant. seed: of plants and noise.
@@ -120,23 +120,23 @@ class Flights:
 
     @property
     def name(self) -> tuple[str, str, str]:
-        """Names of condition, case and controller."""
+        """Names of condition, case and controller of these flights."""
         return self.condition.name, self.case.name, self.entrant.name
 
     @property
     def label(self) -> str:
-        """File name of the cell without suffix, also its name in progress output."""
+        """File name of the stored results without suffix, also shown in progress output."""
         plant = "" if self.plant == "rigid_body" else f"_{self.plant}"
         return re.sub(r"[^\w.() -]+", "-", "__".join(self.name) + plant)
 
     def scenario(self) -> Scenario:
-        """Base scenario of all episodes."""
+        """Scenario that all flights have in common, before their perturbed parameters are set."""
         built = self.condition.apply(self.case.build())
         controller = self.entrant.controller(built.controller.par.model, noisy=self.condition.noisy)
         return built.with_words(controller=controller, kind=self.plant, seed=self.seed)
 
     def values(self, scenario: Scenario) -> dict[str, Array]:
-        """Parameter path -> values of the episodes."""
+        """Perturbed parameters of the flights: parameter path -> values (flights,)."""
         spread = self.condition.spread
         # drawn about the case as it is, whatever flies: every law meets the same plants
         return draw(scenario, spread, self.episodes(scenario), seed=self.seed) if spread else {}
@@ -146,7 +146,7 @@ class Flights:
         return self.plant != "rigid_body" or not is_traceable(scenario)
 
     def episodes(self, scenario: Scenario) -> int:
-        """Number of episodes of the cell; with perturbed plants, reduced if they cannot be simulated as a batch."""
+        """Number of flights; with perturbed plants, reduced if they cannot be simulated as a batch."""
         every = self.condition.episodes
         return min(ONE_BY_ONE, every) if self.condition.spread and self.alone(scenario) else every
 
@@ -155,15 +155,15 @@ class Flights:
         return np.zeros(count, dtype=int) if self.same_noise else np.arange(count)
 
     def trials(self, count: int) -> Array:
-        """Index of each episode (count,), which identifies its perturbed plant or noise seed."""
+        """Index of each flight (count,), which identifies its perturbed plant or noise seed."""
         return np.arange(count, dtype=float)
 
     def stiffest(self, values: Mapping[str, Array]) -> dict[str, float]:
-        """Parameter path -> value that requires the shortest integration step of all episodes."""
+        """Values that require the shortest integration step among all flights, by parameter path."""
         return {path: float(column.max()) for path, column in values.items() if path.endswith(".damping")}
 
     def metric_names(self, setpoints: Sequence[bool]) -> tuple[str, ...]:
-        """Names of all metrics to compute: common ones, joint torques, user-registered ones and those of the suite.
+        """Names of the metrics to compute: common ones, joint torques, user-registered ones and those of the suite.
 
         Args:
             setpoints: joint by joint, whether its command is a setpoint of its drive: its torque is then not counted.
@@ -173,7 +173,7 @@ class Flights:
 
 
 def fly(flights: Flights, threads: int = 1) -> Cell:
-    """Simulate all episodes of a cell and compute their metrics."""
+    """Simulate all flights of one controller in one case and condition, and compute their metrics."""
     scenario = flights.scenario()
     values, episodes = flights.values(scenario), flights.episodes(scenario)
     if flights.alone(scenario):
@@ -191,7 +191,7 @@ def fly(flights: Flights, threads: int = 1) -> Cell:
 
 
 def fly_episode(flights: Flights, episode: int) -> Flown:
-    """Simulate a single episode of a cell."""
+    """Simulate a single flight of a comparison; returns its metrics and status."""
     log = run(episode_scenario(flights, episode))
     names = flights.metric_names([unit is not None for unit in names_of(log).setpoints])
     return score(log, names, flights.case.windows), str(log.status)
@@ -211,7 +211,7 @@ def episode_scenario(flights: Flights, episode: int) -> Scenario:
 
 
 class Cells:
-    """Folder of cells as NPZ files; cells with an unchanged scenario are reused.
+    """Folder of stored comparison results; those of an unchanged scenario are reused.
 
     Args:
         folder: made if missing.
@@ -221,7 +221,7 @@ class Cells:
         self.folder = folder
 
     def get(self, flights: Flights) -> Cell | None:
-        """Read a stored cell; None if it is missing, damaged or of an outdated scenario."""
+        """Read the stored metrics of some flights; None if the file is missing, damaged or outdated."""
         try:
             stored = self._path(flights).read_bytes()
             held = npz_arrays(stored[32:]) if hashlib.sha256(stored[32:]).digest() == stored[:32] else {}
@@ -233,7 +233,7 @@ class Cells:
         return Cell(held, status)
 
     def put(self, flights: Flights, cell: Cell) -> None:
-        """Write a cell with a checksum."""
+        """Write the metrics of some flights to a file with a checksum."""
         stream = io.BytesIO()
         arrays: dict[str, Any] = {"identity": np.array(key(flights)), "status": cell.status, **cell.metrics}
         np.savez_compressed(stream, **arrays)
@@ -245,7 +245,7 @@ class Cells:
 
 
 def key(flights: Flights) -> str:
-    """Digest of everything that determines a cell's results, to detect outdated files."""
+    """Digest of everything that determines the metrics of some flights, to detect outdated result files."""
     scenario = flights.scenario()
     facts = {
         "versions": versions("numpy", "llvmlite"),
@@ -263,7 +263,7 @@ def key(flights: Flights) -> str:
 
 @lru_cache(maxsize=1)
 def _source() -> str:
-    """Digest of the library's source code, so that changed code invalidates stored cells."""
+    """Digest of the library's source code, so that changed code invalidates stored results."""
     package = Path(skyarm_files.__file__).parents[2]
     found = hashlib.sha256()
     for path in sorted([*package.rglob("*.py"), *package.rglob("*.toml"), *package.rglob("*.json")]):

@@ -1,4 +1,4 @@
-"""Comparison of controllers on the paper's cases and harder ones, with perfect state to perturbed plants."""
+"""Comparison of controllers on the cases of Barakou et al. 2026 and harder ones, up to perturbed plants."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ BRIEF, WIDEST = ("step", "part"), "case3_wind"
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison(Suite[Flights]):
-    """Suite that compares all controllers.
+    """Benchmark that compares all shipped controllers on the same cases and perturbed plants.
 
     Attributes:
         entrants: in order. conditions: in order. seed: of plants and noise. plant: "rigid_body" or "mujoco".
@@ -40,12 +40,12 @@ class Comparison(Suite[Flights]):
 
     @property
     def options(self) -> Document:
-        """Controllers, episodes per condition, seed and plant, as plain data."""
+        """Settings of the comparison as plain data: controllers, flights per condition, seed and plant."""
         flights = {name: each.episodes for name, each in self.conditions.items()}
         return {"laws": list(self.entrants), "conditions": flights, "seed": self.seed, "plant": self.plant}
 
     def flights(self) -> list[Flights]:
-        """Flights of all cells, controller by controller."""
+        """All flights of the comparison, grouped by controller, condition and case."""
         return [
             Flights(entrant=entrant, case=CASES[case], condition=condition, seed=self.seed, plant=self.plant)
             for entrant in self.entrants.values()
@@ -55,20 +55,20 @@ class Comparison(Suite[Flights]):
         ]
 
     def plan_cells(self) -> tuple[list[Flights], Refused]:
-        """Flights of all cells, and reasons why a controller is excluded: always empty."""
+        """All flights of the comparison, and an empty mapping, since no controller is excluded."""
         return self.flights(), {}
 
     def judge(self, todo: Sequence[Flights], cells: Sequence[Cell], refused: Refused) -> Document:
-        """Summaries of all cells."""
+        """Statistics of the metrics for every controller, case and condition, as plain data."""
         named = {flights.name: cell for flights, cell in zip(todo, cells, strict=True)}
         return {"summaries": table(named)}
 
     def pictures(self, found: Record) -> dict[str, bytes]:
-        """Pictures of the report: errors and success rates of all controllers."""
+        """Pictures of the comparison report by file name: errors and success rates of all controllers."""
         return {"laws.png": comparison_picture(found, list(self.entrants))}
 
     def report(self, found: Record, pictures: Mapping[str, bytes] | None = None) -> Report:
-        """Report with a table for each condition."""
+        """Comparison report with one table for each condition, such as noisy measurements."""
         return comparison_report(found, self.entrants, self.conditions, (pictures or {}).get("laws.png"))
 
 

@@ -14,7 +14,7 @@ from skyarm.view.pages import DASH, Report, Section, Table, image, number
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """Table column: head, case and metric, and the factor from SI to the head's unit."""
+    """Column of a results table: heading, case, metric, and the factor from SI to the heading's unit."""
 
     head: str
     case: str
@@ -104,7 +104,7 @@ def comparison_report(
     conditions: Mapping[str, Condition],
     picture: bytes | None = None,
 ) -> Report:
-    """Build the report of a comparison.
+    """Build the report of a controller comparison from its statistics.
 
     Args:
         found: ``summaries`` by condition, case, entrant.
@@ -127,7 +127,7 @@ def comparison_report(
 
 
 def main_sections(found: Record, entrants: Mapping[str, Entrant], conditions: Mapping[str, Condition]) -> list[Section]:
-    """Sections with a table for each condition that was simulated."""
+    """Report sections, one for each simulated condition, with the errors of all controllers."""
     sections = []
     for name, condition in conditions.items():
         summaries = found["summaries"].get(name)
@@ -163,13 +163,13 @@ def _tables(summaries: Record, entrants: Mapping[str, Entrant], condition: Condi
 
 
 def _table_by_kind(head: list[str], rows: list[list[str]], entrants: Mapping[str, Entrant], caption: str) -> Table:
-    """Table with its rows grouped by kind of controller."""
+    """Results table with its rows grouped by kind of controller, such as published ones."""
     found = [(title, [row for row in rows if entrants[row[0]].group == group]) for group, title in GROUPS.items()]
     return Table(head=head, rows=rows, caption=caption, groups=[(title, some) for title, some in found if some])
 
 
 def truth_rows(summaries: Record, entrants: Mapping[str, Entrant], columns: Sequence[Column]) -> list[list[str]]:
-    """Table rows: one per controller with results in any of the columns."""
+    """Table rows of errors on the unperturbed plant, one per controller with any result."""
     return [
         [name, *(number(value(summaries, column, name)) for column in columns)]
         for name in entrants
@@ -178,7 +178,7 @@ def truth_rows(summaries: Record, entrants: Mapping[str, Entrant], columns: Sequ
 
 
 def plants_rows(summaries: Record, entrants: Mapping[str, Entrant], cases: Sequence[str]) -> list[list[str]]:
-    """Table rows: success rate with interval and tip error over 10 to 20 s (mean, 95th percentile) per controller."""
+    """Table rows for perturbed plants: success rate with interval and tip error of each controller."""
     rows = []
     for name in entrants:
         cells = []

@@ -47,7 +47,7 @@ NUMBERS: Mapping[str, tuple[str, str, float, float]] = {
 
 
 def lacks(task: Task, cell: Cell, weight: float, phases: int) -> dict[str, Flags]:
-    """Failure criterion -> True for each flight that fails it, in the order of the checks.
+    """Unmet success criteria of a contact task: criterion -> True for each flight that fails it.
 
     Args:
         task: with its success criteria.
@@ -74,7 +74,7 @@ def lacks(task: Task, cell: Cell, weight: float, phases: int) -> dict[str, Flags
 
 
 def cell_record(task: Task, cell: Cell, weight: float, phases: int) -> Document:
-    """Results of a cell as plain data: success rate with interval, failure causes, medians of completed flights.
+    """Results of one controller in a contact task as plain data: success rate, failure causes, median errors.
 
     Args:
         task: as of :func:`lacks`; a flight that lacks several things counts under the first.
@@ -151,13 +151,13 @@ def contact_report(found: Record) -> Report:
 
 
 def laws_of(found: Record, condition: str) -> list[str]:
-    """Controllers with results in any task under a condition, in order."""
+    """Names of the controllers with results in any contact task under a condition, in order."""
     flown = {law for task in found["tasks"].values() for law in task["conditions"][condition]}
     return [law for law in found["laws"] if law in flown]
 
 
 def success_rows(found: Record, condition: str) -> list[list[str]]:
-    """Table rows: success rates of all controllers, one row per task."""
+    """Table rows of success counts, one row per contact task, one column per controller."""
     return [
         [task["title"], *(_successes(task["conditions"][condition].get(law)) for law in laws_of(found, condition))]
         for task in found["tasks"].values()
@@ -165,7 +165,7 @@ def success_rows(found: Record, condition: str) -> list[list[str]]:
 
 
 def number_rows(found: Record, condition: str) -> list[list[str]]:
-    """Table rows: medians and failure causes, one row per task and controller."""
+    """Table rows of median errors and failure causes, one row per contact task and controller."""
     return [
         [
             task["title"], law, _successes(cell),

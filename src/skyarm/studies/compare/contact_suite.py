@@ -1,4 +1,4 @@
-"""Contact suite: controllers perform contact tasks, each in many perturbed worlds (surfaces, objects, wind, thrust)."""
+"""Benchmark of contact tasks, each with many perturbed surfaces, objects, winds and rotor thrusts."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ WORLDS, QUICK = 200, 16
 
 @dataclass(frozen=True, kw_only=True)
 class ContactFlights(Flights):
-    """Flights of one controller in a contact task with perturbed surroundings and plant, simulated as a batch."""
+    """Flights of one controller in one contact task with perturbed surroundings and plant."""
 
     further_metrics = METRICS
 
     @property
     def task(self) -> Task:
-        """Task of these flights."""
+        """Contact task that these flights perform."""
         return TASKS[self.case.name]
 
     def scenario(self) -> Scenario:
-        """Scenario of the task for this controller."""
+        """Unperturbed scenario of the contact task for this controller."""
         noisy = self.condition.noisy
         return scenario_of(self.task, self.entrant.law, noisy=noisy, plant=self.plant, seed=self.seed)
 
@@ -47,17 +47,17 @@ class ContactFlights(Flights):
         return worlds_of(self.case.name, self.condition.episodes, self.seed)
 
     def values(self, scenario: Scenario) -> dict[str, Array]:
-        """Parameter path -> values over the perturbed surroundings and plants."""
+        """Perturbed surroundings and plants of the flights: parameter path -> values (flights,)."""
         count = self.episodes(scenario)
         return {path: column[:count] for path, column in self.worlds().values.items()}
 
     def episodes(self, scenario: Scenario) -> int:
-        """Number of episodes: one per perturbed world, reduced if they cannot be simulated as a batch."""
+        """Number of flights: one per perturbed scenario, reduced if they cannot be simulated as a batch."""
         every = self.condition.episodes
         return min(ONE_BY_ONE, every) if self.alone(scenario) else every
 
     def stiffest(self, values: Mapping[str, Array]) -> dict[str, float]:
-        """Parameters that require the shortest steps: hardest surface, stiffest friction, lightest object.
+        """Parameter values that require the shortest integration steps, such as the hardest surface.
 
         Stiffness k and friction mu need steps by k and by k mu. With the largest k, the mu that makes the largest k mu
         of any world needs the shortest step of all worlds, and none that is shorter.
@@ -78,7 +78,7 @@ class ContactFlights(Flights):
 
 @lru_cache(maxsize=64)
 def worlds_of(task: str, count: int, seed: int) -> Worlds:
-    """Draw perturbed worlds (surroundings and plant) of a contact task, around its shipped scenario."""
+    """Draw perturbed surroundings and plants of a contact task, around its shipped scenario."""
     found = draw_worlds(TASKS[task], scenario_of(TASKS[task], FLAGSHIP, noisy=False), count, seed=seed)
     for column in found.values.values():
         np.asarray(column).setflags(write=False)
@@ -87,7 +87,7 @@ def worlds_of(task: str, count: int, seed: int) -> Worlds:
 
 @dataclass(frozen=True, kw_only=True)
 class ContactSuite(Suite[ContactFlights]):
-    """Suite of contact tasks.
+    """Benchmark of several controllers on contact tasks, such as pressing or opening a door.
 
     Attributes:
         laws: names, in order. tasks: names, in order. worlds: of each task. seed: of worlds and noise. plant: that
@@ -104,11 +104,11 @@ class ContactSuite(Suite[ContactFlights]):
 
     @property
     def options(self) -> Document:
-        """Number of perturbed worlds per task, seed and plant, as plain data."""
+        """Settings of the benchmark as plain data: perturbed scenarios per task, seed and plant."""
         return {"worlds": self.worlds, "seed": self.seed, "plant": self.plant}
 
     def flights(self) -> list[ContactFlights]:
-        """Flights of all cells, task by task."""
+        """All flights of the contact benchmark, grouped by task, controller and condition."""
         conditions = [
             Condition(name=name, title=title, noisy=name == "noisy", episodes=self.worlds, cases=self.tasks)
             for name, title in CONDITIONS.items()
@@ -128,7 +128,7 @@ class ContactSuite(Suite[ContactFlights]):
         ]
 
     def plan_cells(self) -> tuple[list[ContactFlights], dict[str, str]]:
-        """Flights of all cells, and reasons why a controller is excluded from a task."""
+        """All flights of the contact benchmark, and reasons why a controller is excluded from a task."""
         flown, refused = list[ContactFlights](), dict[str, str]()
         for each in self.flights():
             try:
@@ -139,7 +139,7 @@ class ContactSuite(Suite[ContactFlights]):
         return flown, refused
 
     def judge(self, todo: Sequence[ContactFlights], cells: Sequence[Cell], refused: Refused) -> Document:
-        """Success rates, failure causes and metrics by task, condition and controller."""
+        """Evaluate flights of contact tasks: success rates, failure causes and errors, as plain data."""
         tasks: Document = {}
         for flights, cell in zip(todo, cells, strict=True):
             condition, name, law = flights.name
@@ -156,5 +156,5 @@ class ContactSuite(Suite[ContactFlights]):
         return {"laws": list(self.laws), "not_flown": dict(refused), "tasks": tasks}
 
     def report(self, found: Record, pictures: Mapping[str, bytes] | None = None) -> Report:
-        """Report with success rates and metrics."""
+        """Report of the contact benchmark with success rates and median errors."""
         return contact_report(found)

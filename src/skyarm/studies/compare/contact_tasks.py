@@ -1,4 +1,4 @@
-"""Tasks of the contact suite (``library/contact_tasks.toml``): bounds of their perturbations, scenarios by controller.
+"""Tasks of the contact benchmark: bounds of their perturbations, and their scenario for each controller.
 
 A law that presses flies the scenario as it is shipped. One that follows positions is led to the same places, 1 cm
 behind the believed surface, and its press waits for no force; all else is the same.
@@ -49,7 +49,7 @@ DELAY = 0.010
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Task:
-    """Task of the contact suite: its scenario, desired push, bounds of the perturbations, success criteria.
+    """Contact task of the benchmark: scenario, desired contact force, bounds of perturbations, success criteria.
 
     Attributes:
         name: of the shipped scenario. title: in a few words.
@@ -132,7 +132,7 @@ def document_of(task: Task) -> dict[str, Any]:
 
 
 def flies_its_own(task: Task, law: str) -> bool:
-    """True if a controller's behaviour in a task differs from that of the reference controller.
+    """True if a variant of the centroidal law behaves differently from the full law in a contact task.
 
     Without a push the flagship has no interaction to leave out, without an object no load to learn.
     """

@@ -1,4 +1,4 @@
-"""Perturbed worlds of a contact task (surroundings and plant): drawn from a seed, infeasible ones discarded.
+"""Perturbed surroundings and plants of a contact task, drawn from a seed; infeasible ones are discarded.
 
 A world is discarded where friction across the push would use half of the yaw torque or more, where a joint would need
 80 % of its torque, or where the wind is more than half of the push.
@@ -34,7 +34,7 @@ MOST_DISCARDED = 0.3
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Worlds:
-    """Perturbed worlds (surroundings and plant parameters) in which the contact task is feasible.
+    """Perturbed parameters of surroundings and plant with which a contact task is feasible.
 
     Attributes:
         values: path -> (count,). drawn: how many had to be drawn for them.
@@ -82,7 +82,7 @@ def draw_worlds(task: Task, scenario: Scenario, count: int, *, seed: int) -> Wor
 
 
 def kept(task: Task, scenario: Scenario, drawn: Mapping[str, Array]) -> npt.NDArray[np.bool_]:
-    """True for each perturbed scenario in which the task is feasible.
+    """Feasibility of a contact task: True for each perturbed scenario that the vehicle can perform.
 
     Args:
         task: what is done.
@@ -111,7 +111,7 @@ def kept(task: Task, scenario: Scenario, drawn: Mapping[str, Array]) -> npt.NDAr
 
 
 def _numbers(task: Task, scenario: Scenario, drawn: Mapping[str, Array], share: Array) -> dict[str, Array]:
-    """Parameter path -> values over the perturbed scenarios."""
+    """Perturbed parameters of a contact task: parameter path -> values (scenarios,)."""
     found: dict[str, Array] = {}
     for name in task.materials:
         found[f"world.{name}.material.stiffness"] = drawn["stiffness"]
@@ -135,7 +135,7 @@ def _numbers(task: Task, scenario: Scenario, drawn: Mapping[str, Array], share: 
 
 
 def _handle_numbers(task: Task, scenario: Scenario, drawn: Mapping[str, Array], share: Array) -> dict[str, Array]:
-    """Values of hinge position, mechanism resistance and grip stiffness by parameter path, for tasks with a handle."""
+    """Perturbed hinge position, mechanism friction and grip stiffness of a task with a handle, by parameter path."""
     found: dict[str, Array] = {}
     if task.hinge:
         name, *way = task.hinge

@@ -1,4 +1,4 @@
-"""Controllers of the comparison with their gains, in the order of the tables."""
+"""Controllers that take part in the shipped comparison, with their gains."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ PAPER_GAINS: Mapping[str, Any] = {"gains": HUMMINGBIRD, "joint_gains": ACCELERAT
 
 @dataclass(frozen=True, kw_only=True)
 class Entrant:
-    """Controller in the comparison, with its gains.
+    """Controller that takes part in a comparison: control law, options and gains.
 
     Attributes:
         name: short name. group: "paper", "step" (the paper's law made better), "published", "centroidal" or "part"
@@ -49,7 +49,7 @@ class Entrant:
     told: bool = True
 
     def controller(self, model: Model, *, noisy: bool) -> Controller:
-        """Make the controller with its nominal model and, if it uses one, the known delay."""
+        """Make the controller for a nominal model, with the known measurement delay if the law has such an option."""
         if self.law in PRESETS:
             return preset(self.law, model)
         options = {**self.options, **(self.noisy if noisy else self.perfect)}
@@ -72,7 +72,7 @@ def own_entrant(law: str) -> Entrant | None:
 
 
 def _entrant(row: dict[str, Any]) -> Entrant:
-    """Create a comparison entry from a row of the file."""
+    """Create a controller's comparison entry from its table of the TOML library file."""
     options = {key: tuple(each) if isinstance(each, list) else each for key, each in row.pop("options", {}).items()}
     if "without" in options:
         options["terms"] = Terms(**dict.fromkeys(options.pop("without"), False))

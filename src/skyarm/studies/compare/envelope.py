@@ -1,4 +1,4 @@
-"""Performance envelope: trials of increasing difficulty along axes, until each controller crashes.
+"""Performance envelope of controllers: one trial parameter at a time is increased until the vehicle crashes.
 
 A law flies an axis as one batch where the axis' values are data of one scenario, value by value where they are not.
 """
@@ -46,7 +46,7 @@ QUICK = 10.0
 
 @dataclass(frozen=True, kw_only=True)
 class AxisFlights(Flights):
-    """Flights of one controller along an axis: a batch over its values, all with the same noise.
+    """Flights of one controller in a trial at increasing difficulty, all with the same noise.
 
     Attributes:
         points: values that fly, SI. vehicle: name or file. duration: s, of every flight.
@@ -61,27 +61,27 @@ class AxisFlights(Flights):
 
     @property
     def axis(self) -> Axis:
-        """Axis along which the trial becomes harder."""
+        """Difficulty axis of these flights: a trial with one parameter that grows."""
         return AXES[self.case.name]
 
     @property
     def setting(self) -> Setting:
-        """Vehicle in hover, with the scales of its trials."""
+        """Hover scenario of the vehicle, with the scales of its envelope trials."""
         return setting_of(self.vehicle, self.duration, self.plant)
 
     @property
     def label(self) -> str:
-        """File name of the cell; includes the axis value if the cell has only one."""
+        """File name of the stored results; includes the axis value if the flights have only one."""
         return super().label + (f"_{self.points[0]:g}" if len(self.points) == 1 else "")
 
     def scenario(self) -> Scenario:
-        """Base scenario: the trial at its easiest value, or at the single value to be simulated."""
+        """Scenario of the envelope trial at its easiest value, or at the only value to be simulated."""
         value = self.points[0] if self.axis.numbers is None else self.axis.of(self.setting)[0]
         built = dataclasses.replace(self.axis.scenario(self.setting, value), seed=self.seed, name=self.case.name)
         return built.with_words(controller=controller_by_name(built, self.entrant.law))
 
     def values(self, scenario: Scenario) -> dict[str, Array]:
-        """Parameter path -> values of the episodes."""
+        """Parameters that vary along the difficulty axis: parameter path -> values (flights,)."""
         if self.axis.plants:
             count = self.episodes(scenario) // len(self.points)
             drawn = [plants_at(self.setting, scenario, value, count, seed=self.seed) for value in self.points]
@@ -90,20 +90,20 @@ class AxisFlights(Flights):
         return {path: np.array([row[path] for row in rows]) for path in rows[0]}
 
     def episodes(self, scenario: Scenario) -> int:
-        """Number of episodes: one per value, or several plants per value on an axis of perturbed plants."""
+        """Number of flights: one per axis value, or several perturbed plants per value."""
         if not self.axis.plants:
             return len(self.points)
         return len(self.points) * (min(PLANTS, ONE_BY_ONE) if self.alone(scenario) else PLANTS)
 
     def trials(self, count: int) -> Array:
-        """Axis value (count,) that each episode simulates, SI."""
+        """Axis value (count,) of each flight, SI."""
         return np.repeat(self.points, count // len(self.points))
 
 
 def axis_flights(
     law: str, axis: Axis, setting: Setting, *, seed: int = 0, plant: str = "rigid_body"
 ) -> list[AxisFlights]:
-    """Cells of a controller along an axis: one cell if all values can be simulated as a batch, else one per value.
+    """Flights of a controller along one difficulty axis: one batch if possible, else one entry per value.
 
     Args:
         law: preset or law.
@@ -136,7 +136,7 @@ def axis_flights(
 
 @dataclass(frozen=True, kw_only=True)
 class Envelope(Suite[AxisFlights]):
-    """Suite that measures performance envelopes.
+    """Benchmark that measures the performance envelope of several controllers.
 
     Attributes:
         laws: presets or laws, in order. axes: names. vehicle: name or file. seed: of the noise. plant: its kind.
@@ -154,27 +154,27 @@ class Envelope(Suite[AxisFlights]):
 
     @property
     def options(self) -> Document:
-        """Vehicle, seed, plant and length of the suite, as plain data."""
+        """Settings of the envelope as plain data: vehicle, seed, plant, and whether it is a quick one."""
         return {"vehicle": self.vehicle, "seed": self.seed, "plant": self.plant, "quick": self.quick}
 
     @property
     def setting(self) -> Setting:
-        """Vehicle in hover, with the scales of its trials."""
+        """Hover scenario of the vehicle, with the scales of its envelope trials."""
         return setting_of(self.vehicle, QUICK if self.quick else DURATION, self.plant)
 
     @property
     def flyable_axes(self) -> tuple[str, ...]:
-        """Axes that are possible for the vehicle."""
+        """Names of the difficulty axes that the vehicle can fly."""
         servos = bool(self.setting.truth.drives)
         return tuple(name for name in self.axes if not (servos and AXES[name].torques))
 
     def axis(self, name: str) -> Axis:
-        """Axis with the values to be simulated."""
+        """Difficulty axis by name, with only the values to be simulated."""
         axis = AXES[name]
         return dataclasses.replace(axis, values=(axis.values[0], axis.values[-1])) if self.quick else axis
 
     def plan_cells(self) -> tuple[list[AxisFlights], dict[str, str]]:
-        """Flights of all cells, controller by controller, and reasons why a controller is excluded."""
+        """All flights of the envelope, and reasons why a controller is excluded."""
         found: list[AxisFlights] = []
         refused: dict[str, str] = {}
         for law in self.laws:
@@ -187,7 +187,7 @@ class Envelope(Suite[AxisFlights]):
         return found, refused
 
     def judge(self, todo: Sequence[AxisFlights], cells: Sequence[Cell], refused: Refused) -> Document:
-        """Results of every controller at every value of every axis."""
+        """Evaluate the envelope: errors of every controller at every value of every difficulty axis."""
         axes: Document = {name: axis_record(self.axis(name), self.setting) for name in self.flyable_axes}
         for flights, cell in zip(todo, cells, strict=True):
             points = points_of(cell, flights.axis, len(flights.points))
@@ -196,9 +196,9 @@ class Envelope(Suite[AxisFlights]):
         return {"laws": laws, "not_flown": dict(refused), "axes": axes}
 
     def pictures(self, found: Record) -> dict[str, bytes]:
-        """Pictures of the report: one with all axes."""
+        """Pictures of the envelope report by file name: errors along all difficulty axes."""
         return {"envelope.png": envelope_picture(found)}
 
     def report(self, found: Record, pictures: Mapping[str, bytes] | None = None) -> Report:
-        """Report with a summary and a table for each axis."""
+        """Envelope report: a summary, and a table for each difficulty axis."""
         return envelope_report(found, (pictures or {}).get("envelope.png"))

@@ -1,4 +1,4 @@
-"""Axes of the performance envelope: trials of increasing difficulty, and the metric of each."""
+"""Difficulty axes of the performance envelope: trials with one growing parameter, and their error metric."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ Numbers = Mapping[str, float]
 
 @dataclass(frozen=True, kw_only=True)
 class Axis:
-    """Axis of the performance envelope: one trial at several values, the easiest first.
+    """Difficulty axis of the performance envelope: one trial at several parameter values, the easiest first.
 
     Attributes:
         name: short name. title: one line. unit: of the values as they are shown.
@@ -97,12 +97,12 @@ class Axis:
     torques: bool = False
 
     def of(self, setting: Setting) -> tuple[float, ...]:
-        """Values of the axis, scaled to a vehicle, SI."""
+        """Parameter values of a difficulty axis, scaled to a vehicle, SI."""
         share = self.share(setting)
         return tuple(float(f"{value * share:.3g}") for value in self.values)
 
     def scenario(self, setting: Setting, value: float) -> Scenario:
-        """Scenario of the trial at an axis value; with sensor noise if the axis has it and the trial sets none."""
+        """Scenario of an envelope trial at one axis value, with sensor noise if the axis requires it."""
         built = self.build(setting, value) if self.numbers is None else self.build(setting)
         if self.noisy and built.noise == PERFECT_SENSORS:
             delays = dataclasses.replace(built.delays, measurement=built.delays.measurement or DELAY)
@@ -116,7 +116,7 @@ def sine_from_rest(amplitude: float, frequency_hz: float = 1.0, phase: float = 0
 
 
 def along(setting: Setting, **signals: Any) -> Scenario:
-    """Hover scenario of a setting's vehicle, with the given reference signals for base and joints."""
+    """Scenario of a vehicle that follows the given reference signals of base and joints."""
     return setting.hover.with_words(reference=dataclasses.replace(setting.hover.reference, **signals))
 
 
@@ -129,38 +129,38 @@ def swings(setting: Setting, amplitudes: tuple[float, ...], frequency_hz: float,
 
 
 def swinging(setting: Setting, amplitude: float = 1.0) -> Scenario:
-    """Trial: all joints swing in hover at 1 Hz, amplitude in rad."""
+    """Envelope trial: all joints swing in hover at 1 Hz, amplitude in rad."""
     return along(setting, joints=swings(setting, (amplitude,), 1.0, SWING_PHASE))
 
 
 def moving_base(setting: Setting, **axes: Any) -> Scenario:
-    """Trial: the base follows signals while the arm swings gently."""
+    """Envelope trial: the base follows reference signals while the arm swings gently."""
     return along(setting, joints=swings(setting, ARM, ARM_HZ, ARM_PHASE), **axes)
 
 
 def circle(setting: Setting, radius: float = 1.0, speed: float = 1.0) -> Scenario:
-    """Trial: horizontal circle, radius in m and speed in m/s."""
+    """Envelope trial: horizontal circle, radius in m and speed in m/s."""
     f = speed / (2.0 * math.pi * radius)
     return moving_base(setting, x=sine_from_rest(radius, f, 0.5 * math.pi), y=sine_from_rest(radius, f))
 
 
 def slow_circle(setting: Setting, **words: Any) -> Scenario:
-    """Trial: slow horizontal circle, basis of the axes for delays, lags, payloads and noise."""
+    """Envelope trial: slow horizontal circle, used for delays, lags, payloads and noise."""
     return circle(setting, *SLOW).with_words(**words)
 
 
 def vertical(setting: Setting) -> Scenario:
-    """Trial: vertical sine of 0.2 m."""
+    """Envelope trial: vertical sine motion of 0.2 m amplitude."""
     return moving_base(setting, z=Sum((setting.hover.reference.z, sine_from_rest(0.2 * setting.climb))))
 
 
 def pushed_hover(setting: Setting, **force: Any) -> Scenario:
-    """Trial: hover under a given disturbance force."""
+    """Envelope trial: hover under a given disturbance force."""
     return setting.hover.with_words(forces=(Disturbance(**force),))
 
 
 def turning_wind(setting: Setting) -> Scenario:
-    """Trial: hover in a wind that rotates about the vertical: force of 2 N, air speed of 2 m/s."""
+    """Envelope trial: hover in a wind that rotates about the vertical, force 2 N, air speed 2 m/s."""
     force, air = (
         SignalVector(**{axis: Sine(amplitude=size, frequency_hz=1.0, phase=phase)
                         for axis, phase in (("x", 0.5 * math.pi), ("y", 0.0))})
@@ -170,7 +170,7 @@ def turning_wind(setting: Setting) -> Scenario:
 
 
 def turbulence(setting: Setting, mean: float) -> Scenario:
-    """Trial: hover in turbulence along x, m/s, standard deviation half the mean; the hull has drag."""
+    """Envelope trial: hover in turbulent wind along x with given mean, m/s, standard deviation half the mean."""
     drag = BodyDrag(area=Vec3(*(2.0 * HULL * setting.weight / 1.225,) * 3), air_density=1.225)
     sigma, length = Vec3(*(0.5 * mean,) * 3), Vec3(*(SCALE_LENGTH,) * 3)
     gusts = Dryden(intensity=sigma, scale_length=length, airspeed=mean, direction_W=E_X)
@@ -179,7 +179,7 @@ def turbulence(setting: Setting, mean: float) -> Scenario:
 
 
 def wind_steps(setting: Setting) -> Scenario:
-    """Trial: hover under a step force on the base, along one axis after another."""
+    """Envelope trial: hover under a step force on the base, along one axis after another."""
     vector = {
         axis: Product(Constant(1.0), Sum(tuple(Windowed(Constant(sign), a, b) for a, b, sign in windows)))
         for axis, windows in WIND_STEPS.items()
@@ -188,27 +188,27 @@ def wind_steps(setting: Setting) -> Scenario:
 
 
 def pushes(axis: str, setting: Setting) -> Scenario:
-    """Trial: hover under a pulsed tip force along a world axis: from 4 s on, first half of every second."""
+    """Envelope trial: hover under a pulsed tip force along a world axis, on for half of every second."""
     pulses = Pulses(count=max(1, math.ceil(setting.duration)), start=4.0, period=1.0, width=0.5)
     force = SignalVector(**{axis: Product(Constant(1.0), pulses)})
     return pushed_hover(setting, frame=setting.truth.end_effector, force=force)
 
 
 def lagging_joints(setting: Setting) -> Scenario:
-    """Trial: slow circle with a first-order lag on the joint torques."""
+    """Envelope trial: slow circle with a first-order lag on the joint torques."""
     lagged = LaggedTorque(time_constant=LONGEST)
     drives = tuple(JointDrive(joint=link.joint.name, drive=lagged) for link in setting.truth.links)
     return slow_circle(setting, drives=drives)
 
 
 def wrong_plants(setting: Setting, times: float) -> Scenario:
-    """Trial: joints swing by 0.5 rad on a perturbed plant with an unmodelled command delay."""
+    """Envelope trial: joints swing by 0.5 rad on a perturbed plant with an unmodelled command delay."""
     delays = Delays(longest_command=WIDEST * Spread().delay)
     return swinging(setting, 0.5).with_words(wind=ForceWind(), delays=delays)
 
 
 def plants_at(setting: Setting, scenario: Scenario, times: float, count: int, *, seed: int) -> dict[str, Array]:
-    """Parameter path -> values of the perturbed plants at an axis value; a larger count only appends plants.
+    """Perturbed plants at one axis value: parameter path -> values (plants,).
 
     Args:
         setting: vehicle.
@@ -224,14 +224,14 @@ def plants_at(setting: Setting, scenario: Scenario, times: float, count: int, *,
 
 
 def widen(spread: Spread, times: float) -> Spread:
-    """Scale the width of the distribution of perturbed plants."""
+    """Distribution of perturbed plants with all its widths multiplied by a factor."""
     low, high = spread.thrust
     shares = {place[0]: value * times for place, value in walk(spread) if place[0] != "thrust"}
     return Spread(**shares, thrust=(low * times, high * times))
 
 
 def same(*paths: str, factor: float = 1.0) -> Callable[[Setting, float], Numbers]:
-    """Function from an axis value to parameters by path: every path gets the axis value times a factor."""
+    """Function from an axis value to parameters by path: all get the axis value times a factor."""
     return lambda setting, value: dict.fromkeys(paths, value * factor)
 
 
@@ -251,7 +251,7 @@ def rotor_lags(setting: Setting, times: float) -> Numbers:
 
 
 def by_weight(setting: Setting) -> float:
-    """Scale of forces and payloads on an axis: the vehicle's weight relative to the paper's vehicle."""
+    """Scale of forces and payloads for a vehicle: its weight over that of the Barakou et al. 2026 vehicle."""
     return setting.weight
 
 

@@ -1,4 +1,4 @@
-"""Evaluation and report of the performance envelope: error levels, and the value at which each controller crashes."""
+"""Evaluation and report of the performance envelope: errors, and the difficulty at which controllers crash."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ JUDGED = {TIP: "tip, mean / largest", OVERSHOOT: "overshoot of the base; time wi
 
 
 def points_of(cell: Cell, axis: Axis, values: int | None = None) -> list[Document]:
-    """Results per episode of a cell: errors in m, tilt in rad, status, and whether the vehicle was lost.
+    """Results along a difficulty axis as plain data: errors in m, tilt in rad, status, crashed or not.
 
     Of an axis of plants one for each of so many ``values``.
     """
@@ -61,7 +61,7 @@ def _finite(value: Any) -> float | None:
 
 
 def point_of_plants(flights: Sequence[Record]) -> Document:
-    """Combine the results of all plants at one axis value into one point.
+    """Combine the results of all perturbed plants at one axis value into one result.
 
     It is judged by the largest mean error of the plants that fly to their end, and lost where one plant is. Its mean
     is the median of the plants' means, all else the largest of theirs. ``plants`` has them one by one.
@@ -83,7 +83,7 @@ def _over(flights: Sequence[Record], key: str, how: Any) -> float | None:
 
 
 def axis_record(axis: Axis, setting: Setting) -> Document:
-    """Description of an axis as plain data, without results; values in display units."""
+    """Description of a difficulty axis as plain data, without results; values in display units."""
     return {
         "title": axis.title,
         "unit": axis.unit,
@@ -129,12 +129,12 @@ HOW = (
 
 
 def envelope_picture(found: Record) -> bytes:
-    """PNG of the results on all axes."""
+    """PNG picture of the errors along all difficulty axes."""
     return image_bytes(envelope_figure(found["axes"], found["laws"]), dpi=DPI)
 
 
 def envelope_report(found: Record, picture: bytes | None = None) -> Report:
-    """Build the report: summary, and a table for each axis."""
+    """Build the envelope report: a summary, and a table for each difficulty axis."""
     axes, laws = found["axes"], found["laws"]
     seconds = " and ".join(f"{each:g} s" for each in sorted({axis["window_s"][1] for axis in axes.values()}))
     counted = [f"{len(each)} {one if len(each) == 1 else many}" for each, one, many in
@@ -157,7 +157,7 @@ def envelope_report(found: Record, picture: bytes | None = None) -> Report:
 
 
 def summary_section(found: Record, picture: bytes | None = None) -> Section:
-    """Summary of the range of every controller along every axis."""
+    """Report section with the range of every difficulty axis that each controller tolerates."""
     axes, laws = found["axes"], found["laws"]
     words = [f"{law} does not fly: {why}" for law, why in found["not_flown"].items()]
     return Section(
@@ -169,7 +169,7 @@ def summary_section(found: Record, picture: bytes | None = None) -> Section:
 
 
 def cell_text(point: Record, judged: str) -> str:
-    """Table cell: mean and largest error, mm, step overshoot, mm, and time out of tolerance, s; or loss of the vehicle.
+    """Table text of an envelope result: mean and largest error, mm, or overshoot, mm; or "lost".
 
     Of perturbed plants how many keep the tip and how many are lost, the median of their means and the largest error.
     """
@@ -188,22 +188,22 @@ def cell_text(point: Record, judged: str) -> str:
 
 
 def axis_head(axis: Record) -> list[str]:
-    """Column heads of an axis table: controller, then values with their unit."""
+    """Column headings of a difficulty axis' table: controller, then values with their unit."""
     return ["law", *(f">{value:g} {axis['unit']}" for value in axis["values"])]
 
 
 def axis_rows(axis: Record) -> list[list[str]]:
-    """Rows of an axis table, one per controller."""
+    """Rows of a difficulty axis' table of errors, one per controller."""
     return [[law, *(cell_text(point, axis["judged"]) for point in points)] for law, points in axis["laws"].items()]
 
 
 def axis_title(name: str, axis: Record) -> str:
-    """Title of an axis section: axis name, trial, whether sensors are noisy, and the evaluated error."""
+    """Section title of a difficulty axis: its name, its trial, whether sensors are noisy, and the error metric."""
     return f"{name.replace('_', ' ')}: {axis['title']}{', with noise' if axis['noisy'] else ''} ({axis['judged']}, mm)"
 
 
 def reach_text(axis: Record, points: Sequence[Record]) -> str:
-    """Values up to which a controller stays within each error level, and the value at which the vehicle is lost."""
+    """Text with the axis values up to which a controller's error stays low, and where it crashes."""
     values, gone = axis["values"], lost_at(points)
     counts = [within(points, level) for level in LEVELS]
     good = " / ".join(f"{values[count - 1]:g}" if count else DASH for count in counts)
@@ -211,7 +211,7 @@ def reach_text(axis: Record, points: Sequence[Record]) -> str:
 
 
 def summary_rows(axes: Record, laws: Sequence[str]) -> list[list[str]]:
-    """Rows of the summary table: meaning and range of each axis, with the limits of each controller."""
+    """Rows of the envelope's summary: range of each difficulty axis, and how far each controller gets."""
     rows = []
     for name, axis in axes.items():
         values, unit = axis["values"], axis["unit"]
@@ -222,6 +222,6 @@ def summary_rows(axes: Record, laws: Sequence[str]) -> list[list[str]]:
 
 
 def summary_head(laws: Sequence[str]) -> list[str]:
-    """Column heads of the summary table."""
+    """Column headings of the envelope's summary table."""
     levels = " / ".join(f"{1e3 * level:g}" for level in LEVELS)
     return [f"within {levels} mm up to", *(f">{law}" for law in laws)]

@@ -99,7 +99,7 @@ def _require_arm(name: str, truth: Vehicle) -> None:
 
 
 def _hover(vehicle: str, truth: Vehicle, duration: float, plant: str) -> Scenario:
-    """Hover scenario of the vehicle; for the paper's vehicle, its nominal model and gravity constants."""
+    """Hover scenario of a vehicle; that of Barakou et al. 2026 keeps its own nominal model."""
     if vehicle == PAPER:
         found = load_scenario("case3", plant=plant, duration=duration)
         return dataclasses.replace(found, name="hover", title="hover")

@@ -45,7 +45,7 @@ class GivenFlights(Flights):
     """Flights of a scenario as with ``skyarm run FILE --controller LAW``, one per noise seed."""
 
     def scenario(self) -> Scenario:
-        """Base scenario of all episodes."""
+        """Scenario of the user with this controller in place of its own."""
         law = None if self.entrant.name == OWN else self.entrant.law
         found = load_scenario(self.case.scenario, plant=self.plant, controller=law)
         return dataclasses.replace(found, seed=self.seed)
@@ -53,7 +53,7 @@ class GivenFlights(Flights):
 
 @dataclass(frozen=True, kw_only=True)
 class OwnScenario(Suite[GivenFlights]):
-    """Suite of several controllers on one scenario.
+    """Comparison of several controllers on one scenario of the user.
 
     Attributes:
         scenario: file or name of a shipped one. laws: that fly after the scenario's own, any controllers.
@@ -71,16 +71,16 @@ class OwnScenario(Suite[GivenFlights]):
 
     @property
     def name(self) -> str:  # type: ignore[override]
-        """Name of the scenario."""
+        """Name of the compared scenario, as in its file."""
         return self.plan_cells()[0][0].case.name
 
     @property
     def options(self) -> Document:
-        """Seed and plant, as plain data."""
+        """Settings of the comparison as plain data: seed and plant."""
         return {"seed": self.seed, "plant": self.plant}
 
     def plan_cells(self) -> tuple[list[GivenFlights], Refused]:
-        """One cell per controller, and reasons why a controller is excluded.
+        """Flights of each controller, and an empty mapping, since no controller is excluded.
 
         Raises:
             ScenarioError: no such scenario, or a law that is none.
@@ -99,12 +99,12 @@ class OwnScenario(Suite[GivenFlights]):
         return [GivenFlights(entrant=each, **options) for each in entrants], {}
 
     def judge(self, todo: Sequence[GivenFlights], cells: Sequence[Cell], refused: Refused) -> Document:
-        """Summaries of all cells."""
+        """Statistics of the metrics for every controller, as plain data."""
         named = {flights.name: cell for flights, cell in zip(todo, cells, strict=True)}
         return {"summaries": table(named)}
 
     def report(self, found: Record, pictures: Mapping[str, bytes] | None = None) -> Report:
-        """Report with one table: a row per controller, means over completed flights."""
+        """Comparison report with one table: a row per controller, means over completed flights."""
         (case, laws), *_ = found["summaries"][AS_GIVEN].items()
         columns = [*COLUMNS, *((name, name, 1.0) for name in names("metric"))]
         rows = []

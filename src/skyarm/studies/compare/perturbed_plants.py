@@ -47,7 +47,7 @@ class Spread:
 
 
 def draw(scenario: Scenario, spread: Spread, count: int, *, seed: int) -> dict[str, Array]:
-    """Draw perturbed plants: parameter path -> (count,) values, independent of the controllers compared.
+    """Draw perturbed plants: parameter path -> values (plants,), the same for all compared controllers.
 
     Args:
         scenario: its truth is the middle of the spread.

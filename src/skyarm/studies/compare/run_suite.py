@@ -1,4 +1,4 @@
-"""Suites of flights: run trials with several controllers into a folder, evaluate them, write one report.
+"""Run a benchmark of several controllers into a folder: simulate, evaluate, write one report.
 
 A suite says what flies and how it is judged; the rest is here. Each cell is a file of its own from the moment it has
 flown, so that a suite that was killed continues; ``flights.parquet`` holds every flight of all cells in a row.
@@ -40,7 +40,7 @@ Refused = Mapping[str, str]
 
 
 class Suite(ABC, Generic[F]):
-    """Base class of comparison suites: the flights to simulate, their evaluation and report.
+    """Base class of controller benchmarks: the flights to simulate, their evaluation and report.
 
     Attributes:
         name: of the suite. file: name of its results, without the suffix.
@@ -52,27 +52,27 @@ class Suite(ABC, Generic[F]):
     @property
     @abstractmethod
     def options(self) -> Document:
-        """Options that determine the report, as plain data."""
+        """Settings that determine a benchmark's report, as plain data."""
 
     @abstractmethod
     def plan_cells(self) -> tuple[Sequence[F], Refused]:
-        """Flights of all cells, and reasons why a controller is excluded."""
+        """All flights of a benchmark, and reasons why a controller is excluded."""
 
     @abstractmethod
     def judge(self, todo: Sequence[F], cells: Sequence[Cell], refused: Refused) -> Document:
-        """Evaluate all cells; returns the results as plain data."""
+        """Evaluate all flights of a benchmark; returns the results as plain data."""
 
     def pictures(self, found: Record) -> dict[str, bytes]:
-        """File name in the folder -> PNG of a picture of the report."""
+        """Pictures of a benchmark's report: file name -> PNG content."""
         return {}
 
     @abstractmethod
     def report(self, found: Record, pictures: Mapping[str, bytes] | None = None) -> Report:
-        """Build the report of the results."""
+        """Build the report of a benchmark from its results."""
 
 
 def fly_suite(suite: Suite[F], folder: Path, *, threads: int = 1, progress: Progress | None = None) -> Document:
-    """Simulate the missing cells of a suite, write its files, and return the content of its JSON file.
+    """Simulate the missing flights of a benchmark, write its files, and return the content of its JSON file.
 
     Raises:
         ValueError: no law flies any trial.
@@ -96,7 +96,7 @@ def fly_suite(suite: Suite[F], folder: Path, *, threads: int = 1, progress: Prog
 
 
 def prepare(folder: Path) -> None:
-    """Create the folders of a suite.
+    """Create the output folders of a benchmark.
 
     Raises:
         OSError: one of them cannot be written.
@@ -106,7 +106,7 @@ def prepare(folder: Path) -> None:
 
 
 def fly_all(todo: Sequence[Flights], folder: Path, *, threads: int = 1, progress: Progress | None = None) -> list[Cell]:
-    """Simulate all cells in order, except for those already in the folder.
+    """Simulate the flights of a benchmark, except for those whose results are already in the folder.
 
     Args:
         todo: flights of each cell.
@@ -146,7 +146,7 @@ def fly_all(todo: Sequence[Flights], folder: Path, *, threads: int = 1, progress
 
 
 def write_suite(suite: Suite[F], found: Record, pictures: dict[str, bytes], folder: Path) -> None:
-    """Write results and report of a suite."""
+    """Write results and report of a benchmark as JSON, Markdown, HTML and pictures."""
     report, results = suite.report(found, pictures), json.dumps(found, indent=1, allow_nan=False) + "\n"
     texts = {f"{suite.file}.json": results, "tables.md": report.markdown(), PAGE: report.html()}
     for name, content in (pictures | {name: text.encode() for name, text in texts.items()}).items():
@@ -154,7 +154,7 @@ def write_suite(suite: Suite[F], found: Record, pictures: dict[str, bytes], fold
 
 
 def write_flights(todo: Sequence[Flights], cells: Sequence[Cell], folder: Path) -> None:
-    """Write every flight of all cells as a row of ``flights.parquet`` if pyarrow is installed."""
+    """Write every flight of a benchmark as a row of ``flights.parquet`` if pyarrow is installed."""
     if find_spec("pyarrow") is None:
         return
     import pyarrow as pa

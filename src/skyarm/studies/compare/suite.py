@@ -1,4 +1,4 @@
-"""Cases and conditions of the comparison: the paper's five cases and harder ones, perfect to perturbed."""
+"""Cases and conditions of the comparison: those of Barakou et al. 2026 and harder ones, perfect to perturbed."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ class Condition:
 
 
 def conditions(plants: int = 1000, seeds: int = 8) -> dict[str, Condition]:
-    """All conditions, in the order of the tables.
+    """All conditions of the comparison by name, from perfect state to noisy perturbed plants.
 
     Args:
         plants: perturbed plants.

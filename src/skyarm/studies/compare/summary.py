@@ -1,4 +1,4 @@
-"""Statistics of a cell: means, tail quantiles and success rates, with confidence intervals."""
+"""Statistics of repeated flights: means, tail quantiles and success rates, with confidence intervals."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SUCCESS_METRIC, SUCCESS_LIMIT = "ee_error_last_max_continuous", 0.020
 
 
 def summary(cell: Cell) -> Document:
-    """Statistics of a cell: success rate (Wilson interval), and mean (bootstrap interval) and tail of each metric.
+    """Statistics of repeated flights: success rate, and mean, tail and confidence interval of each metric.
 
     Metrics are those of the episodes that flew to their end; null where none did. Peaks along an axis count by their
     size: of two flights that swing either way the mean is no small peak.
@@ -41,7 +41,7 @@ def magnitudes(name: str, values: Array) -> Array:
 
 
 def successes(cell: Cell) -> npt.NDArray[np.bool_]:
-    """True for each successful episode."""
+    """True for each flight that ended with the tip within 20 mm of its reference."""
     with np.errstate(invalid="ignore"):
         return cell.completed & (cell.metrics[SUCCESS_METRIC] < SUCCESS_LIMIT)
 
@@ -61,7 +61,7 @@ def _spread(values: Array) -> Document | None:
 
 
 def table(cells: Mapping[tuple[str, str, str], Cell]) -> Document:
-    """Nested table of summaries by condition, case and controller."""
+    """Nested dictionary of flight statistics by condition, case and controller."""
     found: Document = {}
     for (condition, case, entrant), cell in cells.items():
         found.setdefault(condition, {}).setdefault(case, {})[entrant] = summary(cell)

@@ -1,4 +1,4 @@
-"""Regression models for lag identification: forces from logged motion, and forces from lagged commands.
+"""Regression models for lag identification: forces from the logged motion and from lagged commands.
 
 Needed forces follow from the model's inverse dynamics. Rotors and joint drives make means over control periods of
 logged commands, for many delays and lags at once. A log is cut into stretches that are followed side by side, each from
@@ -32,7 +32,7 @@ UNEVEN = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Needed:
-    """Inverse dynamics of a log: mean wrench and joint efforts over each of its N - 1 control periods.
+    """Inverse dynamics of a flight log: mean wrench and joint efforts over each of its N - 1 control periods.
 
     Attributes:
         period: s. wrench: (N - 1, 6) force and torque at the base origin, base axes, N and N m.
@@ -46,7 +46,7 @@ class Needed:
 
 
 def control_period(log: Log) -> float:
-    """Control period of a log, s.
+    """Control period of a flight log, s; an error if its times are not evenly spaced.
 
     Raises:
         ValueError: it is too short, or its instants are not evenly spaced.
@@ -123,7 +123,7 @@ USUAL = 0.02
 
 @dataclass(frozen=True, slots=True)
 class Followed:
-    """Commands cut into overlapping time blocks, to simulate their lag in parallel.
+    """Logged commands cut into overlapping time blocks, to simulate actuator lag in parallel.
 
     Attributes:
         commands: (steps + 2, stretches, columns) commands of the periods of each stretch, shifted by nothing.
@@ -137,7 +137,7 @@ class Followed:
 
     @classmethod
     def of(cls, commands: Array, period: float, longest: float, slowest: float) -> Followed:
-        """Cut commands (N, columns), one per control period, into time blocks.
+        """Cut logged commands (N, actuators), one per control period, into overlapping time blocks.
 
         Args:
             commands: as sent; the first one is assumed to hold before the log begins.
@@ -159,7 +159,7 @@ class Followed:
         return joined[:, : self.periods]
 
     def means(self, period: float, delay: Array, up: Array, down: Array, *, squared: bool) -> Array:
-        """Mean response per period to the commands with a dead time and a first-order lag.
+        """Mean actuator response per control period to the commands after dead time and first-order lag.
 
         The approach to a held command is monotonic: one time constant holds for it, and its mean is exact.
 

@@ -37,7 +37,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Estimated:
-    """Estimate with its 95 % confidence interval, SI units."""
+    """Estimated number with its 95 % confidence interval, SI units."""
 
     value: float
     low: float
@@ -45,13 +45,13 @@ class Estimated:
 
     @classmethod
     def of(cls, value: float, half: float, *, least: float = 0.0) -> Estimated:
-        """Create an estimate with a symmetric interval of a half-width, cut at the least possible value."""
+        """Create an estimate with a symmetric confidence interval, cut at the least possible value."""
         return cls(value=value, low=max(least, value - half), high=value + half)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Lag:
-    """Identified delay and time constants of a group of actuators.
+    """Identified command delay and time constants of the rotors or of one joint drive.
 
     Attributes:
         name: "rotors", or the joint's. together: s, dead time and lag, as a small swing meets them.
@@ -73,13 +73,13 @@ class Lag:
 
     @property
     def is_known(self) -> bool:
-        """True if the log determines the lag."""
+        """True if the flight log determines the actuator lag."""
         return not self.reason
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LoopLags:
-    """Delays and lags identified from a log.
+    """Command delays and actuator lags identified from a flight log.
 
     Attributes:
         period: s, of the control. seconds: of the log.
@@ -174,7 +174,7 @@ DELAY_STEP, FACTOR_STEP, GAIN_STEP = 2.5e-4, 0.03, 0.02
 
 
 def loop_lags(log: Log, vehicle: Vehicle, gravity: float = 9.81) -> LoopLags:
-    """Identify delays and lags from the log of a flight.
+    """Identify command delays and actuator lags from a flight log.
 
     Args:
         log: of one flight, a row a control period.
@@ -264,7 +264,7 @@ def joint_lag(name: str, log: Log, motion: Needed, joint: int) -> Lag:
 
 
 def _lag(name: str, found: Fit, period: float, nominal: Array) -> Lag:
-    """Convert fitted parameters to the identified lag of an actuator group, with confidence intervals.
+    """Identified delay and time constants, with confidence intervals, from the parameters of a least-squares fit.
 
     Args:
         name: of the group.
@@ -301,7 +301,7 @@ def _fit(
     constants: int,
     friction: Array | None = None,
 ) -> Fit:
-    """Fit dead time, time constants, a gain per measured signal, and optionally viscous friction.
+    """Least-squares fit of dead time, time constants, a gain per signal, and optionally viscous friction.
 
     Args:
         predicted: (candidates, own parameters) -> (candidates, N, rows).
@@ -347,13 +347,13 @@ def _half(found: Fit, weights: list[float]) -> float:
 
 
 def _constant(value: float, half: float, floor: float) -> Estimated:
-    """Time constant, s, with an interval from the half-width of its logarithm, not narrower than ``floor``, s."""
+    """Estimated time constant, s, with a confidence interval from the half-width of its logarithm."""
     width = math.hypot(min(half, 5.0), floor / value)
     return Estimated(value=value, low=value * math.exp(-width), high=value * math.exp(width))
 
 
 def _with_verdict(lag: Lag, found: Fit) -> Lag:
-    """Add to an identified lag the reason why the log does not determine it, if so."""
+    """Identified lag with the reason, if any, why the flight log does not determine it."""
     half = lag.together.high - lag.together.value
     alone = lag.delay.high - lag.delay.value
     reason = ""
@@ -369,7 +369,7 @@ def _with_verdict(lag: Lag, found: Fit) -> Lag:
 
 
 def _stirring(commands: Array) -> bool:
-    """True if commands (N, columns) vary enough between control periods to excite the dynamics."""
+    """True if logged commands (N, actuators) vary enough to identify the actuators' lag."""
     return bool(np.std(np.diff(commands, axis=0)) > STIRRING * np.sqrt(np.mean(commands**2)))
 
 

@@ -38,7 +38,7 @@ Left = Callable[[Array], Array]
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """Result of a least-squares fit.
+    """Result of a least-squares fit: parameters, covariance, explained share of the variance.
 
     Attributes:
         values: (parameters,). covariance: of them. quantile: of Student's t for the interval's half width.
@@ -98,7 +98,7 @@ def fit(
         return np.stack([_white(each, filters, scales) for each in left(parameters)])
 
     def around(x: Array) -> tuple[Array, Array]:
-        """Residual at given parameters, and its Jacobian by central differences, evaluated in one batch."""
+        """Residual of a fit at given parameters, and its Jacobian by central differences."""
         low, high = np.maximum(x - steps, bounds[0]), np.minimum(x + steps, bounds[1])
         every = np.repeat(x[None, :], 2 * len(x) + 1, axis=0)
         index = np.arange(len(x))
@@ -110,7 +110,7 @@ def fit(
     last: dict[bytes, tuple[Array, Array]] = {}
 
     def once(x: Array) -> tuple[Array, Array]:
-        """Residual at given parameters; the result of the last call is cached."""
+        """Residual of a fit and its Jacobian at given parameters; the last result is cached."""
         if x.tobytes() not in last:
             last.clear()
             last[x.tobytes()] = around(x)
@@ -161,7 +161,7 @@ def blocks_of(seconds: float) -> int:
 
 
 def _filter(left: Array, ridge: float) -> Array:
-    """Coefficients of an autoregressive model of a residual (N,)."""
+    """Coefficients of an autoregressive noise model of a fit's residual (N,)."""
     centred = left - left.mean()
     past = np.stack([centred[ORDER - 1 - i : len(centred) - 1 - i] for i in range(ORDER)], axis=1)
     square = past.T @ past + len(past) * ridge**2 * np.eye(ORDER)

@@ -28,7 +28,7 @@ SETTLING = 5.0
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Instant:
-    """Stability margins at one time of a flight, for each rotor lag of ``LAGS``.
+    """Stability margins of the loop linearised at one time of a flight, for rising and falling rotor speeds.
 
     Attributes:
         hover: True for the flight that only hovers. time: s.
@@ -43,22 +43,22 @@ class Instant:
 
     @property
     def delay(self) -> float:
-        """Delay margin, s: the smallest over the rotor lags."""
+        """Delay margin, s: the smaller one of the linearisations for rising and falling rotor speeds."""
         return min(each.delay for each in self.by_lag.values())
 
     @property
     def radius(self) -> float:
-        """Spectral radius of the closed loop: the largest over the rotor lags."""
+        """Spectral radius of the closed loop: the larger one for rising and falling rotor speeds."""
         return max(each.radius for each in self.by_lag.values())
 
     def gain(self, field: str) -> tuple[float, float]:
-        """Gain margin (lower, upper), intersected over the rotor lags; ``field`` is "rotor_gain" or "joint_gain"."""
+        """Gain margin (lower, upper) of all rotors or of all joints, the worst of the linearisations."""
         lows, highs = zip(*(getattr(each, field) for each in self.by_lag.values()), strict=True)
         return max(lows), min(highs)
 
 
 def instant_at(open_loop: Callable[[str], OpenLoop], *, hover: bool, time: float, measured: bool = True) -> Instant:
-    """Compute the stability margins at one time of a flight.
+    """Compute the stability margins of the loop linearised at one time of a flight.
 
     Args:
         open_loop: the loop with the rotors' time constant upward, downward or between.
@@ -72,7 +72,7 @@ def instant_at(open_loop: Callable[[str], OpenLoop], *, hover: bool, time: float
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Evidence:
-    """Stability margins of one controller on one scenario.
+    """Stability margins of one controller on one scenario, in hover and along the flight.
 
     Attributes:
         completed: False where the nominal flight ended early.
@@ -113,7 +113,7 @@ def hovering(scenario: Scenario) -> Scenario:
 
 
 def margins(scenario: Scenario, instants: int = 4, progress: Callable[[int, int], object] | None = None) -> Evidence:
-    """Stability margins of a scenario's loop, as printed by ``skyarm margins``, with slow adaptation frozen.
+    """Stability margins of a scenario in hover and along its flight, as ``skyarm margins`` prints them.
 
     Args:
         scenario: on any plant; the rigid-body plant is linearised.
@@ -176,7 +176,7 @@ def _along(
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Frozen:
-    """State of a flight at one instant, for linearisation.
+    """State of a closed-loop flight at one time, ready to be linearised.
 
     Attributes:
         time: s. differentiator: of the flight. carry: its loop state. row: leaves of the inputs of the instant.
@@ -188,12 +188,12 @@ class Frozen:
     row: list[float]
 
     def open_loop(self, lag: str) -> OpenLoop:
-        """Linearised open loop with the rotors' rising, falling or intermediate time constant."""
+        """Linearised open loop at this time, with the rotors' rising, falling or intermediate time constant."""
         return self.differentiator.at(self.carry, self.row, lag)
 
 
 def frozen_instants(flight: Scenario, count: int) -> Iterator[Frozen]:
-    """Iterate over ``count`` equally spaced instants of a flight, the last at its end; fewer if it ends early."""
+    """Iterate over ``count`` equally spaced times of a flight, with the state to linearise at each."""
     flight = flight.with_words(kind="rigid_body")
     engine = Engine(EpisodeCode(flight, commands=False, effort=0))
     inputs, differentiator = engine.inputs, Differentiator(flight)
@@ -220,7 +220,7 @@ POINTS = 500
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Locus:
-    """Nyquist locus of one loop.
+    """Nyquist locus of one control loop, with its disk margin.
 
     Attributes:
         margin: its disk margin. L: its open-loop response under negative feedback, by ascending frequency.
@@ -231,13 +231,13 @@ class Locus:
 
 
 def hover_loci(scenario: Scenario) -> list[Locus]:
-    """Nyquist locus of the weakest loop of each kind in hover, falling rotor time constants; [] if hover is lost."""
+    """Nyquist loci of a scenario in hover: the weakest loop of each kind; empty if the vehicle crashes."""
     found = next(frozen_instants(hovering(nominal(without_adaptation(scenario))), 1), None)
     return [] if found is None else loci(found.open_loop("down"))
 
 
 def loci(loop: OpenLoop) -> list[Locus]:
-    """Nyquist locus of the weakest loop of each kind; [] if the closed loop is unstable.
+    """Nyquist loci of a linearised loop: the weakest channel of each kind; empty if it is unstable.
 
     With T from what is added to a channel to the channel itself, closed, the loop under negative feedback is
     -T / (1 + T).

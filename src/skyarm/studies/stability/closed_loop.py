@@ -1,4 +1,4 @@
-"""Linearised sampled-data loop at an instant: open loop cut at the commands, and closed loop with its delays."""
+"""Linearised sampled-data control loop: open loop cut at the commands, and closed loop with its delays."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class OpenLoop:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Closed:
-    """Closed loop with dead time and variable actuator gains k: transition matrix ``fixed + enters @ (k sent)``.
+    """Linear closed loop with variable actuator gains k: transition matrix ``fixed + enters @ (k sent)``.
 
     Attributes:
         fixed: (n, n) part without commands. enters: (n, commands) input matrix of the commands.
@@ -66,12 +66,12 @@ class Closed:
     answered: Array
 
     def matrix(self, gains: Array) -> Array:
-        """State-transition matrix of one control period for gains k of the commands (commands,)."""
+        """Transition matrix of the closed loop over one control period for actuator gains k (commands,)."""
         return np.asarray(self.fixed + self.enters @ (self.sent * gains[:, None]))
 
 
 def close_loop(loop: OpenLoop, extra_delay: float = 0.0) -> Closed:
-    """Close the loop over the state vector [state, controller state, delayed measurements, delayed commands].
+    """Close a linearised loop; its state adds the controller's and the delayed measurements and commands.
 
     ``extra_delay`` (s, with the loop's own a multiple of its ``lates``) joins that of the commands.
     """
@@ -111,12 +111,12 @@ def close_loop(loop: OpenLoop, extra_delay: float = 0.0) -> Closed:
 
 
 def gains(loop: OpenLoop, *, rotor_gain: float = 1.0, joint_gain: float = 1.0) -> Array:
-    """Gain factors (commands,) on the actuators' response; the controller's model is not changed."""
+    """Gain factors (commands,) on the response of rotors and joints, as in a gain margin."""
     return np.array([rotor_gain] * loop.rotors + [joint_gain] * (loop.u_m.shape[0] - loop.rotors))
 
 
 def closed_loop(loop: OpenLoop, *, extra_delay: float = 0.0, **modified: Any) -> Array:
-    """State-transition matrix of one period, with extra delay and modified rotor or joint gain."""
+    """Transition matrix of the closed loop over one control period, with extra delay or modified gains."""
     return close_loop(loop, extra_delay).matrix(gains(loop, **modified))
 
 
@@ -148,7 +148,7 @@ def _reachable(links: npt.NDArray[np.bool_], first: npt.NDArray[np.bool_]) -> np
 
 
 def radius(loop: OpenLoop, **modified: Any) -> float:
-    """Spectral radius of the closed loop, modified as in :func:`closed_loop`; inf if not finite."""
+    """Spectral radius of the closed loop with extra delay or modified gains; inf if not finite."""
     return spectral_radius(closed_loop(loop, **modified))
 
 

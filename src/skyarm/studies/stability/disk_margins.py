@@ -159,7 +159,7 @@ SMALLEST = 1e-12
 
 
 def upper_bound(M: Complex) -> Array:
-    """Upper bound of the structured singular value of each matrix (count, n, n); tight for the largest one only.
+    """Upper bounds of the structured singular values of matrices (count, n, n); tight for the largest one.
 
     Others are bounds, too, though looser ones than they could be.
     """
@@ -189,7 +189,7 @@ def _perron_scaled(M: Complex) -> Complex:
 
 
 def _descend(M: Complex) -> float:
-    """Minimise the largest singular value over diagonal scalings by gradient descent with step halving."""
+    """Least of the largest singular value over diagonal scalings D M D^-1, by gradient descent."""
     value, slope = _slope(M)
     step = 0.5
     for _ in range(STEPS):
@@ -206,7 +206,7 @@ def _descend(M: Complex) -> float:
 
 
 def _slope(M: Complex) -> tuple[float, Array]:
-    """Largest singular value and its gradient in the logarithms of D: value (|u_i|^2 - |v_i|^2)."""
+    """Largest singular value of a matrix, and its gradient in the logarithms of the scaling's diagonal."""
     U, sizes, Vh = np.linalg.svd(M)
     return float(sizes[0]), np.asarray(sizes[0] * (np.abs(U[:, 0]) ** 2 - np.abs(Vh[0]) ** 2))
 
@@ -265,11 +265,11 @@ class _Port:
         return self.response.at(frequencies)
 
     def places(self, group: str) -> list[int]:
-        """Indices of the channels of a given group."""
+        """Indices of the channels of one kind, such as all rotors."""
         return [i for i, channel in enumerate(self.channels) if channel.group == group]
 
     def alone(self, port: str, longest: float, stable: bool) -> list[LoopMargin]:
-        """Margins of each channel separately."""
+        """Disk and delay margin of each channel, cut alone."""
         sizes = np.abs(np.diagonal(self.T, axis1=1, axis2=2) + 0.5)
         found = []
         for i, channel in enumerate(self.channels):
@@ -295,7 +295,7 @@ class _Port:
 
 
 def cut_loops(loop: OpenLoop, as_it_is: Closed, z: Complex, *, measured: bool, stable: bool) -> CutLoops:
-    """Compute the frequency responses between a loop's channels.
+    """Compute the closed-loop frequency responses between all commands and between all measurements.
 
     Args:
         loop: linearised.
@@ -327,7 +327,7 @@ def cut_loops(loop: OpenLoop, as_it_is: Closed, z: Complex, *, measured: bool, s
 
 
 def _refine(found: Response, grid: Array) -> tuple[Array, Complex]:
-    """Refine a frequency grid around the critical frequency of each channel; returns the grid and its responses."""
+    """Refine a frequency grid around each channel's critical frequency; returns grid and frequency responses."""
     T = found.at(grid)
     if not T.size:
         return grid, T

@@ -24,7 +24,7 @@ SHARES = {"up": 0.0, "down": 1.0, "between": 0.5}
 
 
 def nominal(scenario: Scenario) -> Scenario:
-    """Scenario for linearisation, without noise, scheduled changes and :func:`disturbances`.
+    """Scenario for linearisation, without noise, scheduled changes and disturbances with internal state.
 
     Nor has the rounding of an encoder in a servo, which is flat but for its steps: it is left out, as its mean is.
     Rotors that tilt stay at rest under a law that does not turn them.
@@ -50,7 +50,7 @@ def nominal(scenario: Scenario) -> Scenario:
 
 
 def disturbances(scenario: Scenario) -> tuple[str, ...]:
-    """Names of the disturbances that :func:`nominal` removes: turbulence, and air and forces with internal state.
+    """Names of the disturbances that linearisation leaves out: turbulence, air and forces with internal state.
 
     Air and forces without a memory, as ground effect, are kept.
     """
@@ -59,7 +59,7 @@ def disturbances(scenario: Scenario) -> tuple[str, ...]:
 
 
 def _split(scenario: Scenario, field: str) -> tuple[tuple[Any, ...], list[str]]:
-    """Static air or force models, and names of dynamic ones to be removed; raises if one depends on the vehicle.
+    """Air or force models without internal state, and names of the others, which linearisation leaves out.
 
     Raises:
         ScenarioError: a memory moves with the plant or follows its state: the loop without it is another.
@@ -117,7 +117,7 @@ def without_adaptation(scenario: Scenario) -> Scenario:
 
 
 def with_lag(scenario: Scenario, share: Any) -> Scenario:
-    """Scenario with one time constant per rotor, in plant and model: rising (share 0), falling (1) or between.
+    """Scenario whose rotors have one time constant: for rising speed (share 0), falling (1) or between.
 
     Between, the rate 1 / tau is between both. In a small swing rotors rise half of the time and fall the other half: at
     one half it grows or dies out as the swing of the vehicle itself does.

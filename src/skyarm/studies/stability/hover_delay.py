@@ -19,7 +19,7 @@ ENOUGH = 1.5
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class HoverDelay:
-    """Delay margin of a loop in hover.
+    """Delay margin of a closed loop in hover, with the controller's nominal delay.
 
     Attributes:
         margin: further dead time, s, with the worse of the rotors' two time constants; inf beyond 0.1 s, 0 where the
@@ -57,7 +57,7 @@ class HoverDelay:
 
     @property
     def shortfall(self) -> str:
-        """Text of the unmet delay margin requirement; empty if it is met or the loop is unstable."""
+        """Text that says which required delay margin is not met; empty if it is met or the loop is unstable."""
         if self.enough or not self.margin > 0.0:
             return ""
         if self.least_margin > ENOUGH * self.believed:
@@ -66,7 +66,7 @@ class HoverDelay:
 
 
 def hover_delay(scenario: Scenario) -> HoverDelay:
-    """Delay margin of a scenario's loop in settled hover; zero if the hover is lost.
+    """Delay margin of a scenario's closed loop in settled hover; zero if the vehicle crashes.
 
     Raises:
         ScenarioError: the loop has a memory that its linearisation does not know.
@@ -83,7 +83,7 @@ def hover_delay(scenario: Scenario) -> HoverDelay:
 
 
 def hover_delay_if_known(scenario: Scenario) -> HoverDelay | str:
-    """Delay margin of a scenario's hover, or a text with the reason why there is none."""
+    """Delay margin of a scenario in hover, or a text with the reason why it cannot be computed."""
     try:
         return hover_delay(scenario)
     except (ScenarioError, ControllerError, AllocationError, NoMachineCodeError) as error:

@@ -1,4 +1,4 @@
-"""Channels at which the loop is cut one at a time: rotors, body torques, joint drives, measurements."""
+"""Scalar signals at which a control loop is cut for its margins: rotors, torques, drives, measurements."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ NAMES = {"quaternion": "attitude", "specific_force": "acceleration"}
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Channel:
-    """Scalar channel at which the loop is cut: output row ``reads`` and input column ``enters``, with product 1.
+    """Scalar signal at which the loop is cut for a margin, as a row and a column of its command or measurement.
 
     Attributes:
         name: of the direction. group: of those that are cut together. port: "commands" or "measurements".
@@ -43,7 +43,7 @@ class Channel:
 
 
 def single(names: Sequence[str], group: str, port: str, size: int, first: int = 0) -> list[Channel]:
-    """Channels of consecutive entries of a vector of length ``size``, starting at index ``first``."""
+    """Cut points at consecutive entries of a command or measurement vector of length ``size``."""
     one = np.eye(size)
     return [
         Channel(name=name, group=group, port=port, reads=one[first + i], enters=one[first + i])
@@ -52,7 +52,7 @@ def single(names: Sequence[str], group: str, port: str, size: int, first: int = 
 
 
 def numbered_channels(rotors: int, joints: int, measurements: int) -> tuple[Channel, ...]:
-    """Default channels of a loop with known sizes only, named by number."""
+    """Cut points named by number, for a loop whose rotors, joints and measurements have no names."""
     size = rotors + joints
     found = single([f"rotor {i + 1}" for i in range(rotors)], "rotors", COMMANDS, size)
     found += single([f"joint {i + 1}" for i in range(joints)], "joints", COMMANDS, size, rotors)
@@ -61,7 +61,7 @@ def numbered_channels(rotors: int, joints: int, measurements: int) -> tuple[Chan
 
 
 def vehicle_channels(vehicle: Vehicle, speeds: Sequence[float], attitude: Quaternion) -> tuple[Channel, ...]:
-    """Channels of a vehicle: rotors, body torques and thrust, joint drives, measurements.
+    """Signals at which a vehicle's loop is cut: rotors, body torques and thrust, joint drives, measurements.
 
     Args:
         vehicle: rotors and joints.
@@ -88,7 +88,7 @@ def wrenches(rotors: Sequence[Rotor]) -> Array:
 
 
 def _pushes(rotors: Sequence[Rotor], speeds: Array, size: int) -> list[Channel]:
-    """Channels of body torque and thrust; also of lateral force if the rotors span all six axes."""
+    """Cut points at body torques and thrust; also at lateral force if the rotors span all six axes."""
     B = wrenches(rotors)
     lengths = np.linalg.norm(B, axis=1, keepdims=True)
     lengths[lengths == 0.0] = 1.0
@@ -112,7 +112,7 @@ def _pushes(rotors: Sequence[Rotor], speeds: Array, size: int) -> list[Channel]:
 
 
 def _measured_channels(joints: Sequence[str], rotors: Sequence[str], attitude: Quaternion) -> list[Channel]:
-    """Channels of a measurement, one per entry except for time."""
+    """Cut points at a measurement, one per entry except for time."""
     size = 1 + sum(VECTORS.values()) + 2 * len(joints) + len(rotors)
     found: list[Channel] = []
     place = 1
@@ -135,7 +135,7 @@ def _measured_channels(joints: Sequence[str], rotors: Sequence[str], attitude: Q
 
 
 def _rotations(names: Sequence[str], group: str, size: int, place: int, attitude: Quaternion) -> list[Channel]:
-    """Channels of small rotations of a measured attitude: tangent map Q, q (1, v / 2) moves q by Q v."""
+    """Cut points at a measured attitude: small rotations about the base's axes."""
     w, x, y, z = (float(c) for c in attitude)
     Q = 0.5 * np.array([[-x, -y, -z], [w, -z, y], [z, w, -x], [-y, x, w]])
     found = []

@@ -84,7 +84,7 @@ def margins(loop: OpenLoop, *, measured: bool = True) -> Margins:
 
 
 def _gain(as_it_is: Closed, stable: bool, group: slice) -> tuple[float, float]:
-    """Gain margin: interval of a common factor on all commands of a group."""
+    """Gain margin of all rotors or all joints: interval of the common factor on their commands."""
     if not stable:
         return 1.0, 1.0
     factors = np.ones(len(as_it_is.sent))
@@ -100,7 +100,7 @@ def _gain(as_it_is: Closed, stable: bool, group: slice) -> tuple[float, float]:
 
 
 def gain_edge(is_unstable: Callable[[float], bool], stride: float, limit: float) -> float:
-    """Gain at the stability boundary, searched from 1 in factors of ``stride``; ``limit`` if still stable there."""
+    """Gain factor at the stability boundary, searched from 1 in steps; ``limit`` if stable up to there."""
     nearer = min if limit > 1.0 else max
     good, gain = 1.0, nearer(stride, limit)
     while not is_unstable(gain):

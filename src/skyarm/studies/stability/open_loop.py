@@ -56,7 +56,7 @@ STENCIL = ((-2.0, 1.0 / 12.0), (-1.0, -2.0 / 3.0), (1.0, 2.0 / 3.0), (2.0, -1.0 
 
 
 def stencil_points(base: Array, attitude: Quaternion) -> tuple[Array, Array]:
-    """Points (variables, directions * 4) for finite differences about a point, and the step of each direction.
+    """Points (variables, directions * 4) for finite differences about an operating point, and their steps.
 
     Args:
         base: the point (leaves,): three of position, four of attitude (wxyz), then plain numbers.
@@ -106,7 +106,7 @@ def _rotate(q: Quaternion, half: Sequence[float]) -> Quaternion:
 
 
 def _tangent(states: Array, still: Array) -> Array:
-    """Differences (variables, points) of states from one state; attitude as twice the vector part of q0^-1 q."""
+    """Differences (variables, points) of vehicle states from one state, with attitude as a rotation vector."""
     w, x, y, z = still[3:7]
     a, b, c, d = states[3:7]
     turn = 2.0 * np.array([w * b - x * a - y * d + z * c, w * c + x * d - y * a - z * b, w * d - x * c + y * b - z * a])
@@ -148,13 +148,13 @@ def open_point(carry: LoopState, batteries: int = 0) -> OpenPoint:
 
 
 def sizes_of(point: OpenPoint) -> list[int]:
-    """Numbers of scalars in an operating point: state with drives, commands, controller state, measurement, battery."""
+    """Sizes of an operating point's parts: vehicle state, commands, controller state, measurement, battery."""
     parts = (point.old, point.new, point.memory, point.seen, point.power)
     return [len(leaves((point.state, point.drives))), *(len(leaves(part)) for part in parts)]
 
 
 class Differentiator:
-    """Compiled open-loop control period of a scenario, with finite differences about an operating point.
+    """Linearisation of a scenario's open-loop control period by finite differences of its machine code.
 
     Args:
         scenario: on the rigid-body plant; noise and turbulence are left out.
@@ -224,7 +224,7 @@ class Differentiator:
         return repeat(count, lambda x: step(scenario.plant, x, command, air, seconds / count)[0], state)
 
     def at(self, carry: LoopState, row: Sequence[float], lag: str, numbers: Sequence[float] | None = None) -> OpenLoop:
-        """Linearise the open loop at a state ``carry`` of the simulation loop.
+        """Linearise the open loop at a state of the simulated flight.
 
         Args:
             carry: of the nominal flight.
@@ -265,7 +265,7 @@ class Differentiator:
         )
 
     def _channels(self, point: OpenPoint, base: Array) -> tuple[Channel, ...]:
-        """Channels at which the loop is cut, at the instant's command and measurement."""
+        """Signals at which the loop is cut for its margins, at this operating point."""
         at: OpenPoint = rebuild(point, iter(base.tolist()))
         speeds = [float(speed) for speed in at.new.rotor_speeds]
         return vehicle_channels(self.scenario.plant.vehicle, speeds, at.seen.quaternion)
@@ -273,7 +273,7 @@ class Differentiator:
     def _complete(
         self, carry: LoopState, point: OpenPoint, sizes: list[int], row: Sequence[float], given: Sequence[float]
     ) -> Array:
-        """Scalars of the operating point; measurement and command without delay are computed within the period."""
+        """Scalars of the operating point, with measurement and command computed where they have no delay."""
         base = np.array([float(leaf) for leaf in leaves(point)])
         ends = np.cumsum([sizes[0], sizes[4], sizes[3], sizes[1]])
         if not carry.sensors[0].waiting:
@@ -285,7 +285,7 @@ class Differentiator:
         return base
 
     def _outputs_of(self, points: Array, row: Sequence[float], late: int, numbers: Sequence[float]) -> Array:
-        """Outputs (outputs, points) of the open loop at many points; ``late`` is the index of the command arrival time.
+        """Outputs (outputs, points) of the open loop at many operating points in one call of machine code.
 
         ``numbers`` are the lag's share and those of the paths.
         """

@@ -82,7 +82,7 @@ class SettledHover:
         return [each if _is_hover(each) else None for each in settled]
 
     def open_loop(self, settled: Any, numbers: Sequence[float], lag: str) -> OpenLoop:
-        """Linearised open loop in the settled hover of one parameter set."""
+        """Linearised open loop in the settled hover of one set of parameters."""
         return self._differentiator.at(settled, self._row, lag, numbers)
 
     def _sets(self, values: Mapping[str, Array]) -> list[list[float]]:

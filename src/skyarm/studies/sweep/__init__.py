@@ -1,4 +1,4 @@
-"""Parameter sweeps: many episodes of one scenario with varied parameters, stored rows, statistics."""
+"""Parameter sweeps: many flights of one scenario with varied parameters, their metrics and statistics."""
 
 from skyarm.studies.sweep.runner import Summary, run_sweep
 from skyarm.studies.sweep.study import Study, StudyError

@@ -1,4 +1,4 @@
-"""Curves of metrics against a varied parameter: median, with a band over all other variation."""
+"""Curves of a metric over a varied parameter of a sweep: median, with a band over all other variation."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ FEWEST_OF_BAND = 5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Variable:
-    """Abscissa of a curve: a varied parameter, or an expression of several.
+    """Abscissa of a curve over a sweep: a varied parameter, or an expression of several.
 
     Attributes:
         words: label. unit: SI, "" if unknown.
@@ -99,7 +99,7 @@ def banded_curves(rows: Rows, metric: str, over: str) -> BandedCurves:
 
 
 def variable(rows: Rows, text: str, field: str) -> Variable:
-    """Curve abscissa: a varied parameter by name or an expression; ``name = expression`` sets the label.
+    """Abscissa of a curve from text: a varied parameter, an expression, or ``label = expression``.
 
     Raises:
         StudyError, ExpressionError: one line.
@@ -118,7 +118,7 @@ def variable(rows: Rows, text: str, field: str) -> Variable:
 
 
 def _column(rows: Rows, path: str) -> Array:
-    """Values of a varied parameter in each episode, taken from the first controller since all share them."""
+    """Values of a varied parameter in each flight of a sweep, which all controllers share."""
     return np.asarray(rows.of(rows.controllers[0], path), dtype=float)
 
 

@@ -25,7 +25,7 @@ BLOCK = 2**16
 
 
 def values(study: Study, episodes: npt.ArrayLike) -> dict[str, Array]:
-    """Parameter path -> values (episodes,), derived parameters last; each episode's values depend only on its number.
+    """Values of the varied parameters of a study: parameter path -> values (episodes,).
 
     Args:
         study: with its design.
@@ -57,18 +57,18 @@ def _unit(study: Study, episodes: npt.NDArray[np.int64], index: int) -> Array:
 
 
 def extremes(study: Study) -> dict[str, tuple[float, float]]:
-    """Parameter path -> smallest and largest value over the study's episodes."""
+    """Smallest and largest value of each varied parameter over the study's episodes, by path."""
     return {path: (low, high) for path, (low, high, _, _) in _ends(study).items()}
 
 
 def derived_extremes(study: Study) -> dict[str, tuple[int, int]]:
-    """Path of a derived parameter -> episodes of its smallest and largest value."""
+    """Episode numbers at which each derived parameter is smallest and largest, by path."""
     ends = _ends(study) if study.derived else {}
     return {path: ends[path][2:] for path in study.derived}
 
 
 def _ends(study: Study) -> dict[str, tuple[float, float, int, int]]:
-    """Parameter path -> smallest and largest value, and the first episode with each."""
+    """Smallest and largest value of each varied parameter, and the episode number of both, by path."""
     found: dict[str, tuple[float, float, int, int]] = {}
     for start in range(0, study.episodes, BLOCK):
         block = range(start, min(start + BLOCK, study.episodes))

@@ -31,7 +31,7 @@ class Uniform:
     high: float
 
     def quantile(self, u: Array) -> Array:
-        """Quantile at probability ``u``."""
+        """Quantile of the distribution at probability ``u``."""
         return self.low + (self.high - self.low) * u
 
 
@@ -43,7 +43,7 @@ class LogUniform:
     high: float
 
     def quantile(self, u: Array) -> Array:
-        """Quantile at probability ``u``."""
+        """Quantile of the distribution at probability ``u``."""
         return np.asarray(self.low * np.exp(math.log(self.high / self.low) * u))
 
 
@@ -55,7 +55,7 @@ class Normal:
     std: float
 
     def quantile(self, u: Array) -> Array:
-        """Quantile at probability ``u``.
+        """Quantile of the distribution at probability ``u``.
 
         Source: Wichura 1988, AS 241, as the standard library has it.
         """
@@ -70,7 +70,7 @@ class Values:
     values: tuple[float, ...]
 
     def quantile(self, u: Array) -> Array:
-        """Quantile at probability ``u``: one of the values."""
+        """Quantile of the discrete distribution at probability ``u``."""
         index = np.minimum((u * len(self.values)).astype(int), len(self.values) - 1)
         return np.asarray(np.array(self.values)[index])
 

@@ -59,12 +59,12 @@ GRAMMAR = f"must be of finite numbers, names, + - * / ( ) and {FUNCTION}( )"
 
 
 class ExpressionError(ValueError):
-    """Invalid expression, or one without a value."""
+    """Error of an arithmetic expression that is invalid or has no finite value."""
 
 
 @dataclass(frozen=True, slots=True)
 class Expression:
-    """Parsed arithmetic expression.
+    """Parsed arithmetic expression of a study's parameters.
 
     Attributes:
         text: as given. names: that it needs, each once, in order. field: its name in messages.
@@ -78,7 +78,7 @@ class Expression:
     field: str = "expression"
 
     def value(self, numbers: Mapping[str, Any]) -> Array:
-        """Evaluate for numbers or arrays by name, which broadcast.
+        """Evaluate the expression for given numbers or arrays by name, which broadcast.
 
         Raises:
             ExpressionError: one line: a division by zero, the root of a negative number, or a result that is too large.
@@ -107,7 +107,7 @@ class Expression:
 
 
 def read_expression(text: Any, known: Collection[str], field: str = "expression") -> Expression:
-    """Parse an expression.
+    """Parse an arithmetic expression of named parameters.
 
     Args:
         text: of the expression.
@@ -125,7 +125,7 @@ def read_expression(text: Any, known: Collection[str], field: str = "expression"
     words: dict[str, str] = {}
 
     def word(found: re.Match[str]) -> str:
-        """Valid Python identifier in place of a quoted or dotted name, of equal length for correct error positions."""
+        """Python identifier in place of a dotted parameter name, of equal length to keep error positions."""
         name, call = found["quoted"] or found["plain"], found["call"] or ""
         if call and name != FUNCTION:
             why = f"{shown(name)} must not be called; the one function is {FUNCTION}"
@@ -155,7 +155,7 @@ def read_expression(text: Any, known: Collection[str], field: str = "expression"
 
 
 def _operands(node: ast.expr) -> list[ast.expr]:
-    """Operand nodes of an operation, without the function's name."""
+    """Operands of an operation in the syntax tree of an expression."""
     below = [each for each in ast.iter_child_nodes(node) if isinstance(each, ast.expr)]
     return below[1:] if isinstance(node, ast.Call) else below
 
@@ -174,7 +174,7 @@ def is_own_name(text: str) -> bool:
 
 
 def derived_from(table: Any, varied: Collection[str]) -> dict[str, Expression]:
-    """Parse the expressions of the table ``derived``, in its order.
+    """Parse the expressions of a study's table ``derived``, by parameter.
 
     Args:
         table: path or name -> expression.
@@ -202,7 +202,7 @@ def derived_from(table: Any, varied: Collection[str]) -> dict[str, Expression]:
 
 
 def with_derived(drawn: Mapping[str, Array], derived: Mapping[str, Expression]) -> dict[str, Array]:
-    """Add the derived parameters to the episodes' values, (episodes,) each.
+    """Varied parameter values together with those that expressions derive from them.
 
     Raises:
         ExpressionError: one line that names the number: a division by zero, the root of a negative number.

@@ -97,7 +97,7 @@ def _percentile(resampled: Array, confidence: float) -> tuple[float, float]:
 
 
 def _group_means(values: Array) -> Array:
-    """Values, or means of consecutive groups if there are many, for a faster bootstrap of the mean."""
+    """Values, or means of groups of consecutive values if there are many, for a faster bootstrap."""
     size = -(-values.size // GROUPS)
     if size == 1:
         return values

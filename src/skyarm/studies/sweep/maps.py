@@ -25,7 +25,7 @@ LISTED = 100
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Axis:
-    """Axis of a map: parameter path, bin edges, logarithmic or linear spacing, label."""
+    """Axis of a robustness map: parameter path, bin edges, logarithmic or linear spacing, label."""
 
     path: str
     edges: Array
@@ -34,7 +34,7 @@ class Axis:
 
     @property
     def centers(self) -> Array:
-        """Centre of each bin."""
+        """Centres of the axis' bins."""
         if self.logarithmic:
             return np.asarray(np.sqrt(self.edges[:-1] * self.edges[1:]))
         return np.asarray(0.5 * (self.edges[:-1] + self.edges[1:]))
@@ -42,7 +42,7 @@ class Axis:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RobustnessMap:
-    """Success rate over two parameters, in bins.
+    """Success rate of one controller over two varied parameters, in bins.
 
     Attributes:
         controller: that flew. across, upward: the axes.
@@ -58,13 +58,13 @@ class RobustnessMap:
 
     @property
     def constant(self) -> float | None:
-        """Success rate if it is equal in all bins with episodes, else None."""
+        """Success rate if it is equal in all bins that hold flights, else None."""
         low, high = float(np.nanmin(self.rate)), float(np.nanmax(self.rate))
         return low if low == high else None
 
 
 def robustness_maps(rows: Rows, paths: tuple[str, str] | None = None) -> list[RobustnessMap]:
-    """Robustness map of each controller; none if fewer than two parameters vary.
+    """Maps of each controller's success rate over two varied parameters; empty if fewer vary.
 
     Args:
         rows: of the study.
@@ -115,7 +115,7 @@ def axis(path: str, values: Array, *, logarithmic: bool = False, label: str = ""
 def success_map(
     controller: str, across: Axis, upward: Axis, x: Array, y: Array, won: npt.NDArray[np.bool_]
 ) -> RobustnessMap:
-    """Count episodes and successes in each bin; the last edge belongs to the last bin."""
+    """Robustness map of one controller, from the success of each flight and its two parameters."""
     edges = (upward.edges, across.edges)
     count = np.histogram2d(y, x, bins=edges)[0].astype(np.int64)
     wins = np.histogram2d(y, x, bins=edges, weights=won)[0]

@@ -1,4 +1,4 @@
-"""Checked and compiled study, before its first episode is simulated."""
+"""Checks and compilation of a sweep before its first flight."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Plan:
     manifest: Manifest
 
     def batches(self) -> dict[str, Batch]:
-        """Compiled closed loop of each controller."""
+        """Compiled closed-loop simulation of each controller of the sweep."""
         study = self.study
         return {
             label: Batch(
@@ -62,14 +62,14 @@ class Plan:
 
 @dataclass(frozen=True, slots=True)
 class _Setting:
-    """Parameter values to be checked on a scenario, with parameter path and location for error messages."""
+    """Extreme parameter values of a sweep to be checked, with their description for error messages."""
 
     path: str
     where: str
     numbers: Mapping[str, float]
 
     def of(self, scenario: Scenario) -> Scenario:
-        """Scenario with these parameter values.
+        """Scenario with the parameter values to be checked.
 
         Raises:
             StudyError: a vehicle that cannot be.
@@ -81,7 +81,7 @@ class _Setting:
 
 
 def prepare(study: Study) -> Plan:
-    """Check the extreme parameter values of a study, and plan its batches.
+    """Check a sweep at the extremes of its parameters, and return its plan of batches.
 
     Raises:
         StudyError: a vehicle that cannot be, with the path and the value that make it so.
@@ -112,7 +112,7 @@ def prepare(study: Study) -> Plan:
 
 
 def _unit(scenario: Scenario, path: str) -> str:
-    """Unit of a parameter by its path; empty if the scenario has no such field."""
+    """Unit of a scenario's parameter by its path; empty if there is no such parameter."""
     try:
         return unit_at(scenario, path)
     except ValueError:
@@ -120,7 +120,7 @@ def _unit(scenario: Scenario, path: str) -> str:
 
 
 def _code_and_endings(study: Study) -> dict[str, Any]:
-    """User code files and user-defined termination statuses: further facts that determine the study's rows."""
+    """Digests of user code and user-defined termination statuses on which a sweep's results depend."""
     own = dict.fromkeys(ending.status for scenario in study.scenarios.values() for ending in scenario.endings)
     rows = [row.load() for name, row in registrations("metric").items() if name in study.metrics]
     code = all_files(study.scenarios, rows)
@@ -130,7 +130,7 @@ def _code_and_endings(study: Study) -> dict[str, Any]:
 
 
 def _singles(source: str, ends: Mapping[str, tuple[float, float]]) -> list[_Setting]:
-    """Parameter values to be checked: one parameter at its smallest or largest value, for every parameter."""
+    """Parameter values to check before a sweep: each varied parameter alone at its smallest and largest value."""
     return [
         _Setting(path, f'{source}: vary."{path}" reaches {value:.6g}', {path: value})
         for path, pair in ends.items()
@@ -139,7 +139,7 @@ def _singles(source: str, ends: Mapping[str, tuple[float, float]]) -> list[_Sett
 
 
 def _derived_settings(study: Study) -> list[_Setting]:
-    """Parameter values to be checked: episodes in which a derived parameter is smallest or largest."""
+    """Parameter values to check before a sweep: episodes in which a derived parameter is smallest or largest."""
     found = []
     for path, episodes in derived_extremes(study).items():
         for episode in dict.fromkeys(episodes):

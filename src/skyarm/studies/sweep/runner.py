@@ -1,4 +1,4 @@
-"""Execution of a study, chunk by chunk, into its folder."""
+"""Execution of a parameter sweep into its folder, in chunks of episodes."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Summary:
-    """Result of a sweep: folder, number of rows, episodes simulated and reused, wall-clock time in s."""
+    """Result of running a sweep: folder, number of flights, episodes simulated and reused, duration in s."""
 
     folder: Path
     rows: int
@@ -46,7 +46,7 @@ def fly_sweep(
     part: str | None = None,
     progress: Progress | None = None,
 ) -> Rows:
-    """Simulate the missing episodes of a study into a folder, and read all its rows.
+    """Simulate the missing flights of a sweep into a folder, and return the results of all.
 
     Args:
         study: the tables of a study's file (:mod:`skyarm.studies.sweep.study_file`), the path of one, the name of a
@@ -79,7 +79,7 @@ def run_sweep(
     part: str | None = None,
     progress: Progress | None = None,
 ) -> Summary:
-    """Simulate the missing episodes of a study; interruptions do not change the folder's final content.
+    """Simulate the missing flights of a sweep; an interrupted sweep ends with the same files.
 
     Args:
         study: from :func:`skyarm.studies.sweep.load_study`.
@@ -121,7 +121,7 @@ def run_sweep(
 
 
 def _part(text: str | None) -> tuple[int, int]:
-    """Index of the first chunk and stride between chunks, for one machine's share K/N of a study."""
+    """First chunk of episodes and stride between chunks, for one machine's share "K/N" of a sweep."""
     found = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text or "1/1")
     if not found or not 1 <= int(found[1]) <= int(found[2]):
         raise StudyError(f"--part = {shown(text)}: must be K/N with K from 1 to N, such as 3/16")
@@ -129,7 +129,7 @@ def _part(text: str | None) -> tuple[int, int]:
 
 
 def fly_chunk(plan: Plan, batches: Mapping[str, Batch], index: int, threads: int = 1) -> bytes:
-    """Simulate one chunk with every controller, and return its Parquet file.
+    """Simulate one chunk of episodes with every controller; returns the content of its Parquet file.
 
     The bytes depend on study and index only: not on threads, nor on what flew before.
     """

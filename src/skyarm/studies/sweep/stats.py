@@ -24,7 +24,7 @@ SHARES = (0.05, 0.25, 0.5, 0.75, 0.95)
 
 
 class Rows:
-    """Result rows of a study's folder, one per episode and controller, read column by column.
+    """Results of a sweep's folder, a table row per flight, read column by column.
 
     Only files count that are whole and of this study.
 
@@ -69,7 +69,7 @@ class Rows:
 
     @property
     def deterministic(self) -> bool:
-        """True if the study has no random values: a grid without noise."""
+        """True if the sweep has no random values: a grid of parameters without noise."""
         study = self.manifest.study
         kinds = [kind for distribution in (study["vary"] or {}).values() for kind in distribution]
         given = study["design"] == "grid" and all(kind in ("list", "grid") for kind in kinds)
@@ -95,11 +95,11 @@ class Rows:
             raise StudyError(f"{self.folder}: column {name!r}: must be readable ({first})") from None
 
     def of(self, controller: str, name: str) -> Array:
-        """Column of the rows of one controller, by name."""
+        """Values of one metric or parameter over all flights of one controller."""
         return np.asarray(self._column(name)[self._chosen[controller]])
 
     def succeeded(self, controller: str) -> npt.NDArray[np.bool_]:
-        """True for each episode that was completed within the success limits."""
+        """Success of each flight of a controller: completed, with all metrics within their limits."""
         found = np.asarray(self.of(controller, "status") == "completed")
         for name, limit in self.limits.items():
             found = found & (self.of(controller, name) <= limit)
@@ -125,7 +125,7 @@ def parse_limits(texts: list[str]) -> dict[str, float]:
 
 
 def statistics(rows: Rows, *, seed: int = 0, confidence: float = 0.95) -> dict[str, Any]:
-    """All statistics of a study, as plain data.
+    """Statistics of a sweep as plain data: success rates, quantiles and paired differences.
 
     Args:
         rows: of the study.
@@ -180,7 +180,7 @@ def statistics(rows: Rows, *, seed: int = 0, confidence: float = 0.95) -> dict[s
 
 
 def _without_intervals(found: Any) -> Any:
-    """Set every confidence interval in the statistics to None, for studies without random values."""
+    """Statistics with every confidence interval set to None, for sweeps without random values."""
     if not isinstance(found, dict):
         return found
     return {

@@ -1,4 +1,4 @@
-"""Folder of a study: a manifest, and Parquet files of rows, each written atomically and tagged with the study's digest.
+"""Folder of a sweep: a JSON manifest and Parquet files of results, written atomically and tagged by digest.
 
 A file counts if its metadata has the study's digest and its own number and its pages fit their checksums; any other is
 flown again.
@@ -59,7 +59,7 @@ def arrow() -> Any:
 
 @dataclass(frozen=True, kw_only=True)
 class Manifest:
-    """Manifest of a study's folder: the facts that determine its rows.
+    """JSON manifest of a sweep's folder: the settings that determine its results.
 
     Attributes:
         study: its document, plain values. scenarios: label of the controller -> digest of the scenario.
@@ -78,27 +78,27 @@ class Manifest:
 
     @property
     def name(self) -> str:
-        """Name of the study."""
+        """Name of the sweep's study."""
         return str(self.study["name"])
 
     @cached_property
     def facts(self) -> str:
-        """JSON text of the facts that determine the rows, in the study file's order, which sets the random streams."""
+        """JSON text of the settings that determine a sweep's results."""
         return json.dumps({"study": self.study, "scenarios": self.scenarios, "version": self.versions["skyarm"]})
 
     @cached_property
     def digest(self) -> str:
-        """Digest of the facts that determine the rows."""
+        """Digest of the settings that determine a sweep's results."""
         return hashlib.sha256(self.facts.encode()).hexdigest()
 
     @property
     def chunks(self) -> int:
-        """Number of Parquet files."""
+        """Number of Parquet files of the whole sweep."""
         return -(-int(self.study["episodes"]) // int(self.study["chunk"]))
 
     @property
     def rows(self) -> int:
-        """Number of rows of the whole study."""
+        """Number of flights of the whole sweep."""
         return int(self.study["episodes"]) * len(self.scenarios)
 
     @property
@@ -117,11 +117,11 @@ class Manifest:
         return range(index * size, min((index + 1) * size, episodes))
 
     def mark(self, index: int) -> bytes:
-        """Identity of a chunk, stored in its file: study digest and chunk number."""
+        """Tag of a chunk's Parquet file: the sweep's digest and the chunk's number."""
         return f"{self.digest}/{index}".encode()
 
     def parquet(self, table: Any, index: int) -> bytes:
-        """Build the Parquet file of a chunk's rows, tagged with study digest and chunk number."""
+        """Content of a chunk's Parquet file, tagged with the sweep's digest and the chunk's number."""
         sink = io.BytesIO()
         version = self.versions["skyarm"].encode()
         marked = table.replace_schema_metadata({MARK: self.mark(index), FACTS: self.facts.encode(), VERSION: version})
@@ -131,7 +131,7 @@ class Manifest:
         return sink.getvalue()
 
     def differences(self, there: Manifest) -> Iterator[tuple[str, Any, Any]]:
-        """(field, value of this study, value of the folder) for each difference that affects the rows."""
+        """Differences of two sweeps that affect their results: (setting, value here, value there)."""
         ours, theirs = (each._rows_depend_on() for each in (self, there))
         names = dict.fromkeys([*ours, *theirs])
         # the most telling first
@@ -141,7 +141,7 @@ class Manifest:
                 yield name, ours.get(name), theirs.get(name)
 
     def _rows_depend_on(self) -> dict[str, Any]:
-        """Field -> value for all fields that determine the rows."""
+        """Settings that determine a sweep's results, by name, as shown in error messages."""
         study, vary = self.study, self.study["vary"] or {}
         return {
             **{name: value for name, value in study.items() if name not in ("vary", "plugins")},
@@ -154,7 +154,7 @@ class Manifest:
 
 
 def read_manifest(folder: str | os.PathLike[str]) -> Manifest | None:
-    """Read the manifest of a study's folder; None if it is missing or truncated.
+    """Read the JSON manifest of a sweep's folder; None if it is missing or truncated.
 
     Raises:
         StudyError: it is no manifest.
@@ -178,12 +178,12 @@ def read_manifest(folder: str | os.PathLike[str]) -> Manifest | None:
 
 
 def chunk_path(folder: str | os.PathLike[str], index: int) -> Path:
-    """Path of a chunk's file in a study's folder."""
+    """Path of a chunk's Parquet file in a sweep's folder."""
     return Path(folder) / ROWS / f"chunk_{index:07d}.parquet"
 
 
 def chunks_there(folder: str | os.PathLike[str]) -> list[int]:
-    """Indices of the chunks whose file exists in a study's folder, ascending.
+    """Indices of the chunks whose Parquet file exists in a sweep's folder, ascending.
 
     Raises:
         OSError: the folder cannot be listed.
@@ -196,7 +196,7 @@ def chunks_there(folder: str | os.PathLike[str]) -> list[int]:
 
 
 def _mark(path: Path) -> bytes | None:
-    """Identity stored in a Parquet file of rows, b"" if absent; None if the file is damaged."""
+    """Sweep digest and chunk number stored in a Parquet file, b"" if absent; None if the file is damaged."""
     pa = arrow()
     try:
         table = pa.parquet.ParquetFile(path, page_checksum_verification=True).read()
@@ -206,7 +206,7 @@ def _mark(path: Path) -> bytes | None:
 
 
 def whole_chunks(folder: str | os.PathLike[str], manifest: Manifest) -> tuple[list[int], tuple[str, ...]]:
-    """Indices of the chunks with valid files, and names of the files that are ignored.
+    """Indices of a sweep's chunks with valid Parquet files, and names of the files that are ignored.
 
     Raises:
         OSError: the folder cannot be read.
@@ -217,12 +217,12 @@ def whole_chunks(folder: str | os.PathLike[str], manifest: Manifest) -> tuple[li
 
 
 def not_counted(names: Sequence[str]) -> list[str]:
-    """One-element list with a message that names ignored files; empty if no file was ignored."""
+    """List of one message that names the ignored Parquet files of a sweep; empty if there are none."""
     return [f"not counted, since they are damaged or of another study: {', '.join(names)}"] if names else []
 
 
 class StudyFolder:
-    """Folder of a study, opened for writing.
+    """Folder of a sweep, opened for writing its results.
 
     Args:
         folder: made if missing. manifest: of the rows that it takes.

@@ -25,7 +25,7 @@ class StudyError(ValueError):
 
 @dataclass(frozen=True, kw_only=True)
 class Study:
-    """Definition of a sweep: everything that determines the result rows.
+    """Definition of a parameter sweep: scenario, controllers, distributions, metrics and seed.
 
     Attributes:
         name: short name. title: one-line description. source: its name in messages.
@@ -69,7 +69,7 @@ class Study:
 
     @property
     def chunks(self) -> int:
-        """Number of files for all rows."""
+        """Number of Parquet files, each with the flights of some thousand episodes."""
         return -(-self.episodes // self.chunk)
 
     def span(self, index: int) -> range:

@@ -1,4 +1,4 @@
-"""Studies from TOML files.
+"""Reader of sweep definitions (studies) from TOML files.
 
 A file has ``schema = 1`` and::
 
@@ -210,7 +210,7 @@ def _episodes(top: Fields, design: str, vary: Mapping[str, Distribution]) -> int
 
 
 def _metrics(top: Fields, scenario: Scenario) -> tuple[str, ...]:
-    """Names of the metrics to store in the rows."""
+    """Names of the metrics that a study computes of every flight."""
     wanted = top.take("metrics", ["standard"])
     if not isinstance(wanted, list) or not wanted:
         raise ValueError(f"metrics = {shown(wanted)}: must be a list of names")
@@ -218,7 +218,7 @@ def _metrics(top: Fields, scenario: Scenario) -> tuple[str, ...]:
 
 
 def _scenarios(top: Fields, folder: Path, paths: list[str], derived: Collection[str]) -> dict[str, Scenario]:
-    """Controller name -> scenario with that controller, its varied parameters as batch data."""
+    """Scenarios of a study by controller name, with its varied parameters as batch inputs."""
     named = top.take("scenario")
     if not isinstance(named, str):
         raise ValueError(f"scenario = {shown(named)}: must be the name of a shipped scenario or a path")
@@ -245,7 +245,7 @@ def _require_numbered_alike(scenario: Scenario, own: Scenario) -> None:
 
 
 def _controllers(top: Fields) -> list[str] | None:
-    """Canonical names of a study's controllers, so that aliases give the same study."""
+    """Names of a study's controllers; None for the scenario's own."""
     given = top.take("controllers", None)
     if given is None:
         return None
@@ -257,7 +257,7 @@ def _controllers(top: Fields) -> list[str] | None:
 
 
 def _ready(scenario: Scenario, paths: list[str], derived: Collection[str]) -> Scenario:
-    """Scenario in which every varied parameter is a variable of the batch, even one that is zero."""
+    """Scenario in which every varied parameter is an input of the compiled batch, even if it is zero."""
     if scenario.kind != "rigid_body":
         raise ValueError(f"scenario: plant.kind = {scenario.kind!r}: must be rigid_body, whose episodes fly in batches")
     for path in paths:

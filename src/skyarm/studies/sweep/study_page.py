@@ -1,4 +1,4 @@
-"""Report of a study's folder: statistics as a page, and pictures."""
+"""Report of a sweep: statistics as an HTML page, and robustness maps."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from skyarm.view.pages import page as plain_page
 
 @dataclass(frozen=True, kw_only=True)
 class Pictures:
-    """Pictures of a study, with their file names.
+    """Robustness maps of a sweep as PNG pictures, by controller.
 
     Attributes:
         maps: law -> PNG of its robustness map. constant: law -> the share of successes that all of its map has.
@@ -28,7 +28,7 @@ class Pictures:
     constant: Mapping[str, float] = field(default_factory=dict)
 
     def write(self, folder: Path) -> list[str]:
-        """Write the pictures; returns their file names."""
+        """Write the robustness maps as PNG files; returns the file names."""
         written = []
         for label, name in file_names(self.maps, "map_", ".png").items():
             write_inside(folder / name, self.maps[label])
@@ -37,7 +37,7 @@ class Pictures:
 
 
 def page(found: Mapping[str, Any], manifest: Manifest, pictures: Pictures) -> str:
-    """HTML page of statistics and maps, in one self-contained file.
+    """HTML page of a sweep's statistics and robustness maps, in one self-contained file.
 
     Args:
         found: from :func:`skyarm.studies.sweep.stats.statistics`.
@@ -63,7 +63,7 @@ def page(found: Mapping[str, Any], manifest: Manifest, pictures: Pictures) -> st
 
 
 def summary(found: Mapping[str, Any]) -> list[str]:
-    """Lines with success rates and missing rows, for a terminal."""
+    """Text lines for a terminal: success rates of a sweep, and how many flights are missing."""
 
     def interval(pair: Any, form: str) -> str:
         return "" if pair is None else f" [{pair[0]:{form}}, {pair[1]:{form}}]"

@@ -1,1 +1,1 @@
-"""Automatic gain tuning by one recorded procedure."""
+"""Automatic tuning of controller gains on perturbed plants under stability margin constraints."""

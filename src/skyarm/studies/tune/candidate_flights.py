@@ -46,7 +46,7 @@ LATEST, LOOKED_AT = 10.0, 5.0
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Flown:
-    """Results of flights as arrays (candidates, plants).
+    """Errors and control effort of tuning flights, as arrays (gain candidates, perturbed plants).
 
     Attributes:
         error: m, of what the law tracks: of the tip; a law that does not track the tip on its own is charged the mean
@@ -71,7 +71,7 @@ class Flown:
 
 
 def shorten(own: Scenario) -> Scenario:
-    """Shorten a scenario's flight for the search: it ends once enough of its steady window is over.
+    """Scenario with a flight shortened for the gain search, to the first seconds of its steady window.
 
     Args:
         own: as :func:`skyarm.studies.tune.excitation.tuning_flight` makes it.
@@ -84,14 +84,14 @@ def shorten(own: Scenario) -> Scenario:
 
 
 def with_own(plants: Plants) -> Plants:
-    """Plants of which every fourth flies the scenario's own reference motion instead of a drawn one."""
+    """Perturbed plants of which every fourth flies the scenario's own reference instead of a random one."""
     kinds = plants.kinds.copy()
     kinds[EVERY - 1 :: EVERY] = OWN
     return dataclasses.replace(plants, kinds=kinds)
 
 
 class CandidateFlights:
-    """Simulator of gain candidates, compiled once.
+    """Compiled simulator that flies many gain candidates on perturbed plants.
 
     Gains that are good on drawn motions alone may be worse on the user's flight. The scenario's own motion is therefore
     one more kind; its reference may be of any shape, so that the plants that fly it are a batch of their own.
@@ -143,7 +143,7 @@ class CandidateFlights:
         )
 
     def fly(self, logs: Array, plants: int | None = None, others: Plants | None = None) -> Flown:
-        """Simulate every candidate on the first plants, up to a given number.
+        """Simulate every gain candidate on the first perturbed plants, up to a given number.
 
         Args:
             logs: (candidates, knobs) logarithms of factors.
@@ -206,7 +206,7 @@ class CandidateFlights:
 
 
 def of_drawn(flown: Flown) -> Flown:
-    """Flight results restricted to plants that flew drawn reference motions."""
+    """Results of the plants that flew random reference motions, without the scenario's own motion."""
     which = flown.kinds != OWN
     return Flown(**{name: table[..., which] for name, table in parts(flown).items()})
 
@@ -217,7 +217,7 @@ def _without_motions(plants: Plants) -> Plants:
 
 
 def _join(mine: npt.NDArray[np.bool_], drawn: Flown, own: Flown) -> Flown:
-    """Merge results along drawn motions and along the scenario's own motion into one table of all plants."""
+    """Merge flight results along random motions and along the scenario's own motion, in the order of the plants."""
     tables = {}
     for name, some in parts(drawn).items():
         tables[name] = np.empty((*some.shape[:-1], len(mine)), dtype=some.dtype)
@@ -249,7 +249,7 @@ SMALLEST = 1e-5
 
 @dataclass(frozen=True, slots=True)
 class Scores:
-    """Scores (candidates,) of all gain candidates: errors, jitter, effort, losses and missing margin.
+    """Scores (candidates,) of gain candidates: errors, rotor jitter, joint effort, crashes, missing margin.
 
     Attributes:
         error, tip: m, 90 % quantiles over the plants, of kinds of motion the geometric mean.
@@ -265,11 +265,11 @@ class Scores:
     short: Array
 
     def part(self, which: slice | Sequence[int]) -> Scores:
-        """Scores of a subset of the candidates."""
+        """Scores of a subset of the gain candidates."""
         return Scores(**{name: values[which] for name, values in parts(self).items()})
 
     def cost(self, weight: float) -> Array:
-        """Cost, to minimise: ln error + weight (ln jitter + ln effort) + penalties for losses and missing margin.
+        """Cost of gain candidates: ln error + weight (ln jitter + ln effort) + penalties for crashes and margins.
 
         Logarithms make every ratio of improvement count alike, whatever the vehicle's size.
         """
@@ -279,7 +279,7 @@ class Scores:
 
 
 def scores(flown: Flown) -> Scores:
-    """Compute the candidates' scores over the plants of their flights."""
+    """Scores of gain candidates from their flights over all perturbed plants."""
     return Scores(
         error=_quantile(flown.error, flown.kinds),
         tip=_quantile(flown.tip, flown.kinds),

@@ -1,4 +1,4 @@
-"""Flight for gain tuning: its reference motions, and the perturbed plants.
+"""Flight on which gains are tuned: reference motions, wind gust, and perturbed plants.
 
 Gains belong to the loop (vehicle, delay, noise, model mismatch), not to a path: every vehicle flies the same motions,
 scaled to its arm, base, heading and arm at once through a wind with a gust, then a step. The scenario keeps its plant,
@@ -60,7 +60,7 @@ SPEED = (0.2, 0.8)
 
 
 def motion(vehicle: Vehicle) -> Trajectory:
-    """Template trajectory of the tuning flight, a lemniscate with a swinging arm; see :func:`draw_motions`."""
+    """Reference trajectory whose amplitudes and frequencies tuning flights vary: lemniscate, swinging arm."""
     return Trajectory(
         x=Sum((sine_from_rest(0.45, 0.2), Windowed(Constant(STEP), start=STEPPED))),
         y=sine_from_rest(0.15, 0.4),
@@ -71,7 +71,7 @@ def motion(vehicle: Vehicle) -> Trajectory:
 
 
 def unseen_motion(vehicle: Vehicle) -> Trajectory:
-    """Validation trajectory with other shapes, not used in tuning.
+    """Reference trajectory that validates tuned gains and is not used to tune them.
 
     A spiral with two sines an axis, heading turned on, joints on two sines each; no step.
     """
@@ -143,7 +143,7 @@ def sine_from_rest(amplitude: float, frequency: float, phase: float = 0.0) -> Si
 
 
 def _sine(path: str, amplitude: Array, frequency: Array, phase: Array | None = None) -> dict[str, Array]:
-    """Parameter path -> values of a sine signal that fades in from rest."""
+    """Amplitude, frequency and phase values of a sine reference signal, by parameter path."""
     at = f"{path}.signal"
     return {
         f"{at}.amplitude": amplitude,
@@ -257,7 +257,7 @@ def _gust(scenario: Scenario) -> Gust:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Plants:
-    """Perturbed plants that differ from the controller's nominal model.
+    """Perturbed plants for gain tuning, which differ from the controller's nominal model.
 
     Attributes:
         spread: model mismatch. eased: share of the comparison's payload and wind for which the spare thrust suffices.
@@ -272,11 +272,11 @@ class Plants:
 
     @property
     def count(self) -> int:
-        """Number of plants."""
+        """Number of perturbed plants."""
         return len(next(iter(self.values.values())))
 
     def select(self, which: npt.NDArray[np.int_]) -> Plants:
-        """Subset of the plants by index."""
+        """Subset of the perturbed plants by index."""
         values = {path: numbers[which] for path, numbers in self.values.items()}
         return Plants(spread=self.spread, eased=self.eased, values=values, kinds=self.kinds[which])
 
@@ -312,7 +312,7 @@ def draw_plants(scenario: Scenario, count: int, *, seed: int, mixed: bool = Fals
 
 
 def with_lost(pool: Plants, count: int, lost: npt.NDArray[np.bool_]) -> Plants:
-    """First plants of a pool, up to half of them replaced by plants on which candidates crashed.
+    """First plants of a pool, up to half of them replaced by plants on which gain candidates crashed.
 
     Those come first that some candidates lost and some flew: they tell one from another. Then those that all lost.
 

@@ -32,7 +32,7 @@ RULE = (
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Required:
-    """Required stability margins: delay, s, and gain as a factor by which loop gains may rise or fall."""
+    """Required stability margins of tuned gains: delay, s, and gain as a factor."""
 
     delay: float
     gain: float
@@ -40,7 +40,7 @@ class Required:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LoopMargins:
-    """Margins in hover: delay, s, and gain intervals of rotors and joints; or the reason why none were computed."""
+    """Stability margins of gains in hover: delay, s, and gain intervals; or why none were computed."""
 
     delay: float
     rotors: tuple[float, float]
@@ -48,7 +48,7 @@ class LoopMargins:
     why_none: str = ""
 
     def meet(self, required: Required) -> bool:
-        """True if the margins meet the requirement, or could not be computed."""
+        """True if the stability margins meet the required ones, or could not be computed."""
         if self.why_none:
             return True
         lows, highs = zip(self.rotors, self.joints, strict=True)
@@ -67,7 +67,7 @@ class LoopMargins:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Point:
-    """Point of the Pareto front, evaluated on plants that the search did not use.
+    """Set of gains on the Pareto front, with its scores on plants that the search did not use.
 
     Attributes:
         logs: (knobs,) logarithms of factors.
@@ -87,12 +87,12 @@ class Point:
 
     @property
     def activity(self) -> float:
-        """Control activity ln jitter + ln effort; low is calm."""
+        """Control activity of these gains, ln(rotor jitter) + ln(joint effort); low is calm."""
         return activity(self.jitter, self.effort)
 
 
 def activity(jitter: float, effort: float) -> float:
-    """Control activity ln jitter + ln effort; the effort is left out if zero."""
+    """Control activity ln(rotor jitter) + ln(joint effort); the effort is left out if zero."""
     return math.log(jitter + SMALLEST) + (math.log(effort + SMALLEST) if effort > 0.0 else 0.0)
 
 
@@ -137,7 +137,7 @@ def pareto_front(points: Sequence[Point]) -> list[Point]:
 
 
 def front_of(starts: Sequence[Point], found: Sequence[Point], required: Required) -> tuple[list[Point], int]:
-    """Pareto front of tuning results, and index of the selected point, which is no worse than the initial gains.
+    """Pareto front of tuned gains, and index of the selected gains, no worse than the initial ones.
 
     Where a start meets the constraints, the best of them is the measure: points whose error is above its own, or their
     tip's more than 5 % above, are not picked, though they stay on the front; where none is left, the start is picked.
@@ -162,7 +162,7 @@ def front_of(starts: Sequence[Point], found: Sequence[Point], required: Required
 
 
 def pick(points: Sequence[Point], required: Required) -> int:
-    """Index of the point selected by :data:`RULE`; if none meets the constraints, of the least violating one."""
+    """Index of the selected gains: the calmest allowed ones, or those that violate the constraints least."""
     allowed = [i for i, point in enumerate(points) if is_allowed(point, required)]
     if not allowed:
 
@@ -177,5 +177,5 @@ def pick(points: Sequence[Point], required: Required) -> int:
 
 
 def is_allowed(point: Point, required: Required) -> bool:
-    """True if a point loses no plant, stays below saturation and meets the required margins."""
+    """True if gains crash no plant, stay below rotor saturation and meet the required margins."""
     return point.lost <= 0.0 and not point.saturated > SATURATED and point.margins.meet(required)

@@ -45,7 +45,7 @@ REACHES = (0.15, 0.3, 0.6)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Effort:
-    """Size of a search: numbers of candidates, search rounds and plants.
+    """Size of a gain search: numbers of candidates, rounds and perturbed plants.
 
     Attributes:
         scatter: candidates of the first round. population: of each CMA-ES in each round. rounds: of them.
@@ -60,11 +60,11 @@ class Effort:
 
     @property
     def candidates(self) -> int:
-        """Total number of candidates."""
+        """Total number of gain candidates of the search."""
         return self.scatter + self.rounds * self.population * len(WEIGHTS)
 
     def scale(self, candidates: int, plants: int) -> Effort:
-        """Scale the search to about this number of candidates, each on a given number of plants."""
+        """Search size scaled to about this number of candidates, each flown on a given number of plants."""
         share = candidates / self.candidates
         scatter = max(LINE + 8, round(self.scatter * share))
         rounds = max(2, round((candidates - scatter) / (self.population * len(WEIGHTS))))
@@ -90,7 +90,7 @@ NOT_LOOKED_AT = 3.0
 def search(
     knobs: Sequence[Knob], effort: Effort, judge: Judge, *, seed: int, starts: Array | None = None
 ) -> tuple[Array, list[Scores]]:
-    """Run the gain search.
+    """Search for gains from calm to stiff; returns all candidates and their scores.
 
     Args:
         knobs: tunable gains.
@@ -125,7 +125,7 @@ def search(
 
 
 def with_margins(scores: Scores, asked: Array, groups: Sequence[tuple[float, slice, int]], short: Shortness) -> Scores:
-    """Add the penalty for missing stability margins to the scores, computed only for candidates that may be best.
+    """Scores with a penalty for missing stability margins, computed for the best candidates only.
 
     Args:
         scores: of a round, without margins.
@@ -149,12 +149,12 @@ def _leaders(cost: Array, which: slice, count: int) -> list[int]:
 
 
 def costs(found: Sequence[Scores], weight: float) -> Array:
-    """Cost of every candidate over all rounds of a search, for a given weight of control activity."""
+    """Costs of all gain candidates of a search, for a given weight of control activity."""
     return np.concatenate([scores.cost(weight) for scores in found])
 
 
 def _best(logs: Array, found: Sequence[Scores], weight: float) -> Array:
-    """Candidate of least cost; only candidates simulated on all plants count, if there are any."""
+    """Gain candidate of least cost, among those simulated on all plants if there are any."""
     every = costs(found, weight)
     first = len(found[0].error) if len(found) > 1 else 0
     best: Array = logs[first + int(every[first:].argmin())]
@@ -162,7 +162,7 @@ def _best(logs: Array, found: Sequence[Scores], weight: float) -> Array:
 
 
 def scatter(knobs: Sequence[Knob], count: int, seed: int, starts: Array | None = None) -> Array:
-    """First candidates: initial gains, gains scaled by bandwidth, and Sobol points about the initial gains.
+    """First gain candidates: initial gains, gains scaled by bandwidth, and Sobol points about the initial gains.
 
     The first start are the gains that were given. They may be off by any factor: where others are known, nothing is
     scattered about them; where none are, the line goes through them twice, by bandwidth and by one factor for all.

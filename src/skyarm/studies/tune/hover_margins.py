@@ -74,14 +74,14 @@ def calm(flight: Scenario) -> Scenario:
 
 
 def margins_of(hover: Instant | None) -> LoopMargins:
-    """Stability margins of a hover in the form used for tuning; zero margins if the hover did not settle."""
+    """Stability margins of a linearised hover as tuning needs them; zero if the hover did not settle."""
     if hover is None:
         return LoopMargins(delay=0.0, rotors=(1.0, 1.0), joints=(1.0, 1.0))
     return LoopMargins(delay=hover.delay, rotors=hover.gain("rotor_gain"), joints=hover.gain("joint_gain"))
 
 
 class HoverMargins:
-    """Stability margins in hover of gain candidates; always met if the loop cannot be linearised.
+    """Evaluator of gain candidates' stability margins in hover; always met if the loop cannot be linearised.
 
     Args:
         scenario: flight of the candidates. knobs: their tunable gains.
@@ -106,7 +106,7 @@ class HoverMargins:
         return dict(zip(loops.paths, self._numbers[:, None] * np.exp(logs.T[self._knob]), strict=True))
 
     def costs(self, logs: Array) -> Array:
-        """Penalty (candidates,) for missing the required margins: 0 if all tests pass.
+        """Penalty (candidates,) of gain candidates for missing the required margins; 0 if they are met.
 
         A test is cheap: the loop with the required extra delay, and with all rotors or all joints that much stronger or
         weaker, must have its eigenvalues inside the unit circle, with the rotors' time constant upward and downward.
@@ -126,14 +126,14 @@ class HoverMargins:
             return np.array(list(pool.map(cost, *lanes)))
 
     def measure(self, logs: Array) -> list[LoopMargins]:
-        """Hover margins of each candidate: the worse of rising and falling rotor time constants."""
+        """Stability margins of each gain candidate in hover, the worse for rising and falling rotor speeds."""
         if self._loops is None:
             return [dataclasses.replace(margins_of(None), why_none=self._why_none)] * len(logs)
         return [margins_of(hover) for hover in self._loops.margins(self._values(self._loops, logs))]
 
 
 def failed_tests(loop: OpenLoop, delay: float, gain: float) -> float:
-    """Sum of penalties for the delay and gain margin tests that a loop fails; 0 if none fails."""
+    """Sum of penalties for the delay and gain margins that a linearised loop misses; 0 if it has all."""
     tests = [{"extra_delay": delay}]
     tests += [{name: k} for name in ("rotor_gain", "joint_gain") for k in (gain, 1.0 / gain)]
     total = 0.0

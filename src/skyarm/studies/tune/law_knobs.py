@@ -128,7 +128,7 @@ def _knob_at(par: Any, path: str) -> Knob | None:
 
 
 def _found(record: Any, place: Place, unit: Unit, fixed: bool) -> Iterator[Knob]:
-    """Find the tunable gains in a nested part of a controller's parameters; ``unit``: of the enclosing field."""
+    """Tunable gains in a nested dataclass of a controller's parameters, by the units of its fields."""
     if is_record(record) and not isinstance(record, Vec3):
         declared = declared_fields(type(record))
         for name, value in parts(record).items():
@@ -229,12 +229,12 @@ def with_catalogue_gains(flight: Scenario, knobs: tuple[Knob, ...], label: str) 
 
 
 def values(knob: Knob) -> tuple[float, ...]:
-    """Current parameter values of a tunable gain in the controller."""
+    """Parameter values of a tunable gain, as the controller has them."""
     return knob.values(1.0)
 
 
 def _catalogue_gains(scenario: Scenario, knobs: tuple[Knob, ...]) -> dict[str, Numbers]:
-    """Catalogue name -> parameter values of every gain: default, tuned and preset gains of the controller.
+    """Known gains of a control law: name of default, tuned or preset gains -> their values.
 
     None for a law that the catalogue does not know; no numbers of a knob that a preset does not have.
     """
@@ -270,7 +270,7 @@ def _make(name: str, model: object, facts: Mapping[str, object]) -> Controller |
 
 
 def _same_shares(knob: Knob, numbers: tuple[float, ...]) -> bool:
-    """True if the given values are a common multiple of the gain's own parameter values."""
+    """True if given values of a gain are its current values times one common factor."""
     if not numbers:
         return False
     factors = np.array(numbers) / np.array(values(knob))
@@ -278,7 +278,7 @@ def _same_shares(knob: Knob, numbers: tuple[float, ...]) -> bool:
 
 
 def _row(numbers: Numbers, middle: Numbers) -> tuple[float, ...]:
-    """Logarithmic factor of each gain between two sets of values, by the geometric means of their parameters."""
+    """Logarithms of the factors between two sets of gains, by the geometric means of their values."""
     return tuple(_mean(at) - _mean(base) if at else 0.0 for at, base in zip(numbers, middle, strict=True))
 
 

@@ -24,7 +24,7 @@ DIGITS = 6
 
 
 def front_name(number: int) -> str:
-    """File name of a point of the front, numbered from calm to stiff."""
+    """File name of a set of gains of the Pareto front, numbered from calm to stiff."""
     return f"front_{number + 1}.toml"
 
 
@@ -36,7 +36,7 @@ def words_of(name: str) -> dict[str, Any]:
 
 
 def gains_of(tuning: Tuning, point: Point) -> dict[str, float | list[float]]:
-    """Parameter path -> value or values of all tunable gains at a point of the front, as in a gain file."""
+    """Gains of one set of the Pareto front, as in a gain file: parameter path -> value or list."""
     controller = tuning.plan.flight.controller
     tuned = with_gains(controller, tuning.plan.knobs, point.logs)
     below, found = inner_place(controller), {}
@@ -48,7 +48,7 @@ def gains_of(tuning: Tuning, point: Point) -> dict[str, float | list[float]]:
 
 
 def gains_text(tuning: Tuning, point: Point, words: Mapping[str, Any], kept: Mapping[str, Any]) -> str:
-    """Text of a gain file.
+    """Text of a TOML file of tuned gains, with their origin.
 
     Args:
         tuning: result.
@@ -98,7 +98,7 @@ def about(tuning: Tuning) -> dict[str, Any]:
 
 
 def plain_point(point: Point) -> dict[str, Any]:
-    """Scores and margins of a Pareto front point, as plain data."""
+    """Scores and margins of one set of gains, as plain data."""
     return {
         "error_m": _short(point.error),
         "tip_m": _short(point.tip),
@@ -111,7 +111,7 @@ def plain_point(point: Point) -> dict[str, Any]:
 
 
 def plain_aside(aside: Aside) -> dict[str, float | bool]:
-    """Validation scores, as plain data."""
+    """Scores of gains on validation plants, as plain data."""
     scores = {"tip_m": aside.tip, "jitter_rad_s": aside.jitter, "lost": aside.lost}
     return {**{name: _short(value) for name, value in scores.items()}, "meets_constraints": aside.meets}
 

@@ -59,7 +59,7 @@ PICKED = "pick"
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """Settings of a tuning.
+    """Settings of a gain tuning: flights, tunable gains, size of the search, seed.
 
     Attributes:
         flight: scores candidates. check: scores the front, with another motion. aside: validates the result, along
@@ -79,7 +79,7 @@ class Plan:
     unseen: int = UNSEEN
 
     def facts(self) -> dict[str, Any]:
-        """Settings that determine the result besides scenario and controller, as plain data."""
+        """Settings that determine a tuning's result besides scenario and controller, as plain data."""
         return {
             **{name: text for name, text in versions("cmaes").items() if name != "python"},
             "motions": [*KINDS, *(["own"] if self.own else [])],
@@ -93,7 +93,7 @@ class Plan:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Aside:
-    """Validation scores of gains: on plants and a reference path not used in tuning.
+    """Scores of gains on validation plants and a reference path that are not used in tuning.
 
     Attributes:
         tip: m, 90 % quantile. jitter: rad/s, median. lost: share.
@@ -108,7 +108,7 @@ class Aside:
 
 @dataclass(frozen=True, kw_only=True)
 class Tuning:
-    """Result of a gain tuning.
+    """Result of a gain tuning: Pareto front of gains, selected gains, validation scores.
 
     Attributes:
         plan: of the tuning, its knobs about the centre of the search.
@@ -127,12 +127,12 @@ class Tuning:
 
     @property
     def pick(self) -> Point:
-        """Selected point of the front."""
+        """Selected set of gains of the Pareto front."""
         return self.points[self.picked]
 
     @property
     def meets(self) -> bool:
-        """True if the selected point meets all constraints."""
+        """True if the selected gains meet all constraints."""
         return is_allowed(self.pick, self.required)
 
 
@@ -141,7 +141,7 @@ Progress = Callable[[int, int, str], object]
 
 
 class Tuner:
-    """Evaluator of gain candidates: search rounds, re-evaluation of the best, final front.
+    """Evaluator of gain candidates in all stages of a tuning, from search to validation.
 
     Args:
         plan: of the tuning. plants: of the search.
@@ -171,7 +171,7 @@ class Tuner:
         return HoverMargins(self._plan.flight, self._plan.knobs, self._threads)
 
     def judge(self, number: int, asked: Array, plants: int) -> Scores:
-        """Scores of the candidates of one search round."""
+        """Simulate and score the gain candidates of one search round."""
         flown = scores(self._flights.fly(asked, plants, others=self._telling if number else None))
         found = with_margins(flown, asked, self._groups(number, len(asked)), self._margins.costs)
         if number == 0:
@@ -197,14 +197,14 @@ class Tuner:
         return with_own(plants) if self._plan.own else plants
 
     def _groups(self, number: int, count: int) -> list[tuple[float, slice, int]]:
-        """Candidates whose margins are computed: best of the first round per weight, then half of each CMA-ES run."""
+        """Groups of gain candidates whose stability margins are computed in a search round."""
         if number == 0:
             return [(weight, slice(0, count), LEADERS) for weight in WEIGHTS]
         each = self._plan.effort.population
         return [(weight, slice(i * each, (i + 1) * each), (each + 1) // 2) for i, weight in enumerate(WEIGHTS)]
 
     def again(self, asked: Array) -> tuple[Scores, Scores]:
-        """Scores of the best candidates on further plants: over all reference motions, and over drawn motions only."""
+        """Scores of the best gain candidates on further plants: over all motions, and over random motions only."""
         self._progress(self._done, self._total, "the best once more")
         flown = self._flights.fly(asked, others=self._drawn(FURTHER, self._plan.seed + 2))
         short = self._margins.costs(asked)
@@ -213,7 +213,7 @@ class Tuner:
         return every, drawn
 
     def check(self, rows: Array, again: Scores) -> list[Point]:
-        """Evaluate initial gains and the candidates for the Pareto front on unseen plants, with stability margins."""
+        """Evaluate initial gains and the best candidates on unseen plants, with their stability margins."""
         plan = self._plan
         mixed = plan.check.reference == plan.flight.reference
         flown = self._flown_once(plan.check, plan.unseen, 1, rows, mixed=mixed, saturation=True)
@@ -254,7 +254,7 @@ class Tuner:
         mixed: bool = False,
         saturation: bool = False,
     ) -> Flown:
-        """Simulate some candidates on another scenario, with plants and noise not used in the search."""
+        """Simulate some gain candidates on another scenario, with plants and noise not used in the search."""
         seed = self._plan.seed + further
         plants = draw_plants(scenario, count, seed=seed, mixed=mixed)
         flights = CandidateFlights(
