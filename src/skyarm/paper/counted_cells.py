@@ -84,15 +84,15 @@ def sentence(results: Record) -> str:
     found = {plant: counts(experiments, inferred_value(plant)) for plant in PLANTS}
     if not any(by_plant.values()):
         return "No numeric cell of the paper was flown."
-    parts = [f"as stated {_several(by_plant)}"]
+    parts = [f"as stated {_counts_text(by_plant)}"]
     if any(found.values()):
         free = results.get("settings", {}).get("inferred", {})
         many = f"{free['numbers']} numbers and {free['choices']} choices" if free else "settings"
-        parts.append(f"with {many} inferred after seeing the numbers {_several(found)}")
+        parts.append(f"with {many} inferred after seeing the numbers {_counts_text(found)}")
     return f"Of the paper's {len(published_cells())} numeric cells, {'; '.join(parts)}."
 
 
-def _several(by_plant: Mapping[str, Record]) -> str:
+def _counts_text(by_plant: Mapping[str, Record]) -> str:
     """Text of agreement counts: the first plant in words, other plants in brackets."""
     flown = [(plant, [each[f"within_{share}%"] for share in (25, 10, 5)]) for plant, each in by_plant.items() if each]
     if not flown:

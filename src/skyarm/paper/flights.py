@@ -73,7 +73,9 @@ def metrics(case: str, log: Log, holds: tuple[Window, ...] = HOLDS) -> Metrics:
     Null where a metric is not defined; all are null for an episode that ended early, whose windows are cut.
     """
     named = _metrics_by_name(case, log.joints.shape[1])
-    twins = {suffix: {name: _twin(metric, suffix) for name, metric in named.items()} for suffix in ("", CONTINUOUS)}
+    twins = {
+        suffix: {name: _with_suffix(metric, suffix) for name, metric in named.items()} for suffix in ("", CONTINUOUS)
+    }
     wanted = dict.fromkeys(m for each in twins.values() for m in each.values() if not m.startswith("settling_time"))
     windows = Windows(steady=WINDOWS[case], transient=TRANSIENT, gust=GUST, hover=HOVER, holds=holds)
     scored = score(log, tuple(wanted), windows)
@@ -98,7 +100,7 @@ def _metrics_by_name(case: str, joints: int) -> dict[str, str]:
     return found
 
 
-def _twin(metric: str, suffix: str) -> str:
+def _with_suffix(metric: str, suffix: str) -> str:
     """Metric name with a suffix such as ``_continuous``, if the metric depends on the reference's form."""
     return metric + suffix if metric in REFERRED or metric == "settling_time" else metric
 

@@ -52,7 +52,7 @@ CIRCLE = (7.5, 21.0)
 
 @dataclass(frozen=True, kw_only=True)
 class _Page:
-    """Texts of an HTML page: title, lead, facts, opening paragraph, and sections as (name, title, HTML)."""
+    """Content of an HTML page of the report: title, lead, facts, opening paragraph, and sections."""
 
     title: str
     lead: str
@@ -111,7 +111,7 @@ def report_pages(
 
 
 def page_script() -> str:
-    """JavaScript of a page, which unfolds all blocks before printing."""
+    """JavaScript of the report's pages, which unfolds all blocks before printing."""
     return (resources.files("skyarm.paper") / "report_print.js").read_text("utf-8")
 
 

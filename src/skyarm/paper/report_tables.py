@@ -44,7 +44,7 @@ def typographic(written: str) -> str:
 
 
 def number_cell(value: Number, *, written: str = "", strong: bool = False) -> Cell:
-    """Table cell of a number as written or rounded, with the full value as data; a dash if missing."""
+    """HTML table cell of a number with three digits and its full value as data; a dash if it is missing."""
     finite = finite_or_none(value)
     return DASH if finite is None else Mark(text=typographic(written or digits(finite)), value=value, strong=strong)
 
@@ -55,13 +55,13 @@ def difference_text(ours: Number, paper: Number) -> str:
 
 
 def bound_text(ours: Number, paper: Number) -> str:
-    """Whether a number meets the upper bound which the paper states instead of a value; a dash if it is missing."""
+    """Text that says whether a number is below the published upper bound; a dash if it is missing."""
     value, bound = finite_or_none(ours), finite_or_none(paper)
     return DASH if value is None or bound is None else "below" if value <= bound else "above"
 
 
 def _paper_cell(case: str, controller: str, name: str, paper: Any) -> Cell:
-    """Table cell of the published number with its printed digits."""
+    """HTML table cell of a published number with its printed digits."""
     if paper is None and published_number(case, controller, name):
         return typographic(published_number(case, controller, name))
     written = printed_number(case, controller, name)
@@ -69,7 +69,7 @@ def _paper_cell(case: str, controller: str, name: str, paper: Any) -> Cell:
 
 
 def title_of(case: str) -> str:
-    """Title of a case; its name for a case outside the paper."""
+    """Title of a published case, such as "Case 1: hover, arm ramps"; other cases keep their name."""
     return TITLES.get(case, case)
 
 

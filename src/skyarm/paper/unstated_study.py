@@ -85,7 +85,7 @@ def stated_tables(study: Tables, flight: str) -> dict[str, Any]:
 
 
 def scenario_tables(study: Tables, stated: Tables, flight: str, settings: Tables) -> dict[str, Any]:
-    """Scenario of a flight as nested tables, merged with the overrides of the chosen options."""
+    """Scenario of a flight as nested tables, with the overrides of the selected discrete options."""
     found = dict(stated)
     for option in _options(study, settings):
         for each in option.get("tables", ()):
@@ -112,7 +112,7 @@ def numbers(study: Tables, flight: str, settings: Tables) -> dict[str, Any]:
 
 
 def _options(study: Tables, settings: Tables) -> list[Tables]:
-    """Tables of the options that given settings select for each choice."""
+    """Tables of the options that given settings select for each discrete choice."""
     choices = [each for each in study.get("choices", ()) if each["name"] in settings]
     return [named(each["options"], settings[each["name"]]) for each in choices]
 

@@ -68,7 +68,7 @@ def along_reference(scenario: Scenario) -> list[Finding]:
 def follow(parts: Sequence[FlightPart]) -> Followed:
     """Rotor speeds and joint efforts for exact tracking of a scenario's reference, as shares of their limits."""
     with np.errstate(over="ignore", invalid="ignore"):  # a demand that is no number becomes a fault, not a warning
-        pieces = [_stretch(part, time) for part in parts for time in _stretches(part, parts[-1].stop)]
+        pieces = [_stretch(part, time) for part in parts for time in _sample_times(part, parts[-1].stop)]
     names = field_names(Demand) or ()
     demands = [piece.demand for piece in pieces]
     return Followed(
@@ -107,14 +107,14 @@ def _effort_shares(part: FlightPart, demand: Demand) -> Array:
     return np.asarray(np.abs(demand.efforts) / limits)
 
 
-def _stretches(part: FlightPart, end: float) -> list[Array]:
+def _sample_times(part: FlightPart, end: float) -> list[Array]:
     """Sample times (K,) of each interval between two jumps of the reference, s.
 
     Args:
         part: of a flight.
         end: of the flight, s.
     """
-    cuts = [part.start, *(t for t in _switches(part.scenario) if part.start < t < part.stop), part.stop]
+    cuts = [part.start, *(t for t in _jump_times(part.scenario) if part.start < t < part.stop), part.stop]
     found = []
     for a, b in pairwise(cuts):
         if b - a < SHORTEST and end > SHORTEST:
@@ -124,7 +124,7 @@ def _stretches(part: FlightPart, end: float) -> list[Array]:
     return found
 
 
-def _switches(scenario: Scenario) -> list[float]:
+def _jump_times(scenario: Scenario) -> list[float]:
     """Times, s, at which the reference may jump, in order."""
     path, times = scenario.path_time, scenario.reference.switch_times()
     return list(times) if path is None else [path.instant_of(t) for t in times if t > 0.0]

@@ -141,7 +141,7 @@ def assess_vehicle(vehicle: Vehicle, *, gravity: float = 9.81, payload: float = 
         raise ValueError(
             f"--payload = {payload:g}: must be left out: vehicle '{vehicle.name}' has no tip (end_effector)"
         )
-    findings = tuple(_of_vehicle(arm_poses(vehicle, poses, gravity), payload))
+    findings = tuple(_vehicle_findings(arm_poses(vehicle, poses, gravity), payload))
     return Assessment(vehicle.name, vehicle, gravity, payload, poses, findings)
 
 
@@ -163,7 +163,7 @@ def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = PO
     return Assessment(scenario.name, about.vehicle, about.gravity, payload, poses, findings)
 
 
-def _of_vehicle(poses: ArmPoses, payload: float) -> list[Finding]:
+def _vehicle_findings(poses: ArmPoses, payload: float) -> list[Finding]:
     """Results of all checks of a vehicle; without rotors a fault replaces those of thrust."""
     vehicle, gravity = poses.vehicle, poses.gravity
     found = [*units_of_vehicle(vehicle), *disc_loading(vehicle, gravity)]
@@ -172,7 +172,7 @@ def _of_vehicle(poses: ArmPoses, payload: float) -> list[Finding]:
     else:
         found.append(Finding("rotors", FAULT, "no rotors: nothing holds it up", "rotors", "add [[rotors]]"))
     loads = [poses, *([poses.of(vehicle.with_payload(payload), f" with {payload:g} kg")] if payload else [])]
-    turned = bool(vehicle.rotors) and _can_turn(vehicle)
+    turned = bool(vehicle.rotors) and _has_full_allocation(vehicle)
     for loaded in loads:
         if turned:
             found += thrust_margin(loaded)
@@ -184,7 +184,7 @@ def _of_vehicle(poses: ArmPoses, payload: float) -> list[Finding]:
     return [*found, *arm_workspace(poses), *endurance]
 
 
-def _can_turn(vehicle: Vehicle) -> bool:
+def _has_full_allocation(vehicle: Vehicle) -> bool:
     """True if the rotors span all torque axes and thrust; otherwise :func:`rotor_layout` reports a fault."""
     try:
         make_mixer(vehicle)

@@ -38,11 +38,11 @@ STAGGERED = 0.1
 
 def disc_radius(vehicle: Vehicle) -> float:
     """Radius, m, of the largest rotor discs that do not overlap; rotors above each other are not compared."""
-    least = float(_beside(vehicle).min(initial=np.inf))
+    least = float(_hub_distances(vehicle).min(initial=np.inf))
     return 0.5 * least if least < np.inf else 0.1
 
 
-def _beside(vehicle: Vehicle) -> Array:
+def _hub_distances(vehicle: Vehicle) -> Array:
     """Horizontal distances (rotors, rotors) between rotor hubs, m; infinite for coaxial or staggered pairs."""
     hubs = np.array([[float(c) for c in rotor.position] for rotor in vehicle.rotors])
     apart = np.linalg.norm(hubs[:, None, :2] - hubs[None, :, :2], axis=2)

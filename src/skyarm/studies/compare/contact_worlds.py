@@ -55,7 +55,7 @@ class Worlds:
 
 
 def draw_worlds(task: Task, scenario: Scenario, count: int, *, seed: int) -> Worlds:
-    """Draw ``count`` feasible perturbed scenarios; a larger count extends the sequence and does not change it.
+    """Draw ``count`` feasible perturbed scenarios of a contact task from a seed.
 
     Args:
         task: with its bounds.

@@ -96,7 +96,7 @@ def axis_record(axis: Axis, setting: Setting) -> Document:
 
 
 def within(points: Sequence[Record], level: float) -> int:
-    """Number of leading axis values that a controller completes with an error below a level, m."""
+    """Number of difficulty values in a row that a controller completes with an error below a level, m."""
     count = 0
     for point in points:
         if point["lost"] or point["judged"] > level:
@@ -106,7 +106,7 @@ def within(points: Sequence[Record], level: float) -> int:
 
 
 def lost_at(points: Sequence[Record]) -> list[int]:
-    """Indices of the axis values at which the vehicle is lost (crashes or diverges)."""
+    """Indices of the difficulty values at which the vehicle crashes or diverges."""
     return [k for k, point in enumerate(points) if point["lost"]]
 
 

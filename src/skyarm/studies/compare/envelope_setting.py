@@ -77,14 +77,14 @@ def setting_of(vehicle: str = PAPER, duration: float = DURATION, plant: str = "r
     """
     truth = load_vehicle(vehicle)
     _require_arm(vehicle, truth)
-    middle, swing = zip(*(_joint_room(link.joint) for link in truth.links), strict=True)
+    middle, swing = zip(*(_swing_range(link.joint) for link in truth.links), strict=True)
     hover = _hover(vehicle, truth, duration, plant)
     held = Trajectory(z=Constant(_height(truth)), joints=tuple(Constant(value) for value in middle))
     return Setting(
         vehicle=vehicle,
         hover=hover.with_words(reference=held),
         weight=_weight(truth) / _weight(load_vehicle(PAPER)),
-        climb=min(1.0, _spare(truth) / _spare(load_vehicle(PAPER))),
+        climb=min(1.0, _spare_thrust(truth) / _spare_thrust(load_vehicle(PAPER))),
         middle=middle,
         swing=swing,
         duration=duration,
@@ -94,7 +94,7 @@ def setting_of(vehicle: str = PAPER, duration: float = DURATION, plant: str = "r
 def _require_arm(name: str, truth: Vehicle) -> None:
     if not truth.n or not truth.end_effector:
         raise ScenarioError(f"--vehicle = {shown(name)}: must have an arm with an end_effector")
-    if not _spare(truth) > 0.0:
+    if not _spare_thrust(truth) > 0.0:
         raise ScenarioError(f"--vehicle = {shown(name)}: must be able to hover; 'skyarm check' says why it is not")
 
 
@@ -121,13 +121,13 @@ def _weight(vehicle: Vehicle) -> float:
     return float(vehicle.mass)
 
 
-def _spare(vehicle: Vehicle) -> float:
+def _spare_thrust(vehicle: Vehicle) -> float:
     """Thrust-to-weight ratio minus one; a ratio of 3 is assumed for rotors without a speed limit."""
     most = float(highest_thrust(vehicle)) / (9.81 * _weight(vehicle))
     return (most if math.isfinite(most) else 3.0) - 1.0
 
 
-def _joint_room(joint: Any) -> tuple[float, float]:
+def _swing_range(joint: Any) -> tuple[float, float]:
     """Mid position of a joint's swing, and the amplitude that corresponds to 1, within the joint's limits."""
     low, high = float(joint.lower), float(joint.upper)
     middle = 0.0 if low < 0.0 < high or not math.isfinite(low + high) else 0.5 * (low + high)

@@ -24,7 +24,7 @@ CHANNEL_MASS, CHANNEL_COM, CHANNEL_INERTIA, CHANNEL_ROTORS, CHANNEL_WORLD, CHANN
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Spread:
-    """Bounds of the model mismatch; each parameter is drawn uniformly and for each body separately.
+    """Bounds of the model mismatch from which perturbed plants are drawn uniformly.
 
     Attributes:
         mass: share of each body's mass. com: m, each axis of each body. inertia: share of each body's inertia tensor

@@ -60,7 +60,7 @@ def force_wind(scenario: Scenario) -> ForceWind:
 
 
 def turn_wind(wind: ForceWind, angle: float) -> ForceWind:
-    """Rotate the wind about the vertical; the gust keeps its times."""
+    """Wind with its mean rotated about the vertical by an angle, and an unchanged gust."""
     if not angle:
         return wind
     c, s = math.cos(angle), math.sin(angle)
@@ -95,7 +95,7 @@ PAPER_CASES = ("case1", "case2", "case2_gust", "case3", "case3_wind")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Condition:
-    """Condition of a case: sensors, delays and plants.
+    """Condition of a comparison: sensor noise, delays and perturbed plants.
 
     Attributes:
         name: short name. title: one line. noisy: sensor noise and :data:`DELAY`; entrants use their gains for it.

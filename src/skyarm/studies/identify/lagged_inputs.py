@@ -153,7 +153,7 @@ class Followed:
         return cls(commands[np.clip(places, 0, periods)], before, periods, late)
 
     def in_periods(self, means: Array) -> Array:
-        """Join block means (steps, candidates, blocks, columns) into one series (candidates, periods, columns)."""
+        """Join means over time blocks (steps, candidates, blocks, actuators) into a series over the whole log."""
         kept = means[self.before :]
         joined = kept.transpose(1, 2, 0, 3).reshape(kept.shape[1], -1, kept.shape[3])
         return joined[:, : self.periods]

@@ -209,8 +209,8 @@ def rotor_lag(vehicle: Vehicle, log: Log, motion: Needed) -> Lag:
     up, down = believed_lags(vehicle.rotors)
     limits = np.array([float(rotor.max_speed) for rotor in vehicle.rotors])
     commands = np.clip(log.rotor_commands, 0.0, limits)
-    if not _stirring(commands):
-        return _untold("rotors", "the commands hardly change")
+    if not _vary_enough(commands):
+        return _unknown_lag("rotors", "the commands hardly change")
     slowest = SLOWER * float(max(up.max(), down.max()))
     followed, matrix = Followed.of(commands, motion.period, LONGEST, slowest), wrench_of_pushes(vehicle.rotors)
     rows = [i for i in range(6) if np.abs(matrix[i]).max() > 1e-9 * np.abs(matrix).max()]
@@ -241,8 +241,8 @@ def rotor_lag(vehicle: Vehicle, log: Log, motion: Needed) -> Lag:
 def joint_lag(name: str, log: Log, motion: Needed, joint: int) -> Lag:
     """Identify the delay of a joint's commands and the lag of its drive."""
     commands = log.efforts[:, joint : joint + 1]
-    if not _stirring(commands):
-        return _untold(name, "the commands hardly change")
+    if not _vary_enough(commands):
+        return _unknown_lag(name, "the commands hardly change")
     followed = Followed.of(commands, motion.period, LONGEST, 0.5 * MOST_LAG)
     rate = motion.joint_rates[:, joint : joint + 1]
 
@@ -368,11 +368,11 @@ def _with_verdict(lag: Lag, found: Fit) -> Lag:
     return dataclasses.replace(lag, reason=reason, apart=alone <= APART)
 
 
-def _stirring(commands: Array) -> bool:
+def _vary_enough(commands: Array) -> bool:
     """True if logged commands (N, actuators) vary enough to identify the actuators' lag."""
     return bool(np.std(np.diff(commands, axis=0)) > STIRRING * np.sqrt(np.mean(commands**2)))
 
 
-def _untold(name: str, reason: str) -> Lag:
+def _unknown_lag(name: str, reason: str) -> Lag:
     none = Estimated(value=math.nan, low=math.nan, high=math.nan)
     return Lag(name=name, together=none, delay=none, up=none, down=none, explained=0.0, reason=reason)

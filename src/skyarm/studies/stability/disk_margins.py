@@ -33,7 +33,7 @@ MOST = 2.0
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LoopMargin:
-    """Disk margin of one channel, or of several channels with independent perturbations.
+    """Disk margin of a control loop cut at one signal, or at several with independent perturbations.
 
     Attributes:
         name: of the channel or of the group. group: of the channel. port: "commands" or "measurements".
@@ -69,7 +69,7 @@ def disk_of(size: float) -> float:
 
 
 def delay_of(T: Complex, frequencies: Array, longest: float) -> float:
-    """Delay margin of one channel, s; inf if above ``longest``.
+    """Delay margin of a loop cut at one channel, s, from its frequency response; inf if above ``longest``.
 
     Args:
         T: closed-loop response (frequencies,) from an injection at a channel to the channel.
@@ -253,7 +253,7 @@ class CutLoops:
 
 @dataclass(slots=True, eq=False)
 class _Port:
-    """Channels at one port (commands or measurements) with their frequency responses."""
+    """Commands or measurements at which the loop is cut, with their closed-loop frequency responses."""
 
     channels: tuple[Channel, ...]
     frequencies: Array

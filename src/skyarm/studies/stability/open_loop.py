@@ -80,7 +80,7 @@ def stencil_points(base: Array, attitude: Quaternion) -> tuple[Array, Array]:
 
 
 def derivatives(result: Array, still: Array, widths: Array, outs: list[int]) -> list[Array]:
-    """Jacobians of next vehicle state, measurement, controller state and command in every direction.
+    """Jacobians of next vehicle state, measurement, controller state and command, by finite differences.
 
     Args:
         result: outputs at the points of :func:`stencil_points` (outputs, directions * 4).

@@ -103,16 +103,16 @@ class Manifest:
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Paths and names of the varied parameters, derived ones last."""
+        """Paths and names of the sweep's varied parameters, derived ones last."""
         return (*(self.study["vary"] or {}), *(self.study.get("derived") or {}))
 
     @property
     def statuses(self) -> tuple[str, ...]:
-        """Names of the episode statuses, in the order of their codes in the files."""
+        """Names of the termination statuses, in the order of their codes in the Parquet files."""
         return tuple(dict.fromkeys((*STATUSES, *self.study.get("endings", ()))))
 
     def span(self, index: int) -> range:
-        """Range of episode numbers of a chunk."""
+        """Range of episode numbers of one chunk of the sweep."""
         size, episodes = self.study["chunk"], self.study["episodes"]
         return range(index * size, min((index + 1) * size, episodes))
 
@@ -253,16 +253,16 @@ class StudyFolder:
 
     @property
     def episodes(self) -> int:
-        """Number of episodes already in the folder."""
+        """Number of episodes whose results are already in the sweep's folder."""
         return sum(len(self.manifest.span(index)) for index in self.done)
 
     def put(self, index: int, content: bytes) -> None:
-        """Write the Parquet file of one chunk."""
+        """Write the Parquet file of one chunk of episodes into the sweep's folder."""
         write_inside(chunk_path(self.folder, index), content, entry=False)
         self.done.add(index)
 
     def write_manifest(self) -> None:
-        """Write the manifest, marked complete if every chunk is on disk."""
+        """Write the sweep's JSON manifest, marked complete if every chunk is on disk."""
         sync_folder(self.folder / ROWS)
         self.done &= set(chunks_there(self.folder))
         manifest, done = self.manifest, len(self.done)

@@ -64,7 +64,7 @@ class Study:
 
     @property
     def axes(self) -> dict[str, Values]:
-        """Paths of the parameters whose values form the grid."""
+        """Discrete parameters whose values form the grid of a grid design, by path."""
         return finite(self.vary) if self.design == "grid" else {}
 
     @property
@@ -73,5 +73,5 @@ class Study:
         return -(-self.episodes // self.chunk)
 
     def span(self, index: int) -> range:
-        """Range of episode numbers of a chunk."""
+        """Range of episode numbers of one chunk of the sweep."""
         return range(index * self.chunk, min((index + 1) * self.chunk, self.episodes))

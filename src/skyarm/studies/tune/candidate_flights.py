@@ -281,8 +281,8 @@ class Scores:
 def scores(flown: Flown) -> Scores:
     """Scores of gain candidates from their flights over all perturbed plants."""
     return Scores(
-        error=_quantile(flown.error, flown.kinds),
-        tip=_quantile(flown.tip, flown.kinds),
+        error=_error_quantile(flown.error, flown.kinds),
+        tip=_error_quantile(flown.tip, flown.kinds),
         jitter=np.median(flown.jitter, axis=1),
         effort=np.median(flown.effort, axis=1),
         lost=flown.lost.mean(axis=1),
@@ -290,7 +290,7 @@ def scores(flown: Flown) -> Scores:
     )
 
 
-def _quantile(errors: Array, kinds: npt.NDArray[np.int_]) -> Array:
+def _error_quantile(errors: Array, kinds: npt.NDArray[np.int_]) -> Array:
     """90 % quantile of the error over plants per kind of motion, combined over kinds by geometric mean.
 
     One quantile over all would be that of the hardest kind alone.

@@ -94,7 +94,7 @@ def find_knobs(controller: Controller, law: str = "", chosen: Sequence[str] | No
     for name in layers:
         par = parts(par)[name]
     listed = tuned_factors().get(law)
-    found = [_knob_at(par, path) for path in listed] if listed else [*_found(par, (), NUMBER, False)]
+    found = [_knob_at(par, path) for path in listed] if listed else [*_gains_within(par, (), NUMBER, False)]
     knobs = tuple(_below(layers, each) for each in found if each is not None)
     if not knobs:
         raise KnobError(f"controller = {shown(controller.name)}: has no gains: no positive number of its constants")
@@ -127,7 +127,7 @@ def _knob_at(par: Any, path: str) -> Knob | None:
     return _knob(place, record, unit)
 
 
-def _found(record: Any, place: Place, unit: Unit, fixed: bool) -> Iterator[Knob]:
+def _gains_within(record: Any, place: Place, unit: Unit, fixed: bool) -> Iterator[Knob]:
     """Tunable gains in a nested dataclass of a controller's parameters, by the units of its fields."""
     if is_record(record) and not isinstance(record, Vec3):
         declared = declared_fields(type(record))
@@ -135,13 +135,13 @@ def _found(record: Any, place: Place, unit: Unit, fixed: bool) -> Iterator[Knob]
             if not place and name in NOT_GAINS:
                 continue
             kind, own = declared.get(name, (None, NUMBER))
-            yield from _found(value, (*place, name), own if own is not NUMBER else unit, _fixed_length(kind))
+            yield from _gains_within(value, (*place, name), own if own is not NUMBER else unit, _fixed_length(kind))
         return
     if not _is_gain(unit):
         return
     if isinstance(record, tuple) and fixed:
         for name, value in parts(record).items():
-            yield from _found(value, (*place, name), unit, False)
+            yield from _gains_within(value, (*place, name), unit, False)
         return
     knob = _knob(place, record, unit)
     if knob is not None:
@@ -219,9 +219,9 @@ def with_catalogue_gains(flight: Scenario, knobs: tuple[Knob, ...], label: str) 
     )
     law = flight.controller
     place = flight.with_words(controller=dataclasses.replace(law, par=replace_at(law.par, numbers)))
-    starts = {GIVEN: _row([values(knob) for knob in knobs], middle)}
+    starts = {GIVEN: _log_factors([values(knob) for knob in knobs], middle)}
     for name in dict.fromkeys(names):
-        row = _row(known[name], middle)
+        row = _log_factors(known[name], middle)
         # the given gains do not count: with good ones and with bad ones a search asks for as many others
         if not any(np.allclose(row, other, atol=1e-9) for key, other in starts.items() if key != GIVEN):
             starts[name] = row
@@ -277,7 +277,7 @@ def _same_shares(knob: Knob, numbers: tuple[float, ...]) -> bool:
     return bool(np.allclose(factors, factors[0], rtol=1e-6))
 
 
-def _row(numbers: Numbers, middle: Numbers) -> tuple[float, ...]:
+def _log_factors(numbers: Numbers, middle: Numbers) -> tuple[float, ...]:
     """Logarithms of the factors between two sets of gains, by the geometric means of their values."""
     return tuple(_mean(at) - _mean(base) if at else 0.0 for at, base in zip(numbers, middle, strict=True))
 

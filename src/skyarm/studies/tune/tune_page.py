@@ -29,7 +29,7 @@ def front_name(number: int) -> str:
 
 
 def words_of(name: str) -> dict[str, Any]:
-    """Scenario table [law] that selects a controller by its catalogue name."""
+    """Table [law] of a gain file that selects a controller by its catalogue name."""
     if name in PRESETS:
         return {"preset": name}
     return {"law": name.removesuffix(TUNED), "tuned": True} if name.endswith(TUNED) else {"law": name}

@@ -172,8 +172,8 @@ class Tuner:
 
     def judge(self, number: int, asked: Array, plants: int) -> Scores:
         """Simulate and score the gain candidates of one search round."""
-        flown = scores(self._flights.fly(asked, plants, others=self._telling if number else None))
-        found = with_margins(flown, asked, self._groups(number, len(asked)), self._margins.costs)
+        flown = scores(self._flights.fly(asked, plants, others=self._search_plants if number else None))
+        found = with_margins(flown, asked, self._candidates_for_margins(number, len(asked)), self._margins.costs)
         if number == 0:
             self._first = (asked, found)
         self._done += len(asked) * plants
@@ -181,7 +181,7 @@ class Tuner:
         return found
 
     @cached_property
-    def _telling(self) -> Plants:
+    def _search_plants(self) -> Plants:
         """Plants of all search rounds after the first, among them ones on which its best candidates crash.
 
         A search that loses one plant in fifty does not see it on two dozen.
@@ -196,7 +196,7 @@ class Tuner:
         plants = draw_plants(self._plan.flight, count, seed=seed, mixed=True)
         return with_own(plants) if self._plan.own else plants
 
-    def _groups(self, number: int, count: int) -> list[tuple[float, slice, int]]:
+    def _candidates_for_margins(self, number: int, count: int) -> list[tuple[float, slice, int]]:
         """Groups of gain candidates whose stability margins are computed in a search round."""
         if number == 0:
             return [(weight, slice(0, count), LEADERS) for weight in WEIGHTS]
