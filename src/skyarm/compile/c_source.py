@@ -1,4 +1,4 @@
-"""C99 source of a traced program: statements, structs of records, and a file with one step function.
+"""C99 source of a traced program: statements, structs of dataclasses, and a file with one step function.
 
 One assignment an operation, nothing of the library but math.h. Compiled without contraction (GCC: ``-std=c99`` or
 ``-ffp-contract=off``) a double program has the bits of the Python floats; with it, a * b + c becomes one rounding.
@@ -120,7 +120,7 @@ class Floats:
 
 
 def helpers(program: Lowered, floats: Floats, prefix: str) -> str:
-    """C definitions of the helper functions that a program's statements call, each named ``prefix_operation``."""
+    """C definitions of the helper functions, named ``prefix_operation``, that a program's statements call."""
     used = {node.op for node in program.nodes}
     numbers = {"zero": 0.0, "one": 1.0, "two": 2.0, "low": -1100.0, "high": 1100.0}
     words = {name: floats.literal(value) for name, value in numbers.items()}
@@ -134,7 +134,7 @@ def helpers(program: Lowered, floats: Floats, prefix: str) -> str:
 def statements(
     program: Lowered, floats: Floats, prefix: str, inputs: Sequence[str], outputs: Sequence[str]
 ) -> list[str]:
-    """C statements of a function body: read the inputs, evaluate the operations in order, write the outputs.
+    """C statements of a function body that evaluates a traced program from its inputs to its outputs.
 
     Args:
         program: basic operations.
@@ -194,7 +194,7 @@ Units = Mapping[Place, Mapping[str, Unit]]
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """Dataclass field that contains scalars: path, comment, array sizes and values.
+    """Field of a dataclass with its path, unit, array sizes and scalars, as input of a C struct.
 
     Attributes:
         path: where it stands, for example ("links", "0", "body", "mass").
@@ -210,7 +210,7 @@ class Field:
 
 @dataclass(frozen=True, slots=True)
 class Member:
-    """Member of a C struct: name, array sizes, comment, values."""
+    """Member of a C struct: name, array sizes, comment, initial values."""
 
     name: str
     shape: tuple[int, ...]
@@ -227,7 +227,7 @@ class Struct:
 
 
 def fields(record: Any, others: Units = MappingProxyType({}), path: Place = (), note: str = "") -> Iterator[Field]:
-    """Dataclass fields that contain scalars, at any depth, in the order of the scalars."""
+    """List the fields of a nested dataclass that contain scalars, in the order of the scalars."""
     if isinstance(record, VECTORS) or _grid(record):
         yield Field(path, note, _shape(record), tuple(walk(record)))
     elif isinstance(record, tuple) or is_record(record):
@@ -240,7 +240,7 @@ def fields(record: Any, others: Units = MappingProxyType({}), path: Place = (), 
 
 
 def _grid(value: Any) -> bool:
-    """True for a one- or two-dimensional array: a tuple of scalars, or of equally long tuples of scalars."""
+    """True for a tuple of scalars, or a tuple of equally long tuples of scalars: a one- or two-dimensional array."""
     if not isinstance(value, tuple):
         return False
     rows = [item if isinstance(item, tuple) else (item,) for item in value]
@@ -298,7 +298,7 @@ def _indices(shape: tuple[int, ...]) -> list[str]:
 
 
 def declaration(name: str, struct: Struct, floats: Floats) -> str:
-    """C declaration ``struct name { ... };``; a struct without members gets a reserved one."""
+    """C declaration ``struct name { ... };``; a struct without members gets a placeholder member."""
     members = struct.members or (Member("reserved", (), "not used: C99 knows no empty struct", (0.0,)),)
     lines = [f"struct {name} {{"]
     for member in members:
@@ -334,7 +334,7 @@ def comment(text: str) -> str:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class StepFile:
-    """Contents of the generated C file.
+    """Contents of a generated C file with the step function of a controller.
 
     Attributes:
         name: begins every name that others see, a C identifier.

@@ -44,7 +44,7 @@ def require_floor(version: str) -> None:
 
 
 def _words(error: Exception) -> str:
-    """One-line error message: the cause, the required version and the installed version."""
+    """Error message where LLVM fails: the cause, the required version and the installed version."""
     lines = str(error).strip().splitlines()
     cause = lines[0] if lines else type(error).__name__
     version = getattr(sys.modules.get(NAME), "__version__", None) or installed_versions([NAME]).get(NAME)
@@ -56,9 +56,9 @@ def _words(error: Exception) -> str:
 
 
 class MissingExtraError(ImportError):
-    """Optional library that is not installed."""
+    """Error: an optional library is not installed."""
 
 
 def missing_extra(extra: str) -> MissingExtraError:
-    """Error for an optional library that is not installed; names the extra that installs it."""
+    """Make the error for an optional library that is not installed, with the extra that installs it."""
     return MissingExtraError(needs_extra(extra))

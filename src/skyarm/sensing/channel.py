@@ -1,4 +1,4 @@
-"""Sensor channels: scale, bias, random walk, white noise, resolution, rate, delay and dropouts.
+"""Error models of sensors: scale, bias, random walk, white noise, resolution, rate, delay and lost readings.
 
 A channel's numbers are structure where they are an int 0: what a channel does not have costs no operation and no draw.
 
@@ -35,7 +35,7 @@ def absent(value: Scalar) -> bool:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Channel:
-    """Error model of a measured quantity with one or more components, in the unit of the quantity (u).
+    """Error model of a measured quantity with one or more components; ``u`` stands for the quantity's unit.
 
     A component reads ``(1 + scale) truth + bias + drift + noise``, rounded to the resolution. The drift begins at a
     normal number of deviation ``turn_on``, drawn for each episode, and walks.
@@ -62,20 +62,20 @@ class Channel:
 
     @property
     def drifts(self) -> bool:
-        """True if the channel has a random initial bias or a bias random walk."""
+        """True if the error model has a random initial bias or a random walk of the bias."""
         return not (absent(self.turn_on) and absent(self.walk))
 
     @property
     def noisy(self) -> bool:
-        """True if the channel has white noise."""
+        """True if the error model has white noise."""
         return not (absent(self.sigma) and absent(self.density))
 
     def normals(self, count: int) -> int:
-        """Count of standard normal numbers that a reading of ``count`` components needs."""
+        """Count of standard normal numbers that a reading of ``count`` components draws."""
         return count * (self.drifts + self.noisy)
 
     def require_count(self, count: int, where_is: str) -> None:
-        """Refuse biases and offsets whose number is not ``count``; ``where_is`` names the channel in messages.
+        """Refuse biases and offsets that are not ``count`` in number; ``where_is`` names the channel in messages.
 
         Raises:
             RecordError: one line with field, value and what is allowed.
@@ -87,11 +87,11 @@ class Channel:
                 raise RecordError(f"{where_is}.{name} = {len(held)} {what}: {allowed}")
 
     def start(self, count: int) -> tuple[float, ...]:
-        """Initial drift of each component; () without drift."""
+        """Initial random bias of each component, zero; () for an error model without random bias."""
         return (0.0,) * count if self.drifts else ()
 
     def drift(self, before: Sequence[Any], draws: Sequence[Any], first: Any, dt: Any) -> tuple[Any, ...]:
-        """Drift of each component at a reading: random initial bias, then a random walk.
+        """Random bias of each component at a reading: random at the first reading, then a random walk.
 
         Args:
             before: of the reading before.
@@ -112,7 +112,7 @@ class Channel:
         dt: float,
         t: Scalar = 0.0,
     ) -> tuple[Any, ...]:
-        """Reading of a quantity with all errors of the channel.
+        """Reading of a quantity with all errors of the error model.
 
         Args:
             truth: components.
@@ -151,7 +151,7 @@ class Channel:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Dropouts:
-    """Lost readings, at random and in given time intervals; the first reading of an episode always arrives.
+    """Loss of readings, at random and in given time intervals; the first reading of an episode always arrives.
 
     At random the link is a Markov chain of two states: a share of the readings is lost, in runs of a mean duration.
 
@@ -182,7 +182,7 @@ class Dropouts:
         return self.random or bool(self.intervals)
 
     def lost(self, before: Any, draw: Scalar, dt: float) -> Any:
-        """State of the sensor link after the first reading: 1.0 while readings are lost at random, else 0.0.
+        """State of the link at a reading: 1.0 while readings are lost at random, else 0.0 (two-state Markov chain).
 
         Args:
             before: the state at the reading before.
@@ -195,7 +195,7 @@ class Dropouts:
         return where(draw < where(before > 0.5, 1.0 - ends, begins), 1.0, 0.0)
 
     def silent(self, lost: Scalar, t: Scalar) -> Any:
-        """True if no reading arrives at time ``t`` (s): lost at random or within an interval."""
+        """True if no reading arrives at time ``t`` (s): lost at random or within a given interval."""
         found = lost > 0.5
         for begin, end in self.intervals:
             # half a microsecond: an interval's ends are instants of the loop but for rounding
@@ -209,7 +209,7 @@ Quantities = tuple[tuple[str, Channel, tuple[Any, ...]], ...]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ChannelMemory:
-    """Internal state of a sensor between two readings: drifts, link loss and last reading.
+    """Internal state of a sensor between two readings: random biases, link loss and last reading.
 
     Attributes:
         read: 1 after the first reading. drifts: bias of each channel that drifts, else nothing.
@@ -229,7 +229,7 @@ SampleRate = Annotated[float, Unit("Hz", "readings a second, 0: one each control
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ChannelSensor(Sensor):
-    """Sensor whose reading consists of a time stamp and one field per channel (measured quantity).
+    """Base of sensors whose reading has a time stamp and one field per measured quantity.
 
     A lost reading leaves the one before with its instant, by which estimators recognise a new reading.
 
@@ -246,11 +246,11 @@ class ChannelSensor(Sensor):
         accept_fields(self, "")
 
     def quantities(self, state: State, specific_force: Vec3) -> Quantities:
-        """Name, error model and true value of each channel (measured quantity)."""
+        """Name, error model and true components of each measured quantity."""
         raise NotImplementedError(f"{type(self).__name__} must define quantities()")
 
     def examples(self, vehicle: Vehicle) -> Quantities:
-        """Name, error model and value of each channel in an example state, whose values are irrelevant."""
+        """Name, error model and example components of each measured quantity."""
         return self.quantities(example_state(*vehicle.sizes), Vec3(0.0, 0.0, 0.0))
 
     record: ClassVar[type]
@@ -259,12 +259,12 @@ class ChannelSensor(Sensor):
     def reading(
         self, t: Scalar, values: Sequence[tuple[Any, ...]], state: State, own: Any, first: Scalar, dt: float
     ) -> Any:
-        """Internal state specific to the sensor type, and the reading made of all channels' values."""
+        """Make the reading from the values of all measured quantities; return the sensor type's state too."""
         fields = zip(_makers(self.record).items(), values, strict=True)
         return own, self.record(time=t, **{name: make(value) for (name, make), value in fields})
 
     def first_own(self, vehicle: Vehicle) -> Any:
-        """Initial internal state specific to the sensor type."""
+        """Initial state that is specific to the sensor type; () for none."""
         return ()
 
     def require_vehicle(self, vehicle: Vehicle) -> None:
@@ -273,7 +273,7 @@ class ChannelSensor(Sensor):
             channel.require_count(len(truth), name)
 
     def uniforms(self, vehicle: Vehicle) -> int:
-        """Count of uniform random numbers per reading: normal numbers in pairs, and two for random losses."""
+        """Count of uniform random numbers per reading: an even count for noise, and two for random losses."""
         return self._uniforms(self.examples(vehicle))
 
     def _uniforms(self, quantities: Quantities) -> int:
@@ -331,6 +331,6 @@ class ChannelSensor(Sensor):
 
 @cache
 def _makers(record: type) -> Mapping[str, Callable[[tuple[Any, ...]], Any]]:
-    """Conversion functions by field of a reading (except time): from a channel's components to the field's value."""
+    """Functions that convert a quantity's components to the value of each field of a reading, except the time."""
     types = {name: wanted for name, (wanted, _) in declared_fields(record).items() if name != "time"}
     return {name: (lambda c: Vec3(*c)) if each is Vec3 else (lambda c: c[0]) for name, each in types.items()}

@@ -1,4 +1,4 @@
-"""Measurement of a law, separate from the true state, and the full-state sensor with white noise."""
+"""Measurement that a control law receives, and the full-state sensor with white noise."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Measurement:
-    """Measurement of a law: one reading of motion capture, GNSS or odometry, inertial unit and encoders.
+    """Measurement that a control law receives: pose, velocities, specific force, joints, rotors.
 
     ``time`` is when it was taken: older than now if the measurement is delayed.
     """
@@ -56,7 +56,7 @@ class Measurement:
 
 
 def blank_measurement(joints: int, rotors: int, tilts: int = 0, tip_force: int = 0) -> Measurement:
-    """Example measurement of a vehicle at rest and level at the origin, at time 0."""
+    """Error-free measurement of a vehicle at rest and level at the origin, at time 0."""
     blank = measurement_of(example_state(joints, rotors, tilts), Vec3(0.0, 0.0, 0.0))
     return dataclasses.replace(blank, tip_force=(0.0,) * tip_force)
 
@@ -69,7 +69,7 @@ def measurement_of(state: State, specific_force: Vec3) -> Measurement:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SensorNoise(Sensor):
-    """Full-state sensor at the control rate with white noise.
+    """Full-state sensor: the true state with white noise at the control rate.
 
     Its numbers are standard deviations, one sigma at the control rate; an int 0 folds the channel away.
     """
@@ -103,12 +103,12 @@ class SensorNoise(Sensor):
 
 
 def noise_count(joints: int, rotors: int) -> int:
-    """Number of standard normal numbers in one measurement."""
+    """Number of standard normal numbers in one reading of the full-state sensor."""
     return 15 + 2 * joints + rotors
 
 
 def measure(par: SensorNoise, time: Scalar, state: State, specific_force: Vec3, noise: Sequence[Scalar]) -> Measurement:
-    """Measurement of a state with noise.
+    """Measurement of a state with noise of given standard deviations.
 
     Args:
         par: deviations.

@@ -26,7 +26,7 @@ NO_PUSH = Push(force=Vec3(0.0, 0.0, 0.0), torque=Vec3(0.0, 0.0, 0.0))
 
 
 class Sensor:
-    """Base of the sensors. A subclass is a frozen dataclass of numbers with pure, traceable methods.
+    """Base of the sensors: frozen dataclasses of numbers with pure, traceable methods.
 
     The loop measures at the sensor's own instants, k / ``frequency`` from 0 on, holds the reading in between, and hands
     it to the estimator ``latency`` later. Until the first reading has arrived the estimator sees that one.
@@ -59,7 +59,7 @@ class Sensor:
         return 0
 
     def start(self, vehicle: Vehicle) -> Any:
-        """Initial internal state, a dataclass or tuple of scalars; ``()`` for a sensor without internal state."""
+        """Initial internal state, a dataclass or tuple of scalars; ``()`` for a sensor without one."""
         return ()
 
     def measure(
@@ -87,7 +87,7 @@ class Sensor:
     def take(
         self, memory: Any, t: Scalar, state: State, specific_force: Vec3, push: Push, draws: Sequence[Scalar], dt: float
     ) -> tuple[Scalar, Scalar]:
-        """Take one reading by ``measure``, or by ``feel`` for a force sensor."""
+        """Take one reading by ``measure``, or by ``feel`` for a sensor of force."""
         if self.feels is None:
             return self.measure(memory, t, state, specific_force, draws, dt)
         return self.feel(memory, t, push, draws, dt)

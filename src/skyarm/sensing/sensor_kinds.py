@@ -1,4 +1,4 @@
-"""Sensor types: inertial unit, motion capture, satellite position, heading, encoders, force-torque, tactile switch.
+"""Sensor types: inertial unit, motion capture, satellite position, heading, encoders, force, tactile switch.
 
 Each reading is a record whose first field is the instant at which it was read. Default numbers are those of a small
 flight controller's inertial unit (gyroscope 0.005 rad/s/sqrt(Hz), accelerometer 0.02 m/s^2/sqrt(Hz)) and of a
@@ -32,7 +32,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Reading:
-    """Reading of a sensor: the instant at which it was taken."""
+    """Base of readings: the instant at which a reading was taken."""
 
     time: Annotated[Scalar, Unit("s", "when it was read")]
 
@@ -105,7 +105,7 @@ class Imu(ChannelSensor):
     accelerometer: Channel = Channel(density=0.02, walk=1e-3)
 
     def quantities(self, state: State, specific_force: Vec3) -> Quantities:
-        """Channels of angular rate and specific force: name, errors and true components."""
+        """Angular rate and specific force: name, error model and true components of each."""
         force = tuple(data(c) for c in specific_force)
         return ("gyro", self.gyro, tuple(state.rate)), ("accelerometer", self.accelerometer, force)
 
@@ -130,13 +130,13 @@ class Pose(ChannelSensor):
                 raise RecordError(f"attitude.{name} = {value}: must be left out, errors of an attitude are rotations")
 
     def quantities(self, state: State, specific_force: Vec3) -> Quantities:
-        """Channels of position and of the attitude error, whose true value is zero."""
+        """Position and attitude error: name, error model and true components of each."""
         return ("position", self.position, tuple(state.position)), ("attitude", self.attitude, (0.0, 0.0, 0.0))
 
     def reading(
         self, t: Scalar, values: Sequence[tuple[Any, ...]], state: State, own: Any, first: Scalar, dt: float
     ) -> Any:
-        """Pose reading: position, and true attitude rotated by the attitude error."""
+        """Make the pose reading: position, and the true attitude rotated by the attitude error."""
         position, turn = values
         attitude = state.quaternion * Quaternion.of_rotation_vector(Vec3(*turn))
         return own, PoseReading(time=t, position=Vec3(*position), quaternion=attitude)
@@ -152,7 +152,7 @@ class Position(ChannelSensor):
     position: Channel = Channel(sigma=0.02)
 
     def quantities(self, state: State, specific_force: Vec3) -> Quantities:
-        """Channel of the base position: name, errors and true components."""
+        """Base position: name, error model and true components."""
         return (("position", self.position, tuple(state.position)),)
 
 
@@ -166,7 +166,7 @@ class Heading(ChannelSensor):
     heading: Channel = Channel(sigma=0.02)
 
     def quantities(self, state: State, specific_force: Vec3) -> Quantities:
-        """Channel of the heading: name, errors and true value."""
+        """Heading: name, error model and true value."""
         return (("heading", self.heading, (euler_angles(state.quaternion.rotation())[2],)),)
 
 
@@ -202,7 +202,7 @@ class Encoders(ChannelSensor):
             raise RecordError(f"bits = {self.bits}: must be 0 where joints.resolution is given")
 
     def quantities(self, state: State, specific_force: Vec3) -> Quantities:
-        """Channels of the joint positions, and of the rates if they are measured."""
+        """Joint positions, and rates if they are measured: name, error model and true components of each."""
         positions = ("joints", self.joints, tuple(state.joints))
         if self.rates == "difference":
             return (positions,)
@@ -221,7 +221,7 @@ class Encoders(ChannelSensor):
         first: Scalar,
         dt: float,
     ) -> Any:
-        """Encoder reading: quantised positions, and rates; the first finite difference is 0."""
+        """Make the encoder reading: quantised positions, and rates by finite difference or measured."""
         joints = tuple(self._quantize(q) for q in values[0])
         if self.rates == "measured":
             return own, EncoderReading(time=t, joints=joints, joint_rates=tuple(values[1]))
@@ -237,7 +237,7 @@ class Encoders(ChannelSensor):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FramedSensor(ChannelSensor):
-    """Sensor of the external wrench at a frame, with a first-order low-pass filter.
+    """Base of sensors of the external wrench at a vehicle frame, with a first-order low-pass filter.
 
     Attributes:
         frame: of the vehicle; empty for its tip. bandwidth: rad/s of the low pass; 0 for none.
@@ -252,7 +252,7 @@ class FramedSensor(ChannelSensor):
         return self.frame
 
     def reading_of(self, push: Push) -> Quantities:
-        """Channels of the sensor for a wrench: name, errors and true components."""
+        """Name, error model and true components of each quantity, for an external wrench."""
         raise NotImplementedError(f"{type(self).__name__} must define reading_of()")
 
     def require_vehicle(self, vehicle: Vehicle) -> None:
@@ -264,15 +264,15 @@ class FramedSensor(ChannelSensor):
         ChannelSensor.require_vehicle(self, vehicle)
 
     def examples(self, vehicle: Vehicle) -> Quantities:
-        """Channels of the sensor without an external wrench, as an example."""
+        """Name, error model and components of each quantity without an external wrench."""
         return self.reading_of(NO_PUSH)
 
     def first_own(self, vehicle: Vehicle) -> tuple[Push, Any]:
-        """Initial output of the low-pass filter, and internal state of what follows it."""
+        """Initial output of the low-pass filter, and the sensor type's further state."""
         return NO_PUSH, ()
 
     def feel(self, memory: ChannelMemory, t: Scalar, push: Push, draws: Sequence[Scalar], dt: float) -> tuple[Any, Any]:
-        """Take one reading of the low-pass filtered wrench, the first unfiltered; return internal state and reading."""
+        """Take one reading of the low-pass filtered wrench; return the next internal state and the reading."""
         before, more = memory.own
         if not (concrete(self.bandwidth) and self.bandwidth == 0):
             share = where(memory.read < 0.5, 1.0, 1.0 - exp(-mul(self.bandwidth, dt)))
@@ -284,7 +284,7 @@ class FramedSensor(ChannelSensor):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ForceTorque(FramedSensor):
-    """Force-torque sensor: force (N) and torque (N m) at a frame, in its axes."""
+    """Force-torque sensor: force (N) and torque (N m) at a vehicle frame, in the frame's axes."""
 
     record: ClassVar[type] = ForceReading
 
@@ -292,7 +292,7 @@ class ForceTorque(FramedSensor):
     torque: Channel = Channel()
 
     def reading_of(self, push: Push) -> Quantities:
-        """Channels of force and torque: name, errors and true components."""
+        """Force and torque: name, error model and true components of each."""
         return ("force", self.force, tuple(push.force)), ("torque", self.torque, tuple(push.torque))
 
 
@@ -314,16 +314,16 @@ class TactileSwitch(FramedSensor):
             raise RecordError(f"off = {self.off}: must be at most on = {self.on} N")
 
     def reading_of(self, push: Push) -> Quantities:
-        """Channel of the contact force's magnitude: name, error model and true value, N."""
+        """Magnitude of the contact force: name, error model and true value, N."""
         f = push.force
         return (("force", self.force, (sqrt(f.dot(f)),)),)
 
     def first_own(self, vehicle: Vehicle) -> tuple[Push, Any]:
-        """Initial output of the low-pass filter, and the switch open."""
+        """Initial output of the low-pass filter, and 0.0 for the open switch."""
         return NO_PUSH, 0.0
 
     def reading(self, t: Any, values: Sequence[tuple[Any, ...]], state: Any, own: Any, first: Any, dt: float) -> Any:
-        """Switch state with hysteresis, and its reading: 1 closed, 0 open."""
+        """Make the reading of the switch, 1 closed or 0 open, with hysteresis."""
         push, before = own
         force = values[0][0]
         closed = where(force > self.on, 1.0, where(force < self.off, 0.0, before))

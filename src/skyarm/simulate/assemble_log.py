@@ -1,4 +1,4 @@
-"""Assembly of an episode's log from its recorded samples."""
+"""Assembly of a flight log from the values recorded in every control period."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from skyarm.world.component import Column
 
 
 def by_array(components: Sequence[Component], numbers: Sequence[Any]) -> dict[str, list[Any]]:
-    """Group one value per log column of the environment components by the log array that the column belongs to."""
+    """Group the logged values of winds, forces and contacts by the name of the log array that each belongs to."""
     found: dict[str, list[Any]] = {}
     for column, number in zip((column for each in components for column in each.columns), numbers, strict=True):
         found.setdefault(column[0], []).append(number)
@@ -39,7 +39,7 @@ def by_array(components: Sequence[Component], numbers: Sequence[Any]) -> dict[st
 
 @dataclass(frozen=True, slots=True)
 class Samples:
-    """Logged samples of a flight, one row per control instant: states, commands, sensor readings, winds, estimates.
+    """Logged values of a flight, one row per control instant: states, commands, readings, winds, estimates.
 
     Attributes:
         measurement: received by the law; None if not logged. readings: name and record of each sensor.
@@ -59,7 +59,7 @@ class Samples:
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """Consecutive control periods of a flight under one scenario.
+    """Consecutive control periods of a flight between two scheduled changes, under one scenario.
 
     Attributes:
         inputs: of the scenario. start: number of the first period. flown: logged samples.
@@ -74,7 +74,7 @@ class Piece:
 def join_pieces(
     scenario: Scenario, pieces: Sequence[Piece], ending: Ended | None, *, info: dict[str, Any] | None = None
 ) -> Log:
-    """Concatenate consecutive pieces of a flight into one log.
+    """Concatenate the parts of a flight before and after each scheduled change into one log.
 
     Args:
         scenario: of the flight, as the log records it.
@@ -99,7 +99,7 @@ def join_pieces(
 
 
 def _fill(tables: Sequence[dict[str, Array]]) -> None:
-    """Add log arrays that some pieces of a flight lack: NaN for sensor readings and measurements, else zeros."""
+    """Add log arrays that only some parts of a flight have: NaN for sensor readings and measurements, else zeros."""
     widths = {name: table[name].shape[1:] for table in tables for name in table if name in IF_ANY or "." in name}
     for table in tables:
         for name, width in widths.items():
@@ -109,7 +109,7 @@ def _fill(tables: Sequence[dict[str, Array]]) -> None:
 
 
 def _tables(piece: Piece) -> dict[str, Array]:
-    """Log arrays of one piece of a flight, by name."""
+    """Log arrays by name, for the part of a flight between two scheduled changes."""
     scenario, inputs, flown = piece.scenario, piece.inputs, piece.flown
     vehicle = scenario.plant.vehicle
     n, rotors, count = vehicle.n, len(vehicle.rotors), len(flown.states)
@@ -172,7 +172,7 @@ def _tables(piece: Piece) -> dict[str, Array]:
 
 
 def _sensor_data(piece: Piece) -> tuple[dict[str, Array], dict[str, Any]]:
-    """Log arrays of the sensor readings and the measurement in a piece, and the description of their sources."""
+    """Log arrays of sensor readings and the law's measurement, and a description of each sensor for the log."""
     scenario, flown, count = piece.scenario, piece.flown, len(piece.flown.states)
     sensors = {name: (i, sensor) for i, (name, sensor) in enumerate(scenario.all_sensors)}
     arrays: dict[str, Array] = {}
@@ -205,7 +205,7 @@ def _sensor_data(piece: Piece) -> tuple[dict[str, Array], dict[str, Any]]:
 
 
 def _differing_units(columns: Sequence[Column]) -> list[str] | None:
-    """Unit of each column of an array; None if all columns have the same unit."""
+    """List the unit of each column of a log array; None if all columns have the same unit."""
     found = [each.unit for each in columns]
     return found if len(set(found)) > 1 else None
 
@@ -213,7 +213,7 @@ def _differing_units(columns: Sequence[Column]) -> list[str] | None:
 def _references(
     inputs: EpisodeInputs, flown: Samples, start: int, stop: int
 ) -> tuple[Reference, Reference, Array, int]:
-    """Held and continuous reference and path time (s) of a piece of a flight, and its first row in the held one."""
+    """Sampled-and-held reference, continuous reference and path time (s) at the logged instants of a flight."""
     if inputs.waits.guards:
         return (*inputs.waiting_references(flown.led.T), 0)
     led = flown.led[:, 0] if flown.led.shape[1] else np.asarray(inputs.path_time)[start:stop]
@@ -221,7 +221,7 @@ def _references(
 
 
 def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
-    """Metadata of a log: its ``info`` table."""
+    """Metadata of a flight log as a dictionary: scenario, rates, status, versions, digest."""
     rates, whole, files = scenario.rates, plain(scenario), own_files(scenario)
     return {
         "schema": 1,

@@ -1,4 +1,4 @@
-"""Batches of episodes of one scenario in machine code: parameters vary per lane, metrics accumulate in flight."""
+"""Batches of closed-loop flights of one scenario in machine code; parameters differ between the SIMD lanes."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ Array = npt.NDArray[Any]
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """Results of a batch of episodes, one entry per lane.
+    """Results of a batch of flights: arrays with one entry per flight.
 
     Attributes:
         metrics: by name; they count only the time an episode was alive. NaN where it ended before their window.
@@ -58,7 +58,7 @@ class Outcome:
 
 
 class Batch:
-    """Compiled batch of whole episodes of one scenario; to step lanes period by period see :mod:`skyarm.envs`.
+    """Compiled simulation of many flights of one scenario at once, whose parameters differ from flight to flight.
 
     Args:
         scenario: on the rigid-body plant; its other numbers are constants of the code.
@@ -127,7 +127,7 @@ class Batch:
     def fly(
         self, values: Mapping[str, Array], *, seed: int = 0, episodes: Array | None = None, threads: int = 1
     ) -> Outcome:
-        """Fly one episode per lane.
+        """Simulate one flight per SIMD lane, with that lane's parameter values, and return the results of all flights.
 
         Args:
             values: path -> (lanes,); every path of the batch. A number that a change in flight sets wins from then on.
@@ -165,7 +165,7 @@ class Batch:
     def _fly_legs(
         self, columns: list[Array], count: int, keys: Mapping[str, Any], threads: int
     ) -> tuple[Array, list[tuple[Any, Array]]]:
-        """Fly all legs of the batch; return the final carry (loop states and metric sums) and the logs of all legs."""
+        """Simulate all intervals between scheduled changes; return final loop states, metric sums and logs."""
         last: tuple[Leg, Array] | None = None
         log: list[tuple[Any, Array]] = []
         for leg in self._legs:
@@ -176,7 +176,7 @@ class Batch:
         return carry, log
 
     def _statuses(self, columns: list[Array], now: LoopState, ticks: Array, ended: Array) -> Array:
-        """Termination status of each lane, under the scenario in force when the lane ended."""
+        """Termination status of each flight of the batch, by the scenario in force when the flight ended."""
         found = np.full(len(ticks), "completed", dtype=object)
         for leg in self._legs:
             here = (ticks >= leg.periods.start) & ((ticks < leg.periods.stop) | (leg is self._legs[-1]))
@@ -187,7 +187,7 @@ class Batch:
         return found.astype(str)
 
     def _metrics(self, totals: tuple[Array, ...], ticks: Array) -> dict[str, Array]:
-        """Metrics of each lane."""
+        """Metrics of each flight of the batch, from the sums accumulated in flight."""
         # an episode's instants are the first of the clock: how many of them lie in a window is a table
         instants = {name: np.append(0, np.cumsum(mask))[ticks] for name, mask in self._masks.items()}
         held = dict(zip(self._wanted, totals, strict=True))

@@ -1,4 +1,4 @@
-"""Leg of a batch: the closed loop between two scheduled changes of the scenario, in machine code."""
+"""Machine code of a batch of flights for the time between two scheduled changes of the scenario."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ Array = npt.NDArray[Any]
 
 
 class Feed:
-    """Input rows of a batch, one per control period, and their decoding for the closed loop.
+    """Table of closed-loop inputs shared by all flights of a batch, one row per control period, with its decoder.
 
     Args:
         scenario: of the batch. paths: its varied numbers. inputs: tables of the scenario.
@@ -64,7 +64,7 @@ class Feed:
         self.rows = np.hstack([table, *flags, *(table_of(goal, scenario.steps) for goal in goals)])
 
     def _goal_table(self, reference: Reference) -> Goal:
-        """Desired positions of base, joints and tip at every control instant of a reference, as arrays."""
+        """Desired positions of base, joints and tip at every control instant, from a reference given as arrays."""
         vehicle = self._scenario.plant.vehicle
         dense = reference.dense()
         program = trace(lambda one: goal_of(vehicle, one), rebuild(dense, iter([0.0] * len(leaves(dense)))))
@@ -72,7 +72,7 @@ class Feed:
         return goal
 
     def read(self, varied: Scenario, fed: Any, ticks: Scalar) -> tuple[Row, tuple[Goal, ...], dict[str, Any]]:
-        """Decode an input row: loop inputs, desired positions (held, continuous), flags of the metrics' time windows.
+        """Decode a row of inputs: reference, desired positions for the metrics, flags of the metrics' time windows.
 
         Without goals where phases wait for guards: the loop itself evaluates its reference.
         """
@@ -87,14 +87,14 @@ class Feed:
         return row, tuple(goal_of(varied.plant.vehicle, each.dense()) for each in both), inside
 
     def _own_arm(self, varied: Scenario) -> bool:
-        """True if varied parameters change the arm's geometry, and so the desired tip position at fixed joints."""
+        """True if parameters that vary between flights change the arm's geometry and so the desired tip position."""
         still = self._scenario.reference.at(0.0).dense()
         nodes = [c for c in goal_of(varied.plant.vehicle, still).tool if isinstance(c, Node)]
         return any(node.op == "input" for node in live(nodes))
 
 
 def _instant(stages: Stages, loop: LoopState, row: Row, sample: Sample, goals: tuple[Goal, ...]) -> Instant:
-    """Quantities of one control instant from which metrics are computed."""
+    """Collect the quantities of one control instant from which the metrics are computed."""
     vehicle, waits, command = stages.scenario.plant.vehicle, stages.waits, sample.command
     if not goals:
         free = waits.reference(*waits.instants(waits.log_values(loop.clock, loop.ticks))[1])
@@ -116,12 +116,12 @@ def _instant(stages: Stages, loop: LoopState, row: Row, sample: Sample, goals: t
 
 
 def _path_time(row: Row) -> Scalar:
-    """Path time of the reference, s; equals the flight time if the reference is not time-scaled."""
+    """Time along the reference, s; equals the flight time unless the reference is time-scaled."""
     return row.time if isinstance(row.path_time, tuple) else row.path_time
 
 
 def _interaction(scenario: Scenario, row: Row, sample: Sample) -> dict[str, Any]:
-    """Metric inputs: logged values of environment components (winds, forces, contacts), desired contact force."""
+    """Inputs of the contact metrics: logged values of winds, forces and contacts, and the desired contact force."""
     numbers = by_array(scenario.components, sample.wind.numbers)
     constants = [each for component in scenario.components for each in component.constants.items()]
     push = scenario.reference.push
@@ -137,7 +137,7 @@ OF_CHANGES = "changes."
 
 @dataclass(frozen=True, kw_only=True)
 class LegOptions:
-    """Settings that all legs of a batch share.
+    """Settings that all intervals of a batch between scheduled changes share.
 
     Attributes:
         paths: varied numbers. lanes: vector shape. stiffest: in place of the scenario, for the integration steps.
@@ -157,7 +157,7 @@ class LegOptions:
 
 
 class LegCode(NamedTuple):
-    """Machine code of a leg, example of a logged sample, key by which legs share code, and integration step counts."""
+    """Compiled code of a batch between two scheduled changes, the key by which it is reused, and its step counts."""
 
     kernel: Kernel
     logged: Any
@@ -166,7 +166,7 @@ class LegCode(NamedTuple):
 
 
 class Leg:
-    """Leg of a batch: the control periods that all lanes fly between two scheduled changes of the scenario.
+    """Simulation of all flights of a batch in the interval between two scheduled changes of the scenario.
 
     Numbers that changes set are parameters of the code, as varied ones are: legs that differ in these values alone
     share it. A number that a change sets wins over the lanes' own.
@@ -213,7 +213,7 @@ class Leg:
             self.code = self._compile(key)
 
     def _lane_scenario(self, values: Sequence[Scalar]) -> Scenario:
-        """Scenario of one lane: its varied parameters, overridden by the values that scheduled changes set."""
+        """Scenario of one flight of the batch: its own parameter values, overridden by scheduled changes."""
         named = dict(zip((*self._options.paths, *self._set), values, strict=True))
         own = {path: value for path, value in zip(self._options.paths, values, strict=False) if path in self._free}
         return with_numbers(self._shape, own | {path: named[path] for path in self._set})
@@ -244,20 +244,20 @@ class Leg:
         return LegCode(kernel, program.result[1], key, substeps)
 
     def numbers_by_path(self, columns: Sequence[Array]) -> dict[str, Array]:
-        """Parameter values in this leg by parameter path, (lanes,) each: varied per lane or set by changes."""
+        """Parameter values in this interval by parameter path, one array entry per flight."""
         given = dict(zip(self._options.paths, columns, strict=True))
         own = {path: given[path] for path in self._free}
         return own | {path: given[source] for path, source in self._swept.items()}
 
     def parameters(self, columns: Sequence[Array], lanes: int) -> Array:
-        """Values of the compiled program's parameters, shape (parameters, lanes)."""
+        """Inputs of the compiled program that are constant in flight, shape (parameters, flights)."""
         given = dict(zip(self._options.paths, columns, strict=True))
         rows = [given[self._swept[p]] if p in self._swept else np.full(lanes, v) for p, v in self._set.items()]
         every = [*columns, *rows]
         return np.stack(every) if every else np.zeros((0, lanes))
 
     def begin(self, parameters: Array, seed: int, episodes: Array, last: tuple[Leg, Array] | None) -> Array:
-        """Initial carry (loop states and metric sums), one column per lane; continues from the previous leg if any."""
+        """Initial loop states and metric sums, one column per flight; from the previous interval's end if any."""
         fresh = self._loop.start(parameters, seed, episodes)
         if last is None:
             totals = np.array(leaves(self.first[1]))[:, None]
@@ -274,7 +274,7 @@ class Leg:
     def fly(
         self, carry: Array, parameters: Array, keys: Mapping[str, Any], threads: int
     ) -> tuple[Array, list[tuple[Any, Array]]]:
-        """Fly the leg; return the final carry (loop states, metric sums) and logs as (example record, samples)."""
+        """Simulate the interval for all flights; return final loop states with metric sums, and the logged samples."""
         if self.code is None:
             return carry, []
         kernel, every = self.code.kernel, max(1, self._options.every)
@@ -291,11 +291,11 @@ class Leg:
         return carry, log
 
     def statuses(self, columns: Sequence[Array], now: LoopState, ticks: Array, ended: Array) -> Array:
-        """Termination status of each lane at the end of this leg, from its loop state."""
+        """Termination status of each flight of the batch at the end of this interval, from its loop state."""
         return lane_statuses(self.scenario, self.numbers_by_path(columns), now.state, now.clock, ticks, ended)
 
     def require(self, columns: Sequence[Array]) -> None:
-        """Refuse lane parameters that need shorter integration steps than the compiled ones.
+        """Refuse parameter values for which the compiled integration steps are too long.
 
         Raises:
             ScenarioError: one line.

@@ -1,4 +1,4 @@
-"""Termination conditions of an episode: evaluated in flight, for the cause, and for each lane of a batch."""
+"""Termination conditions of a flight: evaluation in the loop, cause in words, and statuses of a batch."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SLACK = 1e-5
 
 @dataclass(frozen=True, slots=True)
 class Ended:
-    """Early end of an episode: status, cause in words, time in s."""
+    """Early end of a flight: status, cause in words, time in s."""
 
     status: str
     cause: str
@@ -40,17 +40,17 @@ RUNNING = "running"
 
 
 def running_status(scenario: Scenario, tick: int) -> Ended | None:
-    """Status of an unfinished episode for its log: "running"; None once its duration is flown."""
+    """Early end with status "running" for the log of an unfinished flight; None once its duration is reached."""
     return Ended(RUNNING, "", tick / scenario.rates.control) if tick < scenario.steps else None
 
 
 def endings_of(scenario: Scenario) -> tuple[Ending, ...]:
-    """All termination conditions: the library's, then the scenario's own."""
+    """List all termination conditions of a scenario: the built-in ones, then the user's."""
     return (*BUILT_IN, *scenario.endings)
 
 
 def healthy(scenario: Scenario, state: State, goal: Vec3) -> Any:
-    """True while no termination condition is met; NaN counts as a termination."""
+    """True while no termination condition is met; a state with NaN meets one."""
     fine: Any = True
     for ending in endings_of(scenario):
         fine = _both(fine, ending.fine(scenario, state, goal, 0))
@@ -63,7 +63,7 @@ def _both(a: Scalar, b: Scalar) -> Scalar:
 
 
 def find_ending(scenario: Scenario, time: float, x: Sequence[float], goal: Sequence[float]) -> Ended | None:
-    """Termination of an episode by its state (flat floats), or None; ``goal`` is the held reference's position."""
+    """First termination condition that a state meets, as status, cause and time; None if it meets none."""
     vehicle = scenario.plant.vehicle
     state = rebuild(example_state(*vehicle.sizes), iter(x))
     for ending in endings_of(scenario):
@@ -73,7 +73,7 @@ def find_ending(scenario: Scenario, time: float, x: Sequence[float], goal: Seque
 
 
 def failed_phase(scenario: Scenario, time: float, clock: Any) -> Ended | None:
-    """Termination of an episode by a failed phase of its task, or None."""
+    """Early end of a flight because a mandatory phase of its task timed out, or None."""
     if float(getattr(clock, "failed", 0.0)) < 0.5:
         return None
     # the clock has gone on to the next guard
@@ -85,7 +85,7 @@ def failed_phase(scenario: Scenario, time: float, clock: Any) -> Ended | None:
 
 
 def ending_of_command(scenario: Scenario, time: float, command: Sequence[float]) -> Ended | None:
-    """Termination of an episode by a command that is not finite, or None."""
+    """Early end of a flight because a commanded number is infinite or NaN, or None."""
     cause = not_finite(scenario.plant.vehicle, command)
     return None if cause is None else Ended("diverged", cause, time)
 
@@ -102,7 +102,7 @@ def statuses(
     ended: Array,
     failed: Array | None = None,
 ) -> Array:
-    """Termination status of each lane of a batch, from its final state.
+    """Termination status of each flight of a batch, from its final state.
 
     Args:
         scenario: of the batch.

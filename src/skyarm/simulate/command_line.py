@@ -1,4 +1,4 @@
-"""Command latency between the law and the actuators, common or separate for rotors and joints."""
+"""Transport delay of commands between control law and actuators, common or separate for rotors and joints."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from skyarm.scenario.scenario_record import Scenario, ScenarioError
 
 
 def command_delay(scenario: Scenario) -> tuple[Any, Any]:
-    """Command delay split into whole control periods (None if the queue length sets them) and a remainder in s."""
+    """Delay of commands as whole control periods (None where the queue's length sets them) and a rest in s."""
     rates, delay = scenario.rates, scenario.delays.command
     if scenario.delays.longest_command is None:
         return None, round(float(delay * rates.physics)) % (rates.physics // rates.control) / rates.physics
@@ -23,7 +23,7 @@ def command_delay(scenario: Scenario) -> tuple[Any, Any]:
 
 
 def rotor_and_joint_delays(scenario: Scenario) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
-    """Command delays of rotors and of joints, each as whole control periods and the remainder in s."""
+    """Delays of rotor and joint commands, each as whole control periods and the remainder in s."""
     rates, delays, found = scenario.rates, scenario.delays, []
     ratio = rates.physics // rates.control
     for more in (delays.rotors, delays.joints):
@@ -44,7 +44,7 @@ def _split(delay: Any, rate: int) -> tuple[Any, Any]:
 
 
 def switches(before: Command, after: Command, rotors: Any, joints: Any) -> list[tuple[Any, Command]]:
-    """Segments of a period until rotors and joints both have the new command: (seconds, active command) in order.
+    """Split a control period where delayed rotor or joint commands arrive: list of (seconds, active command).
 
     Args:
         before: the command before this period's arrives.
@@ -62,7 +62,7 @@ def switches(before: Command, after: Command, rotors: Any, joints: Any) -> list[
 
 
 def command_in_force(queue: tuple[Command, ...], whole: Any) -> Command:
-    """Delayed command: ``whole`` periods older than the newest in the queue, the oldest if ``whole`` is None."""
+    """Command of ``whole`` periods ago from a queue of past commands; the oldest if ``whole`` is None."""
     if whole is None:
         return queue[0]
     if type(whole) is float:
@@ -74,7 +74,7 @@ def command_in_force(queue: tuple[Command, ...], whole: Any) -> Command:
 
 
 def mean_efforts(before: Command, after: Command, late: Scalar, period: float) -> tuple[Scalar, ...]:
-    """Joint setpoints averaged over a period in which a new command takes effect after ``late`` seconds.
+    """Joint setpoints averaged over a control period in which a new command arrives after ``late`` seconds.
 
     A drive's memory is stepped once per period: of two setpoints it receives the mean, as with its own latency.
     """
@@ -85,12 +85,12 @@ def mean_efforts(before: Command, after: Command, late: Scalar, period: float) -
 
 
 def joined_parts(rotors: Command, joints: Command) -> Command:
-    """Combine the rotor speeds and tilt angles of one command with the joint efforts of another."""
+    """Combine the rotor speeds and tilt angles of one command with the joint setpoints of another."""
     return Command(rotor_speeds=rotors.rotor_speeds, efforts=joints.efforts, tilts=rotors.tilts)
 
 
 def numbers_of_command(command: Command, joints: int, rotors: int, tilts: int) -> tuple[float, ...]:
-    """Flat numbers of a command: rotor speeds, joint setpoints, rotor tilt angles (zero if left out).
+    """Flatten a user's command: rotor speeds, joint setpoints, rotor tilt angles (zero if left out).
 
     Raises:
         ScenarioError: no command, one with another number of rotors or joints, or one that is not of numbers.
@@ -113,7 +113,7 @@ def numbers_of_command(command: Command, joints: int, rotors: int, tilts: int) -
 
 
 def _plain_numbers(command: Command) -> tuple[float, ...]:
-    """Numbers of a user's command as floats.
+    """Convert the entries of a user's command to floats; refuse those that are no numbers.
 
     Raises:
         ScenarioError: an entry is no number.

@@ -1,4 +1,4 @@
-"""Assignment of random numbers to sensors and environment components by random channel and step, for all engines."""
+"""Random channels of sensors, winds, forces and contacts: which random numbers of a period each of them draws."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ STARTS = (2**32 - 1, 2**32 - 2)
 
 @dataclass(frozen=True, slots=True)
 class Draws:
-    """Positions of each sensor's and environment component's random numbers among those of a control period.
+    """Random channel and count of random numbers for each sensor and each wind, force or contact model.
 
     Attributes:
         sensors, components: (channel, count) of each.
@@ -35,18 +35,18 @@ class Draws:
 
     @property
     def channels(self) -> tuple[tuple[int, int], ...]:
-        """Random channels in use, as pairs of channel number and count of random numbers per period."""
+        """List the random channels in use, as pairs of channel number and random numbers per control period."""
         return tuple(pair for pair in (*self.sensors, *self.components) if pair[1])
 
     def shares(self, row: Sequence[Scalar]) -> tuple[list[tuple[Any, ...]], list[tuple[Any, ...]]]:
-        """Random numbers of each sensor and of each environment component, out of all those of a control period."""
+        """Split the random numbers of a control period among the sensors and the wind, force and contact models."""
         left = iter(row)
         shares = [tuple(islice(left, count)) for _, count in (*self.sensors, *self.components)]
         return shares[: len(self.sensors)], shares[len(self.sensors) :]
 
 
 def draw_plan(scenario: Scenario) -> Draws:
-    """Random channel and count of random numbers per control period, for each sensor and environment component.
+    """Assign a random channel and a count of random numbers to each sensor and each wind, force or contact model.
 
     A component's channel follows from its kind and from how many of that kind stand before it, a sensor's from its
     name: adding one changes no other's draws.
@@ -64,12 +64,12 @@ def draw_plan(scenario: Scenario) -> Draws:
 
 
 def draws_needed(scenario: Scenario) -> tuple[tuple[int, int], ...]:
-    """Random channels of a control period, as (channel, count); counts are even, as normals come in pairs."""
+    """List the random channels of a control period as pairs of channel number and count of random numbers."""
     return draw_plan(scenario).channels
 
 
 def start_draws(scenario: Scenario, seed: int, episode: Any) -> list[Any]:
-    """Uniform random numbers for each environment component's initial internal state, shape (..., 2 count)."""
+    """Uniform random numbers for the initial states of wind, force and contact models, shape (..., 2 count)."""
     steps, keys = np.array(STARTS), np.asarray(episode)[..., None]
     found = []
     for channel, count in draw_plan(scenario).components:
@@ -79,5 +79,5 @@ def start_draws(scenario: Scenario, seed: int, episode: Any) -> list[Any]:
 
 
 def _channel(kind: str, name: str) -> int:
-    """Random channel number as a hash of a name, outside the range reserved for built-in channels."""
+    """Random channel number of a named sensor or model, as a hash above the numbers of the built-in channels."""
     return zlib.crc32(f"{kind} {name}".encode()) | 2**31

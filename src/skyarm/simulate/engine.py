@@ -1,4 +1,4 @@
-"""Engine for single episodes: one traced control period, stepped in machine code or in Python.
+"""Closed-loop simulator of a single flight: one traced control period, evaluated in machine code or Python.
 
 Both evaluate the same program to the same bits. Python also flies plants and laws that cannot be traced: the program
 calls them with floats.
@@ -65,7 +65,7 @@ ALIVE, TICKS = 0, 1
 
 
 class EpisodeCode:
-    """Traced program of one control period of a scenario, for a single lane.
+    """Traced program of one control period of a scenario, compiled to machine code unless it runs in Python.
 
     Args:
         scenario: as it flies now; it fixes the integration steps.
@@ -124,7 +124,7 @@ class EpisodeCode:
         return trace_loop(step, self._example, tuple(self.numbers.values()), fed, self.draws, loops=True)
 
     def _begin(self, numbers: Any, fed: Any) -> tuple[Any, Any, Row]:
-        """Computation stages, plant model and inputs of one control period, for tracing."""
+        """Make the computation stages, plant model and input record of one control period, for tracing."""
         scenario = self._vary(numbers)
         row, given, command = fed if self.commands else (fed, None, None)
         if self.calls is None:
@@ -139,18 +139,18 @@ class EpisodeCode:
         return make_period(stages, plant)(now, row, uniforms)
 
     def _measure(self, now: LoopState, numbers: Any, fed: Any, uniforms: Any) -> tuple[LoopState, Measurement]:
-        """Evaluate a control period up to the law's measurement; the loop state stays unchanged."""
+        """Evaluate a control period up to the measurement of the control law; return the loop state unchanged."""
         stages, plant, row = self._begin(numbers, fed)
         row = stages.waits.lead(now.clock, now.ticks, row)
         return now, measure(stages, plant, now, row, uniforms).read.measurement
 
     @cached_property
     def measurement(self) -> Loop:
-        """Program that computes the control law's measurement of a control period."""
+        """Traced program that computes the measurement of the control law in a control period."""
         return self._trace(self._measure)
 
     def fits(self, key: Any, scenario: Scenario, changed: Sequence[str] | None = None) -> bool:
-        """True if the program also flies another scenario, which may differ in parameter values only.
+        """True if the compiled program can also fly another scenario, with other parameter values as its inputs.
 
         Args:
             key: of that scenario.
@@ -165,7 +165,7 @@ class EpisodeCode:
 
 
 class _PythonSteps:
-    """Stepper of a program in Python floats; interface of :class:`skyarm.compile.llvm.lane_stepper.Stepper`."""
+    """Evaluation of a traced control period in Python floats, in place of the machine code's stepper."""
 
     def __init__(self, loop: Loop, carry: Array, parameters: Array, seed: int, episode: int) -> None:
         self._loop, self._step, self._keys = loop, loop.stepper(), (seed, episode)
@@ -173,11 +173,11 @@ class _PythonSteps:
         self.command: tuple[float, ...] = ()
 
     def read_tables(self, rows: Array, log: Array) -> None:
-        """Set the input table and the table to write samples to, one row per control period each."""
+        """Set the table of input rows and the table that logged samples are written to."""
         self._rows, self._log = rows, log
 
     def fly(self, begin: int, end: int, start: int = 0) -> None:
-        """Step through input rows ``begin`` to ``end`` or to a termination; ``start``: period of the first row."""
+        """Evaluate the control periods of input rows ``begin`` to ``end``, or up to a termination."""
         now, numbers, count = tuple(self.carry.tolist()), tuple(self.parameters.tolist()), self._loop.carry
         steps = np.arange(start + begin, start + end)
         draws = [uniforms(*self._keys, channel, steps, many) for channel, many in self._loop.uniforms]
@@ -193,7 +193,7 @@ class _PythonSteps:
 
 
 class Engine:
-    """Simulation engine of one episode, which advances one or many control periods per call.
+    """Closed-loop simulator of one flight, which advances one or many control periods per call.
 
     Args:
         code: its program. scenario: as it is flown now; that of the program if left out.
@@ -220,7 +220,7 @@ class Engine:
         self._stretch, self._commanded = 1, False
 
     def _make_stepper(self, loop: Loop, carry: Array, parameters: Array, *, peek: bool = False) -> Any:
-        """Stepper of a program: machine code if the episode is compiled, else Python."""
+        """Make the evaluator of a traced program: machine code if the flight is compiled, else Python."""
         seed, episode = self.scenario.seed, self.scenario.episode
         if self.code.kernel is None:
             return _PythonSteps(loop, carry, parameters, seed, episode)
@@ -228,7 +228,7 @@ class Engine:
         return Stepper(kernel, carry, parameters, seed=seed, episode=episode)
 
     def _input_rows(self) -> Array:
-        """Input rows of all control periods: time and reference, then the slot of a user's command."""
+        """Table of inputs of all control periods: time, reference, then room for a command from the user."""
         rows = self.inputs.rows
         if not self.code.commands:
             return rows
@@ -236,7 +236,7 @@ class Engine:
 
     @property
     def inputs(self) -> EpisodeInputs:
-        """Times and references of the scenario in force."""
+        """Times and references of all control periods under the scenario in force."""
         if self._inputs is None or self._inputs.scenario is not self.scenario:
             self._inputs = episode_inputs(self.scenario)
         return self._inputs
@@ -270,12 +270,12 @@ class Engine:
         return going
 
     def _write_to(self, log: Array) -> None:
-        """Replace the table that samples are written to."""
+        """Replace the table that logged samples are written to."""
         self._log = log
         self._stepper.read_tables(self._rows, log)
 
     def _fly(self, stop: int) -> bool:
-        """Fly up to a control period; False once the episode is over."""
+        """Simulate up to control period ``stop``; False once the flight is over."""
         self._stepper.fly(self.tick, stop)
         carry = self._stepper.carry
         over = carry[ALIVE] < 0.5
@@ -286,7 +286,7 @@ class Engine:
         return True
 
     def _reason(self, *, lost: bool) -> Ended | None:
-        """Status, cause and time of an early termination; None after the full duration."""
+        """Status, cause and time of the flight's early termination; None after its full duration."""
         scenario, now, time = self.scenario, self.now, self.tick / self.scenario.rates.control
         goal = self.inputs.row_at(self.tick, now).reference.position
         found = find_ending(scenario, time, leaves(now.state), [float(c) for c in goal])
@@ -304,11 +304,11 @@ class Engine:
 
     @property
     def piece(self) -> Piece:
-        """All periods flown so far under the scenario in force, with their samples."""
+        """Logged samples of all control periods since the last change of the scenario."""
         return Piece(self.scenario, self.inputs, self.begun, self.samples(self.begun, self.tick))
 
     def samples(self, start: int, stop: int) -> Samples:
-        """Samples of control periods ``start`` to ``stop`` as tables (views, no copies)."""
+        """Logged samples of control periods ``start`` to ``stop`` as array views."""
         rows, sample = self._log[start:stop], self.code.sample
         columns: Sample = rebuild(sample, iter(rows.T))
         marks = np.cumsum([len(leaves(part)) for part in (sample.alive, columns.state, columns.command)])
@@ -320,7 +320,7 @@ class Engine:
 
     @property
     def now(self) -> LoopState:
-        """Loop state before the next period."""
+        """State of plant, law, sensors and estimator before the next control period."""
         found: LoopState = rebuild(self.code.carry, iter(self._stepper.carry.tolist()))
         return found if self._memory is None else replace(found, memory=self._memory)
 
@@ -331,12 +331,12 @@ class Engine:
         return None if calls is None or self.scenario.controller.compiled else calls.memory
 
     def state(self) -> State:
-        """Current state of the plant."""
+        """Current true state of the vehicle."""
         state: State = rebuild(self.first.state, iter(self._stepper.carry[2:].tolist()))
         return state
 
     def reference(self) -> Reference:
-        """The held reference of the next period."""
+        """Reference sample that is held in the next control period."""
         held: Reference = self.inputs.row_at(self.tick, self.now).reference
         return held
 
@@ -356,13 +356,13 @@ class Engine:
         return measurement
 
     def snapshot(self) -> Any:
-        """Snapshot of the engine for :meth:`restore`."""
+        """Copy of the simulator's state, from which :meth:`restore` continues."""
         stepper = self._stepper
         numbers = stepper.carry.copy(), stepper.parameters.copy(), self._log, copy.deepcopy(self._memory)
         return self.scenario, self._inputs, self._rows, self.begun, self.tick, self.ended, numbers
 
     def restore(self, held: Any) -> None:
-        """Restore the engine from a snapshot."""
+        """Return to the simulator state of a snapshot."""
         self.scenario, self._inputs, self._rows, self.begun, self.tick, self.ended, numbers = held
         self._stepper.carry[:], self._stepper.parameters[:], log, memory = numbers
         own = np.empty_like(log)
@@ -372,7 +372,7 @@ class Engine:
             self.code.calls.memory = copy.deepcopy(memory)
 
     def give(self, scenario: Scenario, numbers: Mapping[str, float], changed: Sequence[str], key: Any) -> bool:
-        """Change scenario parameters from the next period on; False, without effect, if code must be recompiled.
+        """Change parameter values from the next control period on; False, without effect, if that needs new code.
 
         Args:
             scenario: as it is now.
@@ -390,7 +390,7 @@ class Engine:
         return True
 
     def take_over(self, other: Engine, *, anew: bool) -> None:
-        """Continue the flight of another engine from its state; ``anew``: the reference has been replaced."""
+        """Continue a flight from the state of another simulator; ``anew``: the reference has been replaced."""
         now = other.now
         clock = clock_of_change(self.scenario, self.first, now, anew=anew)
         kept = carry_over(self.first, now, (component_places(self.scenario), component_places(other.scenario)), clock)

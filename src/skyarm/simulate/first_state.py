@@ -1,4 +1,4 @@
-"""Initial loop state of an episode."""
+"""Initial state of the closed loop: plant, law, delay queues, sensors, estimator, winds and drives."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from skyarm.simulate.stages import Stages
 
 
 def first_loop_state(scenario: Scenario, draws: Sequence[Sequence[Any]] | None = None) -> LoopState:
-    """Initial loop state of an episode; the scenario's parameter values may be traced.
+    """Initial state of plant, law, delay queues, sensors, estimator and models; parameter values may be traced.
 
     Args:
         scenario: of the episode.
@@ -56,7 +56,7 @@ def first_loop_state(scenario: Scenario, draws: Sequence[Sequence[Any]] | None =
 
 
 def _first_reading(scenario: Scenario, index: int) -> SensorState:
-    """Sensor state before the first reading; placeholders in the delay queue have the shape of a reading."""
+    """Initial state of a sensor, whose delay queue holds placeholders shaped like its reading."""
     vehicle, (_, sensor) = scenario.plant.vehicle, scenario.all_sensors[index]
     waiting, memory = readings_waiting(scenario, index), sensor.start(vehicle)
     if index == 0:
@@ -71,7 +71,7 @@ def _first_reading(scenario: Scenario, index: int) -> SensorState:
 
 
 def commands_waiting(scenario: Scenario) -> int:
-    """Number of earlier commands that the command queue stores."""
+    """Length of the queue of past commands that the command delay requires."""
     rates, delays = scenario.rates, scenario.delays
     if delays.longest_command is not None:
         return math.ceil(delays.longest_command * rates.control - 1e-9) + 1
@@ -79,17 +79,17 @@ def commands_waiting(scenario: Scenario) -> int:
 
 
 def readings_waiting(scenario: Scenario, index: int) -> int:
-    """Number of readings that a sensor's delay queue stores."""
+    """Length of the queue of past readings that a sensor's delay requires."""
     name, sensor = scenario.all_sensors[index]
     delay = scenario.delays.measurement if name == FULL_STATE else sensor.latency
     return round(delay * scenario.rates.control)
 
 
 def first_surroundings(scenario: Scenario, first: LoopState) -> Any:
-    """Surroundings of the plant in the first period, as an example of their structure."""
+    """Wind, contacts, faults and drives around the plant in the first control period, as a structural example."""
     return Stages(scenario).surroundings(first.components, first.drives, 0.0)
 
 
 def component_places(scenario: Scenario) -> tuple[str, ...]:
-    """Parameter paths of the environment components, in their order."""
+    """Parameter paths of the scenario's wind, force, payload and contact models, in their order."""
     return tuple(place for place, _ in scenario.placed_components)

@@ -1,4 +1,4 @@
-"""Inputs of an episode at all control instants: times and references."""
+"""Inputs of the closed loop at all control instants: times and references."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Array = npt.NDArray[Any]
 
 @dataclass(frozen=True)
 class EpisodeInputs:
-    """Input tables of an episode, one row per control instant, computed on first use.
+    """Times and references of a flight at all control instants, as tables computed on first use.
 
     Attributes:
         scenario: whose inputs these are.
@@ -39,11 +39,11 @@ class EpisodeInputs:
 
     @property
     def reference(self) -> Reference:
-        """Continuous reference at all control instants, as a dataclass of arrays."""
+        """Continuous reference at all control instants, as a Reference of arrays."""
         return self.reference_between(0, self.scenario.steps)
 
     def reference_between(self, start: int, stop: int) -> Reference:
-        """Continuous reference at instants ``start`` to ``stop``, as a dataclass of arrays."""
+        """Continuous reference at control instants ``start`` to ``stop``, as a Reference of arrays."""
         program, times = self._program, self.times[start:stop]
         sampled: Reference = program.record(list(evaluate(program, [times], len(times))))
         return sampled
@@ -54,12 +54,12 @@ class EpisodeInputs:
 
     @cached_property
     def held_leaves(self) -> Array:
-        """Held reference as a table: one row per control instant, one column per scalar."""
+        """Sampled-and-held reference as a table: one row per control instant, one column per scalar."""
         return table_of(self.held_reference, self.scenario.steps)
 
     @cached_property
     def rows(self) -> Array:
-        """Closed-loop inputs: one row per control instant, one column per scalar of :class:`Row`."""
+        """Table of closed-loop inputs, one row per control instant: time, held reference, time-scaled reference."""
         if self.waits.guards:
             return table_of((self.times,), self.scenario.steps)
         fed = Row(time=self.times, reference=self.held_reference, told=self.told_reference, path_time=self.path_time)
@@ -67,7 +67,7 @@ class EpisodeInputs:
 
     @cached_property
     def told_reference(self) -> Reference | tuple[()]:
-        """Time-scaled held reference as a dataclass of arrays; empty if it is not time-scaled."""
+        """Time-scaled sampled reference as a Reference of arrays; empty without time scaling."""
         path = self.scenario.path_time
         if path is None:
             return ()
@@ -80,13 +80,13 @@ class EpisodeInputs:
 
     @cached_property
     def path_time(self) -> Array | tuple[()]:
-        """Path time of the reference at each control instant, s, shape (steps,); empty if it is not time-scaled."""
+        """Time along the reference at each control instant, s, shape (steps,); empty without time scaling."""
         path = self.scenario.path_time
         return () if path is None else np.asarray(path.derivatives(self.times)[0])
 
     @cached_property
     def row_example(self) -> Row:
-        """Example inputs of one control instant, for tracing."""
+        """Closed-loop inputs of one control instant as an example of their structure, for tracing."""
         if self.waits.guards:
             return Row(time=0.0, reference=())
         told: Any = structure_of(self.told_reference) if self.told_reference else ()
@@ -94,11 +94,11 @@ class EpisodeInputs:
 
     @cached_property
     def waits(self) -> Waits:
-        """Guards (conditions that end phases of the reference) and the clock of the reference."""
+        """Evaluator of the conditions (guards) that end phases of the reference, with the reference's clock."""
         return Waits(self.scenario)
 
     def waiting_references(self, columns: Any) -> tuple[Reference, Reference, Array]:
-        """Held and continuous reference and path time (s) if reference phases wait for conditions.
+        """Held reference, continuous reference and path time (s) of a task whose phases wait for conditions.
 
         Args:
             columns: of what a sample has of it (``led``), (N,) each.
@@ -117,14 +117,14 @@ class EpisodeInputs:
         return trace(lambda given: self.waits.reference(given[0], given[1:]), (0.0,) * 5)
 
     def held_now(self, now: LoopState) -> Reference:
-        """Held reference at the reference clock of a loop state, with all numbers as floats."""
+        """Reference sample held at a given state of the loop, of a task whose phases wait for conditions."""
         columns = [np.array([float(value)]) for value in self.waits.times(now.clock, now.ticks)]
         held, _, _ = self.waiting_references(columns)
         dense: Reference = held.dense()
         return rebuild(dense, iter([float(np.asarray(leaf).reshape(-1)[0]) for leaf in leaves(dense)]))
 
     def row_at(self, tick: int, now: LoopState) -> Row:
-        """Inputs of the control period that begins with a loop state; those of the last one after the end."""
+        """Closed-loop inputs of the control period that begins with a given loop state."""
         fed: Row = rebuild(self.row_example, iter(self.rows[min(tick, self.scenario.steps - 1)].tolist()))
         if self.waits.guards:
             path_time = float(self.waits.path_time(now.clock))
@@ -133,13 +133,13 @@ class EpisodeInputs:
 
     @cached_property
     def reference_example(self) -> Reference:
-        """Held reference of one instant, as an example for tracing."""
+        """Reference of one instant with zeros as numbers, as a structural example for tracing."""
         example: Reference = structure_of(self.held_reference)
         return example
 
 
 def episode_inputs(scenario: Scenario) -> EpisodeInputs:
-    """Times and references at all control instants of an episode, bit-identical to Python float evaluation."""
+    """Compute times and references of a flight at all control instants, to the bits of Python floats."""
     ticks, rates = np.arange(scenario.steps), scenario.rates
     # k / rate, not k * period: 1500 * 0.005 is not 7.5 in binary, and a gust must start on its tick
     times = ticks / rates.control
@@ -154,11 +154,11 @@ def episode_inputs(scenario: Scenario) -> EpisodeInputs:
 
 
 def _motion(scenario: Scenario) -> Program:
-    """Traced program that evaluates the reference at a time."""
+    """Traced program from a time (s) to the scenario's reference at that time."""
     return trace(lambda clock: scenario.reference.at(clock[0]), (0.0,))
 
 
 def table_of(record: Any, count: int) -> Array:
-    """Table of a dataclass of arrays: one row per instant, one column per scalar."""
+    """Table of a dataclass of arrays: one row per control instant, one column per scalar field."""
     columns = [np.broadcast_to(np.asarray(leaf, dtype=float), (count,)) for leaf in leaves(record)]
     return np.stack(columns, axis=1) if columns else np.zeros((count, 0))

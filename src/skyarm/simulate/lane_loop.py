@@ -1,4 +1,4 @@
-"""Closed loop of a scenario whose parameters vary per lane: initial states, integration steps, statuses."""
+"""Closed loop of a batch: initial states, integration steps and statuses of flights with different parameters."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Vary = Callable[[Sequence[Any]], Scenario]
 
 
 class LaneLoop:
-    """Closed loop of a scenario whose parameters vary per lane.
+    """Closed loop of a scenario whose parameters differ between the SIMD lanes of a batch.
 
     Args:
         scenario: with nominal parameters. vary: makes a lane's scenario from parameters. base: nominal values of these.
@@ -57,7 +57,7 @@ class LaneLoop:
         return first_loop_state(self.vary(numbers), draws)
 
     def start(self, numbers: Array, seed: int, episodes: Array) -> Array:
-        """Initial loop states of all lanes: one row per scalar of the state, one column per lane.
+        """Initial loop states of all flights of a batch: one row per scalar, one column per flight.
 
         Args:
             numbers: (numbers, lanes).
@@ -70,13 +70,13 @@ class LaneLoop:
         return evaluate(self._start, columns, len(episodes))
 
     def program(self, step: Callable[..., Any], carry: Any, parameters: Any, fed: Any = ()) -> Loop:
-        """Trace one step of the lanes' loop into a program for machine code; all arguments are examples."""
+        """Trace one control period of a batch into a program for machine code; all arguments are examples."""
         draws = draws_needed(self.scenario)
         return trace_loop(step, structure_of(carry), parameters, fed, draws, loops=True)
 
 
 def own_row(scenario: Scenario, ticks: Scalar) -> Row:
-    """Inputs of a lane's control period: time and held reference after the periods that this lane has flown."""
+    """Closed-loop inputs of a flight that counts its own control periods: time and held reference."""
     time = ticks / float(scenario.rates.control)
     if scenario.reference.guards:
         return Row(time=time, reference=())
@@ -84,7 +84,7 @@ def own_row(scenario: Scenario, ticks: Scalar) -> Row:
 
 
 def held_reference(scenario: Scenario, ticks: Scalar) -> Reference:
-    """Reference that a lane holds in its control period number ``ticks``."""
+    """Reference sample that a flight holds in control period number ``ticks``."""
     rate, ratio = float(scenario.rates.control), float(scenario.rates.control // scenario.rates.reference)
     held = floor((ticks + 0.5) / ratio) * ratio
     reference = scenario.reference.at(held / rate)
@@ -96,7 +96,7 @@ def held_reference(scenario: Scenario, ticks: Scalar) -> Reference:
 def lane_statuses(
     scenario: Scenario, values: Mapping[str, Array], state: State, clock: Any, ticks: Array, ended: Array
 ) -> Array:
-    """Termination status of each lane, from its final loop state.
+    """Termination status of each flight of a batch, from its final vehicle state and reference clock.
 
     Args:
         scenario: of the lanes.

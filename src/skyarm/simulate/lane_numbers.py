@@ -1,4 +1,4 @@
-"""Argument checks of batches: counts, masks and parameter values of each lane."""
+"""Argument checks of batches: counts, masks, and the parameter values of each flight."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Array = npt.NDArray[Any]
 
 
 def require_count(field: str, value: Any, least: int = 1) -> int:
-    """Require a whole number of at least ``least`` and return it.
+    """Return ``value`` if it is a whole number of at least ``least``; else raise ScenarioError.
 
     Raises:
         ScenarioError: it is none, or less than ``least``.
@@ -35,7 +35,7 @@ def require_count(field: str, value: Any, least: int = 1) -> int:
 
 
 def require_rigid_body(scenario: Scenario) -> None:
-    """Refuse a plant other than the rigid-body plant, the only one that batches compile.
+    """Refuse a scenario whose plant is not the rigid-body plant, the only one that batches compile.
 
     Raises:
         ScenarioError: one line.
@@ -45,7 +45,7 @@ def require_rigid_body(scenario: Scenario) -> None:
 
 
 def require_kind(field: str, value: Any, kind: type) -> None:
-    """Require an instance of a class, or None.
+    """Raise ScenarioError unless an argument is None or an instance of the given class.
 
     Raises:
         ScenarioError: something else.
@@ -55,7 +55,7 @@ def require_kind(field: str, value: Any, kind: type) -> None:
 
 
 def require_paths(scenario: Scenario, paths: Any) -> tuple[str, ...]:
-    """Require a list of distinct parameter paths, such as plant.gravity, that compiled code can read.
+    """Check a list of distinct parameter paths, such as plant.gravity, and return it as a tuple.
 
     Raises:
         ScenarioError: one name alone, whose letters would be taken for names; no names; two names of one number; or
@@ -72,7 +72,7 @@ def require_paths(scenario: Scenario, paths: Any) -> tuple[str, ...]:
 
 
 def require_values(values: Any) -> Mapping[str, Any]:
-    """Require a mapping of parameter paths to values and return it.
+    """Return ``values`` if it maps parameter paths to values; else raise ScenarioError.
 
     Raises:
         ScenarioError: no mapping.
@@ -85,7 +85,7 @@ def require_values(values: Any) -> Mapping[str, Any]:
 def checked_array(
     field: str, given: Any, shapes: Collection[tuple[int, ...]], allowed: str, kinds: str = "fiu"
 ) -> Array:
-    """Convert to an array and require one of some shapes and one of some NumPy kinds.
+    """Convert an argument to an array; raise ScenarioError unless it has an allowed shape and NumPy kind.
 
     Raises:
         ScenarioError: any other value; ``allowed`` describes the allowed ones.
@@ -102,7 +102,7 @@ def checked_array(
 
 
 def lane_mask(mask: Any, lanes: int) -> Array:
-    """Lane selection as a boolean array of shape (lanes,); None selects all lanes, indices are refused."""
+    """Boolean array (lanes,) that selects lanes of a batch; None selects all, integer indices are refused."""
     if mask is None:
         return np.ones(lanes, dtype=bool)
     return checked_array("mask", mask, [(lanes,)], f"True or False for each of {lanes} lanes", "b")
@@ -111,7 +111,7 @@ def lane_mask(mask: Any, lanes: int) -> Array:
 def lane_columns(
     scenario: Scenario, paths: Sequence[str], values: Mapping[str, Any], episodes: Array | None
 ) -> tuple[list[Array], int]:
-    """Values of each parameter path, shape (lanes,), and the number of lanes.
+    """Check the parameter values of a batch; return one array per parameter path and the number of flights.
 
     Raises:
         ScenarioError: a path that is missing or not of this batch, columns of different lengths, or a delay beyond
@@ -136,7 +136,7 @@ LONGEST = "delays.longest_command"
 
 
 def require_within_queue(scenario: Scenario, columns: Mapping[str, Array]) -> None:
-    """Require that varied command delays fit into the command queue.
+    """Refuse varied command delays that exceed the longest delay the command queue was made for.
 
     Args:
         scenario: with the longest delay of its queue.
@@ -180,7 +180,7 @@ def require_draws(scenario: Scenario, paths: Sequence[str]) -> None:
 
 
 class LaneRules:
-    """Check of varied parameters by the scenario's own rules, on the lanes with extreme values.
+    """Check of a batch's parameter values by building the scenarios of the flights with extreme values.
 
     What lies between numbers that passed once is not looked at again: a batch flies many times. A lane with a NaN is
     left out: it never flies, which its status reports.
@@ -222,7 +222,7 @@ class LaneRules:
             self._passed[path] = float(min(low, row[first])), float(max(high, row[last]))
 
     def _look_at(self, numbers: dict[str, float], lane: int) -> None:
-        """Validate the scenario of one lane; the error names the parameter value that is invalid by itself."""
+        """Build and validate the scenario of one flight; raise ScenarioError with the invalid parameter value."""
         words = self._refusal(numbers)
         if words is None:
             return
@@ -233,7 +233,7 @@ class LaneRules:
         raise ScenarioError(f"values of lane {lane}: {words}")
 
     def _refusal(self, numbers: dict[str, float]) -> str | None:
-        """Error message of the scenario for some parameter values; None if it accepts them."""
+        """Error message of a scenario with the given parameter values; None if they are valid."""
         try:
             made = with_numbers(self._scenario, numbers)
             if self._scenario.changes:
@@ -248,7 +248,7 @@ LAWS = ("controller", "controller.law")
 
 
 def require_apart_from_changes(scenario: Scenario, paths: Sequence[str]) -> None:
-    """Refuse varied parameters that the scenario's scheduled changes depend on.
+    """Refuse to vary parameters that the scenario's scheduled changes depend on.
 
     Raises:
         ScenarioError: names the path and the change.
@@ -270,7 +270,7 @@ def _refusals(scenario: Scenario, path: str) -> Iterator[str]:
 
 
 def require_short_steps(scenario: Scenario, values: Mapping[str, Any], largest: float | None) -> None:
-    """Refuse lane parameters that need shorter integration steps than the compiled ones.
+    """Refuse parameter values for which the integration steps of the compiled code are too long.
 
     Every lane is looked at with all of its numbers: of stiffness and mass each may be within what others fly.
 
@@ -305,7 +305,7 @@ def require_short_steps(scenario: Scenario, values: Mapping[str, Any], largest: 
 
 
 def _paths_by_record(scenario: Scenario, values: Mapping[str, Any]) -> dict[Place, dict[str, list[Place]]]:
-    """Group varied parameters by the air model, force or joint drive whose largest step depends on them."""
+    """Group varied parameters by the air model, force or joint drive that they belong to."""
     found: dict[Place, dict[str, list[Place]]] = {}
     for path in values:
         if path.startswith(STATED):
@@ -317,7 +317,7 @@ def _paths_by_record(scenario: Scenario, values: Mapping[str, Any]) -> dict[Plac
 
 
 def _borne(record: Any, numbers: Mapping[Place, float], told: Mapping[str, float], euler: bool) -> float | None:
-    """Longest step (s) of an air model, force or drive with changed parameters; None without such a limit."""
+    """Longest stable integration step (s) of an air model, force or drive with changed parameters, or None."""
     try:
         other = replace_at(record, numbers)
         stated = largest_stable_step(other, euler=euler)
@@ -331,5 +331,5 @@ def _borne(record: Any, numbers: Mapping[Place, float], told: Mapping[str, float
 
 
 def _words(told: Mapping[str, float]) -> str:
-    """Text that lists parameter paths and their values."""
+    """Text for error messages that lists parameter paths with their values."""
     return ", ".join(f"values[{path!r}] = {value:g}" for path, value in told.items())

@@ -1,4 +1,4 @@
-"""Flight of one episode from scenario to log, and replay of a logged flight."""
+"""Simulation of a flight from scenario to log, and repetition of a logged flight."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ SLOWER = "about 150 times slower per step, the same numbers"
 
 
 class _Episode(Session):
-    """Session that takes no commands from the user."""
+    """Simulation of a flight without commands from the user, which makes its program shorter."""
 
     _commands = False
 
 
 def run(scenario: Scenario, progress: Progress | None = None) -> Log:
-    """Fly the scenario's episode and return its log.
+    """Simulate a scenario's flight and return its log.
 
     A diverging episode, a joint past its limit or the ground ends the episode: the log's status, cause and end time
     say so. ``progress(done, total)`` is called about a hundred times.
@@ -44,12 +44,12 @@ def run(scenario: Scenario, progress: Progress | None = None) -> Log:
 
 
 def run_in_python(scenario: Scenario, progress: Progress | None = None) -> Log:
-    """Fly an episode like :func:`run`, but in Python floats, with any plant and any law."""
+    """Simulate a flight in Python floats instead of machine code; works with any plant and any control law."""
     return _fly(lambda each: _Episode(each, machine_code=False), scenario, progress)
 
 
 def _fly(make: Callable[[Scenario], Session], scenario: Scenario, progress: Progress | None) -> Log:
-    """Fly a new session to its end and return its log."""
+    """Simulate a new session to the end of its flight and return the log."""
     if progress is not None and not callable(progress):
         raise ScenarioError(f"progress = {shown(progress)}: must be a function of periods flown and all")
     session = make(scenario)
@@ -74,7 +74,7 @@ def replay(
     *,
     progress: Progress | None = None,
 ) -> Log:
-    """Fly the scenario of a log again, with its own controller or another.
+    """Simulate the scenario of a logged flight again, with the same controller or another one.
 
     Without a controller it is flown to the bits of the log, by the version that wrote it and on a processor that rounds
     alike. With one it shows what another law would have done with the same vehicle in the same wind, noise and pushes,
@@ -93,7 +93,7 @@ def replay(
 
 
 def read(log: Log | str | os.PathLike[str]) -> Log:
-    """Log read from a file; a log is returned as it is.
+    """Load a log from a file; an argument that is a log already is returned unchanged.
 
     Raises:
         ScenarioError: one line.
@@ -112,7 +112,7 @@ def read(log: Log | str | os.PathLike[str]) -> Log:
 
 
 def scenario_to_replay(log: Log, controller: str | Controller | None = None) -> Scenario:
-    """Scenario of a log, with its own controller or another.
+    """Scenario of a logged flight, optionally with its controller replaced.
 
     Raises:
         ScenarioError: one line.

@@ -1,4 +1,4 @@
-"""Dataclasses of the closed loop: state between control periods, external inputs, logged samples."""
+"""Dataclasses of the closed loop: state between control periods, inputs, and logged quantities."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from skyarm.world import WindSample
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SensorState:
-    """State of one sensor between two control periods.
+    """State of one sensor between two control periods: internal state, last reading, delay queue.
 
     Attributes:
         memory: of the sensor.
@@ -58,7 +58,7 @@ class LoopState:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Row:
-    """External inputs of a control instant: its time and the held reference.
+    """Inputs of the closed loop at a control instant: time and reference.
 
     Of a scenario whose phases wait it is the time alone; the loop puts the reference there, and ``path_time``.
     ``told`` is the time-scaled sample that the law receives in its place and ``path_time`` the reference's time, s
@@ -73,7 +73,7 @@ class Row:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Sample:
-    """Quantities of a control instant that may be logged.
+    """Quantities of one control instant that a log may contain.
 
     ``measurement`` is what the law received; ``readings`` are those of the sensors that a log keeps, name and record of
     each, as they had arrived; ``found`` are the online estimates of the law, () of most laws
@@ -94,7 +94,7 @@ class Sample:
 def carry_over(
     first: LoopState, now: LoopState, places: tuple[Sequence[str], Sequence[str]], clock: Any = ()
 ) -> LoopState:
-    """Transfer a loop state to a changed scenario; states with another structure start anew, as in ``first``.
+    """Transfer the loop state to a changed scenario; states whose structure differs start anew, as in ``first``.
 
     Args:
         first: its first state.
@@ -122,7 +122,7 @@ def _kept(new: Any, old: Any) -> Any:
 
 
 def structure_of(record: Any) -> Any:
-    """Structure of a dataclass: a copy with every scalar set to 0.0."""
+    """Copy of a dataclass with every scalar set to 0.0, as a structural example for tracing."""
     if is_record(record) or isinstance(record, tuple):
         return rebuild(record, iter([0.0] * len(leaves(record))))
     return record

@@ -1,4 +1,4 @@
-"""One control period of the closed loop as a sequence of stages, shared by all engines."""
+"""Sequence of computations in one control period of the closed loop, shared by all simulators."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from skyarm.simulate.loop_state import LoopState, Row, Sample
 
 
 class PlantSteps(Protocol):
-    """Protocol of a plant within one control period, over any scalar type."""
+    """Protocol of a plant model within one control period, over any scalar type."""
 
     def specific_force(self, state: Any, command: Any, around: Any) -> Any:
-        """Proper acceleration of the base origin, base axes, m/s^2."""
+        """Accelerometer reading at the base origin, base axes, m/s^2."""
         ...
 
     def advance(self, state: Any, before: Any, after: Any, around: Any) -> Any:
-        """State of plant and coupled components (contacts) after a period in which a new command arrives."""
+        """State of vehicle and contacts after a control period in which a new command arrives."""
         ...
 
 
 class Measured(NamedTuple):
-    """Results of the first half of a control period: surroundings, sensors and estimator.
+    """Results of the first half of a control period: wind and contacts, sensor readings, law's measurement.
 
     Attributes:
         components: memories of air and forces. around: surroundings of the period.
@@ -44,7 +44,7 @@ Period = Callable[[LoopState, Row, Any], tuple[LoopState, Sample]]
 
 
 def measure(stages: Any, plant: PlantSteps, now: LoopState, row: Row, uniforms: tuple[Scalar, ...]) -> Measured:
-    """Evaluate surroundings, sensors and estimator at the start of a control period."""
+    """Evaluate winds, contacts, sensors and estimator at the start of a control period."""
     components, around = stages.surround(now.components, now.drives, now.state, row.time, uniforms, row.path_time)
     acting = stages.acting(now.queue)
     wind, pushes = stages.wind_sample(around, now.state), stages.pushes(around, now.state)
@@ -56,7 +56,7 @@ def measure(stages: Any, plant: PlantSteps, now: LoopState, row: Row, uniforms: 
 def act(
     stages: Any, plant: PlantSteps, now: LoopState, measured: Measured, memory: Any, command: Any, clock: Any = ()
 ) -> LoopState:
-    """Apply the law's command through delay, drives and plant; return the loop state after the period."""
+    """Apply a command through delay, joint drives and plant; return the loop state after the control period."""
     alive, queue, acting = stages.send(now.alive, now.queue, command)
     drives = stages.drive(now.drives, measured.acting, acting, now.state)
     around = stages.with_drives(measured.around, drives)

@@ -1,4 +1,4 @@
-"""Plant within a control period: the rigid body is traced, other plants and untraceable laws are called."""
+"""Plant models within a control period: the rigid body is traced, other plants and laws are called from Python."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Flat = tuple[float, ...]
 
 
 def rigid_body_plant(scenario: Scenario, first: LoopState | None = None) -> RigidBodyPlant:
-    """Rigid-body plant of a scenario; it fixes the number of integration steps.
+    """Rigid-body plant of a scenario, from which the number of integration steps follows.
 
     Args:
         scenario: with concrete numbers.
@@ -40,23 +40,23 @@ def rigid_body_plant(scenario: Scenario, first: LoopState | None = None) -> Rigi
 
 
 class Substeps:
-    """Numbers of integration steps of an interval (s), with a record of the intervals that were traced."""
+    """Number of integration steps per interval (s), with a list of the intervals compiled into a program."""
 
     def __init__(self, plant: RigidBodyPlant) -> None:
         self._plant, self._traced = plant, dict[float, Steps]()
 
     def __call__(self, seconds: float) -> Steps:
-        """Numbers of integration steps in an interval of ``seconds``."""
+        """Number of integration steps in an interval of ``seconds``, which is added to the list."""
         self._traced[seconds] = self._plant.substeps(seconds)
         return self._traced[seconds]
 
     def fit(self, plant: RigidBodyPlant) -> bool:
-        """True if another plant takes the same integration steps in the traced intervals."""
+        """True if another plant needs the same number of integration steps in all compiled intervals."""
         return all(plant.substeps(seconds) == count for seconds, count in self._traced.items())
 
 
 class RigidBodySteps:
-    """Traced rigid-body plant within one control period.
+    """Traced rigid-body plant model within one control period.
 
     Args:
         stages: of the episode. substeps: number of integration steps of an interval.
@@ -67,12 +67,12 @@ class RigidBodySteps:
         self._substeps, self._apart = substeps, stages.apart
 
     def specific_force(self, state: State, command: Command, around: Surroundings) -> Vec3:
-        """Proper acceleration of the base origin, base axes, m/s^2."""
+        """Accelerometer reading at the base origin, base axes, m/s^2."""
         force, _ = accelerate(self._scenario.plant, state, command, around)
         return force.linear
 
     def advance(self, state: State, before: Command, after: Command, around: Surroundings) -> Moved:
-        """State of plant and coupled components (contacts) after a period in which a new command arrives."""
+        """State of vehicle and contacts after a control period in which a new command arrives."""
         now = after_impact(self._scenario.plant.vehicle, state, around), around.coupled_memories()
         late = self._late
         parts = [(late, before)] if self._apart is None else switches(before, after, *(rest for _, rest in self._apart))
@@ -86,13 +86,13 @@ class RigidBodySteps:
         return self._hold(now, after, around, left)
 
     def _hold(self, now: Moved, command: Command, around: Surroundings, seconds: Scalar) -> Moved:
-        """State of plant and coupled components (contacts) after an interval with a constant command."""
+        """State of vehicle and contacts after an interval with a constant command."""
         count = self._substeps(seconds if type(seconds) is float else self._period)
         return hold(self._scenario.plant, self._scenario.integrator, count, now, command, around, seconds)
 
 
 class EpisodeEndedError(Exception):
-    """Early termination of an episode within a control period that is evaluated in Python.
+    """Early termination of a flight, raised within a control period that is evaluated in Python.
 
     Attributes:
         command: its numbers where the command is what ended the episode; else ().
@@ -104,7 +104,7 @@ class EpisodeEndedError(Exception):
 
 
 class StagesInPython(Stages):
-    """Stages of a control period in Python: a termination raises, and the law may be any function of floats.
+    """Stages of a control period evaluated in Python: a termination raises, and any Python law may be called.
 
     Args:
         scenario: of the episode. calls: of its law. example: a command, for its structure.
@@ -118,21 +118,21 @@ class StagesInPython(Stages):
         self._calls, self._example = calls, example
 
     def alive(self, now: LoopState, reference: Reference) -> Any:
-        """Evaluate the termination conditions; raise EpisodeEndedError once one is met."""
+        """Evaluate the termination conditions; raise EpisodeEndedError if one is met."""
         going: Any = super().alive(now, reference)
         return going.graph.external(_require_alive, [(going,)], 1)[0]
 
     def send(
         self, alive: Scalar, queue: Sequence[Command], command: Command
     ) -> tuple[Any, tuple[Command, ...], Command]:
-        """Send a command to the actuators; raise EpisodeEndedError if it is not finite."""
+        """Put a command into the delay queue; raise EpisodeEndedError if it is not finite."""
         going, moved, acting = super().send(alive, queue, command)
         return going.graph.external(_require_alive, [(going,), leaves(command)], 1)[0], moved, acting
 
     def apply_law(
         self, memory: Any, measurement: Measurement, reference: Reference, path_time: Any
     ) -> tuple[Any, Command]:
-        """Call the law; an untraceable one on floats, returning only the observed force as internal state."""
+        """Evaluate the control law; a law that cannot be traced is called with floats."""
         if self.scenario.controller.compiled:
             return super().apply_law(memory, measurement, reference, path_time)
         inputs, law = (measurement, reference, path_time), super().apply_law
@@ -152,13 +152,13 @@ class StagesInPython(Stages):
 
 @dataclass(slots=True)
 class LawCalls:
-    """Internal state of a control law run as plain Python, kept between two calls; any object."""
+    """Internal state of an untraceable control law between two calls; any Python object."""
 
     memory: Any
 
 
 def _graph_of(record: Any) -> Graph:
-    """Graph of the traced program that a record's nodes belong to."""
+    """Graph of the traced program that the scalars of a dataclass belong to."""
     return next(leaf.graph for leaf in leaves(record) if isinstance(leaf, Node))
 
 
@@ -169,7 +169,7 @@ def _require_alive(alive: Flat, command: Flat = ()) -> Flat:
 
 
 class CalledPlant:
-    """Plant that a traced program calls as an external function, with arguments and results as flat tuples.
+    """Plant model called from a traced program as a Python function, on flat tuples of floats.
 
     Args:
         plant: of numbers. stages: of the episode. around: surroundings of one period, as an example.
@@ -196,12 +196,12 @@ class CalledPlant:
         self._read: tuple[Flat, Flat] = ((), ())
 
     def specific_force(self, state: State, command: Command, around: Surroundings) -> Vec3:
-        """Proper acceleration of the base origin, base axes, m/s^2."""
+        """Accelerometer reading at the base origin, base axes, m/s^2."""
         graph, groups = _graph_of(state), [leaves(state), leaves(command), leaves(around)]
         return Vec3(*graph.external(self._specific_force, groups, 3))
 
     def advance(self, state: State, before: Command, after: Command, around: Surroundings) -> Moved:
-        """State of plant and coupled components (contacts) after a period in which a new command arrives."""
+        """State of vehicle and contacts after a control period in which a new command arrives."""
         groups = [leaves(state), leaves(before), leaves(after), leaves(around)]
         numbers = iter(_graph_of(state).external(self._advance, groups, self._end + len(self._coupled)))
         return rebuild(state, numbers), rebuild(around.coupled_memories(), numbers)
@@ -232,14 +232,14 @@ class CalledPlant:
         return self._hold(state, after, around, left)
 
     def _hold(self, state: Flat, command: Flat, around: Flat, seconds: float) -> Flat:
-        """Flat state of plant and coupled components (contacts) after an interval with a constant command."""
+        """Vehicle and contact states as a flat tuple, after an interval with a constant command."""
         found = self._plant.advance(state, command, around, seconds)
         if self._coupled and len(found) != self._end + len(self._coupled):
             raise ScenarioError(f"plant.kind = {self._kind!r}: does not know [world]; it has no coupled memories")
         return found
 
     def _with_memories(self, around: Flat, memories: Flat) -> Flat:
-        """Flat values of the surroundings with the coupled components' internal states replaced."""
+        """Plant inputs as a flat tuple, with the states of the contacts replaced."""
         if not self._coupled:
             return around
         numbers = list(around)
@@ -249,7 +249,7 @@ class CalledPlant:
 
 
 def _impact_of(plant: Any, scenario: Scenario) -> Callable[[Flat, Flat], Flat] | None:
-    """Plant function for the impact of grasps and joints that get stuck; None if the scenario has neither.
+    """Function of a plant that applies impacts of grasps and locking joints; None for a scenario without them.
 
     Raises:
         ScenarioError: a user-defined plant without it.

@@ -1,4 +1,4 @@
-"""Clock of a reference that waits at phase ends until conditions (guards) are met; part of the loop state.
+"""Clock of a reference whose task phases wait for conditions (guards), such as a contact force.
 
 It counts control periods of the reference, goes on with the flight's own, stands still at the
 planned end of a phase with a guard until the flight shows what the guard requires, and skips what is left of a phase
@@ -43,7 +43,7 @@ from skyarm.simulate.tip_and_goal import goal_of, tip_at
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PathClock:
-    """State of the reference clock between two control periods; all times in control periods.
+    """State of the clock of a waiting reference between two control periods; times in control periods.
 
     Attributes:
         place: current path time. held: path time of the held sample.
@@ -73,7 +73,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Seen:
-    """Inputs of the guards (conditions that end phases) in one control period.
+    """Measured quantities by which the conditions (guards) that end task phases are evaluated.
 
     Attributes:
         tip: as measured, m, world axes. goal: its desired position by the held reference. push: of that reference.
@@ -92,7 +92,7 @@ class Seen:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Terms:
-    """Times of a guard, which ends a phase, in control periods; its flags are 1 or 0.
+    """Times and flags of the condition (guard) that ends a task phase; times in control periods, flags 1 or 0.
 
     Attributes:
         stop: m, position of the base's reference at its end; () where no phase ends early.
@@ -118,7 +118,7 @@ BEGUN = -1.0
 
 
 class Waits:
-    """Guards (conditions that end phases) of a scenario and the clock of the reference, over any scalar type.
+    """Evaluator of the conditions (guards) that end task phases, and of the clock of the waiting reference.
 
     Args:
         scenario: whose numbers may be traced.
@@ -153,11 +153,11 @@ class Waits:
         )
 
     def terms(self, n: Scalar) -> Terms:
-        """Times of guard ``n``; for ``n`` beyond the last, of a guard that is never reached."""
+        """Times and flags of guard number ``n``; beyond the last guard, those of a guard that is never reached."""
         return _select(n, (*self._terms, dataclasses.replace(self._terms[-1], end=NEVER, early=0.0)))
 
     def first(self) -> Clock:
-        """Initial reference clock, before the first control period."""
+        """Initial state of the reference clock; () for a task without guards."""
         if not self.guards:
             return ()
         zero = Vec3(0.0, 0.0, 0.0)
@@ -176,7 +176,7 @@ class Waits:
         )
 
     def begun_at(self, ticks: Scalar) -> Clock:
-        """Reference clock of a task that begins in mid-flight: guards with earlier times are skipped.
+        """Reference clock of a task that replaces another in mid-flight; guards with earlier times are skipped.
 
         The distance of a phase that is under way then counts from there on.
         """
@@ -189,7 +189,7 @@ class Waits:
         return dataclasses.replace(first, place=ticks, held=ticks, guard=guard, waited=BEGUN)
 
     def lead(self, clock: Clock, ticks: Scalar, row: Row) -> Row:
-        """Inputs of a control period, with the reference evaluated at the time of the reference clock."""
+        """Closed-loop inputs of a control period, with the reference evaluated at the reference clock's time."""
         if not clock or row.reference != ():
             return row
         path_time, reference = self.path_time(clock), self.held_reference(clock, ticks)
@@ -198,21 +198,21 @@ class Waits:
         return dataclasses.replace(row, reference=reference, path_time=path_time)
 
     def is_sound(self, clock: Clock) -> Scalar:
-        """True while no mandatory phase has failed."""
+        """True while no mandatory task phase has timed out."""
         return clock.failed < 0.5 if clock else True
 
     def log_values(self, clock: Clock, ticks: Scalar) -> tuple[Scalar, ...]:
-        """Logged values of the reference clock; () without a clock."""
+        """Logged values of the reference clock; () for a task without guards."""
         return self.times(clock, ticks) if clock else ()
 
     def advance(self, clock: Clock, ticks: Scalar, measurement: Measurement, row: Row, memory: object) -> Clock:
-        """Reference clock after a control period, from the law's measurement and internal state."""
+        """State of the reference clock after a control period, from the law's measurement and observed force."""
         if not clock:
             return ()
         return self.following(clock, ticks, self.guard_inputs(measurement, row.reference, observed_push(memory)))
 
     def _hold_sample(self, clock: PathClock, ticks: Scalar) -> PathClock:
-        """Reference clock after sample and hold: the held sample is renewed if a new one is due."""
+        """Reference clock with its held sample renewed if the reference rate requires a new sample now."""
         fresh = due(ticks, self._ratio)
         held = where(fresh, clock.place, clock.held)
         if not self._moves:
@@ -221,7 +221,7 @@ class Waits:
         return dataclasses.replace(clock, held=held, held_offset=offset, held_since=since)
 
     def times(self, clock: PathClock, ticks: Scalar) -> tuple[Scalar, ...]:
-        """Path times (s) and offsets (m) of the reference and of its held sample, for the log.
+        """Path times (s) and position offsets (m) of the current reference and of its held sample, for the log.
 
         Times of the reference and of its held sample, s, its offset, m, and since when; those of the sample.
         """
@@ -230,27 +230,27 @@ class Waits:
         return self.path_time(clock), sample.held / self._rate, *offsets
 
     def instants(self, times: Sequence[Scalar]) -> tuple[Instant, Instant]:
-        """Path time and offset of the held reference, then those of the current reference."""
+        """Path time and position offset of the held reference, then of the current reference."""
         path_time, held, *offsets = times
         return (held, offsets[4:]), (path_time, offsets[:4])
 
     def held_reference(self, clock: PathClock, ticks: Scalar) -> Reference:
-        """Reference sample that is held in a control period."""
+        """Reference sample that is held in a control period, at the reference clock's time."""
         return self.reference(*self.instants(self.times(clock, ticks))[0])
 
     def path_time(self, clock: PathClock) -> Scalar:
-        """Path time of the reference, s."""
+        """Time along the reference, s, by the reference clock."""
         return clock.place / self._rate
 
     def phase(self, path_time: Scalar) -> Scalar:
-        """Index of the active phase at a path time, s; 0 without phases."""
+        """Index of the task phase at a path time (s); 0 for a task without phases."""
         found: Scalar = 0.0
         for each in self._trajectory.phases:
             found = found + where(path_time > each.end + PASSED, 1.0, 0.0)
         return found
 
     def reference(self, time: Scalar, offset: Sequence[Scalar] = ()) -> Reference:
-        """Reference at a path time (s), moved by a position offset."""
+        """Reference at a path time (s), shifted by a position offset."""
         found = self._trajectory.at(time)
         if not offset:
             return found
@@ -258,7 +258,7 @@ class Waits:
         return offset_reference(found, Vec3(*moved), self._trajectory.returns, since / self._rate, time)
 
     def with_task_loads(self, par: Any, path_time: Any) -> Any:
-        """The law's constants, with the payloads carried at a path time (s) added to the law's vehicle model."""
+        """Parameters of the law with the payloads carried at a path time (s) added to its vehicle model."""
         vehicle = par.model.vehicle
         for payload in self._believed:
             held = logical_and(path_time >= payload.pick, path_time < payload.drop)
@@ -268,7 +268,7 @@ class Waits:
         return dataclasses.replace(par, model=dataclasses.replace(par.model, vehicle=vehicle))
 
     def guard_inputs(self, measurement: Measurement, reference: Reference, force: Vec3 | None) -> Seen:
-        """Guard inputs from the law's measurement, the held reference and the observed force."""
+        """Tip position, desired tip position, forces and switches by which guards are evaluated."""
         tip = tip_at(self._vehicle, measurement.position, measurement.quaternion, measurement.joints)
         goal, felt = goal_of(self._vehicle, reference).tool, None
         if self._sensed:
@@ -278,7 +278,7 @@ class Waits:
         return Seen(tip=tip, goal=goal, push=reference.push, force=force, felt=felt, switches=switches)
 
     def following(self, clock: PathClock, ticks: Scalar, seen: Seen) -> PathClock:
-        """Reference clock one control period later: evaluates the guard, then advances or waits."""
+        """State of the reference clock one control period later: evaluates the guard, then advances or waits."""
         n, now = clock.guard, self.terms(clock.guard)
         there = clock.place >= now.end - WHOLE
         begins = logical_or(clock.place <= now.begin + WHOLE, clock.waited < 0.5 * BEGUN)
@@ -310,7 +310,7 @@ class Waits:
         )
 
     def _holds(self, guard: Guard, seen: Seen, origin: Vec3 | tuple[()]) -> Scalar:
-        """1.0 if all conditions of a guard are met, else 0.0."""
+        """1.0 if all conditions of a guard are met by the measured quantities, else 0.0."""
         met: list[Any] = []
         direction, force = Vec3(*map(data, guard.direction)), seen.felt if guard.sensed else seen.force
         if guard.error is not None:
@@ -332,7 +332,7 @@ class Waits:
 
 
 def _select(n: Scalar, values: Sequence[T]) -> T:
-    """Entry ``n`` of a sequence for a traced ``n``; the last entry beyond the end."""
+    """Element ``n`` of a sequence for a traced index ``n``; the last element beyond the end."""
     found = values[-1]
     for i in reversed(range(len(values) - 1)):
         found = blend(n < i + 0.5, values[i], found)
@@ -340,20 +340,20 @@ def _select(n: Scalar, values: Sequence[T]) -> T:
 
 
 def due(ticks: Scalar, every: int) -> Scalar:
-    """True in every ``every``-th control period."""
+    """True in every ``every``-th control period, by the count of periods."""
     late = ticks - floor(ticks / float(every) + 0.5 / every) * float(every)
     fresh: Scalar = late < 0.5
     return fresh
 
 
 def is_other_reference(now: Overrides, then: Overrides) -> bool:
-    """True if a change has replaced the whole reference between two instants of a flight."""
+    """True if scheduled changes have replaced the whole reference between two instants."""
     parts, old = ([pair for pair in each.parts if pair[0].split(".")[0] == "reference"] for each in (now, then))
     return parts != old
 
 
 def clock_of_change(scenario: Scenario, first: LoopState, now: LoopState, *, anew: bool) -> Clock:
-    """Restarted reference clock after a change of the scenario; () if no restart is needed.
+    """Reference clock restarted after a change of the scenario; () if the old clock continues.
 
     Args:
         scenario: after the change.

@@ -1,4 +1,4 @@
-"""Interactive session: an episode flown period by period, under its law or under the user's commands."""
+"""Interactive simulation of a flight, period by period, under the control law or the user's commands."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from skyarm.simulate.reference_clock import is_other_reference
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """Scenario in force at an instant of a flight, with all earlier and coming changes.
+    """Scenario in force during a flight, with the changes already made and those still scheduled.
 
     Attributes:
         begun: the scenario with which the flight began.
@@ -50,23 +50,23 @@ class Course:
 
     @staticmethod
     def of(scenario: Scenario) -> Course:
-        """Initial scenario of a flight, with all scheduled changes still to come."""
+        """Course of a flight before its first control period: all scheduled changes are still to come."""
         return Course(scenario, scenario, coming=in_order(scenario.changes, scenario.rates.control))
 
     @property
     def plan(self) -> Scenario:
-        """The scenario that reproduces this flight: its initial scenario with past and coming changes."""
+        """Scenario that reproduces the flight: the initial one with all changes made and still scheduled."""
         changes = (*self.made, *self.coming)
         if changes == in_order(self.begun.changes, self.begun.rates.control):
             return self.begun
         return dataclasses.replace(self.begun, changes=changes)
 
     def due(self, tick: int) -> bool:
-        """True if a change takes effect in this control period."""
+        """True if a scheduled change takes effect in control period ``tick`` or earlier."""
         return bool(self.coming) and self.coming[0].tick(self.begun.rates.control) <= tick
 
     def with_due_changes(self, tick: int, piece: Piece) -> Course:
-        """Scenario after the changes that are due in this control period; ``piece``: the flight until then."""
+        """Course of the flight after applying the changes that are scheduled up to control period ``tick``."""
         rate, overrides = self.begun.rates.control, self.overrides
         due = [change for change in self.coming if change.tick(rate) <= tick]
         for change in due:
@@ -75,7 +75,7 @@ class Course:
         return self._after(due, self.coming[len(due) :], overrides, now, piece)
 
     def with_values(self, tick: int, values: Mapping[str, Any], piece: Piece) -> Course:
-        """Scenario after changes made by the user at the start of a control period.
+        """Course of the flight after changes by the user at the start of control period ``tick``.
 
         Raises:
             ScenarioError: one line: a path, or a value, that cannot be, or with which a change to come cannot be.
@@ -99,7 +99,7 @@ class Course:
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """Snapshot of a session; it may be restored more than once.
+    """State of an interactive simulation at an instant, for going back to it any number of times.
 
     Attributes:
         course: scenario and changes as they were then. tick: control periods flown.
@@ -118,7 +118,7 @@ _NUMBERS = itertools.count()
 
 
 class Session:
-    """Interactive simulation of one episode, period by period.
+    """Interactive simulation of one flight, period by period.
 
     On the rigid-body plant a law that can be traced flies in machine code, compiled when the session is made; any other
     law or plant flies stage by stage in Python. The numbers are those of :func:`skyarm.run`, to the last bit.
@@ -157,7 +157,7 @@ class Session:
 
     @property
     def scenario(self) -> Scenario:
-        """Scenario in force, with the scheduled changes to come."""
+        """Scenario in force now, with the changes still scheduled."""
         return self._course.now
 
     @property
@@ -180,7 +180,7 @@ class Session:
 
     @property
     def ended(self) -> Ended | None:
-        """Status, cause and time of an early end of the episode, or None."""
+        """Status, cause and time of an early end of the flight, or None."""
         return self._engine.ended
 
     @property
@@ -195,7 +195,7 @@ class Session:
 
     @property
     def now(self) -> LoopState:
-        """Loop state at the start of the next period: plant, delayed commands and readings, all internal states."""
+        """Closed-loop state before the next period: plant, delayed commands and readings, all internal states."""
         return self._engine.now
 
     @property
@@ -206,12 +206,12 @@ class Session:
 
     @property
     def reference(self) -> Reference:
-        """The held reference of the next period."""
+        """Reference sample that is held in the next control period."""
         self._require_running()
         return self._engine.reference()
 
     def step(self, command: Command | None = None) -> bool:
-        """Fly one control period.
+        """Simulate one control period.
 
         Args:
             command: in place of the law's; the law is not evaluated then, and its memory stays.
@@ -229,13 +229,13 @@ class Session:
         return going
 
     def run(self) -> Log:
-        """Fly to the end of the episode and return the log of the whole session."""
+        """Simulate to the end of the flight and return the log of the whole session."""
         while self.fly(self._course.now.steps):
             pass
         return self.log
 
     def fly(self, stop: int) -> bool:
-        """Fly several periods under the law, at most up to period ``stop``; False once the episode is over.
+        """Simulate several control periods under the law, at most up to period ``stop``; False once the flight is over.
 
         A stretch takes about a tenth of a second, and ends where the scenario changes.
         """
@@ -254,7 +254,7 @@ class Session:
         return join_pieces(self.plan, pieces, engine.ended or running_status(self._course.now, engine.tick))
 
     def snapshot(self) -> Snapshot:
-        """Snapshot of the session's current state for :meth:`restore`."""
+        """Copy of the session's current state, from which :meth:`restore` continues."""
         return Snapshot(self._course, self.tick, self._engine, self._engine.snapshot(), self._number)
 
     def restore(self, snapshot: Snapshot) -> None:
@@ -286,7 +286,7 @@ class Session:
         self._go_on(self._course.with_values(self.tick, values, self._engine.piece))
 
     def _make_engine(self, course: Course) -> Engine:
-        """Engine in machine code if available, else in Python."""
+        """Make the simulator of the scenario in force: machine code if available, else Python."""
         scenario = course.now
         if self._compiles and scenario.kind == "rigid_body" and scenario.controller.compiled:
             try:
@@ -296,7 +296,7 @@ class Session:
         return Engine(EpisodeCode(scenario, machine_code=False, commands=self._commands))
 
     def _compile(self, course: Course, scenario: Scenario) -> Engine:
-        """Engine in machine code; reuses an earlier program that fits."""
+        """Make the simulator in machine code; reuses an earlier program that fits the scenario."""
         read, key = self._read(course), self._key(course)
         numbers, shape = dict(read.numbers), read.parts_of(course.begun)
         code = next((code for code in self._codes if code.fits(key, scenario)), None)
@@ -313,21 +313,21 @@ class Session:
         return Engine(code, scenario, numbers)
 
     def _let_change(self) -> None:
-        """Apply the changes that are due in the next period."""
+        """Apply the changes that are scheduled for the next control period."""
         if self._course.due(self.tick):
             self._go_on(self._course.with_due_changes(self.tick, self._engine.piece))
 
     def _read(self, course: Course) -> Overrides:
-        """Values of the scenario parameters that the machine code reads anew in every period."""
+        """Parameter values that are inputs of the machine code, so that they can change without recompilation."""
         return course.overrides.data(course.begun, self._paths)
 
     def _key(self, course: Course) -> Any:
-        """Key of a compiled program; programs with equal keys differ in parameter values only."""
+        """Identifier of a compiled program; equal for scenarios that differ in parameter values only."""
         read = self._read(course)
         return read.parts, tuple(path for path, _ in read.numbers)
 
     def _go_on(self, course: Course) -> None:
-        """Continue the flight under a changed scenario, in a new engine if the program does not fit."""
+        """Continue the flight under a changed scenario, in a new simulator if the compiled program does not fit."""
         new, old = dict(course.overrides.numbers), dict(self._course.overrides.numbers)
         changed = [path for path in {**new, **old} if new.get(path) != old.get(path)]
         # noise that is turned up from none draws other numbers

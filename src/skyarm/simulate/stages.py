@@ -1,4 +1,4 @@
-"""The stages of a control period, each a pure function of dataclasses over any scalar type.
+"""Computation stages of a control period, each a pure function of dataclasses over any scalar type.
 
 Every engine flies these and no others: Python floats and MuJoCo's plant stage by stage, machine code and JAX as one
 traced program (:func:`skyarm.simulate.period.make_period`).
@@ -45,7 +45,7 @@ from skyarm.world import Component, WindSample, effectiveness_at
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Readings:
-    """Results of sensors and estimator in a period: internal states, logged readings and the law's measurement."""
+    """Sensor and estimator results of a control period: internal states, logged readings, law's measurement."""
 
     sensors: tuple[SensorState, ...]
     estimate: Any
@@ -54,7 +54,7 @@ class Readings:
 
 
 class Stages:
-    """Stages of one control period of a scenario, whose parameter values may be traced.
+    """Computation stages of one control period of a scenario, whose parameter values may be traced.
 
     Args:
         scenario: structure must be concrete: rates, integrator, delays but for a varied one of the commands.
@@ -84,7 +84,7 @@ class Stages:
         self._every = tuple(round(scenario.rates.control / s.frequency) if s.frequency else 1 for _, s in self.sensors)
 
     def alive(self, now: LoopState, reference: Reference) -> Scalar:
-        """1.0 while no termination condition is met, else 0.0."""
+        """1.0 while the flight meets no termination condition, else 0.0."""
         fine = logical_and(now.alive > 0.5, healthy(self.scenario, now.state, reference.position))
         sound = self.waits.is_sound(now.clock)
         return where(fine if sound is True else logical_and(fine, sound), 1.0, 0.0)
@@ -98,7 +98,7 @@ class Stages:
         uniforms: tuple[Scalar, ...],
         path_time: Any = (),
     ) -> Any:
-        """Advance environment components (winds, forces, contacts); return internal states and plant inputs."""
+        """Advance wind, force, payload and contact models; return their states and the plant's inputs."""
         going = [
             component.advance(memory, time, self.period, state, draws)
             for component, memory, draws in zip(self.components, memories, self.draws.shares(uniforms)[1], strict=True)
@@ -114,7 +114,7 @@ class Stages:
         return tuple(going), self.surroundings(tuple(going), drives, time)
 
     def pushes(self, around: Surroundings, state: State) -> tuple[Push, ...]:
-        """External wrench at each force sensor, in the sensors' order; () without force sensors."""
+        """External wrench at each force sensor, in the order of the sensors; () without force sensors."""
         frames = [sensor.feels for _, sensor in self.sensors if sensor.feels is not None]
         if not frames:
             return ()
@@ -124,7 +124,7 @@ class Stages:
     def surroundings(
         self, memories: tuple[Any, ...], drives: Sequence[tuple[Scalar, ...]], time: Scalar
     ) -> Surroundings:
-        """Surroundings of the plant in one period: environment models with internal states, faults, drives."""
+        """Inputs of the plant in one control period: wind, force and contact models, actuator faults, joint drives."""
         scenario = self.scenario
         return Surroundings(
             components=self.components,
@@ -136,25 +136,25 @@ class Stages:
         )
 
     def acting(self, queue: Sequence[Command]) -> Command:
-        """Command that acts until this period's command arrives."""
+        """Delayed command that acts until the command of this control period arrives."""
         return self._active_command(tuple(queue))
 
     def _active_command(self, queue: tuple[Command, ...]) -> Command:
-        """Delayed command from a queue; rotors and joints may have different delays."""
+        """Delayed command from a queue of past commands; rotors and joints may have different delays."""
         if self.apart is None:
             return command_in_force(queue, self.whole)
         (rotors, _), (joints, _) = self.apart
         return joined_parts(command_in_force(queue, rotors), command_in_force(queue, joints))
 
     def law_reference(self, row: Row) -> Reference:
-        """Reference that the law receives: time-scaled if planned so; the initial pose until tracking starts."""
+        """Reference that the law receives: time-scaled where planned; the initial pose until tracking starts."""
         return joined_reference(self.scenario, row.told or row.reference, row.time)
 
     def sense(
         self, sensors: Sequence[SensorState], estimate: Any, ticks: Scalar, state: State, force: Vec3, acting: Command,
         time: Scalar, uniforms: tuple[Scalar, ...], pushes: Sequence[Push] = (),
     ) -> Readings:  # fmt: skip
-        """Evaluate sensors and estimator: sensor states, delayed readings and the law's measurement.
+        """Evaluate sensors and estimator; return their states, the delayed readings and the law's measurement.
 
         The reading of a force sensor on the tip's link is added to the law's measurement.
         """
@@ -187,7 +187,7 @@ class Stages:
     def decide(
         self, memory: Any, measurement: Measurement, reference: Reference, path_time: Any = ()
     ) -> tuple[Any, Command]:
-        """Internal state and command of the law; a user's command replaces the law's and freezes the state."""
+        """Evaluate the law, or take the user's command in its place, which leaves the law's state unchanged."""
         if self._command is not None and self._given is None:
             return memory, with_rest(self.scenario.plant.vehicle, self._command)
         following, command = self.apply_law(memory, measurement, reference, path_time)
@@ -199,7 +199,7 @@ class Stages:
     def apply_law(
         self, memory: Any, measurement: Measurement, reference: Reference, path_time: Any
     ) -> tuple[Any, Command]:
-        """Evaluate the control law: next internal state and command."""
+        """Evaluate the control law; return its next internal state and the command."""
         par = self.waits.with_task_loads(self.scenario.controller.par, path_time)
         following, command = self._law(memory, measurement, reference, self.period, par=par)
         return following, with_rest(self.scenario.plant.vehicle, command)
@@ -207,7 +207,7 @@ class Stages:
     def send(
         self, alive: Scalar, queue: Sequence[Command], command: Command
     ) -> tuple[Any, tuple[Command, ...], Command]:
-        """Queue a command: a flag (1.0 if finite), the new delay queue, and the delayed command that now acts."""
+        """Put a command into the delay queue; return 1.0 if finite, the queue, and the command that now acts."""
         going = alive > 0.5
         for value in (*command.rotor_speeds, *command.efforts, *command.tilts):
             going = logical_and(going, absolute(value) < float("inf"))
@@ -217,7 +217,7 @@ class Stages:
     def drive(
         self, drives: Sequence[tuple[Scalar, ...]], before: Command, acting: Command, state: State
     ) -> tuple[tuple[Scalar, ...], ...]:
-        """Internal states of the joint drives after a period, under the mean of the setpoints that act."""
+        """Advance the joint drives by a control period, under the mean of the setpoints that act in it."""
         if not drives:
             return ()
         heard = mean_efforts(before, acting, self.late if self.apart is None else self.apart[1][1], self.period)
@@ -225,18 +225,18 @@ class Stages:
         return tuple(drive.advance(memory, u, q, qd, self.period) for drive, memory, u, q, qd in rows)
 
     def with_drives(self, around: Surroundings, drives: tuple[tuple[Scalar, ...], ...]) -> Surroundings:
-        """Plant inputs of a period with updated internal states of the joint drives."""
+        """Plant inputs of a control period with new states of the joint drives."""
         return dataclasses.replace(around, drive_memories=drives) if drives else around
 
     def advance_coupled(self, memories: tuple[Any, ...], coupled: Memories) -> tuple[Any, ...]:
-        """Internal states of environment components, those integrated with the plant (contacts) from its results."""
+        """States of all wind, force and contact models, with those of contacts as the plant integrated them."""
         results = iter(coupled)
         return tuple(
             next(results) if each.coupled else memory for each, memory in zip(self.components, memories, strict=True)
         )
 
     def wind_sample(self, around: Surroundings, state: State) -> WindSample:
-        """Log sample of the surroundings: wind, force and logged values of all environment components."""
+        """Logged values of wind, force and contact models in a control period."""
         return wind_at(around, self.scenario.plant, state)
 
 
@@ -248,12 +248,12 @@ ASKED = (0, 5)
 
 
 def joins_late(scenario: Scenario) -> bool:
-    """True if tracking of the reference may start after the first instant."""
+    """True if the law may start to track the reference after the first instant."""
     return not (type(scenario.tracking_start) is int and scenario.tracking_start == 0)
 
 
 def joined_reference(scenario: Scenario, going: Reference, time: Scalar) -> Reference:
-    """Reference for the law: the initial pose at rest until tracking starts, then the current reference.
+    """Reference for the law: the initial pose at rest until tracking starts, then the planned reference.
 
     Costs nothing where the law follows from the first instant. Structural numbers stay: they do not move.
     """
@@ -279,7 +279,7 @@ def _resting(resting: Any, still: Any, going: Any) -> Scalar:
 
 
 def push_at(frame: Frame, around: Surroundings, vehicle: Vehicle, state: State, gravity: Scalar) -> Push:
-    """External wrench at a frame, in its axes, by everything that acts on its link and on the links it carries.
+    """External wrench at a sensor's frame, in its axes, by all that acts on its link and on the links beyond.
 
     Of loads it is the weight: what it takes to accelerate them is not there. All components are data, also where
     nothing can push, because sensors keep them in their memories.
@@ -312,7 +312,7 @@ def push_at(frame: Frame, around: Surroundings, vehicle: Vehicle, state: State, 
 
 
 def beyond(vehicle: Vehicle, link: int) -> set[int]:
-    """Indices of a link and of all links that it carries; the base carries all links."""
+    """Indices of a link and of all links that it carries; for the base, of all links."""
     found = {link}
     if link == BASE:
         return {BASE, *range(len(vehicle.moving))}

@@ -1,4 +1,4 @@
-"""Position of a vehicle's tip and of its reference."""
+"""Tip position of a vehicle, and desired positions of base, joints and tip."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def tip_at(vehicle: Vehicle, position: Vec3, quaternion: Quaternion, joints: tup
 
 
 def goal_of(vehicle: Vehicle, reference: Reference) -> Goal:
-    """Desired positions of base, joints and tip; without a tip reference, the tip of the level vehicle.
+    """Desired positions of base, joints and tip of a reference; without a tip reference, the tip of the level vehicle.
 
     The latter is p_d + R_z(psi_d) p_e(th_d).
     """

@@ -1,4 +1,4 @@
-"""Checks of the results of user-defined air, forces, drives, sensors, estimators, endings and laws.
+"""Shape checks of user-defined models before a flight, and the check of a user-defined control law.
 
 Before a flight each part is traced once, and a result of the wrong shape is refused in one line with class, file and
 line. :func:`check_law` looks further: it compares a law in floats with its program over some periods, which finds
@@ -60,20 +60,20 @@ Step = Callable[[Any, Any, State, Any], Any]
 
 @dataclass(frozen=True)
 class Part:
-    """User-defined model in a scenario: parameter path, dataclass, and main method that error messages refer to."""
+    """User-defined model in a scenario, with its parameter path and the method that error messages refer to."""
 
     place: str
     record: Any
     method: str
 
     def refusal(self, words: str, place: str = "") -> ScenarioError:
-        """ScenarioError about this user-defined model, with file and line of the user's code."""
+        """Error about a user-defined model, with file and line of the user's code."""
         method = getattr(self.record, self.method)
         found = place or place_of(method if own_code(method) else type(self.record))
         return ScenarioError(f"{found}: {self.place} ({type(self.record).__name__}) {words}")
 
     def trace(self, step: Step, memory: tuple[Scalar, ...], state: State, draws: int = 0) -> None:
-        """Trace one step of the user-defined model; raise a one-line error for any mistake in the user's code."""
+        """Trace one step of a user-defined model; raise a one-line error for a mistake in the user's code."""
         words = memory_mistake(memory, "memory")
         if words:
             raise self.refusal(words)
@@ -114,7 +114,7 @@ def require_shapes(scenario: Scenario) -> None:
 
 
 def _parts(scenario: Scenario) -> Iterator[tuple[Part, Callable[[Scenario, Part], None]]]:
-    """Pairs of user-defined model and check function, for all user-defined models of a scenario."""
+    """List the user-defined models of a scenario, each with the function that checks it."""
     groups: list[tuple[str, Callable[..., None], list[tuple[str, Any]]]] = [
         ("advance", _check_component, list(scenario.placed_components)),
         ("effort", _check_drive, [(f"plant.drives.{each.joint}", each.drive) for each in scenario.joint_drives]),
@@ -143,7 +143,7 @@ def _require_class(scenario: Scenario, part: Part) -> None:
 
 
 def _check_component(index: int, scenario: Scenario, part: Part) -> None:
-    """Check a user-defined environment component, such as an air model or a force."""
+    """Check one step of a user-defined wind, force, payload or contact model."""
     vehicle, component, period = scenario.plant.vehicle, part.record, 1.0 / scenario.rates.control
 
     def step(memory: tuple[Scalar, ...], time: Scalar, state: State, draws: tuple[Scalar, ...]) -> Any:
@@ -264,7 +264,7 @@ def check_law(law: Scenario | Controller | Callable[[Model], Controller], scenar
 
 
 def _make_controller(law: Controller | Callable[[Model], Controller], model: Model) -> Controller:
-    """Controller given directly, or made from a model by its maker function."""
+    """Return a controller that is given as such or by its maker function, after a check."""
     if isinstance(law, Controller):
         check_controller(law)
         return law

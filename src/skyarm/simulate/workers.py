@@ -24,7 +24,7 @@ from skyarm.records.registry.plugins import Plugin, laws_of_files, load_again, l
 
 
 def pack(value: Any) -> bytes:
-    """Serialise a value for a worker process with the same Python and plugins; inner functions are supported.
+    """Serialise a value for a worker process; functions defined inside functions are supported.
 
     Raises:
         ValueError: something in it cannot travel; names it.
@@ -51,7 +51,7 @@ class _Pickler(pickle.Pickler):
 
 
 def _content(cell: CellType) -> tuple[Any, ...]:
-    """Content of a closure's cell as a tuple; () for an empty cell."""
+    """Value captured by a closure cell, as a tuple; () for an empty cell."""
     try:
         return (cell.cell_contents,)
     except ValueError:
@@ -59,7 +59,7 @@ def _content(cell: CellType) -> tuple[Any, ...]:
 
 
 def _empty(code: bytes, module: str, qualname: str, cells: int) -> FunctionType:
-    """Rebuild an inner function with empty closure cells, which are filled later."""
+    """Rebuild a serialised inner function with empty closure cells, which are filled later."""
     inner: CodeType = marshal.loads(code)
     closure = tuple(CellType() for _ in range(cells))
     made = FunctionType(inner, import_module(module).__dict__, inner.co_name, None, closure)
@@ -110,7 +110,7 @@ def workers(count: int) -> Iterator[Submit]:
 
 
 def _abandon(pool: ProcessPoolExecutor, children: set[Any]) -> None:
-    """Terminate running episodes at once, without waiting for their results.
+    """Terminate the running simulations of a process pool at once, without waiting for their results.
 
     A process may be cut off while it sends a result. The pool's thread would wait for the rest for ever, since this
     process holds the sending end as well: it is closed first.
@@ -128,7 +128,7 @@ _REFUSED: list[RegistryError] = []
 
 
 def _call(work: bytes) -> Any:
-    """Execute one serialised task in a worker process."""
+    """Execute one serialised function call in a worker process."""
     if _REFUSED:
         raise _REFUSED[0]
     function, arguments = pickle.loads(work)

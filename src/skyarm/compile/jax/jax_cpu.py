@@ -24,7 +24,7 @@ def configure_extra_options() -> bool:
 
 
 def _has_started() -> bool:
-    """True if JAX has initialised a backend; JAX has no public function for it."""
+    """True if JAX has already initialised a backend."""
     bridge = sys.modules.get("jax._src.xla_bridge")
     asked = getattr(bridge, "backends_are_initialized", None)
     return bool(asked()) if asked is not None else "jax" in sys.modules

@@ -1,4 +1,4 @@
-"""Basic operations and random numbers in JAX; derivatives stay finite where the value is finite.
+"""Basic operations and random numbers in JAX, with derivatives that stay finite where the value is finite.
 
 ``where`` evaluates both of its branches, and so does its derivative: an infinite slope in the branch that is not taken
 (sqrt at 0, a division by 0) becomes 0 * inf = NaN. Such a slope is 0 here, a subgradient of every length |v|.
@@ -103,7 +103,7 @@ def _(primals: Any, tangents: Any) -> Any:
 
 
 def _negative(x: Any) -> Any:
-    """True if the sign bit of a number is set."""
+    """True if the sign bit of a number is set, as for -0.0."""
     return _bits(x) < 0
 
 
@@ -133,7 +133,7 @@ def _(primals: Any, tangents: Any) -> Any:
 
 
 def at_most(a: Any, b: Any) -> Any:
-    """a <= b, False for NaN; avoids comparisons that XLA 0.10 simplifies to True."""
+    """a <= b for JAX scalars, False for NaN."""
     return lax.bitwise_or(lax.lt(a, b), lax.eq(a, b))
 
 
@@ -161,7 +161,7 @@ OPERATIONS: dict[str, Callable[..., Any]] = {
 
 
 def evaluate(program: Lowered, inputs: Sequence[Any], dtype: Any) -> list[Any]:
-    """Outputs of a program on JAX scalars of one type."""
+    """Evaluate a traced program on JAX scalars of one floating-point type; returns the outputs."""
     values: dict[int, Any] = {node.index: value for node, value in zip(program.inputs, inputs, strict=True)}
     for node in program.nodes:
         if node.op == "const":
@@ -184,7 +184,7 @@ Words = tuple[Any, Any, Any, Any]
 
 
 def uniforms(seed: Any, episode: Any, step: Any, draws: Sequence[tuple[int, int]], dtype: Any) -> list[Any]:
-    """Uniform random numbers in (0, 1) of one lane and step, equal to :mod:`skyarm.algebra.scalars.philox`.
+    """Uniform random numbers in (0, 1) in JAX for one flight and step, equal to those of NumPy.
 
     Args:
         seed: low and high word, uint32.

@@ -1,4 +1,4 @@
-"""Machine code of stepped programs: compiled by LLVM for this processor, cached as object files, run on threads.
+"""Machine code of traced programs: compiled by LLVM for this processor, cached on disk, run on threads.
 
 Needs llvmlite, a core dependency. No C compiler is involved. What is kept: :mod:`skyarm.compile.llvm.object_cache`.
 """
@@ -33,7 +33,7 @@ QUICK = ctypes.PYFUNCTYPE(None, ctypes.c_void_p)
 
 
 def _machine(effort: int = 2) -> Any:
-    """LLVM target machine of this processor; each engine needs its own."""
+    """Make an LLVM target machine for this processor."""
     import llvmlite.binding as llvm
 
     llvm.initialize_native_target()
@@ -63,7 +63,7 @@ def host_width(*, single: bool = False) -> int:
 
 
 class Kernel:
-    """Machine code of a stepped program, for many lanes at once.
+    """Machine code of a traced loop that steps many SIMD lanes at once.
 
     Args:
         loop: the program. lanes: vector shape; the processor's own if left out.
@@ -82,7 +82,7 @@ class Kernel:
 
     @property
     def dtype(self) -> Any:
-        """NumPy floating-point type of all arrays."""
+        """NumPy floating-point type of the arrays that the machine code reads and writes."""
         return np.float32 if self.lanes.single else np.float64
 
     def run(
@@ -97,7 +97,7 @@ class Kernel:
         threads: int = 1,
         every: int = 1,
     ) -> tuple[Array, Array]:
-        """Step all lanes through all input rows.
+        """Step all lanes through all rows of the input table; returns the final states and the log.
 
         What is raised meanwhile, as Ctrl-C raises it, comes through within a fraction of a second; the arrays given
         are only read.
@@ -138,7 +138,7 @@ class Kernel:
         return c[:, :lanes], log[:, :, :lanes]
 
     def _pad(self, name: str, values: Array, shape: tuple[int, int], lanes: int) -> Array:
-        """Contiguous copy of an array, with the last lane repeated to fill the last vector."""
+        """Contiguous copy of an array with its last column repeated to fill the last SIMD vector."""
         if values.shape != shape:
             raise ValueError(f"{name}: shape {values.shape}, allowed {shape}")
         result = np.empty((shape[0], lanes), dtype=self.dtype)
@@ -150,7 +150,7 @@ class Kernel:
 
 
 def _keys(seed: int, episodes: Array, lanes: int, padded: int) -> Array:
-    """Keys of the random number generator: [seed, episode of each lane]."""
+    """Keys of the random number generator for machine code: [seed, episode of each lane]."""
     if episodes.shape != (lanes,):
         raise ValueError(f"episodes: shape {episodes.shape}, allowed ({lanes},)")
     if lanes and (episodes.dtype.kind not in "iu" or episodes.min() < 0 or episodes.max() >= 2**32):
@@ -162,7 +162,7 @@ def _keys(seed: int, episodes: Array, lanes: int, padded: int) -> Array:
 
 
 def _make_engine(text: str, effort: int) -> Any:
-    """LLVM engine with the code of an assembly text, from the object cache if possible."""
+    """Make an LLVM engine from an assembly text, with its object code from the cache if possible."""
     effort = min(effort, int(os.environ.get(EFFORT) or effort))
     # the cache has errors of its own, which say nothing of LLVM
     identity = _identity(text, effort)
@@ -175,7 +175,7 @@ def _make_engine(text: str, effort: int) -> Any:
 
 @llvm_needed()
 def _identity(text: str, effort: int) -> str:
-    """Text that identifies object code: the assembly, versions, processor and optimisation level."""
+    """Text that identifies object code in the cache: assembly, versions, processor, optimisation level."""
     import llvmlite
     import llvmlite.binding as llvm
 
@@ -185,7 +185,7 @@ def _identity(text: str, effort: int) -> str:
 
 @llvm_needed()
 def _load_engine(content: bytes) -> Any:
-    """LLVM engine with the given object code."""
+    """Make an LLVM engine from compiled object code."""
     import llvmlite.binding as llvm
 
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _machine())
@@ -211,7 +211,7 @@ def build(text: str, effort: int = 2) -> bytes:
 
 
 def require_machine_code() -> None:
-    """Compile a minimal kernel; raises at once if machine code is not available.
+    """Compile a minimal program; raises NoMachineCodeError if machine code is not available.
 
     Raises:
         NoMachineCodeError: with the cause and the remedy.

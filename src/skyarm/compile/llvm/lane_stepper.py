@@ -1,4 +1,4 @@
-"""Machine code stepped in place, one step per call: one lane in real time, many lanes, or a single function."""
+"""Machine code advanced one step per call: for one lane in real time, many lanes, or a single function."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ALONE = 8192
 
 
 class LaneStepper:
-    """Stepper of many lanes, one step per call, on arrays that stay in place.
+    """Machine code of many lanes, advanced by one step per call on arrays that stay in place.
 
     Its threads are made at the first step that shares its lanes, kept from step to step, and made anew after a fork.
     :meth:`close` ends them.
@@ -72,7 +72,7 @@ class LaneStepper:
             self._shared = SharedSteps(kernel.machine, arrays, blocks=blocks, lanes=stride, threads=threads)
 
     def fill(self) -> None:
-        """Copy the last lane into the unused lanes of the last vector; call it after writing to the arrays."""
+        """Copy the last lane into the unused places of the last SIMD vector; call it after writing to the arrays."""
         lanes, last = self.carry.shape[1], self._blocks * self._kernel.lanes.width
         if lanes == last:
             return
@@ -84,7 +84,7 @@ class LaneStepper:
         self._keys[0] = seed
 
     def begin(self, where: Array, episodes: Array, seeds: Array | None = None, first: int = 0) -> None:
-        """Begin episodes in some lanes: their random numbers restart with new keys and step numbers.
+        """Begin new episodes in some lanes: their random numbers restart with new keys.
 
         Args:
             where: (m,) numbers of the lanes.
@@ -98,7 +98,7 @@ class LaneStepper:
             self._seeds[where] = seeds
 
     def step(self) -> None:
-        """Make one step in all lanes.
+        """Advance all lanes by one step.
 
         What is raised meanwhile, as Ctrl-C raises it, comes through once every lane has made the step.
         """
@@ -119,7 +119,7 @@ class LaneStepper:
 
 
 def apart(blocks: int) -> int:
-    """Memory stride between successive values of a lane, in SIMD vectors: at least ``blocks``, not a multiple of four.
+    """Memory stride between the arrays' rows, in SIMD vectors: at least ``blocks``, and no multiple of four.
 
     Numbers a multiple of 4 KiB apart share one set of the first cache, which holds eight to twelve of them: 1024 lanes
     of 32 bits took 40 us a step so, and take 28.
@@ -128,7 +128,7 @@ def apart(blocks: int) -> int:
 
 
 class Stepper:
-    """Stepper of one lane for real-time control: one step per call in about a microsecond, without allocation.
+    """Machine code of one lane, advanced by one step per call in about a microsecond.
 
     Args:
         kernel: of width 1, with logging if outputs are needed.
@@ -168,21 +168,21 @@ class Stepper:
         self.step: Callable[[], None] = step
 
     def read_tables(self, rows: Array, log: Array) -> None:
-        """Use a table of input rows and a log table, one row per step, instead of a single row and output."""
+        """Set a table of input rows and a log table, with one row per step each."""
         if any(table.dtype != self.carry.dtype or not table.flags.c_contiguous for table in (rows, log)):
             raise ValueError("tables: must be contiguous and of the kernel's numbers")
         self._tables = rows, log
         self._arguments[2:4] = rows.ctypes.data, log.ctypes.data
 
     def fly(self, begin: int, end: int, start: int = 0) -> None:
-        """Step through input rows ``begin`` to ``end`` of the table; ``start``: step number of the first row."""
+        """Advance by the steps of input rows ``begin`` to ``end``; ``start``: step number of the table's first row."""
         held = self._held
         held[7], held[8], held[9] = begin, end, start
         self.step()
 
 
 class Quick:
-    """Compiled function on preallocated arrays: write ``inputs``, call ``step``, read ``outputs``.
+    """Compiled function with fixed input and output arrays: write ``inputs``, call ``step``, read ``outputs``.
 
     Both kinds of code give the same numbers to the last bit. Not for two threads at once.
 
@@ -211,7 +211,7 @@ class Quick:
             self.inputs, self.outputs, self.step = stepper.row, stepper.output, stepper.step
 
     def shaped(self) -> Any:
-        """Current outputs as the dataclass that the function returns."""
+        """Output values as the dataclass that the compiled function returns."""
         return rebuild(self._result, iter(self.outputs.tolist()))
 
     def _in_python(self, loop: Loop) -> Callable[[], None]:

@@ -1,4 +1,4 @@
-"""LLVM assembly of a stepped program: one function runs whole episodes of a block of lanes.
+"""LLVM assembly of a traced loop: one function steps a block of SIMD lanes through all input rows.
 
     void step_loop(carry*, parameters*, rows*, log*, keys*,
                    first block, last block, begin, end, start, lanes, log every)
@@ -24,7 +24,7 @@ Splat = Callable[[int], str]
 
 
 def write_uniforms(writer: Writer, draws: Sequence[tuple[int, int]], *, own_seeds: bool) -> list[str]:
-    """Write code that draws the random numbers of a step; returns the names of the vectors, uniform in (0, 1).
+    """Write assembly that draws the random numbers of a step; returns the names of the vectors.
 
     Args:
         writer: of the loop's function.
@@ -92,7 +92,7 @@ def _philox(writer: Writer, words: str, counter: list[str], keys: list[str], spl
 
 
 def _unit(writer: Writer, words: str, low: str, high: str, splat: Splat) -> str:
-    """Write code that maps a 64-bit integer x to (2 (x >> 12) + 1) 2^-53; returns the vector's name."""
+    """Write assembly that maps 64-bit random integers to numbers in (0, 1); returns the vector's name."""
     lanes = writer.lanes
     double = f"<{lanes.width} x double>"
 
@@ -120,7 +120,7 @@ FLUSH = 0x8040
 
 
 def assembly(loop: Loop, lanes: Lanes, *, logging: bool) -> str:
-    """LLVM assembly text of a stepped program."""
+    """LLVM assembly text of a traced loop."""
     writer = Writer(lanes)
     inputs = loop.program.inputs
     marks = (loop.carry, loop.carry + loop.parameters, loop.carry + loop.parameters + loop.row)
@@ -232,7 +232,7 @@ def _call() -> list[str]:
 
 
 def _split(nodes: tuple[Node, ...], parameters: tuple[Node, ...]) -> tuple[list[Node], list[Node]]:
-    """Split operations into those that depend only on parameters and constants, and the rest."""
+    """Split operations into those that depend on parameters and constants only, and all others."""
     fixed = {node.index for node in parameters}
     invariant, varying = [], []
     for node in nodes:
@@ -247,7 +247,7 @@ def _split(nodes: tuple[Node, ...], parameters: tuple[Node, ...]) -> tuple[list[
 
 
 def _address(writer: Writer, base: str, index: int) -> str:
-    """Write code for the address of variable ``index`` of this block; returns its name."""
+    """Write assembly for the address of variable ``index`` in the current block of lanes; returns its name."""
     at = writer.fresh()
     writer.do(f"""
   {at}.skip = mul i64 %lanes, {index}
@@ -268,7 +268,7 @@ def _store(writer: Writer, base: str, index: int, name: str) -> None:
 
 
 def _row(writer: Writer, index: int, width: int) -> str:
-    """Write code that broadcasts one shared input of this step to all lanes."""
+    """Write assembly that copies one shared input of a step into all SIMD lanes; returns the vector's name."""
     lanes, at = writer.lanes, writer.fresh()
     writer.do(f"""
   {at}.line = mul i64 %i, {width}
@@ -281,7 +281,7 @@ def _row(writer: Writer, index: int, width: int) -> str:
 
 
 def _write_log(writer: Writer, names: list[str]) -> None:
-    """Write code that stores the logged outputs every ``%every`` steps: log[step / every][output][lane]."""
+    """Write assembly that stores the logged outputs every ``%every`` steps: log[step / every][output][lane]."""
     lanes = writer.lanes
     writer.do(f"""
   %log.rest = urem i64 %i, %every

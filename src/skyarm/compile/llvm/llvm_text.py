@@ -18,7 +18,7 @@ INTRINSIC = {"abs": "fabs", "sqrt": "sqrt", "floor": "floor", "copysign": "copys
 
 @dataclass(frozen=True, slots=True)
 class Lanes:
-    """Vector shape: number of SIMD lanes and floating-point precision.
+    """Shape of a SIMD vector: number of lanes and floating-point precision.
 
     Attributes:
         width: lanes per vector. single: 32-bit floats in place of 64-bit ones.
@@ -78,7 +78,7 @@ class Lanes:
 
 @dataclass(slots=True)
 class Writer:
-    """Writer of an LLVM function: the lines so far and the name of each node's value."""
+    """Writer of an LLVM function: lines of assembly so far, and the name of each operation's result."""
 
     lanes: Lanes
     lines: list[str] = field(default_factory=list)
@@ -87,7 +87,7 @@ class Writer:
     _count: int = 0
 
     def fresh(self) -> str:
-        """New unique local name."""
+        """Make a new local name that is unique in the function."""
         self._count += 1
         return f"%t{self._count}"
 
@@ -98,11 +98,11 @@ class Writer:
         return name
 
     def do(self, text: str) -> None:
-        """Write instructions without a value, or labels, one per line."""
+        """Write instructions without a result, or labels, one per line."""
         self.lines += [line for line in text.split("\n") if line]
 
     def program(self, nodes: Iterable[Node]) -> None:
-        """Write all operations of a lowered program; the inputs must have names already."""
+        """Write the assembly of all operations of a traced program."""
         for node, body in arrange(nodes):
             if node.op == "repeat":
                 self._loop(node, body)
@@ -112,7 +112,7 @@ class Writer:
                 self.names[node.index] = self._value(node)
 
     def _loop(self, block: Node, body: Iterable[Node]) -> None:
-        """Write a loop whose body is one basic block; it ends once no lane needs another iteration."""
+        """Write the assembly of a loop, which ends once no SIMD lane needs another iteration."""
         count, slots, until = block.value
         label, vector = f"r{block.index}", self.lanes.vector
         starts = [self.names[arg.index] for arg in block.args[: len(slots)]]
@@ -141,11 +141,11 @@ class Writer:
             self.do(f"  %{label}.e{k} = phi {vector} [ {start}, %{label}.entry ], [ {end}, %{label} ]")
 
     def _goes_on(self, left: str) -> str:
-        """Write the condition (i1) that any lane needs another loop iteration; returns its name."""
+        """Write assembly of the condition (i1) that any SIMD lane needs another iteration; returns its name."""
         return self._any(self.emit(f"fcmp ogt {self.lanes.vector} {left}, {self.lanes.constant(0.5)}"))
 
     def _any(self, condition: str) -> str:
-        """Write the condition (i1) that holds if a mask is true in any lane; returns its name."""
+        """Write assembly of the condition (i1) that a mask is true in any SIMD lane; returns its name."""
         name = f"@llvm.vector.reduce.or.v{self.lanes.width}i1"
         self.intrinsics.add(f"declare i1 {name}({self.lanes.mask})")
         return self.emit(f"call i1 {name}({self.lanes.mask} {condition})")
@@ -185,7 +185,7 @@ class Writer:
         return self.emit(f"call {lanes.vector} {full}({', '.join(f'{lanes.vector} {arg}' for arg in args)})")
 
     def _power_of_two(self, k: str) -> str:
-        """Write code for 2**k, which puts k into the exponent bits; returns the name of the result."""
+        """Write assembly of 2**k for integers k stored as floats; returns the name of the result."""
         lanes = self.lanes
         shift, bias, magic = (23, 127, 12582912.0) if lanes.single else (52, 1023, 6755399441055744.0)
         if lanes.single:
@@ -198,7 +198,7 @@ class Writer:
         return self.emit(f"bitcast {lanes.integer} {biased} to {lanes.vector}")
 
     def _exponent(self, x: str) -> str:
-        """Write code for the binary exponent of a normal number, as a float; returns its name."""
+        """Write assembly of the binary exponent of a normal number, as a float; returns its name."""
         lanes = self.lanes
         shift, bias, field_mask = (23, 127, 0xFF) if lanes.single else (52, 1023, 0x7FF)
         bits = self.emit(f"bitcast {lanes.vector} {x} to {lanes.integer}")
@@ -208,7 +208,7 @@ class Writer:
         return self.emit(f"fsub {lanes.vector} {number}, {lanes.constant(float(bias))}")
 
     def _mantissa(self, x: str) -> str:
-        """Write code for the mantissa of a number; returns its name."""
+        """Write assembly of the mantissa of a number; returns its name."""
         lanes = self.lanes
         keep, one = (0x807FFFFF, 0x3F800000) if lanes.single else (0x800FFFFFFFFFFFFF, 0x3FF0000000000000)
         bits = self.emit(f"bitcast {lanes.vector} {x} to {lanes.integer}")

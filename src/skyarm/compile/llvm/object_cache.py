@@ -1,4 +1,4 @@
-"""Cache of object files of machine code, authenticated by a key of the user before execution.
+"""Disk cache of compiled object files, which are authenticated by a key of the user before execution.
 
 An entry carries a code (HMAC-SHA256) of its name and content under its user's key
 (:mod:`skyarm.compile.llvm.object_cache`). So neither content written by another user is trusted, nor another
@@ -35,18 +35,18 @@ KEY, KEY_BYTES = "object_cache.key", 32
 
 
 def cache_folder() -> Path | None:
-    """Folder of the object cache; None for a user without a home folder."""
+    """Folder of the cache of object files; None for a user without a home folder."""
     named = os.environ.get("SKYARM_CACHE")
     return Path(named) if named else _users_folder("skyarm", "XDG_CACHE_HOME", ".cache")
 
 
 def state_folder() -> Path | None:
-    """Folder of the user's key, outside any cache; None for a user without a home folder."""
+    """Folder of the user's secret key, outside any cache; None for a user without a home folder."""
     return _users_folder("skyarm-state" if sys.platform == "win32" else "skyarm", "XDG_STATE_HOME", ".local/state")
 
 
 def size_limit() -> int:
-    """Largest total size of the cache, bytes; 0 disables it.
+    """Largest total size of the cached object files, bytes; 0 disables the cache.
 
     Raises:
         ValueError: ``SKYARM_CACHE_SIZE`` is no such number.
@@ -68,12 +68,12 @@ ENTRY, TEMPORARY = re.compile(r"[0-9a-f]{64}\.o"), re.compile(r"\.[0-9a-f]{64}\.
 
 
 def is_ours(name: str) -> bool:
-    """True if a file of this name belongs to the object cache or its state folder."""
+    """True for a file name that the cache of object files uses."""
     return bool(ENTRY.fullmatch(name) or TEMPORARY.fullmatch(name)) or name.lstrip(".").startswith(KEY)
 
 
 def unused_reason() -> str:
-    """Reason why the cache is disabled, in words; empty if it works. Creates its folder and key if missing.
+    """Reason why the cache of object files is disabled, in words; empty if it works.
 
     Raises:
         ValueError: ``SKYARM_CACHE_SIZE`` is no number.
@@ -102,7 +102,7 @@ def usable(folder: Path) -> bool:
 
 
 def user_key(*, make: bool) -> bytes | None:
-    """Secret key of this user for the cache; None if there is none.
+    """Read this user's secret key for the cache; None if there is none.
 
     Args:
         make: make one if there is none, and replace one that is damaged or that others could have read.
@@ -160,7 +160,7 @@ FORGOTTEN = 3600.0
 
 @dataclass(frozen=True, slots=True)
 class Contents:
-    """Size of the object cache: number of entries and bytes."""
+    """Number and total size (bytes) of the cached object files."""
 
     entries: int
     size: int
@@ -168,7 +168,7 @@ class Contents:
 
 @dataclass(frozen=True, slots=True)
 class _Entry:
-    """File of the object cache: time of its last use (s) and size (bytes)."""
+    """Cached object file: time of last use (s), size (bytes), path."""
 
     used: float
     size: int
@@ -176,7 +176,7 @@ class _Entry:
 
 
 def load(identity: str) -> bytes | None:
-    """Load the object code that is cached under a descriptive text; None if it is not there.
+    """Load the cached object code of an identifying text; None if it is not cached.
 
     Raises:
         ValueError: ``SKYARM_CACHE_SIZE`` is no number.
@@ -197,7 +197,7 @@ def load(identity: str) -> bytes | None:
 
 
 def store(identity: str, content: bytes) -> None:
-    """Store object code under a descriptive text; remove the oldest entries beyond the size limit.
+    """Cache object code under an identifying text; remove the least recently used files beyond the size limit.
 
     A cache that cannot be written is no error; one that others could write causes a warning, and is not used.
 
@@ -219,13 +219,13 @@ def store(identity: str, content: bytes) -> None:
 
 
 def contents() -> Contents:
-    """Count the entries of the cache."""
+    """Count the cached object files and their total size."""
     entries = _entries(cache_folder())
     return Contents(entries=len(entries), size=sum(entry.size for entry in entries))
 
 
 def clear() -> Contents:
-    """Remove all entries and temporary files of the cache; return how much was removed."""
+    """Remove all cached object files; return their number and total size."""
     folder = cache_folder()
     removed = [entry for entry in _entries(folder) if _remove(entry.path)]
     for entry in _entries(folder, TEMPORARY):
@@ -238,19 +238,19 @@ def _name(identity: str) -> str:
 
 
 def _code(key: bytes, name: str, content: bytes) -> bytes:
-    """Message authentication code of an entry's content and name, by the user's key."""
+    """Authentication code (HMAC) of a cached file's name and content by the user's secret key."""
     return hmac.digest(key, name.encode() + b"\0" + content, "sha256")
 
 
 def _note_use(entry: Path) -> None:
-    """Set an entry's time of last use to now."""
+    """Set the time of last use of a cached file to now."""
     with contextlib.suppress(OSError):  # another process may have removed it
         if abs(time.time() - entry.stat().st_mtime) > MOMENT:
             os.utime(entry)
 
 
 def _entries(folder: Path | None, pattern: re.Pattern[str] = ENTRY) -> list[_Entry]:
-    """Files of the cache by name, most recently used first."""
+    """List the cached object files, most recently used first."""
     found = []
     try:
         files = [] if folder is None else [each for each in folder.iterdir() if pattern.fullmatch(each.name)]
@@ -265,7 +265,7 @@ def _entries(folder: Path | None, pattern: re.Pattern[str] = ENTRY) -> list[_Ent
 
 
 def _prune(folder: Path, limit: int) -> None:
-    """Remove the least recently used entries beyond the size limit, and abandoned temporary files.
+    """Remove the least recently used object files beyond the size limit.
 
     Processes may do so at once: what one has read is its own, and what one has removed is no error to another.
     """

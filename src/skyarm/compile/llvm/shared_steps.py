@@ -1,4 +1,4 @@
-"""Parallel stepping of many lanes: work is cut into slices of milliseconds and distributed to threads.
+"""Parallel simulation of many SIMD lanes: work is cut into slices of milliseconds for several threads.
 
 Python handles signals between slices, and machine code lets other threads run.
 """
@@ -41,7 +41,7 @@ FIRST, LAST, BEGIN, END, START = range(5, 10)
 
 @dataclass(frozen=True, slots=True)
 class Machine:
-    """Machine code of a kernel and its computing time per step.
+    """Machine code of a traced loop with its computing time per step.
 
     Attributes:
         call: takes :data:`Arguments`. engine: holds the code. pace: s that a thread takes for a step of one block.
@@ -53,7 +53,7 @@ class Machine:
 
 
 class SharedSteps:
-    """Parallel stepping of all blocks of lanes by several threads.
+    """Parallel stepping of all blocks of SIMD lanes by several threads.
 
     Args:
         machine: the code. arrays: carry, parameters, rows, log and keys, in machine code's layout.
@@ -68,7 +68,7 @@ class SharedSteps:
         self._arrays, self._fixed = arrays, (*map(_address, arrays), 0, 0, 0, 0, 0, lanes, every)
 
     def run(self, start: int, pool: Executor | None = None, *, whole: bool = False) -> None:
-        """Step all blocks through all rows; ``start``: number of the first step, for the random numbers.
+        """Step all blocks of lanes through all input rows, on the threads of a pool.
 
         What is raised meanwhile comes through within milliseconds, or, where the arrays are to be a ``whole``, once
         every lane has made its steps.
@@ -113,7 +113,7 @@ class SharedSteps:
 
 
 def slice_work(blocks: int, steps: int, pace: float, threads: int) -> tuple[int, int]:
-    """Work per call of machine code, sized to take about ``SLICE`` seconds: (blocks, steps)."""
+    """Number of blocks and steps per call of machine code, so that a call takes a few milliseconds."""
     fit = max(1, int(SLICE / pace))
     if steps > fit:
         parts = -(-steps // fit)

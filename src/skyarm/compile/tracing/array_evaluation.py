@@ -55,7 +55,7 @@ OPERATIONS: dict[str, Callable[..., Any]] = {
 
 
 def evaluate(program: Program, inputs: Sequence[Any], count: int) -> Array:
-    """Outputs of a program for arrays of inputs, shape (outputs, count); an input is (count,) or one number.
+    """Evaluate a traced program on arrays of inputs; returns the outputs, shape (outputs, count).
 
     Every column has the bits of :meth:`skyarm.compile.Program.flat` of its inputs.
     """

@@ -1,4 +1,4 @@
-"""Comparison of a function on floats with its traced program, which detects hidden state.
+"""Check for hidden state: comparison of a function on floats with its traced program.
 
 A program is traced once and runs for ever. What a function keeps in a closure, a global or an attribute is frozen in
 it, and nobody sees. Therefore it is called with floats for some periods, traced twice, and compared.
@@ -32,7 +32,7 @@ def compare_with_floats(
     names: Sequence[str] = (),
     first: Callable[[Any, Numbers], None] | None = None,
 ) -> None:
-    """Refuse a function whose result depends on anything but its arguments.
+    """Raise an error for a function whose result depends on anything but its arguments.
 
     Args:
         function: (memory, *arguments of an instant) -> (memory, result), records over any scalar.
@@ -69,7 +69,7 @@ def _call_with_floats(
     constants: Any,
     names: Sequence[str],
 ) -> list[Numbers]:
-    """Internal states and results of a function over several periods, on floats, up to an arithmetic error."""
+    """Results of a function on floats over several periods, up to an arithmetic error."""
     found: list[Numbers] = []
     for k, instant in enumerate(instants):
         given = (memory, *instant, constants)
@@ -89,7 +89,7 @@ def _call_with_floats(
 
 
 def _text(program: Program) -> list[Any]:
-    """Canonical text of a program, for comparison with another."""
+    """Text of a traced program that is equal for equal programs."""
     place = {node.index: k for k, node in enumerate((*program.inputs, *program.nodes))}
     lines: list[Any] = [(node.op, repr(node.value), *(place[arg.index] for arg in node.args)) for node in program.nodes]
     return [*lines, *(place[node.index] for node in program.outputs)]

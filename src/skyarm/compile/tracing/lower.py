@@ -1,4 +1,4 @@
-"""Lowering: rewrites functions such as sin and exp in basic operations, so that all engines compute the same bits.
+"""Lowering of sin, exp and other functions to basic operations, so that all simulators compute the same bits.
 
 A repetition is a loop in machine code, written out on every engine that has no loops. It keeps long programs short:
 twenty integration steps of a stiff joint cost the code of one. Its body may use any value from outside; what does not
@@ -19,7 +19,7 @@ from skyarm.records.leaves import blend, leaves, rebuild
 
 @dataclass(frozen=True, slots=True)
 class Lowered:
-    """Program that consists of basic operations only.
+    """Traced program that consists of basic operations only.
 
     Attributes:
         inputs: in order. nodes: live, in an order of evaluation. outputs: in order.
@@ -31,7 +31,7 @@ class Lowered:
 
 
 def lower(inputs: Sequence[Node], nodes: Sequence[Node], outputs: Sequence[Node]) -> Lowered:
-    """Rewrite a program in basic operations."""
+    """Rewrite a traced program in basic operations such as + and *."""
     target = Graph(loops=True)
     made: dict[int, Node] = {node.index: target.input(node.value) for node in inputs}
     for node in nodes:
@@ -68,7 +68,7 @@ def lower(inputs: Sequence[Node], nodes: Sequence[Node], outputs: Sequence[Node]
 
 
 def live(outputs: Sequence[Node]) -> list[Node]:
-    """Nodes that the outputs depend on, in order of creation."""
+    """List the operations that the outputs of a program depend on, in order of creation."""
     seen: dict[int, Node] = {}
     stack = list(outputs)
     while stack:
@@ -86,7 +86,7 @@ WRITTEN_OUT = 6000
 
 
 def repeat(count: int, function: Callable[[Record], Record], record: Record) -> Record:
-    """Apply ``function`` ``count`` times in succession, first to ``record``, then to each result.
+    """Apply ``function`` ``count`` times in succession, starting from ``record``, as a loop in the traced program.
 
     Raises:
         ValueError: the function returns a record with another number of scalars.
@@ -95,7 +95,7 @@ def repeat(count: int, function: Callable[[Record], Record], record: Record) -> 
 
 
 def repeat_while(count: int, rounds: Scalar, function: Callable[[Record], Record], record: Record) -> Record:
-    """Apply ``function`` to ``record``, ``rounds`` times, where ``rounds`` may be traced and differ between lanes.
+    """Apply ``function`` up to ``count`` times; the number of ``rounds`` may be traced and differ between lanes.
 
     Machine code makes as many rounds as the lane that asks for most, none where none asks; other lanes keep what they
     have. Where nothing can be skipped, ``count`` rounds are made.
@@ -115,7 +115,7 @@ def repeat_while(count: int, rounds: Scalar, function: Callable[[Record], Record
 
 
 def _repeat(count: int, function: Callable[[Record], Record], record: Record, until: int | None = None) -> Record:
-    """Apply a function repeatedly, by a loop where the engine has loops; ``until`` as of :meth:`Graph.repeat`."""
+    """Trace a loop over a function where the program may have loops; else apply the function ``count`` times."""
     graph = next((leaf.graph for leaf in leaves(record) if isinstance(leaf, Node)), None)
     if graph is not None and graph.loops and (count > 1 or until is not None):
         graph.loops = False
@@ -138,7 +138,7 @@ def _repeat(count: int, function: Callable[[Record], Record], record: Record, un
 
 
 def arrange(nodes: Iterable[Node]) -> list[tuple[Node, list[Node]]]:
-    """Nodes in order of evaluation, each with its loop body (empty for all but loops)."""
+    """Order the operations of a program for evaluation, each with its loop body (empty for all but loops)."""
     found: list[tuple[Node, list[Node]]] = []
     inside: dict[int, int] = {}
     bodies: dict[int, list[Node]] = {}
@@ -163,7 +163,7 @@ def arrange(nodes: Iterable[Node]) -> list[tuple[Node, list[Node]]]:
 
 
 def operations(nodes: Iterable[Node]) -> int:
-    """Number of operations in one evaluation; loop bodies count once per repetition."""
+    """Count the operations in one evaluation of a program; loop bodies count once per iteration."""
     quiet = ("input", "const", "item")
     found = 0
     for node, body in arrange(nodes):

@@ -1,4 +1,4 @@
-"""Tracing of functions of dataclasses into programs, and their translation to straight-line Python."""
+"""Tracing of functions of dataclasses into programs, and translation of programs to straight-line Python."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _SAFE = {"sqrt": floats.sqrt, "fabs": math.fabs, "div": floats.divide, **_BITS}
 
 
 class Program:
-    """A straight-line program: inputs, live nodes in order of evaluation, outputs.
+    """Straight-line program of a traced function: inputs, operations in order of evaluation, outputs.
 
     Calling it takes records shaped like the examples it was traced with and returns a record; :meth:`flat` takes and
     returns plain sequences and is the fast way in. Results equal those of the traced function on floats bit for bit.
@@ -41,7 +41,7 @@ class Program:
         self.flat: Callable[[Sequence[float]], tuple[float, ...]] = python_function(self.lowered)
 
     def __call__(self, *records: Any) -> Any:
-        """Evaluate on dataclasses of floats; raises ValueError if their structure differs from the examples."""
+        """Evaluate the program on dataclasses of floats that have the structure of the traced examples."""
         different = mismatch(self._examples, records, "arguments")
         if different:
             raise ValueError(f"{different}: integers, text and None are structure; trace again to change them")
@@ -53,12 +53,12 @@ class Program:
         return shaped_like(self._result, values)
 
     def operations(self) -> Counter[str]:
-        """Number of occurrences of each operation (constants and inputs not counted)."""
+        """Count the occurrences of each operation (constants and inputs not counted)."""
         return Counter(node.op for node in self.nodes if node.op not in ("input", "const"))
 
 
 def trace(function: Callable[..., Any], *examples: Any) -> Program:
-    """Trace ``function`` on nodes shaped like ``examples`` and return its program.
+    """Trace ``function`` on symbolic arguments shaped like ``examples`` and return its program.
 
     Args:
         function: takes records (dataclasses or tuples of scalars), returns one.
@@ -81,7 +81,7 @@ def _literal(value: Any) -> str:
 
 
 def _loop(block: Node, body: Sequence[Node], name: Callable[[Node], str], divide: str) -> list[str]:
-    """Python lines of a loop: loop variables are initialised, read by the body and updated all at once."""
+    """Lines of Python source of a loop over variables that are all updated at the end of an iteration."""
     count, slots, until = block.value
     held = ", ".join(f"v{slot.index}" for slot in slots)
     starts, ends = block.args[: len(slots)], block.args[len(slots) :]
@@ -107,7 +107,7 @@ def _expression(node: Node, name: Callable[[Node], str], divide: str) -> str:
 
 
 def python_source(program: Lowered, divide: str = "{0} / {1}", name: str = "program") -> str:
-    """Straight-line Python source of a program: one assignment per operation."""
+    """Straight-line Python source of a traced program: one assignment per operation."""
 
     def variable(node: Node) -> str:
         return f"({_literal(node.value)})" if node.op == "const" else f"v{node.index}"
@@ -125,7 +125,7 @@ def python_source(program: Lowered, divide: str = "{0} / {1}", name: str = "prog
 
 
 class _Once:
-    """External call that is made once per evaluation, even if the program is evaluated again with IEEE operations."""
+    """External function of a program that is called once even if the program has to be evaluated twice."""
 
     def __init__(self, function: Callable[..., Sequence[float]]) -> None:
         self._function = function
@@ -138,7 +138,7 @@ class _Once:
 
 
 def python_function(program: Lowered) -> Callable[[Sequence[float]], tuple[float, ...]]:
-    """Compile a program to a Python function that returns inf or NaN where Python floats would raise.
+    """Compile a traced program to a Python function that returns inf or NaN where Python floats would raise.
 
     ``math`` and ``/`` are faster than their IEEE versions but raise; on the first such case the same program is run
     once more with the IEEE versions, which give the same bits wherever both are defined.
@@ -168,7 +168,7 @@ def python_function(program: Lowered) -> Callable[[Sequence[float]], tuple[float
 
 @dataclass(frozen=True, slots=True)
 class Loop:
-    """Stepped program of basic operations: maps carry, parameters and an input row to the next carry and a log.
+    """Traced program of one step: from state, parameters and an input row to the next state and logged values.
 
     Inputs come in the order carry, parameters, row, uniforms; outputs are the next carry, then what may be logged.
 
@@ -190,7 +190,7 @@ class Loop:
     own_seeds: bool = False
 
     def stepper(self) -> Callable[[Any], tuple[float, ...]]:
-        """Python function of one step, which takes all inputs in order; the reference for all other engines."""
+        """Compile the step to a Python function of all inputs in order; the reference for all other simulators."""
         return python_function(self.program)
 
 
@@ -204,7 +204,7 @@ def trace_loop(
     loops: bool = False,
     own_seeds: bool = False,
 ) -> Loop:
-    """Trace the stepped program step(carry, parameters, row, uniforms) -> (carry, log).
+    """Trace one step (state, parameters, inputs, random numbers) -> (next state, logged values).
 
     Args:
         step: pure function of records; the carry it returns has the leaves of the one it takes.

@@ -1,4 +1,4 @@
-"""Hash-consing tracer: runs a function on nodes and records the straight-line program that it computes.
+"""Tracer: runs a function on symbolic values and records the straight-line program that it computes.
 
 Equal expressions become one node, so common subexpressions are shared; constants are folded by computing them with
 the same float functions; only rewritings that are exact in IEEE arithmetic are made (structural 0 and 1, signs).
@@ -41,7 +41,7 @@ class TracedBranchError(TypeError):
 
 
 def _caller() -> str:
-    """Source file and line of the user's code that misused a node."""
+    """Source file and line of the user's code that misused a symbolic value."""
     frame = sys._getframe(2)
     while frame.f_code.co_filename.startswith("<") and frame.f_back is not None:
         frame = frame.f_back  # the comparison that a dataclass generates
@@ -49,7 +49,7 @@ def _caller() -> str:
 
 
 class Node:
-    """Value of a traced program.
+    """Symbolic value of a traced program: an operation with its operands.
 
     Its operators fold an integer only where that is exact for every float (x - 0, x * 1, x / 1), so that a program
     keeps the bits of plain Python arithmetic; :mod:`skyarm.algebra.scalars.fold` folds structural zeros on every
@@ -150,7 +150,7 @@ class Node:
 
 
 class Graph:
-    """Graph of all nodes of one program, in order of creation, which is an order of evaluation.
+    """Graph of all symbolic values of a traced program, in order of creation.
 
     Args:
         loops: keep a repetition (:mod:`skyarm.compile.tracing.lower`) as a loop; else it is written out.
@@ -163,11 +163,11 @@ class Graph:
         self._known: dict[Any, Node] = {}
 
     def input(self, name: str) -> Node:
-        """Add a new input node."""
+        """Add an input to the traced program."""
         return self._make("input", (), name, ("input", name))
 
     def constant(self, value: Any) -> Node:
-        """Node of a constant number or truth value."""
+        """Symbolic value of a constant number or truth value."""
         if isinstance(value, bool) or getattr(getattr(value, "dtype", None), "kind", "") == "b":
             truth = bool(value)  # NumPy's is no bool, and would become 1.0
             return self._make("const", (), truth, ("bool", truth))
@@ -177,7 +177,7 @@ class Graph:
         return self._make("const", (), number, number if plain else ("const", struct.pack("<d", number)))
 
     def lift(self, value: Any) -> Node:
-        """Convert any scalar to a node of this graph."""
+        """Convert any scalar to a symbolic value of this graph."""
         if isinstance(value, Node):
             if value.graph is not self:
                 raise TypeError("a value of another trace reached this one: pass it as an argument")
@@ -185,7 +185,7 @@ class Graph:
         return self.constant(value)
 
     def call(self, op: str, *values: Any) -> Node:
-        """Node of an operation; an equal existing node is reused, and constants are folded."""
+        """Symbolic value of an operation; equal operations are shared, and constants are folded."""
         # lists, not generators: this runs ten thousand times a trace
         args = [self.lift(value) for value in values]
         if len(args) == 2:
@@ -197,7 +197,7 @@ class Graph:
         return self._make(op, tuple(args), None, (op, *[arg.index for arg in args]))
 
     def _pair(self, op: str, x: Node, y: Node) -> Node:
-        """Node of an operation with two operands of this graph (the most frequent case, kept short for speed)."""
+        """Symbolic value of an operation with two operands (the most frequent case, kept short for speed)."""
         if x.op == "const" and y.op == "const":
             return self.constant(FOLD[op](x.value, y.value))
         if y.index < x.index and op in _COMMUTATIVE:
@@ -239,7 +239,7 @@ class Graph:
         return x.args[0] if x.op == "neg" else self.call("neg", x)
 
     def slot(self) -> Node:
-        """Add a loop variable (slot): the start value at first, then the value of the previous iteration."""
+        """Add a loop variable: the start value at first, then the value of the previous iteration."""
         return self._make("slot", (), self._loops_made, ("slot", len(self.nodes)))
 
     def repeat(
@@ -261,7 +261,7 @@ class Graph:
     def external(
         self, function: Callable[..., Sequence[float]], groups: Sequence[Sequence[Any]], count: int
     ) -> list[Node]:
-        """Add a call of a Python function of floats, not available in machine code; return ``count`` results.
+        """Add a call of a Python function of floats, which machine code does not have; return ``count`` results.
 
         Calls are made in the order of their tracing. ``function`` takes one tuple for each group.
         """
@@ -271,7 +271,7 @@ class Graph:
         return [self.result(block, k) for k in range(count)]
 
     def result(self, call: Node, k: int) -> Node:
-        """Node of result ``k`` of an external call."""
+        """Symbolic value of result ``k`` of a call of a Python function."""
         return self._make("result", (call,), k, ("result", call.index, k))
 
     def _make(self, op: str, args: tuple[Node, ...], value: Any, key: Any) -> Node:
@@ -283,7 +283,7 @@ class Graph:
 
 
 class _NodeFunctions:
-    """Functions of :mod:`skyarm.algebra.scalars` on nodes of a traced program."""
+    """Scalar functions such as sin and where on symbolic values of a traced program."""
 
     @staticmethod
     def _graph(*values: Any) -> Graph:

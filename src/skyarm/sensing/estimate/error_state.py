@@ -35,7 +35,7 @@ def diagonal(variances: Sequence[Scalar]) -> Covariance:
 
 
 def entry(P: Covariance, i: int, j: int) -> Any:
-    """Entry P[i][j] of a symmetric matrix that is stored as its lower triangle."""
+    """Element P[i][j] of a symmetric matrix that is stored as its lower triangle."""
     return P[i][j] if j <= i else P[j][i]
 
 
@@ -120,7 +120,7 @@ def gate_of(deviations: Scalar, count: int) -> Any:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Navigated:
-    """Nominal state of the filter at an instant."""
+    """Nominal state of the filter: position, velocity, attitude, biases, unmodelled acceleration."""
 
     position: Annotated[Vec3, Unit("m", "base origin, world axes")]
     velocity: Annotated[Vec3, Unit("m/s", "base origin, world axes")]
@@ -213,7 +213,7 @@ def turn_between(believed: Quaternion, read: Quaternion) -> tuple[Scalar, Scalar
 
 
 def _of_heading(R: Mat3, heading: Scalar, variance: Scalar) -> ScalarInnovation:
-    """Innovation of a heading (yaw of the base's x axis), rad, between -pi and pi.
+    """Innovation of a measured heading (yaw of the base's x axis), rad, between -pi and pi.
 
     A small rotation e (world axes) moves the axis by e x axis: its yaw by e_z - z (x e_x + y e_y) / (x^2 + y^2).
     """
@@ -225,7 +225,7 @@ def _of_heading(R: Mat3, heading: Scalar, variance: Scalar) -> ScalarInnovation:
 
 
 def of_specific_force(belief: Navigated, measured: Vec3, modelled: Vec3, variance: Scalar) -> list[ScalarInnovation]:
-    """Innovations of an accelerometer against the modelled specific force, due to external force and bias.
+    """Innovations of the accelerometer against the specific force that the vehicle model predicts.
 
     The push d stands in world axes: an attitude's error e turns R^T d by R^T (d x e).
     """

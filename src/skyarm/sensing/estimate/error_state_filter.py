@@ -56,10 +56,10 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ErrorStateFilter(FilterNumbers):
-    """Error-state Kalman filter with its sensor model and the controller's nominal vehicle."""
+    """Error-state Kalman filter of position, velocity, attitude and biases from inertial and aiding sensors."""
 
     def believing(self, vehicle: Vehicle, gravity: Scalar) -> ErrorStateFilter:
-        """Filter that uses the controller's nominal vehicle and gravity (m/s^2) as its model."""
+        """Filter that uses the given nominal vehicle and gravity (m/s^2) as its model."""
         return replace(self, vehicle=vehicle, gravity=gravity if self.gravity is None else self.gravity)
 
     def start(self, vehicle: Vehicle) -> FilterMemory:
@@ -83,7 +83,7 @@ class ErrorStateFilter(FilterNumbers):
     def step(
         self, memory: FilterMemory, readings: Mapping[str, Any], command: Command, dt: float
     ) -> tuple[FilterMemory, Measurement]:
-        """Process the arrived readings; return the next filter state and the estimate of the present state."""
+        """Process the readings that arrived; return the next filter state and the estimate of the present."""
         started = memory.started > 0.5
         imu, encoders = only(ImuReading, readings), only(EncoderReading, readings)
         arrived = [only(kind, readings) for kind in AIDS[self.aiding]]
@@ -108,7 +108,7 @@ class ErrorStateFilter(FilterNumbers):
     def _advance_rotors(
         self, memory: FilterMemory, imu: ImuReading, command: Command, started: Scalar, dt: Scalar
     ) -> FilterMemory:
-        """Filter state with modelled rotor speeds, and specific force if used, after one period."""
+        """Advance the modelled rotor speeds, and the modelled specific force if used, by a period."""
         if self.vehicle is None:
             raise RecordError("vehicle: must be given, by believing(vehicle, gravity)")
         turned = speeds_after(self.vehicle.rotors, memory.rotor_speeds, command.rotor_speeds, dt)
@@ -182,7 +182,7 @@ class ErrorStateFilter(FilterNumbers):
 def _apply_innovations(
     belief: Navigated, P: Covariance, rows: Sequence[ScalarInnovation], due: Scalar, allowed: Scalar
 ) -> tuple[Navigated, Covariance, Any]:
-    """Kalman update by scalar innovations that are due and pass the gate; also returns the test value."""
+    """Kalman update by the innovations of a reading if it is due and passes the gate; returns the test value too."""
     error: list[Any] = [0] * len(P)
     after, surprise = P, 0
     for row in rows:

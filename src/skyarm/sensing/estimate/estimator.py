@@ -1,4 +1,4 @@
-"""Interface of estimators, which turn the sensors' readings into the law's measurement."""
+"""Interface of estimators, which turn the sensors' readings into the measurement of the control law."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ FULL_STATE = "state"
 
 
 class Estimator:
-    """Base of the estimators, which compute the law's measurement from all readings.
+    """Base of the estimators, which compute the measurement of the control law from all readings.
 
     A subclass is a frozen dataclass of numbers with pure, traceable functions.
     """
@@ -25,7 +25,7 @@ class Estimator:
     __slots__ = ()
 
     def believing(self, vehicle: Vehicle, gravity: Scalar) -> Estimator:
-        """Estimator that uses the controller's nominal vehicle and gravity (m/s^2) as its model.
+        """Estimator that uses the given nominal vehicle and gravity (m/s^2) as its model.
 
         The loop steps what this returns.
         """
@@ -51,7 +51,7 @@ class Estimator:
         return ()
 
     def step(self, memory: Any, readings: Mapping[str, Any], command: Command, dt: float) -> tuple[Any, Measurement]:
-        """Return the next internal state and the measurement of the law, once per control period.
+        """Return the next internal state and the measurement of the control law, once per control period.
 
         Args:
             memory: after the last period.
@@ -64,7 +64,7 @@ class Estimator:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PassThrough(Estimator):
-    """Estimator that passes the full-state reading to the law unchanged."""
+    """Estimator that passes the full-state reading to the control law unchanged."""
 
     def step(self, memory: Any, readings: Mapping[str, Any], command: Command, dt: float) -> tuple[Any, Measurement]:
         """Return the full-state reading as the measurement, and the internal state unchanged."""

@@ -1,4 +1,4 @@
-"""Parameters and internal state of the error-state filter, required sensors, initial state and process noise."""
+"""Error-state filter: parameters, internal state, required sensors, initial state and process noise."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ BLANK_BELIEF = Navigated(
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FilterMemory:
-    """Internal state of the error-state filter: estimate, covariance and delay queues of readings.
+    """Internal state of the error-state filter: estimate, covariance and queues of past readings.
 
     Attributes:
         started: 1 after the first readings.
@@ -87,7 +87,7 @@ class FilterMemory:
 
     @property
     def yaw_deviation(self) -> Scalar:
-        """Standard deviation of the heading, rad; it grows while no reading observes the heading."""
+        """Standard deviation of the heading, rad, which grows while no sensor measures the heading."""
         return sqrt(self.covariance[ATTITUDE + 2][ATTITUDE + 2])
 
     @property
@@ -97,7 +97,7 @@ class FilterMemory:
 
 
 def in_turn(queue: Sequence[Any], after: Scalar, until: Scalar) -> tuple[Any, Any]:
-    """Flag whether a queue has a reading with a time stamp in (after, until], and that reading."""
+    """Find the reading in a queue whose time stamp is in (after, until]; returns a flag and the reading."""
     reading, found = queue[0], due_between(queue[0].time, after, until)
     for each in queue[1:]:
         due = due_between(each.time, after, until)
@@ -119,12 +119,12 @@ NEEDED: Mapping[str, tuple[type, ...]] = {
 
 
 def only(kind: type, readings: Mapping[str, Any]) -> Any:
-    """First reading of a sensor type; None without such a reading."""
+    """First reading of a given type among the readings; None without such a reading."""
     return next((each for each in readings.values() if isinstance(each, kind)), None)
 
 
 def require_filter_sensors(sensors: Mapping[str, Sensor], aiding: str, lag: float, joints: int) -> None:
-    """Refuse missing, duplicate or too late sensors of the filter.
+    """Refuse sensors that are missing, there twice, or too late for the error-state filter.
 
     Args:
         sensors: all but the full state, by name.
@@ -164,7 +164,7 @@ FORCES = ("measured", "modelled")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FilterNumbers(Estimator):
-    """Parameters of the filter, including its model of the sensors, independent of the simulated sensors.
+    """Parameters of the error-state filter: its own model of the sensors' noise, gates, initial deviations.
 
     Attributes:
         aiding: "pose", "position" or "position_heading": the readings that correct the inertial unit's.
@@ -219,12 +219,12 @@ class FilterNumbers(Estimator):
         return self.force == "modelled"
 
     def require_sensors(self, sensors: Mapping[str, Sensor], rate: float, vehicle: Vehicle) -> None:
-        """Require an inertial unit, aiding sensors and (for joints) encoders, with delays that the filter covers."""
+        """Refuse sensors that the filter cannot use or whose delays the filter does not cover."""
         self.require_torques(vehicle.name, {each.name: each.drive for each in vehicle.drives})
         require_filter_sensors(sensors, self.aiding, self.delay_periods / rate, vehicle.n)
 
     def require_torques(self, vehicle: str, drives: Mapping[str, Any]) -> None:
-        """Refuse force = "modelled" for a joint whose setpoint is not a torque; ``drives`` by joint.
+        """Refuse the modelled specific force for joints whose drives take no torque setpoint.
 
         Raises:
             ValueError: one line with the joint.
@@ -248,7 +248,7 @@ class FilterNumbers(Estimator):
         return diagonal([each * each for each in parts])
 
     def first_belief(self, blank: Navigated, imu: ImuReading, arrived: Sequence[Any]) -> Navigated:
-        """Initial nominal state at rest, from the first readings; without a pose, levelled by the accelerometer."""
+        """Initial estimate at rest from the first readings; without a pose, levelled by the accelerometer."""
         if self.aiding == "pose":
             return replace(blank, position=arrived[0].position, quaternion=arrived[0].quaternion)
         heading = arrived[1].heading if self.aiding == "position_heading" else self.start_heading

@@ -1,4 +1,4 @@
-"""Vehicle models of the error-state filter: joint rates from encoders, and the specific force.
+"""Joint-rate filter of the encoders, and specific force by the vehicle model, for the error-state filter.
 
 Joint rates come from a critically damped filter of position and rate. Between readings a joint goes on at its rate; a
 reading pulls position and rate towards itself by g = 1 - b^2 and h / dt = (1 - b)^2 / dt with b = exp(-bandwidth dt):
@@ -30,7 +30,7 @@ from skyarm.world import body_drag
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FilteredJoints:
-    """Filtered joint positions and rates with their time stamps.
+    """Filtered joint positions and rates with the instants to which they belong.
 
     Attributes:
         joints, rates: at the instant ``now``.
@@ -48,7 +48,7 @@ class FilteredJoints:
 def filter_joints(
     memory: FilteredJoints, reading: EncoderReading, started: Scalar, bandwidth: Scalar, inertial: Scalar, dt: Scalar
 ) -> FilteredJoints:
-    """Filter the joint positions and rates over one period, by the latest encoder reading.
+    """Advance the filter of joint positions and rates by one period, with the latest encoder reading.
 
     Args:
         memory: one period earlier.
@@ -87,7 +87,7 @@ def modelled_force(
     speeds: tuple[Sequence[Any], Sequence[Any]],
     efforts: Sequence[Scalar],
 ) -> Vec3:
-    """Modelled specific force of the base, mean over a period, base axes, m/s^2, in still air.
+    """Specific force of the base by the vehicle model in still air, mean over a period, base axes, m/s^2.
 
     With rotors, drag of the airframe, joints with their friction and stops; without the torque of rotors that spin up.
 
