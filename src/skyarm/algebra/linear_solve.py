@@ -9,7 +9,7 @@ from skyarm.algebra.scalars import Scalar, divide, mul, sub
 
 
 def ldl_solve(A: Sequence[Sequence[Any]], b: Sequence[Any]) -> list[Scalar]:
-    """Solve A x = b for a symmetric positive definite A (its lower triangle is read), without pivoting.
+    """Solve A x = b for a symmetric positive definite matrix A, whose lower triangle is read.
 
     Unknowns that structural zeros keep apart are solved apart. A = L D L^T column by column; the last two unknowns
     together by their determinant, one division for two that would wait for each other. An indefinite A gives the
@@ -25,7 +25,7 @@ def ldl_solve(A: Sequence[Sequence[Any]], b: Sequence[Any]) -> list[Scalar]:
 
 
 def _groups(A: Sequence[Sequence[Any]]) -> list[list[int]]:
-    """Index groups of unknowns that are coupled directly or indirectly."""
+    """Groups of unknowns of a linear system that are coupled directly or indirectly."""
     groups: list[list[int]] = []
     for i, row in enumerate(A):
         coupled = [g for g in groups if any(not (type(row[j]) is int and row[j] == 0) for j in g)]
@@ -35,7 +35,7 @@ def _groups(A: Sequence[Sequence[Any]]) -> list[list[int]]:
 
 
 def _solve_group(A: list[list[Any]], b: list[Any]) -> list[Scalar]:
-    """Solve one coupled system in place; its matrix and right-hand side are overwritten."""
+    """Solve one coupled system of linear equations in place."""
     n = len(b)
     first = max(0, n - 2)
     L: list[list[Any]] = [[0] * n for _ in range(n)]
@@ -56,7 +56,7 @@ def _solve_group(A: list[list[Any]], b: list[Any]) -> list[Scalar]:
 
 
 def _solve_two(A: list[list[Any]], b: list[Any]) -> list[Scalar]:
-    """Solve for the last two unknowns of a reduced system by their determinant."""
+    """Solve a linear system for its last two unknowns by their determinant."""
     p, q, r = A[-2][-2], A[-1][-2], A[-1][-1]
     inverse = divide(1.0, sub(mul(p, r), mul(q, q)))
     return [

@@ -41,16 +41,16 @@ class Mat3(ArrayLike):
 
     @property
     def rows(self) -> tuple[Vec3, Vec3, Vec3]:
-        """The three rows."""
+        """Three rows of the matrix."""
         return self.r0, self.r1, self.r2
 
     @property
     def T(self) -> Mat3:
-        """Transpose."""
+        """Transposed matrix."""
         return Mat3.columns(self.r0, self.r1, self.r2)
 
     def column(self, j: int) -> Vec3:
-        """Column j."""
+        """Column ``j`` of the matrix."""
         x, y, z = (tuple(row)[j] for row in self.rows)
         return Vec3(x, y, z)
 
@@ -59,19 +59,19 @@ class Mat3(ArrayLike):
         return (self.r0, self.r1, self.r2)[index]
 
     def __add__(self, other: Mat3) -> Mat3:
-        """Sum."""
+        """Sum of two matrices."""
         return Mat3(self.r0 + other.r0, self.r1 + other.r1, self.r2 + other.r2)
 
     def __sub__(self, other: Mat3) -> Mat3:
-        """Difference."""
+        """Difference of two matrices."""
         return Mat3(self.r0 - other.r0, self.r1 - other.r1, self.r2 - other.r2)
 
     def __neg__(self) -> Mat3:
-        """Negation."""
+        """Negated matrix."""
         return Mat3(-self.r0, -self.r1, -self.r2)
 
     def __mul__(self, scalar: Scalar) -> Mat3:
-        """Product with a scalar."""
+        """Product of the matrix with a scalar."""
         return Mat3(self.r0 * scalar, self.r1 * scalar, self.r2 * scalar)
 
     __rmul__ = __mul__
@@ -82,21 +82,21 @@ class Mat3(ArrayLike):
         return Mat3(*(Vec3(row.dot(t.r0), row.dot(t.r1), row.dot(t.r2)) for row in self.rows))
 
     def apply(self, v: Vec3) -> Vec3:
-        """Matrix times column."""
+        """Product of the matrix and a column vector."""
         return Vec3(self.r0.dot(v), self.r1.dot(v), self.r2.dot(v))
 
     def apply_T(self, v: Vec3) -> Vec3:
-        """Transposed matrix times column."""
+        """Product of the transposed matrix and a column vector."""
         return self.r0 * v.x + self.r1 * v.y + self.r2 * v.z
 
     def cleared_row(self, i: int) -> Mat3:
-        """Matrix with one row replaced by constant (int) zeros."""
+        """Matrix with row ``i`` replaced by constant zeros."""
         rows = list(self.rows)
         rows[i] = Vec3(0, 0, 0)
         return Mat3(*rows)
 
     def turning_axis(self) -> int | None:
-        """Index of the coordinate axis if this is a rotation about x, y or z by a variable angle; else None.
+        """Index of the axis x, y or z about which a rotation by a variable angle turns; None for other matrices.
 
         A rotation of structural entries only, as the identity, is none: it folds away by itself.
         """
@@ -109,7 +109,7 @@ class Mat3(ArrayLike):
         return None
 
     def rotate(self, R: Mat3) -> Mat3:
-        """Rotated tensor R A R^T, computed in half the operations if R is about a coordinate axis."""
+        """Rotated tensor R A R^T, cheaper for a rotation about a coordinate axis."""
         k = R.turning_axis()
         if k is None:
             return R @ self @ R.T
@@ -143,7 +143,7 @@ class Sym3:
 
     @classmethod
     def from_numbers(cls, xx: float, yy: float, zz: float, xy: float = 0.0, xz: float = 0.0, yz: float = 0.0) -> Sym3:
-        """Symmetric matrix from plain numbers; exact zeros become compile-time constants, all others stay variable."""
+        """Symmetric matrix from plain numbers; exact zeros become compile-time constants."""
         return cls(*(0 if value == 0.0 else float(value) for value in (xx, yy, zz, xy, xz, yz)))
 
     @classmethod
@@ -158,43 +158,43 @@ class Sym3:
 
     @classmethod
     def parallel_axis(cls, mass: Any, c: Vec3) -> Sym3:
-        """Return m S(c)^T S(c), the inertia of a point mass at ``c`` (parallel-axis theorem)."""
+        """Inertia of a point mass at ``c`` about the origin, m S(c)^T S(c) (parallel-axis theorem)."""
         mx, my, mz = c * mass
         xx, yy, zz = mul(mx, c.x), mul(my, c.y), mul(mz, c.z)
         return cls(add(yy, zz), add(xx, zz), add(xx, yy), neg(mul(mx, c.y)), neg(mul(mx, c.z)), neg(mul(my, c.z)))
 
     @property
     def entries(self) -> tuple[Any, Any, Any, Any, Any, Any]:
-        """Six entries xx, yy, zz, xy, xz, yz."""
+        """Six entries xx, yy, zz, xy, xz, yz of the symmetric matrix."""
         return self.xx, self.yy, self.zz, self.xy, self.xz, self.yz
 
     def full(self) -> Mat3:
-        """Convert to a general 3x3 matrix."""
+        """Convert the symmetric matrix to a general 3x3 matrix."""
         return Mat3(Vec3(self.xx, self.xy, self.xz), Vec3(self.xy, self.yy, self.yz), Vec3(self.xz, self.yz, self.zz))
 
     def __add__(self, other: Sym3) -> Sym3:
-        """Sum."""
+        """Sum of two symmetric matrices."""
         return Sym3(*(add(a, b) for a, b in zip(self.entries, other.entries, strict=True)))
 
     def __sub__(self, other: Sym3) -> Sym3:
-        """Difference."""
+        """Difference of two symmetric matrices."""
         return Sym3(*(sub(a, b) for a, b in zip(self.entries, other.entries, strict=True)))
 
     def __mul__(self, scalar: Any) -> Sym3:
-        """Product with a scalar."""
+        """Product of the matrix with a scalar."""
         return Sym3(*(mul(a, scalar) for a in self.entries))
 
     def apply(self, v: Vec3) -> Vec3:
-        """Matrix times column."""
+        """Product of the matrix and a column vector."""
         return self.full().apply(v)
 
     def clear_axis(self, i: int) -> Sym3:
-        """Matrix with the row and column of one axis replaced by constant (int) zeros."""
+        """Symmetric matrix with row and column ``i`` replaced by constant zeros."""
         full = self.full().cleared_row(i)
         return Sym3.of_matrix(full.T.cleared_row(i).T)
 
     def rotate(self, R: Mat3) -> Sym3:
-        """Rotated tensor R A R^T, computed in a third of the operations if R is about a coordinate axis."""
+        """Rotated tensor R A R^T, cheaper for a rotation about a coordinate axis."""
         if R.turning_axis() is not None:
             return Sym3.of_matrix(self.full().rotate(R))
         a = self.full() @ R.T
@@ -210,7 +210,7 @@ _OTHERS = ((1, 2), (2, 0), (0, 1))
 def _turn(
     first: Scalar, second: Scalar, above: Scalar, below: Scalar, c: Scalar, s: Scalar
 ) -> tuple[Scalar, Scalar, Scalar, Scalar]:
-    """Entries xx, yy, xy, yx of a 2x2 tensor rotated by the angle with cosine c and sine s.
+    """Entries xx, yy, xy, yx of a 2x2 tensor rotated by an angle of given cosine and sine.
 
     What is not symmetric and the trace stay; the rest turns by the double angle, which is c and s applied in turn.
     """
@@ -220,7 +220,7 @@ def _turn(
 
 
 def _turned_pair(x: Scalar, y: Scalar, c: Scalar, s: Scalar) -> tuple[Scalar, Scalar]:
-    """Planar vector rotated by the angle with cosine c and sine s."""
+    """Planar vector rotated by an angle of given cosine and sine."""
     return sub(mul(c, x), mul(s, y)), add(mul(s, x), mul(c, y))
 
 

@@ -29,19 +29,19 @@ def slopes(xs: Sequence[Scalar], ys: Sequence[Scalar]) -> list[Scalar]:
 
 
 def _end(h0: Scalar, h1: Scalar, d0: Scalar, d1: Scalar) -> Scalar:
-    """PCHIP end slope: that of a parabola through three points, at least zero."""
+    """Slope at the end of a monotone interpolation: that of a parabola through three points, at least zero."""
     return maximum(divide((2.0 * h0 + h1) * d0 - h0 * d1, h0 + h1), 0.0)
 
 
 def curve(x: Scalar, xs: Sequence[Scalar], ys: Sequence[Scalar]) -> Scalar:
-    """Interpolated value at ``x``: linear beyond the last point, constant before the first."""
+    """Interpolated value at ``x``; linear beyond the last point, constant before the first."""
     start, width, low, rise, before, after, last = _piece(x, xs, ys, xs)
     t = clip(divide(x - start, width), 0.0, 1.0)
     return low + _cubic(t, rise, before, after) + last * maximum(x - xs[-1], 0.0)
 
 
 def inverse_curve(y: Scalar, xs: Sequence[Scalar], ys: Sequence[Scalar]) -> Scalar:
-    """Argument at which the curve reaches ``y``; the first point if ``y`` is below it, linear beyond the last."""
+    """Argument at which the interpolated curve reaches ``y``; linear beyond the last point."""
     start, width, low, rise, before, after, last = _piece(y, xs, ys, ys)
     wanted = clip(y - low, 0.0, rise)
     t, bottom, top = divide(wanted, rise), 0.0 * wanted, 0.0 * wanted + 1.0
@@ -62,7 +62,7 @@ def _cubic(t: Scalar, rise: Scalar, before: Scalar, after: Scalar) -> Scalar:
 
 
 def _piece(at: Scalar, xs: Sequence[Scalar], ys: Sequence[Scalar], knots: Sequence[Scalar]) -> tuple[Scalar, ...]:
-    """Curve piece that contains ``at``: start, width, value, rise and end slopes; and the curve's last slope."""
+    """Interval of an interpolated curve that contains ``at``: start, width, value, rise and slopes at both ends."""
     d = slopes(xs, ys)
     rows = [
         (x0, x1 - x0, y0, y1 - y0, d0 * (x1 - x0), d1 * (x1 - x0))

@@ -19,7 +19,7 @@ COSINE = (1.0, -1 / 2, 1 / 24, -1 / 720, 1 / 40320, -1 / 3628800, 1 / 479001600)
 
 @dataclass(frozen=True, slots=True)
 class Quaternion(ArrayLike):
-    """A Hamilton quaternion w + xi + yj + zk; q and -q are the same attitude."""
+    """Hamilton quaternion w + xi + yj + zk; q and -q are the same attitude."""
 
     w: Scalar
     x: Scalar
@@ -28,7 +28,7 @@ class Quaternion(ArrayLike):
 
     @classmethod
     def of_rotation_vector(cls, v: Vec3) -> Quaternion:
-        """Quaternion of the rotation by |v| rad about v; value and derivative are smooth at zero."""
+        """Quaternion of the rotation by |v| rad about v, smooth at zero."""
         angle_squared = v.dot(v)
         small = angle_squared < 1e-8
         # the root never sees zero, where its derivative is infinite and would turn the gradient into NaN
@@ -40,7 +40,7 @@ class Quaternion(ArrayLike):
 
     @classmethod
     def of_small_rotation(cls, rate: Vec3, seconds: Scalar = 1.0) -> Quaternion:
-        """Quaternion of the small rotation ``rate * seconds`` of an integration step; cheaper than the general one.
+        """Quaternion of the rotation ``rate * seconds`` in an integration step, by short series.
 
         Series of sine and cosine of a quarter of the angle, doubled once: no square root, no division, no branch. Off
         by 1e-17 at 1 rad, 1e-11 at 3 rad and 2e-5 at 10 rad a step.
@@ -58,7 +58,7 @@ class Quaternion(ArrayLike):
         return cls(1.0 - (sine * sine) * (0.5 * square), factor * rate.x, factor * rate.y, factor * rate.z)
 
     def __iter__(self) -> Iterator[Any]:
-        """Iterate over w, x, y, z."""
+        """Iterate over the components w, x, y, z."""
         return iter((self.w, self.x, self.y, self.z))
 
     def __getitem__(self, index: Any) -> Any:
@@ -66,7 +66,7 @@ class Quaternion(ArrayLike):
         return (self.w, self.x, self.y, self.z)[index]
 
     def __mul__(self, other: Quaternion) -> Quaternion:
-        """Hamilton product: the rotation ``other`` followed by ``self``."""
+        """Product of two quaternions, the rotation ``other`` followed by ``self``."""
         a, b = self, other
         return Quaternion(
             a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z,
@@ -76,24 +76,24 @@ class Quaternion(ArrayLike):
         )
 
     def plus(self, other: Quaternion, factor: Any) -> Quaternion:
-        """Return self + factor * other, not normalised (Runge-Kutta stages)."""
+        """Sum ``self`` + ``factor`` * ``other``, not normalised, for Runge-Kutta stages."""
         a, b = self, other
         return Quaternion(a.w + factor * b.w, a.x + factor * b.x, a.y + factor * b.y, a.z + factor * b.z)
 
     def renormalized(self) -> Quaternion:
-        """Return a quaternion of nearly unit length, renormalised by one Newton step."""
-        return self._scaled(1.5 - 0.5 * self._square())
+        """Quaternion of nearly unit length, brought closer to it by one Newton step."""
+        return self._scale(1.5 - 0.5 * self._square())
 
     def normalized(self) -> Quaternion:
-        """Return the quaternion divided by its length; NaN for zero."""
-        return self._scaled(divide(1.0, sqrt(self._square())))
+        """Quaternion divided by its length; NaN for zero."""
+        return self._scale(divide(1.0, sqrt(self._square())))
 
     def _square(self) -> Scalar:
-        """Squared length."""
+        """Squared length of the quaternion."""
         return self.w * self.w + self.x * self.x + self.y * self.y + self.z * self.z
 
-    def _scaled(self, scale: Scalar) -> Quaternion:
-        """Product with a scalar."""
+    def _scale(self, scale: Scalar) -> Quaternion:
+        """Product of the quaternion with a scalar."""
         return Quaternion(self.w * scale, self.x * scale, self.y * scale, self.z * scale)
 
     def rotation(self) -> Mat3:
@@ -109,7 +109,7 @@ class Quaternion(ArrayLike):
         )
 
     def derivative(self, w_B: Vec3) -> Quaternion:
-        """Return the time derivative 1/2 q o (0, w_B) for a body rate w_B."""
+        """Time derivative 1/2 q o (0, w_B) of the attitude for a body rate ``w_B``."""
         w, x, y, z = self
         p, q, r = w_B
         return Quaternion(

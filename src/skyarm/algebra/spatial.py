@@ -17,25 +17,25 @@ from skyarm.algebra.vector import Vec3
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """Spatial motion vector: angular and linear acceleration (or joint direction) at a frame's origin."""
+    """Spatial motion vector: angular and linear acceleration (or joint direction) at the origin of a frame."""
 
     angular: Vec3
     linear: Vec3
 
     def __add__(self, other: Motion) -> Motion:
-        """Sum."""
+        """Sum of two spatial motions."""
         return Motion(self.angular + other.angular, self.linear + other.linear)
 
     def __mul__(self, scalar: Any) -> Motion:
-        """Product with a scalar."""
+        """Product of the spatial motion with a scalar."""
         return Motion(self.angular * scalar, self.linear * scalar)
 
     def dot(self, force: Force) -> Any:
-        """Power of a spatial force along this motion."""
+        """Power of a spatial force along this spatial motion."""
         return add(self.angular.dot(force.torque), self.linear.dot(force.force))
 
     def into_child(self, R_PC: Mat3, p_PC: Vec3) -> Motion:
-        """Transform the motion to the child's origin and axes."""
+        """Spatial motion in the axes and at the origin of the child link."""
         return Motion(R_PC.apply_T(self.angular), R_PC.apply_T(self.linear + self.angular.cross(p_PC)))
 
 
@@ -47,15 +47,15 @@ class Force:
     force: Vec3
 
     def __add__(self, other: Force) -> Force:
-        """Sum."""
+        """Sum of two spatial forces."""
         return Force(self.torque + other.torque, self.force + other.force)
 
     def __sub__(self, other: Force) -> Force:
-        """Difference."""
+        """Difference of two spatial forces."""
         return Force(self.torque - other.torque, self.force - other.force)
 
     def __mul__(self, scalar: Any) -> Force:
-        """Product with a scalar."""
+        """Product of the spatial force with a scalar."""
         return Force(self.torque * scalar, self.force * scalar)
 
     def at_origin(self, p: Vec3) -> Force:
@@ -63,13 +63,13 @@ class Force:
         return Force(self.torque + p.cross(self.force), self.force)
 
     def into_parent(self, R_PC: Mat3, p_PC: Vec3) -> Force:
-        """Transform the force to the parent's origin and axes."""
+        """Spatial force in the axes and about the origin of the parent link."""
         force = R_PC.apply(self.force)
         return Force(R_PC.apply(self.torque) + p_PC.cross(force), force)
 
 
 def centripetal(w: Vec3, r: Vec3) -> Vec3:
-    """Centripetal acceleration w x (w x r), computed from products of the rates."""
+    """Centripetal acceleration w x (w x r)."""
     p, q, s = w
     pq, qs, ps = mul(p, q), mul(q, s), mul(p, s)
     pp, qq, ss = mul(p, p), mul(q, q), mul(s, s)
@@ -98,7 +98,7 @@ class SpatialInertia:
         return SpatialInertia(add(self.mass, other.mass), self.moment + other.moment, self.inertia + other.inertia)
 
     def apply(self, a: Motion) -> Force:
-        """Spatial force that gives a body at rest the acceleration ``a``."""
+        """Spatial force that accelerates a body at rest by the spatial acceleration ``a``."""
         return Force(
             self.inertia.apply(a.angular) + self.moment.cross(a.linear),
             a.linear * self.mass + a.angular.cross(self.moment),
@@ -125,7 +125,7 @@ class SpatialInertia:
         return SpatialInertia(self.mass, R.apply(self.moment), self.inertia.rotate(R))
 
     def into_parent(self, R_PC: Mat3, p_PC: Vec3) -> SpatialInertia:
-        """Transform the inertia to the parent's origin and axes.
+        """Spatial inertia in the axes and about the origin of the parent link.
 
         I' = R I R^T + S(h)^T S(p) + S(p)^T S(h) + m S(p)^T S(p) with h = R m c, which needs no division by the mass.
         """
@@ -136,12 +136,12 @@ class SpatialInertia:
         )
 
     def as_articulated(self) -> ArticulatedInertia:
-        """Articulated inertia of this single body."""
+        """Articulated inertia of this single rigid body."""
         return ArticulatedInertia(self.inertia, Mat3.cross(self.moment), Sym3.isotropic(self.mass))
 
 
 def _steiner(a: Vec3, b: Vec3) -> Sym3:
-    """Upper triangle of the product S(a)^T S(b) = (a.b) 1 - b a^T."""
+    """Symmetric matrix from the upper triangle of S(a)^T S(b), with cross-product matrices S."""
     m = Mat3.cross(a).T @ Mat3.cross(b)
     return Sym3.of_matrix(m)
 
@@ -159,13 +159,13 @@ class ArticulatedInertia:
         return ArticulatedInertia(self.J + other.J, self.H + other.H, self.M + other.M)
 
     def apply(self, a: Motion) -> Force:
-        """Spatial force that gives the acceleration ``a`` while the outer joints move freely."""
+        """Spatial force that gives the spatial acceleration ``a`` while the outer joints move freely."""
         return Force(
             self.J.apply(a.angular) + self.H.apply(a.linear), self.H.apply_T(a.angular) + self.M.apply(a.linear)
         )
 
     def without(self, S: Motion, U: Force, inverse_d: Any, *, free: bool = True) -> ArticulatedInertia:
-        """Articulated inertia without the joint direction S: self - U U^T / d, U = self S, d = S.U + drive inertia.
+        """Articulated inertia without the free direction of a joint, self - U U^T / d.
 
         A joint is free if its drive has none. Then nothing is left along S: where S is a coordinate axis, its row and
         column are exact zeros and become structure.
@@ -184,7 +184,7 @@ class ArticulatedInertia:
         return ArticulatedInertia(J, H, M)
 
     def into_parent(self, R_PC: Mat3, p_PC: Vec3) -> ArticulatedInertia:
-        """Transform the articulated inertia to the parent's origin and axes."""
+        """Articulated inertia in the axes and about the origin of the parent link."""
         J, M = self.J.rotate(R_PC), self.M.rotate(R_PC)
         H = self.H.rotate(R_PC)
         S = Mat3.cross(p_PC)
@@ -195,6 +195,6 @@ class ArticulatedInertia:
 
 
 def _outer_symmetric(a: Vec3, b: Vec3) -> Sym3:
-    """Outer product a b^T, symmetric because b is parallel to a."""
+    """Outer product a b^T of parallel vectors, which is symmetric."""
     m = Mat3(b * a.x, b * a.y, b * a.z)
     return Sym3.of_matrix(m)

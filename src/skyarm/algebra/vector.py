@@ -1,4 +1,4 @@
-"""Vectors of three scalars."""
+"""Vector of three scalars."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from skyarm.algebra.scalars import Scalar, add, mul, neg, sqrt, structural, sub,
 
 
 class ArrayLike:
-    """Base class of vectors and matrices that convert to NumPy arrays and handle products with NumPy operands."""
+    """Base of vectors and matrices, which convert to NumPy arrays."""
 
     __slots__ = ()
     __array_ufunc__: ClassVar[None] = None
@@ -25,7 +25,7 @@ class ArrayLike:
         return len(self[:])
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
-        """Convert to a NumPy array; components that are arrays of one shape add their axes at the end.
+        """Convert to a NumPy array; the axes of array components come last.
 
         Raises:
             TypeError: a number that has no value, as a traced one.
@@ -58,7 +58,7 @@ class Vec3(ArrayLike):
         return cls(structural(x), structural(y), structural(z))
 
     def __iter__(self) -> Iterator[Any]:
-        """Iterate over x, y, z."""
+        """Iterate over the components x, y, z."""
         return iter((self.x, self.y, self.z))
 
     def __getitem__(self, index: Any) -> Any:
@@ -66,33 +66,33 @@ class Vec3(ArrayLike):
         return (self.x, self.y, self.z)[index]
 
     def __add__(self, other: Vec3) -> Vec3:
-        """Sum."""
+        """Sum of two vectors."""
         return Vec3(add(self.x, other.x), add(self.y, other.y), add(self.z, other.z))
 
     def __sub__(self, other: Vec3) -> Vec3:
-        """Difference."""
+        """Difference of two vectors."""
         return Vec3(sub(self.x, other.x), sub(self.y, other.y), sub(self.z, other.z))
 
     def __neg__(self) -> Vec3:
-        """Negation."""
+        """Negated vector."""
         return Vec3(neg(self.x), neg(self.y), neg(self.z))
 
     def __mul__(self, scalar: Any) -> Vec3:
-        """Product with a scalar."""
+        """Product of the vector with a scalar."""
         return Vec3(mul(self.x, scalar), mul(self.y, scalar), mul(self.z, scalar))
 
     __rmul__ = __mul__
 
     def hadamard(self, other: Vec3) -> Vec3:
-        """Component-wise product (diagonal gains)."""
+        """Component-wise product of two vectors, as with diagonal gains."""
         return Vec3(mul(self.x, other.x), mul(self.y, other.y), mul(self.z, other.z))
 
     def dot(self, other: Vec3) -> Any:
-        """Inner product."""
+        """Inner product of two vectors."""
         return add(add(mul(self.x, other.x), mul(self.y, other.y)), mul(self.z, other.z))
 
     def cross(self, other: Vec3) -> Vec3:
-        """Cross product self x other."""
+        """Cross product of two vectors, self x other."""
         return Vec3(
             sub(mul(self.y, other.z), mul(self.z, other.y)),
             sub(mul(self.z, other.x), mul(self.x, other.z)),
@@ -100,13 +100,13 @@ class Vec3(ArrayLike):
         )
 
     def coordinate_axis(self) -> int | None:
-        """Index of the coordinate axis along this constant vector, of either sign; None for any other vector."""
+        """Index of the coordinate axis along a constant vector, of either sign; None for other vectors."""
         marks = [type(c) is int and abs(c) for c in self]
         zeros = sum(1 for c in self if type(c) is int and c == 0)
         return marks.index(1) if zeros == 2 and 1 in marks else None
 
     def norm(self) -> Scalar:
-        """Euclidean length."""
+        """Euclidean length of the vector."""
         return sqrt(self.dot(self))
 
 

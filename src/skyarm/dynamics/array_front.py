@@ -1,4 +1,4 @@
-"""NumPy interface of the dynamics: arrays in, arrays out, leading axes broadcast.
+"""NumPy interface of the rigid-body dynamics: arrays in, arrays out, leading axes broadcast.
 
 Generalized velocity is [v_W, w_B, joint rates]: velocity of the base *origin* in world axes, angular velocity in base
 axes, joint rates. ``acceleration`` is its plain time derivative; ``force`` is its dual: world force at, and base-axes
@@ -26,7 +26,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 def _read(
     vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike, **rows: ArrayLike
 ) -> tuple[State, dict[str, tuple[Scalar, ...]], tuple[int, ...]]:
-    """Convert NumPy inputs to a state and vectors of 6+n numbers, with common leading axes; default velocity zero."""
+    """Convert NumPy arguments to a vehicle state and vectors of 6+n scalars; the default velocity is zero."""
     if not isinstance(vehicle, Vehicle):
         refuse("vehicle", vehicle, "must be a Vehicle")
     n = vehicle.n
@@ -53,7 +53,7 @@ def inverse_dynamics(
     *,
     gravity: float = 9.81,
 ) -> Array:
-    """Return the generalized force (..., 6+n) that gives ``acceleration`` at this state: M a + C v + G.
+    """Generalized force (..., 6+n) that gives an acceleration at a state: M a + C v + G.
 
     Args:
         vehicle: the rigid bodies.
@@ -85,7 +85,7 @@ def forward_dynamics(
     *,
     gravity: float = 9.81,
 ) -> Array:
-    """Return the acceleration (..., 6+n) under a generalized force (..., 6+n)."""
+    """Acceleration (..., 6+n) under a generalized force (..., 6+n)."""
     at, rows, lead = _read(vehicle, position, quaternion_wxyz, joints, velocity=velocity, force=force)
     R, f = at.quaternion.rotation(), rows["force"]
     applied = Force(Vec3(*f[3:6]), R.apply_T(Vec3(*f[:3])))
@@ -97,7 +97,7 @@ def forward_dynamics(
 def mass_matrix(
     vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike, *, gravity: float = 9.81
 ) -> Array:
-    """Return the mass matrix (..., 6+n, 6+n); ``gravity`` has no effect and is accepted for uniformity."""
+    """Mass matrix (..., 6+n, 6+n) of the generalized velocity; it does not depend on ``gravity``."""
     one_number("gravity", gravity)
     at, _, lead = _read(vehicle, position, quaternion_wxyz, joints)
     return stack_leaves(dynamics.mass_matrix(vehicle, at.quaternion.rotation(), at.joints), lead)
@@ -106,7 +106,7 @@ def mass_matrix(
 def frame_pose_world(
     vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike, *, frame: str | None = None
 ) -> tuple[Array, Array]:
-    """Return world position (..., 3) and rotation R_WF (..., 3, 3) of a frame (the tip by default)."""
+    """World position (..., 3) and rotation matrix R_WF (..., 3, 3) of a frame, the tip by default."""
     at, _, lead = _read(vehicle, position, quaternion_wxyz, joints)
     pose = Pose(at.quaternion.rotation(), at.position) @ frame_pose(vehicle, vehicle.frame(frame), at.joints)
     return stack_leaves(list(pose.p), lead), stack_leaves([list(row) for row in pose.R.rows], lead)
@@ -115,7 +115,7 @@ def frame_pose_world(
 def frame_jacobian(
     vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike, *, frame: str | None = None
 ) -> Array:
-    """Return the Jacobian (..., 6, 6+n) of a frame: world velocity of its origin, then world angular velocity."""
+    """Jacobian (..., 6, 6+n) of a frame: world velocity of its origin, then world angular velocity."""
     at, _, lead = _read(vehicle, position, quaternion_wxyz, joints)
     R, named = at.quaternion.rotation(), vehicle.frame(frame)
     turning = R @ Mat3.cross(-frame_pose(vehicle, named, at.joints).p)
@@ -136,7 +136,7 @@ def energy(
     *,
     gravity: float = 9.81,
 ) -> Array:
-    """Return kinetic plus potential energy (...), J."""
+    """Kinetic plus potential energy (...), J."""
     state, _, lead = _read(vehicle, position, quaternion_wxyz, joints, velocity=velocity)
     g = one_number("gravity", gravity)
     total = add(dynamics.kinetic_energy(vehicle, state), dynamics.potential_energy(vehicle, state, g))
@@ -144,7 +144,7 @@ def energy(
 
 
 def center_of_mass(vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike) -> Array:
-    """Return the centre of mass in the world (..., 3), m."""
+    """Centre of mass in the world (..., 3), m."""
     state, _, lead = _read(vehicle, position, quaternion_wxyz, joints)
     return stack_leaves(list(dynamics.center_of_mass(vehicle, state)), lead)
 
@@ -152,7 +152,7 @@ def center_of_mass(vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: Array
 def momentum(
     vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike, velocity: ArrayLike
 ) -> Array:
-    """Return linear and angular momentum about the centre of mass (..., 6), world axes."""
+    """Linear and angular momentum about the centre of mass (..., 6), world axes."""
     state, _, lead = _read(vehicle, position, quaternion_wxyz, joints, velocity=velocity)
     found = dynamics.momentum(vehicle, state)
     return stack_leaves([*found.linear, *found.angular], lead)
@@ -166,7 +166,7 @@ QUATERNION_TOLERANCE = 1e-6
 
 
 def components(name: str, value: ArrayLike, size: int) -> tuple[Scalar, ...]:
-    """Split the last axis of an array into scalars: floats for one state, arrays over the leading axes for many.
+    """Split the last axis of an array into scalars: floats for one state, arrays for many.
 
     Raises:
         ValueError: numbers that are not finite, or a last axis without ``size`` entries; the message names ``name``.
@@ -180,7 +180,7 @@ def components(name: str, value: ArrayLike, size: int) -> tuple[Scalar, ...]:
 
 
 def finite_numbers(name: str, value: Any, allowed: str = "finite numbers") -> Array:
-    """Convert to an array of floats; reject text, booleans, complex and non-finite numbers.
+    """Convert an argument to an array of floats; refuse text, booleans, complex and non-finite numbers.
 
     Raises:
         ValueError: names ``name`` and the given value.
@@ -200,7 +200,7 @@ def finite_numbers(name: str, value: Any, allowed: str = "finite numbers") -> Ar
 
 
 def one_number(name: str, value: Scalar) -> float:
-    """Return a value after the check that it is one finite number, such as gravity.
+    """Convert an argument such as gravity to a float; refuse anything but one finite number.
 
     Raises:
         ValueError: anything else.
@@ -212,7 +212,7 @@ def one_number(name: str, value: Scalar) -> float:
 
 
 def unit_quaternion(quaternion_wxyz: ArrayLike) -> Quaternion:
-    """Read unit quaternions (..., 4), base to world, of length 1 to within 1e-6, and normalise them exactly.
+    """Read quaternions (..., 4), base to world; refuse those that are not of unit length.
 
     Raises:
         ValueError: wrong shape, or further off unit length.

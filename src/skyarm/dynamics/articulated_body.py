@@ -85,7 +85,7 @@ def _by_mass_matrix(
     applied: Force,
     joint_torques: Sequence[Scalar],
 ) -> tuple[Motion, tuple[Scalar, ...]]:
-    """Forward dynamics of a vehicle with followers (coupled joints): solves M a = f - bias."""
+    """Forward dynamics of a vehicle with coupled joints, by solving M a = f - bias."""
     still = Motion(Vec3(0, 0, 0), Vec3(0, 0, 0))
     bias, holding = inverse_dynamics(vehicle, joints, rate, joint_rates, still, (0,) * vehicle.n)
     pushed = applied - bias

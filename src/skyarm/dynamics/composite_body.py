@@ -50,14 +50,14 @@ def mass_matrix(vehicle: Vehicle, R_WB: Mat3, joints: Sequence[Scalar]) -> list[
 
 
 def _of_leaders(vehicle: Vehicle, M: list[list[Any]]) -> list[list[Scalar]]:
-    """Mass matrix G^T M G of the independent joints, from that of all joints with followers."""
+    """Mass matrix G^T M G of the independent joints, from the mass matrix M of all joints."""
     rows = [[*row[:6], *onto_leaders(vehicle, row[6:])] for row in M]
     columns = [list(column) for column in zip(*rows, strict=True)]
     return [[*column[:6], *onto_leaders(vehicle, column[6:])] for column in columns]
 
 
 def _base_block(whole: SpatialInertia, R_WB: Mat3, size: int) -> list[list[Scalar]]:
-    """Mass matrix with the base block [[m 1, -R S(mc)], [S(mc) R^T, I]] filled in, zeros elsewhere."""
+    """Mass matrix with zeros in the rows and columns of the joints, and the block of the base filled in."""
     coupling, m, rest = R_WB @ Mat3.cross(-whole.moment), whole.mass, [0] * (size - 6)
     rotational = whole.inertia.full().rows
     return [

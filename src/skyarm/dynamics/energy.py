@@ -22,7 +22,7 @@ class Momentum:
 
 @dataclass(frozen=True, slots=True)
 class _BodyMotion:
-    """Body with the world pose and angular velocity of its link, world position and velocity of its centre of mass."""
+    """Body with world pose and angular velocity of its link, position and velocity of its centre of mass."""
 
     body: Body
     pose: Pose
@@ -32,7 +32,7 @@ class _BodyMotion:
 
 
 def _body_motions(vehicle: Vehicle, state: State) -> list[_BodyMotion]:
-    """World poses and velocities of base, links and followers, by differentiation of their positions."""
+    """World poses and velocities of the base and all links."""
     vehicle, state = untie_followers(vehicle, state)
     base = Pose(state.quaternion.rotation(), state.position)
     poses = [base, *(base @ pose for pose in link_poses(vehicle, state.joints))]
@@ -72,7 +72,7 @@ def momentum(vehicle: Vehicle, state: State) -> Momentum:
 
 
 def kinetic_energy(vehicle: Vehicle, state: State) -> Scalar:
-    """Kinetic energy, J."""
+    """Kinetic energy of the vehicle, J."""
     vehicle, state = untie_followers(vehicle, state)
     total: Scalar = 0
     for motion in _body_motions(vehicle, state):
@@ -84,5 +84,5 @@ def kinetic_energy(vehicle: Vehicle, state: State) -> Scalar:
 
 
 def potential_energy(vehicle: Vehicle, state: State, gravity: Scalar) -> Scalar:
-    """Potential energy in gravity (m/s^2), zero at world z = 0, J."""
+    """Potential energy of the vehicle in gravity (m/s^2), zero at world z = 0, J."""
     return mul(mul(vehicle.mass, gravity), center_of_mass(vehicle, state).z)

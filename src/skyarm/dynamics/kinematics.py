@@ -15,17 +15,17 @@ from skyarm.vehicle.vehicle_records import Frame, Vehicle
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Rotation R_AB (B axes to A axes) and position p_AB (origin of B in A)."""
+    """Pose of a frame B in a frame A: rotation R_AB (B axes to A axes) and position p_AB (m, A axes)."""
 
     R: Mat3
     p: Vec3
 
     def __matmul__(self, other: Pose) -> Pose:
-        """Composition: A_B o B_C = A_C."""
+        """Pose of C in A, from the poses of B in A and of C in B."""
         return Pose(self.R @ other.R, self.p + self.R.apply(other.p))
 
     def apply(self, point: Vec3) -> Vec3:
-        """Coordinates in A of a point given in B."""
+        """Coordinates in A of a point given in B, m."""
         return self.p + self.R.apply(point)
 
 
@@ -45,7 +45,7 @@ def placements(vehicle: Vehicle, joints: Sequence[Scalar]) -> list[Pose]:
 
 
 def link_poses(vehicle: Vehicle, joints: Sequence[Scalar]) -> list[Pose]:
-    """Poses of all links, then of all followers (coupled joints), in the base frame."""
+    """Poses of all links in the base frame; those of coupled joints come last."""
     if vehicle.followers:
         return link_poses(vehicle.with_free_followers, every_joint(vehicle, joints))
     poses: list[Pose] = []
@@ -61,7 +61,7 @@ def frame_pose(vehicle: Vehicle, frame: Frame, joints: Sequence[Scalar]) -> Pose
 
 
 def jacobian_columns(vehicle: Vehicle, frame: Frame, joints: Sequence[Scalar]) -> list[Motion]:
-    """Jacobian columns of a frame by the joint rates: angular velocity and velocity of its origin, base axes.
+    """Jacobian of a frame by the joint rates, one column per joint: angular and linear velocity, base axes.
 
     A joint that does not carry the frame gives a structural zero.
     """
@@ -83,17 +83,17 @@ def jacobian_columns(vehicle: Vehicle, frame: Frame, joints: Sequence[Scalar]) -
 
 
 def every_joint(vehicle: Vehicle, joints: Sequence[Scalar]) -> tuple[Scalar, ...]:
-    """Positions of all joints, followers (coupled joints) included, rad or m."""
+    """Positions of all joints, coupled ones included, from those of the independent joints, rad or m."""
     return (*joints, *(add(mul(each.ratio, joints[each.leader]), each.offset) for each in vehicle.followers))
 
 
 def every_rate(vehicle: Vehicle, rates: Sequence[Scalar]) -> tuple[Scalar, ...]:
-    """First or second time derivatives of all joint positions, followers (coupled joints) included."""
+    """First or second time derivatives of all joint positions, coupled ones included."""
     return (*rates, *(mul(each.ratio, rates[each.leader]) for each in vehicle.followers))
 
 
 def onto_leaders(vehicle: Vehicle, efforts: Sequence[Scalar]) -> tuple[Scalar, ...]:
-    """Generalised forces of the independent joints, from forces (N m or N) of all joints with followers."""
+    """Generalised forces of the independent joints, from the torques or forces of all joints."""
     found = list(efforts[: vehicle.n])
     for each, effort in zip(vehicle.followers, efforts[vehicle.n :], strict=True):
         found[each.leader] = add(found[each.leader], mul(each.ratio, effort))
@@ -101,7 +101,7 @@ def onto_leaders(vehicle: Vehicle, efforts: Sequence[Scalar]) -> tuple[Scalar, .
 
 
 def columns_of_leaders(vehicle: Vehicle, columns: Sequence[Motion]) -> list[Motion]:
-    """Jacobian columns by the rates of the independent joints, from those by the rates of all joints."""
+    """Jacobian columns of the independent joints, from those of all joints."""
     found = list(columns[: vehicle.n])
     for each, column in zip(vehicle.followers, columns[vehicle.n :], strict=True):
         found[each.leader] = found[each.leader] + column * each.ratio
@@ -109,7 +109,7 @@ def columns_of_leaders(vehicle: Vehicle, columns: Sequence[Motion]) -> list[Moti
 
 
 def untie_followers(vehicle: Vehicle, state: State) -> tuple[Vehicle, State]:
-    """Same vehicle and state with every follower (coupled joint) turned into an independent joint."""
+    """Vehicle and state in which every coupled joint is an independent joint."""
     if not vehicle.followers:
         return vehicle, state
     joints, rates = every_joint(vehicle, state.joints), every_rate(vehicle, state.joint_rates)

@@ -1,4 +1,4 @@
-"""Coordinate axes per link for the recursive dynamics algorithms, chosen to save rotations (working axes).
+"""Coordinate axes of the links in recursive dynamics, chosen to save rotations (working axes).
 
 A recursion may express a link in any axes at its origin. A hinge leaves its own axis where it is, so the link can be
 held in the axes that it has at joint angle zero. Hinges with one common direction then share their axes: nothing that
@@ -25,7 +25,7 @@ _SAME = Mat3.identity()
 
 @dataclass(frozen=True, slots=True)
 class LinkInAxes:
-    """Pose and inertia of a link in axes chosen to save rotations (working axes), which keep the joint's direction.
+    """Pose and inertia of a link in coordinate axes chosen to save rotations (working axes).
 
     Attributes:
         place: pose of the working axes at the link's origin, in the parent's working axes.
@@ -37,12 +37,12 @@ class LinkInAxes:
 
 
 def spatial_inertia(body: Body) -> SpatialInertia:
-    """Inertia of a body about its link's origin, link axes."""
+    """Spatial inertia of a body about its link's origin, link axes."""
     return SpatialInertia.of_body(body.mass, body.com, body.inertia)
 
 
 def members(vehicle: Vehicle, joints: Sequence[Scalar]) -> list[LinkInAxes]:
-    """All links of a vehicle, each expressed in axes chosen to save rotations (working axes)."""
+    """Pose and inertia of all links, in coordinate axes chosen to save rotations (working axes)."""
     links = vehicle.links
     follows = [link.parent != BASE and _parallel(links[link.parent].joint, link.joint) for link in links]
     leads = {link.parent for link, follower in zip(links, follows, strict=True) if follower}
@@ -70,7 +70,7 @@ def members(vehicle: Vehicle, joints: Sequence[Scalar]) -> list[LinkInAxes]:
 
 
 def _parallel(parent: Joint, child: Joint) -> bool:
-    """Return True if two joints are hinges with parallel axes."""
+    """True if two joints are hinges with parallel axes."""
     entries = [entry for row in child.rotation.rows for entry in row]
     straight = all(type(entry) is int for entry in entries) and entries == [1, 0, 0, 0, 1, 0, 0, 0, 1]
     hinges = parent.turns and child.turns

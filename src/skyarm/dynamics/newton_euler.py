@@ -19,14 +19,14 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, slots=True)
 class JointMotion:
-    """Angular velocity of a link, and the velocity-product part of its acceleration, in the link's working axes."""
+    """Angular velocity of a link, and the part of its acceleration from products of velocities."""
 
     rate: Vec3
     products: Motion
 
 
 def joint_motion(joint: Joint, placement: Pose, parent_rate: Vec3, joint_rate: Scalar) -> JointMotion:
-    """Angular velocity of a child link, and the velocity-product part of its acceleration.
+    """Angular velocity of a link from that of its parent, and the acceleration from products of velocities.
 
     With w the rates and s the joint's own motion: angular w x s; linear R^T (w_P x (w_P x p)), and the Coriolis term
     2 w x s of a sliding joint.
@@ -39,7 +39,7 @@ def joint_motion(joint: Joint, placement: Pose, parent_rate: Vec3, joint_rate: S
 
 
 def motions(vehicle: Vehicle, places: Sequence[Pose], rate: Vec3, joint_rates: Sequence[Scalar]) -> list[JointMotion]:
-    """Velocity terms of every link for a base rate ``rate`` (base axes, rad/s)."""
+    """Angular velocities of all links, and the accelerations from products of velocities."""
     found: list[JointMotion] = []
     for link, place, joint_rate in zip(vehicle.links, places, joint_rates, strict=True):
         parent_rate = rate if link.parent == BASE else found[link.parent].rate
@@ -55,7 +55,7 @@ def inverse_dynamics(
     base: Motion,
     joint_accelerations: Sequence[Scalar],
 ) -> tuple[Force, tuple[Any, ...]]:
-    """Inverse dynamics: base force and joint torques required by a motion, M a + C v + G.
+    """Base force and joint torques that a motion requires (inverse dynamics): M a + C v + G.
 
     Args:
         vehicle: the rigid bodies.

@@ -1,4 +1,4 @@
-"""Positions and velocities of points on a vehicle in the world, as inputs of external forces."""
+"""Positions and velocities of points on a vehicle in the world, for models of external forces."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class PointMotion:
         return link_poses(self.vehicle, self.state.joints)
 
     def _columns(self, point: Vec3, body: int) -> list[Motion]:
-        """Jacobian columns of a point given in a body's frame."""
+        """Jacobian of a point on a body by the joint rates, one column per joint."""
         return jacobian_columns(self.vehicle, Frame(name="point", link=body, position=point), self.state.joints)
 
     def _in_base(self, point: Vec3, body: int) -> Vec3:
@@ -82,14 +82,14 @@ class PointMotion:
         return self.rotation.apply(vector if body == BASE else self._links[body].R.apply(vector))
 
     def frame(self, name: str | None = None) -> tuple[Vec3, int]:
-        """Point and body of a named frame, the tip by default."""
+        """Position of a named frame on its body, m, and the body's index; the tip by default."""
         found = self.vehicle.frame(name)
         return found.position, found.link
 
     def generalized_force(
         self, force_W: Vec3, torque_W: Vec3, point: Vec3, body: int
     ) -> tuple[Force, tuple[Scalar, ...]]:
-        """J^T of a wrench on a body: force on the base (about its origin, base axes) and joint torques."""
+        """Generalised force of a wrench on a body (J^T w): force on the base and joint torques."""
         push, twist = self.rotation.apply_T(force_W), self.rotation.apply_T(torque_W)
         at = self._in_base(point, body)
         total = Force(at.cross(push) + twist, push)

@@ -50,10 +50,10 @@ def example_state(joints: int, rotors: int, tilts: int = 0) -> State:
 
 
 def proper_acceleration(R_WB: Mat3, linear_W: Vec3, angular_B: Vec3, gravity: Scalar) -> Motion:
-    """Return the base acceleration as an accelerometer reads it: R^T (dv/dt + g e_z), base axes."""
+    """Base acceleration as an accelerometer reads it, R^T (dv/dt + g e_z), base axes."""
     return Motion(angular_B, R_WB.apply_T(linear_W + E_Z * gravity))
 
 
 def coordinate_acceleration(R_WB: Mat3, proper: Motion, gravity: Scalar) -> tuple[Vec3, Vec3]:
-    """Coordinate accelerations (dv_W/dt, dw_B/dt) from a proper acceleration, as an accelerometer measures it."""
+    """World acceleration and base angular acceleration from an accelerometer's reading."""
     return R_WB.apply(proper.linear) - E_Z * gravity, proper.angular

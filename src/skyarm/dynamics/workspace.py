@@ -28,7 +28,7 @@ MANY, FEW = 27, 400_000
 
 
 def samples_of(joints: int) -> int:
-    """Number of random joint configurations that start a search; reduced for more than :data:`MANY` joints."""
+    """Number of random joint configurations from which a search over an arm's workspace starts."""
     return SAMPLES if joints <= MANY else max(min(SAMPLES, FEW // joints), 8)
 
 
@@ -41,7 +41,7 @@ def _limits(vehicle: Vehicle) -> tuple[Array, Array]:
 
 
 def _largest(vehicle: Vehicle, quantities: Quantities, count: int) -> list[float]:
-    """Largest value of each quantity over the joint range, by random search with shrinking steps.
+    """Largest value of each quantity over the joints' range, by random search with shrinking steps.
 
     Args:
         vehicle: its joints.
@@ -92,7 +92,7 @@ def reach(vehicle: Vehicle) -> float:
 
 
 def static_torques(vehicle: Vehicle, gravity: float) -> list[float]:
-    """Largest |torque| (N m) or |force| (N) that holds each joint against gravity with a level base."""
+    """Largest torque (N m) or force (N) that holds each joint against gravity, with a level base."""
     if not vehicle.links:
         return []
     still = (0,) * vehicle.n

@@ -35,7 +35,7 @@ def absent(value: Scalar) -> bool:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Channel:
-    """Error model of a measured quantity with one or more components; ``u`` stands for the quantity's unit.
+    """Error model of a measured quantity with one or more components, in the unit of the quantity (u).
 
     A component reads ``(1 + scale) truth + bias + drift + noise``, rounded to the resolution. The drift begins at a
     normal number of deviation ``turn_on``, drawn for each episode, and walks.

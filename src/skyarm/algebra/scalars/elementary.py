@@ -1,4 +1,4 @@
-"""Branch-free sin, cos, exp, log and others, from + - * / and a few exact bit operations.
+"""Sine, exponential and other functions without branches, from + - * / and a few exact bit operations.
 
 Every compiled engine and the Python floats evaluate these same lines, so that they agree to the last bit: a library's
 ``sin`` differs from one machine to the next, and none is written for vectors of any width. Largest errors in units of
@@ -87,13 +87,13 @@ def _polynomial(z: Scalar, coefficients: Sequence[float]) -> Any:
 
 
 def _is_even(z: Scalar, c: Sequence[float]) -> Scalar:
-    """Polynomial c0 + c1 z + ... + c5 z^5 in z = x^2, thus even in x, by Estrin's scheme."""
+    """Polynomial of degree five in z = x^2, by Estrin's scheme."""
     square = z * z
     return (c[0] + c[1] * z) + square * ((c[2] + c[3] * z) + square * (c[4] + c[5] * z))
 
 
 def _quarter(x: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
-    """Sine and cosine of the remainder of x modulo pi/2, and flags: odd number of quarter turns, of half turns."""
+    """Sine and cosine of x modulo pi/2, with flags for an odd number of quarter turns and of half turns."""
     turns = f.floor(x * TWO_OVER_PI + 0.5)
     r = x
     for part in HALF_PI_PARTS:
@@ -107,7 +107,7 @@ def _quarter(x: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
 
 
 def _odd(x: Scalar, value: Scalar) -> Scalar:
-    """Computed ``value`` of an odd function that behaves as x near zero; x itself where x * x underflows."""
+    """Value of an odd function that is close to x near zero; x itself where x * x underflows."""
     return f.where(x * x <= 0.0, x, value)
 
 
@@ -131,7 +131,7 @@ def tan(x: Scalar) -> Scalar:
 
 
 def exp(x: Scalar) -> Scalar:
-    """Exponential function; +inf above 709.78, 0 below -745."""
+    """Exponential of x; inf above 709.78, 0 below -745."""
     k = f.floor(f.clip(x, -746.0, 710.0) * ONE_OVER_LN2 + 0.5)
     high, low = x - k * LN2_HIGH, k * LN2_LOW
     r = high - low
@@ -145,7 +145,7 @@ def exp(x: Scalar) -> Scalar:
 
 
 def log(x: Scalar) -> Any:
-    """Natural logarithm; -inf at zero, NaN below; numbers under 2.3e-308 count as zero."""
+    """Natural logarithm of x; -inf at zero, NaN below."""
     big = f.mantissa(x) > 1.4142135623730951
     k = f.exponent(x) + f.where(big, 1.0, 0.0)
     m = f.mantissa(x) * f.where(big, 0.5, 1.0) - 1.0
@@ -182,17 +182,17 @@ def atan2(y: Scalar, x: Scalar) -> Scalar:
 
 
 def asin(x: Scalar) -> Scalar:
-    """Inverse sine, NaN outside [-1, 1]."""
+    """Inverse sine of x; NaN outside [-1, 1]."""
     return atan2(x, f.sqrt((1.0 - x) * (1.0 + x)))
 
 
 def acos(x: Scalar) -> Scalar:
-    """Inverse cosine, NaN outside [-1, 1]."""
+    """Inverse cosine of x; NaN outside [-1, 1]."""
     return atan2(f.sqrt((1.0 - x) * (1.0 + x)), x)
 
 
 def tanh(x: Scalar) -> Scalar:
-    """Hyperbolic tangent."""
+    """Hyperbolic tangent of x."""
     z = x * x
     small = _odd(x, x + x * f.divide(z * _polynomial(z, TANH_P), _polynomial(z, TANH_Q)))
     size = f.absolute(x)

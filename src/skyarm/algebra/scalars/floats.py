@@ -1,4 +1,4 @@
-"""Basic operations on Python floats with IEEE results: inf or NaN where Python raises."""
+"""Basic operations on Python floats with IEEE results: inf or NaN where Python raises an error."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ NAN = math.nan
 
 
 def divide(a: float, b: float) -> float:
-    """Return a / b with IEEE zeros: x/0 = +-inf, 0/0 = NaN."""
+    """Quotient a / b with IEEE results for a zero divisor: inf or NaN."""
     if b != 0.0:
         return a / b
     if a == 0.0 or math.isnan(a):
@@ -38,22 +38,22 @@ def copysign(size: float, sign: float) -> float:
 
 
 def power_of_two(k: float) -> float:
-    """Return 2**k for an integer k from -1022 to 1023; NaN for NaN."""
+    """Power 2**k for an integer k; NaN for NaN."""
     return math.ldexp(1.0, int(k)) if -1100.0 < k < 1100.0 else NAN
 
 
 def exponent(x: float) -> float:
-    """Binary exponent e of |x| = m 2**e with 1 <= m < 2, for normal numbers."""
+    """Binary exponent e of x, with |x| = m 2**e and 1 <= m < 2."""
     return float(math.frexp(x)[1] - 1) if math.isfinite(x) and x != 0.0 else NAN
 
 
 def mantissa(x: float) -> float:
-    """Binary mantissa m of x = m 2**e with 1 <= |m| < 2."""
+    """Binary mantissa m of x, with x = m 2**e and 1 <= |m| < 2."""
     return 2.0 * math.frexp(x)[0] if math.isfinite(x) and x != 0.0 else NAN
 
 
 def to_single(value: float) -> float:
-    """Nearest number of 32 bits; infinite beyond their range."""
+    """Round a number to 32-bit precision; infinite beyond the range of 32 bits."""
     try:
         return float(struct.unpack("<f", struct.pack("<f", value))[0])
     except OverflowError:

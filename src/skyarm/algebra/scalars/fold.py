@@ -1,4 +1,4 @@
-"""Scalar arithmetic with constant folding: ints 0, 1 and -1 fold away, all other numbers are computed.
+"""Scalar arithmetic in which integer constants 0, 1 and -1 fold away.
 
 Only exact IEEE identities are used (x * 1 = x, x + 0 = x for a structural zero, (-1) * x = -x), so folding never
 changes the value of a program, whatever engine runs it.
@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 
 class Scalar(Protocol):
-    """Scalar type of any engine: float, NumPy array, JAX array, CasADi SX, tracer node; an int is a constant."""
+    """Protocol of scalars: float, NumPy array, JAX array, CasADi SX or traced value; an int is a constant."""
 
     def __add__(self, other: Any, /) -> Scalar: ...
     def __radd__(self, other: Any, /) -> Scalar: ...
@@ -35,17 +35,17 @@ def structural(value: float) -> int | float:
 
 
 def data(value: Scalar) -> Scalar:
-    """Convert an int constant to a float, so that the value is kept when a dataclass is flattened to numbers."""
+    """Convert an integer constant to a float, which is stored as data; other scalars are returned unchanged."""
     return float(value) if type(value) is int else value
 
 
 def same(a: Scalar, b: Scalar) -> bool:
-    """True if two scalars are identical: the same object, or equal plain numbers of one type."""
+    """True if two scalars are the same object, or equal plain numbers of one type."""
     return a is b or (type(a) is type(b) and type(a) in (int, float) and a == b)
 
 
 def add(a: Scalar, b: Scalar) -> Scalar:
-    """Return a + b; a constant (int) zero is folded."""
+    """Sum a + b; a constant (int) zero is folded."""
     if type(a) is int and a == 0:
         return b
     if type(b) is int and b == 0:
@@ -54,7 +54,7 @@ def add(a: Scalar, b: Scalar) -> Scalar:
 
 
 def sub(a: Scalar, b: Scalar) -> Scalar:
-    """Return a - b; a constant (int) zero is folded."""
+    """Difference a - b; a constant (int) zero is folded."""
     if type(b) is int and b == 0:
         return a
     if type(a) is int and a == 0:
@@ -63,12 +63,12 @@ def sub(a: Scalar, b: Scalar) -> Scalar:
 
 
 def neg(a: Scalar) -> Scalar:
-    """Return -a."""
+    """Negative of a scalar."""
     return -a
 
 
 def total(terms: Iterable[Scalar]) -> Scalar:
-    """Sum of scalars, in their order; constant (int) zeros are folded."""
+    """Sum of scalars in their order; constant (int) zeros are folded."""
     found: Scalar = 0
     for term in terms:
         found = add(found, term)
@@ -76,7 +76,7 @@ def total(terms: Iterable[Scalar]) -> Scalar:
 
 
 def mul(a: Scalar, b: Scalar) -> Scalar:
-    """Return a * b; constants (int) 0, 1 and -1 are folded."""
+    """Product a * b; constants (int) 0, 1 and -1 are folded."""
     if type(a) is int:
         if a == 0:
             return 0

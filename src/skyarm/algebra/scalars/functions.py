@@ -18,7 +18,7 @@ _NAMESPACES: dict[type, Any] = {}
 
 
 def register(kind: type, namespace: Any) -> None:
-    """Register a scalar type ``kind`` with the module ``namespace`` that implements its functions."""
+    """Register the module ``namespace`` that implements sin, where and other functions for a scalar type."""
     _NAMESPACES[kind] = namespace
 
 
@@ -53,7 +53,7 @@ def _casadi_namespace(casadi: Any) -> SimpleNamespace:
 
 
 def _discover(kind: type) -> SimpleNamespace:
-    """Namespace of an array type, from the library that defines its class or a base class."""
+    """Find the functions of an array type in the library that defines the type."""
     for base in kind.__mro__:
         root = base.__module__.split(".")[0]
         if root == "numpy":
@@ -68,7 +68,7 @@ def _discover(kind: type) -> SimpleNamespace:
 
 
 def _namespace(*values: Any) -> Any:
-    """Function namespace of the first value that is not a plain Python number."""
+    """Find the implementation of scalar functions for the types of some values."""
     kind: type = float
     for value in values:
         if type(value) not in _PYTHON:
@@ -82,7 +82,7 @@ def _namespace(*values: Any) -> Any:
 
 
 def _function(name: str, meaning: str) -> Callable[..., Scalar]:
-    """Look up a function by name in the namespace of its arguments."""
+    """Make a scalar function that looks up its implementation by the type of its arguments."""
 
     def call(*values: Any) -> Any:
         return getattr(_namespace(*values), name)(*values)
@@ -115,7 +115,7 @@ logical_not = _function("logical_not", "Opposite condition.")
 
 
 def divide(a: Scalar, b: Scalar) -> Scalar:
-    """Return a / b with IEEE results for division by zero; for any denominator that can vanish."""
+    """Quotient a / b with IEEE results for division by zero."""
     if type(b) is int and b == 1:
         return a
     quotient: Scalar = _namespace(a, b).divide(a, b)
@@ -123,17 +123,17 @@ def divide(a: Scalar, b: Scalar) -> Scalar:
 
 
 def minimum(value: Scalar, bound: Scalar) -> Scalar:
-    """Return the smaller of two numbers; a NaN in ``value`` stays NaN, so that limits never hide a failure."""
+    """Smaller of two numbers; a NaN in ``value`` stays NaN, so that limits never hide a failure."""
     return where(bound < value, bound, value)
 
 
 def maximum(value: Scalar, bound: Scalar) -> Scalar:
-    """Return the larger of two numbers; a NaN in ``value`` stays NaN, so that limits never hide a failure."""
+    """Larger of two numbers; a NaN in ``value`` stays NaN, so that limits never hide a failure."""
     return where(bound > value, bound, value)
 
 
 def clip(value: Scalar, lower: Scalar, upper: Scalar) -> Scalar:
-    """Value clipped between two limits; NaN stays NaN."""
+    """Value limited to the range from ``lower`` to ``upper``; NaN stays NaN."""
     return minimum(maximum(value, lower), upper)
 
 

@@ -1,4 +1,4 @@
-"""Counter-based random numbers (Philox4x32-10), identical on every engine for the same keys.
+"""Counter-based random numbers (Philox4x32-10), the same in all simulators for the same keys.
 
 A draw has no memory: it is a pure function of (seed, episode, channel, step), whatever was drawn before it, in whatever
 order and on whatever engine. The layout is a promise; an engine that draws noise itself must follow it bit by bit.
@@ -42,7 +42,7 @@ Words = NDArray[np.uint64]
 
 
 def philox4x32(counter: tuple[Any, Any, Any, Any], key: tuple[Any, Any]) -> tuple[Words, Words, Words, Words]:
-    """Philox4x32 block function: four 32-bit words from a counter and a key, each in an array of uint64.
+    """Philox4x32 block function: four 32-bit random words from a counter and a key.
 
     Args:
         counter: c0 ... c3, numbers or arrays below 2**32 that broadcast.
@@ -62,7 +62,7 @@ def philox4x32(counter: tuple[Any, Any, Any, Any], key: tuple[Any, Any]) -> tupl
 
 
 def uniform(seed: int, episode: ArrayLike, channel: int, steps: ArrayLike) -> NDArray[np.float64]:
-    """One uniform random number in (0, 1) for each pair of an episode and a step; both arrays broadcast.
+    """One uniform random number in (0, 1) for each episode and step; both arrays broadcast.
 
     Args:
         seed: whole number of 64 bits.
@@ -99,7 +99,7 @@ def normal(seed: int, episode: ArrayLike, channel: int, steps: ArrayLike, count:
 
 
 def normal_pair(a: Scalar, b: Scalar) -> tuple[Any, Any]:
-    """Two independent standard normal numbers from two uniform ones (Box-Muller), bitwise equal on all engines.
+    """Two independent standard normal numbers from two uniform ones, by the Box-Muller transform.
 
     Source: Box, Muller 1958.
     """
@@ -108,7 +108,7 @@ def normal_pair(a: Scalar, b: Scalar) -> tuple[Any, Any]:
 
 
 def normals(uniforms: Sequence[Scalar]) -> list[Scalar]:
-    """Return standard normal numbers from an even count of uniform ones, pair by pair."""
+    """Standard normal numbers from an even count of uniform ones."""
     numbers: list[Any] = []
     for a, b in zip(uniforms[0::2], uniforms[1::2], strict=True):
         numbers += normal_pair(a, b)
@@ -116,14 +116,14 @@ def normals(uniforms: Sequence[Scalar]) -> list[Scalar]:
 
 
 def _unit(low: Words, high: Words) -> NDArray[np.float64]:
-    """Uniform numbers in (0, 1), odd multiples of 2**-53, from the upper 52 of 64 bits."""
+    """Uniform numbers in (0, 1) from pairs of random 32-bit words."""
     kept = ((high << np.uint64(32)) | low) >> np.uint64(12)
     numbers: NDArray[np.float64] = (kept * np.uint64(2) + np.uint64(1)).astype(np.float64) * 2.0**-53
     return numbers
 
 
 def _whole(name: str, value: ArrayLike, bits: int) -> Any:
-    """Convert integers to uint64 after the check that all are below 2**bits."""
+    """Convert whole numbers to uint64; refuse those outside the range of ``bits`` bits."""
     numbers = np.asarray(value)
     whole = numbers.dtype.kind in "iu"
     if not whole or bool(np.any(numbers < 0)) or (bits < 64 and bool(np.any(numbers >= 2**bits))):

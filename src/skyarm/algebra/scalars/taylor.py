@@ -17,7 +17,7 @@ from skyarm.algebra.scalars.fold import Scalar, add, mul, neg, sub, total
 
 
 def _comparison(compare: Callable[[Any, Any], Any]) -> Any:
-    """Comparison of the value of a series with a scalar or the value of another series."""
+    """Make a comparison operator of Taylor series, which compares their values."""
 
     def method(self: Taylor, other: Any) -> Any:
         return compare(self.c[0], other.c[0] if isinstance(other, Taylor) else other)
@@ -26,7 +26,7 @@ def _comparison(compare: Callable[[Any, Any], Any]) -> Any:
 
 
 class Taylor:
-    """Taylor series of fixed order; an operation on two series keeps the lower order."""
+    """Truncated Taylor series as a scalar type; an operation on two series keeps the lower order."""
 
     __slots__ = ("c",)
     __array_ufunc__ = None
@@ -53,33 +53,33 @@ class Taylor:
         return Taylor([mul(c, 1 if k == 1 else float(k)) for k, c in enumerate(self.c) if k])
 
     def truncate(self, order: int) -> Taylor:
-        """Series truncated to a lower order."""
+        """Taylor series truncated to a lower order."""
         return Taylor(self.c[: order + 1])
 
     def _terms(self, other: Any) -> tuple[Scalar, ...]:
-        """Coefficients of the other operand; a plain scalar counts as a constant series."""
+        """Coefficients of an operand; a plain scalar counts as a constant series."""
         return other.c if isinstance(other, Taylor) else (other, *(0,) * (len(self.c) - 1))
 
     def __add__(self, other: Scalar) -> Taylor:
-        """Sum."""
+        """Sum of two Taylor series."""
         return Taylor([add(a, b) for a, b in zip(self.c, self._terms(other), strict=False)])
 
     __radd__ = __add__
 
     def __sub__(self, other: Scalar) -> Taylor:
-        """Difference."""
+        """Difference of two Taylor series."""
         return Taylor([sub(a, b) for a, b in zip(self.c, self._terms(other), strict=False)])
 
     def __rsub__(self, other: Scalar) -> Taylor:
-        """Difference with a constant on the left."""
+        """Difference of a constant and this Taylor series."""
         return Taylor([sub(a, b) for a, b in zip(self._terms(other), self.c, strict=False)])
 
     def __neg__(self) -> Taylor:
-        """Negation."""
+        """Negated Taylor series."""
         return Taylor([neg(a) for a in self.c])
 
     def __mul__(self, other: Any) -> Taylor:
-        """Cauchy product."""
+        """Product of two Taylor series (Cauchy product)."""
         if not isinstance(other, Taylor):
             return Taylor([mul(a, other) for a in self.c])
         return Taylor([_convolve(self.c, other.c, k) for k in range(min(len(self.c), len(other.c)))])
@@ -87,7 +87,7 @@ class Taylor:
     __rmul__ = __mul__
 
     def __truediv__(self, other: Scalar) -> Taylor:
-        """Quotient."""
+        """Quotient of two Taylor series."""
         b = self._terms(other)
         inverse = functions.divide(1.0, b[0])
         q: list[Any] = []
@@ -98,18 +98,18 @@ class Taylor:
         return Taylor(q)
 
     def __rtruediv__(self, other: Scalar) -> Taylor:
-        """Quotient of a constant and this series."""
+        """Quotient of a constant and this Taylor series."""
         return Taylor(self._terms(other)) / self
 
     __lt__, __le__ = _comparison(operator.lt), _comparison(operator.le)
     __gt__, __ge__ = _comparison(operator.gt), _comparison(operator.ge)
 
     def __float__(self) -> float:
-        """Raise an error: a series is not a number."""
+        """Raise an error: a Taylor series is not a number."""
         raise TypeError("float() of a Taylor series; take derivative(0)")
 
     def __repr__(self) -> str:
-        """Text with the coefficients."""
+        """Text with the coefficients of the Taylor series."""
         return f"Taylor({', '.join(map(repr, self.c))})"
 
 
@@ -118,7 +118,7 @@ def _convolve(a: Sequence[Scalar], b: Sequence[Scalar], k: int) -> Scalar:
 
 
 def _sine_cosine(x: Taylor) -> tuple[Taylor, Taylor]:
-    """Sine and cosine series by k s_k = sum_j j x_j c_(k-j), k c_k = -sum_j j x_j s_(k-j)."""
+    """Taylor series of sine and cosine of a series, by their recurrences."""
     s, c = [functions.sin(x.c[0])], [functions.cos(x.c[0])]
     slope = [mul(float(j), x.c[j]) if j > 1 else x.c[j] for j in range(len(x.c))]
     for k in range(1, len(x.c)):
@@ -165,7 +165,7 @@ class _TaylorFunctions:
 
 
 def choose(condition: Any, a: Any, b: Any) -> Taylor:
-    """Choose series ``a`` where the condition (on values, not a series) holds, else ``b``."""
+    """Select one of two Taylor series by a condition on values."""
     order = len((a if isinstance(a, Taylor) else b).c) - 1
     first, second = (x.c if isinstance(x, Taylor) else Taylor.constant(x, order).c for x in (a, b))
     pairs = zip(first, second, strict=False)

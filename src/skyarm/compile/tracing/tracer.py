@@ -63,23 +63,23 @@ class Node:
         self.graph, self.index, self.op, self.args, self.value = graph, index, op, args, value
 
     def __add__(self, other: Scalar) -> Scalar:
-        """Record self + other."""
+        """Add an addition to the traced program."""
         return self.graph.add(self, other)
 
     __radd__ = __add__
 
     def __sub__(self, other: Scalar) -> Scalar:
-        """Record self - other."""
+        """Add a subtraction to the traced program."""
         if type(other) is int and other == 0:
             return self
         return self.graph.sub(self, other)
 
     def __rsub__(self, other: Scalar) -> Scalar:
-        """Record other - self."""
+        """Add a subtraction with this value on the right to the traced program."""
         return self.graph.sub(other, self)
 
     def __mul__(self, other: Scalar) -> Scalar:
-        """Record self * other."""
+        """Add a multiplication to the traced program."""
         if type(other) is int and other in (-1, 1):
             return self if other == 1 else -self
         return self.graph.mul(self, other)
@@ -87,65 +87,65 @@ class Node:
     __rmul__ = __mul__
 
     def __truediv__(self, other: Scalar) -> Scalar:
-        """Record self / other."""
+        """Add a division to the traced program."""
         if type(other) is int and other in (-1, 1):
             return self if other == 1 else -self
         return self.graph.call("div", self, other)
 
     def __rtruediv__(self, other: Scalar) -> Scalar:
-        """Record other / self."""
+        """Add a division by this value to the traced program."""
         return self.graph.call("div", other, self)
 
     def __neg__(self) -> Scalar:
-        """Record -self."""
+        """Add a negation to the traced program."""
         return self.graph.neg(self)
 
     def __abs__(self) -> Any:
-        """Record |self|."""
+        """Add an absolute value to the traced program."""
         return self.graph.call("abs", self)
 
     def __lt__(self, other: Scalar) -> Scalar:
-        """Record self < other."""
+        """Add the condition self < other to the traced program."""
         return self.graph.call("lt", self, other)
 
     def __le__(self, other: Scalar) -> Scalar:
-        """Record self <= other."""
+        """Add the condition self <= other to the traced program."""
         return self.graph.call("le", self, other)
 
     def __gt__(self, other: Scalar) -> Scalar:
-        """Record self > other."""
+        """Add the condition self > other to the traced program."""
         return self.graph.call("lt", other, self)
 
     def __ge__(self, other: Scalar) -> Scalar:
-        """Record self >= other."""
+        """Add the condition self >= other to the traced program."""
         return self.graph.call("le", other, self)
 
     def __eq__(self, other: object) -> bool:
-        """Refuse equality: it would compare nodes, not their values."""
+        """Refuse equality: it would compare symbolic values, not numbers."""
         raise TracedBranchError(f"{_caller()}: == on a traced value; compare by < or <=")
 
     __hash__ = object.__hash__
 
     def __and__(self, other: Scalar) -> Scalar:
-        """Record the logical and of both conditions."""
+        """Add the logical and of two conditions to the traced program."""
         return self.graph.call("and", self, other)
 
     def __or__(self, other: Scalar) -> Scalar:
-        """Record the logical or of both conditions."""
+        """Add the logical or of two conditions to the traced program."""
         return self.graph.call("or", self, other)
 
     def __bool__(self) -> bool:
-        """Refuse a branch on a traced value: it would be decided once, while tracing, for all lanes."""
+        """Refuse a Python branch on a symbolic value, which has no number while tracing."""
         raise TracedBranchError(
             f"{_caller()}: branch on a traced value; use skyarm.algebra.scalars.where(condition, a, b)"
         )
 
     def __float__(self) -> float:
-        """Refuse conversion to float: a traced value has no number yet."""
+        """Refuse conversion to float: a symbolic value has no number while tracing."""
         raise TracedBranchError(f"{_caller()}: float() of a traced value")
 
     def __repr__(self) -> str:
-        """Text of the node: operation and operands."""
+        """Text of a symbolic value: operation and indices of the operands."""
         return f"Node({self.op}, {', '.join(str(a.index) for a in self.args)})"
 
 

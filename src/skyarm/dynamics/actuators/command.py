@@ -13,7 +13,7 @@ from skyarm.records.units import Unit
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Command:
-    """A command holds rotor speeds (rad/s, unsigned), joint torques or forces (N m or N) and angles of tilting rotors.
+    """Command to the actuators: rotor speeds (rad/s, unsigned), joint setpoints, angles of tilting rotors.
 
     ``tilts`` may be left out: then every rotor stays in the middle, at angle 0.
     """
@@ -30,7 +30,7 @@ class Command:
             accept_fields(self, "command")
 
     def dense(self) -> Command:
-        """Command with all int constants converted to floats, so that a controller's state can store every number."""
+        """Command with all integers converted to floats, so that every number is stored as data."""
         rows = ([data(value) for value in row] for row in (self.rotor_speeds, self.efforts, self.tilts))
         rotor_speeds, efforts, tilts = map(tuple, rows)
         return Command(rotor_speeds=rotor_speeds, efforts=efforts, tilts=tilts)

@@ -23,12 +23,12 @@ def joint_force(joint: Joint, command: Scalar, rate: Scalar, effectiveness: Scal
 
 
 def limited_effort(joint: Joint, command: Scalar) -> Scalar:
-    """Commanded torque (N m) or force (N) clipped to the drive's limit."""
+    """Commanded joint torque (N m) or force (N) clipped to the drive's limit."""
     return clip(command, -joint.effort_limit, joint.effort_limit)
 
 
 def friction(joint: Joint, rate: Scalar, dry_rate: Scalar) -> Scalar:
-    """Joint friction: viscous at ``rate``, Coulomb's c tanh(qd / v0) at ``dry_rate`` (rad/s or m/s).
+    """Joint friction: viscous at ``rate``, and Coulomb's c tanh(qd / v0) at ``dry_rate`` (rad/s or m/s).
 
     A law that gives it back takes the reference's rate for the dry part, whose sign would chatter with a measured one.
     """
@@ -51,7 +51,7 @@ def stop_force(joint: Joint, position: Scalar, rate: Scalar) -> Scalar:
 
 
 class Drive:
-    """A drive is the actuator of one joint. A subclass is a frozen dataclass of numbers with pure, traceable functions.
+    """Base of joint drives: frozen dataclasses of numbers with pure, traceable methods.
 
     ``advance`` steps the memory once per control period; ``effort`` is evaluated at every stage of the integrator with
     the memory held. The joint's own effort limit, its friction and its faults act on what ``effort`` gives.
@@ -67,14 +67,14 @@ class Drive:
 
     @classmethod
     def require_stated(cls, stated: Collection[str]) -> None:
-        """Reject a drive's parameter table that lacks a parameter required by another; ``stated`` are the given names.
+        """Refuse a parameter table of a drive that lacks a parameter which another given one requires.
 
         Raises:
             ValueError: one line that begins with the field.
         """
 
     def why_short_steps(self) -> str:
-        """Text with the parameters that force a very short integration step; empty if that step is itself given."""
+        """Text with the parameters that force a very short integration step; empty if unknown."""
         return ""
 
     def start(self, position: Scalar) -> Any:
@@ -82,7 +82,7 @@ class Drive:
         return ()
 
     def begin(self, position: Scalar, setpoint: Scalar, dt: float) -> Any:
-        """Initial state of a drive that also requires the first setpoint and the control period (s)."""
+        """Initial state of a drive that also depends on the first setpoint and the control period (s)."""
         return self.start(position)
 
     def steady_memory(self, memory: Any, position: Scalar, setpoint: Scalar) -> Any:
@@ -90,11 +90,11 @@ class Drive:
         return memory
 
     def advance(self, memory: Any, setpoint: Scalar, position: Scalar, rate: Scalar, dt: float) -> Any:
-        """Drive state for the period of ``dt`` (s) that begins at this joint position and rate; mean setpoint given."""
+        """Drive state for the control period of ``dt`` (s) that begins now, under the mean setpoint of the period."""
         return memory
 
     def effort(self, memory: Any, setpoint: Scalar, position: Scalar, rate: Scalar) -> Scalar:
-        """Torque (N m) or force (N) on the joint."""
+        """Torque (N m) or force (N) of the drive on the joint."""
         raise NotImplementedError(f"{type(self).__name__} must define effort()")
 
     def largest_effort(self) -> Scalar:
@@ -102,11 +102,11 @@ class Drive:
         return math.inf
 
     def standing(self, effort: Scalar, position: Scalar) -> Scalar:
-        """Setpoint that holds the joint before the first command, from the holding torque."""
+        """Setpoint that holds a motionless joint before the first command, from the holding torque."""
         return position
 
     def setpoint(self, memory: Any, effort: Scalar, position: Scalar, rate: Scalar, dt: float) -> Any:
-        """Setpoint with which the drive gives a desired effort, for laws that command torque.
+        """Setpoint by which the drive gives a desired torque or force, for control laws that command torque.
 
         The inverse of ``effort`` after ``advance`` from ``memory`` with it, at this position and rate for ``dt`` (s).
         """
@@ -120,11 +120,11 @@ class TorqueDrive(Drive):
     takes: ClassVar[str] = "N m or N"
 
     def effort(self, memory: Any, setpoint: Scalar, position: Scalar, rate: Scalar) -> Scalar:
-        """Torque or force on the joint: the setpoint itself."""
+        """Torque or force on the joint, which is the setpoint itself."""
         return setpoint
 
     def standing(self, effort: Scalar, position: Scalar) -> Scalar:
-        """Setpoint before the first command: the holding torque."""
+        """Setpoint before the first command, which is the holding torque."""
         return effort
 
 
@@ -133,7 +133,7 @@ TORQUE_DRIVE = TorqueDrive()
 
 @dataclass(frozen=True, slots=True)
 class LaggedTorqueMemory:
-    """Torque at the end of the period that has begun, and its mean in that period, N m or N."""
+    """Torque of a lagged drive at the end of the current control period, and its mean, N m or N."""
 
     following: Scalar
     mean: Scalar
@@ -141,7 +141,7 @@ class LaggedTorqueMemory:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LaggedTorque(TorqueDrive):
-    """Torque drive with a first-order lag, T d(torque)/dt = setpoint - torque; the exact mean over a period acts.
+    """Torque drive with a first-order lag, T d(torque)/dt = setpoint - torque, whose mean over a period acts.
 
     The impulse of every period is that of the continuous lag. The joint's own effort limit acts on the torque, not on
     the setpoint, which is a torque: laws fly it as they are.
@@ -165,12 +165,12 @@ class LaggedTorque(TorqueDrive):
         return LaggedTorqueMemory(setpoint, setpoint)
 
     def advance(self, memory: LaggedTorqueMemory, setpoint: Scalar, position: Scalar, rate: Scalar, dt: float) -> Any:
-        """Exact solution of the lag over one period, towards a constant setpoint."""
+        """Solve the first-order lag exactly over one control period of constant setpoint."""
         share: Scalar = dt / self.time_constant
         left = exp(-share)
         before = memory.following - setpoint
         return LaggedTorqueMemory(setpoint + before * left, setpoint + before * ((1.0 - left) / share))
 
     def effort(self, memory: LaggedTorqueMemory, setpoint: Scalar, position: Scalar, rate: Scalar) -> Scalar:
-        """Mean torque (N m) or force (N) over the period."""
+        """Mean torque (N m) or force (N) over the control period."""
         return memory.mean

@@ -14,7 +14,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, slots=True)
 class HoverTrim:
-    """Trim of a level hover: rotor speeds, thrust and joint torques.
+    """Trim of a level hover: rotor speeds, thrust and holding joint torques.
 
     Attributes:
         speeds: rad/s, one per rotor. squared: squared speeds from the mixer; negative means no such hover.

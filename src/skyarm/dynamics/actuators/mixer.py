@@ -1,4 +1,4 @@
-"""Control allocation: body torque and thrust to squared rotor speeds, for any rotor layout, with priorities.
+"""Control allocation: body torque and thrust to squared rotor speeds, with priorities at the rotors' limits.
 
 Rotors that span all six directions of a wrench may give a force across body z besides.
 
@@ -33,7 +33,7 @@ ENDLESS = 1e100
 
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """Linear bounds of the yaw torque, N m: ``low`` + ``slope`` f to ``high`` + ``slope`` f for a thrust f in N."""
+    """Two parallel linear bounds of the yaw torque as a function of the thrust, N m."""
 
     low: Scalar
     high: Scalar
@@ -48,7 +48,7 @@ def yaw_bounds(
     wanted: Scalar,
     slack: Scalar,
 ) -> list[Bound]:
-    """Bounds of the yaw torque from its demand and from the limits of each rotor.
+    """Linear bounds of the yaw torque from the demanded torque and from the limits of each rotor.
 
     Args:
         taken: squared speeds for roll and pitch, (rad/s)^2.
@@ -71,7 +71,7 @@ def yaw_bounds(
 
 
 def nearest_thrust(bounds: Sequence[Bound], wanted: Scalar) -> Scalar:
-    """Thrust nearest to the demand, N, for which some yaw torque lies within all bounds."""
+    """Thrust nearest to the demanded one, N, for which some yaw torque lies within all bounds."""
     low: Scalar = -ENDLESS
     high: Scalar = ENDLESS
     for i, under in enumerate(bounds):
@@ -87,7 +87,7 @@ def nearest_thrust(bounds: Sequence[Bound], wanted: Scalar) -> Scalar:
 
 
 def nearest_yaw(bounds: Sequence[Bound], thrust: Scalar, wanted: Scalar) -> Scalar:
-    """Yaw torque nearest to the demand, N m, within all bounds at a given thrust."""
+    """Yaw torque nearest to the demanded one, N m, within all bounds at a given thrust."""
     for each in bounds:
         moved = mul(each.slope, thrust)
         wanted = minimum(maximum(wanted, add(each.low, moved)), add(each.high, moved))
@@ -105,12 +105,12 @@ AXES = ("roll torque", "pitch torque", "yaw torque", "thrust", "force along x", 
 
 
 class AllocationError(ValueError):
-    """The rotors cannot produce independent torques and thrust."""
+    """Error: the rotors cannot produce independent torques and thrust."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Mixer:
-    """Control allocation: matrix from body torque and thrust to squared rotor speeds, and policy at the limits.
+    """Control allocation: matrix from body torque and thrust to squared rotor speeds, and policy at the rotors' limits.
 
     Attributes:
         inverse: one row of four per rotor, (rad/s)^2 per N m or N.
@@ -140,7 +140,7 @@ class Mixer:
 
 
 def allocation_matrix(vehicle: Vehicle, sideways: bool = False) -> list[list[Scalar]]:
-    """Allocation matrix A: torque x, y, z (about the base origin) and thrust along body z, per squared rotor speed.
+    """Matrix from squared rotor speeds to body torque and thrust; with ``sideways`` to the whole wrench.
 
     ``sideways`` adds the rows of force along body x and y.
     """
@@ -153,7 +153,7 @@ def allocation_matrix(vehicle: Vehicle, sideways: bool = False) -> list[list[Sca
 
 
 def make_mixer(vehicle: Vehicle, policy: str = "clip", sideways: bool = False, yaw_slack: Scalar = 0.0) -> Mixer:
-    """Make a mixer from the Moore-Penrose inverse of the allocation matrix; ``sideways`` uses all six rows.
+    """Make the control allocation from the Moore-Penrose inverse of the allocation matrix.
 
     Raises:
         AllocationError: unknown policy, the rotors do not span torque and thrust (rank below 4; for ``sideways`` below
@@ -178,7 +178,7 @@ def make_mixer(vehicle: Vehicle, policy: str = "clip", sideways: bool = False, y
 
 
 def _require_rank(vehicle: Vehicle, A: list[list[Scalar]]) -> None:
-    """Reject rotors that cannot give independent torques about three axes and thrust, or a full wrench."""
+    """Refuse rotors that cannot give independent torques about three axes and thrust, or a full wrench."""
     if not concrete(*(entry for row in A for entry in row)):
         return
     import numpy as np
@@ -205,7 +205,7 @@ def _require_rank(vehicle: Vehicle, A: list[list[Scalar]]) -> None:
 
 
 def _require_thrust_shares(vehicle: Vehicle, per_newton: Sequence[Scalar]) -> None:
-    """Reject the priority policy for a rotor layout in which some rotor's speed does not increase with thrust."""
+    """Refuse the priority policy for a layout where some rotor's speed does not increase with thrust."""
     if not concrete(*per_newton):
         return
     for rotor, value in zip(vehicle.rotors, per_newton, strict=True):
@@ -219,7 +219,7 @@ def _require_thrust_shares(vehicle: Vehicle, per_newton: Sequence[Scalar]) -> No
 def mix(
     mixer: Mixer, torque: Vec3, thrust: Scalar, across: Vec3 = ZERO3
 ) -> tuple[tuple[Scalar, ...], tuple[Scalar, ...]]:
-    """Rotor speeds (rad/s) for a body torque (N m), a thrust along body z and a force across it (N).
+    """Rotor speeds (rad/s) for a body torque (N m), a thrust (N) and a sideways force (N).
 
     A policy with priorities gives of the force across body z the largest share that torque and thrust leave room for.
 
@@ -235,7 +235,7 @@ def mix(
 
 
 def _prioritize(mixer: Mixer, torque: Vec3, thrust: Scalar) -> tuple[Scalar, ...]:
-    """Squared speeds within [0, highest]: roll and pitch torque first, then thrust, yaw torque last.
+    """Squared rotor speeds within their limits: roll and pitch torque first, then thrust, yaw torque last.
 
     1. Roll and pitch are scaled down together if no thrust at all leaves room for them. 2. Thrust moves just enough to
     leave that room. 3. Yaw takes the largest share of what remains.
@@ -263,7 +263,7 @@ def _prioritize(mixer: Mixer, torque: Vec3, thrust: Scalar) -> tuple[Scalar, ...
 
 
 def _tilt_share(tilt: Sequence[Scalar], per_newton: Sequence[Scalar], highest: Sequence[Scalar]) -> Scalar:
-    """Largest s in [0, 1] for which some thrust keeps s tilt_i + thrust per_newton_i within [0, highest_i] for all i.
+    """Largest share of the roll and pitch torque that some thrust keeps within all rotors' limits, 0 to 1.
 
     Rotor i requires thrust >= -s d_i and rotor j for thrust <= e_j - s d_j, with d = tilt / per_newton and
     e = highest / per_newton: every pair must agree (Fourier-Motzkin elimination of the thrust).
@@ -282,7 +282,7 @@ def _tilt_share(tilt: Sequence[Scalar], per_newton: Sequence[Scalar], highest: S
 def _thrust_range(
     tilt: Sequence[Scalar], per_newton: Sequence[Scalar], highest: Sequence[Scalar]
 ) -> tuple[Scalar, Scalar]:
-    """Smallest and largest thrust (N) with 0 <= tilt_i + thrust per_newton_i <= highest_i for all i."""
+    """Smallest and largest thrust (N) at which given roll and pitch torques stay within all rotors' limits."""
     low: Any = None
     high: Any = None
     for value, slope, top in zip(tilt, per_newton, highest, strict=True):
@@ -293,7 +293,7 @@ def _thrust_range(
 
 
 def _largest_share(fixed: Sequence[Scalar], wanted: Sequence[Scalar], highest: Sequence[Scalar]) -> Scalar:
-    """Largest s in [0, 1] with 0 <= fixed_i + s wanted_i <= highest_i for all i (0 if ``fixed`` itself is outside)."""
+    """Largest share of a change of the squared rotor speeds that stays within their limits, 0 to 1."""
     share: Scalar = 1.0
     for value, change, top in zip(fixed, wanted, highest, strict=True):
         up, down = divide(top - value, change), divide(0.0 - value, change)
@@ -305,7 +305,7 @@ def _largest_share(fixed: Sequence[Scalar], wanted: Sequence[Scalar], highest: S
 def _with_side(
     mixer: Mixer, raw: Sequence[Scalar], allowed: Sequence[Scalar], side: Sequence[Scalar]
 ) -> tuple[Scalar, ...]:
-    """Squared rotor speeds plus the largest share of a sideways force that fits their limits.
+    """Squared rotor speeds with the largest share of a sideways force that fits the rotors' limits.
 
     It may be what brings torque and thrust (``raw``) within the limits; where no share of it does, it takes what room
     is left beside what the limits leave of them (``allowed``).

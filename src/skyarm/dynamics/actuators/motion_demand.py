@@ -1,4 +1,4 @@
-"""Exact actuator demand of a reference: rotor speeds and joint torques at many instants at once.
+"""Rotor speeds and joint torques that follow a reference exactly, at many instants at once.
 
 The vehicle is differentially flat but for the reaction of its arm: the force that the base needs fixes where its z axis
 points, the heading the rest, their derivatives the angular velocity and acceleration, and inverse dynamics the torques.
@@ -29,7 +29,7 @@ REACTIONS = 2
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Motion:
-    """Motion of base and joints at K instants.
+    """Motion of base and joints at K instants, as arrays.
 
     Attributes:
         time: (K,) s, rising. acceleration: (3, K) of the base origin, world axes, m/s^2. yaw: (K,) rad.
@@ -46,7 +46,7 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class Demand:
-    """Actuator demand of a motion: squared rotor speeds and joint efforts over time.
+    """Squared rotor speeds and joint torques of a motion at K instants, as arrays.
 
     Attributes:
         time: (K,) s. squared: (rotors, K) (rad/s)^2, of the exact mixer without limits. efforts: (n, K) N m or N.
@@ -64,13 +64,13 @@ class Demand:
 
 
 def _table(count: int, values: Iterable[Any]) -> Array:
-    """Array (values, count) of scalars, each one number or an array of ``count``."""
+    """Stack scalars and arrays of length ``count`` into one array (values, count)."""
     rows = [np.broadcast_to(np.asarray(value, dtype=float), count) for value in values]
     return np.stack(rows) if rows else np.zeros((0, count))
 
 
 def motion_of(reference: Any, time: Array) -> Motion:
-    """Motion at K instants from a reference whose fields are arrays of K values or constants."""
+    """Motion of base and joints at K instants, from a reference of arrays."""
     lanes = partial(_table, len(time))
     return Motion(
         time=time,
@@ -136,7 +136,7 @@ def attitude(force: Array, yaw: Array) -> Array:
 
 
 def rates_of(R: Array, time: Array) -> tuple[Array, Array]:
-    """Angular velocity and acceleration (3, K) of an attitude, base axes, by central differences."""
+    """Angular velocity and acceleration (3, K) of attitudes (3, 3, K), base axes, by central differences."""
     dR = np.gradient(R, time, axis=2, edge_order=2)
     W = np.einsum("jik,jlk->ilk", R, dR)
     rate = 0.5 * np.stack([W[2, 1] - W[1, 2], W[0, 2] - W[2, 0], W[1, 0] - W[0, 1]])

@@ -15,7 +15,7 @@ from skyarm.vehicle.vehicle_records import Rotor
 
 
 def speed_after(rotor: Rotor, speed: Scalar, command: Scalar, dt: Scalar) -> Scalar:
-    """Rotor speed (rad/s) after ``dt`` seconds of a held command: the asymmetric first-order lag solved exactly.
+    """Rotor speed (rad/s) after ``dt`` seconds of a constant command, by the exact first-order lag.
 
     The approach is monotonic, so the time constant (up or down) cannot change while the command is held. The command is
     limited to the rotor's highest speed.
@@ -28,7 +28,7 @@ def speed_after(rotor: Rotor, speed: Scalar, command: Scalar, dt: Scalar) -> Sca
 def speeds_after(
     rotors: Sequence[Rotor], speeds: Sequence[Scalar], commands: Sequence[Scalar], dt: Scalar
 ) -> tuple[Scalar, ...]:
-    """Speeds (rad/s) of all rotors after ``dt`` seconds of held commands."""
+    """Speeds (rad/s) of all rotors after ``dt`` seconds of constant commands."""
     rows = zip(rotors, speeds, commands, strict=True)
     return tuple(speed_after(rotor, speed, command, dt) for rotor, speed, command in rows)
 
@@ -50,7 +50,7 @@ def rotor_force(rotor: Rotor, speed: Scalar, velocity: Vec3) -> Force:
 def rotor_forces(
     rotors: Sequence[Rotor], speeds: Sequence[Scalar], velocity: Vec3, rate: Vec3, effectiveness: Sequence[Scalar] = ()
 ) -> Force:
-    """Sum of :func:`rotor_force` over all rotors of a base.
+    """Total force and torque of all rotors on the base, about the base origin, base axes.
 
     Rotors with one axis and one set of coefficients are summed before their coefficients enter, about a point that has
     what their positions have in common.
@@ -80,17 +80,17 @@ Turning = tuple[Rotor, Any, Any]
 
 
 def _components(group: Sequence[Turning]) -> list[tuple[Scalar, ...]]:
-    """Coordinates of the rotors' positions: all x, all y and all z."""
+    """Split the positions of some rotors into all x, all y and all z coordinates."""
     return list(zip(*(rotor.position for rotor, *_ in group), strict=True))
 
 
 def _offset(position: Vec3, center: Vec3) -> Vec3:
-    """Position in which components equal to those of ``center`` are replaced by constant (int) zeros."""
+    """Position relative to ``center``, with a constant zero where both have the same coordinate."""
     return Vec3(*(0 if same(a, b) else a for a, b in zip(position, center, strict=True)))
 
 
 def _similar(a: Rotor, b: Rotor) -> bool:
-    """Return True if two rotors have the same axis and the same coefficients."""
+    """True if two rotors have the same axis and the same coefficients."""
 
     def numbers(rotor: Rotor) -> tuple[Scalar, ...]:
         drags = (rotor.drag_coefficient, rotor.rolling_moment_coefficient)
@@ -101,22 +101,22 @@ def _similar(a: Rotor, b: Rotor) -> bool:
 
 
 def push(rotor: Rotor, speed: Scalar) -> Any:
-    """Effective squared speed, (rad/s)^2: thrust over the thrust coefficient, from the rotor's table if it has one."""
+    """Effective squared rotor speed, (rad/s)^2: thrust over thrust coefficient."""
     return speed * speed if rotor.table is None else rotor.table.push(speed)
 
 
 def speed_of_push(rotor: Rotor, value: Any) -> Scalar:
-    """Rotor speed for an effective squared speed, rad/s: the inverse of :func:`push`."""
+    """Rotor speed (rad/s) of an effective squared speed, the inverse of :func:`push`."""
     return sqrt(maximum(value, 0.0)) if rotor.table is None else rotor.table.speed_of_push(value)
 
 
 def _have_inertia(rotors: Sequence[Rotor]) -> bool:
-    """Return True if some rotor's inertia is modelled."""
+    """True if the inertia of some rotor is modelled."""
     return any(not (type(rotor.inertia) is int and rotor.inertia == 0) for rotor in rotors)
 
 
 def spin_torque(rotors: Sequence[Rotor], speeds: Sequence[Scalar], commands: Sequence[Scalar], rate: Vec3) -> Vec3:
-    """Reaction torque on the base due to rotor acceleration and gyroscopic effects, N m, base axes.
+    """Reaction torque on the base by accelerating and gyroscopic rotors, N m, base axes.
 
     The spin h = J direction W n of each is part of the angular momentum: the base feels -dh/dt = -J direction
     (dW/dt n + W w x n), with dW/dt of the lag. Source: Hughes 1986, Spacecraft Attitude Dynamics, section 3.4, of
@@ -141,7 +141,7 @@ def spin_torque(rotors: Sequence[Rotor], speeds: Sequence[Scalar], commands: Seq
 
 
 def _alike(group: Sequence[Turning], positions: Sequence[Vec3], velocity: Vec3, rate: Vec3) -> Force:
-    """Total torque about the origin and force of several rotors that differ only in position and direction of rotation.
+    """Total torque and force about the origin of rotors that differ in position and direction of rotation only.
 
     v_perp = v - (v.n) n is written so that a structural axis leaves two components.
     """

@@ -42,7 +42,7 @@ NEEDS = {"voltage": ("torque_constant", "resistance"), "current_limit": ("torque
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Servo(Drive):
-    """A servo is a geared DC motor with a control loop; positions and rates are those of the joint.
+    """Base of joint servos: geared DC motors with a position or rate control loop.
 
     Motor and supply bound the torque. The current is at most ``current_limit``, and what the supply drives through the
     winding against the motor's counter-voltage: between (-U - k_e qd) / R and (U - k_e qd) / R with k_e = gear
@@ -76,14 +76,14 @@ class Servo(Drive):
 
     @classmethod
     def require_stated(cls, stated: Collection[str]) -> None:
-        """Reject a motor with a voltage or current limit but without the constants that turn it into a torque limit."""
+        """Refuse a voltage or current limit without the motor constants that turn it into a torque limit."""
         for given, needed in NEEDS.items():
             for name in needed:
                 if given in stated and name not in stated:
                     raise ValueError(f"{name}: must be stated beside {given}, which bounds the torque by it")
 
     def bounds(self, rate: Scalar) -> tuple[Scalar, Scalar]:
-        """Least and largest torque (N m) or force (N) that motor and supply give at a joint's rate."""
+        """Least and largest torque (N m) or force (N) that motor and supply can give at a joint rate."""
         per_volt, counter = mul(self.gear, self.torque_constant), mul(mul(self.gear, self.torque_constant), rate)
         per_ampere = mul(per_volt, self.efficiency)
         low = maximum(divide(sub(-self.voltage, counter), self.resistance), -self.current_limit)
@@ -99,22 +99,22 @@ class Servo(Drive):
         return float(self.voltage) / (float(self.gear) * float(self.torque_constant))
 
     def largest_effort(self) -> Scalar:
-        """Stall torque (N m) or force (N), within the limits of current and torque."""
+        """Torque (N m) or force (N) of the stalled motor, within the limits of current and torque."""
         return self.bounds(0.0)[1]
 
     def start(self, position: Scalar) -> ServoMemory:
-        """Unsupported for a servo: the initial servo state also requires a setpoint and a control period."""
+        """Raise an error: the initial state of a servo requires a setpoint and a control period."""
         raise RecordError(f"{type(self).__name__}: begins with a setpoint and a control period")
 
     def why_short_steps(self) -> str:
-        """Text with the loop and motor constants that require short integration steps."""
+        """Text with the motor and loop constants that require short integration steps."""
         names = [name for name in ("stiffness", "gain", "damping") if getattr(self, name, 0.0)]
         if math.isfinite(self.voltage):
             names += ["gear", "torque_constant", "resistance"]
         return ", ".join(f"{name} = {float(getattr(self, name)):g}" for name in (*names, "inertia"))
 
     def _half_time(self, D: float, K: float) -> float:
-        """Half the fastest time constant, s, of the loop inertia s^2 + D s + K and of the motor on its supply.
+        """Half the fastest time constant (s) of the joint under the servo's loop and of the motor.
 
         RK4 then errs by (1/2)^5 / 120 of the motion in a step at most.
         """
@@ -130,7 +130,7 @@ class Servo(Drive):
         return ServoMemory(goal=self._loop_setpoint(setpoint), integral=0.0, rounding=0.0, waiting=waiting)
 
     def begin(self, position: Scalar, setpoint: Scalar, dt: float) -> ServoMemory:
-        """Initial state of a servo: steady, with a queue of delayed setpoints as long as the latency."""
+        """Initial state of a servo: steady at a setpoint, with a queue of delayed setpoints."""
         if not concrete(self.latency):
             raise RecordError("latency: must be the same in all episodes: it says how many setpoints are on their way")
         count = math.ceil(self.latency / dt - 1e-9)
@@ -138,7 +138,7 @@ class Servo(Drive):
         return self.steady_memory(empty, position, setpoint)
 
     def advance(self, memory: ServoMemory, setpoint: Scalar, position: Scalar, rate: Scalar, dt: float) -> ServoMemory:
-        """Servo state one period later: setpoint queue, loop setpoint, encoder rounding and integral."""
+        """State of a servo one control period later: delayed setpoints, loop setpoint, rounding, integral."""
         received, waiting = self._arriving_setpoint(memory, setpoint, dt)
         goal, rounding = self._next_goal(memory.goal, received, dt), self._rounding(position)
         error, asked = self._loop(goal, memory.integral, position + rounding, rate)
@@ -146,16 +146,16 @@ class Servo(Drive):
         return ServoMemory(goal=goal, integral=integral, rounding=rounding, waiting=waiting)
 
     def effort(self, memory: ServoMemory, setpoint: Scalar, position: Scalar, rate: Scalar) -> Scalar:
-        """Torque (N m) or force (N) of the loop, clipped to the bounds of motor and supply."""
+        """Torque (N m) or force (N) of the servo's loop, clipped to the bounds of motor and supply."""
         low, high = self.bounds(rate)
         return clip(self._loop(memory.goal, memory.integral, position + memory.rounding, rate)[1], low, high)
 
     def _loop_setpoint(self, setpoint: Scalar) -> Scalar:
-        """Setpoint after the loop's quantisation, if any."""
+        """Setpoint of the servo's control loop after its quantisation, if any."""
         return setpoint
 
     def _next_goal(self, goal: Scalar, received: Scalar, dt: float) -> Scalar:
-        """Setpoint that the servo's loop tracks after a period in which the setpoint ``received`` arrived."""
+        """Setpoint that the servo's loop tracks after a control period in which ``received`` arrived."""
         raise NotImplementedError(f"{type(self).__name__} must define _next_goal()")
 
     def _rounding(self, position: Scalar) -> Scalar:
@@ -163,11 +163,11 @@ class Servo(Drive):
         return 0.0
 
     def _loop(self, goal: Scalar, integral: Scalar, position: Scalar, rate: Scalar) -> tuple[Scalar, Scalar]:
-        """Control error of the servo's loop, and the loop's torque before the torque limits."""
+        """Control error of the servo's loop, and its torque before the limits."""
         raise NotImplementedError(f"{type(self).__name__} must define _loop()")
 
     def _arriving_setpoint(self, memory: ServoMemory, setpoint: Scalar, dt: float) -> tuple[Scalar, tuple[Scalar, ...]]:
-        """Mean setpoint that arrives in this period, and the queue of those still delayed."""
+        """Mean of the delayed setpoints that arrive in a control period, and the queue of later ones."""
         count = len(memory.waiting)
         if count == 0:
             return setpoint, ()
@@ -177,7 +177,7 @@ class Servo(Drive):
         return newer + (older - newer) * share, seen[1:]
 
     def _integrate(self, memory: ServoMemory, error: Scalar, asked: Scalar, rate: Scalar, dt: float) -> Scalar:
-        """Integral of the error after a period, held while it would wind up at a torque bound.
+        """Integral of the control error after a period, which stops growing at a torque limit (anti-windup).
 
         Source: conditional integration; Astrom, Hagglund 2006, section 3.5.
         """
@@ -189,7 +189,7 @@ class Servo(Drive):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PositionServo(Servo):
-    """A position servo: its setpoint is an angle (rad) or a length (m).
+    """Position servo, whose setpoint is an angle (rad) or a length (m).
 
     torque = stiffness (goal - q) - damping qd + integral times the integral of (goal - q). The derivative is of the
     measured position, so that a step of the setpoint gives no kick. The goal follows the setpoint no faster than
@@ -229,7 +229,7 @@ class PositionServo(Servo):
         return position + divide(effort, self.stiffness)
 
     def setpoint(self, memory: ServoMemory, effort: Scalar, position: Scalar, rate: Scalar, dt: float) -> Any:
-        """Setpoint with which the servo's loop gives a desired effort: the inverse of the loop's control law."""
+        """Setpoint by which the position loop gives a desired torque or force."""
         per_error = add(self.stiffness, mul(self.integral, dt))
         return position + divide(effort + self.damping * rate - self.integral * memory.integral, per_error)
 
@@ -245,7 +245,7 @@ class PositionServo(Servo):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class VelocityServo(Servo):
-    """A velocity servo: its setpoint is the joint's rate (rad/s or m/s).
+    """Velocity servo, whose setpoint is the joint's rate (rad/s or m/s).
 
     torque = gain (goal - qd) + integral times the integral of (goal - qd). The goal is the setpoint within
     ``speed_limit``.
@@ -264,11 +264,11 @@ class VelocityServo(Servo):
         return clip(received, -self.speed_limit, self.speed_limit)
 
     def standing(self, effort: Scalar, position: Scalar) -> Scalar:
-        """The rate setpoint that gives the torque at a joint at rest."""
+        """Rate setpoint by which the servo holds a motionless joint."""
         return divide(effort, self.gain)
 
     def setpoint(self, memory: ServoMemory, effort: Scalar, position: Scalar, rate: Scalar, dt: float) -> Any:
-        """Setpoint with which the servo's loop gives a desired effort: the inverse of the loop's control law."""
+        """Setpoint by which the velocity loop gives a desired torque or force."""
         return rate + divide(effort - self.integral * memory.integral, add(self.gain, mul(self.integral, dt)))
 
     def _loop(self, goal: Scalar, integral: Scalar, position: Scalar, rate: Scalar) -> tuple[Scalar, Scalar]:

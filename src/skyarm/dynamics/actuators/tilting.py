@@ -1,4 +1,4 @@
-"""Rotors tilted by servos: servo lag, vehicle at given tilt angles, and equivalent pairs of fixed rotors.
+"""Rotors tilted by servos: servo lag, turned rotor axes, and equivalent pairs of fixed rotors.
 
 A force k s in the plane that a rotor turns in is linear in the pair (s cos a, s sin a) of its squared speed s and angle
 a, and so are its torques, the drag torque included, which stays along the turned axis. Here the pair stands in the
@@ -43,7 +43,7 @@ FASTEST = 1e9
 
 
 def angle_after(tilt: Tilt, angle: Scalar, setpoint: Scalar, dt: Scalar) -> Scalar:
-    """Angle (rad) of a rotor's servo after ``dt`` seconds of a held setpoint.
+    """Tilt angle (rad) of a rotor after ``dt`` seconds of a constant setpoint, with lag and rate limit.
 
     The rate is (setpoint - angle) / time_constant within +-max_rate: the angle moves at the largest rate until what is
     left is max_rate time_constant, then as a first-order lag. Both are solved exactly. The setpoint is limited to the
@@ -61,13 +61,13 @@ def angle_after(tilt: Tilt, angle: Scalar, setpoint: Scalar, dt: Scalar) -> Scal
 def angles_after(
     vehicle: Vehicle, angles: Sequence[Scalar], setpoints: Sequence[Scalar], dt: Scalar
 ) -> tuple[Scalar, ...]:
-    """Angles (rad) of all servos of a vehicle after ``dt`` seconds of held setpoints."""
+    """Tilt angles (rad) of all tilting rotors after ``dt`` seconds of constant setpoints."""
     rows = zip(vehicle.tilts, angles, setpoints, strict=True)
     return tuple(angle_after(tilt, angle, setpoint, dt) for tilt, angle, setpoint in rows)
 
 
 def turned_rotor(rotor: Rotor, angle: Scalar) -> Rotor:
-    """Rotor with its axis n turned to the servo angle a: n cos a + (t x n) sin a, for a tilt axis t."""
+    """Rotor with its axis turned about the tilt axis by an angle (rad)."""
     if rotor.tilt is None:
         return rotor
     axis = rotor.axis * cos(angle) + rotor.tilt.axis.cross(rotor.axis) * sin(angle)
@@ -75,7 +75,7 @@ def turned_rotor(rotor: Rotor, angle: Scalar) -> Rotor:
 
 
 def turn_rotors(vehicle: Vehicle, angles: Sequence[Scalar]) -> Vehicle:
-    """Vehicle with its rotor axes turned to the servo angles; unchanged without tilting rotors."""
+    """Vehicle with the axes of its tilting rotors turned by given angles (rad)."""
     if not vehicle.tilts:
         return vehicle
     left = iter(angles)
@@ -84,7 +84,7 @@ def turn_rotors(vehicle: Vehicle, angles: Sequence[Scalar]) -> Vehicle:
 
 
 def with_rest(vehicle: Vehicle, command: Command) -> Command:
-    """Command with zero angles of tilting rotors added if missing; otherwise unchanged."""
+    """Command with tilt angles of zero where a vehicle has tilting rotors and the command gives no angles."""
     if not vehicle.tilts or command.tilts:
         return command
     return dataclasses.replace(command, tilts=(0.0,) * len(vehicle.tilts))
@@ -96,19 +96,19 @@ WIDEST = math.pi / 4.0
 
 @dataclass(frozen=True, slots=True)
 class Force:
-    """Force of one tilting rotor, stored as squared rotor speed, (rad/s)^2, and tilt angle, rad."""
+    """Force of one tilting rotor as squared rotor speed, (rad/s)^2, and tilt angle, rad."""
 
     push: Scalar
     angle: Scalar
 
 
 def ends(tilt: Tilt) -> tuple[Scalar, Scalar]:
-    """Angles, rad, of the two fixed axes that replace a tilting rotor: the servo's range within +-WIDEST."""
+    """Angles (rad) of the two fixed axes that replace a tilting rotor in the control allocation."""
     return maximum(tilt.lower, -WIDEST), minimum(tilt.upper, WIDEST)
 
 
 def as_pairs(vehicle: Vehicle) -> Vehicle:
-    """Vehicle with each tilting rotor replaced by two fixed ones; unchanged without tilting rotors.
+    """Vehicle in which two fixed rotors replace each tilting rotor.
 
     Each of the two goes so far that both together give the rotor's largest thrust midway between them, and never more
     than it: at an end of the range that leaves 1 / (2 cos h) of it, h half the angle between them (0.71 at 45 deg).
@@ -142,7 +142,7 @@ def _pair(rotor: Rotor, tilt: Tilt) -> list[Rotor]:
 
 
 def speeds_of_pairs(vehicle: Vehicle, speeds: Sequence[Scalar], angles: Sequence[Scalar]) -> tuple[Scalar, ...]:
-    """Speeds (rad/s) of the fixed rotor pairs equivalent to tilting rotors at given angles."""
+    """Speeds (rad/s) of the pairs of fixed rotors that give the force of tilting rotors at given angles."""
     found: list[Any] = []
     left = iter(angles)
     for rotor, speed in zip(vehicle.rotors, speeds, strict=True):
@@ -157,7 +157,7 @@ def speeds_of_pairs(vehicle: Vehicle, speeds: Sequence[Scalar], angles: Sequence
 
 
 def forces_of_pairs(vehicle: Vehicle, speeds: Sequence[Scalar]) -> tuple[Force, ...]:
-    """Squared speed and tilt angle of every rotor from the speeds (rad/s) of its pair of fixed rotors."""
+    """Squared speeds and tilt angles of tilting rotors, from the speeds (rad/s) of their pairs of fixed rotors."""
     found, left = [], iter(speeds)
     for rotor in vehicle.rotors:
         first = next(left)
