@@ -58,7 +58,7 @@ def accept(record: object, where: str, rules: Mapping[str, Rule], error: type[Va
 
 
 def number(field: str, value: object) -> Any:
-    """Convert a scalar: plain numbers become floats; arrays of a batch and traced scalars are kept."""
+    """Convert a scalar: plain numbers become floats; arrays of a batch and traced scalars stay as they are."""
     if type(value) is float:
         return value
     plain = plain_number(value)
@@ -147,7 +147,7 @@ def word_of(words: Iterable[str]) -> Rule:
 
 
 def fold_zeros(record: object, *names: str) -> None:
-    """Make exact zeros in fields of a frozen record under construction constants of compiled code."""
+    """Make exact zeros in fields of a frozen dataclass under construction constants of compiled code."""
     for name in names:
         held = getattr(record, name)
         if isinstance(held, Vec3):
@@ -195,7 +195,7 @@ def pairs(field: str, value: Any) -> tuple[tuple[str, str], ...]:
 
 
 def is_sequence(value: object) -> bool:
-    """True if a value is a sequence, but not text, a table or a zero-dimensional array."""
+    """True for a sequence, but not for text, a table or a zero-dimensional array."""
     several = hasattr(value, "__iter__") and not isinstance(value, (str, bytes, Mapping, type))
     return several and bool(getattr(value, "ndim", 1))
 
@@ -220,7 +220,7 @@ def _many(value: object) -> bool:
 
 
 def items(field: str, value: Any, counts: tuple[int, ...] | None, allowed: str) -> list[Any]:
-    """Items of a sequence or array, after a check of their count (None allows any)."""
+    """Items of a sequence or array as a list, after a check of their count (None allows any)."""
     if isinstance(value, (str, bytes, Mapping, set, frozenset)):
         refuse(field, value, allowed)
     try:

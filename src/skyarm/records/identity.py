@@ -88,7 +88,7 @@ def _pairs(things: Iterable[Any]) -> set[Pair]:
 
 
 def _sources(value: object) -> set[Pair]:
-    """User files that define a function or a class."""
+    """User files, with their digests, that define a function or a class."""
     if isinstance(value, type):
         return {pair for kind in value.__mro__ for pair in _of_class(kind)}
     code = getattr(value, "__code__", None)

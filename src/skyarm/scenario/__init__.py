@@ -1,1 +1,1 @@
-"""Scenarios: complete definitions of experiments, read from files or made in Python; numbers have dotted paths."""
+"""Scenarios: complete definitions of experiments, read from files or made in Python."""

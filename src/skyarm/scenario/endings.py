@@ -29,7 +29,7 @@ LONG = 2.0
 
 
 class Ending:
-    """Base class of termination conditions of an episode. A subclass is a frozen dataclass of numbers."""
+    """Base class of termination conditions of an episode, whose subclasses are frozen dataclasses of numbers."""
 
     __slots__ = ()
 

@@ -209,7 +209,7 @@ PAYLOADS: Mapping[str, Place] = {
 
 
 def is_added(path: str) -> bool:
-    """True if a parameter path denotes a payload mass, which is added to the vehicle's own mass."""
+    """True if a parameter path denotes a payload mass, which adds to the vehicle's own mass."""
     return path.startswith(tuple(f"{root}." for root in PAYLOADS))
 
 

@@ -221,7 +221,7 @@ def plan(judge: Judge, ceilings: Ceilings) -> Plan:
 
 
 def _calm(ceilings: Ceilings, s: Derivatives, over: Array) -> None:
-    """Slightly lower the bounds of path speed and acceleration at path positions where a limit is exceeded."""
+    """Slightly lower the bounds of path speed and acceleration where the motion exceeds a vehicle limit."""
     more = over > SLACK
     place, rate = s[0][more], np.maximum(s[1][more], SLOWEST)
     index = np.clip(np.round(place / GRID).astype(int), 0, len(ceilings.rate) - 1)

@@ -1,4 +1,4 @@
-"""Payload tables of a scenario file, and the payloads and grippers named by a reference's phases.
+"""Payload tables of a scenario file, and payloads and grippers that the phases of a task name.
 
 ::
 

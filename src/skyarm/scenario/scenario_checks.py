@@ -127,7 +127,7 @@ def require_whole(field: str, seconds: float, rate: int, unit: str) -> None:
 
 
 def _check_clocks_of_law(scenario: Scenario) -> None:
-    """Check that periods and filters among a law's constants match the scenario's clocks."""
+    """Check that control periods and filter cutoffs among a law's constants match the scenario's clocks."""
     par, rates = innermost(scenario.controller.par), scenario.rates
     cutoff = getattr(par, "cutoff", None)
     if cutoff is not None and concrete(cutoff) and not 2.0 * cutoff < rates.control:

@@ -47,7 +47,7 @@ def _leaves(data: object, words: Words) -> Iterator[tuple[Words, Any]]:
 
 
 def _has_choice(words: Words) -> bool:
-    """True if values of several classes are allowed at a field path, such as different kinds of wind."""
+    """True for a field path, such as environment.wind, where values of several classes are allowed."""
     return words in (("environment", "wind"), ("agent", "estimator")) or words[:-1] in SEVERAL
 
 

@@ -56,7 +56,7 @@ Held = TypeVar("Held")
 
 
 class ScenarioError(ValueError):
-    """Error in a scenario's description."""
+    """Error in the description of a scenario."""
 
 
 def whole(value: object) -> int | None:
@@ -499,7 +499,7 @@ def _group_fields(words: dict[str, Any]) -> dict[str, Any]:
 
 
 def check_name(name: str) -> None:
-    """Check that a scenario's name is valid as the name of its files."""
+    """Check that a scenario's name is valid as a file name on all systems."""
     if not is_result_name(name):
         raise ScenarioError(f"name = {shown(name)}: {ALLOWED}")
 

@@ -189,7 +189,7 @@ def drives(plant: Fields) -> tuple[JointDrive, ...]:
 
 
 def setting_of(world: Truth, duration: float) -> Setting:
-    """Vehicle, gravity, duration and thrust-to-weight ratio of the flight, for the readers of a reference."""
+    """Setting of a flight for readers of a reference: vehicle, gravity, duration and thrust-to-weight ratio."""
     weight = float(world.vehicle.mass) * float(world.gravity)
     most = float(highest_thrust(world.vehicle)) / weight if weight > 0.0 else math.inf
     return Setting(vehicle=world.vehicle, gravity=float(world.gravity), duration=duration, thrust_to_weight=most)

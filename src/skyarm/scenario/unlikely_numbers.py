@@ -71,7 +71,7 @@ def part_warnings(scenario: Scenario) -> tuple[str, ...]:
 
 
 def unlikely_units(scenario: Scenario) -> tuple[str, ...]:
-    """Warnings about scenario numbers that are probably in other units, without those of the plant's vehicle."""
+    """Warnings about scenario values that are probably in wrong units, without values of the plant's vehicle."""
     records = {
         "plant": scenario.plant, "model": scenario.controller.par.model, "environment.wind": scenario.wind,
         "sensors": scenario.noise, "delays": scenario.delays, "initial": scenario.initial,

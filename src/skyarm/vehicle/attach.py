@@ -257,7 +257,7 @@ def _with_friction(leader: Joint, follower: Joint, ratio: float) -> Joint:
 
 
 def _range_of_leader(leader: Joint, follower: Joint, ratio: object, offset: object) -> tuple[Any, Any] | None:
-    """Range of a leader joint within its own and its follower's limits; None if it is empty."""
+    """Range of a leader joint that satisfies the limits of leader and follower; None if the range is empty."""
     if not concrete(leader.lower, leader.upper, follower.lower, follower.upper, ratio, offset):
         return leader.lower, leader.upper
     first, last = sorted(((follower.lower - offset) / ratio, (follower.upper - offset) / ratio))
@@ -320,7 +320,7 @@ class Notes:
         self._names: dict[tuple[str, str], list[str]] = {}
 
     def add(self, text: str, name: str = "", kind: str = "joint") -> None:
-        """Add a note on one name of a kind, or on the whole file."""
+        """Add a note about one named element, such as a joint, or about the whole file."""
         names = self._names.setdefault((kind, text), [])
         if name and name not in names:
             names.append(name)

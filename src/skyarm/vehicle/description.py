@@ -1,4 +1,4 @@
-"""Convert numbers of a vehicle file to record fields: exact zeros and ones become constants of compiled code.
+"""Convert numbers of a vehicle file for dataclass fields: exact zeros and ones become constants of compiled code.
 
 What stands as 0 or 1 in a file, and what is computed from it to exactly 0.0 (a product of inertia of a symmetric
 body), is structure and folds away; every other number stays data (see :mod:`skyarm.algebra.scalars`).

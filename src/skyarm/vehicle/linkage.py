@@ -55,7 +55,7 @@ class Body:
         return cls(mass=mass, com=com, inertia=inertia, planar=any(part.planar for part in parts))
 
     def posed(self, R: Mat3, p: Vec3) -> Body:
-        """Body expressed in another frame, in which its own frame has the given pose (m)."""
+        """Body expressed in another frame, in which the body's frame has the given pose (m)."""
         return Body(mass=self.mass, com=p + R.apply(self.com), inertia=self.inertia.rotate(R), planar=self.planar)
 
     def merge(self, other: Body) -> Body:

@@ -286,7 +286,7 @@ def limits(model: MjModel, joint: int) -> tuple[float, float]:
 
 
 def name_of(model: MjModel, kind: str, index: int) -> str:
-    """Name of an element; generated from its index if the file states none."""
+    """Name of an element of a MuJoCo model; made from its index if the file states none."""
     return str(getattr(model, kind)(index).name) or f"{kind}{index}"
 
 
@@ -294,7 +294,7 @@ TENDON_FORCES = ("tendon_stiffness", "tendon_damping", "tendon_frictionloss", "t
 
 
 def require_supported(model: MjModel, notes: Notes) -> None:
-    """Raise an error for springs, balls, closed chains, tendons that pull, soft bodies; note ignored elements.
+    """Raise an error for MJCF elements that a vehicle cannot have, such as springs; note ignored elements.
 
     Raises:
         VehicleError: the first of them.
@@ -321,7 +321,7 @@ def require_supported(model: MjModel, notes: Notes) -> None:
 
 
 def _is_stated(model: MjModel, names: tuple[str, ...], index: int) -> bool:
-    """True if one of the named model arrays is nonzero at an index."""
+    """True if one of the named arrays of a MuJoCo model is nonzero at an index."""
     return any(getattr(model, name)[index].any() for name in names)
 
 

@@ -197,7 +197,7 @@ def _definite(value: Body) -> bool:
 
 
 def _describe(value: Vehicle, field: str) -> str:
-    """Text for the link or base whose field caused an error."""
+    """Text about the link or base whose field caused an error, for the message."""
     for link in value.links:
         if field == f"joints[{link.joint.name}]":
             return f"{link.joint.kind} joint of '{link.name}', mass {link.body.mass} kg"

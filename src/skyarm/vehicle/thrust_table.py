@@ -71,7 +71,7 @@ class ThrustTable:
         return divide(curve(speed * speed, *self._points(self.torque)), scale)
 
     def speed_of_push(self, push: object) -> Any:
-        """Speed (rad/s) for a value of ``push``: its inverse function."""
+        """Inverse of ``push``: rotor speed (rad/s) at a given value."""
         square = inverse_curve(push * self.thrust_coefficient, *self._points(self.thrust))
         return sqrt(maximum(square, 0.0))
 

@@ -61,7 +61,7 @@ class Tilt:
 
 
 def arm_direction(field: str, position: Sequence[float], thrust_axis: Vec3) -> Vec3:
-    """Direction from the base's origin to a rotor hub, perpendicular to its thrust: the usual tilt axis.
+    """Usual tilt axis of a rotor: direction from the base's origin to the hub, perpendicular to the thrust.
 
     Raises:
         VehicleError: the hub lies on the line of its thrust through the origin.

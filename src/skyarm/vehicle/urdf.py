@@ -367,7 +367,7 @@ def child(element: ET.Element, tag: str, field: str) -> ET.Element | None:
 
 
 def required_numbers(element: ET.Element, tag: str, names: Sequence[str], field: str) -> list[float]:
-    """Numbers in the named attributes of a child element; raises an error if the element or one of them is missing."""
+    """Numbers in the named attributes of a child element; an error if one of them is missing."""
     found = child(element, tag, field)
     if found is None:
         refuse(f"{field}.{tag}", "(missing)", f"must give {', '.join(names)}; a link without mass has no <inertial>")
@@ -406,7 +406,7 @@ def finite(text: str, field: str, *, infinite: bool = False) -> float:
 
 
 def origin_of(element: ET.Element, field: str) -> tuple[Mat3, Vec3]:
-    """Rotation and position (m) of an element's <origin>; identity and zero without one."""
+    """Rotation and position (m) of the <origin> of an XML element; identity and zero without one."""
     origin = child(element, "origin", field)
     xyz = numbers(origin, "xyz", f"{field}.origin", (0.0, 0.0, 0.0))
     rpy = numbers(origin, "rpy", f"{field}.origin", (0.0, 0.0, 0.0))

@@ -164,7 +164,7 @@ def is_robot(name: str) -> bool:
 
 
 def robot_file(name: str) -> Path:
-    """Path of the URDF file of a robot of example-robot-data.
+    """Path of the URDF file of a robot of the package example-robot-data.
 
     Args:
         name: ``robot:NAME``; NAME is the stem of the file (``ur5_robot``).
@@ -182,7 +182,7 @@ def robot_file(name: str) -> Path:
 
 
 def carried_robots() -> dict[str, Path]:
-    """URDF files of the robots of example-robot-data by name; empty if the package is not installed."""
+    """URDF files of the package example-robot-data by robot name; empty if the package is not installed."""
     for folder in dict.fromkeys((*sys.path, sys.prefix)):
         for prefix in (Path(folder) / "cmeel.prefix", Path(folder)):
             if (prefix / CARRIED).is_dir():

@@ -124,7 +124,7 @@ def _named_tables(fields: Fields, name: str) -> list[Fields]:
 
 
 def _source(top: Fields) -> str:
-    """Name of the field that refers to a file of bodies; empty if the bodies are in this file."""
+    """Field of a vehicle file, such as ``urdf``, that names another file of bodies; empty if there is none."""
     given = [name for name in SOURCES if top.take(name, None) is not None]
     if len(given) > 1:
         refuse(given[1], top.table[given[1]], f"must not be given together with '{given[0]}'")
@@ -319,7 +319,7 @@ def _rotor(fields: Fields, usual: Mapping[str, Any]) -> Rotor:
 
 
 def mounted_drives(tables: Mapping[str, Any], where: str) -> tuple[MountedDrive, ...]:
-    """Read drives by their joint's name: the registered ``kind`` and its numbers.
+    """Read a table of joint drives by joint name, each with a registered ``kind`` and its parameters.
 
     Raises:
         ValueError: one line with field, value and what is allowed.

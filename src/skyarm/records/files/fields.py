@@ -49,11 +49,11 @@ class Fields:
         strict: bool = False,
         infinite: bool = False,
     ) -> float:
-        """Read a number: finite by default, not below ``low`` (above it if strict)."""
+        """Read a number from a field of the table: finite by default, not below ``low`` (above it if strict)."""
         return number(self.take(name, default), self.at(name), low=low, strict=strict, infinite=infinite)
 
     def vector(self, name: str, default: object = _REQUIRED) -> tuple[float, float, float]:
-        """Read three finite numbers."""
+        """Read three finite numbers from a field of the table."""
         value, at = self.take(name, default), self.at(name)
         if not isinstance(value, (list, tuple)) or len(value) != 3:
             raise ValueError(f"{at} = {shown(value)}: must be three numbers")
@@ -61,28 +61,28 @@ class Fields:
         return x, y, z
 
     def numbers(self, name: str, *default: Any, low: float = -math.inf) -> tuple[float, ...]:
-        """Read a list of finite numbers, none below ``low``."""
+        """Read a list of finite numbers, none below ``low``, from a field of the table."""
         values, at = self.take(name, *default), self.at(name)
         if not isinstance(values, (list, tuple)):
             raise ValueError(f"{at} = {shown(values)}: must be a list of numbers")
         return tuple(number(value, f"{at}[{i}]", low=low) for i, value in enumerate(values))
 
     def choice(self, name: str, options: tuple[str, ...], default: object = _REQUIRED) -> str:
-        """Read one of several allowed texts."""
+        """Read one of several allowed texts from a field of the table."""
         value = self.take(name, default)
         if value not in options:
             raise ValueError(f"{self.at(name)} = {shown(value)}: {must_be_one_of(options, value)}")
         return str(value)
 
     def text(self, name: str, *default: str) -> str:
-        """Read text; it must not be empty unless there is a default."""
+        """Read text from a field of the table; it must not be empty unless there is a default."""
         value = self.take(name, *default)
         if not isinstance(value, str) or (not value and not default):
             raise ValueError(f"{self.at(name)} = {shown(value)}: must be text{'' if default else ' that is not empty'}")
         return value
 
     def flag(self, name: str, *default: bool) -> bool:
-        """Read a boolean."""
+        """Read true or false from a field of the table."""
         value = self.take(name, *default)
         if not isinstance(value, bool):
             raise ValueError(f"{self.at(name)} = {shown(value)}: must be true or false")

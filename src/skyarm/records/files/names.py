@@ -124,7 +124,7 @@ def kind_of(document: Mapping[str, Any]) -> str:
 
 
 def require_kind(document: object, wanted: str) -> None:
-    """Raise an error if a file is of another kind than expected.
+    """Raise an error if a TOML file is of another kind (scenario, study, vehicle, gains) than expected.
 
     Raises:
         ValueError: one line.

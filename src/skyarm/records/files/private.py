@@ -64,7 +64,7 @@ def private_folder(folder: Path, ours: Callable[[str], bool]) -> str:
 
 
 def read_private(file: Path, most: int, *, secret: bool = False) -> bytes | None:
-    """Content of a file that only its user can write; None if it is missing or others can write it.
+    """Content of a file that only the present user can write; None if it is missing or others can write it.
 
     Args:
         file: a regular file of this user; a link is not followed.

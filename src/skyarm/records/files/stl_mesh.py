@@ -91,7 +91,7 @@ def mesh_or_none(path: str, scale: Scale = METRES) -> tuple[Array, Faces] | None
 
 
 def _is_binary(content: bytes) -> bool:
-    """Detect a binary STL file by its length: a binary header, too, may begin with "solid"."""
+    """True for a binary STL file, recognized by its length: its header may begin with "solid", as text does."""
     if len(content) < HEADER:
         return False
     count = int.from_bytes(content[HEADER - 4 : HEADER], "little")

@@ -98,7 +98,7 @@ def place_of(thing: object) -> str:
 
 
 class OwnCodeError(ValueError):
-    """Error of user code in another process: one line with its file and line."""
+    """Error raised by user code in another process, as one line with file and line number."""
 
 
 def failure(error: BaseException) -> str:

@@ -200,7 +200,7 @@ def require_no_link(path: Path) -> Path:
 
 
 def write_inside(path: Path, content: bytes, *, entry: bool = True) -> Path:
-    """Write a file atomically as :func:`write_atomically` does, but not through a link, pipe or device.
+    """Write a file atomically, like :func:`write_atomically`, but never through a link, pipe or device.
 
     Raises:
         OSError: with one line that names the file.
@@ -252,7 +252,7 @@ _OPEN = os.O_RDWR | os.O_CREAT | sum(getattr(os, name, 0) for name in ("O_NOFOLL
 
 
 class TakenError(ValueError):
-    """Error: another process is writing to the folder."""
+    """Error: another process is writing to the same output folder."""
 
 
 @contextmanager

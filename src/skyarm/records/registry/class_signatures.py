@@ -21,7 +21,7 @@ RECORDS = "air", "force", "sensor", "estimator", "drive", "metric", "ending"
 
 
 def class_mistake(kind: type) -> tuple[str, str] | None:
-    """Error in a user's subclass, as (file and line, message); None if there is none.
+    """Error in a user's subclass of a library class, as (file and line, message); None if there is none.
 
     Args:
         kind: a subclass of one of the library's; any other class passes.

@@ -164,7 +164,7 @@ def _run(name: str, file: Path, content: bytes) -> ModuleType:
 
 
 def _where(error: BaseException, file: Path) -> str:
-    """Line of a plugin's file at which an error occurred."""
+    """Text with the line of a plugin's file at which an error occurred."""
     if isinstance(error, SyntaxError):
         return f"line {error.lineno}: " if error.lineno else ""
     trace, found = error.__traceback__, 0

@@ -44,7 +44,7 @@ LOADED_BY = "--plugin {0} or skyarm.load_plugin('{0}')"
 
 
 class RegistryError(ValueError):
-    """Error: a name is unknown, already taken, or cannot be loaded."""
+    """Error: a registered name is unknown, already taken, or cannot be loaded."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +111,7 @@ SHIPPED = "skyarm"
 
 
 def _ready() -> dict[str, dict[str, Registration]]:
-    """All registry entries, after the library and installed packages have registered theirs."""
+    """Registry entries of all kinds, after the library and installed packages have registered theirs."""
     if not _READY:
         _READY.append(True)
         from skyarm.records.registry import plugins
