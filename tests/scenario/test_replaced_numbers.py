@@ -63,7 +63,9 @@ def test_a_vehicle_that_starts_inside_a_surface_is_refused_before_the_flight():
         scenario.plant.vehicle, np.array([*state.position]), np.array([*state.quaternion]), np.array(state.joints)
     )
     middle = np.array([0.342, 0.0, 0.45]) - tip + np.array([*state.position])
-    inside = skyarm.with_numbers(scenario, {f"initial.position.{c}": x for c, x in zip("xyz", middle.tolist())})
+    inside = skyarm.with_numbers(
+        scenario, {f"initial.position.{c}": x for c, x in zip("xyz", middle.tolist(), strict=True)}
+    )
     with pytest.raises(ScenarioError, match="'wall'"):
         skyarm.run(inside)
 
