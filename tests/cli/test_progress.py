@@ -68,7 +68,7 @@ def test_what_cannot_be_counted_is_a_line_after_a_while_and_none_before(monkeypa
     for pause, wanted in ((0.01, ["skyarm: counting ..."]), (30.0, [])):
         errors = io.StringIO()
         monkeypatch.setattr(sys, "stderr", errors)
-        with output.waiting("counting", pause):
+        with output.bar("counting", pause):
             time.sleep(0.1)
         assert errors.getvalue().splitlines() == wanted
 
@@ -76,14 +76,14 @@ def test_what_cannot_be_counted_is_a_line_after_a_while_and_none_before(monkeypa
 def test_steps_of_what_cannot_be_counted_are_said_now_and_then(monkeypatch):
     errors = io.StringIO()
     monkeypatch.setattr(sys, "stderr", errors)
-    with output.waiting("measuring", 0.0) as at:
-        at("speed")
+    with output.bar("measuring", 0.0) as advance:
+        advance(last="speed")
     assert errors.getvalue().splitlines()[-1] == "skyarm: measuring: speed"
     screen = Screen()
     monkeypatch.setenv("TERM", "xterm")
     on(monkeypatch, screen)
-    with output.waiting("measuring") as at:
-        at("[s]")
+    with output.bar("measuring") as advance:
+        advance(last="[s]")
     assert "measuring" in screen.getvalue()
 
 
@@ -94,9 +94,6 @@ def test_nothing_is_shown_where_nothing_was_wanted(monkeypatch):
     on(monkeypatch, screen)
     with output.bar("flying", 0.0) as advance:
         advance(1, 2, "")
-    on(monkeypatch, screen)
-    with output.waiting("waiting", 0.0) as at:
-        at("x")
     output._asked.reset(token)
     assert (errors.getvalue(), screen.getvalue()) == ("", "")
 

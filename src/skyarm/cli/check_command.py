@@ -13,7 +13,7 @@ from rich.text import Text
 
 from skyarm.cli.arguments import is_scenario, name_completion
 from skyarm.cli.lines import DIFFERENT
-from skyarm.cli.output import give, heading, shown_number, tell, waiting
+from skyarm.cli.output import bar, give, heading, shown_number, tell
 from skyarm.records.files import printable
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.studies.assess.assessment import Assessment, assess_scenario, assess_vehicle
@@ -42,7 +42,7 @@ def check(
     its reference against limits. Exit code 1 if a fault was found.
     """
     options: dict[str, Any] = {"payload": payload, "poses": poses}
-    with waiting(f"{what}: checking"):
+    with bar(f"{what}: checking"):
         if not is_scenario(what):
             found = assess_vehicle(load_vehicle(what), gravity=9.81 if gravity is None else gravity, **options)
         elif gravity is not None:

@@ -29,7 +29,7 @@ GROUPS: Mapping[str, Mapping[str, tuple[str, str]]] = {
     "Vehicles": {
         "show": ("show_command:show", "List what ships, or show a vehicle."),
         "check": ("check_command:check", "Check whether a vehicle can fly, and why not."),
-        "new": ("new_command:new", "Write a vehicle, scenario, law or study to begin with."),
+        "new": ("new_command:new", "Write starter files of a vehicle, scenario, law or study."),
     },
     "Flights": {
         "run": ("run_command:run", "Fly a scenario; write its log (npz, CSV, MCAP)."),
@@ -40,15 +40,15 @@ GROUPS: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "export": ("export_command:export", "Write a log, a law as C, or a vehicle as MJCF."),
     },
     "Laws and studies": {
-        "identify": ("identify_command:identify", "Find delays and lags of a vehicle in a log."),
+        "identify": ("identify_command:identify", "Identify delays and lags of a vehicle from a log."),
         "margins": ("margins_command:margins", "Linearise the closed loop: eigenvalues, margins."),
-        "tune": ("tune_command:tune", "Find a law's gains for a vehicle; a front, a file."),
+        "tune": ("tune_command:tune", "Tune a law's gains for a vehicle; write the Pareto front."),
         "compare": ("compare_command:compare", "Compare laws on a suite of trials, or on a scenario."),
         "sweep": ("sweep_command:sweep", "Fly a study's episodes, or sum up the folder of a sweep."),
-        "reproduce": ("reproduce_command:reproduce", "Fly the paper; write tables, figures, report."),
+        "reproduce": ("reproduce_command:reproduce", "Repeat the flights of the paper by Barakou (2026)."),
     },
     "Installation": {
-        "doctor": ("doctor:doctor", "Look at the installation and the cache of machine code."),
+        "doctor": ("doctor:doctor", "Check the installation and the cache of machine code."),
     },
 }
 """Sections of the help: command -> its function, and its line; commands of plugins have a section of their own."""

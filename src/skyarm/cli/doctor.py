@@ -19,7 +19,7 @@ from typing import Annotated
 import typer
 
 from skyarm.cli.lines import DIFFERENT
-from skyarm.cli.output import give, table_of, tell, waiting
+from skyarm.cli.output import bar, give, table_of, tell
 from skyarm.compile.llvm import object_cache
 from skyarm.compile.llvm.object_cache import MB, cache_folder, size_limit, unused_reason
 from skyarm.records.files.packages import FLOORS, below_floor, how_to_install, installed_versions
@@ -69,7 +69,7 @@ def doctor(
         bool, typer.Option("--clear", help="remove all entries of the cache of machine code first")
     ] = False,
 ) -> None:
-    """Look at the installation and the cache of machine code.
+    """Check the installation and the cache of machine code.
 
     Versions, engines, machine code, OpenGL for films, GPU, extras and the command that adds each; where machine code is
     cached and how much of it. Exit code: 0 if all that flights need works, 1 if not.
@@ -79,7 +79,7 @@ def doctor(
         removed = object_cache.clear()
         give(removed={"entries": removed.entries, "bytes": removed.size})
         tell(f"removed: {removed.entries} entries, {removed.size / MB:.1f} MB")
-    with waiting("looking"):
+    with bar("looking"):
         parts = [_cache()] if clear else examine()
     cached = object_cache.contents()
     cache = {"folder": cache_folder(), "entries": cached.entries, "bytes": cached.size, "most_bytes": limit}

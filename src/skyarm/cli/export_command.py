@@ -11,7 +11,7 @@ import typer
 
 from skyarm import __version__
 from skyarm.cli.arguments import is_scenario, kind_of_file, require_left_out, shipped_names
-from skyarm.cli.output import give, tell, waiting
+from skyarm.cli.output import bar, give, tell
 from skyarm.control.catalogue import is_named, must_be_named
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import AllocationError
@@ -67,7 +67,7 @@ def export(
     """
     if to not in SUFFIXES:
         require_left_out(context, [*OF_LAWS, "--gravity", "--timestep"], " of a log; it belongs to --to c or mjcf")
-        with waiting(f"{what}: writing"):
+        with bar(f"{what}: writing"):
             return _log(what, to, file)
     others = ("--timestep",) if to == "c" else OF_LAWS
     require_left_out(context, others, f" beside --to {to}")
@@ -78,7 +78,7 @@ def export(
         raise ValueError(f"--out = {shown(file)}: must end in {' or '.join(SUFFIXES[to])}")
     if to == "mjcf":
         return _mjcf(what, written, gravity, timestep)
-    with waiting(f"{what}: writing C"):
+    with bar(f"{what}: writing C"):
         _law(what, written, vehicle, gravity, rate, name, single=single)
 
 

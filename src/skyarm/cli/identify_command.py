@@ -10,7 +10,7 @@ import numpy as np
 import typer
 
 from skyarm.cli.lines import NOT_COMPLETED, say
-from skyarm.cli.output import aligned_lines, give, heading, plain, tell, waiting
+from skyarm.cli.output import aligned_lines, bar, give, heading, plain, tell
 from skyarm.log.flight_log import Log, rows_of
 from skyarm.log.flown_scenario import written_part
 from skyarm.log.formats import load_log, require_readable
@@ -28,7 +28,7 @@ def identify(
     end: Annotated[float | None, typer.Option(help="s, of the part that is looked at")] = None,
     out: Annotated[str | None, typer.Option("--out", "-o", metavar="FILE", help="write the TOML lines there")] = None,
 ) -> None:
-    """Find delays and lags of a vehicle in a log.
+    """Identify delays and lags of a vehicle from a log.
 
     How late the rotors follow their commands, how late the joints: dead times and time constants, each with the
     interval of 95 %, and the TOML lines to paste. Exit code 3 if the flight does not tell, as a calm hover.
@@ -40,7 +40,7 @@ def identify(
     written = None if out is None else output_file(out, "--out")
     log = _part(load_log(flight), begin, end)
     believed, felt, stated = _nominal_model(log, vehicle, gravity)
-    with waiting(f"{Path(flight).name}: delays and lags"):
+    with bar(f"{Path(flight).name}: delays and lags"):
         found = loop_lags(log, believed, felt)
     lags = [*([found.rotors] if found.rotors else []), *found.joints]
     tables = lag_tables(found, measured=stated["measurement"] or 0.0)

@@ -11,7 +11,7 @@ import typer
 
 from skyarm.cli.arguments import Controller, Scenario, require_not_another, require_within
 from skyarm.cli.lines import NOT_COMPLETED, say_suspicious
-from skyarm.cli.output import aligned_lines, bar, give, heading, plain, tell, waiting, write_json
+from skyarm.cli.output import aligned_lines, bar, give, heading, plain, tell, write_json
 from skyarm.control.catalogue import is_named, must_be_named
 from skyarm.control.safety import with_safety_layer
 from skyarm.control.safety.safety_layer import SafetyParameters
@@ -100,7 +100,7 @@ def margins(
     if drawn is not None:
         from skyarm.studies.stability.along import hover_loci
 
-        with waiting("Nyquist diagrams"):
+        with bar("Nyquist diagrams"):
             write_atomically(drawn, margins_page(found, hover_loci(planned)).encode())
         tell(f"page: {drawn}")
     if written is not None:

@@ -51,7 +51,7 @@ def new(
     ],
     name: Annotated[str, typer.Argument(metavar="NAME", help="of the files and of what they describe")],
 ) -> None:
-    """Write a vehicle, scenario, law or study to begin with.
+    """Write starter files of a vehicle, scenario, law or study.
 
     Commented files in the present folder, which fly as they are, with a test for pytest. Nothing is overwritten.
     """

@@ -258,10 +258,3 @@ def bar(title: str, pause: float = PAUSE) -> Iterator[Advance]:
             progress.update(task, completed=done, total=total or None, last=last)
 
         yield advance
-
-
-@contextmanager
-def waiting(title: str, pause: float = PAUSE) -> Iterator[Callable[[str], None]]:
-    """Context manager with a progress display for steps that cannot be counted."""
-    with bar(title, pause) as advance:
-        yield lambda at: advance(last=at)

@@ -16,7 +16,7 @@ def reproduce(
     plant: Annotated[str, typer.Option(help="rigid_body, mujoco or both")] = "both",
     flying: Annotated[int, typer.Option("--workers", help="processes that fly; 0 takes every core")] = 0,
 ) -> None:
-    """Fly the paper; write tables, figures, report.
+    """Repeat the flights of the paper by Barakou (2026).
 
     Five experiments with two controllers on two plants, and the variations behind the reasons: results.json, table2.md,
     Figures 3-18 and report.html.

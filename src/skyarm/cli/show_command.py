@@ -13,12 +13,12 @@ from skyarm.cli.arguments import name_completion, require_left_out, require_not_
 from skyarm.cli.lines import say_unlikely
 from skyarm.cli.output import (
     NOTHING,
+    bar,
     give,
     is_document_wanted,
     shown_number,
     table_of,
     tell,
-    waiting,
 )
 from skyarm.control.catalogue import LAWS, PRESETS, tuned_factors
 from skyarm.dynamics.actuators import AllocationError
@@ -68,7 +68,7 @@ def show(
         return _draw(vehicle, drawing)
     loaded = load_vehicle(vehicle)
     try:
-        with waiting(f"{loaded.name}: reach and static efforts"):
+        with bar(f"{loaded.name}: reach and static efforts"):
             known = vehicle_facts(loaded, gravity)
     except AllocationError as error:
         raise ValueError(f"{vehicle}: rotors = {error}") from None

@@ -19,7 +19,7 @@ from skyarm.cli.arguments import (
     workers,
 )
 from skyarm.cli.lines import say_unlikely
-from skyarm.cli.output import bar, give, json_text, tell, waiting
+from skyarm.cli.output import bar, give, json_text, tell
 from skyarm.records.files import require_no_link, require_writable, taken_back, write_inside
 
 if TYPE_CHECKING:
@@ -112,7 +112,7 @@ def _sum_up(folder: str, out: str | None, success: list[str] | None, paths: tupl
     from skyarm.studies.sweep.study_page import page, summary
 
     rows = Rows(Path(folder), parse_limits(success) if success else None)
-    with waiting(f"statistics of {folder}"):
+    with bar(f"statistics of {folder}"):
         maps = robustness_maps(rows, paths)
         target = require_writable(require_no_link(Path(folder) / "stats") if out is None else out)
         found, pictures = statistics(rows), _drawn(maps)

@@ -53,7 +53,7 @@ def tune(
     seed: Annotated[int, typer.Option(help="of plants, noise and search")] = 0,
     flying: Flying = 0,
 ) -> None:
-    """Find a law's gains for a vehicle; a front, a file.
+    """Tune a law's gains for a vehicle; write the Pareto front.
 
     Exit code 3 if no gains meet the margins.
     """

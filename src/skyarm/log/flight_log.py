@@ -250,16 +250,11 @@ class Log:
         )
         return own | {name: Unit(each.unit, each.meaning) for name, each in described if name in held}
 
-    def save_csv(self, path: str | os.PathLike[str], *, with_units: bool = True) -> Path:
-        """Write the log as a CSV file with a row per control instant.
-
-        Args:
-            path: of the file.
-            with_units: heads name the unit, ``velocity_x [m/s]``; else they are names alone.
-        """
+    def save_csv(self, path: str | os.PathLike[str]) -> Path:
+        """Write a CSV file: a column for each number, such as ``velocity_x [m/s]``, a row per control instant."""
         from skyarm.log.formats import write_csv
 
-        return write_csv(self, path, with_units=with_units)
+        return write_csv(self, path)
 
     @classmethod
     def load_npz(cls, path: str | os.PathLike[str]) -> Log:

@@ -88,17 +88,11 @@ def log_from_npz(file: bytes, name: str) -> Log:
         raise ValueError(f"{name}: {error}") from None
 
 
-def write_csv(log: Log, path: PathLike, *, with_units: bool = True) -> Path:
-    """Write a log as CSV: a column for each number, a row per control instant.
-
-    Args:
-        log: of a flight.
-        path: of the file.
-        with_units: heads name the unit, ``velocity_x [m/s]``; else they are names alone.
-    """
+def write_csv(log: Log, path: PathLike) -> Path:
+    """Write a log as CSV: a column for each number, in the shortest text that is read back exactly."""
     known: dict[bytes, list[str]] = {}
     every = columns(log)
-    heads = [f"{each.name} [{each.unit}]" if with_units and each.unit else each.name for each in every]
+    heads = [f"{each.name} [{each.unit}]" if each.unit else each.name for each in every]
     rows = zip(*(_texts(each.of(log), known) for each in every), strict=True)
     lines = "".join(f"{','.join(row)}\n" for row in rows)
     return write_atomically(path, f"{','.join(heads)}\n{lines}".encode())

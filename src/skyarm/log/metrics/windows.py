@@ -149,10 +149,6 @@ class Windows:
             found["last"] = self.last, f"{self.last:g} s"
         return found
 
-    def masks(self, time: Array, duration: float) -> dict[str, Mask]:
-        """Boolean masks of the given times (s) in each window by name, for a flight of given duration (s)."""
-        return self.of_flight(duration).masks(time)
-
 
 def windows_of(log: Log) -> Windows:
     """Read the time windows of the metrics from a log."""
