@@ -21,7 +21,7 @@ from skyarm.reference.splines import Polynomials, minimum_snap
 from skyarm.reference.task import Arc, Place, Task, duration_of, require_field, seconds, unit_vector
 from skyarm.reference.task_records import TaskEvent
 from skyarm.reference.tip_motion import FASTEST, NEAREST, STRONGEST, UPRIGHT
-from skyarm.reference.waypoints import MOST_POINTS, bounded, place_of, points_of, positive, require_way
+from skyarm.reference.waypoints import MOST_POINTS, number_within, place_of, points_of, positive, require_way
 
 ABOUT = ("center", "axis", "force")
 """Fields of the arc of a handle."""
@@ -84,7 +84,7 @@ def _arc_of(task: Task, phase: Fields) -> Arc | None:
         raise ValueError(f"{phase.at('center')}: must be left out without gripper; a payload has no axis")
     center = place_of(phase, "center")
     axis = unit_vector(phase, "axis") if "axis" in told else UPRIGHT
-    force = bounded(phase, "force", 0.0, low=-STRONGEST, high=STRONGEST)
+    force = number_within(phase, "force", 0.0, low=-STRONGEST, high=STRONGEST)
     away, a = Vec3(*task.at) - Vec3(*center), Vec3(*axis)
     out = away - a * a.dot(away)
     length = float(out.norm())
@@ -205,7 +205,7 @@ def turn(task: Task, phase: Fields) -> None:
     if task.force is not None or "force" in phase.table:
         _tell_push(task, phase)
     center, axis = arc_about(task, phase)
-    angle = bounded(phase, "angle", low=-2.0 * math.pi * MOST_TURNS, high=2.0 * math.pi * MOST_TURNS)
+    angle = number_within(phase, "angle", low=-2.0 * math.pi * MOST_TURNS, high=2.0 * math.pi * MOST_TURNS)
     if not angle:
         raise ValueError(f"{phase.at('angle')} = 0: must be an angle in rad, counter-clockwise about the axis")
     begun, duration = task.time, seconds(phase, "duration")
@@ -234,7 +234,7 @@ ABOUT_AN_AXIS = ("turn", "open")
 
 def _in_front(task: Task, phase: Fields, place: Place, *, near: bool) -> Place:
     """Position in front of a surface, offset along its normal by the task phase's clearance."""
-    clearance = bounded(phase, "clearance", CLEARANCE if near else 0.0, low=0.0)
+    clearance = number_within(phase, "clearance", CLEARANCE if near else 0.0, low=0.0)
     if clearance and task.normal is None:
         raise ValueError(f"{phase.at('clearance')} = {clearance:g}: must be left out without a normal")
     return place if task.normal is None else _along(place, task.normal, clearance)

@@ -34,7 +34,7 @@ from skyarm.reference.splines import minimum_snap
 from skyarm.reference.task import Task, duration_of, seconds
 from skyarm.reference.task_records import JointMove, Setting
 from skyarm.reference.trajectory import Trajectory
-from skyarm.reference.waypoints import SHORTEST, bounded, limits_of, place_of, within
+from skyarm.reference.waypoints import SHORTEST, limits_of, number_within, place_of, within
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
@@ -102,7 +102,7 @@ def go_to(task: Task, phase: Fields) -> None:
 
 def lift(task: Task, phase: Fields) -> None:
     """Add a vertical motion to the task."""
-    height = bounded(phase, "height")
+    height = number_within(phase, "height")
     duration = duration_of(phase)
     x, y, z = task.at
     if abs(height) < SHORTEST:

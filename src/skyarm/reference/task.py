@@ -33,7 +33,7 @@ from skyarm.reference.waypoints import (
     FlightLimits,
     Points,
     allocate,
-    bounded,
+    number_within,
     points_of,
     positive,
     require_way,
@@ -63,8 +63,8 @@ def guard_from(phase: Fields, normal: Vector | None, usual: Mapping[str, Any] | 
         return None if usual is None else dict(usual)
     fields = Fields(phase.take("until"), phase.at("until"))
     found = _guard_conditions(fields)
-    found["hold"] = bounded(fields, "hold", 0.5, low=0.0)
-    found["timeout"] = bounded(fields, "timeout", 5.0, low=CLOSEST)
+    found["hold"] = number_within(fields, "hold", 0.5, low=0.0)
+    found["timeout"] = number_within(fields, "timeout", 5.0, low=CLOSEST)
     found["fails"] = fields.choice("on_timeout", ("go_on", "fail"), "go_on") == "fail"
     found["early"] = fields.flag("early", False)
     given = fields.take("direction", None)
@@ -122,7 +122,7 @@ COMING_BACK = 1.0
 
 def seconds(fields: Fields, name: str, *default: Any) -> float:
     """Read a duration (s) of a task phase."""
-    return bounded(fields, name, *default, low=CLOSEST)
+    return number_within(fields, name, *default, low=CLOSEST)
 
 
 def duration_of(phase: Fields) -> float | None:
@@ -181,7 +181,7 @@ class Task:
     def begin(self, phase: Fields) -> None:
         """Begin a phase of the task, after a rest until the start time that the phase may give."""
         if phase.take("start", None) is not None:
-            start = bounded(phase, "start", low=0.0)
+            start = number_within(phase, "start", low=0.0)
             if start < self.time:
                 allowed = f"must be at or after {self.time:.6g} s, the end of the phase before"
                 raise ValueError(f"{phase.at('start')} = {start:g}: {allowed}")

@@ -200,7 +200,7 @@ def within(value: float, at: str, low: float = -FARTHEST, high: float = FARTHEST
     return value
 
 
-def bounded(fields: Fields, name: str, *default: Any, low: float = -FARTHEST, high: float = FARTHEST) -> float:
+def number_within(fields: Fields, name: str, *default: Any, low: float = -FARTHEST, high: float = FARTHEST) -> float:
     """Read a number of a table and check that it is between two bounds (inclusive)."""
     return within(fields.number(name, *default), fields.at(name), low, high)
 
@@ -215,7 +215,7 @@ def waypoints_table(fields: Fields, setting: Setting) -> Trajectory:
     points = points_of(fields.take("points"), fields.at("points"))
     if not 2 <= len(points) <= MOST_POINTS:
         raise ValueError(f"{fields.at('points')} = {len(points)} points: must be 2 to {MOST_POINTS}")
-    start, limits = bounded(fields, "start", 0.0), limits_of(fields, setting)
+    start, limits = number_within(fields, "start", 0.0), limits_of(fields, setting)
     if fields.take("times", None) is None:
         require_way(None, points, [f"{fields.at('points')}[{i}]" for i in range(len(points))])
         times: tuple[float, ...] = allocate(points, limits, setting.gravity)
@@ -233,7 +233,7 @@ def samples_signal(fields: Fields) -> Signal:
     names = [fields.take("time", "time"), fields.take("column")]
     if not all(isinstance(name, str) for name in names):
         raise ValueError(f"{fields.at('column')} = {shown(names[1])}: must be the name of a column")
-    start = bounded(fields, "start", 0.0)
+    start = number_within(fields, "start", 0.0)
     times, values = _read_columns(fields, names)
     require_near(values, times, f"{fields.at('file')}: {names[1]}")
     return minimum_snap([start + t for t in times], values)
