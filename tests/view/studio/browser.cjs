@@ -51,9 +51,10 @@ async function main() {
   await page.screenshot({ path: `${folder}/desktop.png` });
   // a slider: the wind along x, typed into its field and confirmed
   await page.getByText('world', { exact: true }).click();
+  await page.getByText('wind force x (N)', { exact: true }).waitFor();
   const field = page.locator('input').nth(await page.evaluate(() => {
     const inputs = [...document.querySelectorAll('input')];
-    const label = [...document.querySelectorAll('label, span, div')].filter((e) => e.textContent.trim() === 'force x (N)').pop();
+    const label = [...document.querySelectorAll('label, span, div')].filter((e) => e.textContent.trim() === 'wind force x (N)').pop();
     const row = label.getBoundingClientRect();
     const near = (e) => Math.abs(e.getBoundingClientRect().top - row.top) + (e.offsetWidth ? 0 : 1e9);
     return inputs.indexOf(inputs.filter((e) => e.type !== 'hidden').sort((a, b) => near(a) - near(b))[0]);
