@@ -305,7 +305,7 @@ def test_a_step_that_is_none_is_not_lost_among_others(mass):
 
 
 def test_of_what_never_states_a_step_no_lane_is_looked_at(monkeypatch):
-    monkeypatch.setattr(lane_numbers, "_borne", lambda *_: pytest.fail("was looked at"))
+    monkeypatch.setattr(lane_numbers, "_stable_step", lambda *_: pytest.fail("was looked at"))
     path = "environment.forces.0.force.z"
     require_short_steps(sprung(), {path: np.array([0.1, 0.2])}, 0.001)
 

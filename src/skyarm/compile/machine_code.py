@@ -34,7 +34,7 @@ def llvm_needed() -> Iterator[None]:
     except (NoMachineCodeError, MemoryError):
         raise
     except Exception as error:
-        raise NoMachineCodeError(_words(error)) from error
+        raise NoMachineCodeError(_error_text(error)) from error
 
 
 def require_floor(version: str) -> None:
@@ -43,7 +43,7 @@ def require_floor(version: str) -> None:
         raise RuntimeError("its LLVM is too old")
 
 
-def _words(error: Exception) -> str:
+def _error_text(error: Exception) -> str:
     """Error message where LLVM fails: the cause, the required version and the installed version."""
     lines = str(error).strip().splitlines()
     cause = lines[0] if lines else type(error).__name__

@@ -92,13 +92,13 @@ def join_pieces(
     if any("path_time" in each for each in tables):
         tables = [{"path_time": each["time"], **each} for each in tables]
     if len(tables) > 1:
-        _fill(tables)
+        _fill_missing(tables)
         tables = [{name: np.concatenate([table[name] for table in tables]) for name in tables[0]}]
     said = describe(scenario, ending) if info is None else info
     return log_of_arrays(tables[0], said | ({DESCRIPTION: sources} if sources else {}))
 
 
-def _fill(tables: Sequence[dict[str, Array]]) -> None:
+def _fill_missing(tables: Sequence[dict[str, Array]]) -> None:
     """Add log arrays that only some parts of a flight have: NaN for sensor readings and measurements, else zeros."""
     widths = {name: table[name].shape[1:] for table in tables for name in table if name in IF_ANY or "." in name}
     for table in tables:

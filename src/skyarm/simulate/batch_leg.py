@@ -79,14 +79,14 @@ class Feed:
         row, flags, *goals = fed
         inside: dict[str, Any] = dict.fromkeys(self._windows, True)
         inside |= {name: flag > 0.5 for name, flag in zip(self._flags, flags, strict=True)}
-        if self._scenario.reference.guards or (goals and not self._own_arm(varied)):
+        if self._scenario.reference.guards or (goals and not self._arm_varies(varied)):
             return row, tuple(goals), inside
         if not goals:
             row = Row(time=row.time, reference=held_reference(varied, ticks))
         both = row.reference, varied.reference.at(row.time)
         return row, tuple(goal_of(varied.plant.vehicle, each.dense()) for each in both), inside
 
-    def _own_arm(self, varied: Scenario) -> bool:
+    def _arm_varies(self, varied: Scenario) -> bool:
         """True if parameters that vary between flights change the arm's geometry and so the desired tip position."""
         still = self._scenario.reference.at(0.0).dense()
         nodes = [c for c in goal_of(varied.plant.vehicle, still).tool if isinstance(c, Node)]
@@ -111,7 +111,7 @@ def _instant(stages: Stages, loop: LoopState, row: Row, sample: Sample, goals: t
         lag=row.time - _path_time(row),
         phase=waits.phase(_path_time(row)),
         time=row.time,
-        **_interaction(stages.scenario, row, sample),
+        **_contact_inputs(stages.scenario, row, sample),
     )
 
 
@@ -120,7 +120,7 @@ def _path_time(row: Row) -> Scalar:
     return row.time if isinstance(row.path_time, tuple) else row.path_time
 
 
-def _interaction(scenario: Scenario, row: Row, sample: Sample) -> dict[str, Any]:
+def _contact_inputs(scenario: Scenario, row: Row, sample: Sample) -> dict[str, Any]:
     """Inputs of the contact metrics: logged values of winds, forces and contacts, and the desired contact force."""
     numbers = by_array(scenario.components, sample.wind.numbers)
     constants = [each for component in scenario.components for each in component.constants.items()]

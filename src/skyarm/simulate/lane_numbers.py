@@ -216,12 +216,12 @@ class LaneRules:
             low, high = self._passed.get(path, (np.inf, -np.inf))
             looked_at |= {int(k): None for k in (first, last) if not low <= row[k] <= high}
         for k in looked_at:
-            self._look_at(dict(zip(named, table[:, k].tolist(), strict=True)), int(lanes[k]))
+            self._check_lane(dict(zip(named, table[:, k].tolist(), strict=True)), int(lanes[k]))
         for path, row, first, last in zip(named, table, least, most, strict=True):
             low, high = self._passed.get(path, (np.inf, -np.inf))
             self._passed[path] = float(min(low, row[first])), float(max(high, row[last]))
 
-    def _look_at(self, numbers: dict[str, float], lane: int) -> None:
+    def _check_lane(self, numbers: dict[str, float], lane: int) -> None:
         """Build and validate the scenario of one flight; raise ScenarioError with the invalid parameter value."""
         words = self._refusal(numbers)
         if words is None:
@@ -292,14 +292,14 @@ def require_short_steps(scenario: Scenario, values: Mapping[str, Any], largest: 
         for numbers in np.unique(np.array(columns, dtype=float), axis=1).T.tolist():
             told = dict(zip(fields, numbers, strict=True))
             inside = {inner: told[path] for path in fields for inner in fields[path]}
-            borne = _borne(record, inside, told, scenario.integrator == "euler")
+            borne = _stable_step(record, inside, told, scenario.integrator == "euler")
             if borne is not None and borne < shortest:
                 shortest, stiffest = borne, told
         if stiffest and (largest is None or shortest < largest * (1.0 - 1e-9)):
             compiled = "steps of any length" if largest is None else f"steps of up to {largest:g} s"
             these = "this number" if len(stiffest) == 1 else "these numbers"
             raise ScenarioError(
-                f"{_words(stiffest)}: bears steps of {shortest:g} s, and the batch was compiled for {compiled}; "
+                f"{_list_values(stiffest)}: bears steps of {shortest:g} s, and the batch was compiled for {compiled}; "
                 f"compile it from a scenario with {these}, or give it as stiffest"
             )
 
@@ -316,7 +316,7 @@ def _paths_by_record(scenario: Scenario, values: Mapping[str, Any]) -> dict[Plac
     return found
 
 
-def _borne(record: Any, numbers: Mapping[Place, float], told: Mapping[str, float], euler: bool) -> float | None:
+def _stable_step(record: Any, numbers: Mapping[Place, float], told: Mapping[str, float], euler: bool) -> float | None:
     """Longest stable integration step (s) of an air model, force or drive with changed parameters, or None."""
     try:
         other = replace_at(record, numbers)
@@ -327,9 +327,9 @@ def _borne(record: Any, numbers: Mapping[Place, float], told: Mapping[str, float
             raise ValueError(f"largest_step = {shown(stated)}: must be above 0")
         return float(stated)
     except (ValueError, TypeError, ArithmeticError) as error:
-        raise ScenarioError(f"{_words(told)}: {error}") from error
+        raise ScenarioError(f"{_list_values(told)}: {error}") from error
 
 
-def _words(told: Mapping[str, float]) -> str:
+def _list_values(told: Mapping[str, float]) -> str:
     """Text for error messages that lists parameter paths with their values."""
     return ", ".join(f"values[{path!r}] = {value:g}" for path, value in told.items())

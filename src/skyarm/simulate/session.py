@@ -153,7 +153,7 @@ class Session:
         self._number = next(_NUMBERS)
         # the engine's own step is the session's, which a call between them would slow down by a tenth
         self._sizes = scenario.plant.vehicle.sizes
-        self._let_change()
+        self._apply_due_changes()
 
     @property
     def scenario(self) -> Scenario:
@@ -225,7 +225,7 @@ class Session:
         numbers = None if command is None else numbers_of_command(command, *self._sizes)
         going = self._engine.step(numbers)
         if self._course.coming and going:
-            self._let_change()
+            self._apply_due_changes()
         return going
 
     def run(self) -> Log:
@@ -243,7 +243,7 @@ class Session:
             stop = min(stop, self._course.coming[0].tick(self._course.begun.rates.control))
         going = self._engine.fly(stop)
         if self._course.coming and going:
-            self._let_change()
+            self._apply_due_changes()
         return going
 
     @property
@@ -283,7 +283,7 @@ class Session:
                 session that has ended; nothing is changed then.
         """
         self._require_running()
-        self._go_on(self._course.with_values(self.tick, values, self._engine.piece))
+        self._continue_with(self._course.with_values(self.tick, values, self._engine.piece))
 
     def _make_engine(self, course: Course) -> Engine:
         """Make the simulator of the scenario in force: machine code if available, else Python."""
@@ -312,10 +312,10 @@ class Session:
             self._codes.append(code)
         return Engine(code, scenario, numbers)
 
-    def _let_change(self) -> None:
+    def _apply_due_changes(self) -> None:
         """Apply the changes that are scheduled for the next control period."""
         if self._course.due(self.tick):
-            self._go_on(self._course.with_due_changes(self.tick, self._engine.piece))
+            self._continue_with(self._course.with_due_changes(self.tick, self._engine.piece))
 
     def _read(self, course: Course) -> Overrides:
         """Parameter values that are inputs of the machine code, so that they can change without recompilation."""
@@ -326,7 +326,7 @@ class Session:
         read = self._read(course)
         return read.parts, tuple(path for path, _ in read.numbers)
 
-    def _go_on(self, course: Course) -> None:
+    def _continue_with(self, course: Course) -> None:
         """Continue the flight under a changed scenario, in a new simulator if the compiled program does not fit."""
         new, old = dict(course.overrides.numbers), dict(self._course.overrides.numbers)
         changed = [path for path in {**new, **old} if new.get(path) != old.get(path)]

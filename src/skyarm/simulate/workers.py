@@ -46,11 +46,11 @@ class _Pickler(pickle.Pickler):
             return NotImplemented
         cells = value.__closure__ or ()
         code = marshal.dumps(value.__code__)
-        held = (tuple(map(_content, cells)), value.__defaults__, value.__kwdefaults__)
-        return _empty, (code, value.__module__, value.__qualname__, len(cells)), held, None, None, _fill
+        held = (tuple(map(_cell_content, cells)), value.__defaults__, value.__kwdefaults__)
+        return _empty_function, (code, value.__module__, value.__qualname__, len(cells)), held, None, None, _fill_cells
 
 
-def _content(cell: CellType) -> tuple[Any, ...]:
+def _cell_content(cell: CellType) -> tuple[Any, ...]:
     """Value captured by a closure cell, as a tuple; () for an empty cell."""
     try:
         return (cell.cell_contents,)
@@ -58,7 +58,7 @@ def _content(cell: CellType) -> tuple[Any, ...]:
         return ()
 
 
-def _empty(code: bytes, module: str, qualname: str, cells: int) -> FunctionType:
+def _empty_function(code: bytes, module: str, qualname: str, cells: int) -> FunctionType:
     """Rebuild a serialised inner function with empty closure cells, which are filled later."""
     inner: CodeType = marshal.loads(code)
     closure = tuple(CellType() for _ in range(cells))
@@ -67,7 +67,7 @@ def _empty(code: bytes, module: str, qualname: str, cells: int) -> FunctionType:
     return made
 
 
-def _fill(function: FunctionType, held: tuple[Any, ...]) -> None:
+def _fill_cells(function: FunctionType, held: tuple[Any, ...]) -> None:
     contents, function.__defaults__, function.__kwdefaults__ = held
     for cell, content in zip(function.__closure__ or (), contents, strict=True):
         if content:
@@ -95,7 +95,7 @@ def workers(count: int) -> Iterator[Submit]:
     )
 
     def submit(function: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        with _deaf_to_interrupts():
+        with _ignore_interrupts():
             return pool.submit(_call, pack((function, arguments)))
 
     try:
@@ -163,7 +163,7 @@ def _end_with_parent() -> None:
 
 
 @contextmanager
-def _deaf_to_interrupts() -> Iterator[None]:
+def _ignore_interrupts() -> Iterator[None]:
     """Context in which new processes ignore Ctrl-C from their start."""
     if threading.current_thread() is not threading.main_thread():
         yield

@@ -18,7 +18,7 @@ from skyarm.plant.interface import Truth
 from skyarm.plant.largest_step import stated_step
 from skyarm.plant.mujoco import MujocoPlant
 from skyarm.plant.surroundings import Surroundings
-from skyarm.simulate.lane_numbers import _borne
+from skyarm.simulate.lane_numbers import _stable_step
 from skyarm.world.contact import Contact, ContactPoint, FreeObject, Gripper, Material, Mechanism, Surface
 from skyarm.world.contact.material import euler_step_of
 from standing_vehicles import at_rest, limp
@@ -132,7 +132,9 @@ def test_plants_and_sweeps_take_the_steps_of_their_method():
     assert ours == {"rk4": math.ceil(0.005 / verlet), "euler": 5 * math.ceil(0.001 / largest["euler"])}
     for name, step in largest.items():
         assert stated_step(SimpleNamespace(components=(contact,), all_drives=(), integrator=name)) == step
-        assert _borne(contact, {}, {}, name == "euler") == (step if name == "euler" else verlet), "the shortest of all"
+        assert _stable_step(contact, {}, {}, name == "euler") == (step if name == "euler" else verlet), (
+            "the shortest of all"
+        )
 
 
 def test_a_level_door_falls_as_a_uniform_plate():

@@ -86,13 +86,13 @@ def _polynomial(z: Scalar, coefficients: Sequence[float]) -> Any:
     return total
 
 
-def _is_even(z: Scalar, c: Sequence[float]) -> Scalar:
+def _even_polynomial(z: Scalar, c: Sequence[float]) -> Scalar:
     """Polynomial of degree five in z = x^2, by Estrin's scheme."""
     square = z * z
     return (c[0] + c[1] * z) + square * ((c[2] + c[3] * z) + square * (c[4] + c[5] * z))
 
 
-def _quarter(x: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
+def _quarter_turns(x: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
     """Sine and cosine of x modulo pi/2, with flags for an odd number of quarter turns and of half turns."""
     turns = f.floor(x * TWO_OVER_PI + 0.5)
     r = x
@@ -100,27 +100,27 @@ def _quarter(x: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
         r = r - turns * part
     z = r * r
     # the sign of a zero is the remainder's
-    sine = f.copysign(r + (r * z) * _is_even(z, SIN), r)
-    cosine = 1.0 - (0.5 * z - (z * z) * _is_even(z, COS))
+    sine = f.copysign(r + (r * z) * _even_polynomial(z, SIN), r)
+    cosine = 1.0 - (0.5 * z - (z * z) * _even_polynomial(z, COS))
     halves = f.floor(0.5 * turns)
     return sine, cosine, turns - 2.0 * halves > 0.5, halves - 2.0 * f.floor(0.5 * halves) > 0.5
 
 
-def _odd(x: Scalar, value: Scalar) -> Scalar:
+def _odd_function(x: Scalar, value: Scalar) -> Scalar:
     """Value of an odd function that is close to x near zero; x itself where x * x underflows."""
     return f.where(x * x <= 0.0, x, value)
 
 
 def sin(x: Scalar) -> Scalar:
     """Sine of x."""
-    sine, cosine, odd, turned = _quarter(x)
+    sine, cosine, odd, turned = _quarter_turns(x)
     value = f.where(odd, cosine, sine)
     return f.where(turned, -value, value)
 
 
 def cos(x: Scalar) -> Scalar:
     """Cosine of x."""
-    sine, cosine, odd, turned = _quarter(x)
+    sine, cosine, odd, turned = _quarter_turns(x)
     value = f.where(odd, -sine, cosine)
     return f.where(turned, -value, value)
 
@@ -194,7 +194,7 @@ def acos(x: Scalar) -> Scalar:
 def tanh(x: Scalar) -> Scalar:
     """Hyperbolic tangent of x."""
     z = x * x
-    small = _odd(x, x + x * f.divide(z * _polynomial(z, TANH_P), _polynomial(z, TANH_Q)))
+    small = _odd_function(x, x + x * f.divide(z * _polynomial(z, TANH_P), _polynomial(z, TANH_Q)))
     size = f.absolute(x)
     large = 1.0 - f.divide(2.0, exp(2.0 * size) + 1.0)
     return f.where(size < 0.625, small, f.copysign(large, x))

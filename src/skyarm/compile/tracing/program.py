@@ -124,7 +124,7 @@ def python_source(program: Lowered, divide: str = "{0} / {1}", name: str = "prog
     return "\n".join([*lines, f"    return ({results})", ""])
 
 
-class _Once:
+class _CallOnce:
     """External function of a program that is called once even if the program has to be evaluated twice."""
 
     def __init__(self, function: Callable[..., Sequence[float]]) -> None:
@@ -143,7 +143,7 @@ def python_function(program: Lowered) -> Callable[[Sequence[float]], tuple[float
     ``math`` and ``/`` are faster than their IEEE versions but raise; on the first such case the same program is run
     once more with the IEEE versions, which give the same bits wherever both are defined.
     """
-    calls = {f"call{node.index}": _Once(node.value[0]) for node in program.nodes if node.op == "call"}
+    calls = {f"call{node.index}": _CallOnce(node.value[0]) for node in program.nodes if node.op == "call"}
     constants = {"_inf": math.inf, "_nan": math.nan} | calls
     fast_names: dict[str, Any] = dict(_FAST) | constants
     exec(compile(python_source(program), "<skyarm program>", "exec"), fast_names)

@@ -44,7 +44,7 @@ def rotor_force(rotor: Rotor, speed: Scalar, velocity: Vec3) -> Force:
     thrust k_f W^2 along the axis; drag torque k_m thrust against the direction of rotation; hub drag -c_d |W| v_perp;
     rolling moment -c_r |W| v_perp, with v_perp the velocity in the rotor's plane.
     """
-    return _alike([(rotor, speed, 1)], [ZERO3], velocity, ZERO3).at_origin(rotor.position)
+    return _group_force([(rotor, speed, 1)], [ZERO3], velocity, ZERO3).at_origin(rotor.position)
 
 
 def rotor_forces(
@@ -70,7 +70,7 @@ def rotor_forces(
         left = [pair for pair in left if not _similar(pair[0], first)]
         center = Vec3(*(c if all(same(c, other) for other in rest) else 0 for c, *rest in _components(group)))
         beside = [_offset(rotor.position, center) for rotor, *_ in group]
-        hub = _alike(group, beside, velocity + rate.cross(center), rate)
+        hub = _group_force(group, beside, velocity + rate.cross(center), rate)
         total = total + hub.at_origin(center)
     return total
 
@@ -110,7 +110,7 @@ def speed_of_push(rotor: Rotor, value: Any) -> Scalar:
     return sqrt(maximum(value, 0.0)) if rotor.table is None else rotor.table.speed_of_push(value)
 
 
-def _have_inertia(rotors: Sequence[Rotor]) -> bool:
+def _any_inertia(rotors: Sequence[Rotor]) -> bool:
     """True if the inertia of some rotor is modelled."""
     return any(not (type(rotor.inertia) is int and rotor.inertia == 0) for rotor in rotors)
 
@@ -129,7 +129,7 @@ def spin_torque(rotors: Sequence[Rotor], speeds: Sequence[Scalar], commands: Seq
         rate: angular velocity of the base, base axes, rad/s.
     """
     total = ZERO3
-    if not _have_inertia(rotors):
+    if not _any_inertia(rotors):
         return total
     for rotor, speed, command in zip(rotors, speeds, commands or speeds, strict=True):
         target = minimum(command, rotor.max_speed)
@@ -140,7 +140,7 @@ def spin_torque(rotors: Sequence[Rotor], speeds: Sequence[Scalar], commands: Seq
     return total
 
 
-def _alike(group: Sequence[Turning], positions: Sequence[Vec3], velocity: Vec3, rate: Vec3) -> Force:
+def _group_force(group: Sequence[Turning], positions: Sequence[Vec3], velocity: Vec3, rate: Vec3) -> Force:
     """Total torque and force about the origin of rotors that differ in position and direction of rotation only.
 
     v_perp = v - (v.n) n is written so that a structural axis leaves two components.
