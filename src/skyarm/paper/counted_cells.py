@@ -78,7 +78,7 @@ def in_case(case: str) -> Callable[[Cell], bool]:
 
 
 def sentence(results: Record) -> str:
-    """Sentence that says how many published numbers are reproduced within 5, 10 and 25 %."""
+    """Sentence on how many published numbers are reproduced within 5, 10 and 25 %."""
     experiments = results.get("experiments", {})
     by_plant = {plant: counts(experiments, stated_value(plant)) for plant in PLANTS}
     found = {plant: counts(experiments, inferred_value(plant)) for plant in PLANTS}

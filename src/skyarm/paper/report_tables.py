@@ -55,7 +55,7 @@ def difference_text(ours: Number, paper: Number) -> str:
 
 
 def bound_text(ours: Number, paper: Number) -> str:
-    """Text that says whether a number is below the published upper bound; a dash if it is missing."""
+    """Text on whether a number is below the published upper bound; a dash if it is missing."""
     value, bound = finite_or_none(ours), finite_or_none(paper)
     return DASH if value is None or bound is None else "below" if value <= bound else "above"
 

@@ -97,7 +97,7 @@ RIGID = (".urdf", ".xml", ".mjcf")
 
 
 def expand(path: Path) -> str:
-    """Text of an error message that tells how to expand a xacro file."""
+    """Error message with the command that expands a xacro file."""
     return f"must be expanded first: xacro {path.name} -o {path.with_suffix('').with_suffix('.urdf').name}"
 
 

@@ -59,7 +59,7 @@ def make_command(par: Parameters, torque: Vec3, thrust: Any, efforts: Any) -> tu
 
 
 def no_command(vehicle: Vehicle) -> Command:
-    """Command of zeros that stands for the previous command at the first control step."""
+    """Command of zeros, in place of the previous command at the first control step."""
     return Command(rotor_speeds=(0.0,) * len(vehicle.rotors), efforts=(0.0,) * vehicle.n)
 
 

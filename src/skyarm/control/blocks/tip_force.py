@@ -96,7 +96,7 @@ class LeastSquares:
         self.b: list[Scalar] = [0] * n
 
     def require(self, columns: Sequence[Any], wanted: Any, weight: Scalar) -> None:
-        """Add the term weight |columns x - wanted|^2, of numbers or vectors."""
+        """Add the term weight |columns x - ``wanted``|^2, of numbers or vectors."""
         for i, c in enumerate(columns):
             self.b[i] = add(self.b[i], mul(weight, _product(c, wanted)))
             for j, d in enumerate(columns[: i + 1]):

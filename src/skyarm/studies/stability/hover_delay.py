@@ -57,7 +57,7 @@ class HoverDelay:
 
     @property
     def shortfall(self) -> str:
-        """Text that says which required delay margin is not met; empty if it is met or the loop is unstable."""
+        """Text about a required delay margin that is not met; empty if it is met or the loop is unstable."""
         if self.enough or not self.margin > 0.0:
             return ""
         if self.least_margin > ENOUGH * self.believed:

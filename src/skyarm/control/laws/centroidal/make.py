@@ -179,7 +179,7 @@ def _interaction(gains: Mapping[str, Any], leads: bool) -> Interaction:
 
 
 def ends_of(vehicle: Vehicle) -> tuple[tuple[bool, bool], ...]:
-    """Whether each joint of a vehicle has a lower and an upper limit."""
+    """For each joint of a vehicle: true if it has a lower limit, true if it has an upper one."""
     joints = (link.joint for link in vehicle.links)
     return tuple((math.isfinite(float(joint.lower)), math.isfinite(float(joint.upper))) for joint in joints)
 
