@@ -60,6 +60,12 @@ def test_a_log_of_another_program_needs_a_vehicle_and_is_told_what_its_delay_is(
     assert "The log holds the true state" not in done.out
 
 
+@pytest.mark.parametrize("words", [("other.npz",), ("late.npz", "--begin", "0.5", "--end", "0.6"), ("still.npz",)])
+def test_a_flight_that_gives_no_lines_leaves_no_folder(words):
+    assert skyarm("identify", *words, "-o", "new/inner/found.toml").code in (2, 3)
+    assert not Path("new").exists()
+
+
 def test_a_flight_that_does_not_tell_ends_with_3():
     done = skyarm("identify", "still.npz", "-o", "empty.toml")
     assert (done.code, "rotors: not known: the commands hardly change" in done.out) == (3, True)

@@ -14,7 +14,7 @@ from skyarm.cli.output import aligned_lines, bar, give, heading, plain, tell
 from skyarm.log.flight_log import Log, rows_of
 from skyarm.log.flown_scenario import written_part
 from skyarm.log.formats import load_log, require_readable
-from skyarm.records.files import number, output_file, printable, shown, unreadable, write_atomically
+from skyarm.records.files import number, output_file, printable, shown, taken_back, unreadable, write_atomically
 from skyarm.studies.identify.loop_lags import Estimated, Lag, LoopLags, lag_tables, loop_lags
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -37,6 +37,14 @@ def identify(
     reason = unreadable(Path(flight))
     if reason:
         raise ValueError(f"flight = {shown(flight)}: {reason}")
+    with taken_back(*(() if out is None else (Path(out).parent,))):
+        _identify(flight, vehicle, gravity, begin, end, out)
+
+
+def _identify(
+    flight: str, vehicle: str | None, gravity: float | None, begin: float | None, end: float | None, out: str | None
+) -> None:
+    """Identify delays and lags of a readable flight log, print them and write the TOML lines."""
     written = None if out is None else output_file(out, "--out")
     log = _part(load_log(flight), begin, end)
     believed, felt, stated = _nominal_model(log, vehicle, gravity)

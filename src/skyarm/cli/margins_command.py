@@ -15,7 +15,7 @@ from skyarm.cli.output import aligned_lines, bar, give, heading, plain, tell, wr
 from skyarm.control.catalogue import is_named, must_be_named
 from skyarm.control.safety import with_safety_layer
 from skyarm.control.safety.safety_layer import SafetyParameters
-from skyarm.records.files import output_file, shown, write_atomically
+from skyarm.records.files import output_file, shown, taken_back, write_atomically
 from skyarm.records.registry.plugins import identities
 from skyarm.scenario.controller_table import is_gains_file
 from skyarm.scenario.scenario_file import load_scenario
@@ -72,11 +72,12 @@ def margins(
 
     planned = _prepare(scenario, controller, safety=safety)
     require_within("--instants", instants, 0, MOST_INSTANTS)
-    written = None if file is None else output_file(file, "--out")
-    drawn = None if page is None else _page_file(page)
     frozen = without_adaptation(planned)
-    with bar(planned.name) as advance:
-        found = evidence(frozen, instants, lambda done, total: advance(done, total, "instants"))
+    with taken_back(*(Path(each).parent for each in (file, page) if each)):
+        written = None if file is None else output_file(file, "--out")
+        drawn = None if page is None else _page_file(page)
+        with bar(planned.name) as advance:
+            found = evidence(frozen, instants, lambda done, total: advance(done, total, "instants"))
     tell(heading(f"{found.controller} in {found.scenario}"))
     tell(
         *aligned_lines([("at", "max |z|", "slowest", "damping", "delay", *GAINS.values()), *map(_row, found.instants)])
