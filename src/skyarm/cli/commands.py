@@ -140,7 +140,7 @@ def perform() -> int:
     except MemoryError:
         return say("not enough memory; fly fewer seconds or at a lower control rate", WRONG_INPUT)
     except Exception as error:
-        return say(_in_users_code(error) or _refusal(error), WRONG_INPUT)
+        return say(_in_users_code(error) or _input_error(error), WRONG_INPUT)
     finally:
         warnings.showwarning = usual
 
@@ -207,7 +207,7 @@ def _lines_for_users() -> Iterator[None]:
         yield
 
 
-def _refusal(error: Exception) -> str:
+def _input_error(error: Exception) -> str:
     """One-line message for an error in input or files; raises the error again if it is a bug.
 
     Raises:

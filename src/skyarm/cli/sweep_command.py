@@ -115,7 +115,7 @@ def _sum_up(folder: str, out: str | None, success: list[str] | None, paths: tupl
     with bar(f"statistics of {folder}"):
         maps = robustness_maps(rows, paths)
         target = require_writable(require_no_link(Path(folder) / "stats") if out is None else out)
-        found, pictures = statistics(rows), _drawn(maps)
+        found, pictures = statistics(rows), _draw_maps(maps)
     write_inside(target / "stats.json", json_text(found).encode())
     write_inside(target / "report.html", page(found, rows.manifest, pictures).encode())
     files = ["report.html", "stats.json", *pictures.write(target)]
@@ -123,7 +123,7 @@ def _sum_up(folder: str, out: str | None, success: list[str] | None, paths: tupl
     tell(*summary(found), f"statistics in {target}: {', '.join(files)}")
 
 
-def _drawn(maps: Sequence[RobustnessMap]) -> Pictures:
+def _draw_maps(maps: Sequence[RobustnessMap]) -> Pictures:
     """Draw the robustness map of each controller; a constant map becomes a number."""
     from skyarm.studies.sweep.study_page import Pictures
     from skyarm.view.figures.study_figures import robustness_figure

@@ -63,7 +63,7 @@ def batch_log(legs: Sequence[tuple[Logged, Array]], time: Array) -> BatchLog:
         legs: record that was logged and its rows, (samples, leaves, lanes), of each part of the flight.
         time: (samples,), s.
     """
-    parts = [_by_lane(example, rows) for example, rows in legs]
+    parts = [_by_episode(example, rows) for example, rows in legs]
     alive: list[Any] = [each.alive for each in parts]
     shapes = [each.shape for each in alive]
     kept = {
@@ -81,7 +81,7 @@ def batch_log(legs: Sequence[tuple[Logged, Array]], time: Array) -> BatchLog:
     )
 
 
-def _by_lane(example: Logged, rows: Array) -> Logged:
+def _by_episode(example: Logged, rows: Array) -> Logged:
     """Convert samples of a batch to a dataclass of arrays (episodes, samples), NaN after an episode's end."""
     columns = np.ascontiguousarray(rows.transpose(1, 2, 0))
     whole: Logged = rebuild(example, iter(columns[: len(leaves(example))]))

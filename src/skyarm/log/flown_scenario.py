@@ -52,9 +52,9 @@ def flown_scenario(info: Mapping[str, Any], replaced: Mapping[str, Any]) -> Any:
     of = (info.get("versions") or {}).get("skyarm", "unknown")
     if not isinstance(written, dict) or written.get("type") != SCENARIO or not written.keys() >= {*GROUPS}:
         raise ValueError(f"scenario_record: must hold the scenario as this version writes it; skyarm {of} wrote it")
-    if not _fits(info, written, code):
+    if not _matches_digest(info, written, code):
         raise ValueError(f"scenario_record: must be of the log's digest; it was changed after skyarm {of} wrote it")
-    with _in_words_of_the_log(plugins):
+    with _convert_errors(plugins):
         found = restore(written, {**code, **plugins})
     now = own_files(found)
     for name in sorted(code):
@@ -63,7 +63,7 @@ def flown_scenario(info: Mapping[str, Any], replaced: Mapping[str, Any]) -> Any:
     return found.with_words(**replaced)
 
 
-def _fits(info: Mapping[str, Any], written: Mapping[str, Any], code: Any) -> bool:
+def _matches_digest(info: Mapping[str, Any], written: Mapping[str, Any], code: Any) -> bool:
     """True if a log's digest matches its scenario and files of user code."""
     try:
         return isinstance(code, dict) and log_digest(written, code) == info.get("digest")
@@ -72,7 +72,7 @@ def _fits(info: Mapping[str, Any], written: Mapping[str, Any], code: Any) -> boo
 
 
 @contextmanager
-def _in_words_of_the_log(plugins: Mapping[str, str]) -> Iterator[None]:
+def _convert_errors(plugins: Mapping[str, str]) -> Iterator[None]:
     """Context manager that converts errors of restoring a scenario to one line that names the log's field."""
     try:
         yield

@@ -38,7 +38,7 @@ class LogFormat:
     read: Callable[[Path], Log] | None = None
 
 
-def _loaded_when_called(module: str, function: str) -> Callable[..., Any]:
+def _import_when_called(module: str, function: str) -> Callable[..., Any]:
     """Make a function that imports its module at the first call."""
 
     def call(*arguments: Any) -> Any:
@@ -110,7 +110,7 @@ def _texts(column: Any, known: dict[bytes, list[str]]) -> list[str]:
 
 NPZ = LogFormat(write_npz, read_npz)
 CSV = LogFormat(write_csv)
-MCAP = LogFormat(_loaded_when_called("ros.files", "write_mcap"), _loaded_when_called("ros.files", "read_mcap"))
+MCAP = LogFormat(_import_when_called("ros.files", "write_mcap"), _import_when_called("ros.files", "read_mcap"))
 
 
 def require_format(path: PathLike, field: str = "log") -> LogFormat:

@@ -105,7 +105,7 @@ def sources_of(info: Mapping[str, Any]) -> dict[str, Source]:
             )
             for name, each in info.get(DESCRIPTION, {}).items()
         }
-        sound = all(map(_is_sound, found.values()))
+        sound = all(map(_has_valid_types, found.values()))
     except (AttributeError, KeyError, TypeError):
         sound = False
     if not sound:
@@ -113,7 +113,7 @@ def sources_of(info: Mapping[str, Any]) -> dict[str, Source]:
     return found
 
 
-def _is_sound(source: Source) -> bool:
+def _has_valid_types(source: Source) -> bool:
     """True if a sensor's description from a log file has valid types."""
     counts = all(type(each) is int and each >= 0 for each in (source.every - 1, source.late))
     texts = [each.unit for each in source.fields.values()] + [each.meaning for each in source.fields.values()]

@@ -81,7 +81,7 @@ class PushTotals(Metric):
         settled = logical_and(asked, after >= SETTLED)
         error = force - wanted
         held = logical_and(settled, absolute(error) <= BAND * wanted)
-        apart = _across(now, normal)
+        apart = _tangential_error(now, normal)
         near = logical_and(asked, after >= 0.0)
         return PushMemory(
             first=first,
@@ -105,7 +105,7 @@ def _sum(forces: tuple[Scalar, ...]) -> Scalar:
     return total
 
 
-def _across(now: Instant, normal: tuple[Scalar, ...]) -> Scalar:
+def _tangential_error(now: Instant, normal: tuple[Scalar, ...]) -> Scalar:
     """Distance of the tip from its reference parallel to the nominal surface, m."""
     away = now.tool - now.held.tool
     along = away.x * normal[0] + away.y * normal[1] + away.z * normal[2]
@@ -236,12 +236,12 @@ def _ripple(held: PushMemory) -> Any:
     return np.sqrt(np.maximum(_share(held.square, held.count) - mean * mean, 0.0))
 
 
-def _met(held: PushMemory, number: Any) -> Scalar:
+def _if_met(held: PushMemory, number: Any) -> Scalar:
     """Return the value of a contact metric, or NaN if no commanded contact occurred."""
     return np.where(np.asarray(held.first) < NOT_YET, number, np.nan)
 
 
-def _gripped(memory: Any, number: Any) -> Scalar:
+def _if_gripped(memory: Any, number: Any) -> Scalar:
     """Return the value of a grip metric, or NaN if the tip never gripped a handle."""
     return np.where(np.asarray(memory.held) > 0, number, np.nan)
 
@@ -252,23 +252,23 @@ TOTALED: Mapping[str, tuple[str, Callable[[Any], Any], str, str]] = {
     "contact_error_mean": ("push", lambda of: _share(of.error, of.count), "mean error of the contact force", "N"),
     "contact_ripple": ("push", _ripple, "RMS of the contact force about its mean", "N"),
     "contact_held": ("push", lambda of: _share(of.held, of.count), HELD, ""),
-    "contact_peak": ("push", lambda of: _met(of, of.peak), "largest contact force while contact is asked for", "N"),
-    "contact_losses": ("push", lambda of: _met(of, of.losses), "losses of contact", "losses"),
-    "contact_first": ("push", lambda of: _met(of, of.first), "first touch", "s"),
+    "contact_peak": ("push", lambda of: _if_met(of, of.peak), "largest contact force while contact is asked for", "N"),
+    "contact_losses": ("push", lambda of: _if_met(of, of.losses), "losses of contact", "losses"),
+    "contact_first": ("push", lambda of: _if_met(of, of.first), "first touch", "s"),
     "contact_tip_mean": (
         "push", lambda of: _share(of.apart, of.near), "mean tip error across the normal in contact", "m"
     ),
     "contact_tip_max": (
-        "push", lambda of: _met(of, of.farthest), "largest tip error across the normal in contact", "m"
+        "push", lambda of: _if_met(of, of.farthest), "largest tip error across the normal in contact", "m"
     ),
     "phases_time": ("phases", lambda of: of.when, "when the last phase was done", "s"),
     "grip_force_mean": (
-        "grip", lambda of: _gripped(of, of.force / np.maximum(of.held, 1)),
+        "grip", lambda of: _if_gripped(of, of.force / np.maximum(of.held, 1)),
         "mean radial force on the handle that is held", "N",
     ),
     "grip_force_max": (
-        "grip", lambda of: _gripped(of, of.largest), "largest radial force on the handle that is held", "N"
+        "grip", lambda of: _if_gripped(of, of.largest), "largest radial force on the handle that is held", "N"
     ),
-    "grip_lag_max": ("grip", lambda of: _gripped(of, of.behind), "largest lag of the handle that is held", "rad"),
+    "grip_lag_max": ("grip", lambda of: _if_gripped(of, of.behind), "largest lag of the handle that is held", "rad"),
 }  # fmt: skip
 """Metric -> the totals that it is made of, its value from them, its words and unit."""

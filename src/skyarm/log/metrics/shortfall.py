@@ -110,7 +110,10 @@ def shortfall(log: Log) -> Shortfall:
     if not log.time.size:
         return Shortfall(saturation=None, unreached=())
     wanted, pushing = _wanted_force(log)
-    return Shortfall(saturation=_saturation(log), unreached=(*_far(log, pushing), *_forces(log, wanted), *_phases(log)))
+    return Shortfall(
+        saturation=_saturation(log),
+        unreached=(*_missed_positions(log, pushing), *_missed_forces(log, wanted), *_missed_phases(log)),
+    )
 
 
 def _saturation(log: Log) -> Saturation | None:
@@ -150,7 +153,7 @@ def _actuator_limits(log: Log) -> Iterator[tuple[str, str, Array, float, float]]
             yield f"joint {joint.name}", unit, sent, float(joint.lower), float(joint.upper)
 
 
-def _far(log: Log, pushing: Array) -> Iterator[Unreached]:
+def _missed_positions(log: Log, pushing: Array) -> Iterator[Unreached]:
     """Yield position references of base and tip that the flight misses by a large mean error at its end.
 
     A reference may lag behind its plan: the distance to the path counts. While the tip presses its reference
@@ -186,7 +189,7 @@ def _wanted_force(log: Log) -> tuple[Array, Array]:
     return force, (force > 0.0) | gripping
 
 
-def _forces(log: Log, wanted: Array) -> Iterator[Unreached]:
+def _missed_forces(log: Log, wanted: Array) -> Iterator[Unreached]:
     """Yield the commanded contacts whose force stayed too small."""
     force = _force_at_tip(log)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], wanted > 0.0, [0]])))
@@ -206,7 +209,7 @@ def _force_at_tip(log: Log) -> Array:
     return np.asarray(force.sum(axis=1)) if force.size else np.zeros(log.time.size)
 
 
-def _phases(log: Log) -> Iterator[Unreached]:
+def _missed_phases(log: Log) -> Iterator[Unreached]:
     """Yield a missed reference that names all phases that never ended."""
     ends = [0.0, *(end for _, end in log.phase_ends if end is not None)]
     names = [f"{number} ({name})" for number, (name, end) in enumerate(log.phase_ends, 1) if end is None]

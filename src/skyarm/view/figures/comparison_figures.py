@@ -77,7 +77,7 @@ def laws_figure(
     left, right = figure.subplots(1, 2, sharey=True, gridspec_kw={"width_ratios": [3, 2]})
     for panel, label in ((left, error_label), (right, share_label)):
         PAGE.dress(panel).set_xlabel(label, **PAGE.words)
-    _errors(left, errors)
+    _draw_errors(left, errors)
     for row, share in enumerate(shares):
         if share is not None:
             right.barh(row, share.value, height=0.6, color="#9ecae1")
@@ -89,7 +89,7 @@ def laws_figure(
     return figure
 
 
-def _errors(ax: Axes, errors: Mapping[str, Sequence[float | None]]) -> None:
+def _draw_errors(ax: Axes, errors: Mapping[str, Sequence[float | None]]) -> None:
     for i, ((name, series), (marker, color)) in enumerate(zip(errors.items(), MARKERS, strict=False)):
         down = APART * (i / (len(errors) - 1) - 0.5) if len(errors) > 1 else 0.0
         places = [(value, row + down) for row, value in enumerate(series) if value is not None and value > 0.0]
@@ -110,10 +110,10 @@ def envelope_figure(axes: Mapping[str, Any], laws: Sequence[str]) -> Figure:
             (:mod:`skyarm.studies.compare.envelope_report`).
         laws: in the order of the legend.
     """
-    looks, low = _looks(laws), _low(axes)
+    looks, low = _line_styles(laws), _lower_limit(axes)
     figure, panels = PAGE.tiles(len(axes), ACROSS, (PAGE.width / ACROSS, PANEL), LEGEND)
     for i, ((name, axis), panel) in enumerate(zip(axes.items(), panels, strict=True)):
-        _panel(panel, name, axis, looks, low)
+        _draw_panel(panel, name, axis, looks, low)
         if i % ACROSS == 0:
             panel.set_ylabel("error [mm]", **PAGE.words)
     handles = {law: Line2D([], [], markersize=5, **look) for law, look in looks.items()}
@@ -122,7 +122,7 @@ def envelope_figure(axes: Mapping[str, Any], laws: Sequence[str]) -> Figure:
     return figure
 
 
-def _low(axes: Mapping[str, Any]) -> float:
+def _lower_limit(axes: Mapping[str, Any]) -> float:
     """Lower limit of the logarithmic error axis, mm: a power of ten below all errors."""
     errors = [
         1e3 * point["judged"]
@@ -134,7 +134,7 @@ def _low(axes: Mapping[str, Any]) -> float:
     return min(LOW, max(LOWEST, 10.0 ** math.floor(math.log10(min(errors, default=LOW)))))
 
 
-def _looks(laws: Sequence[str]) -> dict[str, Style]:
+def _line_styles(laws: Sequence[str]) -> dict[str, Style]:
     """Return the line style (colour, marker, dashes) of each controller, by its name."""
     known = {law: KNOWN.index(law) for law in laws if law in KNOWN}
     free = iter([place for place in range(len(LINES) + len(laws)) if place not in known.values()])
@@ -146,12 +146,12 @@ def _looks(laws: Sequence[str]) -> dict[str, Style]:
     }
 
 
-def _panel(panel: Axes, name: str, axis: Mapping[str, Any], looks: Mapping[str, Style], low: float) -> None:
+def _draw_panel(panel: Axes, name: str, axis: Mapping[str, Any], looks: Mapping[str, Style], low: float) -> None:
     places = range(len(axis["values"]))
     panel.axhspan(HIGH, TOP, facecolor="#f6dcdc", edgecolor="none", zorder=0.2)
     for k, (law, look) in enumerate(looks.items()):
         if law in axis["laws"]:
-            _law(panel, places, axis["laws"][law], look, k / len(looks), low)
+            _draw_law(panel, places, axis["laws"][law], look, k / len(looks), low)
     panel.set_yscale("log")
     panel.set_ylim(low, TOP)
     panel.yaxis.set_major_locator(LogLocator(numticks=9))
@@ -163,7 +163,7 @@ def _panel(panel: Axes, name: str, axis: Mapping[str, Any], looks: Mapping[str, 
     panel.set_title(f"{name.replace('_', ' ')} [{axis['unit']}]", loc="left", pad=4, **PAGE.words)
 
 
-def _law(
+def _draw_law(
     panel: Axes,
     places: Sequence[int],
     points: Sequence[Mapping[str, Any]],

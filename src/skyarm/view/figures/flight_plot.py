@@ -132,7 +132,7 @@ def _draw(ax: Axes, panel: Panel, named: Mapping[str, Log], span: tuple[float, f
         group += [each[inside] for each in (*(curve for _, curve, _ in curves), desired) if each is not None]
     for time, desired in _different_references(panel, named):
         (handles["desired"],) = ax.plot(time, desired, label="desired", **PAPER.desired.line)
-    low, high = _ends(panel, kept, lost)
+    low, high = _axis_limits(panel, kept, lost)
     for limit in panel.limits:
         # relative to the distance from zero
         if low <= limit <= high or (limit and (high if limit > 0.0 else -low) >= NEAR * abs(limit)):
@@ -164,7 +164,7 @@ def _different_references(panel: Panel, named: Mapping[str, Log]) -> list[tuple[
     return found
 
 
-def _ends(panel: Panel, kept: Sequence[Array], lost: Sequence[Array]) -> tuple[float, float]:
+def _axis_limits(panel: Panel, kept: Sequence[Array], lost: Sequence[Array]) -> tuple[float, float]:
     """Limits of a panel's value axis, from references and completed flights if there are any.
 
     A flight that was lost adds at most as much again on each side, so that it does not flatten the others.

@@ -91,7 +91,7 @@ def metric_figure(found: Sequence[BandedCurves]) -> Picture:
         for i, curve in enumerate(each.curves):
             handles[curve.controller] = _draw_band(ax, curve, PAPER.look(i), curve.controller)
         PAPER.name_axis(ax, *metric_words(each.metric))
-        ax.set_ylim(*_ends(each))
+        ax.set_ylim(*_axis_limits(each))
     if lost:
         _draw_lost(panels[-1], first.curves)
         panels[-1].set_ylabel("Lost", **PAPER.small_words)
@@ -110,7 +110,7 @@ def _short(words: str) -> str:
     return words if len(words) <= LONGEST else f"{words[: LONGEST - 1]}\N{HORIZONTAL ELLIPSIS}"
 
 
-def _ends(found: BandedCurves) -> tuple[float, float]:
+def _axis_limits(found: BandedCurves) -> tuple[float, float]:
     """Limits of a metric's value axis, starting at zero if no value is negative."""
     seen = np.concatenate([line for curve in found.curves for line in (curve.middle, curve.low, curve.high)])
     return limits([seen], floor=not (seen < 0.0).any(), span=ROUNDING)

@@ -66,7 +66,7 @@ def fixed_camera(flights: Sequence[FilmedFlight], seconds: Array, aspect: float)
     view = _axes_of_view(azimuth)
     low, high = ((places @ view).min(axis=0), (places @ view).max(axis=0))
     middle = view @ (0.5 * (low + high))
-    distance = _to_see(places - middle, flights, aspect, azimuth)
+    distance = _distance_for_positions(places - middle, flights, aspect, azimuth)
     return _path(np.tile(middle, (len(seconds), 1)), distance, azimuth)
 
 
@@ -75,13 +75,13 @@ def follow(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> Ca
     places = np.stack([part for flight in flights for part in _places_in_view(flight)])
     middle = _low_pass(0.5 * (places.min(axis=0) + places.max(axis=0)), seconds)
     azimuth = free_azimuth(flights)
-    return _path(middle, _to_see((places - middle).reshape(-1, 3), flights, aspect, azimuth), azimuth)
+    return _path(middle, _distance_for_positions((places - middle).reshape(-1, 3), flights, aspect, azimuth), azimuth)
 
 
 def tip(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> CameraPath:
     """Path of a close-up camera that follows the desired tip position."""
     desired = np.mean([flight.desired_tip for flight in flights], axis=0)
-    distance = _to_hold(0.9 * max(map(vehicle_reach, flights)), aspect)
+    distance = _distance_for_sphere(0.9 * max(map(vehicle_reach, flights)), aspect)
     return _path(_low_pass(desired, seconds), distance, free_azimuth(flights))
 
 
@@ -109,32 +109,32 @@ def _places_in_view(flight: FilmedFlight) -> list[Array]:
     farthest = LEAVES * vehicle_reach(flight)
     pairs = (flight.position, flight.desired_position), (flight.tip, flight.desired_tip)
     # a lost vehicle leaves the picture
-    return [part for at, wanted in pairs for part in (wanted + _at_most(at - wanted, farthest), wanted)]
+    return [part for at, wanted in pairs for part in (wanted + _limit_lengths(at - wanted, farthest), wanted)]
 
 
-def _margin(flights: Sequence[FilmedFlight]) -> float:
+def _vehicle_radius(flights: Sequence[FilmedFlight]) -> float:
     """Radius around the base within which the largest vehicle is drawn, m."""
     return 1.6 * max(longest_boom(flight.vehicle) for flight in flights)
 
 
-def _at_most(offset: Array, length: float) -> Array:
+def _limit_lengths(offset: Array, length: float) -> Array:
     """Shorten vectors (F, 3) that are longer than a given length."""
     size = np.linalg.norm(offset, axis=1, keepdims=True)
     return np.asarray(offset * np.minimum(1.0, length / np.maximum(size, 1e-9)), dtype=float)
 
 
-def _to_hold(radius: float, aspect: float) -> float:
+def _distance_for_sphere(radius: float, aspect: float) -> float:
     """Camera distance at which a sphere of given radius fits into the picture."""
     half = math.radians(0.5 * FIELD_OF_VIEW)
     across = math.atan(math.tan(half) * aspect)
     return radius / math.sin(min(half, across))
 
 
-def _to_see(places: Array, flights: Sequence[FilmedFlight], aspect: float, azimuth: float) -> float:
+def _distance_for_positions(places: Array, flights: Sequence[FilmedFlight], aspect: float, azimuth: float) -> float:
     """Camera distance at which vehicles at all given positions (N, 3), relative to its target, are in view."""
     across, upwards, away = (places @ _axes_of_view(azimuth)).T
     slope = math.tan(math.radians(0.5 * FIELD_OF_VIEW))
-    margin = _margin(flights)
+    margin = _vehicle_radius(flights)
     needed = [
         (np.abs(off) + margin * share * math.hypot(1.0, edge)) / edge - away
         for off, edge, share in ((across, slope * aspect, 1.0), (upwards, slope, HEIGHT))

@@ -105,7 +105,7 @@ class Captions:
             self._write(found, number, state_words(flight, time, k), ink, align="right")
         if self._strip is not None and layout.plot is not None:
             strip, top = self._strip, layout.plot.top
-            share = (time - self._times[0]) / (_end(self._times) - self._times[0])
+            share = (time - self._times[0]) / (_end_time(self._times) - self._times[0])
             at = round(layout.plot.left + strip.left + share * (strip.right - strip.left))
             half = max(1, round(layout.scale))
             found[top + strip.top : top + strip.bottom, max(at - half, 0) : at + half] = INK
@@ -129,7 +129,7 @@ class Captions:
         forces = len(curves) == 2 * len(self._flights)
         if not forces:
             curves = [Curve(each.error_time, each.error_curve, each.color) for each in self._flights]
-        span = float(self._times[0]), _end(self._times)
+        span = float(self._times[0]), _end_time(self._times)
         strip = error_strip(curves, span, box.width, box.height, self._layout.scale, forces=forces)
         self._blank[box.inside] = strip.pixels
         return strip
@@ -169,7 +169,7 @@ def error_words(error: float) -> str:
     return f"{millimetres:.0f} mm" if millimetres < 9999.5 else f"{error:.0f} m"
 
 
-def _end(times: Array) -> float:
+def _end_time(times: Array) -> float:
     """Time at which a film's last frame ends, s."""
     return float(times[-1] + (times[-1] - times[0]) / max(len(times) - 1, 1)) if len(times) > 1 else times[0] + 1.0
 

@@ -262,7 +262,7 @@ def trail(flight: FilmedFlight, times: Array, k: int, width: float) -> list[Mark
     first = int(np.searchsorted(times, times[k] - TRAIL))
     # every so many frames of the film, not of the trail, so that a line stays where it was drawn once
     every = max(1, int(np.searchsorted(times, times[0] + TRAIL)) // TRAIL_PIECES)
-    at = _apart(flight.tip[[*range(-(-first // every) * every, k, every), k]])
+    at = _thin_out(flight.tip[[*range(-(-first // every) * every, k, every), k]])
     share = np.linspace(0.15, 0.85, max(len(at) - 1, 1))
     return [
         Mark("line", width, a, b, (*flight.color, float(s))) for a, b, s in zip(at[:-1], at[1:], share, strict=False)
@@ -271,7 +271,7 @@ def trail(flight: FilmedFlight, times: Array, k: int, width: float) -> list[Mark
 
 def desired_path(flight: FilmedFlight, width: float) -> list[Mark]:
     """Make the line of the desired tip path over a whole film."""
-    at = _apart(flight.desired_tip[:: -(-len(flight.desired_tip) // (4 * TRAIL_PIECES))])
+    at = _thin_out(flight.desired_tip[:: -(-len(flight.desired_tip) // (4 * TRAIL_PIECES))])
     return [Mark("line", width, a, b, PATH) for a, b in pairwise(at)]
 
 
@@ -311,7 +311,7 @@ def wind_words(flight: FilmedFlight, k: int) -> str:
     return f"wind {', '.join(words)}" if words else ""
 
 
-def _apart(places: Array) -> Array:
+def _thin_out(places: Array) -> Array:
     """Thin out a path (F, 3) so that neighbouring points keep a minimum distance."""
     chosen = [places[0]]
     for place in places[1:]:

@@ -133,7 +133,7 @@ def _serialize(
     shifts = _shifts(flights, settings)
     _surroundings(server, flights, shifts, times, settings)
     vehicles = [
-        _Recorded(server.scene, f"/flight{i + 1}", flight, shift, times, settings)
+        _RecordedFlight(server.scene, f"/flight{i + 1}", flight, shift, times, settings)
         for i, (flight, shift) in enumerate(zip(flights, shifts, strict=True))
     ]
     for vehicle in vehicles:
@@ -150,7 +150,7 @@ def _serialize(
     return content
 
 
-class _Recorded:
+class _RecordedFlight:
     """Scene nodes of one flight in a recording: vehicle, desired pose, paths, label, wind and contact forces."""
 
     def __init__(
@@ -258,7 +258,7 @@ def _surroundings(
     )
     seconds = (times - times[0]) / settings.speed
     path = CAMERAS["fixed" if settings.camera == "follow" else settings.camera](flights, seconds, ASPECT)
-    eye, target = _eye(path, 0.5 * float(np.linalg.norm(shifts[-1] - shifts[0])))
+    eye, target = _camera_and_target(path, 0.5 * float(np.linalg.norm(shifts[-1] - shifts[0])))
     server.initial_camera.position, server.initial_camera.look_at = tuple(eye), tuple(target)
     server.initial_camera.fov = np.radians(FIELD_OF_VIEW)
     server.initial_camera.up = (0.0, 0.0, 1.0)
@@ -277,7 +277,7 @@ def _shifts(flights: Sequence[FilmedFlight], settings: FilmSettings) -> list[Arr
     return [apart * (i - middle) * right for i in range(len(flights))]
 
 
-def _eye(path: CameraPath, wider: float) -> tuple[Array, Array]:
+def _camera_and_target(path: CameraPath, wider: float) -> tuple[Array, Array]:
     """Initial position of a recording's camera and of its target."""
     target = path.look_at[0]
     along = looking_towards(float(path.azimuth[0]), float(path.elevation[0]))
@@ -288,7 +288,7 @@ def page_with(content: bytes) -> str:
     """Make an HTML page with the player and a recording, which also opens as a local file."""
     held = base64.b64encode(content).decode("ascii")
     script = f'<script>window.__VISER_EMBED_DATA__="{held}";window.__VISER_EMBED_CONFIG__={{darkMode:false}};</script>'
-    return _client().replace("</head>", f"{script}</head>", 1)
+    return _player_page().replace("</head>", f"{script}</head>", 1)
 
 
 def import_viser() -> Any:
@@ -304,6 +304,6 @@ def import_viser() -> Any:
     return viser
 
 
-def _client() -> str:
+def _player_page() -> str:
     """HTML of the player page that viser ships."""
     return (Path(import_viser().__file__).parent / "client" / "build" / "index.html").read_text("utf-8")

@@ -41,11 +41,11 @@ class Controls:
 
     def __init__(self, gui: Any, page: Page, laws: list[str]) -> None:
         self.status = gui.add_markdown("Machine code is being made ...")
-        _by_hand(gui.add_button_group("clock", tuple(CLOCK)), lambda value: page.do(CLOCK[value]))
+        _on_user_input(gui.add_button_group("clock", tuple(CLOCK)), lambda value: page.do(CLOCK[value]))
         speed = gui.add_dropdown("speed", [f"{speed:g}x" for speed in SPEEDS], initial_value="1x")
-        _by_hand(speed, lambda value: page.do(lambda fleet: setattr(fleet, "speed", float(value[:-1]))))
+        _on_user_input(speed, lambda value: page.do(lambda fleet: setattr(fleet, "speed", float(value[:-1]))))
         self.time = gui.add_slider("time (s)", 0.0, 30.0, 0.005, 0.0, hint="scrub back, and forward again")
-        _by_hand(self.time, lambda value: page.do(lambda fleet: _scrub(fleet, value)))
+        _on_user_input(self.time, lambda value: page.do(lambda fleet: _go_to_time(fleet, value)))
         direction = gui.add_dropdown("push towards", tuple(DIRECTIONS), initial_value="+x")
         pushes = {f"push ({BLOW[0] * BLOW[1]:g} N s)": BLOW, f"gust ({GUST[0]:g} N, {GUST[1]:g} s)": GUST}
 
@@ -53,7 +53,7 @@ class Controls:
             towards = DIRECTIONS[direction.value]
             page.do(lambda fleet: fleet.push(towards, *pushes[value]))
 
-        _by_hand(gui.add_button_group("disturb", tuple(pushes)), push)
+        _on_user_input(gui.add_button_group("disturb", tuple(pushes)), push)
         self.tabs = gui.add_tab_group()
         self.plots = self.tabs.add_tab("plots")
         with self.tabs.add_tab("scenario"):
@@ -62,26 +62,26 @@ class Controls:
                     self._law(gui, page, place, laws[place] if place < len(laws) else NO_LAW)
             with gui.add_folder("cases"):
                 menu = gui.add_dropdown("case", (NO_CASE, *list_scenarios()), initial_value=NO_CASE)
-                _by_hand(menu, page.choose_case)
+                _on_user_input(menu, page.choose_case)
                 save = gui.add_button("Save flights", hint="logs, with every change by hand at its control period")
-                _by_hand(save, lambda _: page.save())
+                _on_user_input(save, lambda _: page.save())
             box = gui.add_checkbox("follow", False, hint="the camera goes along with the first vehicle")
-            _by_hand(box, page.follow)
+            _on_user_input(box, page.follow)
 
     def _law(self, gui: Any, page: Page, place: int, first: str) -> None:
         """Create the menu that chooses one of up to three controllers."""
         names = dict.fromkeys([first, *law_names(), *([NO_LAW] if place else [])])
         menu = gui.add_dropdown(f"law {place + 1}", tuple(names), initial_value=first)
-        _by_hand(menu, lambda value: page.choose_law(place, None if value == NO_LAW else value))
+        _on_user_input(menu, lambda value: page.choose_law(place, None if value == NO_LAW else value))
 
 
-def _scrub(fleet: Fleet, time: float) -> None:
+def _go_to_time(fleet: Fleet, time: float) -> None:
     """Pause the simulation and go to a given time."""
     fleet.playing = False
     fleet.go(min(round(time * fleet.rate), fleet.furthest))
 
 
-def _by_hand(handle: Any, work: Callable[[Any], None]) -> None:
+def _on_user_input(handle: Any, work: Callable[[Any], None]) -> None:
     """Register a callback that is called when the user, not the program, changes an input."""
 
     async def used(event: Any) -> None:
@@ -114,7 +114,7 @@ class KnobPanel:
                     hint = ": ".join(filter(None, (knob.path, knob.declared.meaning)))
                     first = knob.clip(knob.value)
                     slider = gui.add_slider(knob.label, knob.low, knob.high, knob.step, first, hint=hint)
-                    _by_hand(slider, lambda value, knob=knob: moved(knob.path, knob.clip(value)))  # type: ignore[misc]
+                    _on_user_input(slider, lambda value, knob=knob: moved(knob.path, knob.clip(value)))  # type: ignore[misc]
                     self._sliders.append((knob, slider))
 
     def show(self, values: Mapping[str, float]) -> None:

@@ -269,7 +269,7 @@ class Flight:
         self.sights: list[Sight] = []
         self._every = max(1, round(scenario.rates.control / SAMPLES))
         self._kept: list[Snapshot] = []
-        self._note()
+        self._record()
 
     @property
     def tick(self) -> int:
@@ -327,14 +327,14 @@ class Flight:
     @property
     def last(self) -> Sight:
         """Latest plotted quantities up to the current time."""
-        return self.sights[self._after(self.tick) - 1]
+        return self.sights[self._samples_until(self.tick) - 1]
 
     def recent(self, seconds: float) -> list[Sight]:
         """Plotted quantities of the last seconds."""
         first = math.ceil(self.tick - seconds * self.session.scenario.rates.control) - 1
-        return self.sights[self._after(first) : self._after(self.tick)]
+        return self.sights[self._samples_until(first) : self._samples_until(self.tick)]
 
-    def _after(self, tick: int) -> int:
+    def _samples_until(self, tick: int) -> int:
         """Number of stored plot samples up to and including a control period."""
         return bisect.bisect_right(self.sights, tick, key=lambda each: each.tick)
 
@@ -357,7 +357,7 @@ class Flight:
         going = self.session.running and self.session.step()
         if going:
             self._repeat()
-            self._note()
+            self._record()
         return going
 
     def begin(self) -> None:
@@ -380,7 +380,7 @@ class Flight:
         if values := self.moved.get(self.tick):
             self.session.change(values)
 
-    def _note(self) -> None:
+    def _record(self) -> None:
         """Store a snapshot every second, and plot samples at 20 Hz."""
         tick = self.tick
         if tick % self.first.rates.control == 0 and (not self._kept or self._kept[-1].tick < tick):

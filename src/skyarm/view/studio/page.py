@@ -115,7 +115,7 @@ class Page:
             while not self._stopped.is_set():
                 watched = bool(self._server.get_clients())
                 now = time.perf_counter()
-                self._obey()
+                self._handle_inputs()
                 # laws that are chosen together begin together
                 if watched and self.fleet.flights and not (self._making and not self.fleet.tick):
                     self.fleet.advance(now - last)
@@ -130,7 +130,7 @@ class Page:
         finally:
             self._worker.shutdown(wait=False, cancel_futures=True)
 
-    def _obey(self) -> None:
+    def _handle_inputs(self) -> None:
         """Execute the queued inputs of the browser tabs; an invalid one is reported on the page."""
         while True:
             try:

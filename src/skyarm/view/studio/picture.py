@@ -84,7 +84,7 @@ class FlightNodes:
         touches = [TOUCH] * len(first.arrows)
         self._touches = Arrows(scene, f"{STAGE}/touches{end}", touches, TOUCH_SHAFT, at) if touches else None
         self._place_scene(first)
-        self.vehicle.place(placed.rotations, placed.positions, _turns_now(vehicle, first_state(scenario)))
+        self.vehicle.place(placed.rotations, placed.positions, _rotor_rotations(vehicle, first_state(scenario)))
 
     def _place_scene(self, scene: Scene, more: Sequence[Solid] = ()) -> None:
         """Draw payloads and cables of a flight; surfaces and objects only for the first flight."""
@@ -98,9 +98,9 @@ class FlightNodes:
         """Draw a flight at the current time; returns the poses of its bodies."""
         session, placed = flight.session, flight.poses()
         state = session.state
-        speeds, turns = np.array([float(w) for w in state.rotor_speeds]), _turns_now(self._vehicle, state)
+        speeds, turns = np.array([float(w) for w in state.rotor_speeds]), _rotor_rotations(self._vehicle, state)
         self.vehicle.place(placed.rotations, placed.positions, turns if session.running else {})
-        self._place_scene(flight.scene(self._around), self._hung(flight, placed))
+        self._place_scene(flight.scene(self._around), self._attached_mass(flight, placed))
         self._forces.point(force_arrows(flight, placed, speeds, turns))
         if slow:
             self._trail.points = trail([seen.tip for seen in flight.recent(TRAIL)])
@@ -112,7 +112,7 @@ class FlightNodes:
                 self._label.position = placed.positions[0] + self._above
         return placed
 
-    def _hung(self, flight: Flight, placed: Placed) -> list[Solid]:
+    def _attached_mass(self, flight: Flight, placed: Placed) -> list[Solid]:
         """Solid of the mass that the user attached to the tip by a slider; empty for no mass."""
         mass = flight.hung_mass
         if not (mass > 0.0 and self._vehicle.end_effector):
@@ -161,7 +161,7 @@ def trail(tips: Sequence[Array]) -> Array:
     return segments
 
 
-def _turns_now(vehicle: Vehicle, state: State) -> dict[str, Array]:
+def _rotor_rotations(vehicle: Vehicle, state: State) -> dict[str, Array]:
     """Rotation matrix (3, 3) of each tilting rotor in a state, by the name of its disc."""
     angles = np.array([[float(each) for each in state.tilts]])
     return {name: turn[0] for name, turn in rotor_turns(vehicle, angles).items()}
