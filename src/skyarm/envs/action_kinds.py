@@ -85,13 +85,9 @@ class Actions:
 
     def efforts(self, action: tuple[Scalar, ...], now: Turn) -> tuple[Scalar, ...]:
         """Joint efforts, or setpoints of joint drives, commanded by the last components of an action."""
-        return tuple(middle + a * half for a, (middle, half) in self._spans(action, now))
+        return tuple(middle + a * half for a, (middle, half) in self.spans(action, now))
 
-    def effort_increments(self, action: tuple[Scalar, ...], now: Turn) -> tuple[Scalar, ...]:
-        """Changes of joint efforts, or of joint drive setpoints, commanded by the last components of an action."""
-        return tuple(a * half for a, (_, half) in self._spans(action, now))
-
-    def _spans(self, action: tuple[Scalar, ...], now: Turn) -> list[tuple[Any, tuple[Scalar, Scalar]]]:
+    def spans(self, action: tuple[Scalar, ...], now: Turn) -> list[tuple[Any, tuple[Scalar, Scalar]]]:
         """List of each joint's action component, setpoint at zero action, and change at full action."""
         links = now.model.vehicle.links
         spans = [self._span(link.joint, each) for link, each in zip(links, now.told, strict=True)]
@@ -198,7 +194,7 @@ class Residual(Actions):
         following, own = now.law(now.memory, now.measurement, now.reference)
         pairs = zip(own.rotor_speeds, _hover(now.model), action, strict=False)
         speeds = tuple(w + self.span * hover * a for w, hover, a in pairs)
-        efforts = tuple(u + more for u, more in zip(own.efforts, self.effort_increments(action, now), strict=True))
+        efforts = tuple(u + a * half for u, (a, (_, half)) in zip(own.efforts, self.spans(action, now), strict=True))
         sent = dataclasses.replace(within_limits(now, speeds, efforts), tilts=own.tilts)
         return with_applied_command(following, _as_kept(following, sent)), sent
 

@@ -90,11 +90,6 @@ class Meeting:
     touch: Touch
     place: Vec3
 
-    @property
-    def of_vehicle(self) -> bool:
-        """True if the pair's point belongs to the vehicle."""
-        return self.by == NOBODY
-
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Contact(Force):

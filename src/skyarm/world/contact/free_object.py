@@ -7,7 +7,7 @@ and for other objects; with its own corners, rims or as a ball it touches the su
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Annotated, Any
 
@@ -158,9 +158,7 @@ class FreeObject(Carrier):
 
     def advance(self, memory: ObjectMotion) -> ObjectMotion:
         """State of the object with the quaternion normalised."""
-        return ObjectMotion(
-            position=memory.position, attitude=memory.attitude.normalized(), velocity=memory.velocity, rate=memory.rate
-        )
+        return replace(memory, attitude=memory.attitude.normalized())
 
     def frame(self, memory: ObjectMotion) -> CarriedFrame:
         """Pose and velocity of the object's axes, whose origin is the centre of its shape."""
@@ -184,16 +182,12 @@ class FreeObject(Carrier):
     def kick(self, memory: ObjectMotion, slope: ObjectMotion, dt: Scalar) -> ObjectMotion:
         """State of the free object after an acceleration for ``dt`` (s): only velocities change."""
         velocity, rate = memory.velocity + slope.velocity * dt, memory.rate + slope.rate * dt
-        return ObjectMotion(position=memory.position, attitude=memory.attitude, velocity=velocity, rate=rate)
+        return replace(memory, velocity=velocity, rate=rate)
 
     def drift(self, memory: ObjectMotion, dt: Any) -> ObjectMotion:
         """State of the free object after ``dt`` (s) with constant velocities: only position and attitude change."""
-        return ObjectMotion(
-            position=memory.position + memory.velocity * dt,
-            attitude=memory.attitude * Quaternion.of_small_rotation(memory.rate, dt),
-            velocity=memory.velocity,
-            rate=memory.rate,
-        )
+        attitude = memory.attitude * Quaternion.of_small_rotation(memory.rate, dt)
+        return replace(memory, position=memory.position + memory.velocity * dt, attitude=attitude)
 
     @property
     def spot_count(self) -> int:

@@ -19,7 +19,7 @@ Taking hold and giving way happen at control instants. What gave way takes hold 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Mat3, Vec3
@@ -153,8 +153,7 @@ class Gripper:
 
     def start(self) -> Grip:
         """Initial state of the gripper: open and ready to grasp."""
-        zero = Vec3(0.0, 0.0, 0.0)
-        return Grip(taken=0.0, ready=1.0, lost=0.0, place=zero, normal=zero, turn=Mat3(zero, zero, zero))
+        return replace(UNCHANGED, ready=1.0)
 
     def hold(self, grip: Grip, frame: CarriedFrame, body: CarriedFrame, mass: Any, gyration: Any) -> Hold:
         """Force and torque that the gripper would exert on a body if it held that body.
@@ -382,10 +381,10 @@ def _skin(carrier: Carrier, body: CarriedFrame, place: Vec3) -> tuple[Any, Vec3]
     for depth, outward in depths[1:]:
         nearer = depth > deepest
         deepest = where(nearer, depth, deepest)
-        normal = Vec3(*(where(nearer, a, b) for a, b in zip(outward, normal, strict=True)))
+        normal = _select(nearer, outward, normal)
     return -deepest, normal
 
 
 def _scale_hold(hold: Hold, share: Scalar) -> Hold:
     """Force and torque of a grasp multiplied by a factor."""
-    return Hold(force=hold.force * share, torque=hold.torque * share, place=hold.place)
+    return replace(hold, force=hold.force * share, torque=hold.torque * share)
