@@ -9,7 +9,7 @@ thrust is always defined.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -59,9 +59,14 @@ def derivative(v: Vec3, k: int) -> Vec3:
     return Vec3(*(c.derivative(k) if isinstance(c, Taylor) else (c if k == 0 else 0) for c in v))
 
 
-def moving(values: Sequence[Scalar], *rates: Sequence[Any]) -> list[Taylor]:
+def moving(values: Iterable[Any], *rates: Iterable[Any]) -> list[Taylor]:
     """Taylor series in time of several signals from their values and time derivatives."""
     return [Taylor.of_derivatives(each) for each in zip(values, *rates, strict=True)]
+
+
+def vector_series(motion: Sequence[Vec3]) -> Vec3:
+    """Vector of Taylor series in time from its value and time derivatives."""
+    return Vec3(*moving(*motion))
 
 
 FALL = 0.875

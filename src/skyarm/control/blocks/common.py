@@ -7,10 +7,10 @@ from typing import Any
 
 from skyarm import dynamics
 from skyarm.algebra import E_Z, ZERO3, Force, Mat3, Motion, Vec3
-from skyarm.algebra.scalars import Scalar, divide, minimum
+from skyarm.algebra.scalars import Scalar, add, divide, minimum, mul
 from skyarm.control.blocks.actuators import limit_efforts
 from skyarm.control.blocks.geometric import attitude_loop, downward_acceleration
-from skyarm.control.model import Model, Parameters
+from skyarm.control.model import JointGains, Model, Parameters
 from skyarm.dynamics.actuators import Command, mix
 from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.reference import Reference
@@ -92,3 +92,23 @@ def rotor_thrust(vehicle: Vehicle, speeds: Any) -> tuple[Vec3, Vec3]:
 def inverse_mass(vehicle: Vehicle) -> Scalar:
     """Reciprocal of the vehicle's mass, 1/kg."""
     return divide(1.0, vehicle.mass)
+
+
+def joint_pd(gains: JointGains, measurement: Measurement, reference: Reference) -> tuple[Scalar, ...]:
+    """PD feedback kp (q_d - q) + kd (qd_d - qd) of each joint: torque or acceleration, by the gains.
+
+    The difference of angles is not wrapped: encoders count turns, and a joint wound once past its reference is brought
+    back the way it came, so that cables unwind. Wrapping is the reference's choice, not the law's.
+    """
+    return tuple(
+        add(mul(kp, q_d - q), mul(kd, qd_d - qd))
+        for kp, kd, q_d, q, qd_d, qd in zip(
+            gains.stiffness,
+            gains.damping,
+            reference.joints,
+            measurement.joints,
+            reference.joint_rates,
+            measurement.joint_rates,
+            strict=True,
+        )
+    )

@@ -13,7 +13,7 @@ PI = 3.141592653589793
 ROOT_TWO = 1.4142135623730951
 
 
-def low_pass(old: Any, new: Any, bandwidth: Scalar, dt: Scalar) -> Any:
+def low_pass(old: Any, new: Any, bandwidth: Any, dt: Scalar) -> Any:
     """First-order low-pass: y += (1 - exp(-w dt)) (u - y), exact for an input held over the period."""
     return old + (new - old) * low_pass_share(bandwidth, dt)
 

@@ -22,7 +22,7 @@ from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Vec3
 from skyarm.algebra.scalars import Scalar, add, divide, minimum, where
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.actuators import command_for, joints_follow, limit_efforts, rotors_follow
-from skyarm.control.blocks.attitude import attitude, reachable
+from skyarm.control.blocks.attitude import attitude, reachable, vector_series
 from skyarm.control.blocks.center_of_mass import arm_reaction, forces_under_thrust
 from skyarm.control.blocks.common import standing_command, turn_towards, wanted_specific_force
 from skyarm.control.blocks.disturbance_observer import (
@@ -221,7 +221,7 @@ def _force_series(
     first = goal.jerk * mass - par.gains.position.hadamard(drift) - par.gains.velocity.hadamard(pull)
     change = (b3 * first.dot(b3) + b3 * force.dot(b3d) + b3d * along) * per_mass - goal.jerk
     second = goal.snap * mass - par.gains.position.hadamard(pull) - par.gains.velocity.hadamard(change)
-    return Vec3(*(Taylor.of_derivatives(each) for each in zip(force, first, second, strict=True)))
+    return vector_series((force, first, second))
 
 
 def _forces(

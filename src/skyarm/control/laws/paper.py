@@ -15,7 +15,7 @@ from skyarm import dynamics
 from skyarm.algebra import E_Z, ZERO3, Force, Mat3, Motion, Vec3
 from skyarm.algebra.scalars import Scalar, add, mul
 from skyarm.control.blocks.actuators import limit_efforts
-from skyarm.control.blocks.common import turn_towards
+from skyarm.control.blocks.common import joint_pd, turn_towards
 from skyarm.control.blocks.geometric import body_thrust, downward_acceleration
 from skyarm.control.law_maker import law_maker
 from skyarm.control.model import Model, Parameters
@@ -63,7 +63,7 @@ def decoupled_pd(
     del dt
     speeds = _base_speeds(par, measurement, reference, feedforward=False)
     weight = level_joint_gravity(par.model, measurement.joints)
-    pull = _joint_pd(par, measurement, with_weighted_rates(par, reference))
+    pull = joint_pd(par.joint_gains, measurement, with_weighted_rates(par, reference))
     efforts = with_friction(par, measurement, reference, [add(a, b) for a, b in zip(pull, weight, strict=True)])
     return memory, Command(rotor_speeds=speeds, efforts=limit_efforts(par, efforts))
 
@@ -122,7 +122,7 @@ def level_joint_gravity(model: Model, joints: tuple[Scalar, ...]) -> tuple[Scala
 
 def joint_accelerations(par: Parameters, measurement: Measurement, reference: Reference) -> tuple[Scalar, ...]:
     """Desired joint accelerations, eq. (92): PD plus, if fed forward, the reference's acceleration."""
-    pd = _joint_pd(par, measurement, reference)
+    pd = joint_pd(par.joint_gains, measurement, reference)
     if not par.terms.feedforward:
         return pd
     return tuple(add(a, b) for a, b in zip(pd, reference.joint_accelerations, strict=True))
@@ -157,27 +157,6 @@ def with_weighted_rates(par: Parameters, reference: Reference) -> Reference:
         return reference
     rates = tuple(mul(weight, qd_d) for weight, qd_d in zip(par.rate_weights, reference.joint_rates, strict=True))
     return dataclasses.replace(reference, joint_rates=rates)
-
-
-def _joint_pd(par: Parameters, measurement: Measurement, reference: Reference) -> tuple[Scalar, ...]:
-    """PD feedback kp (q_d - q) + kd (qd_d - qd) of each joint.
-
-    The difference of angles is not wrapped: encoders count turns, and a joint wound once past its reference is brought
-    back the way it came, so that cables unwind. Wrapping is the reference's choice, not the law's.
-    """
-    gains = par.joint_gains
-    return tuple(
-        add(mul(kp, q_d - q), mul(kd, qd_d - qd))
-        for kp, kd, q_d, q, qd_d, qd in zip(
-            gains.stiffness,
-            gains.damping,
-            reference.joints,
-            measurement.joints,
-            reference.joint_rates,
-            measurement.joint_rates,
-            strict=True,
-        )
-    )
 
 
 def _base_speeds(

@@ -20,12 +20,11 @@ from skyarm.algebra.scalars import (
     logical_and,
     logical_or,
     maximum,
-    mul,
     sqrt,
-    sub,
     where,
 )
 from skyarm.compile import leaves
+from skyarm.control.blocks.common import joint_pd
 from skyarm.control.blocks.geometric import (
     angular_acceleration,
     attitude_error,
@@ -182,20 +181,8 @@ def recover(recovery: Recovery, model: Model, mixer: Mixer, measurement: Measure
     resting = Motion(ZERO3, R.apply_T(E_Z * model.gravity))
     weight, held = dynamics.inverse_dynamics(vehicle, measurement.joints, ZERO3, still, resting, still)
     speeds, _ = mix(mixer, vehicle.base.inertia.apply(alpha) + weight.torque, body_thrust(vehicle.mass, a_d, R))
-    efforts = (
-        add(add(mul(kp, sub(wanted, q)), mul(kd, sub(wanted_rate, rate))), gravity)
-        for kp, kd, wanted, q, wanted_rate, rate, gravity in zip(
-            recovery.joint_gains.stiffness,
-            recovery.joint_gains.damping,
-            reference.joints,
-            measurement.joints,
-            reference.joint_rates,
-            measurement.joint_rates,
-            held,
-            strict=True,
-        )
-    )
-    return Command(rotor_speeds=speeds, efforts=tuple(efforts))
+    pull = joint_pd(recovery.joint_gains, measurement, reference)
+    return Command(rotor_speeds=speeds, efforts=tuple(add(a, b) for a, b in zip(pull, held, strict=True)))
 
 
 def steep_error(R_WB: Mat3, R_d: Mat3) -> Vec3:

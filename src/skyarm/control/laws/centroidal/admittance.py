@@ -24,7 +24,7 @@ from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, divide, logical_and, logical_or, maximum, mul, sqrt, where
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.disturbance_observer import Observed, disturbance
-from skyarm.control.blocks.filters import low_pass_share
+from skyarm.control.blocks.filters import low_pass, low_pass_share
 from skyarm.control.blocks.force_control import SENSING
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.blocks.select import data, vector_data
@@ -175,7 +175,7 @@ def shift_reference(
     estimate = tip_force(gains.errors, at, d - memory.bias)
     sensed, value = memory.sensed, estimate
     if sensed and memory.sensor_bias and reading:
-        sensed = sensed + (Vec3(*reading) - sensed) * low_pass_share(gains.sensing, dt)
+        sensed = low_pass(sensed, Vec3(*reading), gains.sensing, dt)
         turned = at.R @ frame_pose(vehicle, vehicle.frame(), observed.joints).R
         value, sensed = turned.apply(sensed - memory.sensor_bias), vector_data(sensed)
     memory = dataclasses.replace(memory, force=vector_data(value), sensed=sensed)

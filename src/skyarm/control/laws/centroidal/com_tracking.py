@@ -17,7 +17,7 @@ from typing import Annotated
 from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, divide, minimum, mul, sqrt, where
 from skyarm.algebra.scalars.taylor import Taylor
-from skyarm.control.blocks.attitude import Attitude, derivative, reachable
+from skyarm.control.blocks.attitude import Attitude, derivative, reachable, vector_series
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.sideways_force import Reach, achievable_force, across
@@ -48,13 +48,9 @@ def quasi_static(
     ``rates`` are known derivatives of the disturbance, N/s and N/s^2.
     """
     first, second = rates
-    wanted = [
-        (base[2] + E_Z * par.model.gravity) * mass - disturbance,
-        base[3] * mass - first,
-        base[4] * mass - second,
-    ]
-    series = (Taylor.of_derivatives(each) for each in zip(*wanted, strict=True))
-    return reachable(Vec3(*series), par.center.tilt, par.center.floor)
+    force = (base[2] + E_Z * par.model.gravity) * mass - disturbance
+    wanted = vector_series((force, base[3] * mass - first, base[4] * mass - second))
+    return reachable(wanted, par.center.tilt, par.center.floor)
 
 
 def goal(base: list[Vec3], h: list[Vec3], still: Attitude, moving: bool) -> list[Vec3]:
@@ -128,20 +124,18 @@ def _attraction(par: CentroidalParameters, errors: list[Vec3]) -> Vec3:
     approach = par.center.approach
     if approach is None:
         return kp.hadamard(errors[-1])
-    near = [divide(p * p, v * v * (2.0 * approach)) for p, v in zip(kp, kv, strict=True)]
-    series = [Taylor.of_derivatives(each) for each in zip(*errors, strict=True)]
-    x, y, z = (each * share for each, share in zip(series, near, strict=True))
-    square = x * x + y * y + z * z
+    error = vector_series(errors)
+    far = error.hadamard(Vec3(*(divide(p * p, v * v * (2.0 * approach)) for p, v in zip(kp, kv, strict=True))))
+    square = far.dot(far)
     left = 1.0 / sqrt(sqrt(sqrt(square * square + 1.0)))
-    return Vec3(*(p * (each * left).derivative(len(errors) - 1) for p, each in zip(kp, series, strict=True)))
+    return kp.hadamard(derivative(error * left, len(errors) - 1))
 
 
 def _soft_limit(pull: list[Vec3], limit: Scalar) -> Vec3:
     """Feedback acceleration or its derivative after the smooth saturation pull / sqrt(1 + |pull|^2 / limit^2)."""
-    series = [Taylor.of_derivatives(each) for each in zip(*pull, strict=True)]
-    square = series[0] * series[0] + series[1] * series[1] + series[2] * series[2]
-    share = 1.0 / sqrt(square * divide(1.0, limit * limit) + 1.0)
-    return Vec3(*((each * share).derivative(len(pull) - 1) for each in series))
+    series = vector_series(pull)
+    share = 1.0 / sqrt(series.dot(series) * divide(1.0, limit * limit) + 1.0)
+    return derivative(series * share, len(pull) - 1)
 
 
 ATTACK, DECAY = 10.0, 0.5

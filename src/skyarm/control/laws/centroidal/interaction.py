@@ -15,7 +15,7 @@ from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, absolute, clip, divide, logical_and, maximum, mul, sqrt, where
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.disturbance_observer import disturbance
-from skyarm.control.blocks.filters import low_pass_share
+from skyarm.control.blocks.filters import low_pass
 from skyarm.control.blocks.force_control import (
     InteractionGains,
     InteractionMemory,
@@ -61,8 +61,7 @@ class Interaction(InteractionGains, Part):
             # the sensor measures the weight of a load too, which the surface does not carry
             weight = mul(load.mass, step.par.model.gravity) if load else 0
             turned = then.R @ frame_pose(vehicle, vehicle.frame(), observed.joints).R
-            pushed = turned.apply(Vec3(*reading)) + Vec3(0, 0, weight)
-            felt = memory.felt + (pushed - memory.felt) * low_pass_share(self.sensing, dt)
+            felt = low_pass(memory.felt, turned.apply(Vec3(*reading)) + Vec3(0, 0, weight), self.sensing, dt)
         into = -wanted.normal.dot(velocity)
         memory, pressing = interact(self, memory, wanted, disturbance(observed), then, into, effort, dt, felt)
         slides = logical_and(slides, memory.share > 1.0 - 1e-9)

@@ -32,7 +32,7 @@ from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar, divide, exp, maximum, minimum, where
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.attitude import Attitude, Posture, derivative
-from skyarm.control.blocks.filters import low_pass_share
+from skyarm.control.blocks.filters import low_pass, low_pass_share
 from skyarm.control.blocks.select import data, vector_data
 from skyarm.control.laws.centroidal.com_tracking import ArmMotion
 from skyarm.control.laws.centroidal.force_trend import AHEAD, lateness
@@ -317,7 +317,7 @@ def slow_force(
     """
     slowest, gust = par.tip.shift_rate, None if par.tip.shift is None else par.tip.shift.gust
     if gust is None or not memory:
-        return SlowForce(before + (force - before) * low_pass_share(slowest, dt))
+        return SlowForce(low_pass(before, force, slowest, dt))
     off = before - force
     square = off.dot(off) * divide(1.0, gust.size * gust.size)
     w = slowest + (gust.pace - slowest) * divide(square, square + 1.0)

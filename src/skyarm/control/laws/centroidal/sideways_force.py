@@ -19,7 +19,7 @@ from typing import Any, cast
 from skyarm.algebra import E_X, E_Y, E_Z, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, cos, divide, mul, sin, sqrt
 from skyarm.algebra.scalars.taylor import Taylor, choose
-from skyarm.control.blocks.attitude import Attitude, derivative
+from skyarm.control.blocks.attitude import Attitude, derivative, vector_series
 from skyarm.dynamics.actuators import Mixer
 
 LEAST = 0.4
@@ -119,17 +119,13 @@ def achievable_force(reach: Reach | None, force: Sequence[Vec3], R: Mat3, w: Vec
             b3d = R.apply(w.cross(E_Z))
             pushed = b3 * (force[1].dot(b3) + force[0].dot(b3d)) + b3d * along
         return pushed
-    wanted = [Taylor.of_derivatives(each) for each in zip(*force, strict=True)]
-    axes = []
-    for k, axis in enumerate((E_X, E_Y, E_Z)):
-        motion = [R.column(k), R.apply(w.cross(axis))][: order + 1]
-        axes.append([Taylor.of_derivatives(each) for each in zip(*motion, strict=True)])
-    x, y, z = (a[0] * wanted[0] + a[1] * wanted[1] + a[2] * wanted[2] for a in axes)
+    wanted = vector_series(force)
+    axes = [vector_series([R.column(k), R.apply(w.cross(axis))][: order + 1]) for k, axis in enumerate((E_X, E_Y, E_Z))]
+    x, y, z = (axis.dot(wanted) for axis in axes)
     side = gauge(reach, Vec3(x, y, z))
     share = 1.0 / _eighth_root(choose(side > 1.0, side, 1.0))
     x, y = x * share, y * share
-    given = Vec3(*(axes[0][i] * x + axes[1][i] * y + axes[2][i] * z for i in range(3)))
-    return derivative(given, order)
+    return derivative(axes[0] * x + axes[1] * y + axes[2] * z, order)
 
 
 def across(force: Vec3) -> Vec3:

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, add, cos, divide, mul, sin, sqrt
 from skyarm.algebra.scalars.taylor import Taylor
-from skyarm.control.blocks.attitude import Attitude, Posture, derivative
+from skyarm.control.blocks.attitude import Attitude, Posture, derivative, vector_series
 from skyarm.control.blocks.center_of_mass import axes, com_columns
 from skyarm.control.blocks.tip_force import LeastSquares
 from skyarm.control.laws.centroidal.parameters import TipGains
@@ -83,12 +83,11 @@ def move_goal(goal: Goal, error: Sequence[Vec3], reach: Scalar) -> Goal:
 
     The tip takes over e |e|^4 / (|e|^4 + reach^4): nothing of small errors, all of large ones.
     """
-    series = [Taylor.of_derivatives(each) for each in zip(*error, strict=True)]
-    square = series[0] * series[0] + series[1] * series[1] + series[2] * series[2]
+    series = vector_series(error)
+    square = series.dot(series)
     fourth = square * square * divide(1.0, reach * reach * reach * reach)
-    share = fourth / (fourth + 1.0)
-    moved = [each * share for each in series]
-    p, v, a = (old + Vec3(*(each.derivative(k) for each in moved)) for k, old in enumerate(goal.tip))
+    moved = series * (fourth / (fourth + 1.0))
+    p, v, a = (old + derivative(moved, k) for k, old in enumerate(goal.tip))
     return dataclasses.replace(goal, tip=(p, v, a))
 
 
@@ -98,12 +97,11 @@ def shift(level: Posture, yaw: Taylor, turned_arm: Posture, still: Attitude, lim
     ``turned_arm`` is the posture whose links are turned as those of a level base; the offset stays within ``limit``
     (m), hardly changed up to half of it.
     """
-    needed = needed_shift(level.tip, yaw, turned_arm.tip, still)
-    series = [Taylor.of_derivatives(each) for each in zip(*needed, strict=True)]
-    square = (series[0] * series[0] + series[1] * series[1] + series[2] * series[2]) * divide(1.0, limit * limit)
+    series = vector_series(needed_shift(level.tip, yaw, turned_arm.tip, still))
+    square = series.dot(series) * divide(1.0, limit * limit)
     eighth = square * square * square * square
     share = 1.0 / sqrt(sqrt(sqrt(eighth + 1.0)))
-    return [Vec3(*((each * share).derivative(k) for each in series)) for k in range(3)]
+    return [derivative(series * share, k) for k in range(3)]
 
 
 def needed_shift(level: Vec3, yaw: Taylor, turned: Vec3, still: Attitude) -> list[Vec3]:

@@ -26,8 +26,9 @@ from typing import Annotated, Any
 import numpy as np
 
 from skyarm.algebra import E_Z, ZERO3, Force, Motion, Vec3
-from skyarm.algebra.scalars import Scalar, add, clip, divide, exp, mul, sub, tanh, where
+from skyarm.algebra.scalars import Scalar, add, clip, divide, mul, sub, tanh, where
 from skyarm.control.blocks.common import coupled_forces, make_command, no_command, turn_towards, wanted_specific_force
+from skyarm.control.blocks.filters import low_pass
 from skyarm.control.controller import ControllerError
 from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.paper import joint_accelerations
@@ -234,8 +235,7 @@ def with_command(vehicle: Vehicle, history: History, command: Command, dt: Scala
 
 def _filter_values(new: Any, filtered: Any, values: Any, dt: Scalar) -> tuple[Scalar, ...]:
     """Low-pass filter step of several values; a new filter starts at its first input."""
-    share = 1.0 - exp(mul(-HISTORY, dt))
-    return tuple(where(new, x, add(y, mul(share, sub(x, y)))) for y, x in zip(filtered, values, strict=True))
+    return tuple(where(new, x, low_pass(y, x, HISTORY, dt)) for y, x in zip(filtered, values, strict=True))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -267,8 +267,7 @@ def learned_compensator(
     """
     history = with_command(par.model.vehicle, memory.history, memory.sent, dt)
     told = par.network(features(measurement, reference, history))
-    share = 1.0 - exp(mul(-par.answer, dt))
-    answer = tuple(add(old, mul(share, sub(new, old))) for old, new in zip(memory.answer, told, strict=True))
+    answer = tuple(low_pass(old, new, par.answer, dt) for old, new in zip(memory.answer, told, strict=True))
     command = compensate(measurement, reference, answer, par)
     return LearnedMemory(history=with_motion(history, measurement, dt), sent=command, answer=answer), command
 
