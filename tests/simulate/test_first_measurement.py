@@ -10,6 +10,7 @@ import pytest
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import divide
 from skyarm.dynamics.actuators import Command
+from skyarm.plant.compiled import Steps
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import first_state
 from skyarm.simulate import Delays, run
@@ -55,7 +56,7 @@ def test_until_the_first_measurement_has_arrived_the_law_sees_that_one(old):
 
     scenario = thrown(listening, old)
     stages = Stages(scenario)
-    period, carry = make_period(stages, RigidBodySteps(stages, lambda _: 1)), first_loop_state(scenario)
+    period, carry = make_period(stages, RigidBodySteps(stages, lambda _: Steps(1))), first_loop_state(scenario)
     taken = []
     for k in range(7):
         carry, sample = period(carry, Row(time=0.005 * k, reference=scenario.reference.at(0.0)), ())

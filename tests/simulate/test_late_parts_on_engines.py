@@ -19,6 +19,7 @@ from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.program import Loop, trace_loop
 from skyarm.control.catalogue import make_controller
 from skyarm.dynamics.actuators import Command
+from skyarm.plant.compiled import Steps
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.sensing.measurement import measurement_of
@@ -74,7 +75,7 @@ def program() -> tuple[Loop, Any, np.ndarray, np.ndarray, np.ndarray]:
 
     def period(now: Any, values: Any, fed: Row, uniforms: Any = ()) -> Any:
         stages = Stages(with_numbers(scenario, dict(zip(VALUES, values, strict=True))))
-        return make_period(stages, RigidBodySteps(stages, lambda _: 1))(now, fed, uniforms)
+        return make_period(stages, RigidBodySteps(stages, lambda _: Steps(1)))(now, fed, uniforms)
 
     row = Row(time=0.0, reference=inputs.reference_example)
     base = tuple(number_at(scenario, path) for path in VALUES)

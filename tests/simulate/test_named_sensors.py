@@ -12,6 +12,7 @@ import pytest
 from added_components import Blend, Fix, telling, with_law
 from skyarm.algebra.scalars.philox import normals, uniforms
 from skyarm.dynamics.actuators import Command
+from skyarm.plant.compiled import Steps
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import NamedSensor
 from skyarm.sensing.estimate.estimator import Estimator
@@ -50,7 +51,7 @@ def heard_in_floats(scenario, periods):
     heard: list[Any] = []
     scenario = dataclasses.replace(scenario, estimator=Listening(heard=heard))
     stages = Stages(scenario)
-    period, now = make_period(stages, RigidBodySteps(stages, lambda _: 1)), first_loop_state(scenario)
+    period, now = make_period(stages, RigidBodySteps(stages, lambda _: Steps(1))), first_loop_state(scenario)
     heard.clear()
     samples = []
     for k in range(periods):

@@ -53,9 +53,9 @@ def switches(before: Command, after: Command, rotors: Any, joints: Any) -> list[
         joints: s within the period at which it takes effect in the joints.
     """
     rotors_first, joints_first = joined_parts(after, before), joined_parts(before, after)
-    if type(joints) is float and joints == 0.0:
+    if type(joints) is float and type(rotors) is not float and joints == 0.0:
         return [(rotors, joints_first)]
-    if type(rotors) is float and rotors == 0.0:
+    if type(rotors) is float and type(joints) is not float and rotors == 0.0:
         return [(joints, rotors_first)]
     first = minimum(rotors, joints)
     return [(first, before), (maximum(rotors, joints) - first, blend(rotors < joints, rotors_first, joints_first))]

@@ -11,7 +11,7 @@ from skyarm.algebra import ZERO3, Sym3, Vec3
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.rotor import spin_torque
-from skyarm.plant.compiled import RigidBodyPlant, example_state
+from skyarm.plant.compiled import RigidBodyPlant, Steps, example_state
 from skyarm.plant.interface import Truth, flat
 from skyarm.plant.mujoco import MujocoPlant
 from skyarm.plant.surroundings import Surroundings
@@ -118,5 +118,5 @@ def test_every_accelerometer_feels_it():
     still = MujocoPlant(world, around).specific_force(numbers[0], (*state.rotor_speeds, 0.0, 0.0), (0.0,))
     assert np.abs(np.subtract(theirs, still)).max() > 0.1
     np.testing.assert_allclose(RigidBodyPlant(world, around).specific_force(*numbers), theirs, rtol=0.0, atol=1e-9)
-    steps = RigidBodySteps(Stages(scenario), lambda seconds: 1)
+    steps = RigidBodySteps(Stages(scenario), lambda seconds: Steps(1))
     np.testing.assert_allclose([*steps.specific_force(state, command, around)], theirs, rtol=0.0, atol=1e-9)
