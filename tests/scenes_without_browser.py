@@ -23,9 +23,10 @@ class Scene:
         self.nodes: dict[str, Node] = {}
 
     def __getattr__(self, _name: str) -> Any:
-        def add(name: str = "", *given: Any, **_: Any) -> Node:
+        def add(name: str = "", *given: Any, position: Any = (0.0, 0.0, 0.0), **_: Any) -> Node:
             node = self.nodes.setdefault(name or "", Node())
-            node.__dict__.update(given=given[0] if given else None, remove=lambda: self.nodes.pop(name, None))
+            removed = {"remove": lambda: self.nodes.pop(name, None)}
+            node.__dict__.update(given=given[0] if given else None, position=np.array(position), **removed)
             return node
 
         return add

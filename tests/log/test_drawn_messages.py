@@ -8,6 +8,7 @@ from test_flight_messages import Rotation, by_rosbags, composed
 
 import skyarm
 from logged_flights import drawn
+from skyarm.log.ros.topics import FlightTopics
 from skyarm.world.scene.vehicle_shapes import vehicle_shapes
 
 
@@ -46,3 +47,10 @@ def test_markers_have_the_shapes_sizes_and_places(written):
         R = Rotation.from_quat([q.x, q.y, q.z, q.w]).as_matrix()
         assert np.abs(R - shape.rotation).max() < 1e-14
         assert np.array_equal([marker.pose.position.x, marker.pose.position.y, marker.pose.position.z], shape.position)
+
+
+@pytest.mark.parametrize(("rate", "fast", "slow"), [(40, 1, 1), (200, 1, 4), (500, 2, 10), (1000, 5, 20)])
+def test_viewers_get_the_base_at_about_200_hz_and_frames_at_about_50(rate, fast, slow):
+    log = drawn(skyarm.load_vehicle("hummingbird"), count=2, rate=rate)
+    every = {topic.name: topic.every for topic in FlightTopics(log).topics}
+    assert (every["/skyarm/flight"], every["/odom"], every["/tf"]) == (1, fast, slow)

@@ -15,7 +15,7 @@ import pytest
 from logs_synthetic import CASES, WINDOWS, all_logs, synthetic_log
 from skyarm.paper.published import TITLES
 from skyarm.paper.report_pages import MAIN, page_script, report_pages
-from skyarm.paper.report_tables import bound_text, difference_text, number_cell, typographic
+from skyarm.paper.report_tables import bound_text, difference_text, number_cell, sensitivity_tables, typographic
 from skyarm.paper.variations import GROUPS, variations
 from skyarm.view.figures.paper_figures import paper_figures
 from skyarm.view.pages import image
@@ -401,6 +401,7 @@ def test_an_episode_that_came_to_its_end_far_from_its_reference_is_named() -> No
     logs = {"rigid_body": {"case1": {"PD": away, "CT": log}}}
     read = Page(report_pages(some_results(), {}, logs)[MAIN])
     assert "All 2 episodes flew to their end." in read.text
+    assert "They lacked:" in read.text
     assert "PD: not reached: reference of the base, 12.1 m off in the mean from 1 s on" in read.text
     assert "CT: not reached" not in read.text
 
@@ -408,3 +409,11 @@ def test_an_episode_that_came_to_its_end_far_from_its_reference_is_named() -> No
 def test_the_variant_nearest_to_the_paper_is_bold(source: str) -> None:
     """Case 2, CT, pitch RMS: the paper's 0.016 lies nearer to 0.0111 than to 0.0556; a single variant is never bold."""
     assert re.findall(r"<strong>([0-9.]+)</strong>", source) == ["0.0111"]
+
+
+@pytest.mark.parametrize(("farther", "bold"), [(1.0199, []), (1.0201, ["1.00"])])
+def test_variants_within_two_percent_of_each_other_are_all_as_near(farther: float, bold: list[str]) -> None:
+    variants = {name: {"case2": {"CT": {"pitch_rms": value}}} for name, value in (("a", 1.0), ("b", farther))}
+    paper = {"case2": {"CT": {"pitch_rms": {"paper": 1.0}}}}
+    found = sensitivity_tables({"ramp_shape": variants}, paper, "rigid_body")
+    assert re.findall(r"<strong>([0-9.]+)</strong>", found) == bold

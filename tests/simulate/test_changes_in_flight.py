@@ -440,3 +440,11 @@ def test_a_batch_begins_as_its_scenario_did_before_a_change_in_the_first_period(
     assert outcome.log is not None
     assert np.array(outcome.log.state.position.z)[0].tobytes() == np.ascontiguousarray(log.position[:, 2]).tobytes()
     assert log.rotor_speeds[0, 0] == run(BASE).rotor_speeds[0, 0]
+
+
+def test_a_batch_that_changes_between_two_samples_keeps_every_sample() -> None:
+    scenario = changing(Change(at=0.025, path=GAIN, value=3.0), base=dataclasses.replace(BASE, duration=0.08))
+    outcome = Batch(scenario, log_every=2, effort=0).fly({}, episodes=np.array([0]))
+    assert outcome.log is not None
+    assert outcome.log.time == pytest.approx(0.01 * np.arange(8))
+    assert np.array(outcome.log.state.position.z).shape == (1, 8)

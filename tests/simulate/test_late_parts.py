@@ -275,3 +275,12 @@ def test_a_law_that_waits_is_told_a_pose_and_no_rates() -> None:
     assert rests.joint_rates == rests.joint_accelerations == (0.0, 0.0)
     assert follows == going
     assert going.joint_rates[0] != 0.0
+
+
+def test_on_mujocos_plant_joints_hear_at_once_while_rotors_hear_late() -> None:
+    base = load_scenario("case1", plant="mujoco", duration=0.07)
+    start = dataclasses.replace(first_state(base), position=Vec3(0.0, 0.0, 50.0), rotor_speeds=(400.0,) * 4)
+    law = dataclasses.replace(base.controller, law=stepping)
+    log = run(dataclasses.replace(base, controller=law, initial=start, delays=Delays(rotors=0.01)))
+    joints, rotors = (np.abs(each - each[0]) > 1e-6 for each in (log.joint_rates[:, 1], log.rotor_speeds[:, 0]))
+    assert [float(log.time[np.argmax(moved)]) for moved in (joints, rotors)] == pytest.approx([0.055, 0.065])

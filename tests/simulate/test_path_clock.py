@@ -352,3 +352,28 @@ def test_where_no_phase_waits_the_clock_is_nothing(scenario):
     bare = dataclasses.replace(scenario, reference=dataclasses.replace(scenario.reference, guards=(), phases=()))
     assert Waits(bare).first() == ()
     assert leaves(Waits(bare).first()) == []
+
+
+def test_a_phase_ends_after_a_day_of_flight_as_after_a_second(scenario):
+    """At 2e7 control periods the clock's rounding is more than the slack of a billionth of a period."""
+    tip = Vec3(0.1, 0.0, 1.0)
+    for end in (0.1, 1e5):
+        guard = Guard(at=end, begin=0.05, direction=OUT, force=0.5, hold=0.0)
+        waits = Waits(dataclasses.replace(scenario, reference=dataclasses.replace(scenario.reference, guards=(guard,))))
+        clock = dataclasses.replace(waits.first(), place=end * RATE)
+        pressed = Seen(tip=tip, goal=tip, push=(), force=Vec3(*OUT))
+        assert waits.following(clock, end * RATE, pressed).guard == 1.0
+
+
+def test_in_single_precision_a_timeout_lasts_as_many_periods(scenario):
+    """Of 100 periods a millionth is less than the rounding of 32 bits."""
+    jax = pytest.importorskip("jax")
+    guard = Guard(at=0.1, begin=0.05, direction=OUT, force=0.5, hold=0.0, timeout=100 / RATE)
+    waits = Waits(dataclasses.replace(scenario, reference=dataclasses.replace(scenario.reference, guards=(guard,))))
+    tip = Vec3(0.1, 0.0, 1.0)
+
+    def guard_after(waited: Any) -> Any:
+        clock = dataclasses.replace(waits.first(), place=20.0, guard=0.0 * waited, waited=waited)
+        return waits.following(clock, 20.0, Seen(tip=tip, goal=tip, push=(), force=Vec3(0.0, 0.0, 0.0))).guard
+
+    assert jax.jit(guard_after)(jax.numpy.array([99.0, 100.0, 101.0], dtype="float32")).tolist() == [0.0, 1.0, 1.0]

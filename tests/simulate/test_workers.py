@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
 
 from skyarm.records.files.user_code import OwnCodeError
-from skyarm.simulate.workers import workers
+from skyarm.simulate.workers import _serve_parent, workers
 
 CUT_OFF = """
 import os, struct, sys, time
@@ -70,3 +72,20 @@ def test_what_own_code_raises_in_a_process_comes_back_with_file_and_line(functio
     with workers(1) as submit, pytest.raises(OwnCodeError) as caught:
         submit(function).result()
     assert str(caught.value) == f"{__file__}:{line}: {words}"
+
+
+def test_a_process_watches_its_parent_from_its_start(monkeypatch) -> None:
+    watched, daemons, usual = threading.Event(), [], signal.getsignal(signal.SIGINT)
+
+    def watch() -> None:
+        daemons.append(threading.current_thread().daemon)
+        watched.set()
+
+    monkeypatch.setattr("skyarm.simulate.workers._end_with_parent", watch)
+    try:
+        _serve_parent((), ())
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGINT, usual)
+    assert watched.wait(10.0)
+    assert daemons == [True]

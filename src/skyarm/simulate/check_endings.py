@@ -77,7 +77,7 @@ def failed_phase(scenario: Scenario, time: float, clock: Any) -> Ended | None:
     if float(getattr(clock, "failed", 0.0)) < 0.5:
         return None
     # the clock has gone on to the next guard
-    guard = scenario.reference.guards[max(round(float(clock.guard)) - 1, 0)]
+    guard = scenario.reference.guards[round(float(clock.guard)) - 1]
     words = failure_words(scenario.reference, guard)
     if guard.force is not None and not guard.sensed and observed_push(scenario.controller.memory) is None:
         words += f"; law {scenario.controller.name} observes no force"

@@ -12,7 +12,8 @@ import pytest
 import skyarm
 from skyarm.algebra import Vec3
 from skyarm.dynamics.kinematics import frame_pose
-from skyarm.reference.signals import Constant, Ramp
+from skyarm.reference.path_time import PathTime
+from skyarm.reference.signals import Constant, Ramp, Windowed
 from skyarm.scenario.scenario_file import list_scenarios
 from skyarm.scenario.scenario_record import Change
 from skyarm.studies.assess.along_reference import along_reference, follow
@@ -115,3 +116,14 @@ def test_no_shipped_scenario_has_a_fault(name):
     alarms = [each for each in (*along_reference(scenario), *push_limits(scenario)) if each.level == FAULT]
     assert alarms == []
     assert [each for each in along_reference(scenario) if each.level != OK and each.question != "reference"] == []
+
+
+def test_a_reference_in_slower_time_jumps_when_its_own_time_comes_to_the_jump(hover):
+    """Half as fast: the heading steps at 2 s of flight. Nobody turns through a step, so that no rotor is asked to."""
+    step = 0.5
+    slow = PathTime(points=tuple(0.5 * step * (i - 2) for i in range(16)), step=step)
+    stepped = dataclasses.replace(hover.reference, yaw=Windowed(Constant(1.0), start=1.0))
+    found = demand(dataclasses.replace(hover, reference=stepped, path_time=slow))
+    still = demand(hover).squared[:, 0]
+    assert found.time.min() < 1.0
+    assert found.squared == pytest.approx(np.repeat(still[:, None], len(found.time), axis=1), rel=1e-6)

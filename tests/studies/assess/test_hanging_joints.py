@@ -100,7 +100,12 @@ def test_a_slung_load_hovers_and_is_turned_as_if_it_gave_way(folder):
     assert inertia[2, 2] == pytest.approx(0.035 + 1e-3, rel=1e-6)  # no hinge gives way about z
 
 
-@pytest.mark.parametrize(("lower", "upper"), [(-math.inf, math.inf), (0.3, 1.2), (2.0, 7.0), (-1.5, -0.4), (-9.0, 9.0)])
+LIMITS = (
+    (-math.inf, math.inf), (0.3, 1.2), (2.0, 7.0), (-1.5, -0.4), (-9.0, 9.0), (-math.inf, -1.0), (1.0, math.inf)
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("lower", "upper"), LIMITS)
 def test_hanging_joints_rest_where_their_energy_is_least(lower, upper):
     vehicle = with_joint(with_joint(CARRIER, 0, effort_limit=0.0), 1, effort_limit=0.0, lower=lower, upper=upper)
     vehicle = with_joint(vehicle, 0, lower=-math.inf, upper=math.inf)

@@ -166,3 +166,11 @@ def test_show_has_drives_and_battery():
         for parts in (_sheet(arm(), facts), _sheet(bare, vehicle_facts(bare, 9.81)))
     )
     assert shown - without == {"drives", "battery"}
+
+
+def test_a_hover_at_a_constant_voltage_lasts_the_energy_of_the_pack_over_its_power():
+    """Half of 5 A h at 14.8 V."""
+    flat = CellCurve(charge=(0.0, 1.0), voltage=(3.7, 3.7 + 1e-9))
+    found = hover_time(with_battery(open_circuit=flat, resistance=0.0, charge=0.5))
+    assert found.seconds == pytest.approx(3600.0 * 2.5 * 14.8 / found.power, rel=1e-6)
+    assert found.charge == pytest.approx(0.0, abs=1e-9)

@@ -134,3 +134,27 @@ def test_a_wrong_distribution_is_refused_by_name(table: Any, words: str) -> None
     with pytest.raises(ValueError, match=r"^here") as caught:
         distribution_from(table, "here")
     assert words in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("design", "masses", "winds"),
+    [
+        (
+            "random",
+            [0.8600502718301463, 0.9677975508983473, 0.7319031803823807],
+            [0.67087474, -0.65287045, 0.78374009],
+        ),
+        (
+            "sobol",
+            [0.7437012131558731, 1.2437012131558731, 1.4937012131558731],
+            [-0.93009508, 0.45699013, -0.18615673],
+        ),
+    ],
+)
+def test_a_study_has_the_numbers_that_it_had_in_every_version_before(
+    design: str, masses: list[float], winds: list[float]
+) -> None:
+    """Else rows of a study that is gone on with would not belong together."""
+    mass, wind = drawn(design, {"uniform": [0.5, 1.5]}, {"normal": [0.0, 1.0]}, episodes=3)
+    assert mass.tolist() == masses
+    assert wind == pytest.approx(winds, abs=1e-8)

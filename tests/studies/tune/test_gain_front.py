@@ -132,3 +132,13 @@ def test_finalists_hold_the_best_of_every_weight_and_no_loser():
     assert len(chosen) == 9
     assert 10 not in chosen
     assert chosen == sorted(chosen)
+
+
+def test_gains_known_before_that_miss_the_margins_too_are_chosen_from_at_equal_error():
+    """As good as what was found in what is compared, and less short of the margins."""
+    near, far = (point(1.0, 2.0, dataclasses.replace(WIDE, delay=delay)) for delay in (0.009, 0.004))
+    front, picked = front_of([near], [far], REQUIRED)
+    assert front[picked] == near
+    # one of more error stays away however little it is short
+    front, picked = front_of([dataclasses.replace(near, error=1.1)], [far], REQUIRED)
+    assert front[picked] == far

@@ -126,3 +126,24 @@ def test_the_plot_is_logarithmic_where_the_errors_are_far_apart_and_shows_each_c
     assert height(0.1, 0.2) / height(0.2, 0.1) == pytest.approx(0.5, abs=0.04)
     # on a logarithmic one 0.1 m is halfway between 0.01 m and 1 m
     assert height(0.1, 0.01, 1.0) == pytest.approx(0.5, abs=0.04)
+
+
+def test_the_cursor_is_in_the_middle_of_the_axis_in_the_second_of_two_frames() -> None:
+    """Each frame is shown as long as the other: the axis ends a frame after the last one begins."""
+    times = TIMES[[0, 5]]
+    layout = frame_layout(640, 360, 1, "side", plot=True)
+    captions = Captions(film_flights([flight()], times), times, layout, "A title")
+    assert layout.plot is not None
+    ink = [(np.abs(inside(captions.frame(DRAWN, k), layout.plot) - INK).max(axis=2) < 12).sum(axis=0) for k in (0, 1)]
+    first, second = (float(np.nonzero(column > 0.9 * column.max())[0].mean()) for column in ink)
+    strip = error_strip([Curve(times, 0 * times + 0.1, (0, 0, 0))], (0.0, 1.0), 640, layout.plot.height, layout.scale)
+    assert second - first == pytest.approx(0.5 * (strip.right - strip.left), abs=1.5)
+
+
+@pytest.mark.parametrize("scale", [0.5, 1.0])
+def test_below_the_axis_of_the_plot_there_is_room_for_its_numbers_and_its_name(scale: float) -> None:
+    height = round(200 * scale)
+    strip = error_strip([Curve(TIMES, 0 * TIMES + 0.1, (0, 0, 0))], (0.0, 1.0), 640, height, scale)
+    # two lines of 12.5 points at 100 pixels an inch
+    assert height - strip.bottom > 2 * 12.5 * scale / 72.0 * 100.0
+    assert (strip.pixels[-1] > 200).all()

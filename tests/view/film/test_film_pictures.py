@@ -14,7 +14,7 @@ from skyarm.view.film.camera_paths import CAMERAS, FIELD_OF_VIEW, CameraPath
 from skyarm.view.film.filmed_flight import FilmedFlight, film_flights, ghost_solids, vehicle_solids
 from skyarm.view.film.make_film import FilmSettings, film_frames, make_film
 from skyarm.view.film.stage import Panel, open_stage
-from skyarm.world.scene.shapes import Solid
+from skyarm.world.scene.shapes import Shape, Solid
 
 pytestmark = needs_display
 
@@ -173,3 +173,20 @@ def test_fine_pictures_have_shadows_and_smooth_edges() -> None:
     settings = FilmSettings(width=WIDTH, height=HEIGHT, plot=False)
     coarse, fine = (next(film_frames(flights, TIMES, dataclasses.replace(settings, fine=f))) for f in (False, True))
     assert len(np.unique(fine.reshape(-1, 3), axis=0)) > len(np.unique(coarse.reshape(-1, 3), axis=0))
+
+
+def test_each_solid_with_a_mesh_has_its_own_in_the_picture() -> None:
+    """A wide ring on the left, a narrow one on the right: a third as wide, so a ninth of the pixels."""
+    (one,) = filmed("paper_pd")
+    path = CAMERAS["fixed"]([one], TIMES, WIDTH / HEIGHT)
+    az = np.radians(path.azimuth[0])
+    right = np.array([np.sin(az), -np.cos(az), 0.0])
+    rings = []
+    for sign, outer in ((-1.0, 0.24), (1.0, 0.08)):
+        shape = Shape(name=str(outer), role="object", kind="hole", body=0, size=(0.01, 0.02, 0.002, outer, 0.03))
+        place = np.repeat((path.look_at[0] + sign * 0.3 * right)[None], len(TIMES), axis=0)
+        rings.append(Solid(shape, place, np.repeat(np.eye(3)[None], len(TIMES), axis=0), (1.0, 0.0, 0.0, 1.0)))
+    empty, drawn = pictures(path, [], [0])[0], pictures(path, rings, [0])[0]
+    changed = np.abs(drawn - empty).max(axis=2) > 60
+    left, other = changed[:, : WIDTH // 2].sum(), changed[:, WIDTH // 2 :].sum()
+    assert left > 4 * other > 0

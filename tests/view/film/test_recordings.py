@@ -97,7 +97,12 @@ def test_the_round_ends_of_a_rod_are_at_its_ends(two: Recording) -> None:
 def wind_arrow(force: tuple[float, ...], air: tuple[float, ...]) -> tuple[np.ndarray, bool]:
     """Direction of the arrow of a flight in a constant wind, and whether it is seen."""
     log = flight()
-    blown = dataclasses.replace(log, wind_force=0 * log.wind_force + force, air_velocity=0 * log.air_velocity + air)
+    air_velocity = 0 * log.air_velocity + air
+    return wind_arrow_of(dataclasses.replace(log, wind_force=0 * log.wind_force + force, air_velocity=air_velocity))
+
+
+def wind_arrow_of(blown: skyarm.Log) -> tuple[np.ndarray, bool]:
+    """The same at the end of any flight."""
     found = unpacked(record(blown, FilmSettings(fps=2)).content)
     said = [message for _, message in found["messages"] if message.get("name") == "/flight1/wind"]
     sent = [message["updates"]["points"]["__binary_index"] for message in said if "updates" in message]
@@ -152,3 +157,19 @@ def test_a_suffix_in_capitals_is_the_same(two: Recording, tmp_path: Path) -> Non
     for name in ("A.VISER", "B.HTML"):
         assert save_recording(two, tmp_path / name) == tmp_path / name
         assert (tmp_path / name).is_file()
+
+
+def test_three_flights_stand_about_the_place_of_the_middle_one() -> None:
+    messages = unpacked(record([flight()] * 3, FilmSettings(fps=1, ghost=False)).content)["messages"]
+    left, middle, right = (place_at(messages, f"/flight{i}", "SetPositionMessage", "position", 0.0) for i in (1, 2, 3))
+    np.testing.assert_allclose(middle, 0.0, atol=1e-9)
+    np.testing.assert_allclose(left, -right, atol=1e-9)
+    assert np.linalg.norm(right) > 0.5
+
+
+def test_the_arrow_turns_with_the_wind() -> None:
+    log = flight()
+    wind = np.where(log.time[:, None] < 0.4, [0.0, 2.0, 0.0], [2.0, 0.0, 0.0])
+    along, seen = wind_arrow_of(dataclasses.replace(log, wind_force=wind))
+    assert seen
+    np.testing.assert_allclose(along, [1.0, 0.0, 0.0], atol=1e-6)

@@ -11,6 +11,7 @@ import pytest
 import skyarm
 from skyarm.records.files import read_toml
 from skyarm.scenario.scenario_file import LIBRARY, list_scenarios
+from skyarm.view.studio.controls import _scrub
 from skyarm.view.studio.fleet import (
     LONGEST,
     Fleet,
@@ -357,3 +358,11 @@ def test_a_payload_is_drawn_while_it_is_held() -> None:
         held.append(len(flight.scene(np.zeros(3)).solids))
     assert held == [0, 0, 1, 1, 1, 1, 0, 0]
     assert "payloads.0.mass" in [knob.path for knob in knobs_of(scenario)]
+
+
+@pytest.mark.parametrize(("seconds", "tick"), [(0.25, 50), (9.0, 120)])
+def test_the_slider_of_time_goes_back_and_no_further_than_was_flown(seconds: float, tick: int) -> None:
+    gone: list[int] = []
+    fleet = SimpleNamespace(rate=200, furthest=120, playing=True, go=gone.append)
+    _scrub(fleet, seconds)  # type: ignore[arg-type]
+    assert (gone, fleet.playing) == ([tick], False)

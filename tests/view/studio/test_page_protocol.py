@@ -320,3 +320,12 @@ def test_a_case_is_flown_by_the_same_laws(shown: Open, tab: Tab) -> None:
     assert shown.page.fleet.source == "case1"
     click(tab, "case2")
     wait(lambda: shown.page.fleet.source == "case2" and len(shown.page.fleet.flights) == 2)
+
+
+def test_a_page_that_nobody_watches_rests_between_two_looks(shown: Open, monkeypatch: pytest.MonkeyPatch) -> None:
+    looks: list[float] = []
+    monkeypatch.setattr(shown.server, "get_clients", lambda: looks.append(time.monotonic()) or {})
+    time.sleep(0.35)
+    monkeypatch.undo()
+    # ten times a second
+    assert 1 <= len(looks) <= 5

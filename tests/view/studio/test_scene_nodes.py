@@ -15,6 +15,7 @@ from skyarm.view.studio.picture import tones_of
 from skyarm.view.studio.scene_nodes import STILL, LineNodes, SolidNodes, VehicleNodes
 from skyarm.world.hanging_payload import HangingPayload
 from skyarm.world.scene.scene import Instants, scene_in_log
+from skyarm.world.scene.shapes import Shape, Solid
 from skyarm.world.scene.vehicle_shapes import place
 from skyarm.world.timed_payload import TimedPayload
 
@@ -81,3 +82,10 @@ def test_payloads_are_drawn_where_they_are_held_and_where_they_hang() -> None:
     lines.place(scene.lines)
     assert sorted(name for name in nodes.nodes if "payload" in name) == ["/loads/payload"]
     assert not [name for name in nodes.nodes if "cord" in name]
+
+
+def test_a_solid_at_the_origin_of_the_world_is_drawn_there_wherever_it_lies_in_its_body() -> None:
+    shape = Shape(name="box", role="object", kind="box", body=0, size=(0.1, 0.1, 0.1), position=(0.4, 0.0, 0.2))
+    nodes = Scene()
+    SolidNodes(nodes, "/loads", PAINT).place([Solid(shape, np.zeros((1, 3)), np.eye(3)[None])])
+    assert nodes.nodes["/loads/box"].position.tolist() == [0.0, 0.0, 0.0]

@@ -126,11 +126,13 @@ def _lowest(vehicle: Vehicle, joints: Array, i: int) -> Array:
         return np.where((np.abs(at_zero) > NOTHING) & np.isfinite(end), end, joints[:, i])
     at_quarter = torque(0.5 * math.pi)  # the energy is b sin q - a cos q, its slope b cos q + a sin q
     lowest = np.arctan2(-at_zero, at_quarter)
-    turns = np.ceil((low - lowest) / (2.0 * math.pi)) if math.isfinite(low) else 0.0
-    lowest = lowest + 2.0 * math.pi * turns
-    if math.isfinite(high):
-        ends = [at_zero * math.sin(end) - at_quarter * math.cos(end) for end in (max(low, high - math.tau), high)]
-        lowest = np.where(lowest <= high, lowest, np.where(ends[0] < ends[1], max(low, high - math.tau), high))
+    if math.isfinite(low):
+        lowest = lowest + math.tau * np.ceil((low - lowest) / math.tau)
+    elif math.isfinite(high):
+        lowest = lowest + math.tau * np.floor((high - lowest) / math.tau)
+    if math.isfinite(high - low):
+        ends = [at_zero * math.sin(end) - at_quarter * math.cos(end) for end in (low, high)]
+        lowest = np.where(lowest <= high, lowest, np.where(ends[0] < ends[1], low, high))
     return np.where(np.hypot(at_zero, at_quarter) > NOTHING, lowest, joints[:, i])
 
 

@@ -168,7 +168,7 @@ def rest_and_size(joint: Joint, joints: int) -> tuple[float, float]:
     may do little, as a short slide, swings about its middle.
     """
     low, high = (float(bound) for bound in (joint.lower, joint.upper))
-    size = min(0.25, 0.1 * min(high - low, 2.0 * math.pi))
+    size = min(0.25, 0.1 * (high - low))
     return min(max(0.0, low + 4.0 * size), high - 4.0 * size), size * min(1.0, TOGETHER / joints)
 
 

@@ -270,7 +270,7 @@ def save_picture(figure: Picture, path: Path) -> Path:
     return write_atomically(path, image_bytes(figure, require_suffix(path), dpi=DPI))
 
 
-def typeface(*, bold: bool = False) -> Path:
+def typeface(*, bold: bool) -> Path:
     """Path of the font DejaVu Sans that comes with Matplotlib."""
     name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
     return Path(matplotlib.get_data_path()) / "fonts" / "ttf" / name
