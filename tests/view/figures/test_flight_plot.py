@@ -221,6 +221,7 @@ def test_a_lost_flight_does_not_flatten_the_others_and_is_named() -> None:
     assert "bad (joint limit)" in [text.get_text() for text in figure.legends[0].get_texts()]
     ends = [line for line in figure.axes[0].get_lines() if line.get_marker() == "X"]
     assert [float(line.get_xdata()[0]) for line in ends] == [away.time[-1]]
+    assert ends[0].get_markersize() > 0.5 * PAPER.small, "as large as a letter"
 
 
 def overlaps(boxes: list[Bbox]) -> list[tuple[Bbox, Bbox]]:

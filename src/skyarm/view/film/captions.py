@@ -140,7 +140,7 @@ class Captions:
         """Write a line of text into a rectangle of an image, smaller if too long."""
         # a picture's line of text: no line breaks, no characters that steer a terminal
         text = "".join(each if each.isprintable() else " " for each in text)
-        margin = max(1, round(10.0 * self._layout.scale))
+        margin = round(10.0 * self._layout.scale)
         height = max(LEAST_TEXT, round(TEXT_SIZE * self._layout.scale))
         while (font := _font(height, bold=bold)).getlength(text) > box.width - 2 * margin and height > LEAST_TEXT:
             height -= 1
