@@ -54,3 +54,26 @@ def test_viewers_get_the_base_at_about_200_hz_and_frames_at_about_50(rate, fast,
     log = drawn(skyarm.load_vehicle("hummingbird"), count=2, rate=rate)
     every = {topic.name: topic.every for topic in FlightTopics(log).topics}
     assert (every["/skyarm/flight"], every["/odom"], every["/tf"]) == (1, fast, slow)
+
+
+MESSAGES = {
+    "sensor_msgs/Imu": {"rate": "xyz", "specific_force": "xyz"},
+    "geometry_msgs/PoseStamped": {"position": "xyz", "quaternion": "wxyz"},
+    "geometry_msgs/PointStamped": {"position": "xyz"},
+    "geometry_msgs/WrenchStamped": {"force": "xyz", "torque": "xyz"},
+    "nav_msgs/Odometry": {"position": "xyz", "quaternion": "wxyz", "velocity": "xyz", "rate": "xyz"},
+    "skyarm_msgs/Reading": {"heading": ""},
+}
+"""Message of ROS -> fields of a reading and their axes."""
+
+
+@pytest.mark.parametrize("kind", MESSAGES)
+def test_a_reading_is_the_message_that_ros_has_for_its_fields(kind):
+    fields = {"time": None, **MESSAGES[kind]}
+    described = {
+        name: {"unit": "", "meaning": "", "axes": list(axes) if axes else None} for name, axes in fields.items()
+    }
+    log = drawn(skyarm.load_vehicle("hummingbird"), count=2)
+    log.info["received"] = {"readings.own": {"fields": described, "every": 1, "late": 0, "frame": None}}
+    kinds = {topic.name: topic.kind for topic in FlightTopics(log).topics}
+    assert kinds["/sensors/own"] == kind

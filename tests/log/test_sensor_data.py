@@ -345,16 +345,3 @@ def test_logs_of_before_are_read(tmp_path):
     read = skyarm.load_log(tmp_path / "before.npz")
     assert read.estimate == {}
     assert np.array_equal(read.measured_position, log.position)
-
-
-def test_a_reading_is_the_message_that_ros_has_for_its_fields():
-    from skyarm.log.ros.topics import FlightTopics
-
-    kinds = {topic.name: topic.kind for topic in FlightTopics(flown()).topics}
-    assert kinds["/sensors/mocap"] == "geometry_msgs/PoseStamped"
-    assert kinds["/sensors/wrist"] == "geometry_msgs/WrenchStamped"
-    assert kinds["/sensors/gps"] == "geometry_msgs/PointStamped"
-    assert kinds["/sensors/imu"] == "sensor_msgs/Imu"
-    assert kinds["/sensors/encoders"] == "sensor_msgs/JointState"
-    assert kinds["/sensors/compass"] == kinds["/sensors/camera"] == "skyarm_msgs/Reading"
-    assert kinds["/estimate/base"] == "nav_msgs/Odometry"

@@ -443,7 +443,10 @@ def test_a_batch_begins_as_its_scenario_did_before_a_change_in_the_first_period(
 
 
 def test_a_batch_that_changes_between_two_samples_keeps_every_sample() -> None:
-    scenario = changing(Change(at=0.025, path=GAIN, value=3.0), base=dataclasses.replace(BASE, duration=0.08))
+    hover = {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}}
+    made = {"schema": 1, "name": "bare", "duration": 0.08, "plant": {"vehicle": "hummingbird"}, "reference": hover}
+    bare = scenario_from(made | {"controller": {"preset": "centroidal_joint"}})
+    scenario = changing(Change(at=0.025, path="plant.gravity", value=9.0), base=bare)
     outcome = Batch(scenario, log_every=2, effort=0).fly({}, episodes=np.array([0]))
     assert outcome.log is not None
     assert outcome.log.time == pytest.approx(0.01 * np.arange(8))
