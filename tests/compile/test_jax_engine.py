@@ -336,4 +336,4 @@ def test_the_cpu_flags_are_known_to_this_jaxlib_and_come_before_it_starts():
 def test_a_missing_library_is_named_with_its_extra():
     hidden = "import sys; sys.modules['jax'] = None; import skyarm.compile.jax.jax_operations"
     done = subprocess.run([sys.executable, "-c", hidden], capture_output=True, text=True, timeout=60, check=False)
-    assert f"ImportError: {needs_extra('jax')}" in done.stderr
+    assert f"MissingExtraError: {needs_extra('jax')}" in done.stderr
