@@ -44,7 +44,7 @@ class Task:
 
     @property
     def told(self) -> tuple[bool, ...]:
-        """Tuple that is True for each joint commanded by setpoints of a drive instead of efforts."""
+        """One flag per joint: True if a drive's setpoint commands it, False if a torque or force does."""
         return self.scenario.commands_setpoints
 
 

@@ -36,7 +36,7 @@ def published_cells() -> tuple[Cell, ...]:
 
 
 def stated_value(plant: str) -> Column:
-    """Function from a results entry to a plant's value under the settings that the publication states."""
+    """Return a function that looks up our value of a published table cell, flown with the settings that it states."""
     return lambda cell: cell.get(plant)
 
 

@@ -248,7 +248,7 @@ ROUNDING = 1e-12
 
 
 def unit_vector(field: str, value: object) -> Vec3:
-    """Convert to a vector of length 1 within TOLERANCE and normalize it."""
+    """Read a vector, refuse it unless its length is 1 within TOLERANCE, and normalize it."""
     held = vector(field, value)
     length = math.sqrt(sum(c * c for c in held)) if concrete(*held) else 1.0
     if not abs(length - 1.0) <= TOLERANCE:

@@ -111,7 +111,7 @@ class Overrides:
     numbers: tuple[tuple[str, Any], ...] = ()
 
     def with_change(self, change: Change) -> Overrides:
-        """Overrides after one more scheduled change, which replaces earlier changes of the same parameter."""
+        """Changed parameter values after one more scheduled change; it replaces one of the same parameter."""
         path, value = change.path, change.table
         if not is_part(path, value):
             kept = tuple(pair for pair in self.numbers if pair[0] != path)

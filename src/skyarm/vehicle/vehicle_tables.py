@@ -234,7 +234,7 @@ def _frame(fields: Fields, bodies: RigidBodies) -> Frame:
 
 
 def _attach(bodies: RigidBodies, fields: Fields, refer: Refer, mimic: str) -> tuple[RigidBodies, Vehicle | None]:
-    """Attach an arm from another file to the bodies; also return the arm's vehicle if its file has one."""
+    """Attach the bodies of an arm's file to a vehicle's; also return that file as a vehicle if it is a vehicle file."""
     arm = fields.text("arm")
     found = refer(fields.at("arm"), arm, SOURCES["airframe"], fields.choice("mimic", MIMIC, mimic))
     carried = found if isinstance(found, Vehicle) else None

@@ -208,7 +208,7 @@ class Writer:
         return self.emit(f"fsub {lanes.vector} {number}, {lanes.constant(float(bias))}")
 
     def _mantissa(self, x: str) -> str:
-        """Write assembly of the mantissa of a number; returns its name."""
+        """Append LLVM code that extracts the mantissa of a number; return the name of the result."""
         lanes = self.lanes
         keep, one = (0x807FFFFF, 0x3F800000) if lanes.single else (0x800FFFFFFFFFFFFF, 0x3FF0000000000000)
         bits = self.emit(f"bitcast {lanes.vector} {x} to {lanes.integer}")

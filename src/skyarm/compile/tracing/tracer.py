@@ -261,7 +261,7 @@ class Graph:
     def external(
         self, function: Callable[..., Sequence[float]], groups: Sequence[Sequence[Any]], count: int
     ) -> list[Node]:
-        """Add a call of a Python function of floats, which machine code does not have; return ``count`` results.
+        """Record a call of a Python function that cannot be compiled; return ``count`` result nodes.
 
         Calls are made in the order of their tracing. ``function`` takes one tuple for each group.
         """

@@ -205,7 +205,7 @@ def limits_for(controller: Controller, **given: Any) -> Limits:
 
 
 def _defaults(controller: Controller) -> dict[str, Any]:
-    """Default limits from the vehicle's properties and from whether the law holds the tip."""
+    """Default limits of a safety layer for the vehicle and kind of a control law."""
     model: Model = controller.par.model
     joints = [link.joint for link in model.vehicle.links]
     usual = [USUAL_JOINTS[joint.kind] for joint in joints]

@@ -124,7 +124,7 @@ class TorqueDrive(Drive):
         return setpoint
 
     def standing(self, effort: Scalar, position: Scalar) -> Scalar:
-        """Setpoint before the first command, which is the holding torque."""
+        """Setpoint of a joint drive before the first command: the one that holds the arm still."""
         return effort
 
 

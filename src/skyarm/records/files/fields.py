@@ -93,7 +93,7 @@ class Fields:
         return Fields(self.take(name, {}), self.at(name), self._named)
 
     def tables(self, name: str) -> list[Fields]:
-        """Readers of a field that is a list of tables; an empty list if the field is missing."""
+        """Return one `Fields` reader per table of a field that is a list of tables; [] if the field is missing."""
         return list_of_tables(self.take(name, []), self.at(name), self._named)
 
     def done(self) -> None:

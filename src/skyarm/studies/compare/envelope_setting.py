@@ -99,7 +99,7 @@ def _require_arm(name: str, truth: Vehicle) -> None:
 
 
 def _hover(vehicle: str, truth: Vehicle, duration: float, plant: str) -> Scenario:
-    """Hover scenario of a vehicle; that of Barakou et al. 2026 keeps its own nominal model."""
+    """Hover scenario of a vehicle; that of Barakou et al. 2026 has the controller model of the publication."""
     if vehicle == PAPER:
         found = load_scenario("case3", plant=plant, duration=duration)
         return dataclasses.replace(found, name="hover", title="hover")

@@ -121,7 +121,7 @@ def closed_loop(loop: OpenLoop, *, extra_delay: float = 0.0, **modified: Any) ->
 
 
 def _split(loop: OpenLoop, delay: float) -> tuple[int, int]:
-    """Split a delay into whole control periods and the index of the rest in the command arrival times ``lates``."""
+    """Split a delay (s) into whole control periods and the index of the remainder in the list ``lates``."""
     step = loop.period / len(loop.lates)
     count = round(delay / step)
     if abs(delay - count * step) > 1e-6 * step + 1e-12:

@@ -218,7 +218,7 @@ def _metrics(top: Fields, scenario: Scenario) -> tuple[str, ...]:
 
 
 def _scenarios(top: Fields, folder: Path, paths: list[str], derived: Collection[str]) -> dict[str, Scenario]:
-    """Scenarios of a study by controller name, with its varied parameters as batch inputs."""
+    """Scenarios of a study by controller name, whose varied parameters are inputs of a batch of flights."""
     named = top.take("scenario")
     if not isinstance(named, str):
         raise ValueError(f"scenario = {shown(named)}: must be the name of a shipped scenario or a path")

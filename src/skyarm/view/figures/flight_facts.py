@@ -100,7 +100,7 @@ def ending_of(log: Log) -> str:
 
 
 def applied_force(log: Log) -> Array | None:
-    """Total normal contact force (N,) on the vehicle, N; the grip force without contact, None without surfaces."""
+    """Contact force on the vehicle over time, N: normal to surfaces, or of the grip on a handle; else None."""
     touches, grips = log.component("contact_force"), log.component("gripper_force")
     if not touches.size:
         return None

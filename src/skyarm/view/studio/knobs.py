@@ -52,7 +52,7 @@ class Knob:
 
     @property
     def label(self) -> str:
-        """Label of the slider: the path in words, with its unit."""
+        """Label of a slider: its parameter path such as plant.gravity in words, and the unit."""
         words = words_of(self.path)
         return f"{words} ({self.declared.unit})" if self.declared.unit else words
 

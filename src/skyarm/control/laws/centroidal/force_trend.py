@@ -55,7 +55,7 @@ class TrendGains(Part):
         return ForceTrend(level=zero, rate=zero, forces=chain, rates=chain, agreement=0.0, size=size)
 
     def adjust_reference(self, memory: ForceTrend, step: Step) -> ForceTrend:
-        """Extrapolate the disturbance over the observer's delay by the force trend, except during external pushes."""
+        """Predict the observed disturbance force over the observer's delay, by its rate unless pushed."""
         trend = update_trend(self, memory, step.observed.force, step.dt)
         rate = weighted_rate(self, trend)
         free: Scalar = 1.0

@@ -140,7 +140,7 @@ def shift_for_swing(memory: SwingPace, needed: list[Vec3], level: Posture, gravi
 def move_shift(
     par: CentroidalParameters, before: Following, needed: list[Vec3], level: Posture, dt: Scalar, own: Vec3 = ZERO3
 ) -> tuple[Following, list[Vec3]]:
-    """Next filter states, and the base offset with two or four derivatives.
+    """Filter the base offset that keeps a tip in place; return the filter states and its smooth derivatives.
 
     ``needed`` has two derivatives; ``own`` (m/s^2, world axes) jumps with a force and is not differentiated.
     """

@@ -42,7 +42,7 @@ class Reach:
 
 
 def reach_of(mixer: Mixer, com: Vec3, weight: Scalar) -> Reach:
-    """Squared rotor speeds per unit of force at the centre of mass, from a mixer that commands sideways force."""
+    """Matrix from force at the centre of mass to squared rotor speeds, of a mixer with sideways force."""
     rows = []
     for turning, across in zip(mixer.inverse, mixer.across, strict=True):
         rows.append(Vec3(*(*across, turning[3])) + Vec3(*turning[:3]).cross(com))

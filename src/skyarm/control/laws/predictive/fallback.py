@@ -137,7 +137,7 @@ class Stabiliser:
         self.law = Compiled(partial(_computed_torque, par), blank_measurement(joints, self.rotors), nothing, signals)
 
     def command(self, reading: Array, disturbance: Array, sample: Sample) -> Command:
-        """Command of the substitute law for arrays of measurement and disturbance, and a reference sample."""
+        """Command of the law that flies while model predictive control has no good plan."""
         values = self.law(reading, disturbance, *sample.motion).tolist()
         return Command(rotor_speeds=tuple(values[: self.rotors]), efforts=tuple(values[self.rotors :]))
 
