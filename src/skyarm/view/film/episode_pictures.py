@@ -92,9 +92,8 @@ def instant_log(inputs: EpisodeInputs, row: int, states: Array, wind: WindSample
     """
     empty, zeros = np.zeros((len(states), 0)), np.zeros_like(states)
     samples = Samples(states=states, commands=zeros, measurement=None, readings=(), wind=wind, found=empty, led=empty)
-    log = join_pieces(
-        inputs.scenario, [Piece(inputs.scenario, inputs, row, samples)], None, info={"status": "completed"}
-    )
+    info = {"status": "completed", "rates_hz": {"control": inputs.scenario.rates.control}}
+    log = join_pieces(inputs.scenario, [Piece(inputs.scenario, inputs, row, samples)], None, info=info)
     return InstantLog(**vars(log), flown=inputs.scenario)
 
 
