@@ -12,6 +12,8 @@ class RotorEnergy(skyarm.Metric):
 
     thrust_coefficient: float = 8.54858e-6  # N s^2/rad^2, RotorS's Hummingbird
     moment_coefficient: float = 0.016  # m
+    words = "work of the rotors' drag torque"
+    unit = "J"
 
     def start(self):
         return (0.0,)

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import pytest
 
+import skyarm
+from added_components import registry_kept
 from skyarm.log.metrics.metric_catalogue import measures, metric_words
+from skyarm.records.registry.registrations import SHIPPED, add, names
 
 
 @pytest.mark.parametrize("name", sorted(measures(2)))
@@ -22,3 +27,30 @@ def test_every_metric_of_the_catalogue_has_words_and_a_unit(name: str) -> None:
 
 def test_a_metric_of_one_s_own_is_called_by_its_name() -> None:
     assert metric_words("own_energy") == ("own energy", "")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Turns(skyarm.Metric):
+    """Control instants of the window."""
+
+    words, unit = "instants", "periods"
+
+    def start(self):
+        return (0.0,)
+
+    def count(self, memory, now):
+        return (memory[0] + 1.0,)
+
+    def result(self, memory, instants, period):
+        return memory[0]
+
+
+def test_a_metric_that_ships_is_one_row_of_the_registry_with_its_own_words() -> None:
+    log = skyarm.run(dataclasses.replace(skyarm.load_scenario("case1"), duration=0.5))
+    with registry_kept():
+        add("metric", "turns", Turns, "instants of the flight", SHIPPED)
+        skyarm.register.metric("own_turns")(Turns)
+        assert metric_words("turns") == ("instants", "periods")
+        assert skyarm.score(log, ["turns"])["turns"] == 100.0
+        assert names("metric") == ("turns", "own_turns")
+        assert names("metric", shipped=False) == ("own_turns",)

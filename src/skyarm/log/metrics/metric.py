@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 if TYPE_CHECKING:
     from skyarm.log.metrics.accumulate import Instant
@@ -13,10 +13,12 @@ class Metric:
 
     A subclass is a frozen dataclass whose fields all have defaults. ``count`` is pure, over any scalar, and called at
     every control instant in the window while the episode lives; ``result`` gets the last memory, whose scalars are
-    arrays over the episodes of a batch.
+    arrays over the episodes of a batch. ``words`` and ``unit`` describe it on axes and in tables.
     """
 
     __slots__ = ()
+    words: ClassVar[str] = ""
+    unit: ClassVar[str] = ""
 
     @property
     def window(self) -> str:

@@ -179,9 +179,10 @@ def measures(joints: int) -> dict[str, Measure]:
 
 
 def _registered_measure(name: str) -> Measure:
-    """Make the definition of a user-registered metric."""
+    """Make the definition of a registered metric, shipped or a user's."""
     metric = added_metric(name)
-    return Measure(((ADDED, metric.window, name),), metric.window, lambda n, dt, held: metric.result(held, n, dt))
+    totals, window = ((ADDED, metric.window, name),), metric.window
+    return Measure(totals, window, lambda n, dt, held: metric.result(held, n, dt), metric.words, metric.unit)
 
 
 def metric_names(wanted: Sequence[str], joints: int, told: Sequence[bool] = ()) -> tuple[str, ...]:

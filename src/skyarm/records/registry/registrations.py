@@ -128,9 +128,9 @@ def registrations(kind: str) -> Mapping[str, Registration]:
     return _ready()[kind]
 
 
-def names(kind: str) -> tuple[str, ...]:
-    """Registered names of a kind."""
-    return tuple(registrations(kind))
+def names(kind: str, *, shipped: bool = True) -> tuple[str, ...]:
+    """Registered names of a kind; of users alone without those that ship."""
+    return tuple(name for name, each in registrations(kind).items() if shipped or each.source != SHIPPED)
 
 
 def find(kind: str, name: object, field: str = "") -> Any:

@@ -169,7 +169,7 @@ class Flights:
             setpoints: joint by joint, whether its command is a setpoint of its drive: its torque is then not counted.
         """
         efforts = (f"tau{i + 1}_rms" for i, each in enumerate(setpoints) if not each)
-        return (*METRICS, *efforts, *registered("metric"), *self.further_metrics)
+        return (*METRICS, *efforts, *registered("metric", shipped=False), *self.further_metrics)
 
 
 def fly(flights: Flights, threads: int = 1) -> Cell:
@@ -251,7 +251,7 @@ def key(flights: Flights) -> str:
         "versions": versions("numpy", "llvmlite"),
         "source": _source(),
         "metrics": sorted(flights.metric_names(())),
-        "code": own_files([find("metric", name) for name in registered("metric")]),
+        "code": own_files([find("metric", name) for name in registered("metric", shipped=False)]),
         "scenario": identity(scenario),
         "episodes": flights.episodes(scenario),
         "values": {p: hashlib.sha256(column.tobytes()).hexdigest() for p, column in flights.values(scenario).items()},

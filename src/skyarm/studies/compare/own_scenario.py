@@ -106,7 +106,7 @@ class OwnScenario(Suite[GivenFlights]):
     def report(self, found: Record, pictures: Mapping[str, bytes] | None = None) -> Report:
         """Comparison report with one table: a row per controller, means over completed flights."""
         (case, laws), *_ = found["summaries"][AS_GIVEN].items()
-        columns = [*COLUMNS, *((name, name, 1.0) for name in names("metric"))]
+        columns = [*COLUMNS, *((name, name, 1.0) for name in names("metric", shipped=False))]
         rows = []
         for law, each in laws.items():
             spreads = [(each["metrics"].get(metric), factor) for _, metric, factor in columns]
