@@ -372,7 +372,7 @@ def test_a_guarded_law_is_written_as_c():
     exported = export_c(planned().controller, name="with_safety_layer", period=0.005)
     assert "limits_tilt" in exported.text
     assert "double confidence_given_up;" in exported.text
-    assert "with the safety layer: limited reference and command" in exported.text
+    assert "within the safety layer: limited reference and command" in exported.text
     assert "inner_model" not in exported.text
 
 

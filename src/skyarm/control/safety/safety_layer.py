@@ -319,7 +319,7 @@ def _traced_law(
     first: Any,
     margin: Callable[[Any], Any] | None,
 ) -> tuple[SafetyMemory, Command]:
-    """Step of a traceable law inside the safety layer: limited reference and command, recovery on failure.
+    """Step of a control law within the safety layer: limited reference and command, recovery on failure.
 
     ``inner`` is the law, ``first`` its first memory and ``margin`` its distance to where it is not defined.
     """
