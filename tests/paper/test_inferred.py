@@ -183,7 +183,7 @@ def test_counts_come_in_a_sentence_before_any_verdict(table: dict[str, Any]) -> 
         assert f"(on mujoco {second['within_25%']}, {second['within_10%']} and {second['within_5%']})" in words
     assert "103 numeric cells" in words
     assert f"{len(unstated_study()['fit']['free'])} numbers" in words
-    text = markdown(table, {})
+    text = markdown(table)
     assert text.index(words) < text.index("Not reproduced")
     page = report_pages(table, {}, {}, {})["report.html"]
     assert page.index(html.escape(words).replace("&#x27;", "&#39;")) < page.index("<table")

@@ -96,11 +96,6 @@ def _shoulder(d: Document) -> Document:
     return next((k["joint"] for k in d["links"] if k["joint"]["name"] in names), d["links"][-1]["joint"])
 
 
-def _touching(joint: Document) -> None:
-    """Limits 0.01 rad apart, or 1 mm: fingers slide by some millimetres."""
-    joint.update(lower=0.0, upper=0.001 if joint.get("kind") == "prismatic" else 0.01)
-
-
 PLANTED = (
     Planted("base mass in g", lambda d: _every_base_mass(d, 1e3), ("base.mass", "mass")),
     Planted("base mass in t", lambda d: _every_base_mass(d, 1e-3), ("base.mass", "base.inertia")),
@@ -138,7 +133,6 @@ PLANTED = (
         (".lower", ".upper"),
         ARMS,
     ),
-    Planted("limits that touch", lambda d: _touching(d["links"][-1]["joint"]), (".lower",), ARMS),
     Planted(
         "base com ahead of the rotors",
         lambda d: _first_body(d).update(com=[1.5 * _reach(d), 0.0, 0.0]),
