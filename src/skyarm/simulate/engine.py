@@ -117,8 +117,13 @@ class EpisodeCode:
                 effort = 0 if scenario.steps * operations(self.loop.program.nodes) < SHORT else 2
             self.kernel = Kernel(self.loop, Lanes(1), logging=True, effort=effort)
 
+    @cached_property
+    def inputs(self) -> EpisodeInputs:
+        """Times and references of the scenario that the program was traced from."""
+        return episode_inputs(self.scenario)
+
     def _trace(self, step: Callable[..., Any]) -> Loop:
-        fed: Any = episode_inputs(self.scenario).row_example
+        fed: Any = self.inputs.row_example
         if self.commands:
             fed = fed, 0.0, structure_of(self.first.queue[0])
         return trace_loop(step, self._example, tuple(self.numbers.values()), fed, self.draws, loops=True)
@@ -209,7 +214,7 @@ class Engine:
     ) -> None:
         self.scenario = scenario or code.scenario
         self.code, self.first, self._steps = code, code.first, self.scenario.steps
-        self._inputs: EpisodeInputs | None = None
+        self._inputs = code.inputs
         parameters = np.array([*(code.numbers if numbers is None else numbers).values()], dtype=float)
         self._stepper = self._make_stepper(code.loop, np.array(leaves(code.carry), dtype=float), parameters)
         self._rows = self._input_rows()
@@ -237,7 +242,7 @@ class Engine:
     @property
     def inputs(self) -> EpisodeInputs:
         """Times and references of all control periods under the scenario in force."""
-        if self._inputs is None or self._inputs.scenario is not self.scenario:
+        if self._inputs.scenario is not self.scenario:
             self._inputs = episode_inputs(self.scenario)
         return self._inputs
 
