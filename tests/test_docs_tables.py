@@ -11,7 +11,7 @@ import pytest
 from skyarm.dynamics.actuators.servo import PositionServo, Servo, VelocityServo
 from skyarm.records.registry.shipped import SHIPPED
 from skyarm.scenario.endings import STATUSES
-from skyarm.sensing import sensor_kinds
+from skyarm.sensing import navigation_sensors, sensor_kinds
 from skyarm.sensing.channel import Channel, Dropouts
 from skyarm.sensing.estimate.filter_constants import FilterNumbers
 from skyarm.vehicle.battery import Battery
@@ -66,7 +66,8 @@ def test_the_page_on_sensors_lists_kinds_and_dropouts() -> None:
     assert {named(row[0])[0] for row in rows} == set(SHIPPED["sensor"]) - {"full_state"}
     text = " ".join(each for row in rows for each in row)
     shared = set(fields_of(sensor_kinds.ChannelSensor))
-    for kind in (sensor_kinds.Imu, sensor_kinds.Pose, sensor_kinds.Encoders, sensor_kinds.TactileSwitch):
+    own = (sensor_kinds.Imu, sensor_kinds.Pose, sensor_kinds.Encoders, sensor_kinds.TactileSwitch)
+    for kind in (*own, navigation_sensors.Gnss, navigation_sensors.Magnetometer, navigation_sensors.Barometer):
         assert set(fields_of(kind)) - shared <= set(named(text)), kind
     page = (DOCS / "sensors.md").read_text("utf-8")
     assert all(f"`{name}`" in page for name in (*shared, *fields_of(Dropouts)))

@@ -11,6 +11,7 @@ _MOTION = "skyarm.reference.reference_tables"
 _TASKS = "skyarm.reference.waypoints"
 _SENSORS = "skyarm.sensing.sensor_kinds"
 _FORCE = "skyarm.sensing.sensor_kinds"
+_NAVIGATION = "skyarm.sensing.navigation_sensors"
 _LAWS = "skyarm.control.laws"
 
 SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
@@ -31,6 +32,9 @@ SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "pose": (f"{_SENSORS}:Pose", "position and attitude, as of motion capture"),
         "position": (f"{_SENSORS}:Position", "position, as of satellite navigation"),
         "heading": (f"{_SENSORS}:Heading", "yaw, as of a compass"),
+        "gnss": (f"{_NAVIGATION}:Gnss", "position and velocity, as of satellite navigation"),
+        "magnetometer": (f"{_NAVIGATION}:Magnetometer", "magnetic field of the Earth in base axes"),
+        "barometer": (f"{_NAVIGATION}:Barometer", "static pressure and temperature of the air"),
         "encoders": (f"{_SENSORS}:Encoders", "positions and rates of the joints"),
         "force_torque": (f"{_FORCE}:ForceTorque", "force and torque that push at the tip or another frame"),
         "tactile_switch": (f"{_FORCE}:TactileSwitch", "whether anything pushes there"),
