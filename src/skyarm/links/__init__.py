@@ -1,0 +1,1 @@
+"""Links to programs on the other side of a socket: autopilots, ROS, servos."""
