@@ -28,7 +28,7 @@ PEOPLE = re.compile(rf"\b({'|'.join(OF_PEOPLE.split(', '))})\b", re.IGNORECASE)
 CLAUSE = re.compile(r"(What|Who|Whose|Where|How|Whether|Whatever|That|Those|Of)\b")
 """Beginnings of a clause in place of a noun."""
 PARTICIPLE = re.compile(r"_?[a-z]+(?:ed|en|own|ught|eld|aid|ade)")
-NO_PARTICIPLES = {"field", "hidden", "markdown", "offscreen", "reseed", "seed", "shorten", "speed", "widen"}
+NO_PARTICIPLES = {"feed", "field", "hidden", "markdown", "offscreen", "reseed", "seed", "shorten", "speed", "widen"}
 """Nouns and verbs that end as participles do."""
 
 PARTICIPLES = {

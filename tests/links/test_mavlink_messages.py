@@ -1,0 +1,107 @@
+"""Definitions of MAVLink messages against the oracle pymavlink, and the checksum against its definition bit by bit."""
+
+from __future__ import annotations
+
+import random
+import struct
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega
+
+from skyarm.links.mavlink_messages import DEFINITIONS, DEFINITIONS_BY_NUMBER, checksum, is_possible_checksum
+
+ORACLE = {each.msgname: each for each in ardupilotmega.mavlink_map.values()}
+
+NEWER = {"SET_ATTITUDE_TARGET": {"thrust_body"}, "TIMESYNC": {"target_system", "target_component"}}
+"""Extensions of mavlink.io's ``common`` (2026-02, which PX4 takes) that the dialects in pymavlink do not have yet."""
+
+NAMES = [
+    "HEARTBEAT",
+    "SYS_STATUS",
+    "SYSTEM_TIME",
+    "PARAM_REQUEST_READ",
+    "PARAM_VALUE",
+    "PARAM_SET",
+    "ATTITUDE",
+    "ATTITUDE_QUATERNION",
+    "LOCAL_POSITION_NED",
+    "GLOBAL_POSITION_INT",
+    "ODOMETRY",
+    "SET_ATTITUDE_TARGET",
+    "SET_POSITION_TARGET_LOCAL_NED",
+    "COMMAND_LONG",
+    "COMMAND_ACK",
+    "SET_MODE",
+    "TIMESYNC",
+    "HIL_SENSOR",
+    "HIL_GPS",
+    "HIL_STATE_QUATERNION",
+    "HIL_ACTUATOR_CONTROLS",
+    "ESTIMATOR_STATUS",
+    "EKF_STATUS_REPORT",
+    "EXTENDED_SYS_STATE",
+    "STATUSTEXT",
+    "SERVO_OUTPUT_RAW",
+    "RC_CHANNELS_OVERRIDE",
+    "ACTUATOR_OUTPUT_STATUS",
+    "MANUAL_CONTROL",
+    "VISION_POSITION_ESTIMATE",
+    "REQUEST_DATA_STREAM",
+]
+
+
+def bitwise(data: bytes) -> int:
+    """Bit by bit: polynomial x^16 + x^12 + x^5 + 1, lowest bit first, from 0xFFFF on."""
+    crc = 0xFFFF
+    for byte in data:
+        for bit in range(8):
+            odd = (crc ^ byte >> bit) & 1
+            crc = crc >> 1 ^ (0x8408 if odd else 0)
+    return crc
+
+
+def test_every_message_that_the_links_need_is_defined() -> None:
+    assert set(DEFINITIONS) == set(NAMES)
+    assert len(DEFINITIONS_BY_NUMBER) == len(NAMES)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_definition_is_the_oracle_s(name: str) -> None:
+    ours, oracle = DEFINITIONS[name], ORACLE[name]
+    fields = [each for each in ours.fields if each.name not in NEWER.get(name, ())]
+    assert all(each.extension for each in ours.fields if each not in fields)
+    assert (ours.number, ours.check[0]) == (oracle.id, oracle.crc_extra)
+    assert DEFINITIONS_BY_NUMBER[oracle.id] is ours
+    assert [each.name for each in fields] == list(oracle.ordered_fieldnames)
+    assert [each.count for each in fields] == list(oracle.array_lengths)
+    letters = bytes(oracle.native_format).decode()
+    assert "<" + "".join(each.format[-1] for each in fields) == letters.replace("c", "s")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_base_part_ends_where_the_extensions_begin(name: str) -> None:
+    """The check byte depends on names and types of the base part, so the oracle's confirms where it ends."""
+    ours = DEFINITIONS[name]
+    base = [each for each in ours.fields if not each.extension]
+    assert ours.base_length == struct.calcsize("<" + "".join(each.format for each in base))
+    assert base == list(ours.fields[: len(base)])
+
+
+def test_no_field_has_the_name_of_an_argument_of_pack() -> None:
+    fields = {field.name for each in DEFINITIONS.values() for field in each.fields}
+    assert fields.isdisjoint({"name", "sequence", "system", "component"})
+
+
+def test_the_checksum_is_the_published_one_and_that_of_its_definition() -> None:
+    rng = random.Random(29)
+    assert checksum(b"123456789") == 0x6F91  # catalogue of CRC algorithms, CRC-16/MCRF4XX
+    for length in (0, 1, 2, 3, 9, 64, 280):
+        data = rng.randbytes(length)
+        assert checksum(data) == bitwise(data)
+
+
+def test_a_checksum_is_possible_where_one_more_byte_gives_it() -> None:
+    data = random.Random(30).randbytes(20)
+    possible = {bitwise(data + bytes([byte])) for byte in range(256)}
+    assert len(possible) == 256
+    assert {crc for crc in range(1 << 16) if is_possible_checksum(data, crc)} == possible
