@@ -77,11 +77,16 @@ def test_frames_are_those_of_the_oracle_both_ways(name: str) -> None:
                 assert (tuple(their) if isinstance(their, list) else their) == value
 
 
-@pytest.mark.parametrize("name", ["SET_ATTITUDE_TARGET", "TIMESYNC"])
-def test_extensions_that_the_oracle_lacks_are_sent_behind_its_own(name: str) -> None:
-    new = [each for each in DEFINITIONS[name].fields if each.extension]
-    fields = {each.name: (1.0, 2.0, 4.0) if each.count else 9 for each in new}
+@pytest.mark.parametrize(
+    ("name", "fields", "place", "sent"),
+    [
+        ("SET_ATTITUDE_TARGET", {"thrust_body": (1.0, 2.0, 4.0)}, 39, struct.pack("<3f", 1.0, 2.0, 4.0)),
+        ("TIMESYNC", {"target_system": 7, "target_component": 9}, 16, b"\x07\x09"),
+    ],
+)
+def test_extensions_that_the_oracle_lacks_are_sent_behind_its_own(name: str, fields: dict, place: int, sent: bytes):
     frame = pack(name, sequence=0, **fields)
+    assert frame[HEADER + place : -CHECKSUM] == sent
     (message,) = Parser().feed(frame)
     assert {field: message[field] for field in fields} == fields
     theirs = ardupilotmega.MAVLink(None).parse_char(frame)  # a longer payload than it knows: the rest is ignored
@@ -304,11 +309,17 @@ def test_an_incomplete_datagram_does_not_wait_for_the_next() -> None:
     for cut in range(1, len(frames[1])):
         stream, datagrams = Parser(), Parser(datagrams=True)
         assert times(datagrams.feed(frames[0] + frames[1][:cut])) == [1]
-        assert times(datagrams.feed(frames[2])) == [3]
         assert datagrams.bad >= 1
+        assert times(datagrams.feed(frames[2])) == [3]
         assert times(stream.feed(frames[0] + frames[1][:cut])) == [1]
         assert times(stream.feed(frames[1][cut:] + frames[2])) == [2, 3]
         assert stream.bad == 0
+
+
+def test_in_a_datagram_a_frame_behind_a_false_beginning_is_found_at_once() -> None:
+    frame, parser = numbered(1)[0], Parser(datagrams=True)
+    assert times(parser.feed(b"\xfd\xff\0" + frame)) == [1]
+    assert times(parser.feed(b"\xfe\xff" + frame)) == [1]
 
 
 def fuzzed_packets(count: int) -> Iterator[tuple[bytes, list[Message]]]:

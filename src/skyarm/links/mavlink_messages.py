@@ -204,8 +204,6 @@ class Definition:
     layout: struct.Struct
     check: bytes
     """One byte, CRC_EXTRA: a digest of name and fields without extensions, so that other definitions do not pass."""
-    base_length: int
-    """Bytes of the payload without extensions, as in a frame of MAVLink 1."""
     defaults: Mapping[str, FieldValue]
     arrays: tuple[tuple[int, Field], ...]
     """Place among the fields and field of every array of numbers, last first."""
@@ -244,7 +242,6 @@ def _definition(name: str, number: int, text: str) -> Definition:
         fields=fields,
         layout=struct.Struct("<" + "".join(field.format for field in fields)),
         check=bytes([(digest & 0xFF) ^ (digest >> 8)]),
-        base_length=struct.calcsize("<" + "".join(field.format for field in base)),
         defaults=MappingProxyType({field.name: field.default for field in fields}),
         arrays=tuple((k, each) for k, each in enumerate(fields) if each.count and not each.is_text)[::-1],
         texts=tuple((k, each) for k, each in enumerate(fields) if each.is_text),
