@@ -362,12 +362,19 @@ def test_20000_fuzzed_packets_raise_nothing_keep_little_and_hide_no_frame() -> N
     assert parser.bad > 5_000
 
 
-def test_a_frame_costs_microseconds() -> None:
-    """A checksum byte by byte in Python costs 5 us more; the least of many tries is that of an idle core."""
-    fields = {field: 0.1 for field in DEFINITIONS["HIL_SENSOR"].defaults if field[0] in "xyzapt"}
-    fields |= {"time_usec": 1_000_000, "fields_updated": 0x1FFF}
-    frame, parser = pack("HIL_ACTUATOR_CONTROLS", sequence=0, time_usec=9, controls=[0.5] * 16, mode=129), Parser()
-    sent = min(timeit.repeat(lambda: pack("HIL_SENSOR", sequence=0, **fields), number=100, repeat=50)) / 100
-    read = min(timeit.repeat(lambda: parser.feed(frame), number=100, repeat=50)) / 100
-    assert sent < 10e-6
-    assert read < 15e-6
+def test_a_frame_takes_about_as_long_as_the_oracle_s_at_most() -> None:
+    """Ours take 0.8 and 0.5 of its time; with a checksum byte by byte in Python they would take 1.4 and 1.05."""
+    numbers = [field.name for field in DEFINITIONS["HIL_SENSOR"].fields if field.type == "f32"]
+    fields = {"time_usec": 1_000_000, **dict.fromkeys(numbers, 0.1), "fields_updated": 0x1FFF}
+    frame = pack("HIL_ACTUATOR_CONTROLS", sequence=0, time_usec=9, controls=[0.5] * 16, mode=129)
+    parser, link = Parser(), ardupilotmega.MAVLink(None)
+    calls = (
+        lambda: pack("HIL_SENSOR", sequence=0, **fields),
+        lambda: ardupilotmega.MAVLink_hil_sensor_message(**fields).pack(link),
+        lambda: parser.feed(frame),
+        lambda: link.parse_buffer(frame),
+    )
+    rounds = [[timeit.timeit(call, number=50) for call in calls] for _ in range(60)]
+    ours_sent, sent, ours_read, read = map(min, zip(*rounds, strict=True))  # of an idle core
+    assert ours_sent < 1.1 * sent
+    assert ours_read < 0.8 * read
