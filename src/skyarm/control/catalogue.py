@@ -62,21 +62,32 @@ class Entry:
         return (*named, *getattr(sys.modules[maker.__module__], "ENTRIES", ())) if more else named
 
 
-class _Laws(Mapping[str, Entry]):
-    """Lazy mapping of law names to registered laws."""
+class _Entries(Mapping[str, Entry]):
+    """Lazy mapping of names to the registered makers of controllers of a kind."""
+
+    def __init__(self, kind: str) -> None:
+        self._kind = kind
 
     def __getitem__(self, name: str) -> Entry:
-        return Entry(registrations("law")[name])
+        return Entry(registrations(self._kind)[name])
 
     def __iter__(self) -> Iterator[str]:
-        return iter(registrations("law"))
+        return iter(registrations(self._kind))
 
     def __len__(self) -> int:
-        return len(registrations("law"))
+        return len(registrations(self._kind))
 
 
-LAWS: Mapping[str, Entry] = _Laws()
+LAWS: Mapping[str, Entry] = _Entries("law")
 """Laws by name: those that ship, and those that were registered."""
+
+AUTOPILOTS: Mapping[str, Entry] = _Entries("autopilot")
+"""Autopilots by name: programs on the other side of a socket that fly the base in a law's place."""
+
+
+def entry_of(name: str) -> Entry:
+    """Catalogue entry of a law or an autopilot by its name."""
+    return LAWS[name] if name in LAWS else AUTOPILOTS[name]
 
 
 def make_controller(name: str, model: Model, **options: Any) -> Controller:
@@ -92,11 +103,11 @@ def make_controller(name: str, model: Model, **options: Any) -> Controller:
         ControllerError: unknown law, an option the law does not have, or one with a wrong value.
         AllocationError: the model's rotors do not span torque and thrust.
     """
-    if not is_one_of(name, LAWS):
+    if not is_one_of(name, LAWS) and not is_one_of(name, AUTOPILOTS):
         raise ControllerError(f"controller.law = {shown(name)}: {must_be_one_of(LAWS, name, SEE)}")
     if not isinstance(model, Model):
         raise ControllerError(f"model = {shown(model)}: must be a Model of vehicle and gravity")
-    entry = LAWS[name]
+    entry = entry_of(name)
     for option, value in options.items():
         if option not in entry.options():
             raise ControllerError(f"controller.{option} = {shown(value)}: {no_option(name, entry.options())}")
@@ -107,7 +118,7 @@ def make_controller(name: str, model: Model, **options: Any) -> Controller:
 
 def suitable_options(law: str, known: Mapping[str, Any]) -> dict[str, Any]:
     """Subset of given options that a law accepts."""
-    options = LAWS[law].options()
+    options = entry_of(law).options()
     return {name: value for name, value in known.items() if name in options}
 
 
@@ -247,14 +258,14 @@ def make_named(name: str, model: Model, known: Mapping[str, Any] | None = None) 
         raise ControllerError(f"controller = {shown(name)}: {must_be_named(name)}")
     if name in PRESETS:
         return preset(name, model, known)
-    law = name if name in LAWS else name.removesuffix(TUNED)
-    make = make_controller if name in LAWS else make_tuned
+    law = name if name in LAWS or name in AUTOPILOTS else name.removesuffix(TUNED)
+    make = make_tuned if law != name else make_controller
     return make(law, model, **suitable_options(law, known or {}))
 
 
 def is_named(name: Any) -> bool:
-    """True if a value is the name of a preset, law or law with tuned gains."""
-    return is_one_of(name, every_name())
+    """True if a value is the name of a preset, law, law with tuned gains or autopilot."""
+    return is_one_of(name, every_name()) or is_one_of(name, AUTOPILOTS)
 
 
 def is_one_of(name: Any, names: Container[str]) -> bool:

@@ -57,7 +57,17 @@ class Controller:
             raise ControllerError(str(error)) from None
 
     def require_compiled(self, what: str) -> None:
-        """Raise an error if the control law cannot be traced, for a use that requires compilation.
+        """Raise an error if the controller is not all in a law that can be traced, for a use that needs that.
+
+        Raises:
+            ControllerError: the law cannot be traced, or a program of its own flies the base.
+        """
+        if (autopilot := autopilot_of(self)) is not None:
+            raise ControllerError(f"autopilot {autopilot.name!r}: flies alone and at its own pace, {what} needs a law")
+        self.require_traceable(what)
+
+    def require_traceable(self, what: str) -> None:
+        """Raise an error if the control law cannot be traced.
 
         Raises:
             ControllerError: the law cannot be traced.
@@ -133,6 +143,11 @@ def senses_force(par: Any) -> bool:
 def learns_load(par: Any) -> bool:
     """True if a law, inside any layers, estimates the load at the tip that a reference announces."""
     return hasattr(part_of(par, "load"), "limit")
+
+
+def autopilot_of(controller: Controller) -> Any:
+    """Autopilot program that flies the base in the law's place (:mod:`skyarm.links.autopilots`); None for a law."""
+    return getattr(innermost(controller.par), "autopilot", None)
 
 
 def all_applied(joints: int) -> tuple[float, ...]:

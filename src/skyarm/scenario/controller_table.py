@@ -24,8 +24,10 @@ from typing import Any
 
 from skyarm.control.actuator_layer import ActuatorParameters, has_tables, plain_model, with_actuators
 from skyarm.control.catalogue import (
+    AUTOPILOTS,
     LAWS,
     PRESETS,
+    entry_of,
     make_controller,
     make_named,
     make_tuned,
@@ -191,7 +193,7 @@ LAYERS = ("safety", "servos")
 
 def law_words(law: str) -> tuple[str, ...]:
     """Keys that a [controller] table may have for a given control law."""
-    options = (WORDS.get(option, option) for option in LAWS[law].options() if option not in PYTHON_ONLY)
+    options = (WORDS.get(option, option) for option in entry_of(law).options() if option not in PYTHON_ONLY)
     return (*options, *(("tuned",) if law in tuned_factors() else ()), *LAYERS)
 
 
@@ -207,9 +209,11 @@ def by_words(fields: Fields, model: Model, known: Mapping[str, Any], *, loaded: 
     Raises:
         ValueError: one line with field, value and what is allowed.
     """
+    if "autopilot" in fields.table:
+        return _of_options("autopilot", _require_name(fields, "autopilot", AUTOPILOTS), fields, model, known)
     if "law" not in fields.table:
         return preset(_preset_name(fields), model, known)
-    law, best = fields.take("law"), fields.flag("tuned", False)
+    law = fields.take("law")
     if is_law_of_file(law) and not loaded:
         raise ValueError(
             f"{fields.at('law')} = {shown(law)}: must not be a file's; only --controller takes FILE.py:make"
@@ -217,15 +221,29 @@ def by_words(fields: Fields, model: Model, known: Mapping[str, Any], *, loaded: 
     if not isinstance(law, str) or law not in LAWS:
         hint = f"; it is a preset: preset = {law!r}" if law in (*PRESETS,) else ""
         raise ValueError(f"{fields.at('law')} = {shown(law)}: {must_be_one_of(LAWS, law, 'skyarm show')}{hint}")
+    return _of_options("law", law, fields, model, known)
+
+
+def _require_name(fields: Fields, word: str, names: Mapping[str, Any]) -> str:
+    """Name that a [controller] table gives under a key; an unknown one raises an error."""
+    name = fields.take(word)
+    if not isinstance(name, str) or name not in names:
+        raise ValueError(f"{fields.at(word)} = {shown(name)}: {must_be_one_of(names, name, 'skyarm show')}")
+    return name
+
+
+def _of_options(word: str, law: str, fields: Fields, model: Model, known: Mapping[str, Any]) -> Controller:
+    """Build the controller of a law (or autopilot, as the key ``word`` says) with the options of its table."""
+    best = fields.flag("tuned", False)
     words = law_words(law)
-    for word, value in fields.table.items():
-        if word not in (*words, "law") and (word, value) != ("tuned", False):
-            raise ValueError(f"{fields.at(word)} = {shown(value)}: {no_option(law, words)}")
+    for other, value in fields.table.items():
+        if other not in (*words, word) and (other, value) != ("tuned", False):
+            raise ValueError(f"{fields.at(other)} = {shown(value)}: {no_option(law, words)}")
     options = suitable_options(law, known)
-    for option in LAWS[law].options():
-        word = WORDS.get(option, option)
-        if word in fields.table:
-            options[option] = _read(fields, law, option, word)
+    for option in entry_of(law).options():
+        own = WORDS.get(option, option)
+        if own in fields.table:
+            options[option] = _read(fields, law, option, own)
     _require_clock(fields, known)
     return (make_tuned if best else make_controller)(law, model, **options)
 
@@ -265,7 +283,7 @@ def _read(fields: Fields, law: str, option: str, word: str) -> Any:
         return record_from(RECORDS[option], Fields(value, at))
     if option == "terms":
         return _terms(value, at)
-    default = inspect.signature(LAWS[law].function()).parameters.get(option)
+    default = inspect.signature(entry_of(law).function()).parameters.get(option)
     if default is None or not is_record(default.default):
         return value
     table = Fields(value, at)

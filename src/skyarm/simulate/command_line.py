@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 from skyarm.algebra.scalars import Scalar, add, floor, maximum, minimum
@@ -110,6 +111,18 @@ def numbers_of_command(command: Command, joints: int, rotors: int, tilts: int) -
     if not all(type(number) is float for number in numbers):
         numbers = _plain_numbers(command)
     return numbers
+
+
+def rotor_numbers(speeds: Sequence[float], command: object, joints: int, rotors: int, tilts: int) -> tuple[float, ...]:
+    """Numbers of a command of which only the rotor speeds (rad/s) count; the others are zero.
+
+    Raises:
+        ScenarioError: a command beside them, another number of rotors, or what are not numbers.
+    """
+    if command is not None:
+        raise ScenarioError("rotors: must be left out beside a command, which has rotor speeds of its own")
+    found = Command(rotor_speeds=tuple(speeds), efforts=(0.0,) * joints, tilts=(0.0,) * tilts)
+    return numbers_of_command(found, joints, rotors, tilts)
 
 
 def _plain_numbers(command: Command) -> tuple[float, ...]:

@@ -98,7 +98,7 @@ class EpisodeCode:
         self.first = first_loop_state(scenario)
         self.carry = self.first
         if machine_code:
-            scenario.controller.require_compiled("machine code of the loop")
+            scenario.controller.require_traceable("machine code of the loop")
         elif not scenario.controller.compiled:
             self.carry = replace(self.first, memory=PushAlone.of(self.first.memory))
         self._example: Any = structure_of(self.carry)
@@ -246,17 +246,18 @@ class Engine:
             self._inputs = episode_inputs(self.scenario)
         return self._inputs
 
-    def step(self, command: Sequence[float] | None = None) -> bool:
+    def step(self, command: Sequence[float] | None = None, *, rotors_only: bool = False) -> bool:
         """Fly one control period; False once the episode has ended or reached its duration.
 
         Args:
             command: in place of the law's, whose memory stays.
+            rotors_only: its rotor speeds alone; the law moves the joints, and its memory goes on.
         """
         k = self.tick
         if k >= self._steps or self.ended is not None:
             return False
         if command is not None:
-            self._rows[k, self._width :] = (1.0, *command)
+            self._rows[k, self._width :] = (2.0 if rotors_only else 1.0, *command)
             self._commanded = True
         elif self._commanded:
             self._rows[k, self._width] = 0.0
@@ -322,6 +323,21 @@ class Engine:
         found, led = rows[:, end - len(columns.found) : end], rows[:, end:]
         states, commands = rows[:, first:command], rows[:, command:measured]
         return Samples(states, commands, columns.measurement, columns.readings, columns.wind, found, led)
+
+    @cached_property
+    def reading_columns(self) -> dict[str, slice]:
+        """Columns of each sensor's reading in a row of the log, by the sensor's name."""
+        sample = self.code.sample
+        begin = sum(len(leaves(part)) for part in (sample.alive, sample.state, sample.command, sample.measurement))
+        found = {}
+        for name, reading in sample.readings:
+            found[name] = slice(begin, begin := begin + len(leaves(reading)))
+        return found
+
+    def row(self, tick: int) -> Array:
+        """Logged row of a control period that has been flown: alive, state, command, measurement, readings."""
+        found: Array = self._log[tick]
+        return found
 
     @property
     def now(self) -> LoopState:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 
 from skyarm.compile.machine_code import SlowFlightWarning
@@ -15,7 +16,7 @@ from skyarm.log.formats import load_log
 from skyarm.records.files import shown, unreadable
 from skyarm.scenario.controller_table import under_law
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
-from skyarm.simulate.session import Session
+from skyarm.simulate.session import Session, open_session
 
 Progress = Callable[[int, int], None]
 
@@ -40,32 +41,33 @@ def run(scenario: Scenario, progress: Progress | None = None) -> Log:
 
     Changes in flight take hold in their control periods, as in a :class:`skyarm.Session` of the scenario.
     """
-    return _fly(_Episode, scenario, progress)
+    return _fly(scenario, progress)
 
 
 def run_in_python(scenario: Scenario, progress: Progress | None = None) -> Log:
     """Simulate a flight in Python floats instead of machine code; works with any plant and any control law."""
-    return _fly(lambda each: _Episode(each, machine_code=False), scenario, progress)
+    return _fly(scenario, progress, machine_code=False)
 
 
-def _fly(make: Callable[[Scenario], Session], scenario: Scenario, progress: Progress | None) -> Log:
+def _fly(scenario: Scenario, progress: Progress | None, *, machine_code: bool = True) -> Log:
     """Simulate a new session to the end of its flight and return the log."""
     if progress is not None and not callable(progress):
         raise ScenarioError(f"progress = {shown(progress)}: must be a function of periods flown and all")
-    session = make(scenario)
+    session = open_session(scenario, machine_code=machine_code, make=_Episode)
     if session.slow:
         warnings.warn(f"{session.slow}; flying as Python floats: {SLOWER}", SlowFlightWarning, stacklevel=3)
-    total, due = scenario.steps, 0
-    every = max(1, total // 100)
-    while True:
-        if progress is not None and session.tick >= due:
-            progress(session.tick, total)
-            due = (session.tick // every + 1) * every
-        if not session.fly(total if progress is None else min(total, due)):
-            break
-    if progress is not None:
-        progress(total, total)
-    return session.log
+    with closing(session):
+        total, due = session.scenario.steps, 0
+        every = max(1, total // 100)
+        while True:
+            if progress is not None and session.tick >= due:
+                progress(session.tick, total)
+                due = (session.tick // every + 1) * every
+            if not session.fly(total if progress is None else min(total, due)):
+                break
+        if progress is not None:
+            progress(total, total)
+        return session.log
 
 
 def replay(

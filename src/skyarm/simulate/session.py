@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from skyarm.compile.machine_code import NoMachineCodeError
+from skyarm.control.controller import autopilot_of
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.log.flight_log import Log
@@ -22,7 +23,7 @@ from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError, in_
 from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.assemble_log import Piece, join_pieces
 from skyarm.simulate.check_endings import Ended, running_status
-from skyarm.simulate.command_line import numbers_of_command
+from skyarm.simulate.command_line import numbers_of_command, rotor_numbers
 from skyarm.simulate.engine import Engine, EpisodeCode
 from skyarm.simulate.lane_numbers import require_paths
 from skyarm.simulate.loop_state import LoopState
@@ -210,11 +211,12 @@ class Session:
         self._require_running()
         return self._engine.reference()
 
-    def step(self, command: Command | None = None) -> bool:
+    def step(self, command: Command | None = None, *, rotors: Sequence[float] | None = None) -> bool:
         """Simulate one control period.
 
         Args:
             command: in place of the law's; the law is not evaluated then, and its memory stays.
+            rotors: rotor speeds (rad/s) in place of the law's, which still moves the joints; not beside ``command``.
 
         Returns:
             True if the episode continues.
@@ -222,8 +224,10 @@ class Session:
         Raises:
             ScenarioError: a command with another number of rotors or joints.
         """
-        numbers = None if command is None else numbers_of_command(command, *self._sizes)
-        going = self._engine.step(numbers)
+        if rotors is not None:
+            going = self._engine.step(rotor_numbers(rotors, command, *self._sizes), rotors_only=True)
+        else:
+            going = self._engine.step(None if command is None else numbers_of_command(command, *self._sizes))
         if self._course.coming and going:
             self._apply_due_changes()
         return going
@@ -285,6 +289,9 @@ class Session:
         self._require_running()
         self._continue_with(self._course.with_values(self.tick, values, self._engine.piece))
 
+    def close(self) -> None:
+        """End what a session holds beside itself, such as an autopilot's program; nothing of a law's session."""
+
     def _make_engine(self, course: Course) -> Engine:
         """Make the simulator of the scenario in force: machine code if available, else Python."""
         scenario = course.now
@@ -345,3 +352,27 @@ class Session:
     def _require_running(self) -> None:
         if not self.running:
             raise ScenarioError("session: has ended; there is no next period")
+
+
+def open_session(
+    scenario: Scenario,
+    paths: Sequence[str] = (),
+    *,
+    machine_code: bool = True,
+    make: Callable[..., Session] = Session,
+) -> Session:
+    """Session of a scenario: of its law, or of the autopilot that flies its base, once that has taken off.
+
+    Args:
+        scenario: what is flown.
+        paths, machine_code: as of :class:`Session`.
+        make: class of the session of a law.
+
+    Raises:
+        ScenarioError: as :class:`Session`; an autopilot without a program, or a vehicle that it cannot fly.
+    """
+    require_flight(scenario)
+    autopilot = autopilot_of(scenario.controller)
+    chosen = make if autopilot is None else autopilot.session
+    found: Session = chosen(scenario, paths, machine_code=machine_code)
+    return found

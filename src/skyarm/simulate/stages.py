@@ -59,7 +59,8 @@ class Stages:
     Args:
         scenario: structure must be concrete: rates, integrator, delays but for a varied one of the commands.
         command: from outside, in place of the law's; None for the law's own.
-        given: 1 where that command takes the law's place, 0 where the law decides; None for always.
+        given: 1 where that command takes the law's place, 0 where the law decides, 2 where the command's rotor speeds
+            alone take the place of the law's; None for always 1.
     """
 
     def __init__(self, scenario: Scenario, command: Command | None = None, given: Any = None) -> None:
@@ -193,8 +194,10 @@ class Stages:
         following, command = self.apply_law(memory, measurement, reference, path_time)
         if self._command is None:
             return following, command
-        own = self._given < 0.5
-        return blend(own, following, memory), blend(own, command, self._command)
+        own, joints_own = self._given < 0.5, absolute(self._given - 1.0) > 0.5
+        speeds = blend(own, command.rotor_speeds, self._command.rotor_speeds)
+        rest = blend(joints_own, command, self._command)
+        return blend(joints_own, following, memory), dataclasses.replace(rest, rotor_speeds=speeds)
 
     def apply_law(
         self, memory: Any, measurement: Measurement, reference: Reference, path_time: Any

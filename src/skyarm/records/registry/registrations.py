@@ -26,6 +26,7 @@ KINDS: Mapping[str, str] = {
     "estimator": "from readings to a measurement: a subclass of skyarm.Estimator",
     "drive": "a joint's actuator: a subclass of skyarm.Drive",
     "law": "a maker of controllers: function (model, **options) -> Controller",
+    "autopilot": "a program that flies the base: function (model, **options) -> Controller with an Autopilot",
     "plant": "a simulated vehicle: class (world, around, integrator, physics_step)",
     "metric": "a number of a flight: a subclass of skyarm.Metric whose fields all have defaults",
     "ending": "what ends an episode: a subclass of skyarm.Ending",

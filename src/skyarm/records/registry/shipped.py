@@ -13,6 +13,7 @@ _SENSORS = "skyarm.sensing.sensor_kinds"
 _FORCE = "skyarm.sensing.sensor_kinds"
 _NAVIGATION = "skyarm.sensing.navigation_sensors"
 _LAWS = "skyarm.control.laws"
+_AUTOPILOTS = "skyarm.links.autopilots"
 
 SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
     "air": {
@@ -23,6 +24,7 @@ SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "force_wind": (f"{_WIND}:ForceWind", "a force on the base and an air speed, as RotorS types them"),
         "disturbance": (f"{_DISTURBANCE}:Disturbance", "force and torque at a frame as signals of time, and noise"),
         "ground_effect": (f"{_AERODYNAMIC}:GroundEffect", "thrust that grows near the ground"),
+        "launch_stand": ("skyarm.world.launch_stand:LaunchStand", "a stand from which the vehicle takes off"),
         "link_drag": (f"{_AERODYNAMIC}:LinkDrag", "drag of the arm's links in moving air"),
         "rotor_drag": (f"{_AERODYNAMIC}:RotorDrag", "thrust lost by climbing, and translational lift"),
     },
@@ -119,6 +121,11 @@ SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
             f"{_LAWS}.centroidal.make:make_centroidal",
             "centroidal computed torque with disturbance observer: joints or tip on their references",
         ),
+    },
+    "autopilot": {
+        "px4": (f"{_AUTOPILOTS}.px4:make_px4", "PX4 flies the base, a joint law the arm"),
+        "ardupilot": (f"{_AUTOPILOTS}.ardupilot:make_ardupilot", "ArduPilot flies the base, a joint law the arm"),
+        "betaflight": (f"{_AUTOPILOTS}.betaflight:make_betaflight", "Betaflight flies the base, a joint law the arm"),
     },
     "motion": {
         "hover": (f"{_MOTION}:hover_table", "stay at a place"),

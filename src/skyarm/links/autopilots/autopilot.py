@@ -1,0 +1,213 @@
+"""Interface of autopilots: record of a program that flies the base, its link in flight, and the law of the arm beside it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+
+from skyarm import dynamics
+from skyarm.algebra import ZERO3, Motion
+from skyarm.algebra.scalars import Scalar, add
+from skyarm.control.blocks.actuators import limit_efforts
+from skyarm.control.blocks.common import joint_pd
+from skyarm.control.controller import Controller, ControllerError
+from skyarm.control.law_maker import default_gains, default_joint_gains, fitting_mixer
+from skyarm.control.model import JointGains, Model, Parameters
+from skyarm.dynamics.actuators import Command
+from skyarm.records.files import shown
+from skyarm.records.units import Unit
+from skyarm.reference import Reference
+from skyarm.sensing.measurement import Measurement
+from skyarm.sensing.channel import Channel
+from skyarm.sensing.sensor import Sensor
+from skyarm.sensing.sensor_kinds import Imu
+from skyarm.vehicle.vehicle_records import Vehicle
+
+if TYPE_CHECKING:
+    from skyarm.links.transcript import Tape
+    from skyarm.scenario.scenario_record import Scenario
+    from skyarm.simulate.session import Session
+
+Numbers = Sequence[float]
+
+
+FLIGHT_IMU = Imu(gyro=Channel(density=2e-4, walk=1e-5), accelerometer=Channel(density=3e-3, walk=1e-4))
+"""Inertial unit of a flight controller: InvenSense MPU-9250 data sheet (0.01 deg/s and 300 micro-g per root Hz)."""
+
+
+class LinkError(Exception):
+    """The program on the other side of a socket is silent, gone, or sent what its protocol does not allow."""
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """Set point of the base: position (m), velocity (m/s), acceleration (m/s^2) in world axes, yaw (rad)."""
+
+    position: Numbers
+    velocity: Numbers
+    acceleration: Numbers
+    yaw: float
+
+
+@dataclass(frozen=True, slots=True)
+class Instant:
+    """Sensor readings and true state at an instant, for a link.
+
+    Attributes:
+        time: since the link was made, s.
+        readings: of each sensor, by name: its numbers, of which the first is the time of the reading.
+        state: numbers of the true state, in the order of :class:`skyarm.dynamics.State`: only for a program that
+            makes its own sensor readings from the state, as ArduPilot does.
+    """
+
+    time: float
+    readings: Mapping[str, Numbers]
+    state: Numbers
+
+
+class Link(ABC):
+    """Connection to a running autopilot, from its start to its end."""
+
+    following: bool = False
+    """True once the vehicle is in the air and follows the set points."""
+
+    @abstractmethod
+    def exchange(self, now: Instant, goal: Goal) -> Numbers:
+        """Send the readings of an instant and the set point; return the rotors' signals, 0 to 1, that answer them.
+
+        Raises:
+            LinkError: silence, a connection that ended, what the protocol does not allow.
+        """
+
+    @abstractmethod
+    def close(self) -> None:
+        """End the program and free its ports; a second call does nothing."""
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """Counts and version of the exchange so far, for the log."""
+        return {}
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Autopilot(ABC):
+    """Base of autopilots: where its program is, its parameters, and how it takes off.
+
+    Attributes:
+        program: path of the program; empty for that of the environment variable ``variable``.
+        parameters: names and values in place of those that follow from the vehicle.
+        climb: height of the flight's start above the stand from which the vehicle takes off.
+        patience: longest silence of the program.
+        preparation: longest time from power-on to hover at the flight's start, simulated.
+        transcript: file that the exchanged bytes are written to; empty for none.
+        replayed: file of an earlier transcript that answers in the program's place; empty for the program.
+    """
+
+    program: str = ""
+    parameters: tuple[tuple[str, float], ...] = ()
+    climb: Annotated[float, Unit("m", "above the launch stand", low=0.2, high=100.0)] = 0.5
+    patience: Annotated[float, Unit("s", "of silence, by the wall clock", low=0.1, high=600.0)] = 20.0
+    preparation: Annotated[float, Unit("s", "from power-on to hover, simulated", low=1.0, high=1000.0)] = 120.0
+    transcript: str = ""
+    replayed: str = ""
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    variable: ClassVar[str]
+    least_rate: ClassVar[int]
+    """Hz, of sensor messages."""
+
+    @abstractmethod
+    def sensors(self, vehicle: Vehicle) -> Mapping[str, Sensor]:
+        """Sensors that the autopilot reads, by name: those that a scenario does not have are added."""
+
+    def session(self, scenario: Scenario, paths: Sequence[str] = (), **options: Any) -> Session:
+        """Start the program, take off, and return the flight as a session at the scenario's start.
+
+        Arguments and errors are those of :class:`skyarm.links.autopilots.flight.PilotedSession`.
+        """
+        from skyarm.links.autopilots.flight import PilotedSession
+
+        return PilotedSession(scenario, paths, **options)
+
+    @abstractmethod
+    def connect(self, scenario: Scenario, tape: Tape) -> Link:
+        """Start the program and connect to it.
+
+        Args:
+            scenario: that is flown, with the sensors and the control rate of the link.
+            tape: records what is exchanged, or plays it back in the program's place.
+
+        Raises:
+            ScenarioError: no program, or a vehicle that the autopilot cannot fly.
+            LinkError: a program that does not start.
+        """
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class AutopilotParameters(Parameters):
+    """Constants of the joint law beside an autopilot, and the autopilot's record."""
+
+    autopilot: Autopilot
+
+
+def move_arm(
+    memory: Any, measurement: Measurement, reference: Reference, dt: Scalar, *, par: AutopilotParameters
+) -> tuple[Any, Command]:
+    """Computed torque of the joints on a base that another controller flies; the rotors' speeds are zero.
+
+    tau = inverse dynamics of the arm for the joint accelerations of PD and feed-forward, on a base with the measured
+    angular rate and specific force. The base's angular acceleration is taken as zero.
+
+    Source: Siciliano, Sciavicco, Villani, Oriolo 2009, Robotics, section 8.5.2, on a base that moves.
+    """
+    del dt
+    vehicle = par.model.vehicle
+    feedback = joint_pd(par.joint_gains, measurement, reference)
+    desired = tuple(add(a, b) for a, b in zip(feedback, reference.joint_accelerations, strict=True))
+    base = Motion(ZERO3, measurement.specific_force)
+    torques = dynamics.inverse_dynamics(
+        vehicle, measurement.joints, measurement.rate, measurement.joint_rates, base, desired
+    )[1]
+    return memory, Command(rotor_speeds=(0.0,) * len(vehicle.rotors), efforts=limit_efforts(par, torques))
+
+
+def controller_with(autopilot: Autopilot, model: Model, joint_gains: JointGains | None) -> Controller:
+    """Controller of a vehicle whose base an autopilot flies and whose joints follow their references.
+
+    Raises:
+        ControllerError: tilting rotors, or rotors without a highest speed.
+    """
+    if model.vehicle.tilts:
+        raise ControllerError(f"autopilot = {autopilot.name!r}: must fly a vehicle whose rotors do not tilt")
+    endless = [rotor.name for rotor in model.vehicle.rotors if not float(rotor.max_speed) < float("inf")]
+    if endless:
+        raise ControllerError(
+            f"autopilot = {autopilot.name!r}: rotor {endless[0]!r} must have a max_speed, which a full signal stands for"
+        )
+    gains = joint_gains if joint_gains is not None else default_joint_gains(model)
+    par = AutopilotParameters(
+        model=model, gains=default_gains(model), joint_gains=gains, mixer=fitting_mixer(model, "clip"),
+        autopilot=autopilot,
+    )  # fmt: skip
+    return Controller(name=autopilot.name, law=move_arm, par=par)
+
+
+def plain_parameters(value: object) -> tuple[tuple[str, float], ...]:
+    """Parameters of an autopilot from a table of names and numbers.
+
+    Raises:
+        ControllerError: a name that is no parameter's, or a value that is no number.
+    """
+    if value is None:
+        return ()
+    if not isinstance(value, Mapping):
+        raise ControllerError(f"controller.parameters = {shown(value)}: must be a table of names and numbers")
+    for name, number in value.items():
+        if not (isinstance(name, str) and name.isascii() and name.replace("_", "").isalnum() and len(name) <= 16):
+            raise ControllerError(f"controller.parameters: {shown(name)} must be a parameter's name, 16 letters at most")
+        if isinstance(number, bool) or not isinstance(number, (int, float)) or not abs(number) < float("inf"):
+            raise ControllerError(f"controller.parameters.{name} = {shown(number)}: must be a finite number")
+    return tuple((name, number) for name, number in value.items())

@@ -1,0 +1,284 @@
+"""Flight under an autopilot: take-off from a stand, hand-over at the scenario's start, then period by period."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import math
+import time
+import weakref
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from skyarm.algebra import Vec3
+from skyarm.control.controller import autopilot_of
+from skyarm.dynamics import State
+from skyarm.dynamics.actuators import Command
+from skyarm.links.autopilots.autopilot import Autopilot, Goal, Instant, Link, LinkError
+from skyarm.links.transcript import Tape, TranscriptError
+from skyarm.log.flight_log import Log
+from skyarm.log.metrics.windows import Windows
+from skyarm.reference import Reference, hover
+from skyarm.scenario.scenario_record import Environment, NamedSensor, Rates, Scenario, ScenarioError, first_state
+from skyarm.simulate.check_endings import Ended
+from skyarm.simulate.session import Session, Snapshot
+from skyarm.world.launch_stand import LaunchStand
+
+ENDED = "autopilot"
+"""Status of a flight that ended because its autopilot did not fly on."""
+
+NEAR = 0.15
+"""m from the start at which the flight is handed over, after ``STEADY``; less than an autopilot's own noise in hover
+would make the hand-over a matter of luck."""
+
+SLOW = 0.15
+"""m/s at hand-over."""
+
+STEADY = 2.0
+"""s that the vehicle is near and slow before the flight begins."""
+
+
+def planned_scenario(scenario: Scenario) -> Scenario:
+    """Scenario with the control rate and the sensors that its autopilot needs.
+
+    The control rate is that of the sensor messages: the least that is fast enough, a divisor of the physics' rate and a
+    multiple of the reference's and of the sensors' rates. A scenario that has all that is returned unchanged.
+
+    Raises:
+        ScenarioError: no such rate.
+    """
+    autopilot: Autopilot = autopilot_of(scenario.controller)
+    there = {each.name for each in scenario.sensors}
+    needed = autopilot.sensors(scenario.plant.vehicle)
+    added = tuple(NamedSensor(name=name, sensor=each) for name, each in needed.items() if name not in there)
+    for each in scenario.sensors:
+        if each.name in needed and type(each.sensor) is not type(needed[each.name]):
+            wanted = type(needed[each.name]).__name__
+            raise ScenarioError(f"sensors.{each.name}: must be a {wanted} for {autopilot.title}")
+    rates, sensors = scenario.rates, (*scenario.sensors, *added)
+    slow = [rates.reference, *(round(each.sensor.frequency) for each in sensors if each.sensor.frequency)]
+    common = math.lcm(*slow)
+    least = max(autopilot.least_rate, rates.control if not rates.control % common else 0)
+    control = common * math.ceil(least / common)
+    physics = control * max(1, math.ceil(rates.physics / control))
+    planned = Rates(physics=physics, control=control, reference=rates.reference)
+    if not added and planned == rates:
+        return scenario
+    return scenario.with_words(rates=planned, sensors=sensors)
+
+
+def take_off_scenario(scenario: Scenario) -> Scenario:
+    """Scenario of the flight's preparation: calm air, a launch stand below the start, and the start to hover at."""
+    autopilot: Autopilot = autopilot_of(scenario.controller)
+    start, vehicle = first_state(scenario), scenario.plant.vehicle
+    yaw = 2.0 * math.atan2(float(start.quaternion.z), float(start.quaternion.w))
+    x, y, z = (float(c) for c in start.position)
+    half = 0.5 * yaw
+    inertia = vehicle.base.inertia
+    resting = dataclasses.replace(
+        start,
+        position=Vec3(x, y, z - autopilot.climb),
+        quaternion=type(start.quaternion)(math.cos(half), 0.0, 0.0, math.sin(half)),
+        velocity=Vec3(0.0, 0.0, 0.0),
+        rate=Vec3(0.0, 0.0, 0.0),
+        joint_rates=(0.0,) * vehicle.n,
+        rotor_speeds=(0.0,) * len(vehicle.rotors),
+    )
+    stand = LaunchStand(
+        place=Vec3(x, y, z - autopilot.climb),
+        yaw=yaw,
+        mass=float(vehicle.mass),
+        inertia=float(min(inertia.xx, inertia.yy, inertia.zz)),
+        gravity=float(scenario.plant.gravity),
+    )
+    return scenario.with_words(
+        duration=autopilot.preparation,
+        reference=hover((x, y, z), yaw=yaw, joints=tuple(float(q) for q in start.joints)),
+        environment=Environment(forces=(stand,), ground=False),
+        initial=resting,
+        tracking_start=0,
+        path_time=None,
+        faults=(),
+        payloads=(),
+        endings=(),
+        changes=(),
+        windows=Windows(),
+    )
+
+
+def goal_of(reference: Reference) -> Goal:
+    """Set point of the base by a reference."""
+    return Goal(
+        position=tuple(float(c) for c in reference.position),
+        velocity=tuple(float(c) for c in reference.velocity),
+        acceleration=tuple(float(c) for c in reference.acceleration),
+        yaw=float(reference.yaw),
+    )
+
+
+class PilotedSession(Session):
+    """Session whose base an autopilot flies: a program of its own that reads the sensors and commands the rotors.
+
+    Making one starts the program, lets the vehicle take off from a stand and hands it over at the scenario's start:
+    time 0 is the hand-over, and the flight begins with the state that the vehicle has then. An autopilot that does not
+    get that far leaves its take-off as the session's flight, ended with the cause.
+
+    In each control period the readings go to the autopilot, whose answer the rotors get in the next period; the arm
+    follows its reference by a joint law (:func:`skyarm.links.autopilots.autopilot.move_arm`).
+
+    Args:
+        scenario: whose controller is one of an autopilot.
+        paths: as of :class:`skyarm.Session`.
+        machine_code: as of :class:`skyarm.Session`.
+        progress: called with simulated seconds of the take-off and the longest it may last.
+
+    Raises:
+        ScenarioError: a vehicle that the autopilot cannot fly, or no program.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        paths: Sequence[str] = (),
+        *,
+        machine_code: bool = True,
+        progress: Callable[[float, float], None] | None = None,
+    ) -> None:
+        planned = planned_scenario(scenario)
+        self._autopilot: Autopilot = autopilot_of(planned.controller)
+        self._tape = Tape(self._autopilot.transcript, self._autopilot.replayed)
+        self._seconds, self._begun, self._prepared = 0.0, time.perf_counter(), 0.0
+        self._link: Link | None = None
+        super().__init__(take_off_scenario(planned), machine_code=machine_code)
+        self._begin_flight()
+        try:
+            self._connect(planned)
+            if self._take_off(progress):
+                state = self.state
+                super().__init__(planned.with_words(initial=state), paths, machine_code=machine_code)
+                self._begin_flight()
+        except BaseException:
+            self.close()
+            raise
+
+    def _connect(self, planned: Scenario) -> None:
+        """Start the program; a program that does not start ends the flight before its first period."""
+        try:
+            self._link = self._autopilot.connect(planned, self._tape)
+        except LinkError as error:
+            self._end(str(error))
+            return
+        self._closer = weakref.finalize(self, _close, self._link, self._tape)
+
+    def _begin_flight(self) -> None:
+        """Look up where the log has the readings, and hold the first set point."""
+        engine = self._engine
+        self._columns, self._source = engine.reading_columns, engine
+        self._most = tuple(float(rotor.max_speed) for rotor in self.scenario.plant.vehicle.rotors)
+        self._every = self.scenario.rates.control // self.scenario.rates.reference
+        self._period = 1.0 / self.scenario.rates.control
+        self._signals: Sequence[float] = (0.0,) * len(self._most) if self._link is None else self._signals
+        self._goal = goal_of(self.reference)
+
+    def _take_off(self, progress: Callable[[float, float], None] | None) -> bool:
+        """Fly from the stand to the start; False if the flight has ended before."""
+        x, y, z = self._goal.position
+        steady, rate = 0, self.scenario.rates.control
+        while self.step():
+            if progress is not None and self.tick % rate == 0:
+                progress(self.time, self._autopilot.preparation)
+            state = self._engine.row(self.tick - 1)[1:11]
+            near = math.dist(state[:3], (x, y, z)) < NEAR and math.hypot(*state[7:10]) < SLOW
+            steady = steady + 1 if near and self._link is not None and self._link.following else 0
+            if steady >= STEADY * rate:
+                self._prepared = self.time
+                return True
+        if self.ended is None:
+            self._end(f"{self._autopilot.title} does not hover at the start after {self.time:g} s{self._words()}")
+        return False
+
+    def _words(self) -> str:
+        """Reason that the autopilot last gave, in words; empty if none."""
+        said = "" if self._link is None else str(self._link.facts.get("said", ""))
+        return f": {said}" if said else ""
+
+    def _end(self, cause: str) -> None:
+        """End the flight with a cause; the log so far is kept."""
+        self._engine.ended = Ended(ENDED, " ".join(cause.split()), self.time)
+        self.close()
+
+    def step(self, command: Command | None = None, *, rotors: Sequence[float] | None = None) -> bool:
+        """Simulate one control period and exchange its readings for the rotor signals of the next.
+
+        Raises:
+            ScenarioError: a command: the autopilot commands.
+        """
+        if command is not None or rotors is not None:
+            raise ScenarioError(f"command: must be left out, {self._autopilot.title} commands the rotors")
+        if not self.running or self._link is None:
+            return False
+        speeds = [signal * most for signal, most in zip(self._signals, self._most, strict=True)]
+        going = super().step(rotors=speeds)
+        engine = self._engine
+        if engine is not self._source:
+            self._columns, self._source = engine.reading_columns, engine
+        tick = self.tick
+        if going and tick % self._every == 0:
+            self._goal = goal_of(self.reference)
+        row = engine.row(tick - 1)
+        self._seconds = self._prepared + (tick - 1) * self._period
+        self._tape.time = self._seconds
+        readings = {name: row[where].tolist() for name, where in self._columns.items()}
+        for reading in readings.values():
+            reading[0] += self._prepared  # the clock of the link goes on at hand-over
+        try:
+            self._signals = self._link.exchange(Instant(self._seconds, readings, row[1:14].tolist()), self._goal)
+            if len(self._signals) != len(self._most) or not all(0.0 <= each <= 1.0 for each in self._signals):
+                raise LinkError(f"{self._autopilot.title} sent rotor signals that are not {len(self._most)} from 0 to 1")
+        except (LinkError, TranscriptError) as error:
+            self._end(str(error))
+            return False
+        if not going:
+            self.close()
+        return going
+
+    def fly(self, stop: int) -> bool:
+        """Simulate several control periods, at most up to period ``stop``, for about a tenth of a second."""
+        until, going = time.perf_counter() + 0.1, self.running
+        while going and self.tick < stop:
+            going = self.step()
+            if time.perf_counter() > until:
+                break
+        return going
+
+    @property
+    def log(self) -> Log:
+        """Log of the flight so far, with what the autopilot said of itself."""
+        found = super().log
+        facts = {} if self._link is None else self._link.facts
+        said = {"name": self._autopilot.name, "prepared_s": self._prepared, **facts}
+        return dataclasses.replace(found, info={**found.info, "autopilot": said})
+
+    def snapshot(self) -> Snapshot:
+        """Refuse to copy the state: the autopilot's cannot be."""
+        raise ScenarioError(f"snapshot: must not be taken while {self._autopilot.title} flies: it cannot go back")
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Refuse to go back in time: the autopilot cannot."""
+        raise ScenarioError(f"snapshot: must not be restored while {self._autopilot.title} flies: it cannot go back")
+
+    def close(self) -> None:
+        """End the autopilot's program; a second call does nothing."""
+        if self._link is None:
+            self._tape.close()
+        else:
+            self._closer()
+
+
+def _close(link: Link, tape: Tape) -> None:
+    with contextlib.suppress(OSError):
+        link.close()
+    tape.close()
+

@@ -1,0 +1,65 @@
+"""Launch stand: holds the vehicle level at a place until its rotors carry it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra.scalars import Scalar, cos, maximum, minimum, sin, where
+from skyarm.dynamics.point_motion import PointMotion
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.units import Unit
+from skyarm.world.component import Force, Wrench
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LaunchStand(Force):
+    """Stand under the base origin: a spring that pushes up only, and holds place and attitude while it is loaded.
+
+    The upward force is N = m max(0, w^2 (z_0 - z) - 2 w v_z) below its top z_0, where the spring is critically damped
+    with the vehicle on it. Sideways, and about each axis, spring and damper of the same frequency act, scaled by the
+    share of the weight that the stand carries, N / (m g), at most 1: a vehicle that lifts is free.
+
+    Attributes:
+        place: of the base origin where the stand begins to push; it rests g / w^2 below.
+        yaw: at which it holds the base.
+        mass: of the vehicle. inertia: of its base, about any axis: the least of the three keeps the stand soft.
+        frequency: w.
+    """
+
+    place: Annotated[Vec3, Unit("m", "world axes")]
+    yaw: Annotated[Scalar, Unit("rad")] = 0.0
+    mass: Annotated[Scalar, Unit("kg", "of the vehicle", low=0.0, strict=True)]
+    inertia: Annotated[Scalar, Unit("kg m^2", "of its base", low=0.0, strict=True)]
+    frequency: Annotated[Scalar, Unit("rad/s", "of the vehicle on its spring", low=0.0, strict=True)] = 40.0
+    gravity: Annotated[Scalar, Unit("m/s^2", low=0.0, strict=True)] = 9.81
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "launch_stand")
+
+    @property
+    def largest_step(self) -> float | None:  # type: ignore[override]
+        """Longest integration step, s: half a radian of the spring's own motion."""
+        return 0.5 / float(self.frequency)
+
+    def wrenches(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Sequence[Wrench]:
+        """Push of the stand on the base at its origin, and its torque."""
+        state, w = motion.state, self.frequency
+        gap, v = state.position - self.place, state.velocity
+        below = gap.z < 0.0
+        up = where(below, maximum(0.0, -w * w * gap.z - 2.0 * w * v.z), 0.0)
+        share = minimum(up / self.gravity, 1.0)
+        hold = share * self.mass
+        force = Vec3(
+            -hold * (w * w * gap.x + 2.0 * w * v.x), -hold * (w * w * gap.y + 2.0 * w * v.y), self.mass * up
+        )
+        # rotation from the held attitude to the base's, base axes: twice the vector part of a small quaternion
+        back = Quaternion(cos(0.5 * self.yaw), 0.0, 0.0, -sin(0.5 * self.yaw))
+        q = back * state.quaternion
+        sign = where(q[0] < 0.0, -2.0, 2.0)
+        turn = Vec3(*(sign * q[i] for i in (1, 2, 3)))
+        grip = share * self.inertia
+        torque = motion.to_world((turn * (w * w) + state.rate * (2.0 * w)) * (-1.0 * grip))
+        return (Wrench(force_W=force, torque_W=torque),)
