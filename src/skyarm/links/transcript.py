@@ -93,9 +93,13 @@ def _rows_of(path: Path) -> Iterator[list[Any]]:
             for line in file:
                 row = json.loads(line)
                 if not (isinstance(row, list) and len(row) == 4 and all(isinstance(each, str) for each in row[1:])):
-                    raise TranscriptError(f"transcript = {shown(str(path))}: must have rows of time, direction, channel, bytes")
+                    raise TranscriptError(
+                        f"transcript = {shown(str(path))}: must have rows of time, direction, channel, bytes"
+                    )
                 yield row
     except (OSError, EOFError, ValueError) as error:
         if isinstance(error, TranscriptError):
             raise
-        raise TranscriptError(f"transcript = {shown(str(path))}: must be a transcript that was recorded ({error})") from None
+        raise TranscriptError(
+            f"transcript = {shown(str(path))}: must be a transcript that was recorded ({error})"
+        ) from None

@@ -52,9 +52,7 @@ class LaunchStand(Force):
         up = where(below, maximum(0.0, -w * w * gap.z - 2.0 * w * v.z), 0.0)
         share = minimum(up / self.gravity, 1.0)
         hold = share * self.mass
-        force = Vec3(
-            -hold * (w * w * gap.x + 2.0 * w * v.x), -hold * (w * w * gap.y + 2.0 * w * v.y), self.mass * up
-        )
+        force = Vec3(-hold * (w * w * gap.x + 2.0 * w * v.x), -hold * (w * w * gap.y + 2.0 * w * v.y), self.mass * up)
         # rotation from the held attitude to the base's, base axes: twice the vector part of a small quaternion
         back = Quaternion(cos(0.5 * self.yaw), 0.0, 0.0, -sin(0.5 * self.yaw))
         q = back * state.quaternion

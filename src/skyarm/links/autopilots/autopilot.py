@@ -1,4 +1,4 @@
-"""Interface of autopilots: record of a program that flies the base, its link in flight, and the law of the arm beside it."""
+"""Interface of autopilots: record of a program that flies the base, its link in flight, and the joint law beside it."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from skyarm.dynamics.actuators import Command
 from skyarm.records.files import shown
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
-from skyarm.sensing.measurement import Measurement
 from skyarm.sensing.channel import Channel
+from skyarm.sensing.measurement import Measurement
 from skyarm.sensing.sensor import Sensor
 from skyarm.sensing.sensor_kinds import Imu
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -185,7 +185,7 @@ def controller_with(autopilot: Autopilot, model: Model, joint_gains: JointGains 
     endless = [rotor.name for rotor in model.vehicle.rotors if not float(rotor.max_speed) < float("inf")]
     if endless:
         raise ControllerError(
-            f"autopilot = {autopilot.name!r}: rotor {endless[0]!r} must have a max_speed, which a full signal stands for"
+            f"autopilot = {autopilot.name!r}: rotor {endless[0]!r} must have a max_speed, that of a full signal"
         )
     gains = joint_gains if joint_gains is not None else default_joint_gains(model)
     par = AutopilotParameters(
@@ -207,7 +207,7 @@ def plain_parameters(value: object) -> tuple[tuple[str, float], ...]:
         raise ControllerError(f"controller.parameters = {shown(value)}: must be a table of names and numbers")
     for name, number in value.items():
         if not (isinstance(name, str) and name.isascii() and name.replace("_", "").isalnum() and len(name) <= 16):
-            raise ControllerError(f"controller.parameters: {shown(name)} must be a parameter's name, 16 letters at most")
+            raise ControllerError(f"controller.parameters: {shown(name)} must be a name of at most 16 letters")
         if isinstance(number, bool) or not isinstance(number, (int, float)) or not abs(number) < float("inf"):
             raise ControllerError(f"controller.parameters.{name} = {shown(number)}: must be a finite number")
     return tuple((name, number) for name, number in value.items())

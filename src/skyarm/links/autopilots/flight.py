@@ -7,14 +7,10 @@ import dataclasses
 import math
 import time
 import weakref
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
-
-import numpy as np
+from collections.abc import Callable, Sequence
 
 from skyarm.algebra import Vec3
 from skyarm.control.controller import autopilot_of
-from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.links.autopilots.autopilot import Autopilot, Goal, Instant, Link, LinkError
 from skyarm.links.transcript import Tape, TranscriptError
@@ -236,7 +232,7 @@ class PilotedSession(Session):
         try:
             self._signals = self._link.exchange(Instant(self._seconds, readings, row[1:14].tolist()), self._goal)
             if len(self._signals) != len(self._most) or not all(0.0 <= each <= 1.0 for each in self._signals):
-                raise LinkError(f"{self._autopilot.title} sent rotor signals that are not {len(self._most)} from 0 to 1")
+                raise LinkError(f"{self._autopilot.title} sent rotor signals: must be {len(self._most)} from 0 to 1")
         except (LinkError, TranscriptError) as error:
             self._end(str(error))
             return False
@@ -281,4 +277,3 @@ def _close(link: Link, tape: Tape) -> None:
     with contextlib.suppress(OSError):
         link.close()
     tape.close()
-

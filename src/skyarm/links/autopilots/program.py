@@ -61,7 +61,7 @@ class Child:
             with self._output.open("wb") as output:
                 self._process = subprocess.Popen(
                     command, cwd=folder, env={**os.environ, **(environment or {})}, stdin=subprocess.DEVNULL,
-                    stdout=output, stderr=subprocess.STDOUT, start_new_session=True, preexec_fn=_end_with_parent,
+                    stdout=output, stderr=subprocess.STDOUT, start_new_session=True, preexec_fn=_end_with_parent,  # noqa: PLW1509
                 )  # fmt: skip
         except OSError as error:
             shutil.rmtree(folder, ignore_errors=True)

@@ -12,7 +12,7 @@ import contextlib
 import math
 import socket
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -154,7 +154,9 @@ def rate_gains(vehicle: Vehicle) -> dict[str, float]:
     J = vehicle.base.inertia
     found = {}
     names = ("ROLL", "PITCH", "YAW")
-    rows = zip(names, (J.xx, J.yy, J.zz), torque_of_signal(vehicle), (fast, fast, min(YAW_BANDWIDTH, fast)), strict=True)
+    rows = zip(
+        names, (J.xx, J.yy, J.zz), torque_of_signal(vehicle), (fast, fast, min(YAW_BANDWIDTH, fast)), strict=True
+    )
     for name, inertia, torque, bandwidth in rows:
         gain = bandwidth * float(inertia) / torque
         integral, slope = (1.33, 0.02) if name != "YAW" else (0.5, 0.0)
@@ -281,7 +283,9 @@ class PX4Link(Link):
         program = find_program(record, "px4")
         etc = next((place for place in (program.parent / "etc", program.parent.parent / "etc") if place.is_dir()), None)
         if etc is None:
-            raise ScenarioError(f"controller.program = {str(program)!r}: must have PX4's folder 'etc' beside it or its folder")
+            raise ScenarioError(
+                f"controller.program = {str(program)!r}: must have PX4's folder 'etc' beside it or its folder"
+            )
         listener, self._udp, instance = open_ports(record.instance)
         self._partner = ("127.0.0.1", 14580 + instance)
         try:
