@@ -31,7 +31,7 @@ class Tape:
 
     def __init__(self, file: str = "", played: str = "") -> None:
         self.time = 0.0
-        self._file = gzip.open(file, "wt", encoding="ascii", compresslevel=6) if file else None
+        self._file = gzip.open(file, "wt", 6, "ascii") if file else None  # noqa: SIM115, stays open
         self._rows = _rows_of(Path(played)) if played else None
         self.plays = bool(played)
 
@@ -45,7 +45,7 @@ class Tape:
             expected = self._next(SENT, channel)
             if expected != data:
                 raise TranscriptError(
-                    f"transcript: at {self.time:g} s: sent {len(data)} bytes that differ from the {len(expected)} recorded"
+                    f"transcript: at {self.time:g} s: sent {len(data)} bytes differ from the {len(expected)} recorded"
                 )
             return
         send(data)
@@ -93,13 +93,9 @@ def _rows_of(path: Path) -> Iterator[list[Any]]:
             for line in file:
                 row = json.loads(line)
                 if not (isinstance(row, list) and len(row) == 4 and all(isinstance(each, str) for each in row[1:])):
-                    raise TranscriptError(
-                        f"transcript = {shown(str(path))}: must have rows of time, direction, channel, bytes"
-                    )
+                    raise ValueError("a row must be time, direction, channel, bytes")
                 yield row
     except (OSError, EOFError, ValueError) as error:
-        if isinstance(error, TranscriptError):
-            raise
         raise TranscriptError(
             f"transcript = {shown(str(path))}: must be a transcript that was recorded ({error})"
         ) from None

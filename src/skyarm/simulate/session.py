@@ -365,7 +365,8 @@ def open_session(
 
     Args:
         scenario: what is flown.
-        paths, machine_code: as of :class:`Session`.
+        paths: as of :class:`Session`.
+        machine_code: as of :class:`Session`.
         make: class of the session of a law.
 
     Raises:

@@ -152,7 +152,7 @@ def rate_gains(vehicle: Vehicle) -> dict[str, float]:
     slowest = max(float(rotor.time_constant_up) for rotor in vehicle.rotors)
     fast = min(RATE_BANDWIDTH, 0.33 / max(slowest, 1e-3))
     J = vehicle.base.inertia
-    found = {}
+    found: dict[str, float] = {}
     names = ("ROLL", "PITCH", "YAW")
     rows = zip(
         names, (J.xx, J.yy, J.zz), torque_of_signal(vehicle), (fast, fast, min(YAW_BANDWIDTH, fast)), strict=True
@@ -218,7 +218,7 @@ def sensor_parameters(scenario: Scenario) -> dict[str, float]:
 
 def pressure_altitude(pressure: float) -> float:
     """Altitude above mean sea level of a pressure in the standard atmosphere's troposphere, m (ICAO Doc 7488)."""
-    return 44330.77 * (1.0 - (pressure / 1013.25) ** 0.1902632)
+    return float(44330.77 * (1.0 - (pressure / 1013.25) ** 0.1902632))
 
 
 def open_ports(instance: int) -> tuple[socket.socket, socket.socket, int]:
@@ -283,9 +283,7 @@ class PX4Link(Link):
         program = find_program(record, "px4")
         etc = next((place for place in (program.parent / "etc", program.parent.parent / "etc") if place.is_dir()), None)
         if etc is None:
-            raise ScenarioError(
-                f"controller.program = {str(program)!r}: must have PX4's folder 'etc' beside it or its folder"
-            )
+            raise ScenarioError(f"controller.program = {str(program)!r}: must have PX4's folder 'etc' beside it")
         listener, self._udp, instance = open_ports(record.instance)
         self._partner = ("127.0.0.1", 14580 + instance)
         try:
