@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -18,7 +18,13 @@ MOST_WORKERS = 10_000
 MODELS = (".urdf", ".xacro")
 """Suffixes of files that only describe a vehicle."""
 
-SUFFIXES = {"vehicle": (".toml", ".urdf"), "scenario": (".toml", ".npz"), "study": (".toml",), "controller": (".py",)}
+SUFFIXES: Mapping[str, tuple[str, ...]] = {
+    "vehicle": (".toml", ".urdf"),
+    "scenario": (".toml", ".npz"),
+    "study": (".toml",),
+    "controller": (".py",),
+    "autopilot": (),
+}
 """Kind -> suffixes of files of the present folder that may be meant."""
 
 
@@ -36,9 +42,9 @@ def shipped_names(kind: str) -> Iterable[str]:
         from skyarm.studies.sweep.study_file import list_studies
 
         return list_studies()
-    from skyarm.control.catalogue import LAWS, PRESETS
+    from skyarm.control.catalogue import AUTOPILOTS, LAWS, PRESETS
 
-    return (*PRESETS, *LAWS)
+    return (*AUTOPILOTS,) if kind == "autopilot" else (*PRESETS, *LAWS, *AUTOPILOTS)
 
 
 def name_completion(*kinds: str) -> Callable[[str], list[str]]:

@@ -18,6 +18,7 @@ from rich.console import RenderableType
 from skyarm.cli.arguments import name_completion, require_left_out, require_not_another
 from skyarm.cli.lines import NOT_COMPLETED, say_suspicious
 from skyarm.cli.output import bar, give, heading, shown_number, table_of, tell
+from skyarm.control.catalogue import AUTOPILOTS
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.log.flown_scenario import restored_part
 from skyarm.log.formats import require_format, save_log
@@ -26,7 +27,15 @@ from skyarm.log.metrics.path_distance import path_distance
 from skyarm.log.metrics.windows import Windows, windows_of
 from skyarm.log.periods import ContactPeriod, timed_out
 from skyarm.log.sensor_data import COMPONENTS
-from skyarm.records.files import output_file, printable, require_replaceable, require_writable, shown, taken_back
+from skyarm.records.files import (
+    must_be_one_of,
+    output_file,
+    printable,
+    require_replaceable,
+    require_writable,
+    shown,
+    taken_back,
+)
 from skyarm.records.files.names import picture_file
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate import Log
@@ -53,6 +62,12 @@ def run(
             autocompletion=name_completion("controller"),
         ),
     ] = None,
+    autopilot: Annotated[
+        str | None,
+        typer.Option(
+            help="program that flies the base in the law's place: px4, ...", autocompletion=name_completion("autopilot")
+        ),
+    ] = None,
     seed: Annotated[int | None, typer.Option(help="seed of the noise, in place of the file's")] = None,
     duration: Annotated[float | None, typer.Option(help="seconds, in place of the file's")] = None,
     force: Annotated[bool, typer.Option("--force", help="replace the log of an earlier flight")] = False,
@@ -72,6 +87,8 @@ def run(
     if logs:
         require_left_out(context, ["--out"], " beside --log, whose files say where")
     require_not_another(scenario, "scenario")
+    if autopilot is not None:
+        controller = _autopilot_name(autopilot, controller)
     planned = load_scenario(scenario, plant=plant, controller=controller, seed=seed, duration=duration)
     folder = Path(out)
     files = log_files(logs) if logs else [folder / f"{planned.name}{suffix}" for suffix in (".npz", ".csv")]
@@ -98,6 +115,19 @@ def run(
         tell(f"the flight before it is kept: {', '.join(map(str, kept))}")
     if log.status != "completed":
         raise typer.Exit(NOT_COMPLETED)
+
+
+def _autopilot_name(name: str, controller: str | None) -> str:
+    """Check the autopilot that ``--autopilot`` names.
+
+    Raises:
+        ValueError: no autopilot's name, or a controller beside it.
+    """
+    if controller is not None:
+        raise ValueError(f"--controller = {shown(controller)}: must be left out beside --autopilot")
+    if name not in AUTOPILOTS:
+        raise ValueError(f"--autopilot = {shown(name)}: {must_be_one_of(AUTOPILOTS, name)}")
+    return name
 
 
 def log_files(names: Sequence[str]) -> list[Path]:
@@ -162,6 +192,8 @@ def facts(log: Log) -> dict[str, Any]:
     info = log.info
     named = ("scenario", "controller", "plant", "integrator", "seed", "duration", "end_time", "status", "cause")
     found = {name: info[name] for name in named} | {"vehicle": info["plant_vehicle"]}
+    if "autopilot" in info:
+        found["autopilot"] = info["autopilot"]
     if not log.time.size:
         return found
     steady = Windows().of_flight(float(info["duration"]), windows_of(log)).steady
@@ -267,6 +299,10 @@ def summary(log: Log, found: dict[str, Any]) -> list[RenderableType]:
 def sentences(found: dict[str, Any]) -> list[str]:
     """List sentences on estimated lags, contacts, mechanisms, grasps and phases of a flight."""
     lines = []
+    if "autopilot" in found:
+        said = found["autopilot"]
+        counts = f"; {said['answered']} of {said['steps']} messages answered" if "answered" in said else ""
+        lines.append(f"autopilot {said['name']}: hovered {said['prepared_s']:.3g} s after power-on{counts}")
     if "lag_found_s" in found:
         rotors, joints = 1e3 * found["lag_found_s"]
         lines.append(f"lag found at the end, beyond the law's nominal: rotors {rotors:.1f} ms, joints {joints:.1f} ms")

@@ -20,7 +20,7 @@ from skyarm.cli.output import (
     table_of,
     tell,
 )
-from skyarm.control.catalogue import LAWS, PRESETS, tuned_factors
+from skyarm.control.catalogue import AUTOPILOTS, LAWS, PRESETS, tuned_factors
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.dynamics.actuators.hover import highest_thrust, hover_trim
 from skyarm.dynamics.array_front import center_of_mass
@@ -108,6 +108,9 @@ def contents() -> dict[str, Any]:
             {"name": name, "title": each.title, "options": list(each.options()), "tuned": name in tuned_factors()}
             for name, each in LAWS.items()
         ],
+        "autopilots": [
+            {"name": name, "title": each.title, "options": list(each.options())} for name, each in AUTOPILOTS.items()
+        ],
     }
 
 
@@ -124,6 +127,7 @@ def _show_library() -> None:
         ("study (skyarm sweep NAME)", "studies"),
         ("controller preset", "presets"),
         ("control law (+: LAW_tuned, too)", "laws"),
+        ("autopilot (skyarm run --autopilot NAME)", "autopilots"),
     ):
         named = [(each["name"] + (" +" if each.get("tuned") else ""), each["title"]) for each in found[kind]]
         tell("", table_of((head, "what"), named, left=2))

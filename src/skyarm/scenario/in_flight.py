@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.control.actuator_layer import believed_drives
-from skyarm.control.controller import Controller, ControllerError
+from skyarm.control.controller import Controller, ControllerError, autopilot_of
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.dynamics.actuators.drive import Drive
 from skyarm.dynamics.actuators.servo import Servo
@@ -210,8 +210,9 @@ def stretches(scenario: Scenario) -> tuple[Stretch, ...]:
 
 
 def is_traceable(scenario: Scenario) -> bool:
-    """True if every control law that a flight uses can be traced and compiled to machine code."""
-    return all(stretch.overrides.parts_of(scenario).controller.compiled for stretch in stretches(scenario))
+    """True if a flight is all laws that can be traced and compiled to machine code: no autopilot's program flies it."""
+    flown = [stretch.overrides.parts_of(scenario).controller for stretch in stretches(scenario)]
+    return all(each.compiled and autopilot_of(each) is None for each in flown)
 
 
 def overrides_at(scenario: Scenario, tick: int) -> Overrides:
