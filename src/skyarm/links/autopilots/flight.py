@@ -251,7 +251,7 @@ class PilotedSession(Session):
 
     @property
     def log(self) -> Log:
-        """Log of the flight so far, with what the autopilot said of itself."""
+        """Log of the flight so far, with name and counts of the autopilot's link."""
         found = super().log
         facts = {} if self._link is None else self._link.facts
         said = {"name": self._autopilot.name, "prepared_s": self._prepared, **facts}

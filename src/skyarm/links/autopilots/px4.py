@@ -310,7 +310,7 @@ class PX4Link(Link):
 
     @property
     def facts(self) -> dict[str, Any]:
-        """Sensor messages, those that were answered, and what PX4 last said."""
+        """Counts of sensor messages and answers, and text of the last status message of PX4."""
         return {
             "steps": self._steps,
             "answered": self._answered,
@@ -487,7 +487,7 @@ class PX4Link(Link):
         self._tell("COMMAND_LONG", target_system=1, target_component=1, command=number, **params)
 
     def _hear(self, name: str, message: Any) -> None:
-        """Take note of PX4's mode, arming, place and words."""
+        """Update mode, arming, position and status text from a message of PX4."""
         if name == "HEARTBEAT" and message["autopilot"] == 12:
             self._mode = (message["custom_mode"] >> 16) & 255
             self._armed = bool(message["base_mode"] & 128)
