@@ -233,7 +233,7 @@ def _require_name(fields: Fields, word: str, names: Mapping[str, Any]) -> str:
 
 
 def _of_options(word: str, law: str, fields: Fields, model: Model, known: Mapping[str, Any]) -> Controller:
-    """Build the controller of a law (or autopilot, as the key ``word`` says) with the options of its table."""
+    """Build the controller of a law or an autopilot, named under the key ``word``, with the options of its table."""
     best = fields.flag("tuned", False)
     words = law_words(law)
     for other, value in fields.table.items():
