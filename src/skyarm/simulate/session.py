@@ -140,6 +140,9 @@ class Session:
         slow: reason for flying in Python where machine code was requested; else empty.
     """
 
+    returns = True
+    """Whether :meth:`snapshot` and :meth:`restore` work: a program that flies along cannot go back."""
+
     _commands = True
     """Whether :meth:`step` takes commands; without them the program is shorter."""
 

@@ -7,7 +7,6 @@ from typing import Any
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, absolute, add, clip, divide, exp, logical_and, minimum, mul, where
-from skyarm.control.model import Parameters
 from skyarm.dynamics.actuators import Mixer
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
@@ -37,7 +36,7 @@ def joints_follow(vehicle: Vehicle, efforts: Sequence[Scalar]) -> list[Scalar]:
     return [absolute(e) <= link.joint.effort_limit for e, link in zip(efforts, vehicle.links, strict=True)]
 
 
-def limit_efforts(par: Parameters, efforts: Any) -> tuple[Scalar, ...]:
+def limit_efforts(par: Any, efforts: Any) -> tuple[Scalar, ...]:
     """Joint torques clipped to the model's effort limits."""
     limits = [link.joint.effort_limit for link in par.model.vehicle.links]
     return tuple(clip(effort, -limit, limit) for effort, limit in zip(efforts, limits, strict=True))

@@ -13,9 +13,9 @@ from skyarm.algebra.scalars import Scalar, add
 from skyarm.control.blocks.actuators import limit_efforts
 from skyarm.control.blocks.common import joint_pd
 from skyarm.control.controller import Controller, ControllerError
-from skyarm.control.law_maker import default_gains, default_joint_gains, fitting_mixer
-from skyarm.control.model import JointGains, Model, Parameters
-from skyarm.dynamics.actuators import Command
+from skyarm.control.law_maker import default_joint_gains, fitting_mixer
+from skyarm.control.model import JointGains, Model
+from skyarm.dynamics.actuators import Command, Mixer
 from skyarm.records.files import shown
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
@@ -147,9 +147,12 @@ class Autopilot(ABC):
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class AutopilotParameters(Parameters):
+class AutopilotParameters:
     """Constants of the joint law beside an autopilot, and the autopilot's record."""
 
+    model: Model
+    mixer: Mixer
+    joint_gains: JointGains
     autopilot: Autopilot
 
 
@@ -189,8 +192,7 @@ def controller_with(autopilot: Autopilot, model: Model, joint_gains: JointGains 
         )
     gains = joint_gains if joint_gains is not None else default_joint_gains(model)
     par = AutopilotParameters(
-        model=model, gains=default_gains(model), joint_gains=gains, mixer=fitting_mixer(model, "clip"),
-        autopilot=autopilot,
+        model=model, joint_gains=gains, mixer=fitting_mixer(model, "clip"), autopilot=autopilot
     )  # fmt: skip
     return Controller(name=autopilot.name, law=move_arm, par=par)
 

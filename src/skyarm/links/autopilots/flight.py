@@ -134,6 +134,8 @@ class PilotedSession(Session):
         ScenarioError: a vehicle that the autopilot cannot fly, or no program.
     """
 
+    returns = False
+
     def __init__(
         self,
         scenario: Scenario,

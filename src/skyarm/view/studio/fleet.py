@@ -10,13 +10,15 @@ import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from skyarm.control.catalogue import LAWS, PRESETS, TUNED, tuned_factors
+from skyarm.control.catalogue import AUTOPILOTS, LAWS, PRESETS, TUNED, tuned_factors
+from skyarm.control.controller import autopilot_of
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.log.formats import save_log
 from skyarm.records.files import require_writable, shown
+from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
-from skyarm.simulate.session import Session, Snapshot
+from skyarm.simulate.session import Session, Snapshot, open_session
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.studio.knobs import LONGEST_DELAY, Knob, knobs_of
 from skyarm.view.studio.sights import Sight, goal_of, sight
@@ -136,21 +138,30 @@ class Fleet:
         if place is None and len(self.flights) == MOST:
             raise ScenarioError(f"laws = {MOST + 1}: must be at most {MOST} at once")
         moved = self.flights[place or 0].moved if self.flights else {}
-        for tick, values in moved.items():
+        rate = self.flights[place or 0].rate if self.flights else self.rate
+        for number, values in moved.items():
             shared = {path: value for path, value in values.items() if not path.startswith(OF_LAW)}
+            tick = flight.tick_at(number / rate)
             flight.to(tick)
             if shared and flight.tick == tick and flight.session.running:
                 flight.move(shared)
-        flight.to(self.tick)
+        flight.to(flight.tick_at(self.time))
         if place is None:
             self.flights.append(flight)
         else:
+            self.flights[place].session.close()
             self.flights[place] = flight
 
     def leave(self, place: int) -> None:
         """Remove a flight, unless it is the last one."""
         if len(self.flights) > 1:
+            self.flights[place].session.close()
             del self.flights[place]
+
+    def close(self) -> None:
+        """End what the flights hold beside themselves, such as autopilots' programs."""
+        for flight in self.flights:
+            flight.session.close()
 
     def move(self, values: Mapping[str, float], place: int | None = None) -> None:
         """Change parameters of one flight or of all flights, from the next control period on.
@@ -188,7 +199,7 @@ class Fleet:
         """Go forward or back to a given control period."""
         self.tick = min(max(tick, 0), self.steps - 1)
         for flight in self.flights:
-            flight.to(self.tick)
+            flight.to(flight.tick_at(self.time))
         self.furthest = max(self.furthest, self.tick)
         if self.flights and self.tick == self.steps - 1:
             self.playing = False
@@ -221,14 +232,14 @@ class Fleet:
             file = next(path for end in ends if not (path := folder / f"{name}{end}{LOG}").exists())
             save_log(flight.session.log, file)
             # a vehicle that is lost is lost again in the period after its last one
-            seconds = (flight.tick + (1 if flight.lost else 0)) / self.rate
+            seconds = (flight.tick + (1 if flight.lost else 0)) / flight.rate
             written.append(f"skyarm run {file}" + ("" if self.planned else f" --duration {seconds:g}"))
         return "saved; fly it again: " + ", ".join(written)
 
 
 def law_names() -> list[str]:
     """Names of all controllers, as in a scenario file."""
-    return [*PRESETS, *LAWS, *(f"{law}{TUNED}" for law in tuned_factors())]
+    return [*PRESETS, *LAWS, *(f"{law}{TUNED}" for law in tuned_factors()), *AUTOPILOTS]
 
 
 def open_fleet(source: str, laws: Sequence[str]) -> Fleet:
@@ -264,10 +275,11 @@ class Flight:
         self.title = law or scenario.controller.name
         self.knobs = knobs_of(scenario, push)
         numbers = [f"{push}.gust.{name}" for name in ("peak.x", "peak.y", "peak.z", "start", "duration")]
-        self.session = _session(scenario, [*(knob.path for knob in self.knobs), *numbers])
+        self._paths = [*(knob.path for knob in self.knobs), *numbers]
+        self.session = _session(scenario, self._paths)
         self.moved: dict[int, dict[str, float]] = {}
         self.sights: list[Sight] = []
-        self._every = max(1, round(scenario.rates.control / SAMPLES))
+        self._every = max(1, round(self.rate / SAMPLES))
         self._kept: list[Snapshot] = []
         self._record()
 
@@ -275,6 +287,15 @@ class Flight:
     def tick(self) -> int:
         """Number of simulated control periods."""
         return self.session.tick
+
+    @property
+    def rate(self) -> int:
+        """Control rate of the flight, Hz: that of an autopilot's sensor messages may be another than the fleet's."""
+        return self.session.scenario.rates.control
+
+    def tick_at(self, time: float) -> int:
+        """Number of control periods up to a time, s."""
+        return round(time * self.rate)
 
     @property
     def lost(self) -> str:
@@ -331,7 +352,7 @@ class Flight:
 
     def recent(self, seconds: float) -> list[Sight]:
         """Plotted quantities of the last seconds."""
-        first = math.ceil(self.tick - seconds * self.session.scenario.rates.control) - 1
+        first = math.ceil(self.tick - seconds * self.rate) - 1
         return self.sights[self._samples_until(first) : self._samples_until(self.tick)]
 
     def _samples_until(self, tick: int) -> int:
@@ -363,12 +384,20 @@ class Flight:
     def begin(self) -> None:
         """Restart the flight with the scenario's parameters."""
         self.moved = {}
-        self.session.restore(self._kept[0])
-        self._kept, self.sights = self._kept[:1], self.sights[:1]
+        if self.session.returns:
+            self.session.restore(self._kept[0])
+            self._kept, self.sights = self._kept[:1], self.sights[:1]
+        else:
+            self.session.close()
+            self.session, self.sights = _session(self.first, self._paths), []
+            self._record()
 
     def to(self, tick: int) -> None:
-        """Go to a control period: restore an earlier snapshot, then simulate forward."""
-        if tick < self.tick:
+        """Go to a control period: restore an earlier snapshot, then simulate forward.
+
+        A flight that cannot go back, under an autopilot, waits until the clock has caught up with it.
+        """
+        if tick < self.tick and self.session.returns:
             at = bisect.bisect_right(self._kept, tick, key=lambda each: each.tick) - 1
             self.session.restore(self._kept[at])
             self._repeat()
@@ -383,7 +412,8 @@ class Flight:
     def _record(self) -> None:
         """Store a snapshot every second, and plot samples at 20 Hz."""
         tick = self.tick
-        if tick % self.first.rates.control == 0 and (not self._kept or self._kept[-1].tick < tick):
+        due = tick % self.rate == 0 and self.session.returns
+        if due and (not self._kept or self._kept[-1].tick < tick):
             self._kept.append(self.session.snapshot())
         if tick % self._every == 0 and (not self.sights or self.sights[-1].tick < tick):
             self.sights.append(sight(self.session))
@@ -392,6 +422,10 @@ class Flight:
 def _session(scenario: Scenario, paths: Sequence[str]) -> Session:
     """Create a simulation session in which the given parameters are adjustable."""
     scheduled = [change.path for change in scenario.changes if isinstance(change.value, float)]
+    require_flight(scenario)
+    if autopilot_of(scenario.controller) is not None:
+        # a number of the sensors compiles anew when it is moved: those that the autopilot adds have other draws
+        return open_session(scenario, [path for path in paths if not path.startswith("sensors.")])
     with contextlib.suppress(ScenarioError):
         return Session(scenario, tuple(dict.fromkeys((*paths, *scheduled))))
     return Session(scenario, paths)

@@ -17,7 +17,7 @@ from skyarm.scenario.scenario_record import Scenario, ScenarioError
 GROUPS = ("law", "reference", "wind and forces", "payload", "sensors", "delay", "faults")
 """Panels, in their order."""
 
-DERIVED_PARTS = ("model", "mixer", "slow", "damping_limits")
+DERIVED_PARTS = ("model", "mixer", "slow", "damping_limits", "autopilot")
 """Parts of a law's parameters that its maker took from the vehicle: they are no gains."""
 
 SIGNALS = ("x", "y", "z", "yaw", "joints")

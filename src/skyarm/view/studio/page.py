@@ -129,6 +129,7 @@ class Page:
                 self._stopped.wait(max(0.0, (FRAME if watched else IDLE) - (time.perf_counter() - now)))
         finally:
             self._worker.shutdown(wait=False, cancel_futures=True)
+            self.fleet.close()
 
     def _handle_inputs(self) -> None:
         """Execute the queued inputs of the browser tabs; an invalid one is reported on the page."""
