@@ -51,11 +51,11 @@ def test_the_commands_shown_draw_in_their_order(folder: Path) -> None:
 
 def test_the_code_shown_draws(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     blocks = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
-    assert len(blocks) == 3
+    assert len(blocks) == 2
     with contextlib.chdir(folder):
         exec(compile("\n".join(blocks), "pictures.md", "exec"), {})
-    assert capsys.readouterr().out.splitlines() == ["Tip error [mm]", "load [g]"]
-    assert {"flight.pdf", "loads.png", "bent.pdf"} <= {path.name for path in folder.iterdir()}
+    assert capsys.readouterr().out.splitlines() == ["Tip error [mm]"]
+    assert {"flight.pdf", "bent.pdf"} <= {path.name for path in folder.iterdir()}
 
 
 def test_every_kind_stands_on_the_page() -> None:

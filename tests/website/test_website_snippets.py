@@ -69,6 +69,8 @@ def prepared(name: str) -> dict[str, str]:
     files = {"my/vehicle.toml": vehicle, "my/flight.toml": flight, "flight.toml": flight}
     if "my_law.py:make" in PAGES[name] and "skyarm new law" not in PAGES[name]:
         files["my_law.py"] = (Path(skyarm.__file__).parent / "cli/starters/law.py.txt").read_text("utf-8")
+    if "examples/picker.urdf" in PAGES[name]:
+        files["examples/picker.urdf"] = (ROOT / "examples" / "picker.urdf").read_text("utf-8")
     if name == "export_c.md":
         files["tuned.toml"] = next(block.text for block in blocks(PAGES["tuning.md"]) if "[gains]" in block.text)
     if name == "extending.md":
