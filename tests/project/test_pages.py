@@ -54,6 +54,7 @@ def test_the_options_that_security_names_are_options(option: str, command: tuple
 
 PORTS = {
     "cli/studio_command.py": "`skyarm studio` opens a port",
+    "links/autopilots/ardupilot.py": "opens ports on 127.0.0.1 for it",
     "links/autopilots/px4.py": "opens ports on 127.0.0.1 for it",
 }
 """Modules that open a port through ``studio/server.py``, and the words of SECURITY.md for each."""

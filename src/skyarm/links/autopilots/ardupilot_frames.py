@@ -1,0 +1,196 @@
+"""Frames of ArduPilot: its layouts of rotors, and its parameters and gains for a vehicle with one of them.
+
+Facts of ArduCopter 4.7 (its motors, their mixing and the linearisation of thrust). Angles are clockwise from the
+front, seen from above; spin +1 is counter-clockwise, -1 clockwise.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from skyarm.dynamics.actuators.rotor import push
+from skyarm.links.autopilots.px4 import RATE_BANDWIDTH, YAW_BANDWIDTH, highest_thrust
+from skyarm.scenario.scenario_record import ScenarioError
+from skyarm.vehicle.vehicle_records import Vehicle
+
+Motors = tuple[tuple[float, int], ...]
+
+_RIGHT_HAND: Motors = ((90, 1), (-90, 1), (0, -1), (180, -1))
+_DIAGONAL: Motors = ((45, 1), (-135, 1), (-45, -1), (135, -1))
+_HEXA: Motors = ((0, -1), (180, 1), (-120, -1), (60, 1), (-60, 1), (120, -1))
+_OCTA: Motors = ((0, -1), (180, -1), (45, 1), (135, 1), (-45, 1), (-135, 1), (-90, -1), (90, -1))
+_COAXIAL: Motors = ((0, 1), (-90, -1), (180, 1), (90, -1), (-90, 1), (0, -1), (90, 1), (180, -1))
+
+ANGLE_TOLERANCE = 15.0
+"""deg between a rotor and its place in a frame."""
+
+UPRIGHT = math.cos(math.radians(10.0))
+"""Least vertical part of a rotor's axis: ArduPilot takes all thrusts as parallel."""
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """Layout of rotors, one of those that ArduPilot mixes for.
+
+    Attributes:
+        name: in words.
+        number: ``FRAME_CLASS``.
+        form: ``FRAME_TYPE``.
+        motors: angle (deg) and spin of each motor, in the order of its numbers.
+    """
+
+    name: str
+    number: int
+    form: int
+    motors: Motors
+
+
+FRAMES = (
+    Frame("quadrotor +", 1, 0, _RIGHT_HAND),
+    Frame("quadrotor X", 1, 1, _DIAGONAL),
+    Frame("quadrotor + with reversed spins", 1, 6, tuple((angle, -spin) for angle, spin in _RIGHT_HAND)),
+    Frame("quadrotor X with reversed spins", 1, 18, ((135, 1), (45, -1), (-135, -1), (-45, 1))),
+    Frame("hexarotor +", 2, 0, _HEXA),
+    Frame("hexarotor X", 2, 1, ((90, -1), (-90, 1), (-30, -1), (150, 1), (30, 1), (-150, -1))),
+    Frame("octorotor +", 3, 0, _OCTA),
+    Frame("octorotor X", 3, 1, tuple((each + 22.5, spin) for each, spin in (
+        (0, -1), (180, -1), (45, 1), (135, 1), (-45, 1), (-135, 1), (-90, -1), (90, -1)))),
+    Frame("coaxial octorotor +", 4, 0, _COAXIAL),
+    Frame("coaxial octorotor X", 4, 1, tuple((angle + 45, spin) for angle, spin in _COAXIAL)),
+)  # fmt: skip
+"""Frames that are looked for, in this order."""
+
+
+def fitting_frame(vehicle: Vehicle) -> tuple[Frame, tuple[int, ...]]:
+    """Frame of a vehicle's rotors, and for each rotor the place of its motor among ArduPilot's.
+
+    A rotor fits a motor if it turns the same way and its angle about the middle of the rotors differs by less than
+    ``ANGLE_TOLERANCE``.
+
+    Raises:
+        ScenarioError: rotors of no frame that is known here.
+    """
+    rotors = vehicle.rotors
+    middle = [sum(float(rotor.position[axis]) for rotor in rotors) / max(len(rotors), 1) for axis in (0, 1)]
+    found = []
+    for rotor in rotors:
+        x, y = float(rotor.position.x) - middle[0], float(rotor.position.y) - middle[1]
+        found.append((math.degrees(math.atan2(-y, x)), 1 if float(rotor.direction) > 0.0 else -1))
+    if all(float(rotor.axis.z) >= UPRIGHT for rotor in rotors):
+        for frame in FRAMES:
+            places = _places(found, frame.motors)
+            if places is not None:
+                return frame, places
+    shown = ", ".join(f"{angle:.0f} deg {'cw' if spin < 0 else 'ccw'}" for angle, spin in found)
+    names = "; ".join(frame.name for frame in FRAMES)
+    raise ScenarioError(
+        f"plant.vehicle: rotors at {shown} (clockwise from the front): must be upright and those of a frame of "
+        f"ArduPilot: {names}"
+    )
+
+
+def _places(found: list[tuple[float, int]], motors: Motors) -> tuple[int, ...] | None:
+    """Place of the motor of each rotor; None unless every rotor has one of its own."""
+    places = []
+    for angle, spin in found:
+        near = [i for i, (at, way) in enumerate(motors) if way == spin and abs(_turn(angle - at)) < ANGLE_TOLERANCE]
+        if len(near) != 1:
+            return None
+        places.append(near[0])
+    return tuple(places) if sorted(places) == list(range(len(motors))) else None
+
+
+def _turn(angle: float) -> float:
+    """Angle in -180 to 180 deg."""
+    return (angle + 180.0) % 360.0 - 180.0
+
+
+def torque_of_signal(vehicle: Vehicle) -> tuple[float, float, float]:
+    """Torque (N m) about x, y and z of a full torque command, as ArduPilot shares it among the motors.
+
+    A motor's share of roll and pitch goes with the sine and cosine of its angle, that of yaw with its spin; the
+    largest share is 1/2 of the full thrust. Source: ArduCopter 4.7, matrix of the motors.
+    """
+    frame, places = fitting_frame(vehicle)
+    torque = [0.0, 0.0, 0.0]
+    shares = [(-math.sin(math.radians(at)), math.cos(math.radians(at)), float(spin)) for at, spin in frame.motors]
+    most = [max(abs(share[axis]) for share in shares) for axis in range(3)]
+    for rotor, place, thrust in zip(vehicle.rotors, places, highest_thrust(vehicle), strict=True):
+        arms = (
+            float(rotor.position.y),
+            float(rotor.position.x),
+            float(rotor.direction) * float(rotor.moment_coefficient),
+        )
+        for axis in range(3):
+            torque[axis] += 0.5 * shares[place][axis] / most[axis] * arms[axis] * thrust
+    return torque[0], torque[1], torque[2]
+
+
+def rate_gains(vehicle: Vehicle) -> dict[str, float]:
+    """Gains of ArduPilot's rate loop: P = bandwidth J / torque of a full command, I and D in its default ratios."""
+    slowest = max(float(rotor.time_constant_up) for rotor in vehicle.rotors)
+    fast = min(RATE_BANDWIDTH, 0.33 / max(slowest, 1e-3))
+    J = vehicle.base.inertia
+    found: dict[str, float] = {}
+    names = ("RLL", "PIT", "YAW")
+    rows = zip(
+        names, (J.xx, J.yy, J.zz), torque_of_signal(vehicle), (fast, fast, min(YAW_BANDWIDTH, fast)), strict=True
+    )
+    for name, inertia, torque, bandwidth in rows:
+        gain = bandwidth * float(inertia) / torque
+        integral, slope = (1.0, 0.0267) if name != "YAW" else (0.1, 0.0)
+        found |= {f"ATC_RAT_{name}_P": gain, f"ATC_RAT_{name}_I": integral * gain, f"ATC_RAT_{name}_D": slope * gain}
+    return found
+
+
+def thrust_curve(vehicle: Vehicle) -> float:
+    """Exponent e by which thrust goes with the signal u as (1 - e) u + e u^2; 1 where it is the square of the speed.
+
+    Least squares over the range of the signal and the rotors; e is limited to -1 to 1, as ArduPilot limits it.
+    """
+    signals = [k / 50.0 for k in range(1, 50)]
+    bends = [u * u - u for u in signals]
+    found = 0.0
+    for rotor in vehicle.rotors:
+        most = float(push(rotor, rotor.max_speed))
+        thrusts = [float(push(rotor, u * rotor.max_speed)) / most for u in signals]
+        found += sum(b * (t - u) for b, t, u in zip(bends, thrusts, signals, strict=True))
+    found /= len(vehicle.rotors) * sum(b * b for b in bends)
+    return min(max(round(found, 6), -1.0), 1.0)
+
+
+def vehicle_parameters(vehicle: Vehicle, gravity: float) -> dict[str, float]:
+    """ArduPilot parameters of a vehicle: frame, thrust curve, hover thrust, gains of the rates and of the climb.
+
+    A motor's signal is its speed in parts of the highest; the whole range of the signal is used. The gains of the
+    vertical acceleration follow the hover thrust, as ArduPilot's instructions for the first flight ask.
+
+    Raises:
+        ScenarioError: rotors of no frame that is known here, or too little thrust to hover.
+    """
+    frame, _ = fitting_frame(vehicle)
+    hover = float(vehicle.mass) * gravity / sum(highest_thrust(vehicle))
+    if not hover < 1.0:
+        raise ScenarioError(f"plant.vehicle: hovers at {hover:.2f} of its full thrust: must be below 1 for ArduPilot")
+    return {
+        "FRAME_CLASS": frame.number,
+        "FRAME_TYPE": frame.form,
+        "MOT_PWM_MIN": 1000,
+        "MOT_PWM_MAX": 2000,
+        "MOT_SPIN_ARM": 0,
+        "MOT_SPIN_MIN": 0,
+        "MOT_SPIN_MAX": 1,
+        "MOT_THST_EXPO": thrust_curve(vehicle),
+        "MOT_THST_HOVER": min(max(hover, 0.125), 0.6875),
+        "PSC_ACCZ_P": hover,
+        "PSC_ACCZ_I": 2.0 * hover,
+        "INS_GYRO_FILTER": GYRO_FILTER,
+        **{f"ATC_RAT_{name}_FLT{kind}": 0.5 * GYRO_FILTER for name in ("RLL", "PIT", "YAW") for kind in "TD"},
+        **rate_gains(vehicle),
+    }
+
+
+GYRO_FILTER = 80.0
+"""Hz of the gyro's low-pass filter, twice that of the rate loop, as ArduPilot's instructions for the first flight ask.
+They ask for 42 Hz with propellers of 10 inch and for 75 Hz with 5 inch; the default of 20 Hz is for the largest."""

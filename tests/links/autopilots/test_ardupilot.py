@@ -1,0 +1,371 @@
+"""ArduPilot's link against a stand-in for its protocol, and against the program itself where it is there."""
+
+from __future__ import annotations
+
+import dataclasses
+import gzip
+import json
+import math
+import os
+import random
+import shlex
+import struct
+import sys
+import time
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import ardupilot_stand_in
+import skyarm
+from skyarm.links.autopilots.ardupilot import SURPLUS, ArduPilot, ArduPilotLink, physics_line
+from skyarm.links.autopilots.autopilot import Goal, Instant, LinkError
+from skyarm.scenario.scenario_record import ScenarioError
+from skyarm.simulate.session import open_session
+
+SOURCE = str(Path(skyarm.__file__).parents[1])
+
+
+def programmed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Path]:
+    """Program that plays ArduPilot: function of a fault and its frame, which returns the file of its notes."""
+    program = folder / "arducopter"
+    script = Path(ardupilot_stand_in.__file__)
+    program.write_text(f'#!/bin/sh\nexec {shlex.quote(sys.executable)} {shlex.quote(str(script))} "$@"\n')
+    program.chmod(0o755)
+    note = folder / "note.txt"
+    monkeypatch.setenv("SKYARM_ARDUPILOT", str(program))
+    monkeypatch.setenv("PYTHONPATH", SOURCE)
+    monkeypatch.setenv("STAND_IN_NOTE", str(note))
+
+    def choose(fault: str = "", frame: int = 300) -> Path:
+        monkeypatch.setenv("STAND_IN_FAULT", fault)
+        monkeypatch.setenv("STAND_IN_FRAME", str(frame))
+        return note
+
+    return choose
+
+
+@pytest.fixture
+def stand_in(tmp_path, monkeypatch):
+    """Stand-in of one test."""
+    return programmed(tmp_path, monkeypatch)
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory):
+    """Log and transcript of a flight without a fault."""
+    folder = tmp_path_factory.mktemp("flown")
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        programmed(folder, monkeypatch)()
+        with closing(open_session(scenario(transcript=str(folder / "tape.gz")))) as session:
+            log = session.run()
+    assert log.status == "completed", log.info["cause"]
+    return log, folder / "tape.gz"
+
+
+def scenario(duration: float = 0.5, name: str = "case3", **options: object) -> skyarm.Scenario:
+    """Flight of the paper's vehicle under ArduPilot, with options of the autopilot."""
+    found = skyarm.load_scenario(name, controller="ardupilot").with_words(duration=duration)
+    par = found.controller.par
+    changed = dataclasses.replace(par.autopilot, **{"patience": 2.0, "preparation": 30.0, **options})
+    controller = dataclasses.replace(found.controller, par=dataclasses.replace(par, autopilot=changed))
+    return found.with_words(controller=controller)
+
+
+def is_gone(note: Path) -> bool:
+    """True if the stand-in's process has ended."""
+    try:
+        os.kill(int(note.read_text().splitlines()[0]), 0)
+    except ProcessLookupError:
+        return True
+    return False
+
+
+def arrays(log: skyarm.Log) -> dict[str, bytes]:
+    """Bits of each array of a log."""
+    found = {each.name: getattr(log, each.name) for each in dataclasses.fields(log)}
+    return {name: value.tobytes() for name, value in found.items() if isinstance(value, np.ndarray)}
+
+
+def test_it_takes_off_hands_over_and_follows_the_base_set_points(stand_in):
+    note = stand_in()
+    with closing(open_session(scenario(1.0))) as session:
+        log = session.run()
+    assert log.status == "completed", log.info["cause"]
+    assert log.info["autopilot"]["name"] == "ardupilot"
+    assert log.info["autopilot"]["answered"] == log.info["autopilot"]["steps"] > 800 * (1.0 + 2.0)
+    assert np.abs(log.position - log.position_reference).max() < 0.15
+    assert np.abs(log.rotor_commands).min() > 200.0
+    assert is_gone(note)
+
+
+def test_it_starts_the_program_on_loopback_ports_of_its_own(stand_in):
+    note = stand_in("garbage", 1)
+    open_session(scenario()).close()
+    words = note.read_text().splitlines()[1:]
+    said = dict(zip(words[::2], words[1::2], strict=True))
+    assert said["--model"] == "JSON:127.0.0.1"
+    assert said["--sim-address"] == "127.0.0.1"
+    assert said["--serial0"].startswith("tcpclient:127.0.0.1:")
+    assert [said["--serial1"], said["--serial2"]] == ["none:1", "none:2"]
+    assert said["--rate"] == "800"
+    assert said["--home"] == "47.397742,8.545594,488,0"
+    ports = [int(said["--sim-port-out"]), int(said["--serial0"].rsplit(":", 1)[1])]
+    assert min(ports) > 1023
+    assert "--speedup" not in said
+
+
+def test_a_recorded_exchange_gives_the_flight_again_to_the_bit_without_a_program(flown, monkeypatch):
+    monkeypatch.delenv("SKYARM_ARDUPILOT", raising=False)
+    first, tape = flown
+    with closing(open_session(scenario(replayed=str(tape)))) as session:
+        log = session.run()
+    assert log.status == "completed"
+    assert arrays(log) == arrays(first)
+
+
+def test_two_flights_are_equal_to_the_bit_and_so_are_their_exchanges(flown, stand_in, tmp_path):
+    first, tape = flown
+    stand_in()
+    with closing(open_session(scenario(transcript=str(tmp_path / "tape.gz")))) as session:
+        assert arrays(session.run()) == arrays(first)
+    rows, again = (gzip.decompress(each.read_bytes()).splitlines() for each in (tape, tmp_path / "tape.gz"))
+    assert [row for row in rows if b"physics" in row] == [row for row in again if b"physics" in row]
+    assert [row for row in rows if b"sent" in row] == [row for row in again if b"sent" in row]
+
+
+def test_what_it_is_told_is_sent_before_the_answer_of_the_same_frame(flown):
+    rows = [json.loads(line)[1:3] for line in gzip.decompress(flown[1].read_bytes()).splitlines()]
+    told = [i for i, row in enumerate(rows) if row == ["sent", "mavlink"]]
+    following = [next(row for row in rows[i:] if row[1] == "physics") for i in told]
+    assert len(told) > 100
+    assert following == [["sent", "physics"]] * len(told)
+
+
+def test_another_flight_than_the_recorded_one_is_told(flown):
+    with closing(open_session(scenario(replayed=str(flown[1]), climb=0.6))) as session:
+        assert session.ended.status == "autopilot"
+        assert "differ" in session.ended.cause
+
+
+def test_a_packet_with_32_pulse_widths_gives_the_same_flight(flown, stand_in):
+    stand_in("wide")
+    with closing(open_session(scenario())) as session:
+        assert arrays(session.run()) == arrays(flown[0])
+
+
+@pytest.mark.parametrize(("fault", "repeated"), [("repeat", 1), ("lost", 2)])
+def test_a_repeated_packet_is_answered_only_if_its_answer_was_lost(stand_in, fault, repeated):
+    stand_in(fault)
+    with closing(open_session(scenario(preparation=1.0))) as session:
+        assert session.ended.cause.startswith("ArduPilot does not hover at the start after 1 s")
+        facts = session.log.info["autopilot"]
+    assert facts["repeated"] == repeated
+    assert facts["answered"] == facts["steps"] == 800
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ("silence", "ArduPilot has not answered for 2 s"),
+        ("exit", "ArduPilot ended (Fatal: out of luck)"),
+        ("stillborn", "ArduPilot ended while it started: Unknown model"),
+        ("closed", "ArduPilot closed its MAVLink connection"),
+        ("garbage", "23 bytes that are no packet of pulse widths"),
+        ("magic", "40 bytes that are no packet of pulse widths"),
+        ("restart", "ArduPilot started again: frame 0 came in place of frame 300"),
+        ("skip", "ArduPilot skipped frames: frame 305 came in place of frame 300"),
+        ("pulse", "motor 3 a pulse of 60000 us: must be 1000 to 2000"),
+    ],
+)
+def test_a_fault_ends_the_flight_as_a_result_of_one_line(stand_in, fault, words):
+    note = stand_in(fault)
+    with closing(open_session(scenario())) as session:
+        assert session.ended.status == "autopilot"
+        assert words in session.ended.cause
+        assert "\n" not in session.ended.cause
+        log = session.log
+    assert log.status == "autopilot"
+    assert len(log.time) == (0 if fault == "stillborn" else pytest.approx(300, abs=20))
+    assert is_gone(note)
+
+
+def test_disarming_in_flight_ends_it_with_the_autopilots_words(stand_in):
+    note = stand_in("disarm")
+    with closing(open_session(scenario())) as session:
+        while session.step():
+            pass
+        assert session.ended.cause == "ArduPilot disarmed in flight: Crash: Disarming"
+    assert is_gone(note)
+
+
+def test_a_flight_that_is_closed_early_leaves_no_process(stand_in):
+    note = stand_in()
+    session = open_session(scenario(5.0))
+    assert session.step()
+    assert not is_gone(note)
+    session.close()
+    session.close()
+    assert is_gone(note)
+    assert not session.step()
+
+
+def test_a_pause_of_ours_stops_the_program(stand_in):
+    stand_in("repeat", 3500)
+    with closing(open_session(scenario(1.0))) as session:
+        assert session.step()
+        before = session.log.info["autopilot"]["answered"]
+        time.sleep(0.7)
+        assert session.log.info["autopilot"]["answered"] == before
+        assert session.run().status == "completed"
+
+
+def test_without_a_program_the_message_names_the_variable(monkeypatch):
+    monkeypatch.delenv("SKYARM_ARDUPILOT", raising=False)
+    monkeypatch.setenv("PATH", "/nowhere")
+    with pytest.raises(ScenarioError, match="SKYARM_ARDUPILOT"):
+        open_session(scenario())
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "cause"),
+    [
+        ("FOO", 1.0, "controller.parameters.FOO: must be a parameter that ArduPilot knows"),
+        ("LOG_DISARMED", 0.75, "controller.parameters.LOG_DISARMED = 0.75: is 1 in ArduPilot"),
+        ("MOT_THST_HOVER", 0.3, "ArduPilot does not hover at the start after 10 s"),
+    ],
+)
+def test_stated_parameters_are_those_that_it_has(stand_in, name, value, cause):
+    note = stand_in()
+    with closing(open_session(scenario(preparation=10.0, climb=20.0, parameters=((name, value),)))) as session:
+        assert session.ended.cause == cause
+    assert is_gone(note)
+
+
+# The line of the physics
+
+
+STATE = (
+    1.5,
+    -2.25,
+    3.75,
+    *np.roll(Rotation.from_euler("ZYX", [0.7, -0.3, 0.2]).as_quat(), 1),
+    0.5,
+    -0.6,
+    0.7,
+    9.0,
+    9.0,
+    9.0,
+)
+IMU = (12.0, 0.1, -0.2, 0.3, 1.0, -2.0, 9.5)
+
+
+def test_the_line_has_the_state_in_axes_down_and_forward():
+    """Rotation by half a turn about x on both sides of the matrix, as SciPy multiplies it."""
+    found = json.loads(physics_line(12.5, IMU, STATE))
+    flip = np.diag([1.0, -1.0, -1.0])
+    assert found["timestamp"] == 12.5
+    np.testing.assert_allclose(found["imu"]["gyro"], flip @ IMU[1:4], rtol=1e-8)
+    np.testing.assert_allclose(found["imu"]["accel_body"], flip @ IMU[4:7], rtol=1e-8)
+    np.testing.assert_array_equal(found["position"], flip @ STATE[:3])
+    np.testing.assert_allclose(found["velocity"], flip @ STATE[7:10], rtol=1e-8)
+    ours = Rotation.from_quat(np.roll(STATE[3:7], -1)).as_matrix()
+    theirs = Rotation.from_quat(np.roll(found["quaternion"], -1)).as_matrix()
+    np.testing.assert_allclose(theirs, flip @ ours @ flip, atol=1e-8)
+
+
+def test_every_key_is_the_first_place_of_its_letters():
+    """ArduPilot finds a section's and a key's letters wherever they come first, and reads behind the next two."""
+    line = physics_line(3.25, IMU, STATE).decode().strip("\n")
+    whole = json.loads(line)
+    keys = [("", "timestamp"), ("imu", "gyro"), ("imu", "accel_body"), ("", "position"), ("", "quaternion"),
+            ("", "velocity"), ("", "no_time_sync")]  # fmt: skip
+    for section, key in keys:
+        start = line.index(section) + len(section) + 1
+        behind = line[line.index(key, start) + len(key) + 2 :]
+        expected = whole[section][key] if section else whole[key]
+        assert json.JSONDecoder().raw_decode(behind)[0] == expected
+    for absent in ("attitude", "airspeed", "windvane", "rng_"):
+        assert absent not in line
+
+
+@pytest.mark.parametrize("rate", [800, 900, 1000, 1024])
+def test_its_clock_keeps_ours_to_the_microsecond(rate):
+    """It adds whole microseconds of each difference, without what is left over."""
+    for begin in (0, 900 * rate):
+        clock, last = 0, 0.0
+        for step in range(begin + 1, begin + 10 * rate + 1):
+            stamp = round(step / rate * 1e6) * 1e-6 * (1.0 + SURPLUS)
+            told = float(physics_line(stamp, IMU, STATE).partition(b",")[0].partition(b":")[2])
+            clock, last = int(clock + (told - last) * 1e6) if last else 0, told
+        assert clock == round((begin + 10 * rate) / rate * 1e6) - round((begin + 1) / rate * 1e6)
+
+
+# Fuzzed packets
+
+
+class Tap:
+    """Tape that is fed by hand."""
+
+    plays = True
+
+    def __init__(self) -> None:
+        self.packets: list[bytes] = [struct.pack("<HHI16H", 18458, 1200, 0, *[1000] * 16)]
+        self.stream = b""
+
+    def send(self, channel: str, data: bytes, send: object) -> None:
+        """Take what is sent."""
+
+    def receive(self, channel: str, receive: object) -> bytes:
+        """What is there for a channel."""
+        return self.packets.pop() if channel == "physics" else self.stream
+
+
+def test_twenty_thousand_fuzzed_packets_are_refused_or_taken():
+    """The oracle for what must be taken: a valid packet of which a byte changed only in rate or pulse widths."""
+    rng = random.Random(20260)
+    tap = Tap()
+    link = ArduPilotLink(ArduPilot(), scenario(), tap)
+    goal = Goal((0.0, 0.0, 1.0), (0.0,) * 3, (0.0,) * 3, 0.0)
+    taken, frame = 0, 0
+    for step in range(20_000):
+        packet = bytearray(struct.pack("<HHI16H", 18458, 800, frame + 1, *[1500] * 16))
+        for _ in range(rng.randrange(3)):
+            packet[rng.randrange(len(packet))] = rng.randrange(256)
+        if rng.random() < 0.2:
+            packet = bytearray(rng.randbytes(rng.randrange(100)))
+        tap.packets = [bytes(packet)]
+        tap.stream = rng.randbytes(rng.randrange(200)) if step % 7 == 0 else b""
+        try:
+            signals = link.exchange(Instant(step / 800, {"imu": IMU}, STATE), goal)
+        except LinkError as error:
+            assert "\n" not in str(error)
+            frame = link.facts["answered"]
+            continue
+        frame += 1
+        taken += 1
+        assert link.facts["answered"] == frame
+        assert len(signals) == 4
+        assert all(0.0 <= each <= 1.0 for each in signals)
+        assert bytes(packet[:2]) == struct.pack("<H", 18458)
+    assert 5000 < taken < 19_000
+
+
+# The program itself
+
+
+@pytest.mark.thorough
+@pytest.mark.skipif("SKYARM_ARDUPILOT" not in os.environ, reason="needs ArduPilot's program, named by SKYARM_ARDUPILOT")
+def test_two_flights_of_the_program_itself_are_equal_to_the_bit():
+    logs = []
+    for _ in range(2):
+        with closing(open_session(scenario(5.0, patience=20.0, preparation=150.0))) as session:
+            logs.append(session.run())
+    assert [log.status for log in logs] == ["completed"] * 2
+    assert arrays(logs[0]) == arrays(logs[1])
+    assert math.dist(logs[0].position[-1], logs[0].position_reference[-1]) < 0.15
+    assert logs[0].info["autopilot"]["left_guided"] == 0
