@@ -1,0 +1,121 @@
+"""Signals that can leave their course for a goal while a flight runs.
+
+From the instant ``start`` on the signal is the quintic polynomial that begins with the value, velocity and acceleration
+of that instant and comes to rest at the goal after ``duration``; then it stays there.
+Source: the quintic with its six end conditions, Craig 2005, Introduction to Robotics, section 7.3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated
+
+import numpy as np
+
+from skyarm.algebra.scalars import Scalar, maximum, minimum, where
+from skyarm.records.units import Unit
+from skyarm.reference.signals import Derivatives, Signal
+from skyarm.reference.trajectory import Trajectory
+
+FIELDS = ("start", "duration", "value", "velocity", "acceleration", "goal")
+"""Numbers of a redirected signal that change with a goal."""
+
+NEVER = 1e9
+"""s; start of a signal without a goal, after every flight."""
+
+LOOKS = 21
+"""Instants at which the speed and acceleration of a motion are looked at."""
+
+DURATIONS = np.geomspace(0.1, 300.0, 165)
+"""s; durations that a motion to a goal may have, 5 % apart."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Redirected(Signal):
+    """Time signal that from ``start`` on moves to a goal and stays there; before it is another signal.
+
+    Attributes:
+        signal: until ``start``. value, velocity, acceleration: at ``start``.
+    """
+
+    signal: Signal
+    start: Annotated[Scalar, Unit("s")] = NEVER
+    duration: Annotated[Scalar, Unit("s", low=0.0, strict=True)] = 1.0
+    value: Annotated[Scalar, Unit("", "in the unit of the signal")] = 0.0
+    velocity: Annotated[Scalar, Unit("1/s", "in the unit of the signal")] = 0.0
+    acceleration: Annotated[Scalar, Unit("1/s^2", "in the unit of the signal")] = 0.0
+    goal: Annotated[Scalar, Unit("", "in the unit of the signal")] = 0.0
+
+    def derivatives(self, t: Scalar) -> Derivatives:
+        """Value and derivatives one to four at time t (s)."""
+        before = self.signal.derivatives(t)
+        u = minimum(maximum((t - self.start) / self.duration, 0.0), 1.0)
+        moving = quintic(u, self.duration, self.value, self.velocity, self.acceleration, self.goal)
+        resting = (self.goal, 0.0, 0.0, 0.0, 0.0)
+        return tuple(
+            where(t < self.start, a, where(t < self.start + self.duration, b, c))
+            for a, b, c in zip(before, moving, resting, strict=True)
+        )
+
+    def switch_times(self) -> tuple[float, ...]:
+        """Switch times (s) of the signal up to the start, then start and end of the motion."""
+        start = float(self.start)
+        own = (start, start + float(self.duration)) if start < NEVER else ()
+        return (*(s for s in self.signal.switch_times() if s < start), *own)
+
+
+def quintic(
+    u: Scalar, duration: Scalar, value: Scalar, velocity: Scalar, acceleration: Scalar, goal: Scalar
+) -> tuple[Scalar, ...]:
+    """Quintic motion to rest at a goal: value and derivatives one to four, by time.
+
+    Args:
+        u: share of the duration that has passed, 0 to 1.
+        duration: s.
+        value: at the beginning, as ``velocity`` (1/s) and ``acceleration`` (1/s^2).
+        velocity: at the beginning.
+        acceleration: at the beginning.
+        goal: at the end, at rest.
+    """
+    a1, a2 = velocity * duration, 0.5 * acceleration * duration * duration
+    h, w, s = goal - value - a1 - a2, -(a1 + 2.0 * a2), -2.0 * a2
+    a3 = 10.0 * h - 4.0 * w + 0.5 * s
+    a4 = -15.0 * h + 7.0 * w - s
+    a5 = 6.0 * h - 3.0 * w + 0.5 * s
+    rate = 1.0 / duration
+    return (
+        value + u * (a1 + u * (a2 + u * (a3 + u * (a4 + u * a5)))),
+        (a1 + u * (2.0 * a2 + u * (3.0 * a3 + u * (4.0 * a4 + u * (5.0 * a5))))) * rate,
+        (2.0 * a2 + u * (6.0 * a3 + u * (12.0 * a4 + u * (20.0 * a5)))) * rate * rate,
+        (6.0 * a3 + u * (24.0 * a4 + u * (60.0 * a5))) * rate * rate * rate,
+        (24.0 * a4 + u * (120.0 * a5)) * rate * rate * rate * rate,
+    )
+
+
+def shortest_duration(
+    begins: Sequence[tuple[float, float, float]], goals: Sequence[float], speed: float, acceleration: float
+) -> float:
+    """Shortest common duration, s, of quintic motions to rest within a speed and an acceleration.
+
+    Where the motions begin so fast that no duration meets both limits, that which exceeds them least.
+
+    Args:
+        begins: value, velocity and acceleration of each signal at the beginning.
+        goals: of each signal.
+        speed: largest, in the unit of the signals per second.
+        acceleration: largest, per second squared.
+    """
+    durations, u = DURATIONS[:, None], np.linspace(0.0, 1.0, LOOKS)
+    most = np.ones(len(DURATIONS))
+    for begin, goal in zip(begins, goals, strict=True):
+        moving = quintic(u, durations, *begin, goal)
+        for row, limit in ((moving[1], speed), (moving[2], acceleration)):
+            most = np.maximum(most, np.abs(np.asarray(row)).max(axis=1) / limit)
+    return float(DURATIONS[np.argmin(most)])
+
+
+def redirectable(trajectory: Trajectory) -> Trajectory:
+    """Copy of a trajectory whose base, heading and joints can be given goals in flight."""
+    x, y, z, yaw = (Redirected(signal=each) for each in (trajectory.x, trajectory.y, trajectory.z, trajectory.yaw))
+    return replace(trajectory, x=x, y=y, z=z, yaw=yaw, joints=tuple(Redirected(signal=k) for k in trajectory.joints))
