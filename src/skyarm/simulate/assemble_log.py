@@ -25,6 +25,7 @@ from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.check_endings import Ended
 from skyarm.simulate.first_state import readings_waiting
 from skyarm.simulate.inputs import EpisodeInputs
+from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world import Component, WindSample
 from skyarm.world.component import Column
 
@@ -85,7 +86,7 @@ def join_pieces(
     tables = [_tables(piece) for piece in pieces]
     sources: dict[str, Any] = {}
     for i, piece in enumerate(pieces):
-        received, described = _sensor_data(piece)
+        received, described = sensor_data(piece)
         tables[i] |= received
         for name, source in described.items():
             sources.setdefault(name, source)["fields"] |= source["fields"]
@@ -108,12 +109,36 @@ def _fill_missing(tables: Sequence[dict[str, Array]]) -> None:
             table.setdefault(name, np.full((len(table["time"]), *width), none))
 
 
+def state_arrays(vehicle: Vehicle, times: Array, x: Array, u: Array) -> dict[str, Array]:
+    """Log arrays of time, state and commands by name, as views of the recorded values.
+
+    Args:
+        vehicle: of the plant.
+        times: s, (N,).
+        x: states, a row each.
+        u: commands, a row each.
+    """
+    n, rotors = vehicle.n, len(vehicle.rotors)
+    tilts = {"tilts": x[:, 13 + 2 * n + rotors :], "tilt_commands": u[:, rotors + n :]} if vehicle.tilts else {}
+    return {
+        "time": times,
+        "position": x[:, 0:3],
+        "quaternion": x[:, 3:7],
+        "velocity": x[:, 7:10],
+        "rate": x[:, 10:13],
+        "joints": x[:, 13 : 13 + n],
+        "joint_rates": x[:, 13 + n : 13 + 2 * n],
+        "rotor_speeds": x[:, 13 + 2 * n :][:, :rotors],
+        "rotor_commands": u[:, :rotors],
+        "efforts": u[:, rotors:][:, :n],
+        **tilts,
+    }
+
+
 def _tables(piece: Piece) -> dict[str, Array]:
     """Log arrays by name, for the part of a flight between two scheduled changes."""
     scenario, inputs, flown = piece.scenario, piece.inputs, piece.flown
-    vehicle = scenario.plant.vehicle
-    n, rotors, count = vehicle.n, len(vehicle.rotors), len(flown.states)
-    x, u = flown.states, flown.commands
+    vehicle, count = scenario.plant.vehicle, len(flown.states)
     wind = flown.wind
     start, stop = piece.start, piece.start + count
 
@@ -122,7 +147,8 @@ def _tables(piece: Piece) -> dict[str, Array]:
         columns = [c[start : start + count] if c.ndim else np.broadcast_to(c, (count,)) for c in columns]
         return np.stack(columns, axis=1) if columns else np.zeros((count, 0))
 
-    position, quaternion, joints = x[:, 0:3], x[:, 3:7], x[:, 13 : 13 + n]
+    state = state_arrays(vehicle, inputs.times[start:stop], flown.states, flown.commands)
+    position, quaternion, joints = (state[name] for name in ("position", "quaternion", "joints"))
     held, free, path_time, late = _references(inputs, flown, start, stop)
     tables = {
         "position_held": table(held.position, late),
@@ -141,8 +167,6 @@ def _tables(piece: Piece) -> dict[str, Array]:
     if scenario.reference.phases:
         tables["phase"] = phase_numbers(scenario.reference, path_time)
     own = {"held": table(held.tip, late), "reference": table(free.tip)} if free.tip else {}
-    if vehicle.tilts:
-        tables |= {"tilts": x[:, 13 + 2 * n + rotors :], "tilt_commands": u[:, rotors + n :]}
     for name, columns in by_array(scenario.components, wind.numbers).items():
         tables[f"{COMPONENTS}.{name}"] = table(columns)
     begin = 0
@@ -156,22 +180,13 @@ def _tables(piece: Piece) -> dict[str, Array]:
         goals = (tables[f"{name}_{kind}"] for name in ("position", "yaw", "joints"))
         tables[f"tool_{kind}"] = own[kind] if own else level_tip(vehicle, *goals)
     return {
-        "time": inputs.times[start:stop],
-        "position": position,
-        "quaternion": quaternion,
-        "velocity": x[:, 7:10],
-        "rate": x[:, 10:13],
-        "joints": joints,
-        "joint_rates": x[:, 13 + n : 13 + 2 * n],
-        "rotor_speeds": x[:, 13 + 2 * n :][:, :rotors],
-        "rotor_commands": u[:, :rotors],
-        "efforts": u[:, rotors:][:, :n],
+        **state,
         "tool": tip(vehicle, position, quaternion, joints),
         **tables,
     }
 
 
-def _sensor_data(piece: Piece) -> tuple[dict[str, Array], dict[str, Any]]:
+def sensor_data(piece: Piece) -> tuple[dict[str, Array], dict[str, Any]]:
     """Log arrays of sensor readings and the law's measurement, and a description of each sensor for the log."""
     scenario, flown, count = piece.scenario, piece.flown, len(piece.flown.states)
     sensors = {name: (i, sensor) for i, (name, sensor) in enumerate(scenario.all_sensors)}

@@ -317,11 +317,9 @@ class Engine:
         """Logged samples of control periods ``start`` to ``stop`` as array views."""
         rows, sample = self._log[start:stop], self.code.sample
         columns: Sample = rebuild(sample, iter(rows.T))
-        marks = np.cumsum([len(leaves(part)) for part in (sample.alive, columns.state, columns.command)])
-        first, command, measured = marks.tolist()
         end = rows.shape[1] - len(columns.led)
         found, led = rows[:, end - len(columns.found) : end], rows[:, end:]
-        states, commands = rows[:, first:command], rows[:, command:measured]
+        states, commands = self.states_and_commands(start, stop)
         return Samples(states, commands, columns.measurement, columns.readings, columns.wind, found, led)
 
     @cached_property
@@ -338,6 +336,17 @@ class Engine:
         """Logged row of a control period that has been flown: alive, state, command, measurement, readings."""
         found: Array = self._log[tick]
         return found
+
+    def states_and_commands(self, start: int, stop: int) -> tuple[Array, Array]:
+        """Logged states and commands of control periods ``start`` to ``stop`` as array views, a row each."""
+        first, command, measured = self._marks
+        return self._log[start:stop, first:command], self._log[start:stop, command:measured]
+
+    @cached_property
+    def _marks(self) -> tuple[int, ...]:
+        """Columns of a logged sample at which its state begins, its command begins and its command ends."""
+        sample = self.code.sample
+        return tuple(np.cumsum([len(leaves(part)) for part in (sample.alive, sample.state, sample.command)]).tolist())
 
     @property
     def now(self) -> LoopState:

@@ -8,6 +8,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
 from skyarm.compile.machine_code import NoMachineCodeError
 from skyarm.control.controller import autopilot_of
 from skyarm.dynamics import State
@@ -21,7 +24,7 @@ from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError, in_order
 from skyarm.sensing.measurement import Measurement
-from skyarm.simulate.assemble_log import Piece, join_pieces
+from skyarm.simulate.assemble_log import Piece, join_pieces, state_arrays
 from skyarm.simulate.check_endings import Ended, running_status
 from skyarm.simulate.command_line import numbers_of_command, rotor_numbers
 from skyarm.simulate.engine import Engine, EpisodeCode
@@ -259,6 +262,21 @@ class Session:
         engine = self._engine
         pieces = (*self._course.flown, engine.piece)
         return join_pieces(self.plan, pieces, engine.ended or running_status(self._course.now, engine.tick))
+
+    @property
+    def latest(self) -> Piece:
+        """Logged samples of the control period that was flown last; none right after a change of the scenario."""
+        engine = self._engine
+        start = max(engine.tick - 1, engine.begun)
+        return Piece(engine.scenario, engine.inputs, start, engine.samples(start, engine.tick))
+
+    @property
+    def latest_arrays(self) -> dict[str, npt.NDArray[np.float64]]:
+        """Time, state and commands of :attr:`latest` by their names in a log; quicker to have than the samples."""
+        engine = self._engine
+        start = max(engine.tick - 1, engine.begun)
+        rows = engine.states_and_commands(start, engine.tick)
+        return state_arrays(engine.scenario.plant.vehicle, engine.inputs.times[start : engine.tick], *rows)
 
     def snapshot(self) -> Snapshot:
         """Copy of the session's current state, from which :meth:`restore` continues."""
