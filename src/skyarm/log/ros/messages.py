@@ -1,13 +1,15 @@
 """ROS message definitions, and fast encoding of many messages of one type as CDR bytes.
 
 Definitions: ros2/common_interfaces, ros2/geometry2 and ros2/rcl_interfaces, branch humble, without comments and
-constants. They are written into every file, so that a reader needs no ROS.
+constants. They are written into every file, so that a reader needs no ROS. ROS 1 has the same types but for
+:data:`ROS1_DEFINITIONS`.
 
 Bytes: OMG DDS-XTypes 1.3, section 7.4.3: plain CDR version 1, little endian: primitives lie at multiples of their size,
 counted behind the four bytes of the encapsulation header; texts have their length and a closing zero. Within a channel
 texts and the lengths of lists stay, so that every message has its numbers at the same places: a template is laid out
 once, and the numbers are copied into its copies column by column. The serializers of rosbags and mcap-ros2-support make
-one message at a time, 20 times slower.
+one message at a time, 20 times slower. Messages of ROS 1 are the same fields without padding, header and closing zeros
+(wiki.ros.org/ROS/Connection Header, msg).
 """
 
 from __future__ import annotations
@@ -67,8 +69,36 @@ DEFINITIONS: Mapping[str, str] = {
         "visualization_msgs/MeshFile mesh_file\nbool mesh_use_embedded_materials"
     ),
     "visualization_msgs/MarkerArray": "visualization_msgs/Marker[] markers",
+    "rosgraph_msgs/Clock": "builtin_interfaces/Time clock",
+    "std_msgs/MultiArrayDimension": "string label\nuint32 size\nuint32 stride",
+    "std_msgs/MultiArrayLayout": "std_msgs/MultiArrayDimension[] dim\nuint32 data_offset",
+    "std_msgs/Float64MultiArray": "std_msgs/MultiArrayLayout layout\nfloat64[] data",
 }
 """Type, without the ``/msg/`` in its name, -> its fields."""
+
+ROS1_DEFINITIONS: Mapping[str, str] = {
+    **DEFINITIONS,
+    "std_msgs/Header": "uint32 seq\nbuiltin_interfaces/Time stamp\nstring frame_id",
+    "visualization_msgs/Marker": (
+        "std_msgs/Header header\nstring ns\nint32 id\nint32 type\nint32 action\ngeometry_msgs/Pose pose\n"
+        "geometry_msgs/Vector3 scale\nstd_msgs/ColorRGBA color\nbuiltin_interfaces/Duration lifetime\n"
+        "bool frame_locked\ngeometry_msgs/Point[] points\nstd_msgs/ColorRGBA[] colors\nstring text\n"
+        "string mesh_resource\nbool mesh_use_embedded_materials"
+    ),
+}
+"""The same for ROS 1 (branch noetic): its header counts, its markers have fewer fields."""
+
+_MARKERS = "ARROW CUBE SPHERE CYLINDER LINE_STRIP LINE_LIST CUBE_LIST SPHERE_LIST POINTS TEXT_VIEW_FACING MESH_RESOURCE"
+
+_ACTIONS = (("ADD", 0), ("MODIFY", 0), ("DELETE", 2), ("DELETEALL", 3))
+
+ROS1_CONSTANTS: Mapping[str, str] = {
+    "visualization_msgs/Marker": "\n".join(
+        f"uint8 {name}={value}"
+        for name, value in (*((name, i) for i, name in enumerate([*_MARKERS.split(), "TRIANGLE_LIST"])), *_ACTIONS)
+    )
+}
+"""Constants of a ROS 1 type, which its checksum covers."""
 
 FLIGHT = "skyarm_msgs/Flight"
 """Type of our own: every number of a log at one control instant, a field a column."""
@@ -133,11 +163,16 @@ NANO = 1_000_000_000
 
 
 class Template:
-    """Byte template of many ROS messages of one type, with offsets of the numbers that vary."""
+    """Byte template of many ROS messages of one type, with offsets of the numbers that vary.
 
-    def __init__(self, definitions: Mapping[str, str]) -> None:
-        self._definitions = definitions
-        self._bytes = bytearray(HEADER)
+    Args:
+        definitions: of the types.
+        packed: bytes of ROS 1: no encapsulation, no padding, texts without a closing zero.
+    """
+
+    def __init__(self, definitions: Mapping[str, str], *, packed: bool = False) -> None:
+        self._definitions, self._packed = definitions, packed
+        self._bytes = bytearray(b"" if packed else HEADER)
         self._numbers: list[tuple[int, Any]] = []
 
     def record(self, kind: str, values: Values) -> None:
@@ -161,7 +196,7 @@ class Template:
 
     def _one(self, kind: str, value: Any) -> None:
         if kind == "string":
-            content = (value or "").encode() + b"\0"
+            content = (value or "").encode() + (b"" if self._packed else b"\0")
             self._numbers_at("<u4", len(content))
             self._bytes += content
         elif kind in PRIMITIVES:
@@ -183,7 +218,8 @@ class Template:
     def _numbers_at(self, form: str, value: Any, row: bool = False) -> None:
         """Append a number or list to the template: its bytes if constant, else a gap to be filled per message."""
         array, size = np.asarray(value).astype(form, copy=False), int(form[2:])
-        self._bytes += bytes(-(len(self._bytes) - len(HEADER)) % size)
+        if not self._packed:
+            self._bytes += bytes(-(len(self._bytes) - len(HEADER)) % size)
         if array.ndim == int(row):
             self._bytes += array.tobytes()
             return
@@ -201,8 +237,8 @@ class Template:
         return rows
 
 
-def encode(kind: str, definitions: Mapping[str, str], values: Values, count: int) -> Bytes:
-    """Encode many ROS messages of one type as CDR bytes.
+def encode(kind: str, definitions: Mapping[str, str], values: Values, count: int, *, packed: bool = False) -> Bytes:
+    """Encode many ROS messages of one type as CDR bytes, or as those of ROS 1.
 
     Args:
         kind: key of ``definitions``.
@@ -210,10 +246,11 @@ def encode(kind: str, definitions: Mapping[str, str], values: Values, count: int
         values: fields by name: texts and lists of texts as they are; numbers for all messages, or arrays (count,), and
             (count, k) for lists of numbers; records as tables in turn; a Time in ns. What is left out is zero.
         count: of messages.
+        packed: bytes of ROS 1.
 
     Returns:
         (count, size): the bytes of each.
     """
-    template = Template(definitions)
+    template = Template(definitions, packed=packed)
     template.record(kind, values)
     return template.messages(count)

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.dynamics.kinematics import every_joint, joint_placement
-from skyarm.log.flight_log import Log
 from skyarm.log.ros.messages import NANO
 from skyarm.records.files.names import distinct
 from skyarm.vehicle.linkage import BASE
@@ -21,10 +20,20 @@ from skyarm.world.scene.vehicle_shapes import quaternions_of, vehicle_shapes
 Array = npt.NDArray[np.float64]
 
 
+class Instants(Protocol):
+    """Arrays of a flight by name, at some control instants: a log, or what a running flight has of its last one."""
+
+    @property
+    def time(self) -> Array:
+        """Times of the instants, s, (N,)."""
+
+    def __getitem__(self, array: str) -> Array: ...
+
+
 class Part:
     """Section of a flight log, from which ROS messages are made."""
 
-    def __init__(self, log: Log, chosen: slice) -> None:
+    def __init__(self, log: Instants, chosen: slice) -> None:
         self.log, self._chosen = log, chosen
         self.stamps = nanoseconds(log.time[chosen])
 
