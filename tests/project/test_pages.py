@@ -56,6 +56,8 @@ PORTS = {
     "cli/studio_command.py": "`skyarm studio` opens a port",
     "links/autopilots/ardupilot.py": "opens ports on 127.0.0.1 for it",
     "links/autopilots/px4.py": "opens ports on 127.0.0.1 for it",
+    "links/ros/ros1_node.py": "Live topics (`skyarm run --ros`) open ports on 127.0.0.1",
+    "links/ros/ros2_node.py": "Live topics (`skyarm run --ros`) open ports on 127.0.0.1",
 }
 """Modules that open a port through ``studio/server.py``, and the words of SECURITY.md for each."""
 

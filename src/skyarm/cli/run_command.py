@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,8 +17,8 @@ import typer
 from rich.console import RenderableType
 
 from skyarm.cli.arguments import name_completion, require_left_out, require_not_another
-from skyarm.cli.lines import NOT_COMPLETED, say_suspicious
-from skyarm.cli.output import bar, give, heading, shown_number, table_of, tell
+from skyarm.cli.lines import NOT_COMPLETED, say, say_suspicious
+from skyarm.cli.output import Advance, bar, give, heading, shown_number, table_of, tell
 from skyarm.control.catalogue import AUTOPILOTS
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.log.flown_scenario import restored_part
@@ -40,6 +41,10 @@ from skyarm.records.files.names import picture_file
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate import Log
 from skyarm.simulate import run as fly
+
+if TYPE_CHECKING:
+    from skyarm.links.ros.live_flight import LiveFlight
+    from skyarm.scenario.scenario_record import Scenario
 
 Array = npt.NDArray[np.float64]
 
@@ -78,6 +83,10 @@ def run(
     picture: Annotated[
         str | None, typer.Option("--plot", metavar="FILE", help="a picture of the flight (.png, .svg or .pdf)")
     ] = None,
+    ros: Annotated[
+        int | None, typer.Option(metavar="1|2", help="live topics of ROS 1 or 2, and commands from it; at real time")
+    ] = None,
+    pace: Annotated[float, typer.Option(help="of --ros: flight time over wall time; 0 waits for nothing")] = 1.0,
 ) -> None:
     """Fly a scenario; write its log (npz, CSV, MCAP).
 
@@ -86,6 +95,8 @@ def run(
     """
     if logs:
         require_left_out(context, ["--out"], " beside --log, whose files say where")
+    if ros is None:
+        require_left_out(context, ["--pace"], " without --ros")
     require_not_another(scenario, "scenario")
     if autopilot is not None:
         controller = _autopilot_name(autopilot, controller)
@@ -100,11 +111,16 @@ def run(
         require_replaceable(*files)
         say_suspicious(planned)
         with bar(planned.name) as advance:
-            log = fly(planned, advance)
+            live = None if ros is None else _fly_live(planned, ros, pace, advance)
+            log = fly(planned, advance) if live is None else live.log
         with earlier_kept([] if force else files) as kept:
             written = [save_log(log, file) for file in files]
     found = facts(log)
-    tell(*summary(log, found), f"log: {', '.join(map(str, written))}{' (new folder)' if new else ''}")
+    tell(
+        *summary(log, found),
+        *(live.lines if live else []),
+        f"log: {', '.join(map(str, written))}{' (new folder)' if new else ''}",
+    )
     if drawn is not None:
         from skyarm.view.figures.flight_plot import plot
 
@@ -113,6 +129,10 @@ def run(
     give(found, logs=written, kept=[str(name) for name in kept], picture=drawn)
     if kept:
         tell(f"the flight before it is kept: {', '.join(map(str, kept))}")
+    if live is not None:
+        give(ros={"version": live.version, "commanded": live.commanded, "goals": live.goals, "late_s": live.late})
+        if live.interrupted is not None:
+            raise live.interrupted
     if log.status != "completed":
         raise typer.Exit(NOT_COMPLETED)
 
@@ -128,6 +148,26 @@ def _autopilot_name(name: str, controller: str | None) -> str:
     if name not in AUTOPILOTS:
         raise ValueError(f"--autopilot = {shown(name)}: {must_be_one_of(AUTOPILOTS, name)}")
     return name
+
+
+def _fly_live(planned: Scenario, version: int, pace: float, advance: Advance) -> LiveFlight:
+    """Fly a scenario with live topics of ROS.
+
+    Raises:
+        ValueError: a pace below 0, another version, or a ROS that is not there.
+    """
+    from skyarm.links.ros import open_node
+    from skyarm.links.ros.live_flight import fly_live
+
+    if not 0.0 <= pace < math.inf:
+        raise ValueError(f"--pace = {pace:g}: must be a finite number, 0 or above")
+    node = open_node(version)
+    return fly_live(planned, node, version, pace=pace or math.inf, advance=advance, warn=say_line)
+
+
+def say_line(line: str) -> None:
+    """Print a warning of a live flight."""
+    say(f"warning: {line}")
 
 
 def log_files(names: Sequence[str]) -> list[Path]:

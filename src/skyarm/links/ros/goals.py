@@ -1,0 +1,139 @@
+"""Goals of the base and the joints that arrive in flight: smooth motions from the reference of the instant.
+
+A goal changes numbers of the reference (:class:`skyarm.reference.redirection.Redirected`) as
+:meth:`skyarm.simulate.session.Session.change` does: the log keeps it, and the flight is flown again to the bit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from skyarm.links.ros.message_types import MessageError
+from skyarm.log.ros.scene import WORLD
+from skyarm.records.files import must_be_one_of, shown
+from skyarm.reference.redirection import FIELDS, Redirected, redirectable, shortest_duration
+from skyarm.reference.trajectory import Trajectory
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.vehicle.vehicle_records import Vehicle
+
+BASE = ("x", "y", "z")
+
+HEADING = "yaw"
+
+SPEED, ACCELERATION = 1.0, 1.0
+"""Limits of a motion to a goal: m/s and m/s^2, rad/s and rad/s^2."""
+
+
+def with_goals(scenario: Scenario) -> tuple[Scenario, str]:
+    """Scenario whose reference takes goals in flight, and an empty text; or as it is, and why it takes none."""
+    reference = scenario.reference
+    reasons = {
+        "its tip leads the base": reference.tip is not None or reference.push is not None,
+        "its phases wait for the flight": bool(reference.guards or reference.phases),
+        "its path is slowed down by a governor": scenario.path_time is not None,
+        "it changes in flight": any(each.path.startswith("reference") for each in scenario.changes),
+    }
+    reason = next((words for words, holds in reasons.items() if holds), "")
+    return (scenario, reason) if reason else (scenario.with_words(reference=redirectable(reference)), "")
+
+
+def takes_goals(reference: Trajectory) -> bool:
+    """True if a reference was made to take goals in flight."""
+    return type(reference.x) is Redirected
+
+
+def base_goal(message: Mapping[str, Any]) -> dict[str, float]:
+    """Goals of x, y, z (m) and of the heading (rad) from a PoseStamped message; no heading without a rotation.
+
+    Raises:
+        MessageError: another frame than the world's, or a number that is not finite.
+    """
+    frame, pose = message["header"]["frame_id"].lstrip("/"), message["pose"]
+    if frame not in ("", WORLD):
+        raise MessageError(f"frame_id = {shown(frame)}: must be {WORLD}")
+    goals = {axis: float(pose["position"][axis]) for axis in BASE}
+    x, y, z, w = (float(pose["orientation"][axis]) for axis in "xyzw")
+    if not all(map(math.isfinite, (*goals.values(), x, y, z, w))):
+        raise MessageError("must be of finite numbers")
+    norm = x * x + y * y + z * z + w * w
+    if norm > 0.0:
+        goals[HEADING] = math.atan2(2.0 * (w * z + x * y), norm - 2.0 * (y * y + z * z))
+    return goals
+
+
+def joint_goal(message: Mapping[str, Any], vehicle: Vehicle) -> dict[str, float]:
+    """Goals of joints (rad or m), by the words of the reference, from a JointState message with names and positions.
+
+    Raises:
+        MessageError: a name of no joint, another number of positions than names, or a position outside the limits.
+    """
+    names, positions = list(message["name"]), [float(value) for value in message["position"]]
+    joints = [link.joint for link in vehicle.links]
+    if len(names) != len(positions) or not names:
+        raise MessageError(f"{len(names)} names and {len(positions)} positions: must be as many, and one at least")
+    known, found = [each.name for each in joints], dict[str, float]()
+    for name, value in zip(names, positions, strict=True):
+        if name not in known:
+            raise MessageError(f"name = {shown(name)}: {must_be_one_of(known, name)}")
+        joint = joints[known.index(name)]
+        if not (math.isfinite(value) and float(joint.lower) <= value <= float(joint.upper)):
+            limits = f"from {float(joint.lower):g} to {float(joint.upper):g}"
+            raise MessageError(f"{name} = {value:g}: must be a finite number {limits}")
+        found[f"joints.{known.index(name)}"] = value
+    return found
+
+
+def changes_to(reference: Trajectory, time: float, goals: Mapping[str, float]) -> dict[str, float]:
+    """Numbers of the reference, by path, with which it moves to goals from its state at an instant.
+
+    All of the base arrive together, each joint in its own time. Every number of every signal is given, so that all
+    goals change the same ones.
+
+    Args:
+        reference: which takes goals.
+        time: of the instant, s.
+        goals: word of a signal (x, y, z, yaw, joints.0) -> goal.
+    """
+    signals = _signals(reference)
+    groups = [[word for word in (*BASE, HEADING) if word in goals], *([word] for word in goals if "." in word)]
+    for group in groups:
+        moved = _move_together({word: signals[word] for word in group}, time, goals)
+        signals |= moved
+    return {
+        f"reference.{word}.{field}": float(getattr(each, field)) for word, each in signals.items() for field in FIELDS
+    }
+
+
+def _signals(reference: Trajectory) -> dict[str, Redirected]:
+    words = {word: getattr(reference, word) for word in (*BASE, HEADING)}
+    every: Mapping[str, Any] = words | {f"joints.{i}": each for i, each in enumerate(reference.joints)}
+    return {word: each for word, each in every.items() if type(each) is Redirected}
+
+
+def _move_together(signals: Mapping[str, Redirected], time: float, goals: Mapping[str, float]) -> dict[str, Redirected]:
+    """Signals that move to their goals from an instant on, and arrive together."""
+    begins = [_begin(each, time) for each in signals.values()]
+    ends = [
+        _nearest_turn(goals[word], begin[0]) if word == HEADING else goals[word]
+        for word, begin in zip(signals, begins, strict=True)
+    ]
+    duration = shortest_duration(begins, ends, SPEED, ACCELERATION) if begins else 0.0
+    return {
+        word: replace(
+            each, start=time, duration=duration, value=begin[0], velocity=begin[1], acceleration=begin[2], goal=end
+        )
+        for (word, each), begin, end in zip(signals.items(), begins, ends, strict=True)
+    }
+
+
+def _begin(signal: Redirected, time: float) -> tuple[float, float, float]:
+    value, velocity, acceleration, _, _ = signal.derivatives(time)
+    return float(value), float(velocity), float(acceleration)
+
+
+def _nearest_turn(angle: float, near: float) -> float:
+    """Angle, rad, plus whole turns, that is nearest to another."""
+    return angle + math.tau * round((near - angle) / math.tau)

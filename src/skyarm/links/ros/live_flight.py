@@ -1,0 +1,152 @@
+"""Flight at real time with live ROS topics."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import dataclass
+
+from skyarm.links.ros.node import Node
+from skyarm.links.ros.ros_link import GOAL, JOINT_GOAL, RosLink, Warn, live_session
+from skyarm.log.flight_log import Log
+from skyarm.scenario.scenario_record import Scenario
+
+MOST_LATE = 0.25
+"""s of wall time that are caught up at most; of a longer pause the flight is late from then on."""
+
+TOLD = 0.1
+"""s of wall time between two looks of the progress display."""
+
+SOON = 0.005
+"""s; a lateness below it is that of the system's clock and is not counted."""
+
+
+class Pace:
+    """Clock that lets each control period begin at its time on the wall clock.
+
+    Args:
+        speed: flight time over wall time; infinite waits for nothing.
+
+    Attributes:
+        late: s of wall time by which the flight has fallen behind, beyond what it caught up.
+    """
+
+    def __init__(self, speed: float) -> None:
+        self._speed, self._origin = speed, math.nan
+        self.late = 0.0
+
+    def wait(self, flight_time: float) -> None:
+        """Sleep until a time of the flight, s, has come."""
+        if math.isinf(self._speed):
+            return
+        now = time.perf_counter()
+        if math.isnan(self._origin):
+            self._origin = now - flight_time / self._speed
+        behind = now - (self._origin + flight_time / self._speed)
+        if behind < 0.0:
+            time.sleep(-behind)
+        elif behind > MOST_LATE:
+            self._origin += behind
+            self.late += behind
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LiveFlight:
+    """Result of a flight with live topics.
+
+    Attributes:
+        log: of what was flown.
+        version: of ROS.
+        commanded: periods flown under commands from ROS.
+        goals: taken from ROS.
+        late: s by which it was slower than its pace.
+        interrupted: what ended it from outside (Ctrl-C), to be raised again once the log is written; else None.
+    """
+
+    log: Log
+    version: int
+    commanded: int
+    goals: int
+    late: float
+    interrupted: BaseException | None
+
+    @property
+    def lines(self) -> list[str]:
+        """Sentences about the commands and goals of the flight, and about its pace."""
+        rate, found = float(self.log.info["rates_hz"]["control"]), list[str]()
+        if self.commanded:
+            seconds = self.commanded / rate
+            found.append(f"ROS {self.version}: commanded from outside for {seconds:g} s, which no scenario repeats")
+        if self.goals:
+            found.append(f"ROS {self.version}: goals taken: {self.goals}")
+        if self.late > SOON:
+            found.append(f"ROS {self.version}: {self.late:.3g} s behind its pace; --pace makes it slower")
+        return found
+
+
+def fly_live(
+    scenario: Scenario,
+    node: Node,
+    version: int,
+    *,
+    pace: float = 1.0,
+    advance: Callable[[int, int], object] = lambda _done, _total: None,
+    warn: Warn,
+) -> LiveFlight:
+    """Fly a scenario with live topics; closes the node, whatever happens.
+
+    Args:
+        scenario: to be flown.
+        node: of ROS.
+        version: of it.
+        pace: flight time over wall time; infinite waits for nothing.
+        advance: is called with the periods flown and their number some times a second.
+        warn: is told in one line of a lost master and of messages that are refused.
+    """
+    interrupted: BaseException | None = None
+    clock = Pace(pace)
+    try:
+        session, reason = live_session(scenario)
+        if session.slow:
+            warn(f"{session.slow}; flying as Python floats: slower, the same numbers")
+        if reason:
+            topics = f"{GOAL} and {JOINT_GOAL}" if scenario.plant.vehicle.n else GOAL
+            warn(f"no goals are taken on {topics}, since of the reference {reason}")
+        with closing(session):
+            link = RosLink(session, node, warn=warn)
+            try:
+                _fly(link, clock, advance, warn)
+            except Exception:
+                raise
+            except BaseException as error:  # Ctrl-C and signals: they go on once the log is written
+                interrupted = error
+            log = session.log
+    finally:
+        node.close()
+    return LiveFlight(
+        log=log,
+        version=version,
+        commanded=link.commanded,
+        goals=link.goals,
+        late=clock.late,
+        interrupted=interrupted,
+    )
+
+
+def _fly(link: RosLink, clock: Pace, advance: Callable[[int, int], object], warn: Warn) -> None:
+    """Fly a session to its end, or until ROS ends the node."""
+    session, node, told, lost = link.session, link.node, -math.inf, False
+    while session.running:
+        clock.wait(session.time)
+        link.step()
+        if node.end_reason:
+            warn(f"{node.end_reason} after {session.time:g} s of flight")
+            return
+        if node.problem and not lost:
+            lost = True
+            warn(f"at {session.time:g} s: {node.problem}; the flight goes on for those that are connected")
+        if time.perf_counter() - told > TOLD or not session.running:
+            told = time.perf_counter()
+            advance(session.tick, session.scenario.steps)

@@ -1,0 +1,331 @@
+"""ROS 1 node in Python's own library, without an installed ROS: registration with the master, and the node's API.
+
+A node and the master call each other by XML-RPC over HTTP; messages go over TCP connections between nodes
+(:mod:`skyarm.links.ros.ros1_connections`). Source: wiki.ros.org/ROS/Master_API, Slave_API, Technical Overview.
+
+rospy is not used: it lives in the system's Python of ROS (3.8 for Noetic), installs signal handlers of its own, and
+waits without end for a master that is not there.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import http.client
+import os
+import socket
+import threading
+import xmlrpc.client
+from collections.abc import Callable, Mapping
+from typing import Any
+from urllib.parse import urlsplit
+from xmlrpc.server import SimpleXMLRPCRequestHandler, SimpleXMLRPCServer
+
+from skyarm.links.ros.node import LOOPBACK, Inbox, RosError
+from skyarm.links.ros.ros1_connections import PATIENCE, Identity, Publication, Subscription
+from skyarm.log.ros.messages import ROS1_DEFINITIONS
+from skyarm.records.files import shown
+
+MASTER = "ROS_MASTER_URI"
+"""Environment variable with the address of the master, as in ROS 1."""
+
+ADDRESSES = ("ROS_HOSTNAME", "ROS_IP")
+"""Environment variables with this machine's name or address for other nodes, as in ROS 1; loopback without one."""
+
+USUAL_MASTER = "http://127.0.0.1:11311"
+
+WATCH = 1.0
+"""s between two looks at the master."""
+
+PROTOCOL = "TCPROS"
+
+SUCCESS = 1
+
+
+class Ros1Node:
+    """Node of ROS 1.
+
+    Args:
+        master: address of the master; that of ROS_MASTER_URI, else of this machine, if left out.
+        host: name or address of this machine that other nodes connect to; that of ROS_HOSTNAME or ROS_IP, else
+            loopback, if left out.
+
+    Raises:
+        RosError: there is no master, or no socket can be opened.
+    """
+
+    packed = True
+    definitions: Mapping[str, str] = ROS1_DEFINITIONS
+
+    def __init__(self, master: str | None = None, host: str | None = None) -> None:
+        self._master = _address(master or os.environ.get(MASTER, "") or USUAL_MASTER)
+        self._host = host or next((os.environ[name] for name in ADDRESSES if os.environ.get(name)), LOOPBACK)
+        self.name = f"/skyarm_{os.getpid()}"
+        self._publications: dict[str, Publication] = {}
+        self._subscriptions: dict[str, Subscription] = {}
+        self._problem = self._end_reason = ""
+        self._closing = threading.Event()
+        self._ask("getPid")  # before any socket is open
+        with contextlib.ExitStack() as opened:
+            try:
+                self._listener = opened.enter_context(socket.create_server((self._host, 0)))
+                server = _ApiServer((self._host, 0), requestHandler=_Handler, logRequests=False, allow_none=True)
+                self._api = opened.enter_context(server)
+            except OSError as error:
+                words = error.strerror or error
+                raise RosError(f"ROS 1 node: no socket can be opened at {shown(self._host)} ({words})") from None
+            opened.pop_all()
+        self._api.register_instance(_Api(self))
+        self.address = f"http://{self._host}:{self._api.server_address[1]}/"
+        self._threads = [
+            threading.Thread(target=function, name=f"ros1 {name}", daemon=True)
+            for name, function in (("api", self._serve), ("accept", self._accept), ("watch", self._watch))
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    @property
+    def problem(self) -> str:
+        """Reason for which the node has lost its master; empty while it has not."""
+        return self._problem
+
+    @property
+    def end_reason(self) -> str:
+        """Reason for which ROS has ended the node (rosnode kill); empty while it has not."""
+        return self._end_reason
+
+    def advertise(self, topic: str, kind: str, *, latched: bool = False) -> None:
+        """Offer a topic.
+
+        Raises:
+            RosError: the master does not answer, or refuses.
+        """
+        self._publications[topic] = Publication(Identity(self.name, topic, kind), latched=latched)
+        self._ask("registerPublisher", topic, kind, self.address)
+
+    def send(self, topic: str, data: bytes) -> None:
+        """Publish a message; one that a slow receiver has no room for is dropped."""
+        self._publications[topic].send(data)
+
+    def subscribe(self, topic: str, kind: str) -> None:
+        """Subscribe to a topic.
+
+        Raises:
+            RosError: the master does not answer, or refuses.
+        """
+        self._subscriptions[topic] = Subscription(Identity(self.name, topic, kind), Inbox(), self._find)
+        publishers = self._ask("registerSubscriber", topic, kind, self.address)
+        self._subscriptions[topic].update([str(each) for each in publishers])
+
+    def take(self, topic: str) -> list[bytes]:
+        """Messages that have arrived on a topic since the last call, oldest first."""
+        return self._subscriptions[topic].inbox.take()
+
+    def subscribers(self, topic: str) -> int:
+        """Number of subscribers that an advertised topic has now."""
+        return self._publications[topic].count
+
+    def close(self) -> None:
+        """Unregister at the master, close all sockets and end all threads."""
+        if self._closing.is_set():
+            return
+        self._closing.set()
+        with contextlib.suppress(RosError):
+            for topic in self._publications if not self._problem else ():
+                self._ask("unregisterPublisher", topic, self.address)
+            for topic in self._subscriptions if not self._problem else ():
+                self._ask("unregisterSubscriber", topic, self.address)
+        self._api.shutdown()
+        self._api.server_close()
+        with contextlib.suppress(OSError):
+            self._listener.shutdown(socket.SHUT_RDWR)  # wakes the thread that accepts
+        self._listener.close()
+        ends: list[Publication | Subscription] = [*self._publications.values(), *self._subscriptions.values()]
+        for each in ends:
+            each.close()
+        for thread in self._threads:
+            thread.join(timeout=PATIENCE)
+
+    def lose(self, reason: str) -> None:
+        """Note that the master has ended this node."""
+        self._end_reason = reason
+
+    def update(self, topic: str, publishers: list[str]) -> None:
+        """Connect to the publishers of a topic that the master lists."""
+        found = self._subscriptions.get(topic)
+        if found is not None and not self._closing.is_set():
+            found.update(publishers)
+
+    def connection_of(self, topic: str) -> list[Any]:
+        """Protocol, host and port at which a published topic is given out; empty for one that is not."""
+        return [PROTOCOL, self._host, self._listener.getsockname()[1]] if topic in self._publications else []
+
+    def publications(self) -> list[list[str]]:
+        """List topic and type of every publication."""
+        return [[each.identity.topic, each.identity.kind] for each in self._publications.values()]
+
+    def subscriptions(self) -> list[list[str]]:
+        """List topic and type of every subscription."""
+        return [[each.identity.topic, each.identity.kind] for each in self._subscriptions.values()]
+
+    @property
+    def master(self) -> str:
+        """Address of the master."""
+        return self._master
+
+    def _find(self, publisher: str, topic: str) -> tuple[str, int]:
+        """Host and port at which another node gives out a topic."""
+        found = call(publisher, "requestTopic", self.name, topic, [[PROTOCOL]])
+        protocol, host, port = found
+        if protocol != PROTOCOL:
+            raise RosError(f"ROS 1 node {publisher}: offers {shown(protocol)}, must be {PROTOCOL}")
+        return str(host), int(port)
+
+    def _ask(self, method: str, *words: Any) -> Any:
+        return call(self._master, method, self.name, *words)
+
+    def _serve(self) -> None:
+        self._api.serve_forever(poll_interval=0.05)
+
+    def _accept(self) -> None:
+        """Hand every new connection of a subscriber to the publication of its topic."""
+        while not self._closing.is_set():
+            try:
+                connection, _ = self._listener.accept()
+            except OSError:
+                return
+            thread = threading.Thread(target=self._welcome, args=(connection,), name="ros1 welcome", daemon=True)
+            thread.start()
+
+    def _welcome(self, connection: socket.socket) -> None:
+        Publication.welcome(connection, self._publications)
+        if self._closing.is_set():
+            for each in self._publications.values():
+                each.close()
+
+    def _watch(self) -> None:
+        """Ask the master once a second whether it is there; two silences are a loss."""
+        silent = 0
+        while not self._closing.wait(WATCH):
+            try:
+                self._ask("getPid")
+                silent = 0
+            except RosError as error:
+                silent += 1
+                if silent == 2:
+                    self._problem = str(error)
+                    return
+
+
+class _Api:
+    """Methods that the master and other nodes call on a node; each returns status, words and a value."""
+
+    def __init__(self, node: Ros1Node) -> None:
+        self._node = node
+
+    def _dispatch(self, method: str, words: tuple[Any, ...]) -> list[Any]:
+        known: Mapping[str, Callable[..., Any]] = {
+            "requestTopic": self._request_topic,
+            "publisherUpdate": self._publisher_update,
+            "shutdown": self._end,
+            "getPid": lambda *_: os.getpid(),
+            "getMasterUri": lambda *_: self._node.master,
+            "getPublications": lambda *_: self._node.publications(),
+            "getSubscriptions": lambda *_: self._node.subscriptions(),
+            "getBusStats": lambda *_: [[], [], []],
+            "getBusInfo": lambda *_: [],
+            "paramUpdate": lambda *_: 0,
+        }
+        try:
+            return [SUCCESS, "", known[method](*words)]
+        except KeyError:
+            return [-1, f"no method {method}", 0]
+        except (TypeError, ValueError) as error:
+            return [-1, str(error), 0]
+
+    def _request_topic(self, _caller: str, topic: str, protocols: list[list[str]]) -> list[Any]:
+        found = self._node.connection_of(topic)
+        if not found or not any(each and each[0] == PROTOCOL for each in protocols):
+            raise ValueError(f"{topic}: is not published here by {PROTOCOL}")
+        return found
+
+    def _publisher_update(self, _caller: str, topic: str, publishers: list[str]) -> int:
+        self._node.update(topic, [str(each) for each in publishers])
+        return 0
+
+    def _end(self, _caller: str, reason: str = "") -> int:
+        self._node.lose(f"ended by ROS ({' '.join(str(reason).split()) or 'shutdown'})")
+        return 0
+
+
+class _Handler(SimpleXMLRPCRequestHandler):
+    """Request handler that answers at any path and drops a silent caller."""
+
+    rpc_paths = ()
+    timeout = PATIENCE
+
+
+class _ApiServer(SimpleXMLRPCServer):
+    """XML-RPC server of a node, silent about callers that break off."""
+
+    _send_traceback_header = False
+
+    def handle_error(self, *_: Any) -> None:
+        """Ignore a caller that breaks off or sends no XML."""
+
+
+class _Transport(xmlrpc.client.Transport):
+    """HTTP connection to the master or a node that is given up after some seconds and leaves no socket behind."""
+
+    _answer: http.client.HTTPResponse | None = None
+
+    def make_connection(self, host: Any) -> http.client.HTTPConnection:
+        """Open a connection with a time limit."""
+        found: Any = super().make_connection(host)
+        found.timeout, found.response_class = PATIENCE, self._begin_answer
+        return found  # type: ignore[no-any-return]
+
+    def _begin_answer(self, *arguments: Any, **options: Any) -> http.client.HTTPResponse:
+        self._answer = http.client.HTTPResponse(*arguments, **options)
+        return self._answer
+
+    def close(self) -> None:
+        """Close the connection, and an answer that was not read to its end since it is no XML."""
+        if self._answer is not None:
+            self._answer.close()
+        super().close()
+
+
+def call(address: str, method: str, *words: Any) -> Any:
+    """Call a method of the master or of a node; returns its value.
+
+    Raises:
+        RosError: it does not answer, or refuses; one line with its address.
+    """
+    try:
+        with xmlrpc.client.ServerProxy(address, transport=_Transport()) as proxy:
+            answer = getattr(proxy, method)(*words)
+        status, told, value = answer
+    except OSError as error:
+        reason = " ".join((error.strerror or str(error) or type(error).__name__).split())
+        raise RosError(f"ROS 1 at {address}: does not answer ({reason}); is roscore running?") from None
+    except Exception as error:  # whatever a port of another program answers
+        raise RosError(f"ROS 1 at {address}: answers as no master or node does ({type(error).__name__})") from None
+    if status != SUCCESS:
+        raise RosError(f"ROS 1 at {address}: refuses {method} ({told})")
+    return value
+
+
+def _address(text: str) -> str:
+    """Address of a master, checked.
+
+    Raises:
+        RosError: no address of the form http://HOST:PORT.
+    """
+    try:
+        parts = urlsplit(text)
+        good = parts.scheme == "http" and bool(parts.hostname) and parts.port is not None
+    except ValueError:
+        good = False
+    if not good:
+        raise RosError(f"{MASTER} = {shown(text)}: must be http://HOST:PORT")
+    return text

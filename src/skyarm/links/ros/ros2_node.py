@@ -1,0 +1,223 @@
+"""ROS 2 node on Cyclone DDS, without an installed ROS.
+
+A topic ``/odom`` of ROS 2 is the DDS topic ``rt/odom``, its type ``nav_msgs/msg/Odometry`` the DDS type
+``nav_msgs::msg::dds_::Odometry_`` (design.ros2.org/articles/topic_and_service_names.html). The DDS types are made of
+the definitions in :mod:`skyarm.log.ros.messages`; messages go in and out as the bytes that are made and read there.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import socket
+import sys
+import time
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from skyarm.links.ros.message_types import PART
+from skyarm.links.ros.node import LOOPBACK, MOST_WAITING, RosError
+from skyarm.log.ros.messages import DEFINITIONS
+from skyarm.records.files import needs_extra, shown
+
+DOMAIN = "ROS_DOMAIN_ID"
+"""Environment variable with the number of the DDS domain, as in ROS 2."""
+
+CONFIGURATION = "CYCLONEDDS_URI"
+"""Environment variable with Cyclone's own configuration, which replaces ours: that of other machines, for example."""
+
+MOST_DOMAIN = 232
+"""Highest number of a DDS domain, whose ports end at 65535."""
+
+LAST = 0.05
+"""s for the last messages to arrive."""
+
+ANNOUNCED = "500 ms"
+"""Time between two announcements of the node; without multicast, programs that start later learn of it by them."""
+
+LOOPBACK_ONLY = f"""<CycloneDDS><Domain>
+<General><Interfaces><NetworkInterface address="{LOOPBACK}" multicast="false"/></Interfaces>
+<AllowMulticast>false</AllowMulticast></General>
+<Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>
+<Peers><Peer address="{LOOPBACK}"/></Peers><SPDPInterval>{ANNOUNCED}</SPDPInterval></Discovery>
+</Domain></CycloneDDS>"""
+"""Configuration that neither sends to nor hears of another machine."""
+
+
+class Ros2Node:
+    """Node of ROS 2 by the library cyclonedds.
+
+    Args:
+        domain: number of the DDS domain; that of ROS_DOMAIN_ID, else 0, if left out.
+
+    Raises:
+        RosError: cyclonedds is missing, or the domain cannot be joined.
+    """
+
+    packed = False
+    definitions: Mapping[str, str] = DEFINITIONS
+
+    def __init__(self, domain: int | None = None) -> None:
+        try:
+            import cyclonedds.core
+            import cyclonedds.domain
+            import cyclonedds.pub
+            import cyclonedds.qos
+            import cyclonedds.sub
+            import cyclonedds.topic
+            import cyclonedds.util
+        except ImportError:
+            raise RosError(f"cyclonedds: is missing; ROS 2 {needs_extra('ros')}") from None
+        self._dds: Any = cyclonedds
+        self._types = DdsTypes(self.definitions)
+        self._number = _domain_of_environment() if domain is None else domain
+        self._writers: dict[str, Any] = {}
+        self._readers: dict[str, Any] = {}
+        self._entities: list[Any] = []
+        try:
+            if os.environ.get(CONFIGURATION):
+                self._participant = self._dds.domain.DomainParticipant(self._number)
+                return
+            others = _open_sockets()
+            self._entities.append(self._dds.domain.Domain(self._number, LOOPBACK_ONLY))
+            self._participant = self._dds.domain.DomainParticipant(self._number)
+            _bind_to_loopback(_open_sockets() - others)
+        except self._dds.core.DDSException as error:
+            self.close()
+            raise RosError(f"ROS 2 domain {self._number}: cannot be joined ({_words(error)})") from None
+
+    @property
+    def problem(self) -> str:
+        """Empty: DDS has no server that could be lost."""
+        return ""
+
+    @property
+    def end_reason(self) -> str:
+        """Empty: ROS 2 ends no other process."""
+        return ""
+
+    def advertise(self, topic: str, kind: str, *, latched: bool = False) -> None:
+        """Offer a topic: reliable, the last 100 messages; a latched one keeps its last for later subscribers."""
+        policy, within = self._dds.qos.Policy, self._dds.util.duration
+        qos = self._dds.qos.Qos(
+            policy.Reliability.Reliable(max_blocking_time=within(milliseconds=1)),
+            policy.Durability.TransientLocal if latched else policy.Durability.Volatile,
+            policy.History.KeepLast(1 if latched else MOST_WAITING),
+            policy.DataRepresentation(use_cdrv0_representation=True),
+        )
+        self._writers[topic] = self._dds.pub.DataWriter(self._participant, self._topic(topic, kind), qos=qos)
+
+    def send(self, topic: str, data: bytes) -> None:
+        """Publish a message; one that the slowest receiver has no room for is dropped."""
+        writer = self._writers[topic]
+        try:
+            writer.write(_message(writer.data_type, data))
+        except self._dds.core.DDSException as error:
+            if error.code != self._dds.core.DDSException.DDS_RETCODE_TIMEOUT:
+                raise RosError(f"ROS 2 topic {topic}: cannot be written ({_words(error)})") from None
+
+    def subscribe(self, topic: str, kind: str) -> None:
+        """Subscribe to a topic, whether its publisher is reliable or not."""
+        policy = self._dds.qos.Policy
+        qos = self._dds.qos.Qos(
+            policy.Reliability.BestEffort,
+            policy.Durability.Volatile,
+            policy.History.KeepLast(MOST_WAITING),
+            policy.DataRepresentation(use_cdrv0_representation=True),
+        )
+        self._readers[topic] = self._dds.sub.DataReader(self._participant, self._topic(topic, kind), qos=qos)
+
+    def take(self, topic: str) -> list[bytes]:
+        """Messages that have arrived on a topic since the last call, oldest first."""
+        found = self._readers[topic].take(MOST_WAITING)
+        return [each.content for each in found if hasattr(each, "content")]
+
+    def subscribers(self, topic: str) -> int:
+        """Number of subscribers that an advertised topic has now."""
+        return len(self._writers[topic].get_matched_subscriptions())
+
+    def close(self) -> None:
+        """Give the last messages time to arrive, then leave the domain; its sockets and threads end."""
+        if any(self.subscribers(topic) for topic in self._writers):
+            time.sleep(LAST)
+        self._writers.clear()
+        self._readers.clear()
+        self._participant = None
+        while self._entities:
+            del self._entities[-1]
+
+    def _topic(self, name: str, kind: str) -> Any:
+        return self._dds.topic.Topic(self._participant, f"rt{name}", self._types.of(kind))
+
+
+def _content(message: Any, *_: Any, **__: Any) -> bytes:
+    """Bytes of a message, in the place of cyclonedds's own encoder in Python."""
+    found: bytes = message.content
+    return found
+
+
+def _message(kind: Any, data: bytes, *_: Any, **__: Any) -> Any:
+    """Message of a DDS type from its bytes, in the place of cyclonedds's own decoder."""
+    message = kind.__new__(kind)
+    message.content = bytes(data)
+    return message
+
+
+class DdsTypes:
+    """DDS types of ROS messages, made from their definitions and kept."""
+
+    def __init__(self, definitions: Mapping[str, str]) -> None:
+        from cyclonedds.idl import make_idl_struct, types
+
+        self._definitions, self._made = definitions, dict[str, Any]()
+        self._make, self._types = make_idl_struct, types
+
+    def of(self, kind: str) -> Any:
+        """DDS type of a message type such as nav_msgs/Odometry."""
+        if kind not in self._made:
+            from skyarm.log.ros.messages import fields
+
+            package, _, name = kind.partition("/")
+            parts = {field: self._field(part) for part, field in fields(self._definitions[kind])}
+            made = self._make(name, f"{package}::msg::dds_::{name}_", parts)
+            made.serialize, made.deserialize = _content, classmethod(_message)
+            self._made[kind] = made
+        return self._made[kind]
+
+    def _field(self, part: str) -> Any:
+        match = PART.fullmatch(part)
+        assert match is not None
+        kind, length = match.groups()
+        one = str if kind == "string" else bool if kind == "bool" else getattr(self._types, kind, None) or self.of(kind)
+        if length is None:
+            return one
+        return self._types.array[one, int(length)] if length else self._types.sequence[one]
+
+
+def _domain_of_environment() -> int:
+    text = os.environ.get(DOMAIN, "") or "0"
+    if not text.isascii() or not text.isdigit() or int(text) > MOST_DOMAIN:
+        raise RosError(f"{DOMAIN} = {shown(text)}: must be a whole number from 0 to {MOST_DOMAIN}")
+    return int(text)
+
+
+def _open_sockets() -> set[int]:
+    """File descriptors of this process's sockets, on Linux; elsewhere none."""
+    found = set[int]()
+    if sys.platform == "linux":
+        for name in os.listdir("/proc/self/fd"):
+            with contextlib.suppress(OSError):
+                if os.readlink(f"/proc/self/fd/{name}").startswith("socket:"):
+                    found.add(int(name))
+    return found
+
+
+def _bind_to_loopback(descriptors: Iterable[int]) -> None:
+    """Let sockets receive from the loopback device only: the library opens them for every interface."""
+    for each in descriptors if sys.platform == "linux" else ():
+        with contextlib.suppress(OSError), socket.socket(fileno=os.dup(each)) as shared:
+            shared.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, b"lo\0")
+
+
+def _words(error: Exception) -> str:
+    return " ".join(str(getattr(error, "msg", "") or error).split())

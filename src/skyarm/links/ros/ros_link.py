@@ -1,0 +1,263 @@
+"""Live ROS topics of a session, and commands and goals from ROS.
+
+Topics are those of a log (:mod:`skyarm.log.ros.topics`) with the clock, the rotors and the applied command. In come
+
+* ``/skyarm/command``: rotor speeds (rad/s), joint efforts or setpoints, and angles of tilting rotors (rad) in one list,
+  in the place of the law's command until ``timeout`` after the last message; not where an autopilot flies;
+* ``/skyarm/goal``: pose of the base, ``/skyarm/joint_goal``: positions of named joints; the reference moves there
+  smoothly and stays, whether more messages come or not.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable, Mapping
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.control.controller import autopilot_of
+from skyarm.dynamics.actuators import Command
+from skyarm.links.ros.goals import base_goal, changes_to, joint_goal, takes_goals, with_goals
+from skyarm.links.ros.message_types import MessageError, decode
+from skyarm.links.ros.node import Node
+from skyarm.log.log_columns import names_of
+from skyarm.log.ros.messages import FLIGHT, encode
+from skyarm.log.ros.scene import Part
+from skyarm.log.ros.topics import FlightTopics, Topic, every_of
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.simulate.assemble_log import join_pieces, sensor_data
+from skyarm.simulate.session import Session, open_session
+
+Array = npt.NDArray[np.float64]
+
+COMMAND, GOAL, JOINT_GOAL = "/skyarm/command", "/skyarm/goal", "/skyarm/joint_goal"
+"""Topics that are listened to."""
+
+APPLIED, ROTORS, CLOCK = "/skyarm/applied", "/rotor_states", "/clock"
+"""Topics beside those of a log."""
+
+NUMBERS, POSE, JOINTS, TIME = (
+    "std_msgs/Float64MultiArray", "geometry_msgs/PoseStamped", "sensor_msgs/JointState", "rosgraph_msgs/Clock"
+)  # fmt: skip
+
+TIMEOUT = 0.1
+"""s of flight after the last command until the law takes over again."""
+
+GOAL_PAUSE = 0.2
+"""s of flight between two goals that are taken at least; of more, the last."""
+
+Warn = Callable[[str], None]
+
+
+class LiveInstant:
+    """Arrays of the control period that was flown last, by their names in a log; the costly ones made on demand."""
+
+    def __init__(self, session: Session, info: Mapping[str, Any]) -> None:
+        self._session, self._info = session, info
+        self._known = session.latest_arrays
+
+    @property
+    def time(self) -> Array:
+        """Time of the period's start, s, (1,); empty if there is no such period."""
+        return self._known["time"]
+
+    def __getitem__(self, array: str) -> Array:
+        """Array (1,) or (1, k) by name."""
+        if array not in self._known:
+            piece = self._session.latest
+            if "." in array:
+                self._known |= sensor_data(piece)[0]
+            else:
+                self._known |= join_pieces(piece.scenario, [piece], None, info=dict(self._info)).arrays()
+        return self._known[array]
+
+
+class RosLink:
+    """ROS node of one session: publishes each of its periods and takes commands and goals.
+
+    Args:
+        session: to be flown period by period with :meth:`step`; one of :func:`live_session` takes goals.
+        node: of ROS 1 or 2; the link closes it.
+        timeout: s of flight after the last command until the law takes over again.
+        warn: is told of messages that are refused, once for each topic; by default a Python warning.
+
+    Attributes:
+        commanded: periods flown under commands from ROS. goals: goals taken.
+    """
+
+    def __init__(self, session: Session, node: Node, *, timeout: float = TIMEOUT, warn: Warn = warnings.warn) -> None:
+        if not 0.0 < timeout < math.inf:
+            raise ValueError(f"timeout = {timeout!r}: must be a finite time above 0 s")
+        self.session, self.node = session, node
+        self.commanded = self.goals = 0
+        self._timeout, self._warn = timeout, warn
+        self._refused: set[str] = set()
+        self._command: Command | None = None
+        self._heard = -math.inf
+        self._goal: dict[str, float] = {}
+        self._last_goal = -math.inf
+        self._begun = False
+        self._takes_commands = autopilot_of(session.scenario.controller) is None
+        try:
+            log = session.log
+            self._info = log.info
+            self._definitions = node.definitions
+            self._topics = (*live_topics(FlightTopics(log)), *_own_topics(session, log))
+            self._register()
+        except BaseException:
+            node.close()
+            raise
+
+    def _register(self) -> None:
+        """Offer and subscribe to all topics."""
+        node, scenario = self.node, self.session.scenario
+        for topic in self._topics:
+            node.advertise(topic.name, topic.kind, latched=topic.every == 0)
+        if self._takes_commands:
+            node.subscribe(COMMAND, NUMBERS)
+        if takes_goals(scenario.reference):
+            node.subscribe(GOAL, POSE)
+            if scenario.plant.vehicle.n:
+                node.subscribe(JOINT_GOAL, JOINTS)
+
+    def __enter__(self) -> RosLink:
+        """Return the link; leaving the block closes it."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close the link."""
+        self.close()
+
+    def close(self) -> None:
+        """Close the node: no socket and no thread is left."""
+        self.node.close()
+
+    def step(self) -> bool:
+        """Fly one control period under the received command or the law and publish it; False at the flight's end."""
+        self.take_goals()
+        command = self.take_command()
+        going = self.session.step(command)
+        self.commanded += command is not None
+        self.publish()
+        return going
+
+    def take_command(self) -> Command | None:
+        """Command for the next period: the newest received one, or None where the law flies."""
+        sizes = self.session.scenario.plant.vehicle.sizes
+        for message in self._take_messages(COMMAND, NUMBERS) if self._takes_commands else ():
+            try:
+                self._command, self._heard = command_of(message["data"], *sizes), self.session.time
+            except MessageError as error:
+                self._refuse(COMMAND, error)
+        return self._command if self.session.time - self._heard < self._timeout - 1e-9 else None
+
+    def take_goals(self) -> None:
+        """Give the reference the newest received goals, at most five times a second."""
+        session = self.session
+        if not takes_goals(session.scenario.reference):
+            return
+        for message in self._take_messages(GOAL, POSE):
+            try:
+                self._goal |= base_goal(message)
+            except MessageError as error:
+                self._refuse(GOAL, error)
+        vehicle = session.scenario.plant.vehicle
+        for message in self._take_messages(JOINT_GOAL, JOINTS) if vehicle.n else ():
+            try:
+                self._goal |= joint_goal(message, vehicle)
+            except MessageError as error:
+                self._refuse(JOINT_GOAL, error)
+        if self._goal and session.running and session.time - self._last_goal >= GOAL_PAUSE - 1e-9:
+            session.change(changes_to(session.scenario.reference, session.time, self._goal))
+            self._goal, self._last_goal = {}, session.time
+            self.goals += 1
+
+    def publish(self) -> None:
+        """Publish the period that was flown last on all topics whose turn it is."""
+        instant, tick = LiveInstant(self.session, self._info), self.session.tick - 1
+        if not instant.time.size:
+            return
+        for topic in self._topics:
+            due = tick % topic.every == topic.offset if topic.every else not self._begun
+            if not due:
+                continue
+            with np.errstate(all="ignore"):
+                values = topic.values(Part(instant, slice(None)))
+            data = encode(topic.kind, self._definitions, values, 1, packed=self.node.packed)
+            self.node.send(topic.name, data[0].tobytes())
+        self._begun = True
+
+    def _take_messages(self, topic: str, kind: str) -> list[dict[str, Any]]:
+        """Decode the messages that have arrived on a topic; what is none is refused."""
+        found = []
+        for data in self.node.take(topic):
+            try:
+                found.append(decode(kind, self._definitions, data, packed=self.node.packed))
+            except MessageError as error:
+                self._refuse(topic, error)
+        return found
+
+    def _refuse(self, topic: str, error: MessageError) -> None:
+        if topic not in self._refused:
+            self._refused.add(topic)
+            self._warn(f"{topic}: a message is ignored: {error}; more of them are ignored without a word")
+
+
+def live_session(scenario: Scenario) -> tuple[Session, str]:
+    """Session whose reference takes goals from ROS, and an empty text; or one that takes none, and why."""
+    live, reason = with_goals(scenario)
+    return open_session(live), reason
+
+
+def command_of(numbers: list[float], joints: int, rotors: int, tilts: int) -> Command:
+    """Command from the numbers of a message: rotor speeds, joint efforts or setpoints, angles of tilting rotors.
+
+    Raises:
+        MessageError: another count, a number that is not finite, or a negative rotor speed.
+    """
+    if len(numbers) not in (rotors + joints, rotors + joints + tilts):
+        more = f" and {tilts} tilts" if tilts else ""
+        raise MessageError(f"{len(numbers)} numbers: must be {rotors} rotor speeds, {joints} efforts{more}")
+    if not all(map(math.isfinite, numbers)):
+        raise MessageError("must be of finite numbers")
+    if min(numbers[:rotors], default=0.0) < 0.0:
+        raise MessageError("a rotor speed is negative; must be unsigned")
+    return Command(
+        rotor_speeds=tuple(numbers[:rotors]),
+        efforts=tuple(numbers[rotors : rotors + joints]),
+        tilts=tuple(numbers[rotors + joints :]),
+    )
+
+
+def live_topics(topics: FlightTopics) -> tuple[Topic, ...]:
+    """Topics of a log that are published live: all but the table of every number, whose type only a file explains."""
+    return tuple(topic for topic in topics.topics if topic.kind != FLIGHT)
+
+
+def _own_topics(session: Session, log: Any) -> tuple[Topic, ...]:
+    """Topics beside those of a log: the clock in every period, rotors and the applied command as often as the base."""
+    fast, _ = every_of(log)
+    rotors = names_of(log).rotors
+
+    def clock(part: Part) -> dict[str, Any]:
+        return {"clock": part.stamps}
+
+    def turning(part: Part) -> dict[str, Any]:
+        return {"header": part.header(""), "name": rotors, "velocity": part["rotor_speeds"]}
+
+    arrays = ["rotor_commands", "efforts", *(["tilt_commands"] if session.scenario.plant.vehicle.tilts else [])]
+
+    def command(part: Part) -> dict[str, Any]:
+        return {"data": np.hstack([part[name] for name in arrays])}
+
+    return (
+        Topic(CLOCK, TIME, 1, clock),
+        Topic(ROTORS, JOINTS, fast, turning),
+        Topic(APPLIED, NUMBERS, fast, command),
+    )

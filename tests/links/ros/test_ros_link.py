@@ -1,0 +1,304 @@
+"""A session with live topics: what is sent is what a log of it holds; commands, goals, and what is refused."""
+
+from __future__ import annotations
+
+import struct
+from functools import cache
+
+import numpy as np
+import pytest
+
+import skyarm
+from estimated_flight import estimated
+from ros_stand_ins import MemoryNode
+from skyarm.dynamics.actuators import Command
+from skyarm.links.ros import RosLink, live_session
+from skyarm.links.ros.goals import joint_goal
+from skyarm.links.ros.message_types import MessageError, decode
+from skyarm.links.ros.ros_link import APPLIED, CLOCK, COMMAND, GOAL, JOINT_GOAL, ROTORS, command_of
+from skyarm.log.ros.messages import FLIGHT, encode
+from skyarm.log.ros.topics import FlightTopics
+from skyarm.simulate.session import Session
+
+POSE, JOINTS, NUMBERS = "geometry_msgs/PoseStamped", "sensor_msgs/JointState", "std_msgs/Float64MultiArray"
+
+
+@cache
+def scenario(name: str = "case3", duration: float = 0.6):
+    return estimated(duration=duration) if name == "estimated" else skyarm.load_scenario(name, duration=duration)
+
+
+def linked(name: str = "case3", duration: float = 0.6, *, packed: bool = False):
+    told: list[str] = []
+    node = MemoryNode(packed=packed)
+    return RosLink(live_session(scenario(name, duration))[0], node, warn=told.append), node, told
+
+
+def flown(link: RosLink, periods: int) -> None:
+    for _ in range(periods):
+        link.step()
+
+
+def pose(node: MemoryNode, position, yaw: float = 0.0, frame: str = "world") -> bytes:
+    values = {
+        "header": {"stamp": 0, "frame_id": frame},
+        "pose": {
+            "position": dict(zip("xyz", position, strict=True)),
+            "orientation": {"w": np.cos(0.5 * yaw), "z": np.sin(0.5 * yaw)},
+        },
+    }
+    return encode(POSE, node.definitions, values, 1, packed=node.packed)[0].tobytes()
+
+
+def joints(node: MemoryNode, names, positions) -> bytes:
+    values = {"name": names, "position": np.array(positions)}
+    return encode(JOINTS, node.definitions, values, 1, packed=node.packed)[0].tobytes()
+
+
+def numbers(node: MemoryNode, values) -> bytes:
+    return encode(NUMBERS, node.definitions, {"data": np.array(values)}, 1, packed=node.packed)[0].tobytes()
+
+
+@pytest.mark.parametrize("name", ["case3_wind", "estimated"])
+def test_live_messages_are_those_of_the_log_to_the_byte(name):
+    link, node, told = linked(name, 0.3)
+    while link.step():
+        pass
+    log = link.session.log
+    topics = FlightTopics(log)
+    compared = 0
+    for topic in topics.topics:
+        if topic.kind == FLIGHT:
+            assert topic.name not in node.sent
+            continue
+        assert node.kinds[topic.name] == topic.kind
+        assert (topic.name in node.latched) == (topic.every == 0)
+        expected = [row.tobytes() for row in topics.encode(topic, log)[1]]
+        assert node.sent[topic.name] == expected, topic.name
+        compared += len(expected)
+    assert compared > log.time.size
+    assert not told
+
+
+def test_clock_rotors_and_applied_commands_are_the_logs():
+    link, node, _ = linked()
+    flown(link, 40)
+    log = link.session.log
+    clocks = [decode("rosgraph_msgs/Clock", node.definitions, each)["clock"] for each in node.sent[CLOCK]]
+    assert [each["sec"] + 1e-9 * each["nanosec"] for each in clocks] == pytest.approx(log.time, abs=1e-9)
+    turning = [decode(JOINTS, node.definitions, each) for each in node.sent[ROTORS]]
+    assert np.array_equal([each["velocity"] for each in turning], log.rotor_speeds)
+    assert turning[0]["name"] == [rotor.name for rotor in link.session.scenario.plant.vehicle.rotors]
+    applied = [decode(NUMBERS, node.definitions, each)["data"] for each in node.sent[APPLIED]]
+    assert np.array_equal(applied, np.hstack([log.rotor_commands, log.efforts]))
+
+
+def test_messages_of_ros_1_hold_the_same_numbers():
+    (link, node, _), (other, packed, _) = linked(), linked(packed=True)
+    flown(link, 10)
+    flown(other, 10)
+    for topic, kind in node.kinds.items():
+        pairs = zip(node.sent[topic], packed.sent[topic], strict=True)
+        for new, old in pairs:
+            a, b = decode(kind, node.definitions, new), decode(kind, packed.definitions, old, packed=True)
+            if kind not in ("tf2_msgs/TFMessage", "visualization_msgs/MarkerArray"):
+                b.get("header", {}).pop("seq", None)
+                assert a == b
+            else:
+                (name,) = a
+                assert len(a[name]) == len(b[name]) > 0
+
+
+def test_a_received_command_flies_in_the_laws_place_until_it_is_too_old():
+    link, node, _ = linked()
+    other = Session(scenario())
+    values = [420.0, 430.0, 440.0, 450.0, 0.01, -0.02]
+    flown(link, 5)
+    node.inbox[COMMAND] = [numbers(node, [1.0] * 6), numbers(node, values)]  # the newest counts
+    flown(link, 35)
+    command = Command(rotor_speeds=tuple(values[:4]), efforts=tuple(values[4:]))
+    for k in range(40):  # 0.1 s at 200 Hz
+        other.step(command if 5 <= k < 25 else None)
+    assert link.commanded == 20
+    for name in ("position", "rotor_commands", "efforts"):
+        assert np.array_equal(link.session.log[name], other.log[name])
+
+
+def test_commands_that_keep_coming_keep_the_law_away():
+    link, node, _ = linked()
+    for _ in range(50):
+        node.inbox[COMMAND] = [numbers(node, [430.0] * 4 + [0.0] * 2)]
+        link.step()
+    assert link.commanded == 50
+    assert (link.session.log.rotor_commands == 430.0).all()
+
+
+REFUSED = {
+    "too few": [400.0] * 5,
+    "nan": [400.0, np.nan, 400.0, 400.0, 0.0, 0.0],
+    "infinite": [400.0, 400.0, 400.0, 400.0, 0.0, np.inf],
+    "negative": [-1.0, 400.0, 400.0, 400.0, 0.0, 0.0],
+    "none": [],
+}
+
+
+@pytest.mark.parametrize("values", REFUSED.values(), ids=REFUSED)
+def test_a_command_that_cannot_be_is_refused_in_one_line_and_the_law_flies(values):
+    link, node, told = linked()
+    plain = Session(scenario())
+    for _ in range(10):
+        node.inbox[COMMAND] = [numbers(node, values), b"garbage", b""]
+        link.step()
+        plain.step()
+    assert link.commanded == 0
+    assert np.array_equal(link.session.log.position, plain.log.position)
+    assert len(told) == 1
+    assert told[0].startswith(f"{COMMAND}: a message is ignored")
+    assert "\n" not in told[0]
+
+
+def test_a_command_of_tilting_rotors_may_leave_their_angles_out():
+    assert command_of([1.0, 2.0, 3.0], 1, 2, 2) == Command(rotor_speeds=(1.0, 2.0), efforts=(3.0,))
+    found = command_of([1.0, 2.0, 3.0, 0.1, 0.2], 1, 2, 2)
+    assert found == Command(rotor_speeds=(1.0, 2.0), efforts=(3.0,), tilts=(0.1, 0.2))
+    with pytest.raises(MessageError, match="2 tilts"):
+        command_of([1.0, 2.0, 3.0, 0.1], 1, 2, 2)
+
+
+def test_a_goal_moves_the_base_there_and_the_joints_go_on():
+    link, node, _ = linked(duration=8.0)
+    flown(link, 20)
+    node.inbox[GOAL] = [pose(node, (0.5, -0.4, 1.3), yaw=0.6)]
+    while link.step():
+        pass
+    log = link.session.log
+    assert link.goals == 1
+    assert log.position_reference[-1] == pytest.approx((0.5, -0.4, 1.3), abs=1e-12)
+    assert log.yaw_reference[-1] == pytest.approx(0.6, abs=1e-12)
+    assert np.abs(np.diff(log.position_reference, axis=0)).max() * 200.0 < 1.01  # m/s
+    plain = skyarm.run(scenario(duration=8.0))
+    assert np.array_equal(log.joints_reference, plain.joints_reference)
+    assert np.abs(log.position[-1] - (0.5, -0.4, 1.3)).max() < 0.1
+
+
+def test_a_goal_during_a_motion_begins_where_the_reference_is():
+    link, node, _ = linked(duration=8.0)
+    for k, goal in enumerate([(1.0, 0.0, 1.5), (0.0, 1.0, 1.5), (-0.3, 0.2, 0.8)]):
+        node.inbox[GOAL] = [pose(node, goal)]
+        flown(link, 130 + k)
+    while link.step():
+        pass
+    log = link.session.log
+    assert link.goals == 3
+    assert log.position_reference[-1] == pytest.approx((-0.3, 0.2, 0.8), abs=1e-12)
+    velocity = np.diff(log.position_reference, axis=0) * 200.0
+    assert np.abs(np.diff(velocity, axis=0)).max() * 200.0 < 6.0  # a jump of the velocity would be some hundred
+
+
+def test_joint_goals_move_the_joints_that_they_name():
+    link, node, told = linked(duration=3.0)
+    names = [each.joint.name for each in link.session.scenario.plant.vehicle.links]
+    node.inbox[JOINT_GOAL] = [joints(node, [names[1]], [0.3])]
+    while link.step():
+        pass
+    log = link.session.log
+    assert log.joints_reference[-1] == pytest.approx((log.joints_reference[0, 0], 0.3), abs=1e-12)
+    assert not told
+
+
+@pytest.mark.parametrize(
+    ("topic", "make"),
+    [
+        (GOAL, lambda node: pose(node, (0.0, np.nan, 1.0))),
+        (GOAL, lambda node: pose(node, (0.0, 0.0, 1.0), frame="map")),
+        (GOAL, lambda node: struct.pack("<I", 7)),
+        (JOINT_GOAL, lambda node: joints(node, ["elbow"], [0.1])),
+        (JOINT_GOAL, lambda node: joints(node, [], [0.1])),
+        (JOINT_GOAL, lambda node: joints(node, ["joint1"], [np.nan])),
+        (JOINT_GOAL, lambda node: joints(node, ["joint1"], [np.inf])),
+    ],
+)
+def test_a_goal_that_cannot_be_is_refused_in_one_line(topic, make):
+    link, node, told = linked()
+    node.inbox[topic] = [make(node)]
+    flown(link, 3)
+    node.inbox[topic] = [make(node)]
+    flown(link, 3)
+    assert link.goals == 0
+    assert len(told) == 1
+    assert told[0].startswith(f"{topic}: ")
+    assert not link.session.plan.changes
+
+
+def test_a_joint_goal_is_within_the_limits_of_its_joint():
+    vehicle = skyarm.load_vehicle("hexarotor_arm6")
+    joint = vehicle.links[2].joint
+    goals = joint_goal({"name": [joint.name], "position": [float(joint.upper)]}, vehicle)
+    assert goals == {"joints.2": float(joint.upper)}
+    for value in (float(joint.upper) + 0.01, float(joint.lower) - 0.01):
+        with pytest.raises(MessageError, match=f"{joint.name} = .*must be a finite number from"):
+            joint_goal({"name": [joint.name], "position": [value]}, vehicle)
+
+
+def test_a_flight_with_goals_is_flown_again_to_the_bit(tmp_path):
+    link, node, _ = linked(duration=2.0)
+    for goal in [(0.4, 0.0, 1.2), (0.0, 0.3, 1.0)]:
+        flown(link, 60)
+        node.inbox[GOAL] = [pose(node, goal)]
+    while link.step():
+        pass
+    log = link.session.log
+    again = skyarm.run(skyarm.load_log(skyarm.save_log(log, tmp_path / "flight.npz")).scenario)
+    assert link.goals == 2
+    assert np.array_equal(again.position, log.position)
+    assert np.array_equal(again.rotor_commands, log.rotor_commands)
+
+
+def test_many_goals_are_taken_five_times_a_second():
+    link, node, _ = linked(duration=1.0)
+    for k in range(190):
+        node.inbox[GOAL] = [pose(node, (0.001 * k, 0.0, 1.0))]
+        link.step()
+    assert link.goals == 5
+
+
+def test_a_session_without_goals_flies_as_it_is():
+    node = MemoryNode()
+    link = RosLink(Session(scenario()), node)
+    flown(link, 20)
+    assert node.heard == [COMMAND]
+    plain = Session(scenario())
+    for _ in range(20):
+        plain.step()
+    assert np.array_equal(link.session.log.position, plain.log.position)
+
+
+def test_a_reference_that_is_planned_says_why_it_takes_no_goals():
+    changed = scenario().with_words(changes=(skyarm.Change(at=0.1, path="reference.z.value", value=1.1),))
+    session, reason = live_session(changed)
+    assert "changes in flight" in reason
+    assert session.scenario.reference == changed.reference
+
+
+def test_a_link_that_cannot_be_made_closes_its_node():
+    class Refusing(MemoryNode):
+        def subscribe(self, topic, kind):
+            raise ValueError("no")
+
+    node = Refusing()
+    with pytest.raises(ValueError, match="no"):
+        RosLink(Session(scenario()), node)
+    assert node.closed
+    with pytest.raises(ValueError, match="timeout"):
+        RosLink(Session(scenario()), MemoryNode(), timeout=0.0)
+
+
+def test_a_link_to_a_running_session_sends_what_is_sent_once():
+    session = Session(scenario())
+    for _ in range(7):
+        session.step()
+    node = MemoryNode()
+    with RosLink(session, node) as link:
+        flown(link, 5)
+    assert {topic for topic in node.latched if len(node.sent[topic]) == 1} == node.latched != set()
+    assert node.closed
