@@ -22,8 +22,11 @@ from scipy.spatial.transform import Rotation
 
 import ardupilot_stand_in
 import skyarm
+from skyarm.links import mavlink
 from skyarm.links.autopilots.ardupilot import SURPLUS, ArduPilot, ArduPilotLink, physics_line
 from skyarm.links.autopilots.autopilot import Goal, Instant, LinkError
+from skyarm.links.autopilots.flight import planned_scenario
+from skyarm.reference import hover
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate.session import open_session
 
@@ -316,9 +319,12 @@ class Tap:
     def __init__(self) -> None:
         self.packets: list[bytes] = [struct.pack("<HHI16H", 18458, 1200, 0, *[1000] * 16)]
         self.stream = b""
+        self.sent: list[mavlink.Message] = []
 
     def send(self, channel: str, data: bytes, send: object) -> None:
         """Take what is sent."""
+        if channel == "mavlink":
+            self.sent += mavlink.Parser().feed(data)
 
     def receive(self, channel: str, receive: object) -> bytes:
         """What is there for a channel."""
@@ -329,7 +335,7 @@ def test_twenty_thousand_fuzzed_packets_are_refused_or_taken():
     """The oracle for what must be taken: a valid packet of which a byte changed only in rate or pulse widths."""
     rng = random.Random(20260)
     tap = Tap()
-    link = ArduPilotLink(ArduPilot(), scenario(), tap)
+    link = ArduPilotLink(ArduPilot(), planned_scenario(scenario()), tap)
     goal = Goal((0.0, 0.0, 1.0), (0.0,) * 3, (0.0,) * 3, 0.0)
     taken, frame = 0, 0
     for step in range(20_000):
@@ -353,6 +359,97 @@ def test_twenty_thousand_fuzzed_packets_are_refused_or_taken():
         assert all(0.0 <= each <= 1.0 for each in signals)
         assert bytes(packet[:2]) == struct.pack("<H", 18458)
     assert 5000 < taken < 19_000
+
+
+# What it is told
+
+
+class Talk:
+    """Link whose other side is played by hand: mode, arming, flags of the estimator, place (north, west, up)."""
+
+    def __init__(self) -> None:
+        self.tap, self.step, self.frame = Tap(), 0, 0
+        self.link = ArduPilotLink(ArduPilot(climb=0.5), planned_scenario(scenario()), self.tap)
+        self.mode, self.armed, self.flags, self.shift, self.system = 0, False, 831, (2.0, -1.0, 3.0), 1
+
+    def fly(self, seconds: float, place: tuple[float, float, float], goal: Goal) -> list[mavlink.Message]:
+        """Messages that the link sends in some seconds at a true place."""
+        self.tap.sent.clear()
+        for _ in range(round(seconds * 800)):
+            self.step += 1
+            self.frame += 1
+            if self.step % 16 == 0:
+                x, y, z = (a + b for a, b in zip(place, self.shift, strict=True))
+                said = {
+                    "HEARTBEAT": {"autopilot": 3, "custom_mode": self.mode, "base_mode": 128 * self.armed},
+                    "EKF_STATUS_REPORT": {"flags": self.flags},
+                    "LOCAL_POSITION_NED": {"x": x, "y": -y, "z": -z},
+                }
+                self.tap.stream = b"".join(
+                    mavlink.pack(name, sequence=i, system=self.system, component=1, **fields)
+                    for i, (name, fields) in enumerate(said.items())
+                )
+            self.tap.packets = [struct.pack("<HHI16H", 18458, 800, self.frame, *[1500] * 16)]
+            self.link.exchange(Instant(self.step / 800, {"imu": IMU}, (*place, *STATE[3:])), goal)
+        return list(self.tap.sent)
+
+
+STAND, AIR = (1.0, 2.0, 0.5), (1.0, 2.0, 1.0)
+GOAL = Goal((1.5, 2.5, 1.25), (0.1, 0.2, 0.3), (0.4, 0.5, 0.6), 0.7)
+
+
+def commands(sent: list[mavlink.Message]) -> list[int]:
+    """Numbers of the commands among messages."""
+    return [message["command"] for message in sent if message.name == "COMMAND_LONG"]
+
+
+def test_it_asks_for_mode_arming_and_take_off_one_after_the_other_and_then_sends_goals():
+    talk = Talk()
+    assert set(commands(talk.fly(2.5, STAND, GOAL))) <= {511}
+    assert set(commands(talk.fly(2.0, STAND, GOAL))) == {176}
+    talk.mode = 4
+    talk.fly(0.6, STAND, GOAL)
+    assert set(commands(talk.fly(2.0, STAND, GOAL))) == {400}
+    talk.armed = True
+    talk.fly(0.6, STAND, GOAL)
+    sent = talk.fly(6.0, STAND, GOAL)
+    assert set(commands(sent)) == {22}
+    assert [message["param7"] for message in sent if message.name == "COMMAND_LONG"] == [0.5]
+    assert not talk.link.following
+    sent = talk.fly(1.0, AIR, GOAL)
+    assert talk.link.following
+    goals = [message for message in sent if message.name == "SET_POSITION_TARGET_LOCAL_NED"]
+    assert len(goals) == 50
+    told, north_east_down = goals[-1], np.array([1.0, -1.0, -1.0])
+    expected = north_east_down * (np.array(GOAL.position) + talk.shift)
+    assert [told[axis] for axis in "xyz"] == pytest.approx(expected, rel=1e-6)
+    assert [told["v" + axis] for axis in "xyz"] == pytest.approx(north_east_down * GOAL.velocity, rel=1e-6)
+    assert [told["af" + axis] for axis in "xyz"] == pytest.approx(north_east_down * GOAL.acceleration, rel=1e-6)
+    assert told["yaw"] == pytest.approx(-0.7)
+    assert (told["type_mask"], told["coordinate_frame"]) == (2048, 1)
+    assert [message.name for message in sent].count("HEARTBEAT") == 1
+    talk.mode = 9
+    assert set(commands(talk.fly(1.0, AIR, GOAL))) == {176}
+    assert talk.link.facts["left_guided"] > 0
+
+
+@pytest.mark.parametrize(("flags", "system"), [(831 | 128, 1), (831 & ~16, 1), (831, 2)])
+def test_it_waits_for_estimates_of_its_own_system(flags, system):
+    """Flag 128: the position is taken as constant; 16: absolute position."""
+    talk = Talk()
+    talk.flags, talk.system = flags, system
+    assert set(commands(talk.fly(6.0, STAND, GOAL))) <= {511}
+
+
+def test_it_flies_at_another_heading(stand_in):
+    """Yaw is counter-clockwise here, the heading of ``--home`` clockwise."""
+    note = stand_in()
+    turned = scenario().with_words(reference=hover((0.5, -0.25, 1.0), yaw=0.8, joints=(0.0, 0.0)))
+    with closing(open_session(turned)) as session:
+        state = session.run().quaternion[-1]
+    words = note.read_text().splitlines()
+    assert float(words[words.index("--home") + 1].split(",")[3]) == pytest.approx(360.0 - math.degrees(0.8), abs=1e-4)
+    assert 2.0 * math.atan2(state[3], state[0]) == pytest.approx(0.8, abs=0.05)
 
 
 # The program itself

@@ -396,6 +396,7 @@ class ArduPilotLink(Link):
         if len(self._differences) * self._goal_every * self._period >= SETTLED:
             half = self._differences[len(self._differences) // 2 :]
             self._offset = tuple(sum(column) / len(half) for column in zip(*half, strict=True))
+            self._next = 0.0
 
     def _send_goal(self, t: float, goal: Goal) -> None:
         """Send a set point of position, velocity, acceleration and yaw in ArduPilot's local frame."""
@@ -436,6 +437,7 @@ class ArduPilotLink(Link):
             if self._offset is not None and self._armed and not self.following:
                 rise = self._place[2] - self._offset[2] - self._stand
                 self.following = rise > 0.5 * self._record.climb
+                self._next = 0.0 if self.following else self._next
         elif message.name == "STATUSTEXT" and message["severity"] <= WARNING:
             self._said = message["text"]
         elif message.name == "PARAM_VALUE":
