@@ -15,7 +15,7 @@ import pytest
 
 import skyarm
 from skyarm.algebra import Vec3
-from skyarm.control.catalogue import LAWS
+from skyarm.control.catalogue import AUTOPILOTS, LAWS
 from skyarm.control.laws.paper import hybrid_computed_torque
 from skyarm.control.safety import with_safety_layer
 from skyarm.records.plain import plain
@@ -29,7 +29,7 @@ def written(value: Any) -> Any:
 
 
 @pytest.mark.parametrize("name", PAPER_CASES)
-@pytest.mark.parametrize("law", sampled([None, *LAWS], 5))
+@pytest.mark.parametrize("law", sampled([None, *LAWS, *AUTOPILOTS], 5, keep=tuple(AUTOPILOTS)))
 def test_every_scenario_under_every_law_is_read_back(name: str, law: str | None) -> None:
     scenario = skyarm.load_scenario(name, controller=law)
     again = restore(written(scenario))

@@ -18,8 +18,9 @@ from skyarm.records.leaves import field_names
 from skyarm.records.plain import NOT_FINITE, dotted_name, plain, written_if_any
 from skyarm.records.registry.plugins import code_of
 
-FUNCTIONS = ("skyarm.control.",)
-"""Beginnings of this package's modules whose functions a record may hold: laws and what bounds them."""
+FUNCTIONS = ("skyarm.control.", "skyarm.links.autopilots.autopilot:move_arm")
+"""Beginnings of names of this package's functions that a record may hold: laws, what bounds them, and the joint law
+beside an autopilot."""
 
 
 class RestoreError(ValueError):

@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 from hand_made import T, double_integrator
 
+from skyarm.control.controller import ControllerError
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.studies.stability.frozen_scenario import nominal
+from skyarm.studies.stability.hover_delay import hover_delay_if_known
 from skyarm.studies.stability.margins import LONGEST, STRIDE, delay_margin, gain_edge, radius
 
 MARGINS = importlib.import_module("skyarm.studies.stability.margins")
@@ -93,3 +95,10 @@ def test_rotors_and_joints_with_delays_of_their_own_are_refused_in_one_line():
     late = case.with_words(delays=dataclasses.replace(case.delays, joints=0.003))
     with pytest.raises(ScenarioError, match=r"^delays\.rotors, delays\.joints: must be left out of margins"):
         nominal(late)
+
+
+def test_an_autopilot_has_no_margins_and_its_check_says_so():
+    flown = load_scenario("case1", controller="px4")
+    with pytest.raises(ControllerError, match=r"^autopilot 'px4': flies alone and at its own pace, a margin needs a law"):
+        nominal(flown)
+    assert "a margin needs a law" in hover_delay_if_known(flown)

@@ -6,7 +6,7 @@ import dataclasses
 from typing import Any
 
 from skyarm.compile import leaves, trace
-from skyarm.control.controller import innermost, part_of, with_innermost
+from skyarm.control.controller import autopilot_of, innermost, part_of, with_innermost
 from skyarm.control.vectored_layer import turns_rotors
 from skyarm.dynamics.actuators.servo import PositionServo
 from skyarm.dynamics.state import State, example_state
@@ -32,7 +32,10 @@ def nominal(scenario: Scenario) -> Scenario:
     Raises:
         ScenarioError: a law that turns rotors: channels and lags of their servos are not reckoned; or air or a force
             whose memory moves with the plant or follows its state; or rotors and joints with delays of their own.
+        ControllerError: an autopilot: its program cannot be linearised.
     """
+    if autopilot_of(scenario.controller) is not None:
+        scenario.controller.require_compiled("a margin")
     if scenario.delays.apart:
         raise ScenarioError("delays.rotors, delays.joints: must be left out of margins, which know delays.command only")
     scenario = _without_tilts(scenario)
