@@ -25,6 +25,9 @@ def main() -> int:
     parser.add_argument("pages", nargs="*", default=pages.WITH_CODE, metavar="PAGE")
     given, left = parser.parse_args(), 0
     for name in given.pages:
+        if missing := pages.missing_programs(name):
+            print(f"{name}: left out, needs {' and '.join(missing)}", flush=True)
+            continue
         with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
             sys.path.insert(0, folder)
             sys.modules.pop("climber", None)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import importlib.util
+import os
 import re
 import sys
 from pathlib import Path
@@ -121,9 +122,13 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+PROGRAMS = {"autopilots.md": ("SKYARM_PX4",)}
+"""Page -> environment variables of the programs that its commands fly."""
+
 SLOW = {
     FRONT,
     "actuators.md",
+    "autopilots.md",
     "comparing_laws.md",
     "delays.md",
     "disturbances_and_payloads.md",
@@ -156,6 +161,8 @@ def test_a_page_runs_from_its_first_block_to_its_last_and_prints_what_it_shows(n
     for module in ("gymnasium", "jax", "pinocchio", "pyarrow", "scipy", "viser"):
         if re.search(rf"\b{module}\b", PAGES[name]):
             pytest.importorskip(module)
+    if missing := missing_programs(name):
+        pytest.skip(f"needs {' and '.join(missing)}, the paths of programs that the page flies")
     ran = flown(name, here)
     assert ran.answers == [], f"python tests/website/printed_answers.py --write {name}"
     if name == "sweeps.md":
@@ -163,6 +170,11 @@ def test_a_page_runs_from_its_first_block_to_its_last_and_prints_what_it_shows(n
         assert ran.names["x"].shape[0] == 4
         assert ran.names["log"].status == "completed"
     assert ran.blocks > 0
+
+
+def missing_programs(name: str) -> list[str]:
+    """Variables that a page's commands need and that are not set."""
+    return [variable for variable in PROGRAMS.get(name, ()) if variable not in os.environ]
 
 
 def flown(name: str, folder: Path) -> Ran:
