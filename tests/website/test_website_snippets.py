@@ -122,7 +122,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-PROGRAMS = {"autopilots.md": ("SKYARM_PX4",)}
+PROGRAMS = {"autopilots.md": ("SKYARM_PX4", "SKYARM_ARDUPILOT")}
 """Page -> environment variables of the programs that its commands fly."""
 
 SLOW = {
