@@ -1,17 +1,33 @@
-"""Transcripts of an exchange with another program: recording of the bytes both ways, and playing them back."""
+"""Transcripts of an exchange with another program: recording of the bytes both ways, and playing them back.
+
+A transcript is a gzip file: ``MAGIC``, then for each message its time (s, 64-bit float), direction (``s`` for sent,
+``r`` for received), length of the channel's name (one byte), length of the message (four bytes), little endian, and
+then name and message.
+"""
 
 from __future__ import annotations
 
-import base64
 import gzip
-import json
+import struct
+import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 from skyarm.records.files import shown
 
-SENT, RECEIVED = "sent", "received"
+MAGIC = b"skyarm transcript 1\n"
+
+HEAD = struct.Struct("<dcBI")
+
+LONGEST = 1 << 20
+"""Bytes of a message, more than any socket gives at once."""
+
+SENT, RECEIVED = b"s", b"r"
+
+WORDS = {SENT: "sent", RECEIVED: "received"}
+
+Row = tuple[bytes, str, bytes]
 
 
 class TranscriptError(ValueError):
@@ -27,13 +43,28 @@ class Tape:
     Args:
         file: to write to.
         played: transcript to play back.
+
+    Attributes:
+        time: of the messages that follow, s.
+        plays: True for a tape that is played back.
+
+    Raises:
+        TranscriptError: a file that cannot be written.
     """
 
     def __init__(self, file: str = "", played: str = "") -> None:
         self.time = 0.0
-        self._file = gzip.open(file, "wt", 6, "ascii") if file else None  # noqa: SIM115, stays open
-        self._rows = _rows_of(Path(played)) if played else None
         self.plays = bool(played)
+        self._rows = rows_of(Path(played)) if played else None
+        self._file = None
+        if file:
+            try:
+                self._file = gzip.GzipFile(Path(file).expanduser(), "wb", compresslevel=6, mtime=0)
+            except OSError as error:
+                raise TranscriptError(
+                    f"controller.transcript = {shown(file)}: must be a file that can be written ({error.strerror})"
+                ) from None
+            self._file.write(MAGIC)
 
     def send(self, channel: str, data: bytes, send: Callable[[bytes], Any]) -> None:
         """Send bytes over a channel, or compare them with those of the transcript that is played.
@@ -45,7 +76,8 @@ class Tape:
             expected = self._next(SENT, channel)
             if expected != data:
                 raise TranscriptError(
-                    f"transcript: at {self.time:g} s: sent {len(data)} bytes differ from the {len(expected)} recorded"
+                    f"transcript: at {self.time:g} s: {len(data)} bytes sent over {channel} differ from the "
+                    f"{len(expected)} recorded"
                 )
             return
         send(data)
@@ -64,38 +96,50 @@ class Tape:
         return data
 
     def close(self) -> None:
-        """Complete the transcript's file."""
+        """Complete the transcript's file; a second call does nothing."""
         if self._file is not None:
             self._file.close()
             self._file = None
 
-    def _write(self, what: str, channel: str, data: bytes) -> None:
+    def _write(self, what: bytes, channel: str, data: bytes) -> None:
         if self._file is not None:
-            row = [round(self.time, 6), what, channel, base64.b64encode(data).decode("ascii")]
-            self._file.write(json.dumps(row, separators=(",", ":")) + "\n")
+            name = channel.encode("ascii")
+            self._file.write(HEAD.pack(self.time, what, len(name), len(data)) + name + data)
 
-    def _next(self, what: str, channel: str) -> bytes:
+    def _next(self, what: bytes, channel: str) -> bytes:
+        """Next message of the transcript that is played, which must be of this direction and channel."""
         assert self._rows is not None
         row = next(self._rows, None)
         if row is None:
             raise TranscriptError(f"transcript: ends at {self.time:g} s, before the flight does")
-        if row[1:3] != [what, channel]:
+        if row[0] != what or row[1] != channel:
             raise TranscriptError(
-                f"transcript: at {self.time:g} s: {what} over {channel}, but {row[1]} over {row[2]} is recorded"
+                f"transcript: at {self.time:g} s: {WORDS[what]} over {channel}, but {WORDS[row[0]]} over {row[1]} is "
+                "recorded"
             )
-        return base64.b64decode(row[3])
+        return row[2]
 
 
-def _rows_of(path: Path) -> Iterator[list[Any]]:
-    """Rows of a transcript: time, direction, channel, bytes in base 64."""
+def rows_of(path: Path) -> Iterator[Row]:
+    """Read the messages of a transcript: direction, channel, bytes. One that was cut off ends early.
+
+    Raises:
+        TranscriptError: no transcript.
+    """
+    where = f"controller.replayed = {shown(str(path))}"
     try:
-        with gzip.open(path, "rt", encoding="ascii") as file:
-            for line in file:
-                row = json.loads(line)
-                if not (isinstance(row, list) and len(row) == 4 and all(isinstance(each, str) for each in row[1:])):
-                    raise ValueError("a row must be time, direction, channel, bytes")
-                yield row
-    except (OSError, EOFError, ValueError) as error:
-        raise TranscriptError(
-            f"transcript = {shown(str(path))}: must be a transcript that was recorded ({error})"
-        ) from None
+        with gzip.open(path.expanduser(), "rb") as file:
+            if file.read(len(MAGIC)) != MAGIC:
+                raise TranscriptError(f"{where}: must be a transcript that was recorded")
+            while len(head := file.read(HEAD.size)) == HEAD.size:
+                _, what, name, size = HEAD.unpack(head)
+                if what not in WORDS or size > LONGEST:
+                    raise TranscriptError(f"{where}: must be a transcript that was recorded; it is damaged")
+                channel, data = file.read(name), file.read(size)
+                if len(channel) + len(data) < name + size:
+                    return
+                yield what, channel.decode("ascii", "replace"), data
+    except EOFError:
+        return
+    except (OSError, zlib.error) as error:
+        raise TranscriptError(f"{where}: must be a transcript that was recorded ({error})") from None

@@ -181,7 +181,10 @@ class PilotedSession(Session):
         self._goal = goal_of(self.reference)
 
     def _take_off(self, progress: Callable[[float, float], None] | None) -> bool:
-        """Fly from the stand to the start; False if the flight has ended before."""
+        """Fly from the stand to the start; False if the flight has ended before.
+
+        The hand-over is at a whole second, so that flights whose autopilot is not quite repeatable begin alike.
+        """
         x, y, z = self._goal.position
         steady, rate = 0, self.scenario.rates.control
         while self.step():
@@ -190,7 +193,7 @@ class PilotedSession(Session):
             state = self._engine.row(self.tick - 1)[1:11]
             near = math.dist(state[:3], (x, y, z)) < NEAR and math.hypot(*state[7:10]) < SLOW
             steady = steady + 1 if near and self._link is not None and self._link.following else 0
-            if steady >= STEADY * rate:
+            if steady >= STEADY * rate and self.tick % rate == 0:
                 self._prepared = self.time
                 return True
         if self.ended is None:

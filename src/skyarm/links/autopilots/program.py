@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import os
+import re
 import shutil
 import signal
 import subprocess
-import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -43,13 +42,23 @@ def find_program(autopilot: Autopilot, usual: str = "") -> Path:
     return path
 
 
+GUARD = """exec 3<&0 0</dev/null
+folder=$1
+shift
+{ read -r _ <&3; kill -9 $$; rm -rf -- "$folder"; kill -9 -- -$$; } >/dev/null 2>&1 &
+exec "$@" 3<&-
+"""
+"""Shell that becomes the program, after it has left a guard behind: a process of the same group that waits for the end
+of a pipe of which only we have the other end. The kernel closes that when we end, however we end."""
+
+
 class Child:
     """Child process in a temporary folder of its own; it ends with this process, however that ends.
 
     Args:
         command: program and arguments.
-        environment: variables on top of this process's own.
         folder: in which it runs; removed by :meth:`close`.
+        environment: variables on top of this process's own.
 
     Raises:
         LinkError: it cannot be started.
@@ -57,15 +66,20 @@ class Child:
 
     def __init__(self, command: Sequence[str], folder: Path, environment: Mapping[str, str] | None = None) -> None:
         self.folder, self._output = folder, folder / "output.txt"
+        held, self._pipe = os.pipe()
         try:
             with self._output.open("wb") as output:
                 self._process = subprocess.Popen(
-                    command, cwd=folder, env={**os.environ, **(environment or {})}, stdin=subprocess.DEVNULL,
-                    stdout=output, stderr=subprocess.STDOUT, start_new_session=True, preexec_fn=_end_with_parent,  # noqa: PLW1509
+                    ["/bin/sh", "-c", GUARD, "skyarm", str(folder), *command],
+                    cwd=folder, env={**os.environ, **(environment or {})}, stdin=held, stdout=output,
+                    stderr=subprocess.STDOUT, start_new_session=True,
                 )  # fmt: skip
         except OSError as error:
+            os.close(self._pipe)
             shutil.rmtree(folder, ignore_errors=True)
             raise LinkError(f"{command[0]} does not start: {error.strerror}") from None
+        finally:
+            os.close(held)
 
     @property
     def running(self) -> bool:
@@ -78,27 +92,36 @@ class Child:
         return self._process.pid
 
     @property
-    def last_words(self) -> str:
-        """End of what the program printed, in one line."""
+    def output(self) -> str:
+        """Everything that the program has printed."""
         with contextlib.suppress(OSError):
-            text = self._output.read_bytes()[-LAST_WORDS:].decode("utf-8", "replace")
-            return " | ".join(line.strip() for line in text.splitlines()[-3:] if line.strip())
+            return self._output.read_bytes().decode("utf-8", "replace")
         return ""
+
+    @property
+    def last_words(self) -> str:
+        """End of what the program printed, in one line without control characters."""
+        lines = [_printable(line) for line in self.output[-LAST_WORDS:].splitlines()[-3:]]
+        return " | ".join(line for line in lines if line)
 
     def close(self) -> None:
         """Kill the process and all its children, and remove its folder; a second call does nothing."""
+        if self._pipe < 0:
+            return
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(self._process.pid, signal.SIGKILL)
         self._process.wait()
+        os.close(self._pipe)
+        self._pipe = -1
         shutil.rmtree(self.folder, ignore_errors=True)
+
+
+def _printable(line: str) -> str:
+    """Text of a line of output without the sequences that colour it."""
+    plain = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", line)
+    return "".join(c for c in plain if c.isprintable()).strip()
 
 
 def make_folder(autopilot: Autopilot) -> Path:
     """New temporary folder for a program to run in."""
     return Path(tempfile.mkdtemp(prefix=f"skyarm_{autopilot.name}_"))
-
-
-def _end_with_parent() -> None:
-    """Have the kernel kill this child process when its parent ends, on Linux."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(1, signal.SIGKILL)

@@ -1,0 +1,197 @@
+"""PX4 parameters of a vehicle and its sensors: rotor geometry, thrust curve, hover thrust, controller gains, delays.
+
+Facts about PX4 v1.17: the meaning of the parameters ``CA_ROTOR*``, ``THR_MDL_FAC`` and ``MPC_THR_HOVER``, the scale of
+its mixer, and its default gains ``MC_*`` and ``MPC_*``. Axes of its parameters are forward, right, down.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.dynamics.actuators.rotor import push
+from skyarm.dynamics.array_front import center_of_mass, mass_matrix
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.vehicle.vehicle_records import Rotor, Vehicle
+
+Array = npt.NDArray[np.float64]
+
+MOST_ROTORS = 12
+
+ROTOR_FUNCTION = 101
+"""Output function of PX4's first motor; those of the others follow."""
+
+FULL_BANDWIDTH = 18.0
+"""rad/s, the largest bandwidth of the rate loop about roll and pitch."""
+
+LAG_SHARE = 0.5
+"""Largest bandwidth of the rate loop times the rotors' mean time constant: 27 degrees of phase lag at the crossing."""
+
+YAW_BANDWIDTH = 6.0
+"""rad/s; PX4 filters the yaw torque at 2 Hz."""
+
+ATTITUDE_RATIO = 4.0
+"""Bandwidth of the rate loop over the gain of the attitude loop around it."""
+
+VELOCITY_RATIO = 2.2
+"""Gain of the attitude loop over that of the velocity loop around it, at least: PX4's default gains."""
+
+ATTITUDE_P, VELOCITY_P, VELOCITY_I, POSITION_P = 4.0, 1.8, 0.4, 0.95
+"""Default gains of PX4: 1/s, 1/s, 1/s^2, 1/s. They are the largest that are set."""
+
+
+def vehicle_parameters(vehicle: Vehicle, gravity: float) -> dict[str, float]:
+    """PX4 parameters of a vehicle: places, axes and spins of the rotors, thrust curve, hover thrust, gains.
+
+    Rotor places are relative to the centre of mass with the joints at zero, which PX4 takes for its origin. The moment
+    ratio is positive for a rotor that turns counter-clockwise seen from above.
+
+    Raises:
+        ScenarioError: more rotors than PX4 has, fewer than three, or rotors that cannot lift the vehicle.
+    """
+    if not 3 <= len(vehicle.rotors) <= MOST_ROTORS:
+        raise ScenarioError(f"plant.vehicle: {len(vehicle.rotors)} rotors: must be 3 to {MOST_ROTORS} for PX4")
+    com, full = centre_of_mass(vehicle), highest_thrust(vehicle)
+    found: dict[str, float] = {"CA_AIRFRAME": 0, "CA_ROTOR_COUNT": len(vehicle.rotors)}
+    largest = max(full)
+    for i, (rotor, thrust) in enumerate(zip(vehicle.rotors, full, strict=True)):
+        x, y, z = (float(a) - float(b) for a, b in zip(rotor.position, com, strict=True))
+        found |= {f"CA_ROTOR{i}_PX": x, f"CA_ROTOR{i}_PY": -y, f"CA_ROTOR{i}_PZ": -z}
+        ax, ay, az = (float(c) for c in rotor.axis)
+        found |= {f"CA_ROTOR{i}_AX": ax, f"CA_ROTOR{i}_AY": -ay, f"CA_ROTOR{i}_AZ": -az}
+        found[f"CA_ROTOR{i}_KM"] = float(rotor.moment_coefficient) * float(rotor.direction)
+        found[f"CA_ROTOR{i}_CT"] = DEFAULT_THRUST * thrust / largest
+        found[f"PWM_MAIN_FUNC{i + 1}"] = ROTOR_FUNCTION + i
+    lift = sum(thrust * float(rotor.axis[2]) for rotor, thrust in zip(vehicle.rotors, full, strict=True))
+    hover = float(vehicle.mass) * gravity / lift if lift > 0.0 else math.inf
+    if not hover < 0.9:
+        raise ScenarioError(
+            f"plant.vehicle: rotors that lift {lift:.3g} N at most: must lift more than 1.11 times the weight for PX4"
+        )
+    found |= {"THR_MDL_FAC": thrust_factor(vehicle.rotors[0]), "MPC_THR_HOVER": hover}
+    return found | rate_gains(vehicle) | outer_gains(vehicle)
+
+
+DEFAULT_THRUST = 6.5
+"""PX4's default thrust coefficient of a rotor; only ratios between the rotors matter."""
+
+
+def rate_gains(vehicle: Vehicle) -> dict[str, float]:
+    """Gains of PX4's rate loop: P = bandwidth J / torque of a full signal; I and D in ratios near PX4's defaults."""
+    fast = rate_bandwidth(vehicle)
+    found = {}
+    names = ("ROLL", "PITCH", "YAW")
+    wide = (fast, fast, min(YAW_BANDWIDTH, fast))
+    for name, inertia, torque, bandwidth in zip(
+        names, turning_inertia(vehicle), torque_of_signal(vehicle), wide, strict=True
+    ):
+        gain = bandwidth * inertia / torque
+        integral, slope = (bandwidth / 13.5, 0.02) if name != "YAW" else (bandwidth / 12.0, 0.0)
+        found |= {f"MC_{name}RATE_P": gain, f"MC_{name}RATE_I": integral * gain, f"MC_{name}RATE_D": slope * gain}
+    return found
+
+
+def outer_gains(vehicle: Vehicle) -> dict[str, float]:
+    """Gains of PX4's attitude, velocity and position loops: its defaults, or less around a slow rate loop."""
+    attitude = min(ATTITUDE_P, rate_bandwidth(vehicle) / ATTITUDE_RATIO)
+    velocity = min(VELOCITY_P, attitude / VELOCITY_RATIO)
+    share = velocity / VELOCITY_P
+    return {
+        "MC_ROLL_P": attitude,
+        "MC_PITCH_P": attitude,
+        "MPC_XY_VEL_P_ACC": velocity,
+        "MPC_XY_VEL_I_ACC": VELOCITY_I * share * share,
+        "MPC_XY_P": POSITION_P * share,
+    }
+
+
+def rate_bandwidth(vehicle: Vehicle) -> float:
+    """Bandwidth of the rate loop about roll and pitch that the rotors' lag allows, rad/s."""
+    slowest = max(0.5 * (float(rotor.time_constant_up) + float(rotor.time_constant_down)) for rotor in vehicle.rotors)
+    return min(FULL_BANDWIDTH, LAG_SHARE / max(slowest, 1e-3))
+
+
+def turning_inertia(vehicle: Vehicle) -> tuple[float, float, float]:
+    """Inertia (kg m^2) about each base axis through the centre of mass: the geometric mean of two, joints at zero.
+
+    With joints that do not yield the arm turns with the base; with free ones part of it stays. A joint's own control
+    lies between, and so does the mean.
+    """
+    M = np.array(mass_matrix(vehicle, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0,) * vehicle.n))
+    locked, free = _remaining(M, [0, 1, 2]), _remaining(M, [0, 1, 2, *range(6, 6 + vehicle.n)])
+    x, y, z = np.sqrt(np.diag(locked) * np.diag(free))
+    return float(x), float(y), float(z)
+
+
+def _remaining(M: Array, others: list[int]) -> Array:
+    """Inertia of the base's rotation with the other coordinates free: Schur complement of a mass matrix."""
+    turn = [3, 4, 5]
+    found: Array = M[np.ix_(turn, turn)] - M[np.ix_(turn, others)] @ np.linalg.solve(
+        M[np.ix_(others, others)], M[np.ix_(others, turn)]
+    )
+    return found
+
+
+def highest_thrust(vehicle: Vehicle) -> list[float]:
+    """Thrust of each rotor at its highest speed, N."""
+    return [float(rotor.thrust_coefficient * push(rotor, rotor.max_speed)) for rotor in vehicle.rotors]
+
+
+def thrust_factor(rotor: Rotor) -> float:
+    """Share a of the square in PX4's thrust curve a s^2 + (1 - a) s of the signal s: least squares over s, 0 to 1."""
+    most = float(rotor.max_speed)
+    signals = np.linspace(0.2, 1.0, 17)
+    thrust = np.array([float(push(rotor, s * most)) for s in signals]) / float(push(rotor, most))
+    slope = signals * signals - signals
+    share = float(slope @ (thrust - signals) / (slope @ slope))
+    return min(max(share, 0.0), 1.0)
+
+
+def centre_of_mass(vehicle: Vehicle) -> Array:
+    """Centre of mass of a vehicle with its joints at zero, base axes, m."""
+    return center_of_mass(vehicle, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0,) * vehicle.n)
+
+
+def torque_of_signal(vehicle: Vehicle) -> tuple[float, float, float]:
+    """Torque (N m) about x, y and z of a full torque set point, as PX4 shares it among the rotors.
+
+    PX4 mixes by the pseudo-inverse of the rotors' effectiveness, each column scaled: roll and pitch alike so that the
+    signals' root mean square over the rotors that take part is 1/sqrt(2) of the larger, yaw by its largest signal.
+    Source: PX4 v1.17, control allocation, scale of the mixer's columns.
+
+    Raises:
+        ScenarioError: rotors that have no torque about an axis.
+    """
+    com, full = centre_of_mass(vehicle), highest_thrust(vehicle)
+    columns = []
+    for rotor, thrust in zip(vehicle.rotors, full, strict=True):
+        axis = np.array([float(c) for c in rotor.axis])
+        arm = np.array([float(c) for c in rotor.position]) - com
+        torque = np.cross(arm, axis) - float(rotor.direction) * float(rotor.moment_coefficient) * axis
+        columns.append(np.concatenate([torque, axis]) * (thrust / max(full)))
+    shape = np.array(columns).T  # torque and force of full thrusts, in parts of the largest
+    mix = np.linalg.pinv(shape, rcond=1e-6)[:, :3]
+    scale = [math.sqrt(2.0 * float(c @ c) / max(np.count_nonzero(np.abs(c) > 1e-4), 1)) for c in mix.T[:2]]
+    scales = np.array([max(scale), max(scale), float((-mix[:, 2]).max())])  # PX4's yaw is about an axis down
+    torques = np.diag(shape[:3] @ mix) / np.maximum(scales, 1e-12) * max(full)
+    if not (np.all(np.isfinite(torques)) and np.all(torques > 1e-9)):
+        raise ScenarioError("plant.vehicle: rotors must have torques about all three axes for PX4")
+    return float(torques[0]), float(torques[1]), float(torques[2])
+
+
+def sensor_parameters(scenario: Scenario) -> dict[str, float]:
+    """PX4 parameters of the sensors: delays and noise that its estimator assumes; the field points north."""
+    sensors: dict[str, Any] = {each.name: each.sensor for each in scenario.sensors}
+    gnss, magnetometer, barometer = (sensors[name] for name in ("gnss", "magnetometer", "barometer"))
+    return {
+        "EKF2_GPS_DELAY": 1e3 * float(gnss.latency),
+        "EKF2_MAG_DELAY": 1e3 * float(magnetometer.latency),
+        "EKF2_BARO_DELAY": 1e3 * float(barometer.latency),
+        "EKF2_GPS_P_NOISE": max(float(gnss.position.sigma), 0.01),
+        "EKF2_GPS_V_NOISE": max(float(gnss.velocity.sigma), 0.01),
+        "EKF2_DECL_TYPE": 0,
+        "EKF2_MAG_DECL": 0,
+    }
