@@ -49,14 +49,16 @@ class Tape:
         plays: True for a tape that is played back.
 
     Raises:
-        TranscriptError: a file that cannot be written.
+        TranscriptError: a file that cannot be written, or that is no transcript.
     """
 
     def __init__(self, file: str = "", played: str = "") -> None:
         self.time = 0.0
         self.plays = bool(played)
         self._rows = rows_of(Path(played)) if played else None
-        self._file = None
+        self._file: gzip.GzipFile | None = None
+        if self._rows is not None:
+            next(self._rows)  # the beginning is read here, so that a file that is no transcript is refused early
         if file:
             try:
                 self._file = gzip.GzipFile(Path(file).expanduser(), "wb", compresslevel=6, mtime=0)
@@ -121,16 +123,18 @@ class Tape:
 
 
 def rows_of(path: Path) -> Iterator[Row]:
-    """Read the messages of a transcript: direction, channel, bytes. One that was cut off ends early.
+    """Read a transcript: ``MAGIC``, then each message's direction, channel, bytes. One that was cut off ends early.
 
     Raises:
         TranscriptError: no transcript.
     """
-    where = f"controller.replayed = {shown(str(path))}"
+    where, begun = f"controller.replayed = {shown(str(path))}", False
     try:
         with gzip.open(path.expanduser(), "rb") as file:
             if file.read(len(MAGIC)) != MAGIC:
                 raise TranscriptError(f"{where}: must be a transcript that was recorded")
+            begun = True
+            yield SENT, "", MAGIC
             while len(head := file.read(HEAD.size)) == HEAD.size:
                 _, what, name, size = HEAD.unpack(head)
                 if what not in WORDS or size > LONGEST:
@@ -139,7 +143,8 @@ def rows_of(path: Path) -> Iterator[Row]:
                 if len(channel) + len(data) < name + size:
                     return
                 yield what, channel.decode("ascii", "replace"), data
-    except EOFError:
-        return
+    except EOFError as error:
+        if not begun:
+            raise TranscriptError(f"{where}: must be a transcript that was recorded ({error})") from None
     except (OSError, zlib.error) as error:
         raise TranscriptError(f"{where}: must be a transcript that was recorded ({error})") from None

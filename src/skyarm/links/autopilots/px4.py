@@ -268,7 +268,9 @@ class PX4Link(Link):
                 raise LinkError(f"PX4 ended while it started{self._ending}")
             if time.monotonic() > until:
                 port = 4560 + ports.instance
-                raise LinkError(f"PX4 has not connected to port {port} within {self._record.patience:g} s{self._ending}")
+                raise LinkError(
+                    f"PX4 has not connected to port {port} within {self._record.patience:g} s{self._ending}"
+                )
 
     @property
     def facts(self) -> dict[str, Any]:

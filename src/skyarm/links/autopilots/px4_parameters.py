@@ -82,7 +82,7 @@ DEFAULT_THRUST = 6.5
 def rate_gains(vehicle: Vehicle) -> dict[str, float]:
     """Gains of PX4's rate loop: P = bandwidth J / torque of a full signal; I and D in ratios near PX4's defaults."""
     fast = rate_bandwidth(vehicle)
-    found = {}
+    found: dict[str, float] = {}
     names = ("ROLL", "PITCH", "YAW")
     wide = (fast, fast, min(YAW_BANDWIDTH, fast))
     for name, inertia, torque, bandwidth in zip(
@@ -166,17 +166,18 @@ def torque_of_signal(vehicle: Vehicle) -> tuple[float, float, float]:
         ScenarioError: rotors that have no torque about an axis.
     """
     com, full = centre_of_mass(vehicle), highest_thrust(vehicle)
+    most = max(full)
     columns = []
     for rotor, thrust in zip(vehicle.rotors, full, strict=True):
         axis = np.array([float(c) for c in rotor.axis])
         arm = np.array([float(c) for c in rotor.position]) - com
         torque = np.cross(arm, axis) - float(rotor.direction) * float(rotor.moment_coefficient) * axis
-        columns.append(np.concatenate([torque, axis]) * (thrust / max(full)))
+        columns.append(np.concatenate([torque, axis]) * (thrust / most))
     shape = np.array(columns).T  # torque and force of full thrusts, in parts of the largest
     mix = np.linalg.pinv(shape, rcond=1e-6)[:, :3]
     scale = [math.sqrt(2.0 * float(c @ c) / max(np.count_nonzero(np.abs(c) > 1e-4), 1)) for c in mix.T[:2]]
     scales = np.array([max(scale), max(scale), float((-mix[:, 2]).max())])  # PX4's yaw is about an axis down
-    torques = np.diag(shape[:3] @ mix) / np.maximum(scales, 1e-12) * max(full)
+    torques = np.diag(shape[:3] @ mix) / np.maximum(scales, 1e-12) * most
     if not (np.all(np.isfinite(torques)) and np.all(torques > 1e-9)):
         raise ScenarioError("plant.vehicle: rotors must have torques about all three axes for PX4")
     return float(torques[0]), float(torques[1]), float(torques[2])

@@ -25,7 +25,7 @@ Fields = dict[str, float]
 
 def pressure_altitude(pressure: float) -> float:
     """Altitude above mean sea level of a pressure (hPa) in the standard atmosphere's troposphere, m (ICAO Doc 7488)."""
-    return 44330.77 * (1.0 - (max(pressure, 0.0) / 1013.25) ** 0.1902632)
+    return float(44330.77 * (1.0 - (max(pressure, 0.0) / 1013.25) ** 0.1902632))
 
 
 class SensorMessages:
