@@ -346,7 +346,7 @@ class PX4Link(Link):
         if not message["flags"] & LOCKSTEP:
             raise LinkError("PX4 does not run in lockstep: it must be built with its lockstep scheduler")
         if answered > stamp:
-            raise LinkError(f"PX4 answered with the time {answered} us before it was sent; the last one is {stamp} us")
+            raise LinkError(f"PX4 answered with the time {answered} us before it was sent: must be {stamp} us")
         if not all(-1e-3 <= each <= 1.001 for each in controls):
             raise LinkError(f"PX4 sent controls that are not from 0 to 1: {[round(each, 4) for each in controls]}")
         self._signals = tuple(min(max(each, 0.0), 1.0) for each in controls)

@@ -166,7 +166,7 @@ def torque_of_signal(vehicle: Vehicle) -> tuple[float, float, float]:
         ScenarioError: rotors that have no torque about an axis.
     """
     com, full = centre_of_mass(vehicle), highest_thrust(vehicle)
-    most = max(full)
+    most: float = max(full)
     columns = []
     for rotor, thrust in zip(vehicle.rotors, full, strict=True):
         axis = np.array([float(c) for c in rotor.axis])

@@ -1,0 +1,92 @@
+"""Flights under the stand-in for PX4: its program, short scenarios, and the flight of one."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from skyarm.control.controller import autopilot_of
+from skyarm.links.autopilots.px4 import PX4
+from skyarm.links.transcript import Tape
+from skyarm.scenario.scenario_file import load_scenario
+from skyarm.scenario.scenario_record import Scenario
+
+STAND_IN = Path(__file__).with_name("stand_in_px4.py")
+
+SCENARIO = """
+schema = 1
+name = "swing"
+duration = {duration}
+[plant]
+vehicle = "{vehicle}"
+[controller]
+autopilot = "px4"
+[reference.base]
+kind = "hover"
+position = [0.5, -0.3, 1.5]
+[reference.yaw]
+kind = "constant"
+value = {yaw}
+"""
+
+
+def make_program(folder: Path, fault: str = "") -> Path:
+    """Program of the stand-in with a fault, where PX4's would be: with a folder ``etc`` beside it."""
+    (folder / "etc").mkdir(parents=True, exist_ok=True)
+    program = folder / "px4"
+    path = ":".join(part for part in sys.path if part)
+    program.write_text(
+        f'#!/bin/sh\nexport STAND_IN="{fault}" PYTHONPATH="{path}"\nexec {sys.executable} {STAND_IN} "$@"\n', "utf-8"
+    )
+    program.chmod(0o755)
+    return program
+
+
+def scenario_of(
+    folder: Path, vehicle: str = "hummingbird_arm2_rotors", duration: float = 2.0, yaw: float = 0.0, **options: Any
+) -> Scenario:
+    """Scenario of a hover under PX4, with options of its record."""
+    file = folder / "swing.toml"
+    text = SCENARIO.format(vehicle=vehicle, duration=duration, yaw=yaw)
+    lines = "".join(f"{name} = {toml(value)}\n" for name, value in options.items())
+    file.write_text(text.replace('autopilot = "px4"\n', 'autopilot = "px4"\n' + lines), "utf-8")
+    return load_scenario(file)
+
+
+def toml(value: Any) -> str:
+    """Value as it stands in a TOML file."""
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{name} = {number}" for name, number in value.items()) + " }"
+    return json.dumps(value)
+
+
+def record_of(scenario: Scenario) -> PX4:
+    """Record of PX4 in a scenario."""
+    found: PX4 = autopilot_of(scenario.controller)
+    return found
+
+
+class Fixed(Tape):
+    """Tape that gives answers of a function in the program's place, and keeps what was sent."""
+
+    def __init__(self, answer: Callable[[str], bytes]) -> None:
+        super().__init__()
+        self.plays, self.sent, self._answer = True, list[tuple[str, bytes]](), answer
+
+    def send(self, channel: str, data: bytes, send: Callable[[bytes], Any]) -> None:
+        self.sent.append((channel, data))
+
+    def receive(self, channel: str, receive: Callable[[], bytes]) -> bytes:
+        return self._answer(channel)
+
+
+READINGS = {
+    "imu": (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 9.81),
+    "magnetometer": (0.0, 0.215, 0.0, -0.427),
+    "barometer": (0.0, 955.0, 11.8),
+    "gnss": (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0),
+}
+"""Readings of a level vehicle at rest that points north."""

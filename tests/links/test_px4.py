@@ -1,0 +1,352 @@
+"""PX4 in the loop, against its stand-in: take-off, hand-over, set points, faults of the program, and its end."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from px4_flights import READINGS, Fixed, make_program, record_of, scenario_of
+
+from skyarm.links import mavlink
+from skyarm.links.autopilots import px4
+from skyarm.links.autopilots.autopilot import Goal, Instant, LinkError
+from skyarm.links.autopilots.flight import PilotedSession, planned_scenario
+from skyarm.links.autopilots.px4 import PX4Link, open_ports
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.simulate.session import open_session
+
+GOAL = Goal((0.5, -0.3, 1.5), (0.1, 0.2, 0.3), (0.4, 0.5, 0.6), 0.7)
+
+
+@pytest.fixture(autouse=True)
+def soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stand-in estimates at once and answers at once: one second of estimates is enough."""
+    monkeypatch.setattr(px4, "SETTLED", 1)
+    monkeypatch.setattr(px4, "STALL", 0.3)
+
+
+@contextlib.contextmanager
+def begun(folder: Path, fault: str = "", **options: object) -> Iterator[PilotedSession]:
+    """Session of a hover under the stand-in with a fault; its process and ports are gone in the end."""
+    program = make_program(folder, fault)
+    scenario = scenario_of(folder, program=str(program), **{"climb": 0.3, "patience": 1.0, **options})
+    session = open_session(scenario)
+    assert isinstance(session, PilotedSession)
+    link = session._link
+    try:
+        yield session
+    finally:
+        session.close()
+        if isinstance(link, PX4Link) and link._child is not None:
+            assert not link._child.running
+            assert not link._child.folder.exists()
+            assert link._udp is not None
+            assert link._udp.fileno() == -1
+            assert link._tcp is None or link._tcp.fileno() == -1
+
+
+def test_the_stand_in_takes_off_and_hovers_where_the_reference_is(tmp_path: Path) -> None:
+    with begun(tmp_path, duration=4.0, yaw=0.6) as session:
+        log = session.run()
+        assert log.status == "completed"
+        assert len(log.time) == 4 * 250
+        error = np.linalg.norm(log.position - log.position_reference, axis=1)
+        assert error.max() < 0.12
+        w, x, y, z = log.quaternion[-1]
+        assert 2 * np.arctan2(z, w) == pytest.approx(0.6, abs=0.05)
+        assert np.hypot(x, y) < 0.05
+        facts = log.info["autopilot"]
+        assert facts["steps"] - facts["answered"] == 4  # the stand-in's start
+        assert facts["lockstep_missed"] == facts["left_offboard"] == facts["failsafes"] == 0
+        assert facts["prepared_s"] == round(facts["prepared_s"])
+        assert facts["steps"] == len(log.time) + 250 * facts["prepared_s"]
+
+
+def test_a_hexarotor_with_another_instance_flies_too(tmp_path: Path) -> None:
+    with begun(tmp_path, vehicle="hexarotor_arm6", instance=8, duration=1.0) as session:
+        assert session.run().status == "completed"
+
+
+FAULTS = {
+    "boot": "ended while it started (INFO [init] the stand-in ends at once)",
+    "deaf": "has not connected to port 456",
+    "silent:1": "has not answered for 1 s",
+    "stop:1": "has not answered for 1 s",
+    "die:1": "closed the connection (the stand-in dies)",
+    "close:1": "closed the connection",
+    "restart:1": "closed the connection",
+    "garbage:1": "bytes that are no MAVLink",
+    "text:1": "bytes that are no MAVLink",
+    "nan:1": "controls that are not from 0 to 1: [0.0, nan",
+    "range:1": "controls that are not from 0 to 1: [0.0, 1.5",
+    "future:1": "answered with the time 2000001 us before it was sent",
+    "late:1": "has not answered for 1 s",
+    "unlocked:1": "does not run in lockstep",
+    "refuse": "does not hover at the start after 6 s: Arming denied: the stand-in will not",
+    "disarm:6": "disarmed in flight",
+    "leave:6": "left offboard mode for its mode 4",
+    "die:6": "closed the connection (the stand-in dies)",
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_ends_the_flight_in_one_line_and_leaves_nothing(tmp_path: Path, fault: str) -> None:
+    with begun(tmp_path, fault, preparation=6.0 if fault == "refuse" else 60.0, duration=30.0) as session:
+        log = session.run()
+        assert log.status == "autopilot"
+        cause = log.info["cause"]
+        assert FAULTS[fault] in " ".join(cause.split())
+        assert "\n" not in cause
+        assert "\x1b" not in cause
+        begin = float(fault.partition(":")[2] or 0)
+        assert log.time[-1] + log.info["autopilot"]["prepared_s"] >= begin - 0.01 if len(log.time) else begin == 0
+        assert not session.step()  # and stays ended
+
+
+def test_a_second_connection_is_refused_and_the_flight_goes_on(tmp_path: Path) -> None:
+    with begun(tmp_path, "twice:2", duration=1.0) as session:
+        assert session.run().status == "completed"
+
+
+def test_a_parameter_that_px4_does_not_have_is_refused(tmp_path: Path) -> None:
+    with begun(tmp_path, "unknown", parameters={"NO_SUCH": 1.0}) as session:
+        assert session.log.info["cause"] == "controller.parameters.NO_SUCH: PX4 has no such parameter"
+
+
+def test_parameters_of_the_user_reach_the_program(tmp_path: Path) -> None:
+    with begun(tmp_path, duration=0.5, parameters={"MPC_XY_P": 0.5, "MC_ROLL_P": 3.0}) as session:
+        environment = Path(f"/proc/{session._link._child.pid}/environ").read_bytes().split(b"\0")  # type: ignore[union-attr]
+        assert b"PX4_PARAM_MPC_XY_P=0.5" in environment
+        assert b"PX4_PARAM_MC_ROLL_P=3" in environment
+        assert b"PX4_PARAM_CA_ROTOR_COUNT=4" in environment
+
+
+def test_programs_that_cannot_be_are_refused_before_anything_starts(tmp_path: Path) -> None:
+    program = make_program(tmp_path)
+    plain = tmp_path / "text"
+    plain.write_text("x", "utf-8")
+    for path, words in (
+        (tmp_path / "absent", "must be an executable file"),
+        (plain, "must be an executable file"),
+        (tmp_path, "must be an executable file"),
+    ):
+        with pytest.raises(ScenarioError, match=words):
+            open_session(scenario_of(tmp_path, program=str(path)))
+    (tmp_path / "etc").rmdir()
+    with pytest.raises(ScenarioError, match="must have PX4's folder 'etc'"):
+        open_session(scenario_of(tmp_path, program=str(program)))
+
+
+def test_a_program_that_is_none_ends_as_a_result(tmp_path: Path) -> None:
+    make_program(tmp_path).write_bytes(b"\x7fELF not a program")
+    session = open_session(scenario_of(tmp_path, program=str(tmp_path / "px4"), patience=1.0))
+    assert session.log.status == "autopilot"
+    assert "PX4 ended while it started" in session.log.info["cause"]
+
+
+STREAM, DATAGRAM = socket.SOCK_STREAM, socket.SOCK_DGRAM
+
+
+@pytest.mark.parametrize(("kind", "port"), [(STREAM, 4569), (DATAGRAM, 14549), (DATAGRAM, 14589)])
+def test_taken_ports_are_named_and_any_instance_passes_them_by(kind: int, port: int) -> None:
+    with socket.socket(socket.AF_INET, kind) as other:
+        other.bind(("127.0.0.1", port))
+        if kind == STREAM:
+            other.listen(1)
+        with pytest.raises(LinkError, match="TCP 4569, UDP 14549, 14589 must be free for PX4: Address already in use"):
+            open_ports(9)
+    with pytest.raises(ScenarioError, match="must be from 0 to 9"):
+        open_ports(10)
+
+
+def test_any_instance_is_the_first_with_free_ports() -> None:
+    first = open_ports(-1)
+    second = open_ports(-1)
+    try:
+        assert first.instance < second.instance
+        assert second.partner == ("127.0.0.1", 14580 + second.instance)
+    finally:
+        for each in (first, second):
+            each.listener.close()
+            each.onboard.close()
+
+
+class Peer:
+    """Plays PX4 without sockets: answers each sensor message, and says what it is given over the onboard port."""
+
+    def __init__(self, folder: Path, scenario: Scenario | None = None) -> None:
+        scenario = scenario or planned_scenario(scenario_of(folder))
+        self.said, self.stamp, self.system = list[bytes](), 1, 5
+        self.armed, self.first = False, b""
+        self.tape = Fixed(self.answer)
+        self.link = PX4Link(record_of(scenario), scenario, self.tape)
+        self.parser = mavlink.Parser()
+
+    def answer(self, channel: str) -> bytes:
+        """Bytes that arrive over a channel."""
+        if channel == "onboard":
+            said, self.said = b"".join(self.said), []
+            return said
+        mode = 1 | 128 * self.armed
+        first, self.first = self.first, b""
+        return first + mavlink.pack("HIL_ACTUATOR_CONTROLS", sequence=0, time_usec=self.stamp, flags=1, mode=mode)
+
+    def say(self, name: str, **fields: object) -> None:
+        """Say something over the onboard port at the next step."""
+        self.said.append(mavlink.pack(name, sequence=0, system=self.system, component=1, **fields))  # type: ignore[arg-type]
+
+    def fly(self, steps: int) -> dict[str, mavlink.Message]:
+        """Exchange some readings; the last message of each name that the link sent over the onboard port."""
+        self.tape.sent.clear()
+        for _ in range(steps):
+            t = (self.stamp - 1) * 1e-6 + 0.004
+            self.stamp = round(t * 1e6) + 1
+            fix = (t, 1.0, 2.0, 3.0, 0.0, 0.0, 0.0)
+            self.link.exchange(Instant(t, READINGS | {"gnss": fix}, ()), GOAL)
+        sent = b"".join(data for channel, data in self.tape.sent if channel == "onboard")
+        return {m.name: m for m in self.parser.feed(sent)}
+
+    def get_ready(self, steps: int = 600) -> None:
+        """Report estimates whose origin is not ours until the link knows it."""
+        self.fly(1)
+        self.say("HEARTBEAT", type=2, autopilot=12)
+        self.say("ESTIMATOR_STATUS", flags=7)
+        self.say("LOCAL_POSITION_NED", x=11.0, y=-22.0, z=-33.0)  # where we read 1, 2, 3: so 10, 20, 30 away
+        self.fly(steps)
+
+
+def test_set_points_are_north_east_down_about_the_origin_of_px4(tmp_path: Path) -> None:
+    peer = Peer(tmp_path)
+    peer.get_ready()
+    sent = peer.fly(10)["SET_POSITION_TARGET_LOCAL_NED"]
+    assert (sent["target_system"], sent["target_component"], sent["coordinate_frame"]) == (5, 1, 1)
+    place = [sent[f] for f in ("x", "y", "z", "vx", "vy", "vz", "afx", "afy", "afz", "yaw")]
+    expected = [0.5 + 10, -(-0.3 + 20), -(1.5 + 30), 0.1, -0.2, -0.3, 0.4, -0.5, -0.6, -0.7]
+    assert place == pytest.approx(expected, rel=1e-6)
+    assert sent["type_mask"] == 0b100000000000  # position, velocity, acceleration and yaw count; the yaw rate does not
+
+
+def test_offboard_mode_is_asked_for_and_then_arming_at_whole_seconds(tmp_path: Path) -> None:
+    peer = Peer(tmp_path)
+    peer.get_ready()
+    asked = []
+    for _ in range(1000):
+        sent = peer.fly(1).get("COMMAND_LONG")
+        if sent is not None:
+            asked.append((peer.link._steps % 500, sent["command"], sent["param1"], sent["param2"]))
+            assert sent["target_system"] == 5
+    assert set(asked) == {(0, 176, 1, 6), (250, 400, 1, 0)}
+    peer.armed = True
+    peer.say("HEARTBEAT", type=2, autopilot=12, custom_mode=6 << 16)
+    assert "COMMAND_LONG" not in peer.fly(1000)
+
+
+def test_nothing_is_asked_before_the_estimates_are_valid(tmp_path: Path) -> None:
+    peer = Peer(tmp_path)
+    peer.fly(1)
+    peer.say("HEARTBEAT", type=2, autopilot=12)
+    peer.say("LOCAL_POSITION_NED", x=1.0, y=2.0, z=3.0)
+    peer.say("ESTIMATOR_STATUS", flags=0b110)
+    assert set(peer.fly(1500)) == {"HEARTBEAT"}
+
+
+def test_the_flight_follows_once_it_is_armed_offboard_and_halfway_up(tmp_path: Path) -> None:
+    peer = Peer(tmp_path)
+    peer.get_ready()
+    peer.armed = True
+    peer.say("HEARTBEAT", type=2, autopilot=12, custom_mode=6 << 16)
+    low, high = -(1.5 - 0.26 + 30), -(1.5 - 0.24 + 30)  # the stand is 0.5 m below the start, half of it 0.25 m
+    peer.say("LOCAL_POSITION_NED", x=10.5, y=-19.7, z=low)
+    peer.fly(3)
+    assert not peer.link.following
+    peer.say("LOCAL_POSITION_NED", x=10.5, y=-19.7, z=high)
+    peer.fly(3)
+    assert peer.link.following
+    peer.say("HEARTBEAT", type=2, autopilot=12, custom_mode=6 << 16, system_status=5)
+    peer.fly(3)
+    assert peer.link.facts["failsafes"] == 1
+
+
+def test_words_of_another_system_are_not_heard(tmp_path: Path) -> None:
+    peer = Peer(tmp_path)
+    peer.get_ready()
+    peer.system = 9
+    peer.say("STATUSTEXT", severity=2, text="not yours")
+    peer.say("HEARTBEAT", type=2, autopilot=12, custom_mode=6 << 16)
+    peer.fly(2)
+    assert peer.link.facts["said"] == ""
+    assert peer.link._mode == 0
+
+
+def test_datagrams_of_another_sender_are_left_out(tmp_path: Path) -> None:
+    peer = Peer(tmp_path)
+    ports = open_ports(-1)
+    ports.listener.close()
+    peer.link._udp, peer.link._partner = ports.onboard, ports.partner
+    address = ("127.0.0.1", 14540 + ports.instance)
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as own,
+    ):
+        own.bind(ports.partner)
+        other.sendto(b"other", address)
+        own.sendto(b"own", address)
+        assert peer.link._datagrams() == b"own"
+    peer.link.close()
+
+
+NAMES = ("HEARTBEAT", "STATUSTEXT", "LOCAL_POSITION_NED", "ESTIMATOR_STATUS", "COMMAND_ACK", "HIL_ACTUATOR_CONTROLS")
+
+ODD = (np.nan, np.inf, -np.inf, 1e38, -1.0, 0.5)
+
+
+def fuzzed(random: np.random.Generator, sequence: int) -> bytes:
+    """Random bytes, a frame with some bytes changed, or a frame of any bits or odd numbers with its right checksum."""
+    kind, name = random.integers(5), NAMES[random.integers(len(NAMES))]
+    if kind == 0:
+        return random.bytes(random.integers(1, 300))
+    if kind == 1:
+        changed = bytearray(mavlink.pack(name, sequence=sequence, system=5))
+        for _ in range(random.integers(1, 4)):
+            changed[random.integers(len(changed))] = random.integers(256)
+        return bytes(changed)
+    if kind == 4:
+        controls = random.choice(ODD if random.integers(4) == 0 else (0.0, 0.3, 1.0), 16).tolist()
+        stamp = int(random.integers(3))
+        return mavlink.pack("HIL_ACTUATOR_CONTROLS", sequence=sequence, time_usec=stamp, flags=1, controls=controls)
+    definition = mavlink.DEFINITIONS[name]
+    payload = random.bytes(256)
+    if kind == 3:
+        payload = b"".join(struct.pack("<f", random.choice(ODD)) for _ in range(64))
+    payload = payload[: definition.layout.size]
+    body = bytes((len(payload), 0, 0, sequence & 255, 5, 1)) + definition.number.to_bytes(3, "little") + payload
+    return b"\xfd" + body + mavlink.checksum(body + definition.check).to_bytes(2, "little")
+
+
+@pytest.mark.parametrize("packets", [2000, pytest.param(20_000, marks=pytest.mark.thorough)])
+def test_fuzzed_packets_end_as_one_line_or_are_passed_over(tmp_path: Path, packets: int) -> None:
+    random = np.random.default_rng(7)
+    scenario = planned_scenario(scenario_of(tmp_path))
+    peer, ended, causes = Peer(tmp_path, scenario), 0, set[str]()
+    peer.get_ready()
+    for packet in range(packets):
+        data = fuzzed(random, packet)
+        if packet % 2:
+            peer.said.append(data)
+        else:
+            peer.first = data
+        try:
+            peer.fly(1)
+        except LinkError as error:
+            assert "\n" not in str(error)
+            causes.add(" ".join(str(error).split()[:4]))
+            ended += 1
+            peer = Peer(tmp_path, scenario)
+            peer.get_ready(600 if ended % 100 == 0 else 1)
+    assert packets / 200 < ended < packets / 2
+    assert len(causes) >= 3

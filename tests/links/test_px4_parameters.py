@@ -1,0 +1,152 @@
+"""PX4 parameters of vehicles: rotor geometry, thrust curve, mixer scales and gains against plain computations."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from stand_in_px4 import Mixer
+
+import skyarm
+from skyarm.dynamics.array_front import center_of_mass, forward_dynamics, inverse_dynamics
+from skyarm.links.autopilots.px4_parameters import (
+    LAG_SHARE,
+    highest_thrust,
+    outer_gains,
+    rate_bandwidth,
+    rate_gains,
+    thrust_factor,
+    torque_of_signal,
+    turning_inertia,
+    vehicle_parameters,
+)
+from skyarm.scenario.scenario_record import ScenarioError
+from skyarm.vehicle.vehicle_records import Vehicle
+
+PLUS, CROSS, TILTED, TABLED = "hummingbird_arm2_rotors", "crazyflie_arm1", "tilted_hexarotor", "hexarotor12_arm5"
+
+VEHICLES = [PLUS, CROSS, TILTED, TABLED, "pelican_arm2", "hexarotor_arm6", "quadrotor_roll_arm2"]
+
+
+def plant_torque(vehicle: Vehicle, thrusts: list[float]) -> np.ndarray:
+    """Torque about the centre of mass of rotor thrusts, base axes forward left up: an independent computation."""
+    com = center_of_mass(vehicle, (0, 0, 0), (1, 0, 0, 0), (0,) * vehicle.n)
+    total = np.zeros(3)
+    for rotor, thrust in zip(vehicle.rotors, thrusts, strict=True):
+        force = thrust * np.array([float(c) for c in rotor.axis])
+        total += np.cross(np.array([float(c) for c in rotor.position]) - com, force)
+        total -= float(rotor.direction) * float(rotor.moment_coefficient) * force  # a propeller's drag turns it back
+    return total
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_a_torque_set_point_of_px4_is_the_same_torque_of_the_plant(name: str) -> None:
+    vehicle = skyarm.load_vehicle(name)
+    mixer = Mixer(vehicle_parameters(vehicle, 9.81))
+    full = np.array(highest_thrust(vehicle))
+    share = 0.4
+    for axis, (sign, torque) in enumerate(zip((1, -1, -1), torque_of_signal(vehicle), strict=True)):
+        # PX4's axes are forward right down; thrusts are in proportion to the mixer's shares
+        unit = np.zeros(3)
+        unit[axis] = sign * 0.01
+        thrusts = (mixer.mix[:, :3] @ unit - mixer.mix[:, 5] * share) * full.max()
+        wanted = np.zeros(3)
+        wanted[axis] = 0.01 * torque
+        found = plant_torque(vehicle, list(thrusts))
+        still = plant_torque(vehicle, list(-mixer.mix[:, 5] * share * full.max()))
+        np.testing.assert_allclose(found - still, wanted, atol=1e-9 * full.max())
+
+
+def test_rotor_places_are_relative_to_the_centre_of_mass_in_axes_forward_right_down() -> None:
+    vehicle = skyarm.load_vehicle("hexarotor_arm6")  # its centre of mass is 1 cm ahead and 9 cm below the origin
+    com = center_of_mass(vehicle, (0, 0, 0), (1, 0, 0, 0), (0,) * vehicle.n)
+    found = vehicle_parameters(vehicle, 9.81)
+    for i, rotor in enumerate(vehicle.rotors):
+        place = [found[f"CA_ROTOR{i}_P{c}"] for c in "XYZ"]
+        assert place == pytest.approx(
+            [rotor.position[0] - com[0], com[1] - rotor.position[1], com[2] - rotor.position[2]], abs=1e-12
+        )
+        assert [found[f"CA_ROTOR{i}_A{c}"] for c in "XYZ"] == [0.0, 0.0, -1.0]
+        assert found[f"PWM_MAIN_FUNC{i + 1}"] == 101 + i
+
+
+def test_the_moment_ratio_is_positive_for_a_rotor_that_turns_counter_clockwise() -> None:
+    vehicle = skyarm.load_vehicle(PLUS)
+    found = vehicle_parameters(vehicle, 9.81)
+    assert [math.copysign(1, found[f"CA_ROTOR{i}_KM"]) for i in range(4)] == [-1, 1, -1, 1]  # cw, ccw, cw, ccw
+
+
+def test_a_weaker_rotor_has_a_smaller_thrust_coefficient() -> None:
+    vehicle = skyarm.load_vehicle(PLUS)
+    first = dataclasses.replace(vehicle.rotors[0], thrust_coefficient=0.5 * vehicle.rotors[0].thrust_coefficient)
+    found = vehicle_parameters(dataclasses.replace(vehicle, rotors=(first, *vehicle.rotors[1:])), 9.81)
+    assert found["CA_ROTOR0_CT"] == pytest.approx(0.5 * found["CA_ROTOR1_CT"])
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_the_hover_signal_carries_the_weight(name: str) -> None:
+    vehicle = skyarm.load_vehicle(name)
+    found = vehicle_parameters(vehicle, 9.81)
+    signals = Mixer(found).signals(np.zeros(3), found["MPC_THR_HOVER"])
+    lift = 0.0
+    for rotor, signal in zip(vehicle.rotors, signals, strict=True):
+        speed = signal * float(rotor.max_speed)
+        thrust = rotor.table.push(speed) if rotor.table is not None else speed * speed
+        lift += float(rotor.thrust_coefficient * thrust * rotor.axis[2])
+    # a table of thrusts is no parabola: within 2 %
+    assert lift == pytest.approx(9.81 * float(vehicle.mass), rel=0.02 if name == TABLED else 0.01)
+
+
+def test_the_thrust_curve_of_a_rotor_with_a_square_law_is_the_square() -> None:
+    assert thrust_factor(skyarm.load_vehicle(PLUS).rotors[0]) == pytest.approx(1.0)
+    assert 0.9 < thrust_factor(skyarm.load_vehicle(TABLED).rotors[0]) <= 1.0
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_the_rate_loop_has_the_bandwidth_between_a_locked_and_a_free_arm(name: str) -> None:
+    vehicle = skyarm.load_vehicle(name)
+    gains = rate_gains(vehicle)
+    for axis, letter in enumerate(("ROLL", "PITCH", "YAW")):
+        torque = gains[f"MC_{letter}RATE_P"] * torque_of_signal(vehicle)[axis]  # at a rate error of 1 rad/s
+        force = np.zeros(6 + vehicle.n)
+        force[3 + axis] = torque
+        still = ((0, 0, 0), (1, 0, 0, 0), (0,) * vehicle.n, (0,) * (6 + vehicle.n))
+        free = forward_dynamics(vehicle, *still, force, gravity=0.0)[3 + axis]
+        # the arm held still: the acceleration whose inverse dynamics has this torque on the base and no force
+        columns = np.array(
+            [inverse_dynamics(vehicle, *still, unit, gravity=0.0)[:6] for unit in np.eye(6 + vehicle.n)[:6]]
+        )
+        locked = np.linalg.solve(columns.T, force[:6])[3 + axis]
+        bandwidth = rate_bandwidth(vehicle) if letter != "YAW" else min(6.0, rate_bandwidth(vehicle))
+        # the mean is of the diagonals of the inertia, whose products shift it by little
+        assert math.sqrt(free * locked) == pytest.approx(bandwidth, rel=0.03)
+
+
+def test_slow_rotors_have_slow_loops_all_the_way_out() -> None:
+    fast, slow = skyarm.load_vehicle(PLUS), skyarm.load_vehicle(TABLED)
+    assert rate_bandwidth(fast) == 18.0
+    assert rate_bandwidth(slow) == pytest.approx(LAG_SHARE / 0.06)
+    default = {"MC_ROLL_P": 4.0, "MC_PITCH_P": 4.0, "MPC_XY_VEL_P_ACC": 1.8, "MPC_XY_VEL_I_ACC": 0.4, "MPC_XY_P": 0.95}
+    assert outer_gains(fast) == pytest.approx(default)
+    assert all(value < default[name] for name, value in outer_gains(slow).items())
+
+
+def test_the_inertia_of_a_vehicle_without_an_arm_is_its_base_s() -> None:
+    vehicle = skyarm.load_vehicle("hummingbird")
+    assert turning_inertia(vehicle) == pytest.approx((0.007, 0.007, 0.012))
+
+
+def test_vehicles_that_px4_cannot_fly_are_refused_in_one_line() -> None:
+    vehicle = skyarm.load_vehicle(PLUS)
+    heavy = [dataclasses.replace(rotor, max_speed=480.0) for rotor in vehicle.rotors]
+    idle = [dataclasses.replace(rotor, moment_coefficient=0.0) for rotor in vehicle.rotors]
+    for rotors, words in (
+        (vehicle.rotors[:2], "2 rotors: must be 3 to 12"),
+        (heavy, "must lift more"),
+        (idle, "torques about all three axes"),
+    ):
+        with pytest.raises(ScenarioError, match=words) as caught:
+            vehicle_parameters(dataclasses.replace(vehicle, rotors=tuple(rotors)), 9.81)
+        assert "\n" not in str(caught.value)

@@ -1,0 +1,84 @@
+"""Transcripts: what is recorded is played back to the byte; another exchange and damaged files are refused."""
+
+from __future__ import annotations
+
+import gzip
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from skyarm.links.transcript import MAGIC, Tape, TranscriptError
+
+
+def record(file: Path) -> list[bytes]:
+    """Record an exchange of three messages."""
+    tape, sent = Tape(str(file)), list[bytes]()
+    tape.send("simulator", b"one", sent.append)
+    tape.time = 0.25
+    assert tape.receive("simulator", lambda: b"two\x00\xff") == b"two\x00\xff"
+    assert tape.receive("onboard", lambda: b"") == b""
+    tape.close()
+    tape.close()
+    return sent
+
+
+def test_an_exchange_is_played_back_to_the_byte(tmp_path: Path) -> None:
+    assert record(tmp_path / "t.gz") == [b"one"]
+    tape = Tape(played=str(tmp_path / "t.gz"))
+    assert tape.plays
+    tape.send("simulator", b"one", lambda data: pytest.fail("nothing is sent"))
+    assert tape.receive("simulator", lambda: pytest.fail("nothing is received")) == b"two\x00\xff"
+    assert tape.receive("onboard", lambda: b"x") == b""
+    with pytest.raises(TranscriptError, match="ends at 0 s, before the flight does"):
+        tape.receive("onboard", lambda: b"")
+
+
+def test_another_exchange_is_refused_with_time_and_channel(tmp_path: Path) -> None:
+    record(tmp_path / "t.gz")
+    with pytest.raises(TranscriptError, match="at 0 s: 3 bytes sent over simulator differ from the 3 recorded"):
+        Tape(played=str(tmp_path / "t.gz")).send("simulator", b"ons", lambda data: None)
+    with pytest.raises(TranscriptError, match="sent over onboard, but sent over simulator is recorded"):
+        Tape(played=str(tmp_path / "t.gz")).send("onboard", b"one", lambda data: None)
+    with pytest.raises(TranscriptError, match="received over simulator, but sent over simulator"):
+        Tape(played=str(tmp_path / "t.gz")).receive("simulator", lambda: b"")
+
+
+def test_two_records_of_an_exchange_are_the_same_file(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        record(tmp_path / name / "t.gz")
+    assert (tmp_path / "a" / "t.gz").read_bytes() == (tmp_path / "b" / "t.gz").read_bytes()
+
+
+def test_files_that_are_no_transcripts_are_refused_when_opened(tmp_path: Path) -> None:
+    record(tmp_path / "t.gz")
+    whole = (tmp_path / "t.gz").read_bytes()
+    for data in (b"", b"x", whole[:20], gzip.compress(b"other"), b"\x1f\x8b" + b"\0" * 40):
+        (tmp_path / "bad").write_bytes(data)
+        with pytest.raises(TranscriptError, match="must be a transcript that was recorded") as caught:
+            Tape(played=str(tmp_path / "bad"))
+        assert "\n" not in str(caught.value)
+    with pytest.raises(TranscriptError, match="must be a transcript"):
+        Tape(played=str(tmp_path / "absent"))
+    with pytest.raises(TranscriptError, match="must be a file that can be written"):
+        Tape(str(tmp_path / "absent" / "t.gz"))
+
+
+def test_damaged_transcripts_end_in_one_line(tmp_path: Path) -> None:
+    random, file = np.random.default_rng(3), tmp_path / "t.gz"
+    record(file)
+    plain = gzip.decompress(file.read_bytes())
+    for trial in range(300):
+        changed = bytearray(plain)
+        changed[random.integers(len(MAGIC), len(changed))] = random.integers(256)
+        data = gzip.compress(bytes(changed)) if trial % 2 else file.read_bytes()[: random.integers(30, 60)]
+        (tmp_path / "bad").write_bytes(data)
+        try:
+            tape = Tape(played=str(tmp_path / "bad"))
+            for _ in range(4):
+                tape.receive("simulator", lambda: b"")
+        except TranscriptError as error:
+            assert "\n" not in str(error)
+        else:
+            pytest.fail("four messages of three")
