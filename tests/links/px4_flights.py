@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from skyarm import load_vehicle
 from skyarm.control.controller import autopilot_of
 from skyarm.links.autopilots.px4 import PX4
 from skyarm.links.transcript import Tape
@@ -46,11 +47,21 @@ def make_program(folder: Path, fault: str = "") -> Path:
 
 
 def scenario_of(
-    folder: Path, vehicle: str = "hummingbird_arm2_rotors", duration: float = 2.0, yaw: float = 0.0, **options: Any
-) -> Scenario:
-    """Scenario of a hover under PX4, with options of its record."""
+    folder: Path, vehicle: str = "hummingbird_arm2_rotors", duration: float = 2.0, yaw: float = 0.0, swing: float = 0.0,
+    **options: Any,
+) -> Scenario:  # fmt: skip
+    """Scenario of a hover under PX4, with options of its record.
+
+    Args:
+        swing: frequency (Hz) of a sine of 0.5 rad of the first joint about a lateral axis; 0 for none.
+    """
     file = folder / "swing.toml"
     text = SCENARIO.format(vehicle=vehicle, duration=duration, yaw=yaw)
+    axes = [link.joint.axis for link in load_vehicle(vehicle).links if link.joint is not None] if swing else []
+    moved = next((place for place, axis in enumerate(axes) if abs(float(axis[1])) > 0.9), -1)
+    for place in range(len(axes)):
+        signal = f'kind = "sine"\namplitude = 0.5\nfrequency_hz = {swing}\nstart = 1.0\n'
+        text += "[[reference.joints]]\n" + (signal if place == moved else 'kind = "constant"\nvalue = 0.0\n')
     lines = "".join(f"{name} = {toml(value)}\n" for name, value in options.items())
     file.write_text(text.replace('autopilot = "px4"\n', 'autopilot = "px4"\n' + lines), "utf-8")
     return load_scenario(file)

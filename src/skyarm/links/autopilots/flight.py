@@ -9,6 +9,9 @@ import time
 import weakref
 from collections.abc import Callable, Sequence
 
+import numpy as np
+import numpy.typing as npt
+
 from skyarm.algebra import Vec3
 from skyarm.control.controller import autopilot_of
 from skyarm.dynamics.actuators import Command
@@ -19,8 +22,11 @@ from skyarm.log.metrics.windows import Windows
 from skyarm.reference import Reference, hover
 from skyarm.scenario.scenario_record import Environment, NamedSensor, Rates, Scenario, ScenarioError, first_state
 from skyarm.simulate.check_endings import Ended
+from skyarm.simulate.inputs import EpisodeInputs
 from skyarm.simulate.session import Session, Snapshot
 from skyarm.world.launch_stand import LaunchStand
+
+Array = npt.NDArray[np.float64]
 
 ENDED = "autopilot"
 """Status of a flight that ended because its autopilot did not fly on."""
@@ -114,6 +120,19 @@ def goal_of(reference: Reference) -> Goal:
     )
 
 
+def goal_columns(inputs: EpisodeInputs) -> Array | None:
+    """Set points of all control periods as a table, (steps, 10): position, velocity, acceleration, yaw.
+
+    None for a task whose phases wait for conditions, which has no such table.
+    """
+    if inputs.waits.guards:
+        return None
+    held, steps = inputs.held_reference, inputs.scenario.steps
+    columns = (*held.position, *held.velocity, *held.acceleration, held.yaw)
+    found: Array = np.stack([np.broadcast_to(np.asarray(column, dtype=float), (steps,)) for column in columns], axis=1)
+    return found
+
+
 class PilotedSession(Session):
     """Session whose base an autopilot flies: a program of its own that reads the sensors and commands the rotors.
 
@@ -178,7 +197,19 @@ class PilotedSession(Session):
         self._every = self.scenario.rates.control // self.scenario.rates.reference
         self._period = 1.0 / self.scenario.rates.control
         self._signals: Sequence[float] = (0.0,) * len(self._most) if self._link is None else self._signals
+        self._inputs: EpisodeInputs = engine.inputs
+        self._goals: Array | None = goal_columns(engine.inputs)
         self._goal = goal_of(self.reference)
+
+    def _next_goal(self) -> Goal:
+        """Set point of the next period."""
+        inputs = self._engine.inputs
+        if inputs is not self._inputs:
+            self._inputs, self._goals = inputs, goal_columns(inputs)
+        if self._goals is None:
+            return goal_of(self.reference)
+        row = self._goals[self.tick].tolist()
+        return Goal(row[0:3], row[3:6], row[6:9], row[9])
 
     def _take_off(self, progress: Callable[[float, float], None] | None) -> bool:
         """Fly from the stand to the start; False if the flight has ended before.
@@ -227,7 +258,7 @@ class PilotedSession(Session):
             self._columns, self._source = engine.reading_columns, engine
         tick = self.tick
         if going and tick % self._every == 0:
-            self._goal = goal_of(self.reference)
+            self._goal = self._next_goal()
         row = engine.row(tick - 1)
         self._seconds = self._prepared + (tick - 1) * self._period
         self._tape.time = self._seconds

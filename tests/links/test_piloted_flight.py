@@ -1,0 +1,192 @@
+"""Parts of a flight under an autopilot: joint law, launch stand, rotor speeds from outside, rates, take-off."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+from px4_flights import scenario_of
+
+import skyarm
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.control.controller import ControllerError, innermost
+from skyarm.control.model import Model
+from skyarm.dynamics.actuators import Command
+from skyarm.dynamics.array_front import forward_dynamics
+from skyarm.dynamics.point_motion import PointMotion
+from skyarm.dynamics.state import State
+from skyarm.links.autopilots.autopilot import move_arm, plain_parameters
+from skyarm.links.autopilots.flight import goal_columns, goal_of, planned_scenario, take_off_scenario
+from skyarm.links.autopilots.px4 import make_px4
+from skyarm.reference import hover
+from skyarm.scenario.scenario_file import load_scenario
+from skyarm.scenario.scenario_record import ScenarioError
+from skyarm.sensing.measurement import Measurement
+from skyarm.simulate.session import Session
+from skyarm.world.launch_stand import LaunchStand
+
+STAND = LaunchStand(place=Vec3(1.0, 2.0, 3.0), yaw=0.5, mass=2.0, inertia=0.01, gravity=9.81)
+
+
+def pushed(
+    position: tuple[float, ...], velocity: tuple[float, ...] = (0, 0, 0), yaw: float = 0.5
+) -> tuple[np.ndarray, np.ndarray]:
+    """Force and torque of the stand on a level vehicle, world axes."""
+    state = State(
+        position=Vec3(*position), quaternion=Quaternion(np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)),
+        velocity=Vec3(*velocity), rate=Vec3(0.0, 0.0, 0.0), joints=(), joint_rates=(), rotor_speeds=(),
+    )  # fmt: skip
+    motion = PointMotion(skyarm.load_vehicle("hummingbird"), state)
+    (wrench,) = STAND.wrenches((), 0.0, motion, ())
+    return np.array([float(c) for c in wrench.force_W]), np.array([float(c) for c in wrench.torque_W])
+
+
+def test_the_stand_carries_the_weight_where_the_vehicle_rests() -> None:
+    force, torque = pushed((1.0, 2.0, 3.0 - 9.81 / 40.0**2))
+    np.testing.assert_allclose(force, [0.0, 0.0, 2.0 * 9.81], atol=1e-9)
+    np.testing.assert_allclose(torque, 0.0, atol=1e-12)
+
+
+def test_the_stand_only_pushes_up_and_lets_go_above() -> None:
+    for position, velocity in (((1.1, 2.0, 3.0001), (1, 1, -5)), ((1.0, 2.0, 2.9999), (0, 0, 5.0))):
+        force, torque = pushed(position, velocity, yaw=0.0)
+        assert not force.any()
+        assert not torque.any()
+
+
+def test_the_stand_holds_place_and_yaw_while_it_is_loaded() -> None:
+    low = 3.0 - 9.81 / 1600
+    force, _ = pushed((1.01, 1.98, low))
+    np.testing.assert_allclose(force[:2], [-2.0 * 1600 * 0.01, 2.0 * 1600 * 0.02])
+    assert pushed((1.0, 2.0, low), (0.1, 0.0, 0.0))[0][0] == pytest.approx(-2.0 * 2 * 40 * 0.1)
+    assert pushed((1.0, 2.0, low), yaw=0.6)[1][2] == pytest.approx(-0.01 * 1600 * 2 * np.sin(0.05))
+    half = 3.0 - 0.5 * 9.81 / 1600  # half the weight: half the grip
+    assert pushed((1.01, 2.0, half))[0][0] == pytest.approx(-2.0 * 0.5 * 1600 * 0.01)
+
+
+def test_the_joint_law_gives_the_joints_the_accelerations_of_its_feedback(tmp_path: Path) -> None:
+    controller = scenario_of(tmp_path).controller
+    par = innermost(controller.par)
+    vehicle = par.model.vehicle
+    rng = np.random.default_rng(5)
+    for _ in range(5):
+        q, qd, w = rng.normal(0, 0.3, 2), rng.normal(0, 0.5, 2), rng.normal(0, 0.2, 3)
+        force = np.array([0.3, -0.2, 9.9])
+        measured = Measurement(
+            time=0.0, position=Vec3(0.0, 0.0, 0.0), quaternion=Quaternion(1.0, 0.0, 0.0, 0.0),
+            velocity=Vec3(0.0, 0.0, 0.0), rate=Vec3(*w), joints=tuple(q), joint_rates=tuple(qd), specific_force=Vec3(*force),
+        )  # fmt: skip
+        wanted = np.array([0.1, -0.2])
+        reference = hover((0.0, 0.0, 0.0), joints=tuple(wanted)).at(0.0)
+        _, command = move_arm((), measured, reference, 0.004, par=par)
+        assert command.rotor_speeds == (0.0,) * 4
+        gains = par.joint_gains
+        stiffness, damping = np.array(gains.stiffness), np.array(gains.damping)
+        expected = stiffness * (wanted - q) - damping * qd
+        # the base made to accelerate as measured, without angular acceleration, by the force on it that does so
+        acceleration = force - np.array([0.0, 0.0, 9.81])
+
+        def residual(applied: np.ndarray, q=q, qd=qd, w=w, acceleration=acceleration, efforts=command.efforts):  # type: ignore[no-untyped-def]
+            found = forward_dynamics(
+                vehicle, (0, 0, 0), (1, 0, 0, 0), q, (0, 0, 0, *w, *qd), (*applied, *efforts), gravity=9.81
+            )
+            return found[:6] - np.array([*acceleration, 0, 0, 0]), found[6:]
+
+        zero = residual(np.zeros(6))[0]
+        columns = np.array([residual(unit)[0] - zero for unit in np.eye(6)]).T
+        applied = np.linalg.solve(columns, -zero)
+        limits = [float(link.joint.effort_limit) for link in vehicle.links if link.joint is not None]
+        if all(abs(e) < 0.99 * limit for e, limit in zip(command.efforts, limits, strict=True)):
+            np.testing.assert_allclose(residual(applied)[1], expected, rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("law", ["traced", "called"])
+def test_rotor_speeds_from_outside_fly_beside_the_joint_law(law: str) -> None:
+    """Machine code and Python have the same bits, and a law's own rotor speeds from outside its own flight."""
+    scenario = load_scenario("case3", controller="paper_ct", duration=0.1)
+    if law == "called":
+        scenario = scenario.with_words(controller=dataclasses.replace(scenario.controller, compiled=False))
+    own = Session(scenario, machine_code=law == "traced")
+    own.run()
+    commands = own.log.rotor_commands
+    flights = []
+    for machine_code in (True, False):
+        session = Session(scenario, machine_code=machine_code)
+        for speeds in commands:
+            session.step(rotors=speeds.tolist())
+        flights.append(session.log)
+    for name in ("position", "quaternion", "joints", "rotor_commands"):
+        np.testing.assert_array_equal(getattr(flights[0], name), getattr(flights[1], name))
+        np.testing.assert_array_equal(getattr(flights[0], name), getattr(own.log, name))
+
+
+def test_rotor_speeds_beside_a_command_or_of_another_number_are_refused() -> None:
+    session = Session(load_scenario("case3", duration=0.1))
+    command = Command(rotor_speeds=(1.0,) * 4, efforts=(0.0,) * 2)
+    with pytest.raises(ScenarioError, match="must be left out beside a command"):
+        session.step(command, rotors=(1.0,) * 4)
+    with pytest.raises(ScenarioError, match="3 rotor speeds"):
+        session.step(rotors=(1.0,) * 3)
+
+
+def test_the_link_s_rate_is_fast_enough_and_divides_the_others(tmp_path: Path) -> None:
+    scenario = load_scenario("case3", controller="px4")
+    planned = planned_scenario(scenario)
+    assert planned.rates.control >= 250
+    for sensor in planned.sensors:
+        assert not sensor.sensor.frequency or planned.rates.control % round(sensor.sensor.frequency) == 0
+    assert planned.rates.physics % planned.rates.control == 0
+    assert planned.rates.control % planned.rates.reference == 0
+    assert {each.name for each in planned.sensors} == {"imu", "magnetometer", "barometer", "gnss"}
+    assert planned_scenario(planned) is planned
+
+
+def test_the_take_off_begins_at_rest_on_the_stand_below_the_start(tmp_path: Path) -> None:
+    scenario = planned_scenario(scenario_of(tmp_path, climb=0.4, yaw=0.6))
+    session = Session(take_off_scenario(scenario))
+    z = float(session.state.position.z)
+    assert z == pytest.approx(1.5 - 0.4)
+    for _ in range(250):
+        session.step(rotors=(0.0,) * 4)
+    state = session.state
+    assert [float(c) for c in state.position] == pytest.approx([0.5, -0.3, z - 9.81 / 1600], abs=2e-4)
+    assert float(state.velocity.norm()) < 1e-3
+
+
+def test_the_goal_table_has_the_set_points_of_the_reference(tmp_path: Path) -> None:
+    session = Session(load_scenario("case3", duration=8.0))
+    table = goal_columns(session._engine.inputs)
+    assert table is not None
+    for tick in (0, 10, 1300, 1599):
+        session._engine.tick = tick
+        goal = goal_of(session._engine.reference())
+        assert table[tick].tolist() == [*goal.position, *goal.velocity, *goal.acceleration, goal.yaw]
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        (3, "must be a table"),
+        ({"A-B": 1.0}, "must be a name of at most 16 letters"),
+        ({"A" * 17: 1.0}, "16 letters"),
+        ({"A": "x"}, "must be a finite number"),
+        ({"A": True}, "must be a finite number"),
+        ({"A": float("nan")}, "must be a finite number"),
+    ],
+)
+def test_parameters_are_names_and_finite_numbers(value: object, words: str) -> None:
+    with pytest.raises(ControllerError, match=words):
+        plain_parameters(value)
+    assert plain_parameters({"MPC_XY_P": 1}) == (("MPC_XY_P", 1),)
+
+
+def test_rotors_without_a_highest_speed_are_refused(tmp_path: Path) -> None:
+    scenario = scenario_of(tmp_path)
+    vehicle = scenario.plant.vehicle
+    free = dataclasses.replace(
+        vehicle, rotors=tuple(dataclasses.replace(rotor, max_speed=float("inf")) for rotor in vehicle.rotors)
+    )
+    with pytest.raises(ControllerError, match="must have a max_speed"):
+        make_px4(Model(vehicle=free, gravity=9.81))
