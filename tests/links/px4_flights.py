@@ -13,7 +13,10 @@ from skyarm.control.controller import autopilot_of
 from skyarm.links.autopilots.px4 import PX4
 from skyarm.links.transcript import Tape
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.scenario.scenario_record import Scenario
+from skyarm.scenario.scenario_record import NamedSensor, Scenario
+from skyarm.sensing.channel import Channel
+from skyarm.sensing.navigation_sensors import Barometer, Gnss, Magnetometer
+from skyarm.sensing.sensor_kinds import Imu
 
 STAND_IN = Path(__file__).with_name("stand_in_px4.py")
 
@@ -101,3 +104,15 @@ READINGS = {
     "gnss": (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0),
 }
 """Readings of a level vehicle at rest that points north."""
+
+
+QUIET = (
+    NamedSensor(name="imu", sensor=Imu(gyro=Channel(resolution=2**-13), accelerometer=Channel(resolution=2**-10))),
+    NamedSensor(name="magnetometer", sensor=Magnetometer(field=Channel(sigma=0.001, resolution=2**-9))),
+    NamedSensor(
+        name="barometer",
+        sensor=Barometer(pressure=Channel(sigma=0.012, resolution=2**-6), temperature=Channel(resolution=2**-4)),
+    ),
+    NamedSensor(name="gnss", sensor=Gnss()),
+)
+"""Sensors whose readings take little room in a transcript: an inertial unit without noise, and coarse steps."""

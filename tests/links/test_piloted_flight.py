@@ -76,7 +76,8 @@ def test_the_joint_law_gives_the_joints_the_accelerations_of_its_feedback(tmp_pa
         force = np.array([0.3, -0.2, 9.9])
         measured = Measurement(
             time=0.0, position=Vec3(0.0, 0.0, 0.0), quaternion=Quaternion(1.0, 0.0, 0.0, 0.0),
-            velocity=Vec3(0.0, 0.0, 0.0), rate=Vec3(*w), joints=tuple(q), joint_rates=tuple(qd), specific_force=Vec3(*force),
+            velocity=Vec3(0.0, 0.0, 0.0), rate=Vec3(*w), joints=tuple(q), joint_rates=tuple(qd),
+            specific_force=Vec3(*force),
         )  # fmt: skip
         wanted = np.array([0.1, -0.2])
         reference = hover((0.0, 0.0, 0.0), joints=tuple(wanted)).at(0.0)

@@ -19,8 +19,6 @@ pytestmark = [
     pytest.mark.skipif(not os.environ.get("SKYARM_PX4"), reason="SKYARM_PX4 does not name PX4's program"),
 ]
 
-RECORDED = Path(__file__).parents[1] / "data" / "links" / "px4_hover.transcript.gz"
-
 
 def require_calm(log: Log) -> None:
     """Require a flight to its end in which PX4 answered every step, in its mode, without a failsafe."""
