@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import gzip
 import json
 import math
 import os
@@ -27,6 +26,7 @@ from skyarm.links.autopilots.ardupilot import SURPLUS, ArduPilot, ArduPilotLink,
 from skyarm.links.autopilots.autopilot import Goal, Instant, LinkError
 from skyarm.links.autopilots.flight import planned_scenario
 from skyarm.reference import hover
+from skyarm.links.transcript import SENT, WORDS, rows_of
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate.session import open_session
 
@@ -136,13 +136,13 @@ def test_two_flights_are_equal_to_the_bit_and_so_are_their_exchanges(flown, stan
     stand_in()
     with closing(open_session(scenario(transcript=str(tmp_path / "tape.gz")))) as session:
         assert arrays(session.run()) == arrays(first)
-    rows, again = (gzip.decompress(each.read_bytes()).splitlines() for each in (tape, tmp_path / "tape.gz"))
-    assert [row for row in rows if b"physics" in row] == [row for row in again if b"physics" in row]
-    assert [row for row in rows if b"sent" in row] == [row for row in again if b"sent" in row]
+    rows, again = (list(rows_of(each))[1:] for each in (tape, tmp_path / "tape.gz"))
+    assert [row for row in rows if row[1] == "physics"] == [row for row in again if row[1] == "physics"]
+    assert [row for row in rows if row[0] == SENT] == [row for row in again if row[0] == SENT]
 
 
 def test_what_it_is_told_is_sent_before_the_answer_of_the_same_frame(flown):
-    rows = [json.loads(line)[1:3] for line in gzip.decompress(flown[1].read_bytes()).splitlines()]
+    rows = [[WORDS[what], channel] for what, channel, _ in list(rows_of(flown[1]))[1:]]
     told = [i for i, row in enumerate(rows) if row == ["sent", "mavlink"]]
     following = [next(row for row in rows[i:] if row[1] == "physics") for i in told]
     assert len(told) > 100

@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 
 from skyarm.dynamics.actuators.rotor import push
-from skyarm.links.autopilots.px4 import RATE_BANDWIDTH, YAW_BANDWIDTH, highest_thrust
+from skyarm.links.autopilots.px4_parameters import RATE_BANDWIDTH, YAW_BANDWIDTH, highest_thrust
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.vehicle.vehicle_records import Vehicle
 

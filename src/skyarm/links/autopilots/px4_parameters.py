@@ -24,7 +24,7 @@ MOST_ROTORS = 12
 ROTOR_FUNCTION = 101
 """Output function of PX4's first motor; those of the others follow."""
 
-FULL_BANDWIDTH = 18.0
+RATE_BANDWIDTH = 18.0
 """rad/s, the largest bandwidth of the rate loop about roll and pitch."""
 
 LAG_SHARE = 0.5
@@ -111,7 +111,7 @@ def outer_gains(vehicle: Vehicle) -> dict[str, float]:
 def rate_bandwidth(vehicle: Vehicle) -> float:
     """Bandwidth of the rate loop about roll and pitch that the rotors' lag allows, rad/s."""
     slowest = max(0.5 * (float(rotor.time_constant_up) + float(rotor.time_constant_down)) for rotor in vehicle.rotors)
-    return min(FULL_BANDWIDTH, LAG_SHARE / max(slowest, 1e-3))
+    return min(RATE_BANDWIDTH, LAG_SHARE / max(slowest, 1e-3))
 
 
 def turning_inertia(vehicle: Vehicle) -> tuple[float, float, float]:

@@ -72,7 +72,7 @@ def test_a_hexarotor_with_another_instance_flies_too(tmp_path: Path) -> None:
         assert session.run().status == "completed"
 
 
-RECORDED = Path(__file__).parents[1] / "data" / "links" / "px4_hover.transcript.gz"
+RECORDED = Path(__file__).parents[2] / "data" / "links" / "px4_hover.transcript.gz"
 """Exchange with PX4 v1.17 (upstream commit 59ded6af): boot, take-off of 0.2 m, 3 s of hover; of its messages on the
 onboard port those that the link reads are left."""
 
