@@ -25,8 +25,8 @@ from skyarm.links import mavlink
 from skyarm.links.autopilots.ardupilot import SURPLUS, ArduPilot, ArduPilotLink, physics_line
 from skyarm.links.autopilots.autopilot import Goal, Instant, LinkError
 from skyarm.links.autopilots.flight import planned_scenario
-from skyarm.reference import hover
 from skyarm.links.transcript import SENT, WORDS, rows_of
+from skyarm.reference import hover
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate.session import open_session
 
