@@ -197,8 +197,8 @@ def controller_with(autopilot: Autopilot, model: Model, joint_gains: JointGains 
     return Controller(name=autopilot.name, law=move_arm, par=par)
 
 
-def plain_parameters(value: object) -> tuple[tuple[str, float], ...]:
-    """Parameters of an autopilot from a table of names and numbers.
+def plain_parameters(value: object, longest: int = 16) -> tuple[tuple[str, float], ...]:
+    """Parameters of an autopilot from a table of names, of at most ``longest`` letters, and numbers.
 
     Raises:
         ControllerError: a name that is no parameter's, or a value that is no number.
@@ -208,8 +208,8 @@ def plain_parameters(value: object) -> tuple[tuple[str, float], ...]:
     if not isinstance(value, Mapping):
         raise ControllerError(f"controller.parameters = {shown(value)}: must be a table of names and numbers")
     for name, number in value.items():
-        if not (isinstance(name, str) and name.isascii() and name.replace("_", "").isalnum() and len(name) <= 16):
-            raise ControllerError(f"controller.parameters: {shown(name)} must be a name of at most 16 letters")
+        if not (isinstance(name, str) and name.isascii() and name.replace("_", "").isalnum() and len(name) <= longest):
+            raise ControllerError(f"controller.parameters: {shown(name)} must be a name of at most {longest} letters")
         if isinstance(number, bool) or not isinstance(number, (int, float)) or not abs(number) < float("inf"):
             raise ControllerError(f"controller.parameters.{name} = {shown(number)}: must be a finite number")
     return tuple((name, number) for name, number in value.items())

@@ -104,8 +104,8 @@ class Child:
         lines = [_printable(line) for line in self.output[-LAST_WORDS:].splitlines()[-3:]]
         return " | ".join(line for line in lines if line)
 
-    def close(self) -> None:
-        """Kill the process and all its children, and remove its folder; a second call does nothing."""
+    def end(self) -> None:
+        """Kill the process and all its children; a second call does nothing."""
         if self._pipe < 0:
             return
         with contextlib.suppress(ProcessLookupError, PermissionError):
@@ -113,6 +113,10 @@ class Child:
         self._process.wait()
         os.close(self._pipe)
         self._pipe = -1
+
+    def close(self) -> None:
+        """Kill the process and all its children, and remove its folder; a second call does nothing."""
+        self.end()
         shutil.rmtree(self.folder, ignore_errors=True)
 
 

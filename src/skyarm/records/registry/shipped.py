@@ -125,6 +125,7 @@ SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
     "autopilot": {
         "px4": (f"{_AUTOPILOTS}.px4:make_px4", "PX4 flies the base, a joint law the arm"),
         "ardupilot": (f"{_AUTOPILOTS}.ardupilot:make_ardupilot", "ArduPilot flies the base, a joint law the arm"),
+        "betaflight": (f"{_AUTOPILOTS}.betaflight:make_betaflight", "Betaflight flies the base, a joint law the arm"),
     },
     "motion": {
         "hover": (f"{_MOTION}:hover_table", "stay at a place"),

@@ -1,0 +1,180 @@
+"""Position control of a vehicle whose autopilot takes roll, pitch, yaw rate and thrust, as one in angle mode does.
+
+Axes are the project's: world z up, body x forward, y left; roll, pitch and yaw are the angles of the rotations about
+x, y and z in the order z, y, x. A positive pitch lowers the nose.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+from skyarm.links.autopilots.autopilot import Goal
+from skyarm.records.units import Unit
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class AngleGains:
+    """Gains and limits of the position loop.
+
+    Attributes:
+        position, velocity, integral: of the errors of position and velocity, and of the position error's integral.
+        height: factor of the three for the vertical, where no attitude has to turn first.
+        yaw: yaw rate per yaw error. tilt: largest angle of the thrust from the vertical.
+        reach: largest position error that is acted upon; drift: largest acceleration of the integral.
+    """
+
+    position: Annotated[float, Unit("1/s^2")] = 9.0
+    velocity: Annotated[float, Unit("1/s")] = 5.0
+    integral: Annotated[float, Unit("1/s^3")] = 6.0
+    height: float = 1.3
+    yaw: Annotated[float, Unit("1/s")] = 2.0
+    tilt: Annotated[float, Unit("rad")] = 0.45
+    reach: Annotated[float, Unit("m")] = 0.5
+    drift: Annotated[float, Unit("m/s^2")] = 3.0
+
+    def slow_down(self, factor: float) -> AngleGains:
+        """Gains of a loop that is slower, for a factor below 1, in everything but yaw."""
+        return dataclasses.replace(
+            self,
+            position=self.position * factor**2,
+            velocity=self.velocity * factor,
+            integral=self.integral * factor**3,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Attitude:
+    """Set point of an autopilot in angle mode: roll, pitch (rad), yaw rate (rad/s) and thrust per mass (m/s^2)."""
+
+    roll: float
+    pitch: float
+    yaw_rate: float
+    thrust: float
+
+
+class MotionFilter:
+    """Position and velocity from motion capture and the accelerometer, by an observer with two equal poles.
+
+    p' = v + 2 w (p_m - p), v' = R f - g e_z + w^2 (p_m - p): positions correct what the specific force f predicts, so
+    that the velocity does not lag. A constant accelerometer error b leaves a velocity error of 2 b / w.
+
+    Source: Franklin, Powell, Emami-Naeini 2019, Feedback Control of Dynamic Systems, section 7.7 (full-order estimator).
+
+    Args:
+        pole: w, rad/s.
+        gravity: m/s^2.
+    """
+
+    def __init__(self, gravity: float, pole: float = 8.0) -> None:
+        self._gravity, self._pole = gravity, pole
+        self.position: Vector = (0.0, 0.0, 0.0)
+        self.velocity: Vector = (0.0, 0.0, 0.0)
+        self._measured: Vector | None = None
+
+    def predict(self, quaternion: Sequence[float], specific_force: Sequence[float], dt: float) -> None:
+        """Advance by ``dt`` with the measured attitude (w, x, y, z) and specific force (base axes)."""
+        a = rotate(quaternion, specific_force)
+        push = (a[0], a[1], a[2] - self._gravity)
+        p, v = self.position, self.velocity
+        self.position = (
+            p[0] + dt * (v[0] + 0.5 * dt * push[0]),
+            p[1] + dt * (v[1] + 0.5 * dt * push[1]),
+            p[2] + dt * (v[2] + 0.5 * dt * push[2]),
+        )
+        self.velocity = (v[0] + dt * push[0], v[1] + dt * push[1], v[2] + dt * push[2])
+
+    def correct(self, measured: Sequence[float], dt: float) -> None:
+        """Correct by a measured position that came ``dt`` after the one before; the first sets the position."""
+        x, y, z = measured
+        if self._measured is None:
+            self.position, self.velocity, self._measured = (x, y, z), (0.0, 0.0, 0.0), (x, y, z)
+            return
+        # poles of the sampled observer at exp(-w dt), twice: exact for any dt
+        keep = math.exp(-self._pole * dt)
+        first, second = 1.0 - keep * keep, (1.0 - keep) ** 2 / dt
+        p, v = self.position, self.velocity
+        error = (x - p[0], y - p[1], z - p[2])
+        self.position = (p[0] + first * error[0], p[1] + first * error[1], p[2] + first * error[2])
+        self.velocity = (v[0] + second * error[0], v[1] + second * error[1], v[2] + second * error[2])
+
+
+class AngleControl:
+    """Position and velocity PID with the reference's acceleration, to roll, pitch, yaw rate and thrust.
+
+    a = a_r + K_p (p_r - p) + K_v (v_r - v) + K_i integral(p_r - p) is the desired acceleration and t = a + g e_z the
+    desired specific thrust. Its direction gives roll and pitch at the present yaw, its component along the present
+    thrust axis the thrust.
+
+    Source: Lee, Leok, McClamroch 2010, Geometric tracking control of a quadrotor UAV on SE(3), eq. (12), (15) and (19),
+    with roll and pitch in place of the desired attitude.
+    """
+
+    def __init__(self, gains: AngleGains, gravity: float) -> None:
+        self._gains, self._gravity = gains, gravity
+        self.integral: Vector = (0.0, 0.0, 0.0)
+
+    def command(
+        self, position: Vector, velocity: Vector, quaternion: Sequence[float], goal: Goal, dt: float, *, flying: bool
+    ) -> Attitude:
+        """Set point for a set point of the base; the integral goes on while the vehicle is ``flying``."""
+        gains = self._gains
+        error = [a - b for a, b in zip(goal.position, position, strict=True)]
+        size = math.hypot(*error)
+        if size > gains.reach:
+            error = [each * gains.reach / size for each in error]
+        slip = [a - b for a, b in zip(goal.velocity, velocity, strict=True)]
+        scale = (1.0, 1.0, gains.height)
+        if flying:
+            self.integral = _shorten(
+                [
+                    each + dt * gains.integral * factor * part
+                    for each, factor, part in zip(self.integral, scale, error, strict=True)
+                ],
+                gains.drift,
+            )
+        rows = zip(goal.acceleration, error, slip, self.integral, scale, strict=True)
+        x, y, z = (a + s * (gains.position * e + gains.velocity * v) + i for a, e, v, i, s in rows)
+        z = min(max(z + self._gravity, 0.2 * self._gravity), 2.0 * self._gravity)
+        level, most = math.hypot(x, y), z * math.tan(gains.tilt)
+        if level > most:
+            x, y = x * most / level, y * most / level
+        up = rotate(quaternion, (0.0, 0.0, 1.0))
+        now = yaw_of(quaternion)
+        roll, pitch = angles_of((x, y, z), now)
+        turn = math.remainder(goal.yaw - now, math.tau)
+        return Attitude(roll, pitch, gains.yaw * turn, max(x * up[0] + y * up[1] + z * up[2], 0.0))
+
+
+def angles_of(thrust: Sequence[float], yaw: float) -> tuple[float, float]:
+    """Roll and pitch (rad) at a yaw for which the body's z axis points along a vector of the world."""
+    x, y, z = thrust
+    size = math.hypot(x, y, z)
+    forward = (math.cos(yaw) * x + math.sin(yaw) * y) / size
+    left = (math.cos(yaw) * y - math.sin(yaw) * x) / size
+    return math.asin(min(max(-left, -1.0), 1.0)), math.atan2(forward, z / size)
+
+
+def yaw_of(quaternion: Sequence[float]) -> float:
+    """Yaw of an attitude (w, x, y, z), rad."""
+    w, x, y, z = quaternion
+    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+
+def rotate(quaternion: Sequence[float], vector: Sequence[float]) -> Vector:
+    """Vector of the base in world axes."""
+    w, x, y, z = quaternion
+    a, b, c = vector
+    p, q, r = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
+    return a + w * p + y * r - z * q, b + w * q + z * p - x * r, c + w * r + x * q - y * p
+
+
+def _shorten(vector: Sequence[float], most: float) -> Vector:
+    size = math.hypot(*vector)
+    x, y, z = (each * min(1.0, most / size) if size > 0.0 else 0.0 for each in vector)
+    return x, y, z

@@ -1,0 +1,329 @@
+"""Betaflight in the loop: settings and signs by hand, flights and failures with a stand-in, and the real program."""
+
+from __future__ import annotations
+
+import fcntl
+import math
+import os
+import re
+import shutil
+import socket
+import stat
+import struct
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
+
+from skyarm.control.controller import ControllerError
+from skyarm.dynamics.actuators.rotor import push
+from skyarm.links.autopilots import betaflight
+from skyarm.links.autopilots.angle_control import Attitude
+from skyarm.links.autopilots.betaflight import (
+    GUARDED_PORTS,
+    STATE,
+    Sticks,
+    console_lines,
+    inertias,
+    make_betaflight,
+    mixer,
+    shares,
+    state_message,
+    vehicle_loops,
+)
+from skyarm.log.flight_log import Log
+from skyarm.scenario.scenario_file import load_scenario
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.simulate.session import open_session
+from skyarm.vehicle.vehicle_files import load_vehicle
+
+GRAVITY = 9.8
+VEHICLES = ("hummingbird_arm2_rotors", "pelican_arm2", "hexarotor_arm6", "crazyflie_arm1", "quadrotor_roll_arm2")
+STAND_IN = Path(__file__).with_name("betaflight_stand_in.py")
+
+
+def settings(vehicle) -> dict[str, float]:
+    rows = [line.split() for line in console_lines(vehicle, GRAVITY, {})]
+    return {row[1]: float(row[3]) for row in rows if row[0] == "set" and row[3].replace(".", "").isdigit()}
+
+
+def test_mixer_of_an_x_quadrotor_has_betaflights_own_signs():
+    # Betaflight's quad X: right motors -1 in roll, rear motors +1 in pitch, and yaw -1 for clockwise ones
+    vehicle = load_vehicle("crazyflie_arm1")
+    for rotor, (throttle, roll, pitch, yaw) in zip(vehicle.rotors, mixer(vehicle), strict=True):
+        x, y, _ = (float(c) for c in rotor.position)
+        assert throttle == pytest.approx(1.0, abs=0.2)
+        assert (math.copysign(1, roll), math.copysign(1, pitch)) == (math.copysign(1, y), math.copysign(1, -x))
+        assert math.copysign(1, yaw) == float(rotor.direction)
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_columns_of_the_mixer_turn_about_one_axis_each(name):
+    vehicle = load_vehicle(name)
+    made = shares(vehicle) @ mixer(vehicle)
+    sized = made / np.abs(np.diag(made))
+    np.testing.assert_allclose(sized, np.diag([1.0, 1.0, 1.0, -1.0]), atol=1e-9)
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_limp_and_locked_inertia_by_adding_up_bodies(name):
+    vehicle = load_vehicle(name)
+    limp, locked = inertias(vehicle)
+    assert (limp <= locked * (1.0 + 1e-9)).all()
+    if name == "hummingbird_arm2_rotors":  # hanging rods and a point, about the common centre of mass, by hand
+        base = vehicle.base
+        masses = [float(base.mass), 0.04, 0.04, 0.01]
+        heights = [float(base.com.z), -0.075, -0.225, -0.3]
+        middle = sum(m * z for m, z in zip(masses, heights, strict=True)) / sum(masses)
+        pitch = sum(m * (z - middle) ** 2 for m, z in zip(masses, heights, strict=True)) + 2 * 7.5e-5
+        assert locked[1] == pytest.approx(pitch + 0.0077174, rel=2e-3)
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_gains_give_the_bandwidth_by_betaflights_units(name):
+    vehicle = load_vehicle(name)
+    mix, _ = vehicle_loops(vehicle, GRAVITY)
+    gains = settings(vehicle)
+    linear, idle = gains["thrust_linear"] / 100.0, gains["motor_idle"] / 1e4
+
+    def thrusts(mixes):
+        outputs = [idle + (1 - idle) * min(max(m * (1 + linear * (1 - m) ** 2), 0.0), 1.0) for m in mixes]
+        rows = zip(vehicle.rotors, outputs, strict=True)
+        return np.array([float(r.thrust_coefficient * push(r, r.max_speed * u)) for r, u in rows])
+
+    hover = brentq(lambda t: thrusts(t * mix[:, 0]).sum() - float(vehicle.mass) * GRAVITY, 0.01, 1.0)
+    limp, locked = inertias(vehicle)
+    for i, axis in enumerate(("roll", "pitch", "yaw")):
+        error = 0.02 * 180.0 / math.pi  # deg/s of a body that turns 0.02 rad/s too slowly
+        signal = 0.032029 * gains[f"p_{axis}"] * error / 1000.0
+        sign = -1.0 if axis == "yaw" else 1.0
+        change = thrusts(hover * mix[:, 0] + sign * signal * mix[:, i + 1]) - thrusts(hover * mix[:, 0])
+        acceleration = (shares(vehicle) @ change)[i + 1] / math.sqrt(limp[i] * locked[i])
+        slowest = max(float(rotor.time_constant_up) for rotor in vehicle.rotors)
+        wanted = min(8.0 if axis == "yaw" else 32.0, 0.4 / slowest)
+        # whole numbers of gains, down to 7, and the curve over the step
+        assert acceleration / 0.02 == pytest.approx(wanted, rel=0.1)
+
+
+def test_state_is_forward_right_down_with_the_accelerometer_turned_round():
+    turn = Rotation.from_euler("ZYX", (0.5, 0.2, -0.3))
+    x, y, z, w = turn.as_quat()
+    message = state_message(2.0, (0, 0.1, 0.2, 0.3, 1.0, 2.0, 9.0), (0, 4.0, 5.0, 6.0, w, x, y, z), (0.7, 0.8, 0.9))
+    seconds, *rest = STATE.unpack(message)
+    assert len(message) == 144
+    assert seconds == 2.0
+    np.testing.assert_allclose(rest[:6], [0.1, -0.2, -0.3, -1.0, -2.0, -9.0])
+    flip = np.diag([1.0, -1.0, -1.0])
+    told = Rotation.from_quat([*rest[7:10], rest[6]]).as_matrix()
+    np.testing.assert_allclose(told, flip @ turn.as_matrix() @ flip, atol=1e-12)
+    np.testing.assert_allclose(rest[10:16], [0.7, -0.8, -0.9, 4.0, -5.0, -6.0])
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_throttle_stick_gives_the_thrust_through_betaflights_curve(name):
+    vehicle = load_vehicle(name)
+    mass = float(vehicle.mass)
+    roll, pitch, stick, yaw = Sticks(vehicle, GRAVITY).channels(Attitude(0.1, -0.05, 0.3, GRAVITY))
+    assert (roll, pitch, yaw) == (
+        round(1500 + 500 * math.degrees(0.1) / 30), round(1500 - 500 * math.degrees(0.05) / 30),
+        round(1500 - 500 * math.degrees(0.3) / 120),
+    )  # fmt: skip
+    linear, throttle = 1.5, (stick - 1050) / 950
+    throttle /= 1 + (linear - 0.5 * linear**2) * (1 - throttle) ** 2
+    total = 0.0
+    for rotor, share in zip(vehicle.rotors, mixer(vehicle)[:, 0], strict=True):
+        mix = share * throttle
+        signal = 0.03 + 0.97 * mix * (1 + linear * (1 - mix) ** 2)
+        total += float(rotor.thrust_coefficient * push(rotor, signal * rotor.max_speed))
+    assert total == pytest.approx(mass * GRAVITY, rel=0.005)  # a step of the stick
+
+
+def test_too_many_rotors_too_little_thrust_and_wrong_parameters_are_one_line():
+    octo = load_vehicle("hummingbird_arm2_rotors")
+    with pytest.raises(ScenarioError, match=r"full thrust must be at least 1.1 times the weight"):
+        vehicle_loops(octo, 40.0)
+    with pytest.raises(ControllerError, match="must be a finite number"):
+        make_betaflight(load_scenario("hover_swing").controller.par.model, parameters={"p_roll": "much"})
+    with pytest.raises(ControllerError, match="at most 40 letters"):
+        make_betaflight(load_scenario("hover_swing").controller.par.model, parameters={"p" * 41: 1})
+
+
+def test_missing_program_names_the_extra(monkeypatch):
+    monkeypatch.delenv("SKYARM_BETAFLIGHT", raising=False)
+    monkeypatch.setattr(betaflight, "usual_program", lambda: "")
+    with pytest.raises(ScenarioError, match=r"controller.program: is missing.*skyarm\[betaflight\]"):
+        open_session(load_scenario("hover_swing", controller="betaflight"))
+
+
+@pytest.fixture
+def ports() -> Iterator[None]:
+    """Betaflight's ports, which are fixed: one test at a time on this machine."""
+    with Path(tempfile.gettempdir(), f"skyarm_betaflight_{os.getuid()}.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
+def free(kind: socket.SocketKind, port: int) -> bool:
+    with socket.socket(socket.AF_INET, kind) as one:
+        if kind == socket.SOCK_STREAM:
+            one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            one.bind(("127.0.0.1", port))
+        except OSError:
+            return False
+    return True
+
+
+def all_free() -> bool:
+    return all(free(kind, port) for kind, port in GUARDED_PORTS)
+
+
+def stand_in(folder: Path, way: str = "") -> Path:
+    """Executable that plays Betaflight and fails in a way."""
+    script = shutil.copy(STAND_IN, folder)
+    Path(folder, "way").write_text(way)
+    program = folder / "betaflight_SITL"
+    program.write_text(f"#!/bin/sh\nexec {sys.executable} -S -E {script}\n")
+    program.chmod(program.stat().st_mode | stat.S_IXUSR)
+    return program
+
+
+def scenario_with(program: Path, **options: object) -> Scenario:
+    scenario = load_scenario("hover_swing")
+    options = {"program": str(program), "patience": 5.0, "preparation": 20.0, **options}
+    return scenario.with_words(controller=make_betaflight(scenario.controller.par.model, **options), duration=1.0)
+
+
+def flown(scenario: Scenario) -> Log:
+    session = open_session(scenario)
+    try:
+        return session.run()
+    finally:
+        session.close()
+
+
+@pytest.fixture
+def soon(monkeypatch):
+    monkeypatch.setattr(betaflight, "POWER_ON", 0.3)
+
+
+def test_stand_in_takes_off_hovers_and_its_transcript_flies_again_to_the_bit(tmp_path, ports, soon):
+    tape = tmp_path / "flight.gz"
+    scenario = scenario_with(stand_in(tmp_path), transcript=str(tape))
+    log = flown(scenario)
+    assert (log.status, log.info["cause"]) == ("completed", "")
+    assert np.linalg.norm(log.position - log.position_reference, axis=1).max() < 0.15
+    said = log.info["autopilot"]
+    assert said["answered"] > 0.95 * said["steps"]
+    assert said["bad_frames"] == 0
+    assert {"late_ms_p50", "late_ms_p99", "answer_ms_p50", "answer_ms_p99", "halts"} <= set(said)
+    assert all_free()
+    again = flown(scenario_with(tmp_path / "absent", replayed=str(tape)))
+    np.testing.assert_array_equal(again.position, log.position)
+    np.testing.assert_array_equal(again.rotor_commands, log.rotor_commands)
+
+
+FAILURES = {
+    "dies": "Betaflight has ended .*out of luck",
+    "silent": "Betaflight has sent no motors for 0.5 s",
+    "garbage": r"Betaflight has sent no motors for 0.5 s but \d+ other datagrams",
+    "numbers": r"Betaflight sent 4 motors, \[nan, .*must be 4 numbers",
+    "motors": "Betaflight sent 5 motors",
+    "ends": "Betaflight ended while it started: no such luck",
+    "deaf": "Betaflight does not open port 5761",
+}
+
+
+@pytest.mark.parametrize("way", FAILURES)
+def test_failure_is_a_result_of_one_line_with_ports_free_and_no_process(way, tmp_path, ports, soon):
+    session = open_session(
+        scenario_with(stand_in(tmp_path, way), patience=0.5 if way in ("silent", "garbage") else 3.0)
+    )
+    link = session._link
+    try:
+        log = session.run()
+    finally:
+        session.close()
+    assert log.status == "autopilot"
+    cause = log.info["cause"]
+    assert "\n" not in cause
+    assert re.search(FAILURES[way], cause), cause
+    if link is not None:
+        with pytest.raises(ProcessLookupError):
+            os.kill(link._child.pid, 0)
+    assert all_free()
+
+
+def test_disarmed_in_flight_ends_it(tmp_path, ports, soon):
+    log = flown(scenario_with(stand_in(tmp_path, "disarms")).with_words(duration=5.0))
+    assert (log.status, log.info["cause"].startswith("Betaflight disarmed in flight")) == ("autopilot", True)
+
+
+def test_refused_setting_is_named(tmp_path, ports):
+    log = flown(scenario_with(stand_in(tmp_path), parameters={"nonsense": 1.0}))
+    assert "Betaflight refuses 'set nonsense = 1'" in log.info["cause"]
+    assert all_free()
+
+
+@pytest.mark.parametrize(("kind", "port"), GUARDED_PORTS)
+def test_taken_port_is_named(kind, port, tmp_path, ports):
+    with socket.socket(socket.AF_INET, kind) as taken:
+        if kind == socket.SOCK_STREAM:
+            taken.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        taken.bind(("127.0.0.1", port))
+        if kind == socket.SOCK_STREAM:
+            taken.listen(1)
+        log = flown(scenario_with(stand_in(tmp_path)))
+    assert f"port {port} must be free for Betaflight, one flight at a time" in log.info["cause"]
+
+
+def test_pause_halts_the_program_and_the_flight_goes_on(tmp_path, ports, soon):
+    session = open_session(scenario_with(stand_in(tmp_path)))
+    try:
+        for _ in range(100):
+            assert session.step()
+        before = session._link.facts["halts"]
+        time.sleep(0.8)
+        state = Path(f"/proc/{session._link._child.pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
+        assert state == "T"
+        log = session.run()
+    finally:
+        session.close()
+    assert log.status == "completed"
+    assert log.info["autopilot"]["halts"] == before + 1
+
+
+@pytest.mark.thorough
+def test_random_datagrams_leave_the_link_standing(tmp_path, ports, soon):
+    rng = np.random.default_rng(0)
+    session = open_session(scenario_with(stand_in(tmp_path)))
+    try:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+            for _ in range(400):
+                for size in rng.integers(0, 300, 50):
+                    if size != 68:
+                        other.sendto(rng.bytes(size), ("127.0.0.1", 9001))
+                assert session.step()
+        assert session._link.facts["bad_frames"] > 1000
+    finally:
+        session.close()
+
+
+@pytest.mark.thorough
+def test_real_betaflight_holds_the_hover_with_a_swinging_arm(ports):
+    if not (os.environ.get("SKYARM_BETAFLIGHT") or betaflight.usual_program()):
+        pytest.skip("no program of Betaflight: neither SKYARM_BETAFLIGHT nor the extra 'betaflight'")
+    log = flown(load_scenario("hover_swing", controller="betaflight").with_words(duration=12.0))
+    assert (log.status, log.info["cause"]) == ("completed", "")
+    assert np.linalg.norm(log.position - log.position_reference, axis=1).max() < 0.1
+
+
+def test_motor_message_is_a_count_and_sixteen_floats():
+    assert betaflight.MOTORS.size == 68
+    assert betaflight.MOTORS.unpack(struct.pack("<HH16f", 4, 77, *range(16)))[:3] == (4, 0.0, 1.0)
