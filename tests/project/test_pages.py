@@ -55,6 +55,8 @@ def test_the_options_that_security_names_are_options(option: str, command: tuple
 PORTS = {
     "cli/studio_command.py": "`skyarm studio` opens a port",
     "links/autopilots/ardupilot.py": "opens ports on 127.0.0.1 for it",
+    "links/autopilots/betaflight.py": "opens ports on 127.0.0.1 for it",
+    "links/autopilots/betaflight_process.py": "opens ports on 127.0.0.1 for it",
     "links/autopilots/px4.py": "opens ports on 127.0.0.1 for it",
     "links/ros/ros1_node.py": "Live topics (`skyarm run --ros`) open ports on 127.0.0.1",
     "links/ros/ros2_node.py": "Live topics (`skyarm run --ros`) open ports on 127.0.0.1",

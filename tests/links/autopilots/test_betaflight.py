@@ -23,15 +23,16 @@ from scipy.spatial.transform import Rotation
 
 from skyarm.control.controller import ControllerError
 from skyarm.dynamics.actuators.rotor import push
-from skyarm.links.autopilots import betaflight
+from skyarm.links.autopilots import betaflight, betaflight_process
 from skyarm.links.autopilots.angle_control import Attitude
-from skyarm.links.autopilots.betaflight import (
-    GUARDED_PORTS,
+from skyarm.links.autopilots.betaflight import make_betaflight
+from skyarm.links.autopilots.betaflight_process import GUARDED_PORTS
+from skyarm.links.autopilots.betaflight_settings import (
+    MOTORS,
     STATE,
     Sticks,
     console_lines,
     inertias,
-    make_betaflight,
     mixer,
     shares,
     state_message,
@@ -156,7 +157,7 @@ def test_too_many_rotors_too_little_thrust_and_wrong_parameters_are_one_line():
 
 def test_missing_program_names_the_extra(monkeypatch):
     monkeypatch.delenv("SKYARM_BETAFLIGHT", raising=False)
-    monkeypatch.setattr(betaflight, "usual_program", lambda: "")
+    monkeypatch.setattr(betaflight_process, "usual_program", lambda: "")
     with pytest.raises(ScenarioError, match=r"controller.program: is missing.*skyarm\[betaflight\]"):
         open_session(load_scenario("hover_swing", controller="betaflight"))
 
@@ -317,7 +318,7 @@ def test_random_datagrams_leave_the_link_standing(tmp_path, ports, soon):
 
 @pytest.mark.thorough
 def test_real_betaflight_holds_the_hover_with_a_swinging_arm(ports):
-    if not (os.environ.get("SKYARM_BETAFLIGHT") or betaflight.usual_program()):
+    if not (os.environ.get("SKYARM_BETAFLIGHT") or betaflight_process.usual_program()):
         pytest.skip("no program of Betaflight: neither SKYARM_BETAFLIGHT nor the extra 'betaflight'")
     log = flown(load_scenario("hover_swing", controller="betaflight").with_words(duration=12.0))
     assert (log.status, log.info["cause"]) == ("completed", "")
@@ -325,5 +326,5 @@ def test_real_betaflight_holds_the_hover_with_a_swinging_arm(ports):
 
 
 def test_motor_message_is_a_count_and_sixteen_floats():
-    assert betaflight.MOTORS.size == 68
-    assert betaflight.MOTORS.unpack(struct.pack("<HH16f", 4, 77, *range(16)))[:3] == (4, 0.0, 1.0)
+    assert MOTORS.size == 68
+    assert MOTORS.unpack(struct.pack("<HH16f", 4, 77, *range(16)))[:3] == (4, 0.0, 1.0)

