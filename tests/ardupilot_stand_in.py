@@ -49,7 +49,7 @@ class StandIn:
         self.origin, self.goal, self.told = None, None, []
         self.pulses = [1000] * (32 if WIDE else 16)
         self.asked: set[int] = set()
-        self.beat, self.deaf = 0, False
+        self.beat, self.deaf, self.clock = 0, False, 0.0
 
     def number(self, name: str) -> float:
         """Parameter's value."""
@@ -88,6 +88,8 @@ class StandIn:
     def fly(self, state: dict[str, object]) -> None:
         """Update local place, messages and pulse widths for a line of the physics."""
         position, velocity = state["position"], state["velocity"]
+        assert state["timestamp"] > self.clock, "a frame was answered twice"
+        self.clock = state["timestamp"]
         if state["timestamp"] > READY and self.origin is None:
             self.origin = [position[0] + 2.0, position[1] - 1.0, position[2] - 3.0]
         self.beat += 1
