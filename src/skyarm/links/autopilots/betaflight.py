@@ -174,6 +174,7 @@ class BetaflightLink(Link):
             command = [str(program), "127.0.0.1"]
             self._child = Child(command, folder)
             set_up(self._child, lines, self._record.patience)
+            self._child.end()
             for _ in range(STARTS):
                 self._child = Child(command, folder)
                 await_boot(self._child, self._record.patience)
