@@ -39,7 +39,7 @@ LOWEST_STICK = 1050
 UNITS = {"P": 0.032029, "I": 0.244381, "D": 0.000529}
 """Motor signal, in thousandths, per deg/s, deg and deg/s^2 of a gain of 1 (Betaflight 4.6, scales of its rate loop)."""
 
-RATE_BANDWIDTH, YAW_BANDWIDTH = 32.0, 8.0
+QUICKEST_RATE, QUICKEST_YAW = 32.0, 8.0
 """rad/s of the rate loop; 0.4 of a rotor's own bandwidth is the most that is taken."""
 
 
@@ -120,7 +120,7 @@ def inertias(vehicle: Vehicle) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, An
 def vehicle_loops(vehicle: Vehicle, gravity: float) -> tuple[np.ndarray[Any, Any], dict[str, int]]:
     """Mixer (:func:`mixer`) and gains of Betaflight's loops for a vehicle, in its own units.
 
-    The bandwidth of the rate loop is ``RATE_BANDWIDTH`` for the geometric mean of the inertias with limp and with
+    The bandwidth of the rate loop is ``QUICKEST_RATE`` for the geometric mean of the inertias with limp and with
     locked joints, since a joint's controller is somewhere between. P = bandwidth J / torque per mix in hover. The
     integral gains are a third of what the bandwidth is with locked joints (yaw: a quarter), times P, and so is the gain
     of the angle. A share of the mixer grows where P would not fit into Betaflight's range.
@@ -128,12 +128,12 @@ def vehicle_loops(vehicle: Vehicle, gravity: float) -> tuple[np.ndarray[Any, Any
     mix = mixer(vehicle)
     torques = np.abs(np.diag((shares(vehicle) * hover_slope(vehicle, gravity)) @ mix))[1:]
     slowest = max(float(rotor.time_constant_up) for rotor in vehicle.rotors)
-    fast = min(RATE_BANDWIDTH, 0.4 / max(slowest, 1e-3))
+    fast = min(QUICKEST_RATE, 0.4 / max(slowest, 1e-3))
     limp, locked = inertias(vehicle)
     found: dict[str, int] = {}
     angle = fast
     for i, (name, wanted, boost) in enumerate(
-        (("roll", fast, 1.0), ("pitch", fast, 1.0), ("yaw", min(YAW_BANDWIDTH, fast), 2.5))
+        (("roll", fast, 1.0), ("pitch", fast, 1.0), ("yaw", min(QUICKEST_YAW, fast), 2.5))
     ):
         inertia = math.sqrt(limp[i] * locked[i])
         slow = wanted * inertia / locked[i]
