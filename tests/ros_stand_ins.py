@@ -162,19 +162,26 @@ def subscribe(api: str, topic: str, kind: str, checksum: str) -> tuple[socket.so
 class Talker:
     """Node of ROS 1 that publishes one topic from a plain socket."""
 
-    def __init__(self, found: Master, topic: str, kind: str, checksum: str) -> None:
+    def __init__(self, found: Master, topic: str, kind: str, checksum: str, answer: object = None) -> None:
         self._fields = {"callerid": "/talker", "type": kind, "md5sum": checksum, "topic": topic}
         self._data = socket.create_server(("127.0.0.1", 0))
         self._api = SimpleXMLRPCServer(("127.0.0.1", 0), logRequests=False)
         port = self._data.getsockname()[1]
-        self._api.register_function(lambda *_: [1, "", ["TCPROS", "127.0.0.1", port]], "requestTopic")
+        place = [1, "", ["TCPROS", "127.0.0.1", port]] if answer is None else answer
+        self.calls = 0
+        self._api.register_function(lambda *_: self._answer(place), "requestTopic")
         threading.Thread(target=self._api.serve_forever, args=(0.02,), daemon=True).start()
         found.registerPublisher("/talker", topic, kind, f"http://127.0.0.1:{self._api.server_address[1]}")
+
+    def _answer(self, place: object) -> object:
+        self.calls += 1
+        return place
 
     def accept(self) -> socket.socket:
         """Connection of the next subscriber, whose header is answered."""
         self._data.settimeout(5.0)
         connection, _ = self._data.accept()
+        connection.settimeout(5.0)
         self.asked = fields_of(framed(connection))
         connection.sendall(header(**self._fields))
         return connection

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.reference import Sine, hover
+from skyarm.reference import Sine, Windowed, hover
 from skyarm.reference.redirection import NEVER, Redirected, quintic, redirectable, shortest_duration
 
 BEGIN = (0.4, -1.5, 2.5)
@@ -45,6 +45,12 @@ def test_a_signal_is_its_own_until_it_leaves_for_its_goal_and_stays_there():
         after, before = (np.array(signal.derivatives(t + d), dtype=float) for d in (1e-5, -1e-5))
         assert (after - before)[:4] / 2e-5 == pytest.approx(np.array(signal.derivatives(t), dtype=float)[1:], abs=1e-4)
     assert signal.switch_times() == (2.3, 3.3)
+
+
+def test_what_a_signal_would_have_done_after_its_start_is_no_switch_time():
+    own = Windowed(Sine(amplitude=0.7, frequency_hz=0.5), 1.0, 5.0)
+    assert Redirected(signal=own, start=3.0, duration=1.0).switch_times() == (1.0, 3.0, 4.0)
+    assert Redirected(signal=own).switch_times() == (1.0, 5.0)
 
 
 def test_a_redirectable_reference_is_the_reference_to_the_bit():

@@ -128,10 +128,25 @@ def test_a_subscriber_that_does_not_read_delays_nobody(node):
     slow, _ = subscribe(node.address, "/odom", ODOMETRY, "*")
     with slow:
         wait_until(lambda: node.subscribers("/odom") == 1)
-        begun = time.monotonic()
-        for _ in range(2000):  # 200 MB, of which a hundred messages may wait
-            node.send("/odom", bytes(100_000))
+        begun, count = time.monotonic(), 600
+        for k in range(count):  # 60 MB, of which a hundred messages may wait and some are on their way
+            node.send("/odom", struct.pack("<I", k) + bytes(100_000))
         assert time.monotonic() - begun < 2.0
+        found = [0]
+        while found[-1] < count - 1:
+            found.append(struct.unpack("<I", framed(slow)[:4])[0])
+    assert found[1:] == sorted(set(found[1:]))
+    assert 100 <= len(found) < 400
+
+
+def test_a_header_that_is_too_long_ends_the_connection_at_once(node):
+    node.advertise("/odom", ODOMETRY)
+    _, host, port = asked(node.address, "requestTopic", "/test", "/odom", [["TCPROS"]])[2]
+    begun = time.monotonic()
+    with socket.create_connection((host, port), timeout=5.0) as connection:
+        connection.sendall(struct.pack("<I", 1 << 20))
+        assert connection.recv(1) == b""
+    assert time.monotonic() - begun < 1.5  # a header that is on its way may take 3 s
 
 
 def test_messages_of_a_publisher_arrive(hub, node):
@@ -168,6 +183,38 @@ def test_publishers_that_are_none_are_left_alone(hub, node):
     assert node.take("/skyarm/command") == []
 
 
+ANSWERS = [
+    *([1, "", value] for value in (0, ["TCPROS", "127.0.0.1", 70000], ["TCPROS", "h", "x"], ["UDPROS", "h", 1])),
+    *([1, "", ["TCPROS", "no such host.invalid", 9]], [1, ""], 7, "text", [0, "no", []]),
+]
+
+
+def test_publishers_with_any_answer_are_left_alone(hub, node):
+    """An error in a thread of the node would fail the test."""
+    node.subscribe("/skyarm/command", NUMBERS)
+    for answer in ANSWERS:
+        talker = Talker(hub, "/skyarm/command", NUMBERS, SUMS[NUMBERS], answer=answer)
+        wait_until(lambda talker=talker: talker.calls)
+        talker.close()
+    wait_until(lambda: not [each for each in threading.enumerate() if each.name == "ros1 source"])
+    assert node.take("/skyarm/command") == []
+
+
+def test_garbage_on_the_api_port_is_silent(node, capfd):
+    rng = np.random.default_rng(5)
+    host, port = node._api.server_address
+    post = b"POST / HTTP/1.0\r\nContent-Type: text/xml\r\nContent-Length: %d\r\n\r\n%s"
+    bodies = [b"", b"<", b"<methodCall><methodName>getPid", b"\x00" * 99, rng.bytes(300)]
+    for content in (*(post % (len(body), body) for body in bodies), rng.bytes(500), b"GET / HTTP/1.0\r\n\r\n", b""):
+        with socket.create_connection((host, port), timeout=5.0) as connection, contextlib.suppress(OSError):
+            connection.sendall(content)
+            connection.shutdown(socket.SHUT_WR)
+            while connection.recv(1000):
+                pass
+    assert asked(node.address, "getPid", "/test")[0] == 1
+    assert capfd.readouterr() == ("", "")
+
+
 def test_the_api_answers_what_the_tools_of_ros_ask(hub, node):
     node.advertise("/odom", ODOMETRY)
     node.subscribe("/skyarm/command", NUMBERS)
@@ -197,6 +244,21 @@ def test_a_master_that_dies_is_noticed_and_close_does_not_wait_for_it(monkeypatc
     begun = time.monotonic()
     node.close()
     assert time.monotonic() - begun < 2.0
+
+
+def test_one_silence_of_the_master_is_no_loss(node, monkeypatch):
+    silences = [RosError("nothing")]
+
+    def answer(method: str, *_: object) -> int:
+        if silences:
+            raise silences.pop()
+        looks.append(method)
+        return 1
+
+    looks: list[str] = []
+    monkeypatch.setattr(node, "_ask", answer)
+    wait_until(lambda: looks)
+    assert node.problem == ""
 
 
 @contextlib.contextmanager

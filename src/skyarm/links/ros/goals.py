@@ -40,6 +40,11 @@ def with_goals(scenario: Scenario) -> tuple[Scenario, str]:
     return (scenario, reason) if reason else (scenario.with_words(reference=redirectable(reference)), "")
 
 
+def goal_paths(reference: Trajectory) -> list[str]:
+    """Paths of the numbers that a goal changes; none of a reference that takes no goals."""
+    return [f"reference.{word}.{field}" for word in _signals(reference) for field in FIELDS]
+
+
 def takes_goals(reference: Trajectory) -> bool:
     """True if a reference was made to take goals in flight."""
     return type(reference.x) is Redirected

@@ -59,8 +59,6 @@ class Decoder:
         if length is None:
             return self._one(kind)
         count = int(length) if length else self._number("<u4")
-        if count > len(self._data):
-            raise MessageError(f"has a list of {count} items in {len(self._data)} bytes")
         if kind in PRIMITIVES:
             return list(self._numbers(PRIMITIVES[kind], count))
         return [self._one(kind) for _ in range(count)]

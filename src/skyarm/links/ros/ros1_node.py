@@ -16,6 +16,7 @@ import socket
 import threading
 import xmlrpc.client
 from collections.abc import Callable, Mapping
+from socketserver import ThreadingMixIn
 from typing import Any
 from urllib.parse import urlsplit
 from xmlrpc.server import SimpleXMLRPCRequestHandler, SimpleXMLRPCServer
@@ -37,6 +38,8 @@ WATCH = 1.0
 """s between two looks at the master."""
 
 PROTOCOL = "TCPROS"
+
+MOST_PORT = 65535
 
 SUCCESS = 1
 
@@ -174,11 +177,11 @@ class Ros1Node:
 
     def _find(self, publisher: str, topic: str) -> tuple[str, int]:
         """Host and port at which another node gives out a topic."""
-        found = call(publisher, "requestTopic", self.name, topic, [[PROTOCOL]])
-        protocol, host, port = found
-        if protocol != PROTOCOL:
-            raise RosError(f"ROS 1 node {publisher}: offers {shown(protocol)}, must be {PROTOCOL}")
-        return str(host), int(port)
+        answer = call(publisher, "requestTopic", self.name, topic, [[PROTOCOL]])
+        match answer:
+            case [str(protocol), str(host), int(port)] if protocol == PROTOCOL and 0 < port <= MOST_PORT:
+                return host, port
+        raise RosError(f"ROS 1 node {publisher}: offers {shown(answer)}, must be {PROTOCOL}, host and port")
 
     def _ask(self, method: str, *words: Any) -> Any:
         return call(self._master, method, self.name, *words)
@@ -263,9 +266,14 @@ class _Handler(SimpleXMLRPCRequestHandler):
     rpc_paths = ()
     timeout = PATIENCE
 
+    def log_message(self, *_: Any) -> None:
+        """Print nothing about requests that are none."""
 
-class _ApiServer(SimpleXMLRPCServer):
-    """XML-RPC server of a node, silent about callers that break off."""
+
+class _ApiServer(ThreadingMixIn, SimpleXMLRPCServer):
+    """XML-RPC server of a node, with a thread for each caller, silent about those that break off."""
+
+    daemon_threads, block_on_close = True, False
 
     _send_traceback_header = False
 

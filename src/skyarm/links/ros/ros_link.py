@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from skyarm.control.controller import autopilot_of
 from skyarm.dynamics.actuators import Command
-from skyarm.links.ros.goals import base_goal, changes_to, joint_goal, takes_goals, with_goals
+from skyarm.links.ros.goals import base_goal, changes_to, goal_paths, joint_goal, takes_goals, with_goals
 from skyarm.links.ros.message_types import MessageError, decode
 from skyarm.links.ros.node import Node
 from skyarm.log.log_columns import names_of
@@ -212,7 +212,8 @@ class RosLink:
 def live_session(scenario: Scenario) -> tuple[Session, str]:
     """Session whose reference takes goals from ROS, and an empty text; or one that takes none, and why."""
     live, reason = with_goals(scenario)
-    return open_session(live), reason
+    # inputs of its program from the start: the first goal would make the program anew, which takes half a second
+    return open_session(live, goal_paths(live.reference)), reason
 
 
 def command_of(numbers: list[float], joints: int, rotors: int, tilts: int) -> Command:
