@@ -168,7 +168,8 @@ class StandIn:
                 self.armed, self.mode = False, 4
                 self.tell("STATUSTEXT", severity=2, text="Crash: Disarming")
                 self.tell("HEARTBEAT", type=2, autopilot=3, base_mode=0, custom_mode=4)
-            self.physics.send(self.packet(self.frame))
+            for _ in range(4 if FAULT == "impatient" and self.frame == AT else 1):
+                self.physics.send(self.packet(self.frame))
             line = self.physics.recv(4096)
             if FAULT == "lost" and self.frame == AT and not dropped:
                 dropped = True

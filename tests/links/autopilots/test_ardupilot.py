@@ -217,14 +217,18 @@ def test_a_flight_that_is_closed_early_leaves_no_process(stand_in):
     assert not session.step()
 
 
-def test_a_pause_of_ours_stops_the_program(stand_in):
-    stand_in("repeat", 3500)
-    with closing(open_session(scenario(1.0))) as session:
-        assert session.step()
-        before = session.log.info["autopilot"]["answered"]
+def test_a_pause_of_ours_stops_the_program_and_changes_nothing(flown, stand_in):
+    """ArduPilot repeats a packet each second of the pause; the stand-in stops at a frame that is answered twice."""
+    frame = flown[0].info["autopilot"]["answered"] - 200
+    stand_in("impatient", frame)
+    with closing(open_session(scenario())) as session:
+        while session.log.info["autopilot"]["answered"] < frame:
+            assert session.step()
         time.sleep(0.7)
-        assert session.log.info["autopilot"]["answered"] == before
-        assert session.run().status == "completed"
+        log = session.run()
+    assert log.status == "completed", log.info["cause"]
+    assert log.info["autopilot"]["repeated"] == 3
+    assert arrays(log) == arrays(flown[0])
 
 
 def test_without_a_program_the_message_names_the_variable(monkeypatch):
