@@ -195,6 +195,10 @@ def test_publishers_with_any_answer_are_left_alone(hub, node):
     for answer in ANSWERS:
         talker = Talker(hub, "/skyarm/command", NUMBERS, SUMS[NUMBERS], answer=answer)
         wait_until(lambda talker=talker: talker.calls)
+        if "invalid" not in str(answer):
+            with pytest.raises(RosError) as refused:
+                node._find(hub.publishers["/skyarm/command"][-1], "/skyarm/command")
+            assert "\n" not in str(refused.value)
         talker.close()
     wait_until(lambda: not [each for each in threading.enumerate() if each.name == "ros1 source"])
     assert node.take("/skyarm/command") == []
