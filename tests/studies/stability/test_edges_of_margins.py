@@ -99,8 +99,6 @@ def test_rotors_and_joints_with_delays_of_their_own_are_refused_in_one_line():
 
 def test_an_autopilot_has_no_margins_and_its_check_says_so():
     flown = load_scenario("case1", controller="px4")
-    with pytest.raises(
-        ControllerError, match=r"^autopilot 'px4': flies alone .* margin needs a law"
-    ):
+    with pytest.raises(ControllerError, match=r"^autopilot 'px4': flies alone .* margin needs a law"):
         nominal(flown)
     assert "a margin needs a law" in hover_delay_if_known(flown)
