@@ -32,5 +32,8 @@ KEPT: Mapping[str, tuple[str, ...]] = {"new": ("fresh.py", "test_fresh.py")}
 NEEDS = {"sweep": "pyarrow", "film": "viser", "tune": "cmaes", "identify": "scipy"}
 """Command -> the library without which it is not tried."""
 
-SERVES: Mapping[str, str] = {"studio": "it flies on a page until Ctrl-C"}
+SERVES: Mapping[str, str] = {
+    "studio": "it flies on a page until Ctrl-C",
+    "fly": "it needs an autopilot (tests/links/outside)",
+}
 """Command that runs until it is ended -> why it has no result to print."""

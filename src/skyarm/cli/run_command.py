@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import os
+import shlex
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import count
@@ -20,6 +21,7 @@ from skyarm.cli.arguments import name_completion, require_left_out, require_not_
 from skyarm.cli.lines import NOT_COMPLETED, say, say_suspicious
 from skyarm.cli.output import Advance, bar, give, heading, shown_number, table_of, tell
 from skyarm.control.catalogue import AUTOPILOTS
+from skyarm.control.controller import autopilot_of, innermost, with_innermost
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.log.flown_scenario import restored_part
 from skyarm.log.formats import require_format, save_log
@@ -39,6 +41,7 @@ from skyarm.records.files import (
 )
 from skyarm.records.files.names import picture_file
 from skyarm.scenario.scenario_file import load_scenario
+from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate import Log
 from skyarm.simulate import run as fly
 
@@ -73,6 +76,9 @@ def run(
             help="program that flies the base in the law's place: px4, ...", autocompletion=name_completion("autopilot")
         ),
     ] = None,
+    outside: Annotated[
+        bool, typer.Option("--outside", help="leave the autopilot to 'skyarm fly': it hovers, in real time")
+    ] = False,
     seed: Annotated[int | None, typer.Option(help="seed of the noise, in place of the file's")] = None,
     duration: Annotated[float | None, typer.Option(help="seconds, in place of the file's")] = None,
     force: Annotated[bool, typer.Option("--force", help="replace the log of an earlier flight")] = False,
@@ -101,6 +107,11 @@ def run(
     if autopilot is not None:
         controller = _autopilot_name(autopilot, controller)
     planned = load_scenario(scenario, plant=plant, controller=controller, seed=seed, duration=duration)
+    if outside:
+        planned = _left_to_outside(planned)
+        mavlink, joints = autopilot_of(planned.controller).outside_ports
+        address = f"--link mavlink://127.0.0.1:{mavlink} --joints udp://127.0.0.1:{joints}"
+        say(f"once it hovers: skyarm fly {shlex.quote(scenario)} {address}")
     folder = Path(out)
     files = log_files(logs) if logs else [folder / f"{planned.name}{suffix}" for suffix in (".npz", ".csv")]
     drawn = None if picture is None else picture_file(picture, "--plot")
@@ -168,6 +179,20 @@ def _fly_live(planned: Scenario, version: int, pace: float, advance: Advance) ->
 def say_line(line: str) -> None:
     """Print a warning of a live flight."""
     say(f"warning: {line}")
+
+
+def _left_to_outside(planned: Scenario) -> Scenario:
+    """Scenario whose autopilot takes its set points from a program outside.
+
+    Raises:
+        ValueError: no autopilot flies it.
+    """
+    controller = planned.controller
+    if (found := autopilot_of(controller)) is None:
+        raise ValueError("--outside: needs --autopilot, whose set points it leaves to another program")
+    left = dataclasses.replace(innermost(controller.par), autopilot=dataclasses.replace(found, outside=True))
+    par = with_innermost(controller.par, left)
+    return planned.with_words(controller=dataclasses.replace(controller, par=par))
 
 
 def log_files(names: Sequence[str]) -> list[Path]:

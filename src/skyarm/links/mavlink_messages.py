@@ -91,6 +91,11 @@ _TABLE = {
     ),
     "HIL_ACTUATOR_CONTROLS": (93, "u64 time_usec flags; f32 controls[16]; u8 mode"),
     "VISION_POSITION_ESTIMATE": (102, "u64 usec; f32 x y z roll pitch yaw + f32 covariance[21]; u8 reset_counter"),
+    "HIGHRES_IMU": (
+        105,
+        "u64 time_usec; f32 xacc yacc zacc xgyro ygyro zgyro xmag ymag zmag"
+        " abs_pressure diff_pressure pressure_alt temperature; u16 fields_updated + u8 id",
+    ),
     "HIL_SENSOR": (
         107,
         "u64 time_usec; f32 xacc yacc zacc xgyro ygyro zgyro xmag ymag zmag"

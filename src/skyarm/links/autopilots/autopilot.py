@@ -19,6 +19,7 @@ from skyarm.dynamics.actuators import Command, Mixer
 from skyarm.records.files import shown
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
+from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.sensing.channel import Channel
 from skyarm.sensing.measurement import Measurement
 from skyarm.sensing.sensor import Sensor
@@ -81,6 +82,17 @@ class Link(ABC):
             LinkError: silence, a connection that ended, what the protocol does not allow.
         """
 
+    released: bool = False
+    """True once the autopilot holds its place by itself and takes set points from a program outside."""
+
+    def release(self) -> None:
+        """Leave the autopilot's mode and set points to a program outside; may be called again until it is so.
+
+        Raises:
+            LinkError: the link cannot.
+        """
+        raise LinkError("this autopilot's link does not leave the set points to a program outside")
+
     @abstractmethod
     def close(self) -> None:
         """End the program and free its ports; a second call does nothing."""
@@ -103,6 +115,7 @@ class Autopilot(ABC):
         preparation: longest time from power-on to hover at the flight's start, simulated.
         transcript: file that the exchanged bytes are written to; empty for none.
         replayed: file of an earlier transcript that answers in the program's place; empty for the program.
+        outside: the flight is real time, the autopilot holds the start, and a program outside commands base and arm.
     """
 
     program: str = ""
@@ -112,6 +125,7 @@ class Autopilot(ABC):
     preparation: Annotated[float, Unit("s", "from power-on to hover, simulated", low=1.0, high=1000.0)] = 120.0
     transcript: str = ""
     replayed: str = ""
+    outside: bool = False
 
     name: ClassVar[str]
     title: ClassVar[str]
@@ -131,6 +145,15 @@ class Autopilot(ABC):
         from skyarm.links.autopilots.flight import PilotedSession
 
         return PilotedSession(scenario, paths, **options)
+
+    @property
+    def outside_ports(self) -> tuple[int, int]:
+        """UDP ports for a program outside: of the autopilot's MAVLink, and of the joints.
+
+        Raises:
+            ScenarioError: the autopilot takes no set points from outside.
+        """
+        raise ScenarioError(f"controller.outside: must be left out for {self.title}, whose link keeps the set points")
 
     @abstractmethod
     def connect(self, scenario: Scenario, tape: Tape) -> Link:

@@ -16,10 +16,11 @@ from skyarm.algebra import Vec3
 from skyarm.control.controller import autopilot_of
 from skyarm.dynamics.actuators import Command
 from skyarm.links.autopilots.autopilot import Autopilot, Goal, Instant, Link, LinkError
+from skyarm.links.outside.joint_port import JointPortError, JointServer
 from skyarm.links.transcript import Tape, TranscriptError
 from skyarm.log.flight_log import Log
 from skyarm.log.metrics.windows import Windows
-from skyarm.reference import Reference, hover
+from skyarm.reference import Reference, Trajectory, hover
 from skyarm.scenario.scenario_record import Environment, NamedSensor, Rates, Scenario, ScenarioError, first_state
 from skyarm.simulate.check_endings import Ended
 from skyarm.simulate.inputs import EpisodeInputs
@@ -30,6 +31,9 @@ Array = npt.NDArray[np.float64]
 
 ENDED = "autopilot"
 """Status of a flight that ended because its autopilot did not fly on."""
+
+LATE = 0.02
+"""s behind the wall clock that a flight in real time makes up for; beyond, its clock is set back."""
 
 NEAR = 0.15
 """m from the start at which the flight is handed over, after ``STEADY``; less than an autopilot's own noise in hover
@@ -45,13 +49,16 @@ STEADY = 2.0
 def planned_scenario(scenario: Scenario) -> Scenario:
     """Scenario with the control rate and the sensors that its autopilot needs.
 
-    The control rate is that of the sensor messages: the least that is fast enough, a divisor of the physics' rate and a
+    A flight for a program outside hovers at the start, whatever the scenario's reference. The control rate is that of
+    the sensor messages: the least that is fast enough, a divisor of the physics' rate and a
     multiple of the reference's and of the sensors' rates. A scenario that has all that is returned unchanged.
 
     Raises:
         ScenarioError: no such rate.
     """
     autopilot: Autopilot = autopilot_of(scenario.controller)
+    if autopilot.outside:
+        scenario = scenario.with_words(reference=hover_at_start(scenario), tracking_start=0, path_time=None)
     there = {each.name for each in scenario.sensors}
     needed = autopilot.sensors(scenario.plant.vehicle)
     added = tuple(NamedSensor(name=name, sensor=each) for name, each in needed.items() if name not in there)
@@ -69,6 +76,14 @@ def planned_scenario(scenario: Scenario) -> Scenario:
     if not added and planned == rates:
         return scenario
     return scenario.with_words(rates=planned, sensors=sensors)
+
+
+def hover_at_start(scenario: Scenario) -> Trajectory:
+    """Reference that holds the base and the joints of a scenario's first state."""
+    start = first_state(scenario)
+    yaw = 2.0 * math.atan2(float(start.quaternion.z), float(start.quaternion.w))
+    x, y, z = (float(c) for c in start.position)
+    return hover((x, y, z), yaw=yaw, joints=tuple(float(q) for q in start.joints))
 
 
 def take_off_scenario(scenario: Scenario) -> Scenario:
@@ -97,7 +112,7 @@ def take_off_scenario(scenario: Scenario) -> Scenario:
     )
     return scenario.with_words(
         duration=autopilot.preparation,
-        reference=hover((x, y, z), yaw=yaw, joints=tuple(float(q) for q in start.joints)),
+        reference=hover_at_start(scenario),
         environment=Environment(forces=(stand,), ground=False),
         initial=resting,
         tracking_start=0,
@@ -143,6 +158,9 @@ class PilotedSession(Session):
     In each control period the readings go to the autopilot, whose answer the rotors get in the next period; the arm
     follows its reference by a joint law (:func:`skyarm.links.autopilots.autopilot.move_arm`).
 
+    Of an autopilot that a program outside commands (``outside``) the flight is in real time from hand-over on: the
+    autopilot holds the start, and set points of base and arm come over its own port and the joints' port.
+
     Args:
         scenario: whose controller is one of an autopilot.
         paths: as of :class:`skyarm.Session`.
@@ -166,8 +184,10 @@ class PilotedSession(Session):
         planned = planned_scenario(scenario)
         self._autopilot: Autopilot = autopilot_of(planned.controller)
         self._tape = Tape(self._autopilot.transcript, self._autopilot.replayed)
-        self._seconds, self._begun, self._prepared = 0.0, time.perf_counter(), 0.0
+        self._seconds, self._prepared = 0.0, 0.0
         self._link: Link | None = None
+        self._joint_server: JointServer | None = None
+        self._wall, self._late = 0.0, 0
         super().__init__(take_off_scenario(planned), machine_code=machine_code)
         self._begin_flight()
         try:
@@ -176,6 +196,7 @@ class PilotedSession(Session):
                 state = self.state
                 super().__init__(planned.with_words(initial=state), paths, machine_code=machine_code)
                 self._begin_flight()
+                self._open_joint_port()
         except BaseException:
             self.close()
             raise
@@ -188,6 +209,26 @@ class PilotedSession(Session):
             self._end(str(error))
             return
         self._closer = weakref.finalize(self, _close, self._link, self._tape)
+
+    def _open_joint_port(self) -> None:
+        """Open the port of the joints for a program outside; the flight is in real time from here."""
+        autopilot = self._autopilot
+        if not autopilot.outside:
+            return
+        try:
+            self._joint_server = JointServer(autopilot.outside_ports[1], self.scenario.plant.vehicle.n)
+        except JointPortError as error:
+            raise ScenarioError(str(error)) from None
+        self._wall = time.monotonic()
+
+    def _keep_pace(self) -> None:
+        """Wait until the wall clock is as far as the flight; time that was lost is not caught up."""
+        ahead = self._wall + self.time - time.monotonic()
+        if ahead > 0.0:
+            time.sleep(ahead)
+        elif ahead < -LATE:
+            self._wall -= ahead
+            self._late += 1
 
     def _begin_flight(self) -> None:
         """Look up where the log has the readings, and hold the first set point."""
@@ -224,9 +265,12 @@ class PilotedSession(Session):
             state = self._engine.row(self.tick - 1)[1:11]
             near = math.dist(state[:3], (x, y, z)) < NEAR and math.hypot(*state[7:10]) < SLOW
             steady = steady + 1 if near and self._link is not None and self._link.following else 0
-            if steady >= STEADY * rate and self.tick % rate == 0:
+            if steady < STEADY * rate or self.tick % rate or self._link is None:
+                continue
+            if not self._autopilot.outside or self._link.released:
                 self._prepared = self.time
                 return True
+            self._link.release()
         if self.ended is None:
             self._end(f"{self._autopilot.title} does not hover at the start after {self.time:g} s{self._words()}")
         return False
@@ -252,7 +296,19 @@ class PilotedSession(Session):
         if not self.running or self._link is None:
             return False
         speeds = [signal * most for signal, most in zip(self._signals, self._most, strict=True)]
-        going = super().step(rotors=speeds)
+        server = self._joint_server
+        if server is None:
+            going = super().step(rotors=speeds)
+        else:
+            self._keep_pace()
+            now = self.state
+            arm = [float(each) for each in (*now.joints, *now.joint_rates)]
+            half = len(arm) // 2
+            setpoints = server.exchange(self._prepared + self.time, arm[:half], arm[half:])
+            if setpoints is None:
+                going = super().step(rotors=speeds)
+            else:
+                going = super().step(Command(rotor_speeds=tuple(speeds), efforts=setpoints))
         engine = self._engine
         if engine is not self._source:
             self._columns, self._source = engine.reading_columns, engine
@@ -291,6 +347,8 @@ class PilotedSession(Session):
         found = super().log
         facts = {} if self._link is None else self._link.facts
         said = {"name": self._autopilot.name, "prepared_s": self._prepared, **facts}
+        if self._joint_server is not None:
+            said |= {"joints": self._joint_server.facts, "set_back": self._late}
         return dataclasses.replace(found, info={**found.info, "autopilot": said})
 
     def snapshot(self) -> Snapshot:
@@ -303,6 +361,8 @@ class PilotedSession(Session):
 
     def close(self) -> None:
         """End the autopilot's program; a second call does nothing."""
+        if self._joint_server is not None:
+            self._joint_server.close()
         if self._link is None:
             self._tape.close()
         else:

@@ -53,6 +53,22 @@ BOOT_STEP = 0.02
 OFFBOARD = 6
 """PX4's main mode for set points from outside."""
 
+AUTO, HOLD = 4, 3
+"""PX4's main mode of flights by itself, and its sub-mode that holds the place."""
+
+OUTSIDE_PARAMETERS = {"IMU_INTEG_RATE": 250, "COM_OBL_RC_ACT": 5, "COM_RCL_EXCEPT": 7}
+"""PX4 holds its place where set points from outside are missing; it needs no remote control."""
+
+OFFBOARD_LOSS = 0.3
+"""s without set points from outside after which PX4 holds its place; its own 1 s is long for a body rate. During the
+take-off, faster than real time, it stays at that."""
+
+ONBOARD_PORT, JOINT_PORT = 14540, 14640
+"""UDP ports of instance 0: to which PX4 sends its onboard MAVLink, and of the joints for a program outside."""
+
+REAL = 9
+"""MAVLink's type of a parameter that is a 32-bit float."""
+
 GROUND_STATION = 6
 """MAVLink's type of a ground station."""
 
@@ -103,6 +119,12 @@ class PX4(Autopilot):
         """Inertial unit at the rate of the link, magnetometer and barometer at 50 Hz, satellite navigation at 10 Hz."""
         return {"imu": FLIGHT_IMU, "magnetometer": Magnetometer(), "barometer": Barometer(), "gnss": Gnss()}
 
+    @property
+    def outside_ports(self) -> tuple[int, int]:
+        """UDP ports for a program outside: PX4's onboard port and that of the joints; of the first instance for any."""
+        instance = max(self.instance, 0)
+        return ONBOARD_PORT + instance, JOINT_PORT + instance
+
     def connect(self, scenario: Scenario, tape: Tape) -> PX4Link:
         """Start PX4 with the vehicle's parameters and wait for its connection."""
         return PX4Link(self, scenario, tape)
@@ -120,11 +142,13 @@ def make_px4(
     transcript: str = "",
     replayed: str = "",
     instance: int = -1,
+    outside: bool = False,
 ) -> Controller:
     """Controller of a vehicle whose base PX4 flies; the options are those of :class:`PX4`."""
     autopilot = PX4(
         program=program, parameters=plain_parameters(parameters), climb=climb, patience=patience,
         preparation=preparation, transcript=transcript, replayed=replayed, instance=instance,
+        outside=outside,
     )  # fmt: skip
     return controller_with(autopilot, model, joint_gains)
 
@@ -159,7 +183,7 @@ def open_ports(instance: int) -> Ports:
             tcp.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             tcp.bind(("127.0.0.1", 4560 + number))
             tcp.listen(1)
-            udp.bind(("127.0.0.1", 14540 + number))
+            udp.bind(("127.0.0.1", ONBOARD_PORT + number))
             udp.setblocking(False)
             _require_free(14580 + number)
             return Ports(number, tcp, udp)
@@ -233,6 +257,9 @@ class PX4Link(Link):
         self._offset: tuple[float, ...] | None = None
         self._given = tuple(name for name, _ in record.parameters)
         needed = vehicle_parameters(vehicle, float(scenario.plant.gravity)) | sensor_parameters(scenario)
+        needed |= OUTSIDE_PARAMETERS if record.outside else {}
+        self._leaves = False
+        self._listener: socket.socket | None = None
         if not tape.plays:
             self._start(needed | dict(record.parameters))
 
@@ -241,7 +268,7 @@ class PX4Link(Link):
         record = self._record
         program = find_program(record, "px4")
         etc = find_etc(program)
-        ports = open_ports(record.instance)
+        ports = open_ports(max(record.instance, 0) if record.outside else record.instance)
         self._udp, self._partner = ports.onboard, ports.partner
         try:
             environment = {f"PX4_PARAM_{name}": f"{value:.9g}" for name, value in parameters.items()}
@@ -255,7 +282,14 @@ class PX4Link(Link):
             self.close()
             raise
         finally:
-            ports.listener.close()
+            if record.outside and self._tcp is not None:
+                self._listener = ports.listener  # keeps the instance, whose onboard port is to be free
+            else:
+                ports.listener.close()
+
+    def release(self) -> None:
+        """Ask PX4 to hold its place; once it does, its onboard port is free for a program outside."""
+        self._leaves = True
 
     def _accept(self, ports: Ports) -> socket.socket:
         """Wait for PX4's connection."""
@@ -293,7 +327,7 @@ class PX4Link(Link):
         satellite = self._sensors.satellite(now.readings)
         if satellite is not None:
             self._send("HIL_GPS", time_usec=stamp, **satellite)
-        if self._answered:
+        if self._answered and not self.released:
             self._talk(now.time, goal)
         self._await(stamp)
         return self._signals
@@ -351,6 +385,8 @@ class PX4Link(Link):
             raise LinkError(f"PX4 sent controls that are not from 0 to 1: {[round(each, 4) for each in controls]}")
         self._signals = tuple(min(max(each, 0.0), 1.0) for each in controls)
         self._armed = bool(message["mode"] & ARMED)
+        if self.released and not self._armed:
+            raise LinkError("PX4 disarmed in flight")
         if answered != stamp:
             return False
         if not self._answered:
@@ -394,9 +430,11 @@ class PX4Link(Link):
             return
         if self._steps % self._goal_every == 0:
             self._send_goal(t, goal)
-        if self.following:
+        if self._leaves:
+            self._leave()
+        elif self.following:
             self._watch()
-        if self._steps % self._rate == 0:
+        if self._steps % self._rate == 0 and not self.released:
             self._request()
 
     def _watch(self) -> None:
@@ -424,8 +462,20 @@ class PX4Link(Link):
         if self._steps % (2 * self._rate):
             if not self._armed:
                 self._command(ARM, 1)
+        elif self._leaves:
+            self._tell(
+                "PARAM_SET", target_system=self._system, target_component=1, param_id="COM_OF_LOSS_T",
+                param_value=OFFBOARD_LOSS, param_type=REAL,
+            )  # fmt: skip
+            self._command(SET_MODE, 1, AUTO, HOLD)
         elif not (self._armed and self._mode == OFFBOARD):
             self._command(SET_MODE, 1, OFFBOARD)
+
+    def _leave(self) -> None:
+        """Free the onboard port once PX4 flies by itself."""
+        if self._mode == AUTO and self._udp is not None:
+            self._udp.close()
+            self.released = True
 
     def _find_origin(self) -> None:
         """Find where PX4's local origin lies, by the mean difference of its position and the readings, at rest.
@@ -510,7 +560,7 @@ class PX4Link(Link):
 
     def close(self) -> None:
         """Close the ports, and end the program."""
-        for each in (self._tcp, self._udp):
+        for each in (self._tcp, self._udp, self._listener):
             if each is not None:
                 each.close()
         if self._child is not None:

@@ -1,0 +1,120 @@
+"""Command ``skyarm fly``: fly a vehicle through its autopilot, by a law that runs here in real time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from skyarm.cli.arguments import name_completion, require_not_another
+from skyarm.cli.lines import NOT_COMPLETED, say_suspicious
+from skyarm.cli.output import give, tell
+from skyarm.cli.run_command import earlier_kept, facts, summary
+from skyarm.links.outside.joint_links import open_joints
+from skyarm.links.outside.offboard import OffboardFlight, OffboardSettings, require_outside
+from skyarm.links.outside.offboard_link import OffboardLink
+from skyarm.log.formats import save_log
+from skyarm.records.files import require_replaceable, require_writable, taken_back
+from skyarm.scenario.scenario_file import load_scenario
+
+
+def fly(
+    scenario: Annotated[
+        str,
+        typer.Argument(help="a scenario (.toml), a log, or a shipped name", autocompletion=name_completion("scenario")),
+    ],
+    link: Annotated[
+        str, typer.Option(metavar="URL", help="mavlink://HOST:PORT waits there; mavlink-out://HOST:PORT calls")
+    ],
+    joints: Annotated[
+        str | None, typer.Option(metavar="URL", help="udp://HOST:PORT, dynamixel:DEVICE?ids=1,2 or FILE.py:make")
+    ] = None,
+    controller: Annotated[
+        str | None,
+        typer.Option(
+            help="in place of the file's: a preset, a law or FILE.py:make",
+            autocompletion=name_completion("controller"),
+        ),
+    ] = None,
+    rate_bandwidth: Annotated[
+        str | None, typer.Option(metavar="X,Y,Z", help="rad/s, of the autopilot's rate loop; PX4's is read from it")
+    ] = None,
+    hover_thrust: Annotated[
+        float | None, typer.Option(help="thrust set point in hover, 0 to 1; the model's if left out")
+    ] = None,
+    world: Annotated[
+        str, typer.Option(help="here: the scenario begins where the vehicle is; local: in the autopilot's local frame")
+    ] = "here",
+    leash: Annotated[float, typer.Option(help="m from the reference beyond which the vehicle is handed back")] = 1.5,
+    stale: Annotated[float, typer.Option(help="s without estimates after which it is handed back")] = 0.25,
+    patience: Annotated[float, typer.Option(help="s to wait for a vehicle that hovers")] = 60.0,
+    duration: Annotated[float | None, typer.Option(help="seconds, in place of the file's")] = None,
+    out: Annotated[str, typer.Option("--out", help="folder for the results")] = "out/fly",
+    force: Annotated[bool, typer.Option("--force", help="replace the log of an earlier flight")] = False,
+) -> None:
+    """Fly a vehicle through its autopilot, by a law that runs here in real time.
+
+    The vehicle must be armed and hover. Its autopilot gets body rates and thrust while estimates arrive; it is asked to
+    hold its place at the end, and when anything is silent. Exit code 3 if the flight ended before its time.
+    """
+    require_not_another(scenario, "scenario")
+    planned = load_scenario(scenario, controller=controller, duration=duration)
+    require_outside(planned)
+    if world not in ("here", "local"):
+        raise ValueError(f"--world = {world!r}: must be here or local")
+    settings = OffboardSettings(
+        rate_bandwidth=None if rate_bandwidth is None else _three(rate_bandwidth),
+        hover_share=hover_thrust, here=world == "here", leash=leash, stale=stale, patience=patience,
+    )  # fmt: skip
+    folder = Path(out)
+    files = [folder / f"{planned.name}{suffix}" for suffix in (".npz", ".csv")]
+    new = not folder.exists()
+    with taken_back(folder):
+        require_writable(out)
+        require_replaceable(*files)
+        say_suspicious(planned)
+        vehicle = planned.controller.par.model.vehicle
+        arm = open_joints(joints, vehicle)
+        try:
+            autopilot = OffboardLink(link, patience)
+            try:
+                log = OffboardFlight(planned, autopilot, arm, settings, tell).run()
+            finally:
+                autopilot.close()
+        finally:
+            arm.close()
+        with earlier_kept([] if force else files) as kept:
+            written = [save_log(log, file) for file in files]
+    found = facts(log) | {"outside": log.info["outside"]}
+    tell(*summary(log, found), *_times(log.info["outside"]))
+    tell(f"log: {', '.join(map(str, written))}{' (new folder)' if new else ''}")
+    give(found, logs=written, kept=[str(name) for name in kept])
+    if log.status != "completed":
+        raise typer.Exit(NOT_COMPLETED)
+
+
+def _times(said: dict[str, Any]) -> list[str]:
+    """Lines on the times of the set points."""
+    words = {"age": "from estimate to set point", "computing": "of it here", "round_trip": "to the autopilot and back"}
+    lines = [
+        f"{text}: median {said[name]['p50_ms']:.2f} ms, 99 % {said[name]['p99_ms']:.2f} ms"
+        for name, text in words.items()
+        if said[name]["count"]
+    ]
+    return [*lines, f"{said['periods']} periods, {said['missed']} missed, {said['lost_frames']} frames lost"]
+
+
+def _three(text: str) -> tuple[float, float, float]:
+    """Three positive numbers between commas.
+
+    Raises:
+        ValueError: anything else.
+    """
+    try:
+        x, y, z = (float(word) for word in text.split(","))
+    except ValueError:
+        x = y = z = 0.0
+    if not all(0.0 < each < 1e3 for each in (x, y, z)):
+        raise ValueError(f"--rate-bandwidth = {text!r}: must be three numbers of rad/s, above 0: 18,18,6")
+    return x, y, z

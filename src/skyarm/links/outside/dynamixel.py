@@ -1,0 +1,180 @@
+"""Port to an arm of DYNAMIXEL servos (protocol 2.0, X series) on a serial bus, by the maker's SDK.
+
+Source: ROBOTIS e-Manual, control table of the X series: addresses, and units of position (1/4096 turn), velocity
+(0.229 turns a minute) and current (2.69 mA). A thread of its own keeps the bus busy; the servos' own watchdog stops
+them half a second after the bus falls silent.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import threading
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from skyarm.links.outside.joint_port import JointLink, JointPortError, JointReading
+from skyarm.records.files import needs_extra, shown
+from skyarm.records.units import Unit
+
+OPERATING_MODE, TORQUE_ENABLE, BUS_WATCHDOG = 11, 64, 98
+"""Addresses of one byte."""
+
+GOAL_CURRENT, GOAL_POSITION, PRESENT = 102, 116, 128
+"""Addresses: of two bytes, four bytes, and of velocity and position, four bytes each."""
+
+CURRENT_MODE, POSITION_MODE = 0, 4
+"""Operating modes: current, and position over several turns."""
+
+TICK, ZERO = 2.0 * math.pi / 4096.0, 2048
+"""rad of a tick of position, and the tick of joint angle zero."""
+
+RATE = 0.229 * 2.0 * math.pi / 60.0
+"""rad/s of a tick of velocity."""
+
+CURRENT = 2.69e-3
+"""A of a tick of current."""
+
+WATCHDOG = 25
+"""Times 20 ms without a packet after which a servo stops."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ServoBus:
+    """Settings of a bus of servos.
+
+    Attributes:
+        device: serial port.
+        ids: numbers of the servos, in the order of the vehicle's joints.
+        torque: of each ampere, for setpoints in N m; None for setpoints of position in rad.
+        most: largest current that is sent.
+    """
+
+    device: str
+    ids: tuple[int, ...]
+    baud: Annotated[int, Unit("1/s", low=9600)] = 1_000_000
+    torque: Annotated[float | None, Unit("N m/A", low=0.0, strict=True)] = None
+    most: Annotated[float, Unit("A", low=0.0, strict=True)] = 1.2
+
+
+class DynamixelJoints(JointLink):
+    """Joints of a bus of servos, read and commanded by a thread as fast as the bus allows.
+
+    Raises:
+        JointPortError: the SDK is missing, the port cannot be opened, or a servo does not answer.
+    """
+
+    def __init__(self, bus: ServoBus) -> None:
+        try:
+            import dynamixel_sdk as sdk
+        except ImportError:
+            raise JointPortError(f"dynamixel_sdk: is missing; --joints dynamixel {needs_extra('dynamixel')}") from None
+        self._bus, self._lock = bus, threading.Lock()
+        self._port: Any = sdk.PortHandler(bus.device)
+        self._packets: Any = sdk.PacketHandler(2.0)
+        self._states: Any = sdk.GroupSyncRead(self._port, self._packets, PRESENT, 8)
+        address, size = (GOAL_POSITION, 4) if bus.torque is None else (GOAL_CURRENT, 2)
+        self._goals: Any = sdk.GroupSyncWrite(self._port, self._packets, address, size)
+        self._size = size
+        self._newest: JointReading | None = None
+        self._setpoints: tuple[float, ...] | None = None
+        self._failed = ""
+        self._running = True
+        self._open()
+        self._thread = threading.Thread(target=self._serve, name="dynamixel", daemon=True)
+        self._thread.start()
+
+    def read(self) -> JointReading | None:
+        """Newest reading since the last call; None where the bus is silent."""
+        with self._lock:
+            found, self._newest = self._newest, None
+        return found
+
+    def send(self, setpoints: Sequence[float], at: float) -> None:
+        """Hand setpoints to the bus: torques in N m, or positions in rad."""
+        del at
+        with self._lock:
+            self._setpoints = tuple(setpoints)
+
+    def release(self) -> None:
+        """Let every servo hold the position that it has."""
+        with self._lock:
+            self._setpoints = None
+            with contextlib.suppress(OSError):
+                for number in self._bus.ids:
+                    self._write(number, TORQUE_ENABLE, 0)
+                    self._write(number, OPERATING_MODE, POSITION_MODE)
+                    self._write(number, TORQUE_ENABLE, 1)
+
+    def close(self) -> None:
+        """Stop the thread and close the serial port; the servos hold on."""
+        if self._running:
+            self._running = False
+            self._thread.join(1.0)
+            self._port.closePort()
+
+    def _open(self) -> None:
+        bus = self._bus
+        try:
+            opened = self._port.openPort() and self._port.setBaudRate(bus.baud)
+        except OSError as error:
+            raise JointPortError(f"--joints: {shown(bus.device)}: {error.strerror or error}") from None
+        if not opened:
+            raise JointPortError(f"--joints: {shown(bus.device)}: cannot be opened at {bus.baud} bits a second")
+        mode = POSITION_MODE if bus.torque is None else CURRENT_MODE
+        for number in bus.ids:
+            done = self._write(number, TORQUE_ENABLE, 0) and self._write(number, OPERATING_MODE, mode)
+            done = done and self._write(number, BUS_WATCHDOG, 0) and self._write(number, BUS_WATCHDOG, WATCHDOG)
+            if not (done and self._write(number, TORQUE_ENABLE, 1)):
+                self._port.closePort()
+                raise JointPortError(f"--joints: servo {number} on {shown(bus.device)} does not answer")
+            self._states.addParam(number)
+
+    def _write(self, number: int, address: int, value: int) -> bool:
+        result, error = self._packets.write1ByteTxRx(self._port, number, address, value)
+        return bool(result == 0 and error == 0)
+
+    def _serve(self) -> None:
+        """Read the servos and write their setpoints, until the port is closed."""
+        while self._running:
+            with self._lock:
+                try:
+                    self._cycle()
+                except OSError as error:
+                    self._failed = str(error)
+                    return
+            time.sleep(0.0005)
+
+    def _cycle(self) -> None:
+        if self._states.txRxPacket() == 0:
+            rows = [self._state(number) for number in self._bus.ids]
+            if all(row is not None for row in rows):
+                joints, rates = zip(*(row for row in rows if row is not None), strict=True)
+                self._newest = JointReading(time.monotonic(), joints, rates)
+        if self._setpoints is not None:
+            for number, setpoint in zip(self._bus.ids, self._setpoints, strict=True):
+                ticks = self._ticks(setpoint) & (1 << 8 * self._size) - 1
+                self._goals.addParam(number, list(ticks.to_bytes(self._size, "little")))
+            self._goals.txPacket()
+            self._goals.clearParam()
+
+    def _state(self, number: int) -> tuple[float, float] | None:
+        """Angle and rate of a servo; None where it did not answer."""
+        if not self._states.isAvailable(number, PRESENT, 8):
+            return None
+        velocity, position = (_signed(self._states.getData(number, at, 4), 4) for at in (PRESENT, PRESENT + 4))
+        return (position - ZERO) * TICK, velocity * RATE
+
+    def _ticks(self, setpoint: float) -> int:
+        """Setpoint in ticks of position or current."""
+        if self._bus.torque is None:
+            return round(setpoint / TICK) + ZERO
+        amperes = min(max(setpoint / self._bus.torque, -self._bus.most), self._bus.most)
+        return round(amperes / CURRENT)
+
+
+def _signed(value: int, size: int) -> int:
+    """Whole number of ``size`` bytes in two's complement."""
+    return value - (1 << 8 * size) if value >= 1 << 8 * size - 1 else value

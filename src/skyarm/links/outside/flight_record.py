@@ -1,0 +1,89 @@
+"""Record of a flight whose law ran outside of the simulator: what it received and sent, and how late."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.compile import leaves
+from skyarm.links.outside.outside_law import OutsideCommand
+from skyarm.log.flight_log import Log
+from skyarm.scenario.scenario_record import Environment, Scenario
+from skyarm.sensing.measurement import Measurement
+from skyarm.simulate.assemble_log import Piece, Samples, join_pieces
+from skyarm.simulate.check_endings import Ended
+from skyarm.simulate.inputs import episode_inputs
+from skyarm.world import WindSample
+
+Array = npt.NDArray[np.float64]
+
+
+def percentiles(seconds: Sequence[float]) -> dict[str, float | int]:
+    """Median, 99th percentile and largest of some times, ms, and how many there are."""
+    if not len(seconds):
+        return {"count": 0}
+    ms = 1e3 * np.asarray(seconds, dtype=float)
+    found = {"p50_ms": np.percentile(ms, 50), "p99_ms": np.percentile(ms, 99), "max_ms": ms.max()}
+    return {"count": len(ms), **{name: round(float(value), 3) for name, value in found.items()}}
+
+
+@dataclass(slots=True)
+class FlightRecord:
+    """Rows of a flight, one for each evaluated period, and the times that its set points took.
+
+    Attributes:
+        first: autopilot's time at the take-over, s.
+        ticks: number of the period of each row. stamps: autopilot's time of its measurement, s.
+        states: position, quaternion, velocity, rate, joints, joint rates. commands: rotor speeds, joint setpoints.
+        rates: set points sent, rad/s and thrust.
+        computing: s from the arrival of a measurement to its set point. ages: s from the measurement to its set point,
+            by the autopilot's clock; empty before the clocks are compared.
+    """
+
+    first: float = 0.0
+    ticks: list[int] = field(default_factory=list)
+    stamps: list[float] = field(default_factory=list)
+    states: list[tuple[float, ...]] = field(default_factory=list)
+    commands: list[tuple[float, ...]] = field(default_factory=list)
+    rates: list[tuple[float, ...]] = field(default_factory=list)
+    computing: list[float] = field(default_factory=list)
+    ages: list[float] = field(default_factory=list)
+
+    def add(self, tick: int, stamp: float, seen: Measurement, given: OutsideCommand) -> None:
+        """Add the row of a period."""
+        self.ticks.append(tick)
+        self.stamps.append(stamp)
+        moving = (seen.position, seen.quaternion, seen.velocity, seen.rate, seen.joints, seen.joint_rates)
+        self.states.append(tuple(leaves((*moving, given.law.rotor_speeds))))
+        self.commands.append(tuple(leaves(given.law)))
+        self.rates.append(tuple(leaves(given.base)))
+
+    def log(self, scenario: Scenario, ended: Ended | None, facts: dict[str, Any]) -> Log:
+        """Log of the flight, as ``skyarm run`` writes one; a period that was missed has the row before it.
+
+        The states are the autopilot's estimates, the rotor speeds modelled ones.
+        """
+        count = self.ticks[-1] + 1 if self.ticks else 0
+        plain = scenario.with_words(
+            environment=Environment(forces=(), ground=False), sensors=(), faults=(), payloads=(), changes=(), endings=()
+        )
+        rows = np.zeros(count, dtype=int)
+        rows[self.ticks] = np.arange(len(self.ticks))
+        rows = np.maximum.accumulate(rows)
+        none = np.zeros((count, 0))
+        flown = Samples(
+            states=_table(self.states)[rows], commands=_table(self.commands)[rows], measurement=None, readings=(),
+            wind=WindSample(), found=none, led=none,
+        )  # fmt: skip
+        piece = Piece(plain, episode_inputs(plain), 0, flown)
+        log = join_pieces(plain, [piece], ended)
+        log.info["outside"] = facts
+        return log
+
+
+def _table(rows: Sequence[Sequence[float]]) -> Array:
+    return np.array(rows, dtype=float).reshape(len(rows), -1)

@@ -1,0 +1,234 @@
+"""Ports to the joints of an arm: joint angles in, setpoints out, over a socket, a servo bus, or the user's own code.
+
+The datagrams between two processes of ours are little endian: ``SKJ1``, a byte of kind, a byte n of joints, two bytes
+of zeros, time (double), then n setpoints for a command, or n positions and n rates for a state.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import socket
+import struct
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+from skyarm.records.files import shown
+from skyarm.records.units import Unit
+
+MAGIC = b"SKJ1"
+
+HELLO, COMMAND, STATE, RELEASE = range(4)
+"""Kinds of datagrams: a request for states, setpoints, joint states, and the return of the arm."""
+
+HEADER = struct.Struct("<4sBBHd")
+
+MOST_JOINTS = 32
+
+FRESH = 0.2
+"""s by the wall clock after which the arm's owner takes the joints back from a silent commander."""
+
+
+class JointPortError(ValueError):
+    """A joint port cannot be opened, or does not fit the vehicle."""
+
+
+@dataclass(frozen=True, slots=True)
+class JointReading:
+    """Joint angles and rates at a time of the arm's own clock."""
+
+    time: Annotated[float, Unit("s")]
+    joints: Annotated[tuple[float, ...], Unit("rad or m")]
+    joint_rates: Annotated[tuple[float, ...], Unit("rad/s or m/s")]
+
+
+class JointLink(ABC):
+    """Port to an arm: its newest reading, and a place for setpoints.
+
+    A link of one's own is a subclass; ``skyarm fly --joints FILE.py:make`` calls ``make(vehicle)`` for it.
+    """
+
+    @abstractmethod
+    def read(self) -> JointReading | None:
+        """Newest reading since the last call, or None; returns at once."""
+
+    @abstractmethod
+    def send(self, setpoints: Sequence[float], at: float) -> None:
+        """Send one setpoint for each joint, in the order of the vehicle's joints.
+
+        Args:
+            setpoints: N m, N, or what the joint's drive takes.
+            at: s, autopilot's time of the estimate that they answer.
+        """
+
+    @abstractmethod
+    def release(self) -> None:
+        """Return the arm to its own control, in which it holds its place; setpoints no longer come."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Free what the port holds; a second call does nothing."""
+
+
+class NoJoints(JointLink):
+    """Port of a vehicle without joints."""
+
+    def read(self) -> JointReading:
+        """Reading without joints, always fresh."""
+        return JointReading(time.monotonic(), (), ())
+
+    def send(self, setpoints: Sequence[float], at: float) -> None:
+        """Send nothing."""
+
+    def release(self) -> None:
+        """Return nothing."""
+
+    def close(self) -> None:
+        """Free nothing."""
+
+
+def pack(kind: int, count: int, at: float, values: Sequence[float] = ()) -> bytes:
+    """Encode a datagram of a kind for ``count`` joints at a time, s."""
+    return HEADER.pack(MAGIC, kind, count, 0, at) + struct.pack(f"<{len(values)}d", *values)
+
+
+def unpack(data: bytes, count: int) -> tuple[int, float, tuple[float, ...]] | None:
+    """Kind, time and numbers of a datagram for ``count`` joints; None for anything else."""
+    if len(data) < HEADER.size:
+        return None
+    magic, kind, joints, zeros, at = HEADER.unpack_from(data)
+    numbers = {HELLO: 0, COMMAND: count, STATE: 2 * count, RELEASE: 0}.get(kind)
+    if magic != MAGIC or joints != count or zeros or numbers is None or len(data) != HEADER.size + 8 * numbers:
+        return None
+    values = struct.unpack_from(f"<{numbers}d", data, HEADER.size)
+    return (kind, at, values) if all(map(math.isfinite, (at, *values))) else None
+
+
+class UdpJoints(JointLink):
+    """Port to the joints of a simulator or another process, by datagrams.
+
+    Args:
+        host, port: of the arm's owner, such as a simulator's :class:`JointServer`.
+        count: joints of the vehicle.
+    """
+
+    def __init__(self, host: str, port: int, count: int) -> None:
+        self._count = count
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        try:
+            self._socket.connect((host, port))
+        except OSError as error:
+            self._socket.close()
+            raise JointPortError(f"--joints = {shown(f'udp://{host}:{port}')}: {error.strerror or error}") from None
+        self._asked = -math.inf
+
+    def read(self) -> JointReading | None:
+        """Newest reading since the last call; asks for readings while none come."""
+        newest = None
+        with contextlib.suppress(BlockingIOError, ConnectionError):
+            while True:
+                found = unpack(self._socket.recv(4096), self._count)
+                if found is not None and found[0] == STATE:
+                    newest = found
+        if newest is None:
+            if time.monotonic() - self._asked > 0.05:
+                self._asked = time.monotonic()
+                self._tell(HELLO)
+            return None
+        _, at, values = newest
+        return JointReading(at, values[: self._count], values[self._count :])
+
+    def send(self, setpoints: Sequence[float], at: float) -> None:
+        """Send setpoints; a process that is gone is noticed by its silence."""
+        self._tell(COMMAND, setpoints, at)
+
+    def release(self) -> None:
+        """Return the arm to its owner."""
+        self._tell(RELEASE)
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+    def _tell(self, kind: int, values: Sequence[float] = (), at: float = 0.0) -> None:
+        with contextlib.suppress(OSError):
+            self._socket.send(pack(kind, self._count, at, values))
+
+
+class JointServer:
+    """Owner's side of a joint port: sends joint states to one commander, and receives its setpoints.
+
+    A commander that is silent for ``FRESH`` seconds, or releases the arm, loses the joints; the next one may follow.
+
+    Args:
+        port: UDP port to bind; 0 takes a free one.
+        count: joints of the vehicle.
+        host: address to bind.
+    """
+
+    def __init__(self, port: int, count: int, host: str = "127.0.0.1") -> None:
+        self._count, self._heard = count, -math.inf
+        self._partner: tuple[str, int] | None = None
+        self._setpoints: tuple[float, ...] | None = None
+        self._refused = 0
+        self._ages: list[float] = []
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        try:
+            self._socket.bind((host, port))
+        except OSError as error:
+            self._socket.close()
+            raise JointPortError(f"UDP port {port} of the joints: must be free: {error.strerror or error}") from None
+
+    @property
+    def port(self) -> int:
+        """Number of the bound port."""
+        return int(self._socket.getsockname()[1])
+
+    @property
+    def facts(self) -> dict[str, float | int]:
+        """Counts of commands, and their ages: s between the state that a law answers and its setpoints' effect."""
+        ages = sorted(self._ages)
+        found: dict[str, float | int] = {"commands": len(ages), "refused": self._refused}
+        if ages:
+            found |= {"age_p50_s": ages[len(ages) // 2], "age_p99_s": ages[int(0.99 * (len(ages) - 1))]}
+        return found
+
+    def exchange(self, at: float, joints: Sequence[float], joint_rates: Sequence[float]) -> tuple[float, ...] | None:
+        """Send the joint state of a time (s) to the commander; return its setpoints, None without a fresh commander."""
+        self._receive(at)
+        if self._partner is None:
+            return None
+        if time.monotonic() - self._heard > FRESH:
+            self._partner, self._setpoints = None, None
+            return None
+        with contextlib.suppress(OSError):
+            self._socket.sendto(pack(STATE, self._count, at, (*joints, *joint_rates)), self._partner)
+        return self._setpoints
+
+    def _receive(self, now: float) -> None:
+        with contextlib.suppress(BlockingIOError, ConnectionError):
+            while True:
+                data, sender = self._socket.recvfrom(4096)
+                found = unpack(data, self._count)
+                stranger = self._partner not in (None, sender) and time.monotonic() - self._heard <= FRESH
+                if found is None or found[0] == STATE or stranger:
+                    self._refused += 1
+                    continue
+                if sender != self._partner:
+                    self._setpoints = None
+                self._partner, self._heard = sender, time.monotonic()
+                kind, at, values = found
+                if kind == COMMAND:
+                    self._setpoints = values
+                    self._ages.append(now - at)
+                elif kind == RELEASE:
+                    self._partner, self._setpoints = None, None
+
+    def close(self) -> None:
+        """Free the port."""
+        self._socket.close()

@@ -1,0 +1,395 @@
+"""Real-time flight of a control law through an autopilot: take-over in hover, set points, and hand-back.
+
+The autopilot's clock sets the pace: an estimate belongs to the law's period that its time lies in, and is answered at
+once by body rates, thrust and joint setpoints. Set points go out only while estimates and heartbeats arrive, heartbeats
+of ours go, and the autopilot is in the mode that takes them; otherwise the vehicle is handed back, in the mode that
+holds its place.
+"""
+
+from __future__ import annotations
+
+import gc
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated, Any, NoReturn
+
+from skyarm.algebra import Vec3
+from skyarm.compile import leaves, rebuild
+from skyarm.control.controller import autopilot_of
+from skyarm.links.autopilots.px4_parameters import centre_of_mass
+from skyarm.links.outside.flight_record import FlightRecord, percentiles
+from skyarm.links.outside.joint_port import JointLink, JointReading
+from skyarm.links.outside.offboard_link import OffboardError, OffboardLink
+from skyarm.links.outside.outside_law import LoopSettings, OutsideLaw
+from skyarm.links.outside.px4_rate_loop import NAMES, px4_rate_loop
+from skyarm.links.outside.rate_commands import IdealRateLoop, RateLoop, Three, thrust_at_full_signal
+from skyarm.links.outside.state_frames import AutopilotState, WorldFrame, with_rotor_speeds
+from skyarm.log.flight_log import Log
+from skyarm.records.files import shown
+from skyarm.records.units import Unit
+from skyarm.reference import Reference
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.sensing.measurement import Measurement
+from skyarm.simulate.check_endings import Ended
+from skyarm.simulate.inputs import episode_inputs
+
+BEAT = 0.25
+"""s between heartbeats of ours."""
+
+BEAT_LOST = 3.0
+"""s without a heartbeat of the autopilot, which sends one each second."""
+
+LEAD = 0.6
+"""s of set points before the autopilot is asked to take them, as PX4 requires."""
+
+TAKE_OVER = 5.0
+"""s after which an autopilot that does not take the set points is left alone."""
+
+MODE_KNOWN = 2.5
+"""s after the take-over from which the mode of a heartbeat counts: an older one may still be on its way."""
+
+LINK_LOST, TAKEN_BACK, DIVERGED, STOPPED = "link_lost", "taken_back", "diverged", "stopped"
+"""Status of a flight that ended early: silence, the pilot's mode, an error beyond the leash, Ctrl-C."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class OffboardSettings:
+    """Settings of a flight outside of the simulator.
+
+    Attributes:
+        rate_bandwidth: of an ideal rate loop; None inverts PX4's rate loop by its parameters.
+        hover_share: thrust set point in hover; None takes the model's highest thrust for a set point of 1.
+        here: True puts the scenario's start where the vehicle is at take-over; False takes the autopilot's local frame,
+            in north, west, up, for the scenario's world.
+        patience: longest wait for the autopilot's first messages, and for a vehicle that hovers.
+        stale: longest silence of the estimates, or of the joints, in flight.
+        leash: largest distance of the base from its reference.
+    """
+
+    rate_bandwidth: Three | None = None
+    hover_share: Annotated[float | None, Unit("", low=0.05, high=0.95)] = None
+    here: bool = True
+    patience: Annotated[float, Unit("s", low=0.1)] = 60.0
+    stale: Annotated[float, Unit("s", low=0.02, high=2.0)] = 0.25
+    leash: Annotated[float, Unit("m", low=0.0, strict=True)] = 1.5
+
+
+class HandBackError(Exception):
+    """Cause for which a flight ends early.
+
+    Attributes:
+        status: of the flight.
+    """
+
+    def __init__(self, status: str, cause: str) -> None:
+        super().__init__(cause)
+        self.status = status
+
+
+def require_outside(scenario: Scenario) -> None:
+    """Refuse a scenario that cannot fly outside of the simulator.
+
+    Raises:
+        ScenarioError: an autopilot in the law's place, rotors that tilt, phases that wait, a time-scaled reference, or
+            a law that needs a force sensor.
+    """
+    name, vehicle = scenario.controller.name, scenario.controller.par.model.vehicle
+    if autopilot_of(scenario.controller) is not None:
+        raise ScenarioError(f"controller.autopilot = {shown(name)}: must be a law, which an autopilot outside obeys")
+    if vehicle.tilts:
+        raise ScenarioError("model.vehicle: must have rotors that do not tilt, for rates and thrust")
+    if episode_inputs(scenario).waits.guards:
+        raise ScenarioError("reference: must have no phases that wait for conditions, outside of the simulator")
+    if scenario.path_time is not None:
+        raise ScenarioError("path_time: must be left out, outside of the simulator")
+
+
+class OffboardFlight:
+    """One flight of a scenario's law by an autopilot's link and an arm's port.
+
+    Args:
+        scenario: its law, reference and rates; sensors, delays and environment are those of the real vehicle.
+        link: to the autopilot.
+        arm: port to the joints.
+        settings: of the flight.
+        tell: called with a line of text at each stage.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        link: OffboardLink,
+        arm: JointLink,
+        settings: OffboardSettings,
+        tell: Callable[[str], None] = lambda text: None,
+    ) -> None:
+        require_outside(scenario)
+        self._scenario, self._link, self._arm, self._settings, self._tell = scenario, link, arm, settings, tell
+        self._inputs = episode_inputs(scenario)
+        self._rows = self._inputs.held_leaves
+        self._example: Any = self._inputs.reference_example
+        self._rate, self._steps = scenario.rates.control, scenario.steps
+        self._rotors = len(scenario.controller.par.model.vehicle.rotors)
+        self._gravity = float(scenario.controller.par.model.gravity)
+        self._record = FlightRecord()
+        self._frame = WorldFrame()
+        self._joints: JointReading | None = None
+        self._joints_heard = self._beaten = -math.inf
+        self._missed, self._ours = 0, False
+        self._law: OutsideLaw | None = None
+
+    def run(self) -> Log:
+        """Take over a vehicle that hovers, fly the scenario, and hand the vehicle back; returns the flight's log.
+
+        Raises:
+            OffboardError: no autopilot, no estimates, a vehicle that does not hover, set points that are refused.
+        """
+        ended: Ended | None = None
+        collecting = gc.isenabled()
+        try:
+            self._connect()
+            self._await_hover()
+            gc.disable()  # a collection takes longer than a period
+            self._take_over()
+            self._follow()
+        except HandBackError as end:
+            ended = Ended(end.status, str(end), len(self._record.ticks) and self._record.ticks[-1] / self._rate)
+        except KeyboardInterrupt:
+            ended = Ended(STOPPED, "stopped by Ctrl-C", len(self._record.ticks) and self._record.ticks[-1] / self._rate)
+        finally:
+            if collecting:
+                gc.enable()
+            self._hand_back()
+        return self._record.log(self._scenario, ended, self.facts)
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """Times and counts of the flight, and how the world lies in the autopilot's local frame."""
+        record, frame = self._record, self._frame
+        return {
+            "autopilot": "" if self._link.modes is None else self._link.modes.title,
+            "start_s": record.first,
+            "computing": percentiles(record.computing),
+            "round_trip": percentiles(self._link.round_trips),
+            "age": percentiles(record.ages),
+            "periods": len(record.ticks),
+            "missed": self._missed,
+            "lost_frames": self._link.lost,
+            "origin": [float(c) for c in frame.origin],
+            "start": [float(c) for c in frame.start],
+            "turn": frame.turn,
+            "said": self._link.said,
+        }
+
+    def _pump(self, seconds: float) -> None:
+        """Wait for messages, at most so long; send a heartbeat when one is due; read the joints."""
+        link = self._link
+        link.wait(seconds)
+        now = time.monotonic()
+        if now - self._beaten >= BEAT:
+            self._beaten = now
+            link.beat()
+        reading = self._arm.read()
+        if reading is not None:
+            self._joints, self._joints_heard = reading, now
+
+    def _until(self, seconds: float, ready: Callable[[], bool], words: str) -> None:
+        """Wait until something is so.
+
+        Raises:
+            OffboardError: it is not so after some seconds; ``words`` and the autopilot's last text say why.
+        """
+        until = time.monotonic() + seconds
+        while not ready():
+            if time.monotonic() > until:
+                said = f" ({self._link.said})" if self._link.said else ""
+                raise OffboardError(f"{words} within {seconds:g} s{said}")
+            self._pump(0.02)
+
+    def _connect(self) -> None:
+        """Wait for the autopilot, ask for estimates, and make the law for its rate loop."""
+        link, settings = self._link, self._settings
+        self._until(settings.patience, lambda: link.connected, "--link: no autopilot of PX4 or ArduPilot was heard")
+        assert link.modes is not None
+        self._tell(f"{link.modes.title} is heard")
+        asked = -math.inf
+
+        def has_state() -> bool:
+            nonlocal asked
+            if time.monotonic() - asked > 1.0:
+                asked = time.monotonic()
+                link.request_streams(min(max(self._rate, 100), 250))
+            return link.state is not None and link.offset is not None and self._joints is not None
+
+        self._until(settings.patience, has_state, f"{self._silent_part()} sent nothing")
+        law = self._scenario.controller
+        vehicle = law.par.model.vehicle
+        inner = LoopSettings(
+            period=1.0 / self._rate,
+            rate_loop=self._rate_loop(),
+            full_thrust=thrust_at_full_signal(vehicle, self._gravity, settings.hover_share),
+            center=Vec3(*(float(c) for c in centre_of_mass(vehicle))),
+        )
+        self._law = OutsideLaw(law, inner, self._reference(0))
+
+    def _silent_part(self) -> str:
+        return "--joints: the arm" if self._joints is None else "--link: the autopilot's estimator"
+
+    def _rate_loop(self) -> RateLoop:
+        """Rate loop to invert: ideal if its bandwidth is given, else PX4's by its parameters."""
+        settings, link = self._settings, self._link
+        if settings.rate_bandwidth is not None:
+            return IdealRateLoop(bandwidth=settings.rate_bandwidth)
+        assert link.modes is not None
+        if link.modes.title != "PX4":
+            raise OffboardError(f"--rate-bandwidth: must be given for {link.modes.title}, whose rate loop is not known")
+        for _ in range(5):
+            missing = [name for name in NAMES if name not in link.parameters]
+            for name in missing:
+                link.request_parameter(name)
+            until = time.monotonic() + 0.4
+            while time.monotonic() < until and any(name not in link.parameters for name in missing):
+                self._pump(0.02)
+        missing = [name for name in NAMES if name not in link.parameters]
+        if missing:
+            raise OffboardError(f"--link: PX4 does not send its parameter {missing[0]}")
+        return px4_rate_loop(self._scenario.controller.par.model.vehicle, link.parameters)
+
+    def _await_hover(self) -> None:
+        """Wait until the vehicle is armed, in the air, slow, and commanded by no other program."""
+        link, modes = self._link, self._link.modes
+        assert modes is not None
+
+        def hovers() -> bool:
+            state = link.state
+            slow = state is not None and math.hypot(*state.velocity) < 0.3
+            return link.armed and not link.landed and slow and not modes.is_outside(link.mode)
+
+        if not hovers():
+            self._tell("waits for a vehicle that is armed and hovers")
+        words = "--link: the vehicle was not armed, in the air and slow, in a mode of its own,"
+        self._until(self._settings.patience, hovers, words)
+
+    def _take_over(self) -> None:
+        """Send set points at the start's reference, ask for the mode that takes them, and begin once it is entered."""
+        link, law = self._link, self._require_law()
+        state = link.state
+        assert state is not None
+        assert link.modes is not None
+        start = self._reference(0)
+        if self._settings.here:
+            self._frame = WorldFrame.at_start(state, tuple(start.position), float(start.yaw))
+        begun, asked = time.monotonic(), -math.inf
+        link.accepted = False
+        while not (link.modes.is_outside(link.mode) or link.accepted):
+            now = time.monotonic()
+            if now - begun > TAKE_OVER:
+                said = f": {link.said}" if link.said else ""
+                raise OffboardError(
+                    f"--link: {link.modes.title} does not take set points (result {link.refused}){said}"
+                )
+            if now - begun > LEAD and now - asked > 0.5:
+                asked = now
+                link.request_outside_mode()
+            self._pump(0.02)
+            self._require_alive()
+            state = link.take()
+            if state is not None:
+                law.reset()  # the vehicle does not obey yet
+                self._answer(state, 0, start)
+        law.reset()
+        self._record = FlightRecord(first=link.state.time if link.state is not None else 0.0)
+        self._ours = True
+        self._tell("the law flies")
+
+    def _follow(self) -> None:
+        """Answer every estimate until the scenario's end."""
+        link, record = self._link, self._record
+        assert link.modes is not None
+        begun, last = time.monotonic(), -1
+        while True:
+            self._pump(0.05)
+            self._require_alive()
+            now = time.monotonic()
+            if now - begun > MODE_KNOWN and not link.modes.is_outside(link.mode):
+                self._ours = False
+                self._end(TAKEN_BACK, f"{link.modes.title} left the mode that takes set points")
+            if now - begun > MODE_KNOWN and not link.armed:
+                self._ours = False
+                self._end(TAKEN_BACK, f"{link.modes.title} is no longer armed")
+            state = link.take()
+            if state is None:
+                continue
+            tick = math.floor((state.time - record.first) * self._rate + 1e-6)
+            if tick <= last:
+                continue
+            if tick >= self._steps:
+                return
+            self._missed += tick - last - 1
+            last = tick
+            reference = self._reference(tick)
+            self._answer(state, tick, reference, record)
+            error = math.dist(record.states[-1][:3], tuple(float(c) for c in reference.position))
+            if error > self._settings.leash:
+                self._end(DIVERGED, f"the base is {error:.2f} m from its reference")
+
+    def _answer(
+        self, state: AutopilotState, tick: int, reference: Reference, record: FlightRecord | None = None
+    ) -> None:
+        """Evaluate the law for an estimate and send what it commands."""
+        law, link, arm = self._require_law(), self._link, self._joints
+        assert arm is not None
+        measured = self._measurement(state, arm, tick)
+        found = law.step(measured, reference)
+        if not all(map(math.isfinite, leaves(found))):
+            self._end(DIVERGED, "the law's command is not finite")
+        link.send_rates(found.base)
+        if record is None:
+            return
+        self._arm.send([float(each) for each in found.law.efforts], state.time)
+        record.computing.append(time.monotonic() - link.heard)
+        now = link.autopilot_time()
+        if now is not None:
+            record.ages.append(now - state.time)
+        record.add(tick, state.time, measured, found)
+
+    def _measurement(self, state: AutopilotState, arm: JointReading, tick: int) -> Measurement:
+        measured = self._frame.measurement(state, arm, tick / self._rate, self._gravity)
+        return with_rotor_speeds(measured, self._rotors)
+
+    def _require_alive(self) -> None:
+        """Hand back if estimates, heartbeats or joints are silent."""
+        link, now, stale = self._link, time.monotonic(), self._settings.stale
+        if now - link.heard > stale:
+            self._end(LINK_LOST, f"no estimate from the autopilot for {stale:g} s")
+        if now - link.beaten > BEAT_LOST:
+            self._end(LINK_LOST, f"no heartbeat from the autopilot for {BEAT_LOST:g} s")
+        if now - self._joints_heard > stale:
+            self._end(LINK_LOST, f"no joint reading for {stale:g} s")
+
+    def _end(self, status: str, cause: str) -> NoReturn:
+        raise HandBackError(status, cause)
+
+    def _require_law(self) -> OutsideLaw:
+        assert self._law is not None
+        return self._law
+
+    def _reference(self, tick: int) -> Reference:
+        found: Reference = rebuild(self._example, iter(self._rows[min(tick, self._steps - 1)].tolist()))
+        return found
+
+    def _hand_back(self) -> None:
+        """Stop the set points, return the arm, and ask an autopilot that still obeys to hold its place."""
+        link = self._link
+        self._arm.release()
+        if link.modes is None or not self._ours:
+            return
+        for _ in range(5):
+            link.request_hold()
+            until = time.monotonic() + 0.3
+            while time.monotonic() < until and not link.modes.is_hold(link.mode):
+                link.wait(0.05)
+            if link.modes.is_hold(link.mode):
+                return

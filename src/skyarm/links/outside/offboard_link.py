@@ -1,0 +1,355 @@
+"""MAVLink connection of a control law to an autopilot: state in, body rates, thrust and modes out.
+
+Source: mavlink.io, services "Offboard", "Command", "Time synchronization" and "Parameter"; PX4 v1.17 and ArduPilot 4.7
+for their mode numbers.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import math
+import select
+import socket
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+from urllib.parse import urlsplit
+
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.links import mavlink
+from skyarm.links.mavlink_messages import DEFINITIONS
+from skyarm.links.outside.rate_commands import RateCommand
+from skyarm.links.outside.state_frames import AutopilotState, flipped, flipped_quaternion
+from skyarm.records.files import shown
+
+ONBOARD_COMPUTER, COMPONENT = 18, 191
+"""MAVLink's type and component number of an onboard computer."""
+
+SET_MODE, SET_MESSAGE_INTERVAL = 176, 511
+"""MAVLink's commands."""
+
+NO_ATTITUDE = 128
+"""Set point without attitude: rates and thrust count."""
+
+STREAMS: Mapping[str, float] = {
+    "ODOMETRY": 1.0,
+    "ATTITUDE_QUATERNION": 1.0,
+    "LOCAL_POSITION_NED": 1.0,
+    "HIGHRES_IMU": 1.0,
+    "EXTENDED_SYS_STATE": 0.02,
+}
+"""Message -> rate as a share of the state's."""
+
+LANDED = 1
+"""EXTENDED_SYS_STATE: on the ground."""
+
+BODY_FRAMES = (12,)
+"""Frames of velocity that turn with the base: body forward, right, down."""
+
+
+class OffboardError(ValueError):
+    """A link cannot be opened, or its autopilot is not one that takes set points."""
+
+
+QUIET = 0.1
+"""s after which a message that carries the same in another form is read in place of the one that is missing."""
+
+OLD = 0.1
+"""s between an attitude and the place that is moved on to it, at most."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Position (m) and velocity (m/s) of an estimate, north, west, up, at a time of the autopilot's clock, s."""
+
+    time: float
+    position: Vec3
+    velocity: Vec3
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ModeNumbers:
+    """Numbers of an autopilot's modes: for set points from outside, and for holding its place.
+
+    Attributes:
+        title: of the autopilot. outside, hold: parameters 2 and 3 of the mode command.
+    """
+
+    title: str
+    outside: tuple[int, int]
+    hold: tuple[int, int]
+
+    def is_outside(self, custom_mode: int) -> bool:
+        """True if a heartbeat's mode takes set points from outside."""
+        return custom_mode == self._custom(self.outside)
+
+    def is_hold(self, custom_mode: int) -> bool:
+        """True if a heartbeat's mode holds the place."""
+        return custom_mode == self._custom(self.hold)
+
+    def _custom(self, numbers: tuple[int, int]) -> int:
+        main, sub = numbers
+        return main << 16 | sub << 24 if self.title == "PX4" else main
+
+
+MODES: Mapping[int, ModeNumbers] = {
+    12: ModeNumbers(title="PX4", outside=(6, 0), hold=(4, 3)),
+    3: ModeNumbers(title="ArduPilot", outside=(4, 0), hold=(17, 0)),
+}
+"""MAVLink's number of an autopilot -> its modes: PX4's offboard and hold, ArduCopter's guided and brake."""
+
+
+def parse_link(url: str) -> tuple[str, str, int]:
+    """Kind, host and port of a link such as ``mavlink://127.0.0.1:14540``.
+
+    Raises:
+        OffboardError: another form.
+    """
+    with contextlib.suppress(ValueError):
+        parts = urlsplit(url)
+        whole = not (parts.path or parts.query or parts.fragment or parts.username)
+        if parts.scheme in ("mavlink", "mavlink-out") and parts.hostname and parts.port and whole:
+            return parts.scheme, parts.hostname, parts.port
+    raise OffboardError(
+        f"--link = {shown(url)}: must be mavlink://HOST:PORT, which waits there for the autopilot, or "
+        "mavlink-out://HOST:PORT, which calls it"
+    )
+
+
+def _open_socket(url: str, patience: float) -> tuple[socket.socket, tuple[str, int] | None]:
+    """Socket of a link, and the address that it calls; a port that is taken may become free within ``patience`` s.
+
+    Raises:
+        OffboardError: the link cannot be opened.
+    """
+    kind, host, port = parse_link(url)
+    made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    made.setblocking(False)
+    until = time.monotonic() + patience
+    while True:
+        try:
+            if kind == "mavlink-out":
+                return made, (socket.gethostbyname(host), port)
+            made.bind((host, port))
+            return made, None
+        except OSError as error:
+            if error.errno == errno.EADDRINUSE and time.monotonic() < until:
+                time.sleep(0.2)
+                continue
+            made.close()
+            raise OffboardError(f"--link = {shown(url)}: {error.strerror or error}") from None
+
+
+class OffboardLink:
+    """MAVLink over UDP to one autopilot.
+
+    Args:
+        url: ``mavlink://HOST:PORT`` binds the port of this machine, and answers the first autopilot that sends there;
+            ``mavlink-out://HOST:PORT`` sends to an autopilot's port.
+        patience: s to wait for a port that another program has, such as a simulator until it hands over.
+
+    Attributes:
+        state: newest estimate, None before the first; ``fresh`` is True until :meth:`take` has returned it.
+        heard, beaten: s of the wall clock of the newest state and heartbeat.
+        mode: of the newest heartbeat. armed, landed: by the newest messages.
+        said: newest text of the autopilot. parameters: values that came, by name. refused: result of a refused command.
+        round_trips: s, of time synchronisation. offset: s, autopilot's clock minus the monotonic one here.
+    """
+
+    def __init__(self, url: str, patience: float = 0.0) -> None:
+        self._socket, self._partner = _open_socket(url, patience)
+        self._parser = mavlink.Parser(datagrams=True)
+        self._sequence, self._system = 0, 0
+        self.modes: ModeNumbers | None = None
+        self.state: AutopilotState | None = None
+        self.fresh, self.armed, self.landed = False, False, True
+        self.heard = self.beaten = -math.inf
+        self.mode, self.said, self.refused = 0, "", 0
+        self.accepted = False
+        self.parameters: dict[str, float] = {}
+        self.round_trips: list[float] = []
+        self.offset: float | None = None
+        self._force: Vec3 | None = None
+        self._place: Place | None = None
+        self._odometry = self._attitude = -math.inf
+
+    @property
+    def lost(self) -> int:
+        """Frames of the autopilot that did not arrive."""
+        return self._parser.lost
+
+    @property
+    def connected(self) -> bool:
+        """True once an autopilot of a known kind has sent its heartbeat."""
+        return self.modes is not None
+
+    def wait(self, seconds: float) -> None:
+        """Wait for datagrams, at most so long, and read all that have come."""
+        select.select([self._socket], [], [], max(seconds, 0.0))
+        with contextlib.suppress(BlockingIOError, ConnectionError):
+            while True:
+                data, sender = self._socket.recvfrom(65536)
+                if self.modes is not None and sender != self._partner:
+                    continue
+                for message in self._parser.feed(data):
+                    self._hear(message, sender)
+
+    def take(self) -> AutopilotState | None:
+        """Newest estimate if it has come since the last call."""
+        if not self.fresh:
+            return None
+        self.fresh = False
+        return self.state
+
+    def beat(self) -> None:
+        """Send a heartbeat of an onboard computer, and a time synchronisation."""
+        self._send("HEARTBEAT", type=ONBOARD_COMPUTER, autopilot=8, system_status=4)
+        if self._system:
+            self._send("TIMESYNC", tc1=0, ts1=time.monotonic_ns())
+
+    def request_streams(self, rate: float) -> None:
+        """Ask for estimates at least at a rate, Hz: at twice that, since a sender rounds intervals up to its own."""
+        for name, share in STREAMS.items():
+            number = DEFINITIONS[name].number
+            self._command(SET_MESSAGE_INTERVAL, number, round(0.5e6 / (rate * share)))
+
+    def request_parameter(self, name: str) -> None:
+        """Ask for a parameter, whose value will be in ``parameters``."""
+        self._send("PARAM_REQUEST_READ", param_index=-1, target_system=self._system, target_component=1, param_id=name)
+
+    def request_outside_mode(self) -> None:
+        """Ask for the mode that takes set points from outside; ``accepted`` says when it does."""
+        assert self.modes is not None
+        self.accepted, self.refused = False, 0
+        self._command(SET_MODE, 1, *self.modes.outside)
+
+    def request_hold(self) -> None:
+        """Ask for the mode that holds the place."""
+        assert self.modes is not None
+        self._command(SET_MODE, 1, *self.modes.hold)
+
+    def send_rates(self, command: RateCommand) -> None:
+        """Send body rates and thrust."""
+        p, q, r = flipped(*command.rates)
+        self._send(
+            "SET_ATTITUDE_TARGET", time_boot_ms=round(time.monotonic() * 1e3) & 0xFFFFFFFF, target_system=self._system,
+            target_component=1, type_mask=NO_ATTITUDE, q=(1.0, 0.0, 0.0, 0.0), body_roll_rate=p, body_pitch_rate=q,
+            body_yaw_rate=r, thrust=command.thrust,
+        )  # fmt: skip
+
+    def autopilot_time(self) -> float | None:
+        """Time of the autopilot's clock now, s; None before the clocks are compared."""
+        return None if self.offset is None else time.monotonic() + self.offset
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+    def _send(self, name: str, **fields: Any) -> None:
+        if self._partner is None:
+            return
+        frame = mavlink.pack(name, sequence=self._sequence, system=max(self._system, 1), component=COMPONENT, **fields)
+        self._sequence += 1
+        with contextlib.suppress(OSError):
+            self._socket.sendto(frame, self._partner)
+
+    def _command(self, number: int, *values: float) -> None:
+        params = {f"param{i + 1}": float(value) for i, value in enumerate(values)}
+        self._send("COMMAND_LONG", target_system=self._system, target_component=1, command=number, **params)
+
+    def _hear(self, message: mavlink.Message, sender: tuple[str, int]) -> None:
+        """Take note of a message of the autopilot."""
+        if message.name == "HEARTBEAT":
+            self._hear_heartbeat(message, sender)
+        elif message.system == self._system and (reader := _READERS.get(message.name)) is not None:
+            reader(self, message)
+
+    def _hear_heartbeat(self, message: mavlink.Message, sender: tuple[str, int]) -> None:
+        modes = MODES.get(message["autopilot"])
+        if modes is None or message.component != 1:
+            return
+        if self.modes is None:
+            self.modes, self._partner, self._system = modes, sender, message.system
+        if message.system == self._system:
+            self.mode, self.armed = message["custom_mode"], bool(message["base_mode"] & 128)
+            self.beaten = time.monotonic()
+
+    def _hear_odometry(self, m: mavlink.Message) -> None:
+        """Estimate of the whole state; only its place where attitudes come more often."""
+        quaternion = flipped_quaternion(*m["q"])
+        velocity = flipped(m["vx"], m["vy"], m["vz"])
+        if m["child_frame_id"] in BODY_FRAMES:
+            velocity = quaternion.rotation().apply(velocity)
+        place = Place(1e-6 * m["time_usec"], flipped(m["x"], m["y"], m["z"]), velocity)
+        self._place, self._odometry = place, time.monotonic()
+        if time.monotonic() - self._attitude > QUIET:
+            self._take_state(place, place.time, quaternion, flipped(m["rollspeed"], m["pitchspeed"], m["yawspeed"]))
+
+    def _hear_position(self, m: mavlink.Message) -> None:
+        """Place of an autopilot that sends no odometry."""
+        if time.monotonic() - self._odometry > QUIET:
+            velocity = flipped(m["vx"], m["vy"], m["vz"])
+            self._place = Place(1e-3 * m["time_boot_ms"], flipped(m["x"], m["y"], m["z"]), velocity)
+
+    def _hear_attitude(self, m: mavlink.Message) -> None:
+        """Attitude and rate, with the newest place moved on to their time."""
+        self._attitude = time.monotonic()
+        if self._place is None:
+            return
+        quaternion = flipped_quaternion(m["q1"], m["q2"], m["q3"], m["q4"])
+        rate = flipped(m["rollspeed"], m["pitchspeed"], m["yawspeed"])
+        self._take_state(self._place, 1e-3 * m["time_boot_ms"], quaternion, rate)
+
+    def _take_state(self, place: Place, at: float, quaternion: Quaternion, rate: Vec3) -> None:
+        """Keep an estimate of finite numbers that is newer than the last; its place is not older than ``OLD``."""
+        ahead = at - place.time
+        state = AutopilotState(
+            time=at, position=place.position + place.velocity * ahead, quaternion=quaternion, velocity=place.velocity,
+            rate=rate, specific_force=self._force,
+        )  # fmt: skip
+        numbers = (at, *state.position, *state.quaternion, *state.velocity, *state.rate)
+        whole = all(map(math.isfinite, numbers)) and abs(sum(c * c for c in state.quaternion) - 1.0) < 1e-2
+        if not whole or abs(ahead) > OLD or (self.state is not None and at <= self.state.time):
+            return
+        self.state, self.fresh, self.heard = state, True, time.monotonic()
+
+    def _hear_inertial(self, m: mavlink.Message) -> None:
+        force = flipped(m["xacc"], m["yacc"], m["zacc"])
+        self._force = force if all(map(math.isfinite, force)) else self._force
+
+    def _hear_extended(self, m: mavlink.Message) -> None:
+        self.landed = m["landed_state"] == LANDED
+
+    def _hear_text(self, m: mavlink.Message) -> None:
+        if m["severity"] <= 5:
+            self.said = m["text"]
+
+    def _hear_parameter(self, m: mavlink.Message) -> None:
+        self.parameters[m["param_id"]] = float(m["param_value"])
+
+    def _hear_answer(self, m: mavlink.Message) -> None:
+        if m["command"] == SET_MODE:
+            self.accepted, self.refused = m["result"] == 0, m["result"]
+
+    def _hear_time(self, m: mavlink.Message) -> None:
+        if m["tc1"] and m["ts1"]:
+            sent, now = 1e-9 * m["ts1"], time.monotonic()
+            if 0.0 <= now - sent < 1.0:
+                self.round_trips.append(now - sent)
+                self.offset = 1e-9 * m["tc1"] - 0.5 * (sent + now)
+
+
+_READERS: Mapping[str, Any] = {
+    "ODOMETRY": OffboardLink._hear_odometry,
+    "ATTITUDE_QUATERNION": OffboardLink._hear_attitude,
+    "LOCAL_POSITION_NED": OffboardLink._hear_position,
+    "HIGHRES_IMU": OffboardLink._hear_inertial,
+    "EXTENDED_SYS_STATE": OffboardLink._hear_extended,
+    "STATUSTEXT": OffboardLink._hear_text,
+    "PARAM_VALUE": OffboardLink._hear_parameter,
+    "COMMAND_ACK": OffboardLink._hear_answer,
+    "TIMESYNC": OffboardLink._hear_time,
+}
+"""Message -> its reader."""

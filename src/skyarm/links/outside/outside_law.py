@@ -1,0 +1,169 @@
+"""Control law without a simulator: measurement and reference in, body-rate set point and joint setpoints out."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+
+from skyarm.algebra import Vec3
+from skyarm.algebra.scalars import Scalar
+from skyarm.compile import leaves, rebuild
+from skyarm.compile.llvm.kernel import Kernel
+from skyarm.compile.llvm.lane_stepper import Stepper
+from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.compile.machine_code import NoMachineCodeError
+from skyarm.compile.tracing.program import Loop, trace_loop
+from skyarm.control.controller import Controller
+from skyarm.control.law_checks import checked_law
+from skyarm.dynamics.actuators import Command, speeds_after
+from skyarm.dynamics.actuators.hover import hover_trim
+from skyarm.links.outside.rate_commands import RateCommand, RateLoop, rate_command, rotor_wrench
+from skyarm.records.units import Unit
+from skyarm.reference import Reference
+from skyarm.sensing.measurement import Measurement, blank_measurement
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LoopSettings:
+    """Settings of the loop around a law: its period, the autopilot's rate loop, and its thrust.
+
+    Attributes:
+        period: of the law.
+        rate_loop: that is inverted.
+        full_thrust: that the autopilot gives at a thrust set point of 1.
+        center: about which the autopilot shares torques among the rotors.
+    """
+
+    period: Annotated[float, Unit("s", low=0.0, strict=True)]
+    rate_loop: RateLoop
+    full_thrust: Annotated[float, Unit("N", low=0.0, strict=True)]
+    center: Annotated[Vec3, Unit("m", "base axes")] = Vec3(0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class OutsideMemory:
+    """Internal state between two periods: of the law, of the modelled rotors, and of the rate loop's integral."""
+
+    law: Any
+    rotor_speeds: Annotated[tuple[Scalar, ...], Unit("rad/s", "modelled")]
+    integral: Annotated[Vec3, Unit("N m", "torque of the rate loop's integral, modelled")]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class OutsideCommand:
+    """Output of one period: set point of the base, and the law's own command."""
+
+    base: RateCommand
+    law: Command
+
+
+class OutsideLaw:
+    """Controller that is called with measured numbers in real time, in machine code where it can be traced.
+
+    No autopilot reports rotor speeds as a law measures them: they are modelled, by the rotors' lag under the law's own
+    commands.
+
+    Args:
+        controller: as it flies in the simulator.
+        settings: of the loop around it.
+        begin: reference with whose joint angles it begins; later ones have its structure.
+
+    Raises:
+        ControllerError: the controller flies by an autopilot of its own.
+    """
+
+    def __init__(self, controller: Controller, settings: LoopSettings, begin: Reference) -> None:
+        self.controller, self.settings = controller, settings
+        model = controller.par.model
+        trim = hover_trim(model.vehicle, tuple(begin.joints), model.gravity)
+        speeds = tuple(float(each) for each in trim.speeds)
+        wrench = rotor_wrench(model.vehicle, speeds)
+        torque = wrench.torque - settings.center.cross(wrench.force)
+        integral = Vec3(*(float(each) for each in settings.rate_loop.begin(torque)))
+        self._first = OutsideMemory(law=controller.memory, rotor_speeds=speeds, integral=integral)
+        self._step = self._in_machine_code(begin) if controller.compiled else self._in_python()
+        self.reset()
+
+    def reset(self) -> None:
+        """Return to the first internal state."""
+        self._begin()
+
+    def step(self, measurement: Measurement, reference: Reference) -> OutsideCommand:
+        """Evaluate one period; the measurement's rotor speeds are replaced by the modelled ones."""
+        return self._step(measurement, reference)
+
+    def _period(
+        self, memory: OutsideMemory, measurement: Measurement, reference: Reference
+    ) -> tuple[OutsideMemory, OutsideCommand]:
+        """One period over any scalar: the law, its command as a rate set point, and the modelled rotors."""
+        par, settings, dt = self.controller.par, self.settings, self.settings.period
+        seen = dataclasses.replace(measurement, rotor_speeds=memory.rotor_speeds)
+        law, command = checked_law(self.controller)(memory.law, seen, reference, dt, par=par)
+        integral, base = rate_command(
+            par.model, settings.rate_loop, settings.full_thrust, settings.center, memory.integral, seen, reference,
+            command, dt,
+        )  # fmt: skip
+        speeds = speeds_after(par.model.vehicle.rotors, memory.rotor_speeds, command.rotor_speeds, dt)
+        following = OutsideMemory(law=law, rotor_speeds=speeds, integral=integral)
+        return following, OutsideCommand(base=base, law=command.dense())
+
+    def _in_python(self) -> Callable[[Measurement, Reference], OutsideCommand]:
+        """Call the law with floats; its memory may be anything."""
+
+        def begin() -> None:
+            self._memory = copy.deepcopy(self._first)
+
+        def step(measurement: Measurement, reference: Reference) -> OutsideCommand:
+            self._memory, found = self._period(self._memory, measurement, reference)
+            return found
+
+        self._begin = begin
+        return step
+
+    def _in_machine_code(self, example: Reference) -> Callable[[Measurement, Reference], OutsideCommand]:
+        """Compile the period; in Python, operation by operation, where there is no compiler."""
+        vehicle = self.controller.par.model.vehicle
+        row = blank_measurement(vehicle.n, len(vehicle.rotors)), example
+        first = np.array(leaves(self._first), dtype=float)
+
+        def period(memory: OutsideMemory, _: Any, given: Any, __: Any) -> tuple[OutsideMemory, OutsideCommand]:
+            return self._period(memory, *given)
+
+        loop = trace_loop(period, self._first, (), row, loops=True)
+        shape: Any = loop.result[1]
+        try:
+            stepper = Stepper(Kernel(loop, Lanes(1), logging=True), first)
+        except NoMachineCodeError:
+            return self._operation_by_operation(loop, first, shape)
+
+        def begin() -> None:
+            stepper.carry[:] = first
+
+        def step(measurement: Measurement, reference: Reference) -> OutsideCommand:
+            stepper.row[:] = (*leaves(measurement), *leaves(reference))
+            stepper.step()
+            found: OutsideCommand = rebuild(shape, iter(stepper.output.tolist()))
+            return found
+
+        self._begin = begin
+        return step
+
+    def _operation_by_operation(self, loop: Loop, first: Any, shape: Any) -> Callable[..., OutsideCommand]:
+        program = loop.stepper()
+
+        def begin() -> None:
+            self._carry = tuple(first.tolist())
+
+        def step(measurement: Measurement, reference: Reference) -> OutsideCommand:
+            out = program((*self._carry, *leaves(measurement), *leaves(reference)))
+            self._carry = out[: loop.carry]
+            found: OutsideCommand = rebuild(shape, iter(out[loop.carry :]))
+            return found
+
+        self._begin = begin
+        return step

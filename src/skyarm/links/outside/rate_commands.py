@@ -1,0 +1,157 @@
+"""Body-rate set points with which an autopilot's rate loop gives a control law's torque, and the thrust set point.
+
+An autopilot takes no torque from outside: it takes body rates and a thrust, and its rate loop makes the torque. The
+inverse of that loop turns a law's command into rates: rotor speeds to torque and thrust by the model's rotors, then
+torque to rate error. Two loops are known: an ideal one, whose angular acceleration is bandwidth times rate error
+(dynamic inversion: Enns, Bugajski, Hendrick, Stein 1994), and a PID loop of known gains, whose torque is inverted.
+
+The integral of a PID loop takes over what is slower than integral over proportional gain: the rate error carries the
+rest of the law's torque. The integral's torque is therefore computed here, too; at take-over it is the law's own, since
+the vehicle hovers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Protocol
+
+from skyarm import dynamics
+from skyarm.algebra import ZERO3, Force, Mat3, Motion, Vec3, inner_product, ldl_solve
+from skyarm.algebra.scalars import Scalar, clip
+from skyarm.control.blocks.prediction import Disturbance, acceleration
+from skyarm.control.model import Model
+from skyarm.dynamics.actuators import Command
+from skyarm.dynamics.actuators.hover import highest_thrust
+from skyarm.dynamics.actuators.mixer import allocation_matrix
+from skyarm.dynamics.actuators.rotor import push
+from skyarm.records.units import Unit
+from skyarm.reference import Reference
+from skyarm.sensing.measurement import Measurement
+from skyarm.vehicle.vehicle_records import Vehicle
+
+Three = tuple[float, float, float]
+
+
+class RateLoop(Protocol):
+    """Model of an autopilot's rate loop, which is inverted."""
+
+    def begin(self, torque: Vec3) -> Vec3:
+        """Integral torque (N m) of a vehicle that hovers under ``torque``."""
+        ...
+
+    def rate_error(self, integral: Vec3, torque: Vec3, angular_acceleration: Vec3, dt: Scalar) -> tuple[Vec3, Vec3]:
+        """Next integral torque (N m), and the rate error (rad/s) that gives a torque (N m) and its acceleration."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class IdealRateLoop:
+    """Rate loop whose angular acceleration is its bandwidth times the rate error, whatever the torques from outside."""
+
+    bandwidth: Annotated[Three, Unit("rad/s", "about x, y and z", low=0.0, strict=True)]
+
+    def begin(self, torque: Vec3) -> Vec3:
+        """Zero: an ideal loop has no integral that counts."""
+        del torque
+        return Vec3(0.0, 0.0, 0.0)
+
+    def rate_error(self, integral: Vec3, torque: Vec3, angular_acceleration: Vec3, dt: Scalar) -> tuple[Vec3, Vec3]:
+        """Angular acceleration over bandwidth, rad/s."""
+        del torque, dt
+        return integral, Vec3(*(a / k for a, k in zip(angular_acceleration, self.bandwidth, strict=True)))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PidRateLoop:
+    """Rate loop of torque p e + z - d dw/dt about each axis, with dz/dt = i e within a limit, and e the rate error."""
+
+    proportional: Annotated[Three, Unit("N m s/rad", "p", low=0.0, strict=True)]
+    integral: Annotated[Three, Unit("N m/rad", "i", low=0.0)]
+    derivative: Annotated[Three, Unit("N m s^2/rad", "d", low=0.0)]
+    limit: Annotated[Three, Unit("N m", "of the integral torque", low=0.0)]
+
+    def begin(self, torque: Vec3) -> Vec3:
+        """The whole torque, within the limit: the rate error of a vehicle that hovers is zero on average."""
+        return Vec3(*(clip(t, -most, most) for t, most in zip(torque, self.limit, strict=True)))
+
+    def rate_error(self, integral: Vec3, torque: Vec3, angular_acceleration: Vec3, dt: Scalar) -> tuple[Vec3, Vec3]:
+        """Inverse of the loop, and its integral after ``dt`` seconds of that error."""
+        rows = zip(integral, torque, angular_acceleration, self.proportional, self.derivative, strict=True)
+        error = [(t - z + d * a) / p for z, t, a, p, d in rows]
+        gone = zip(integral, error, self.integral, self.limit, strict=True)
+        return Vec3(*(clip(z + i * e * dt, -most, most) for z, e, i, most in gone)), Vec3(*error)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RateCommand:
+    """Set point for an autopilot: body rates (rad/s, base axes), and thrust as a share of the highest."""
+
+    rates: Annotated[Vec3, Unit("rad/s", "base axes")]
+    thrust: Annotated[Scalar, Unit("", "0 to 1")]
+
+
+def rotor_wrench(vehicle: Vehicle, speeds: Sequence[Scalar]) -> Force:
+    """Torque (N m) about and force (N) at the base origin of rotors at given speeds (rad/s), base axes."""
+    squares = [push(rotor, speed) for rotor, speed in zip(vehicle.rotors, speeds, strict=True)]
+    x, y, z, thrust, fx, fy = (inner_product(row, squares) for row in allocation_matrix(vehicle, sideways=True))
+    return Force(Vec3(x, y, z), Vec3(fx, fy, thrust))
+
+
+def angular_acceleration(
+    model: Model, measurement: Measurement, reference: Reference, applied: Force, efforts: Sequence[Scalar]
+) -> Vec3:
+    """Modelled angular acceleration of the base under a rotor wrench about its origin, rad/s^2, base axes.
+
+    Joints of torque drives accelerate by ``efforts``; with any other drive the joints have the accelerations of their
+    references, and the base's follows from its rows of the equations of motion.
+    """
+    vehicle, m = model.vehicle, measurement
+    R, rate, joints, rates = m.quaternion.rotation(), m.rate, m.joints, m.joint_rates
+    if not vehicle.drives:
+        none = Disturbance(force=ZERO3, torque=ZERO3, efforts=(0,) * vehicle.n)
+        return acceleration(model, R, rate, joints, rates, applied, efforts, none)[1]
+    still = Motion(ZERO3, ZERO3)
+    bias = dynamics.inverse_dynamics(vehicle, joints, rate, rates, still, reference.joint_accelerations)[0]
+    M = dynamics.mass_matrix(vehicle, Mat3.identity(), joints)
+    rest = [*(applied.force - bias.force), *(applied.torque - bias.torque)]
+    return Vec3(*ldl_solve([row[:6] for row in M[:6]], rest)[3:6])
+
+
+def rate_command(
+    model: Model,
+    loop: RateLoop,
+    full_thrust: Scalar,
+    center: Vec3,
+    integral: Vec3,
+    measurement: Measurement,
+    reference: Reference,
+    command: Command,
+    dt: Scalar,
+) -> tuple[Vec3, RateCommand]:
+    """Set point with which a rate loop applies a law's command, and the loop's integral torque after a period.
+
+    Args:
+        model: of the law.
+        loop: of the autopilot.
+        full_thrust: N, that the autopilot gives at a thrust set point of 1.
+        center: point about which the autopilot shares torques among the rotors, base axes, m.
+        integral: torque of the loop's integral, N m.
+        measurement: of the law in this period.
+        reference: likewise.
+        command: likewise.
+        dt: s.
+    """
+    applied = rotor_wrench(model.vehicle, command.rotor_speeds)
+    torque = applied.torque - center.cross(applied.force)
+    turning = angular_acceleration(model, measurement, reference, applied, command.efforts)
+    following, error = loop.rate_error(integral, torque, turning, dt)
+    share = clip(applied.force.z / full_thrust, 0.0, 1.0)
+    return following, RateCommand(rates=measurement.rate + error, thrust=share)
+
+
+def thrust_at_full_signal(vehicle: Vehicle, gravity: float, hover_share: float | None) -> float:
+    """Thrust (N) of a set point of 1: by the share that the vehicle hovers with, or of the model's rotors."""
+    if hover_share is None:
+        return float(highest_thrust(vehicle))
+    return float(vehicle.mass) * gravity / hover_share

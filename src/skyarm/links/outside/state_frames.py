@@ -1,0 +1,92 @@
+"""State of a vehicle as its autopilot estimates it, and its place in a scenario's world.
+
+On the wire axes are forward, right, down and north, east, down; here forward, left, up and north, west, up. A
+scenario's world differs from the autopilot's local frame by a shift and a turn about the vertical.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.links.outside.joint_port import JointReading
+from skyarm.records.units import Unit
+from skyarm.sensing.measurement import Measurement
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class AutopilotState:
+    """Estimate of an autopilot: pose, velocities and specific force, at a time of its own clock."""
+
+    time: Annotated[float, Unit("s", "the autopilot's clock")]
+    position: Annotated[Vec3, Unit("m", "north, west, up")]
+    quaternion: Annotated[Quaternion, Unit("", "w x y z, base (forward, left, up) to north, west, up")]
+    velocity: Annotated[Vec3, Unit("m/s", "north, west, up")]
+    rate: Annotated[Vec3, Unit("rad/s", "base axes")]
+    specific_force: Annotated[Vec3 | None, Unit("m/s^2", "base axes; None where it is not sent")] = None
+
+
+def flipped(x: float, y: float, z: float) -> Vec3:
+    """Vector of forward, right, down or north, east, down in our axes; and back, for the map is its own inverse."""
+    return Vec3(float(x), -float(y), -float(z))
+
+
+def flipped_quaternion(w: float, x: float, y: float, z: float) -> Quaternion:
+    """Attitude of the wire in our axes, both of which are turned by half a turn about x: w, x, -y, -z; and back."""
+    return Quaternion(float(w), float(x), -float(y), -float(z))
+
+
+def heading(quaternion: Quaternion) -> float:
+    """Angle about the vertical of the base's x axis, rad."""
+    w, x, y, z = quaternion
+    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class WorldFrame:
+    """Scenario's world in an autopilot's local frame: p_world = turn about z of (p_local - origin), plus start."""
+
+    origin: Annotated[Vec3, Unit("m", "north, west, up")] = Vec3(0.0, 0.0, 0.0)
+    start: Annotated[Vec3, Unit("m", "of the origin, world axes")] = Vec3(0.0, 0.0, 0.0)
+    turn: Annotated[float, Unit("rad", "from the local frame to the world")] = 0.0
+
+    @classmethod
+    def at_start(cls, state: AutopilotState, position: Sequence[float], yaw: float) -> WorldFrame:
+        """World in which a vehicle is at a position (m) and heading (rad) now."""
+        x, y, z = (float(c) for c in position)
+        return cls(origin=state.position, start=Vec3(x, y, z), turn=yaw - heading(state.quaternion))
+
+    def measurement(self, state: AutopilotState, arm: JointReading, time: float, gravity: float) -> Measurement:
+        """Measurement of a law, s after its start, in the scenario's world.
+
+        Without an accelerometer the specific force is that of a base without acceleration.
+        """
+        turned = Quaternion(math.cos(0.5 * self.turn), 0.0, 0.0, math.sin(0.5 * self.turn))
+        R = turned.rotation()
+        quaternion = (turned * state.quaternion).normalized()
+        force = state.specific_force
+        if force is None:
+            force = quaternion.rotation().apply_T(Vec3(0.0, 0.0, gravity))
+        return Measurement(
+            time=time,
+            position=_floats(R.apply(state.position - self.origin) + self.start),
+            quaternion=quaternion,
+            velocity=_floats(R.apply(state.velocity)),
+            rate=state.rate,
+            specific_force=_floats(force),
+            joints=arm.joints,
+            joint_rates=arm.joint_rates,
+        )
+
+
+def with_rotor_speeds(measurement: Measurement, count: int) -> Measurement:
+    """Measurement with a place for the speed of each rotor, which a law's loop fills in."""
+    return dataclasses.replace(measurement, rotor_speeds=(0.0,) * count)
+
+
+def _floats(v: Vec3) -> Vec3:
+    return Vec3(*(float(c) for c in v))

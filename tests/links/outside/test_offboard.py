@@ -1,0 +1,236 @@
+"""Flights of a law by a stand-in for an autopilot: take-over, tracking, hand-back, and every way to lose the link."""
+
+import dataclasses
+import math
+import socket
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from links.outside.stand_in import StandIn, free_port
+from skyarm import load_scenario
+from skyarm.links.outside import offboard
+from skyarm.links.outside.joint_port import JointServer, NoJoints, UdpJoints
+from skyarm.links.outside.offboard import OffboardFlight, OffboardSettings, require_outside
+from skyarm.links.outside.offboard_link import OffboardError, OffboardLink
+from skyarm.scenario.scenario_record import ScenarioError
+
+SCENARIO = """
+schema = 1
+name = "step"
+duration = {duration}
+[rates]
+physics = 1000
+control = 250
+reference = 50
+[plant]
+vehicle = "hummingbird"
+[controller]
+law = "rotors_sim_position"
+[reference.base]
+kind = "circle"
+radius = 0.2
+frequency_hz = 0.25
+center = [1.0, 2.0, 1.0]
+start = 0.5
+stop = 10.0
+"""
+
+
+@pytest.fixture
+def scenario(tmp_path):
+    def make(duration=1.5):
+        file = tmp_path / "step.toml"
+        file.write_text(SCENARIO.format(duration=duration))
+        return load_scenario(str(file))
+
+    return make
+
+
+SETTINGS = OffboardSettings(rate_bandwidth=(18.0, 18.0, 18.0), patience=3.0, stale=0.2)
+
+
+@pytest.fixture(autouse=True)
+def hurry(monkeypatch):
+    monkeypatch.setattr(offboard, "LEAD", 0.1)
+    monkeypatch.setattr(offboard, "TAKE_OVER", 1.0)
+    monkeypatch.setattr(offboard, "MODE_KNOWN", 0.3)
+
+
+def flown(scenario, settings=SETTINGS, **faults):
+    """Log of a flight with a stand-in that hovers with the model's share of the thrust, and the stand-in."""
+    port = free_port()
+    vehicle = scenario.controller.par.model.vehicle
+    full = sum(float(r.thrust_coefficient) * float(r.max_speed) ** 2 for r in vehicle.rotors)
+    with StandIn(port, hover=float(vehicle.mass) * 9.81 / full, **faults) as peer:
+        link = OffboardLink(f"mavlink://127.0.0.1:{port}")
+        try:
+            log = OffboardFlight(scenario, link, NoJoints(), settings).run()
+            time.sleep(0.3)
+        finally:
+            link.close()
+    return log, peer
+
+
+def test_the_law_flies_its_reference_from_where_the_vehicle_is(scenario):
+    """The stand-in's own path, in north, east, down, is the reference turned by its heading."""
+    planned = scenario(3.0)
+    log, peer = flown(planned)
+    assert (log.status, log.info["cause"]) == ("completed", "")
+    moved = np.array(peer.path[-1]) - peer.place  # a moment after the end
+    x, y, z = (log.position_reference[-1] - log.position_reference[0]).tolist()
+    c, s = math.cos(peer.heading), math.sin(peer.heading)
+    assert moved == pytest.approx([c * x + s * y, s * x - c * y, -z], abs=0.12)
+    assert np.linalg.norm(moved) > 0.2
+    assert peer.modes == ["offboard", "hold"]
+    assert log.position[0] == pytest.approx(log.position_reference[0], abs=0.02)
+    said = log.info["outside"]
+    assert said["autopilot"] == "PX4"
+    assert said["periods"] > 500
+    assert said["computing"]["p99_ms"] < 50.0
+
+
+def test_set_points_go_only_beside_heartbeats_and_end_with_the_flight(scenario):
+    log, peer = flown(scenario(0.6))
+    assert log.status == "completed"
+    assert {"HEARTBEAT", "TIMESYNC", "SET_ATTITUDE_TARGET", "COMMAND_LONG"} <= {*peer.seen}
+    last = len(peer.seen) - 1 - peer.seen[::-1].index("SET_ATTITUDE_TARGET")
+    assert "COMMAND_LONG" in peer.seen[last:]  # hold is asked for after the last set point
+    gaps = np.diff(peer.setpoints)
+    assert 100.0 < len(gaps) / (peer.setpoints[-1] - peer.setpoints[0]) <= 260.0
+
+
+@pytest.mark.parametrize(
+    ("fault", "status", "cause"),
+    [
+        ({"silent_at": 0.5}, "link_lost", "no estimate from the autopilot for 0.2 s"),
+        ({"nan_at": 0.5}, "link_lost", "no estimate from the autopilot for 0.2 s"),
+        ({"back_at": 0.5}, "link_lost", "no estimate from the autopilot for 0.2 s"),
+        ({"leaves_at": 0.6}, "taken_back", "PX4 left the mode that takes set points"),
+        ({"disarms_at": 0.6}, "taken_back", "PX4 is no longer armed"),
+    ],
+)
+def test_a_fault_ends_the_flight_with_its_log(scenario, fault, status, cause):
+    log, peer = flown(scenario(3.0), **fault)
+    assert (log.status, log.info["cause"]) == (status, cause)
+    assert 0.3 < log.time[-1] < 1.5
+    # nothing is sent to a vehicle that is no longer ours
+    count = len(peer.setpoints)
+    assert count > 50
+    assert peer.setpoints[-1] - peer.setpoints[0] < 2.0
+
+
+def test_a_pilot_is_not_fought(scenario):
+    """A vehicle that left the mode is not asked to come back."""
+    _, peer = flown(scenario(3.0), leaves_at=0.6)
+    assert peer.modes == ["offboard", "left"]
+    assert peer.asked == ["offboard"]
+
+
+def test_a_vehicle_far_from_its_reference_is_handed_back(scenario):
+    settings = dataclasses.replace(SETTINGS, hover_share=0.05)  # the set point of hover is far too low: it falls
+    log, peer = flown(scenario(5.0), settings)
+    assert log.status == "diverged"
+    assert "m from its reference" in log.info["cause"]
+    assert peer.modes == ["offboard", "hold"]
+
+
+def test_ctrl_c_hands_back(scenario, monkeypatch):
+    calls = iter(range(200))
+
+    def stop(self, state, tick, reference, record=None, answer=OffboardFlight._answer):
+        if record is not None and next(calls) == 100:
+            raise KeyboardInterrupt
+        return answer(self, state, tick, reference, record)
+
+    monkeypatch.setattr(OffboardFlight, "_answer", stop)
+    log, peer = flown(scenario(5.0))
+    assert (log.status, log.info["cause"]) == ("stopped", "stopped by Ctrl-C")
+    assert peer.modes == ["offboard", "hold"]
+
+
+@pytest.mark.parametrize(
+    ("state", "words"),
+    [
+        ({"refuses": True}, "PX4 does not take set points"),
+        ({"armed": False}, "the vehicle was not armed, in the air and slow, in a mode of its own, within 0.6 s"),
+        ({"offboard": True}, "the vehicle was not armed, in the air and slow, in a mode of its own, within 0.6 s"),
+        ({"landed": True}, "the vehicle was not armed, in the air and slow, in a mode of its own, within 0.6 s"),
+        ({"autopilot": 8}, "no autopilot of PX4 or ArduPilot was heard"),
+    ],
+)
+def test_a_vehicle_that_cannot_be_taken_over_is_left_alone(scenario, state, words):
+    settings = dataclasses.replace(SETTINGS, patience=0.6)
+    with pytest.raises(OffboardError, match=words) as error:
+        flown(scenario(), settings, **state)
+    assert "\n" not in str(error.value)
+
+
+def test_attitude_and_position_apart_fly_as_well(scenario):
+    log, _ = flown(scenario(2.0), odometry=False)
+    assert log.status == "completed"
+    assert np.linalg.norm(log.position - log.position_reference, axis=1)[-50:].max() < 0.15
+
+
+def test_px4s_gains_are_read_where_no_bandwidth_is_given(scenario):
+    port = free_port()
+    with StandIn(port) as peer:
+        link = OffboardLink(f"mavlink://127.0.0.1:{port}")
+        try:
+            OffboardFlight(scenario(0.3), link, NoJoints(), dataclasses.replace(SETTINGS, rate_bandwidth=None)).run()
+        finally:
+            link.close()
+        assert link.parameters["MC_ROLLRATE_P"] == pytest.approx(0.15)
+        assert peer.seen.count("PARAM_REQUEST_READ") >= 15
+
+
+def test_a_silent_arm_ends_the_flight(scenario, tmp_path):
+    planned = load_scenario("case3", duration=3.0)
+    stop = threading.Event()
+    server = JointServer(0, 2)
+
+    def serve():
+        begun = time.monotonic()
+        while not stop.is_set() and time.monotonic() - begun < 1.2:
+            server.exchange(0.0, (0.0, 0.0), (0.0, 0.0))
+            time.sleep(0.002)
+
+    thread = threading.Thread(target=serve, daemon=True)
+    thread.start()
+    port = free_port()
+    arm, link = UdpJoints("127.0.0.1", server.port, 2), OffboardLink(f"mavlink://127.0.0.1:{port}")
+    try:
+        with StandIn(port) as peer:
+            log = OffboardFlight(planned, link, arm, SETTINGS).run()
+    finally:
+        stop.set()
+        thread.join()
+        for each in (arm, link, server):
+            each.close()
+    assert (log.status, log.info["cause"]) == ("link_lost", "no joint reading for 0.2 s")
+    assert peer.modes == ["offboard", "hold"]
+
+
+@pytest.mark.parametrize(
+    ("name", "controller", "words"),
+    [
+        ("peg_in_hole", None, "must have no phases that wait"),
+        ("case1", "px4", "must be a law"),
+    ],
+)
+def test_a_scenario_that_needs_a_simulator_is_refused(name, controller, words):
+    scenario = load_scenario(name, controller=controller)
+    with pytest.raises(ScenarioError, match=words):
+        require_outside(scenario)
+
+
+def test_a_flight_holds_no_port_after_its_end(scenario):
+    port = free_port()
+    with StandIn(port):
+        link = OffboardLink(f"mavlink://127.0.0.1:{port}")
+        OffboardFlight(scenario(0.2), link, NoJoints(), SETTINGS).run()
+        link.close()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", port))
