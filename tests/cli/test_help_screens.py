@@ -9,7 +9,7 @@ import pytest
 from commanded import skyarm
 from skyarm.cli.commands import COMMANDS, GROUPS
 
-LINES, COLUMNS, MOST = 24, 100, 16
+LINES, COLUMNS, MOST = 24, 100, 17
 
 
 def test_there_are_few_commands_in_four_groups_with_one_sentence_each() -> None:

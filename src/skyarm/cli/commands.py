@@ -33,7 +33,7 @@ GROUPS: Mapping[str, Mapping[str, tuple[str, str]]] = {
     },
     "Flights": {
         "run": ("run_command:run", "Fly a scenario; write its log (npz, CSV, MCAP)."),
-        "fly": ("fly_command:fly", "Fly through a real autopilot, by a law that runs here."),
+        "fly": ("fly_command:fly", "Fly through an autopilot, by a law that runs here."),
         "diff": ("diff_command:diff", "Compare two logs, or a log with its flight flown again."),
         "plot": ("plot_command:plot", "Draw flights, or curves of a sweep's metrics."),
         "film": ("film_command:film", "Film flights; MP4, WebP, or a 3-D recording."),

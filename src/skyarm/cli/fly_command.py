@@ -1,4 +1,4 @@
-"""Command ``skyarm fly``: fly a vehicle through its autopilot, by a law that runs here in real time."""
+"""Command ``skyarm fly``: fly a vehicle through its autopilot, by a law that runs here."""
 
 from __future__ import annotations
 
@@ -24,9 +24,7 @@ def fly(
         str,
         typer.Argument(help="a scenario (.toml), a log, or a shipped name", autocompletion=name_completion("scenario")),
     ],
-    link: Annotated[
-        str, typer.Option(metavar="URL", help="mavlink://HOST:PORT waits there; mavlink-out://HOST:PORT calls")
-    ],
+    link: Annotated[str, typer.Option(metavar="URL", help="mavlink://HOST:PORT waits; mavlink-out://HOST:PORT calls")],
     joints: Annotated[
         str | None, typer.Option(metavar="URL", help="udp://HOST:PORT, dynamixel:DEVICE?ids=1,2 or FILE.py:make")
     ] = None,
@@ -40,23 +38,18 @@ def fly(
     rate_bandwidth: Annotated[
         str | None, typer.Option(metavar="X,Y,Z", help="rad/s, of the autopilot's rate loop; PX4's is read from it")
     ] = None,
-    hover_thrust: Annotated[
-        float | None, typer.Option(help="thrust set point in hover, 0 to 1; the model's if left out")
-    ] = None,
     world: Annotated[
-        str, typer.Option(help="here: the scenario begins where the vehicle is; local: in the autopilot's local frame")
+        str, typer.Option(help="here: it begins where the vehicle is; local: the autopilot's frame")
     ] = "here",
-    leash: Annotated[float, typer.Option(help="m from the reference beyond which the vehicle is handed back")] = 1.5,
-    stale: Annotated[float, typer.Option(help="s without estimates after which it is handed back")] = 0.25,
+    leash: Annotated[float, typer.Option(help="m from the reference after which it ends")] = 1.5,
     patience: Annotated[float, typer.Option(help="s to wait for a vehicle that hovers")] = 60.0,
     duration: Annotated[float | None, typer.Option(help="seconds, in place of the file's")] = None,
     out: Annotated[str, typer.Option("--out", help="folder for the results")] = "out/fly",
-    force: Annotated[bool, typer.Option("--force", help="replace the log of an earlier flight")] = False,
 ) -> None:
-    """Fly a vehicle through its autopilot, by a law that runs here in real time.
+    """Fly through an autopilot, by a law that runs here.
 
-    The vehicle must be armed and hover. Its autopilot gets body rates and thrust while estimates arrive; it is asked to
-    hold its place at the end, and when anything is silent. Exit code 3 if the flight ended before its time.
+    The vehicle must be armed and hover; it is asked to hold its place at the end, and when anything is silent. Exit
+    code 3 if the flight ended before its time.
     """
     require_not_another(scenario, "scenario")
     planned = load_scenario(scenario, controller=controller, duration=duration)
@@ -65,7 +58,7 @@ def fly(
         raise ValueError(f"--world = {world!r}: must be here or local")
     settings = OffboardSettings(
         rate_bandwidth=None if rate_bandwidth is None else _three(rate_bandwidth),
-        hover_share=hover_thrust, here=world == "here", leash=leash, stale=stale, patience=patience,
+        here=world == "here", leash=leash, patience=patience,
     )  # fmt: skip
     folder = Path(out)
     files = [folder / f"{planned.name}{suffix}" for suffix in (".npz", ".csv")]
@@ -84,7 +77,7 @@ def fly(
                 autopilot.close()
         finally:
             arm.close()
-        with earlier_kept([] if force else files) as kept:
+        with earlier_kept(files) as kept:
             written = [save_log(log, file) for file in files]
     found = facts(log) | {"outside": log.info["outside"]}
     tell(*summary(log, found), *_times(log.info["outside"]))

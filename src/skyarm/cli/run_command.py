@@ -52,6 +52,10 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 
+OUTSIDE = ":outside"
+"""Follows the name of an autopilot whose set points come from another program."""
+
+
 def run(
     context: typer.Context,
     scenario: Annotated[
@@ -73,12 +77,10 @@ def run(
     autopilot: Annotated[
         str | None,
         typer.Option(
-            help="program that flies the base in the law's place: px4, ...", autocompletion=name_completion("autopilot")
+            help="flies the base in the law's place: px4, ...; px4:outside, for 'skyarm fly'",
+            autocompletion=name_completion("autopilot"),
         ),
     ] = None,
-    outside: Annotated[
-        bool, typer.Option("--outside", help="leave the autopilot to 'skyarm fly': it hovers, in real time")
-    ] = False,
     seed: Annotated[int | None, typer.Option(help="seed of the noise, in place of the file's")] = None,
     duration: Annotated[float | None, typer.Option(help="seconds, in place of the file's")] = None,
     force: Annotated[bool, typer.Option("--force", help="replace the log of an earlier flight")] = False,
@@ -96,8 +98,7 @@ def run(
 ) -> None:
     """Fly a scenario; write its log (npz, CSV, MCAP).
 
-    The log is OUT/NAME.npz and .csv, or the files of --log; that of an earlier flight is kept as NAME_1.npz. Exit code
-    3 if the flight ended before its time.
+    The log is OUT/NAME.npz and .csv, or --log's; earlier ones are kept. Exit code 3: ended early.
     """
     if logs:
         require_left_out(context, ["--out"], " beside --log, whose files say where")
@@ -105,11 +106,13 @@ def run(
         require_left_out(context, ["--pace"], " without --ros")
     require_not_another(scenario, "scenario")
     if autopilot is not None:
-        controller = _autopilot_name(autopilot, controller)
+        controller = _autopilot_name(autopilot.removesuffix(OUTSIDE), controller)
     planned = load_scenario(scenario, plant=plant, controller=controller, seed=seed, duration=duration)
-    if outside:
+    if autopilot is not None and autopilot.endswith(OUTSIDE):
         planned = _left_to_outside(planned)
-        mavlink, joints = autopilot_of(planned.controller).outside_ports
+    flown_by = autopilot_of(planned.controller)
+    if flown_by is not None and flown_by.outside:
+        mavlink, joints = flown_by.outside_ports
         address = f"--link mavlink://127.0.0.1:{mavlink} --joints udp://127.0.0.1:{joints}"
         say(f"once it hovers: skyarm fly {shlex.quote(scenario)} {address}")
     folder = Path(out)
@@ -182,15 +185,10 @@ def say_line(line: str) -> None:
 
 
 def _left_to_outside(planned: Scenario) -> Scenario:
-    """Scenario whose autopilot takes its set points from a program outside.
-
-    Raises:
-        ValueError: no autopilot flies it.
-    """
+    """Scenario whose autopilot takes its set points from a program outside."""
     controller = planned.controller
-    if (found := autopilot_of(controller)) is None:
-        raise ValueError("--outside: needs --autopilot, whose set points it leaves to another program")
-    left = dataclasses.replace(innermost(controller.par), autopilot=dataclasses.replace(found, outside=True))
+    outside = dataclasses.replace(autopilot_of(controller), outside=True)
+    left = dataclasses.replace(innermost(controller.par), autopilot=outside)
     par = with_innermost(controller.par, left)
     return planned.with_words(controller=dataclasses.replace(controller, par=par))
 

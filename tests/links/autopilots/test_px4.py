@@ -16,7 +16,8 @@ from skyarm.links import mavlink
 from skyarm.links.autopilots import px4
 from skyarm.links.autopilots.autopilot import Goal, Instant, LinkError
 from skyarm.links.autopilots.flight import PilotedSession, planned_scenario
-from skyarm.links.autopilots.px4 import PX4Link, open_ports
+from skyarm.links.autopilots.px4 import PX4Link
+from skyarm.links.autopilots.px4_ports import open_ports
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.session import open_session
 

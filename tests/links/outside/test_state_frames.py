@@ -7,7 +7,7 @@ import pytest
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.links.outside.joint_port import JointReading
-from skyarm.links.outside.state_frames import AutopilotState, WorldFrame, flipped, flipped_quaternion, heading
+from skyarm.links.outside.state_frames import AutopilotState, WorldFrame, heading, to_our_attitude, to_our_axes
 
 FLIP = np.diag([1.0, -1.0, -1.0])
 ARM = JointReading(0.0, (0.1, 0.2), (0.3, 0.4))
@@ -35,9 +35,9 @@ def test_an_attitude_of_the_wire_turns_our_vectors_alike():
     q = rng.normal(size=4)
     q /= np.linalg.norm(q)
     wire = matrix(Quaternion(*q.tolist()))
-    assert matrix(flipped_quaternion(*q)) == pytest.approx(FLIP @ wire @ FLIP, abs=1e-12)
-    assert [*flipped(1.0, 2.0, 3.0)] == [1.0, -2.0, -3.0]
-    assert [*flipped_quaternion(*flipped_quaternion(*q))] == pytest.approx(q.tolist())
+    assert matrix(to_our_attitude(*q)) == pytest.approx(FLIP @ wire @ FLIP, abs=1e-12)
+    assert [*to_our_axes(1.0, 2.0, 3.0)] == [1.0, -2.0, -3.0]
+    assert [*to_our_attitude(*to_our_attitude(*q))] == pytest.approx(q.tolist())
 
 
 @pytest.mark.parametrize("yaw", [0.0, 1.2, -3.0])

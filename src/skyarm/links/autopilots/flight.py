@@ -58,6 +58,9 @@ def planned_scenario(scenario: Scenario) -> Scenario:
     """
     autopilot: Autopilot = autopilot_of(scenario.controller)
     if autopilot.outside:
+        _ = autopilot.outside_ports  # refuses an autopilot without any
+        if autopilot.transcript or autopilot.replayed:
+            raise ScenarioError("controller.transcript: must be left out where a program outside commands")
         scenario = scenario.with_words(reference=hover_at_start(scenario), tracking_start=0, path_time=None)
     there = {each.name for each in scenario.sensors}
     needed = autopilot.sensors(scenario.plant.vehicle)

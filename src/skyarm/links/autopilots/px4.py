@@ -33,15 +33,13 @@ from skyarm.links.autopilots.autopilot import (
 )
 from skyarm.links.autopilots.program import Child, find_program, make_folder
 from skyarm.links.autopilots.px4_parameters import sensor_parameters, vehicle_parameters
+from skyarm.links.autopilots.px4_ports import JOINT_PORT, ONBOARD_PORT, Ports, open_ports
 from skyarm.links.autopilots.px4_sensors import SensorMessages
 from skyarm.links.transcript import Tape
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
 from skyarm.sensing.navigation_sensors import Barometer, Gnss, Magnetometer
 from skyarm.sensing.sensor import Sensor
 from skyarm.vehicle.vehicle_records import Vehicle
-
-INSTANCES = 10
-"""PX4's start script knows ports of ten programs."""
 
 STALL = 1.0
 """s by the wall clock after which a step without an answer is given up: PX4 may drop a sample, as when it selects
@@ -62,9 +60,6 @@ OUTSIDE_PARAMETERS = {"IMU_INTEG_RATE": 250, "COM_OBL_RC_ACT": 5, "COM_RCL_EXCEP
 OFFBOARD_LOSS = 0.3
 """s without set points from outside after which PX4 holds its place; its own 1 s is long for a body rate. During the
 take-off, faster than real time, it stays at that."""
-
-ONBOARD_PORT, JOINT_PORT = 14540, 14640
-"""UDP ports of instance 0: to which PX4 sends its onboard MAVLink, and of the joints for a program outside."""
 
 REAL = 9
 """MAVLink's type of a parameter that is a 32-bit float."""
@@ -151,59 +146,6 @@ def make_px4(
         outside=outside,
     )  # fmt: skip
     return controller_with(autopilot, model, joint_gains)
-
-
-@dataclass(frozen=True, slots=True)
-class Ports:
-    """Sockets of an instance on the loopback address: the listening simulator port and the onboard port."""
-
-    instance: int
-    listener: socket.socket
-    onboard: socket.socket
-
-    @property
-    def partner(self) -> tuple[str, int]:
-        """Address of PX4's side of the onboard port."""
-        return "127.0.0.1", 14580 + self.instance
-
-
-def open_ports(instance: int) -> Ports:
-    """Open the ports of an instance; -1 takes the first instance whose ports are free.
-
-    Raises:
-        ScenarioError: an instance that PX4 does not have.
-        LinkError: the ports are taken.
-    """
-    if not -1 <= instance < INSTANCES:
-        raise ScenarioError(f"controller.instance = {instance}: must be from 0 to {INSTANCES - 1}, or -1 for any")
-    reason = ""
-    for number in range(INSTANCES) if instance < 0 else (instance,):
-        tcp, udp = socket.socket(), socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        try:
-            tcp.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            tcp.bind(("127.0.0.1", 4560 + number))
-            tcp.listen(1)
-            udp.bind(("127.0.0.1", ONBOARD_PORT + number))
-            udp.setblocking(False)
-            _require_free(14580 + number)
-            return Ports(number, tcp, udp)
-        except OSError as error:
-            reason = error.strerror or str(error)
-            tcp.close()
-            udp.close()
-    first, last = (0, INSTANCES - 1) if instance < 0 else (instance, instance)
-    ports = ", ".join(_span(base + first, base + last) for base in (4560, 14540, 14580))
-    raise LinkError(f"the ports TCP {ports.replace(', ', ', UDP ', 1)} must be free for PX4: {reason}")
-
-
-def _span(first: int, last: int) -> str:
-    return str(first) if first == last else f"{first} to {last}"
-
-
-def _require_free(port: int) -> None:
-    """Bind PX4's own port for a moment: a PX4 that another user started holds it."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", port))
 
 
 def find_etc(program: Path) -> Path:

@@ -82,7 +82,7 @@ class DynamixelJoints(JointLink):
         self._setpoints: tuple[float, ...] | None = None
         self._failed = ""
         self._running = True
-        self._open()
+        self._open_bus()
         self._thread = threading.Thread(target=self._serve, name="dynamixel", daemon=True)
         self._thread.start()
 
@@ -115,7 +115,7 @@ class DynamixelJoints(JointLink):
             self._thread.join(1.0)
             self._port.closePort()
 
-    def _open(self) -> None:
+    def _open_bus(self) -> None:
         bus = self._bus
         try:
             opened = self._port.openPort() and self._port.setBaudRate(bus.baud)
@@ -164,7 +164,7 @@ class DynamixelJoints(JointLink):
         """Angle and rate of a servo; None where it did not answer."""
         if not self._states.isAvailable(number, PRESENT, 8):
             return None
-        velocity, position = (_signed(self._states.getData(number, at, 4), 4) for at in (PRESENT, PRESENT + 4))
+        velocity, position = (_twos_complement(self._states.getData(number, at, 4), 4) for at in (PRESENT, PRESENT + 4))
         return (position - ZERO) * TICK, velocity * RATE
 
     def _ticks(self, setpoint: float) -> int:
@@ -175,6 +175,6 @@ class DynamixelJoints(JointLink):
         return round(amperes / CURRENT)
 
 
-def _signed(value: int, size: int) -> int:
+def _twos_complement(value: int, size: int) -> int:
     """Whole number of ``size`` bytes in two's complement."""
     return value - (1 << 8 * size) if value >= 1 << 8 * size - 1 else value

@@ -127,7 +127,7 @@ class UdpJoints(JointLink):
         self._asked = -math.inf
 
     def read(self) -> JointReading | None:
-        """Newest reading since the last call; asks for readings while none come."""
+        """Newest reading since the last call; requests readings while none come."""
         newest = None
         with contextlib.suppress(BlockingIOError, ConnectionError):
             while True:

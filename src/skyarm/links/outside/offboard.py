@@ -211,7 +211,7 @@ class OffboardFlight:
     def _connect(self) -> None:
         """Wait for the autopilot, ask for estimates, and make the law for its rate loop."""
         link, settings = self._link, self._settings
-        self._until(settings.patience, lambda: link.connected, "--link: no autopilot of PX4 or ArduPilot was heard")
+        self._until(settings.patience, lambda: link.has_autopilot, "--link: no autopilot of PX4 or ArduPilot was heard")
         assert link.modes is not None
         self._tell(f"{link.modes.title} is heard")
         asked = -math.inf

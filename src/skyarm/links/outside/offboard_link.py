@@ -21,7 +21,7 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.links import mavlink
 from skyarm.links.mavlink_messages import DEFINITIONS
 from skyarm.links.outside.rate_commands import RateCommand
-from skyarm.links.outside.state_frames import AutopilotState, flipped, flipped_quaternion
+from skyarm.links.outside.state_frames import AutopilotState, to_our_attitude, to_our_axes
 from skyarm.records.files import shown
 
 ONBOARD_COMPUTER, COMPONENT = 18, 191
@@ -181,7 +181,7 @@ class OffboardLink:
         return self._parser.lost
 
     @property
-    def connected(self) -> bool:
+    def has_autopilot(self) -> bool:
         """True once an autopilot of a known kind has sent its heartbeat."""
         return self.modes is not None
 
@@ -210,29 +210,29 @@ class OffboardLink:
             self._send("TIMESYNC", tc1=0, ts1=time.monotonic_ns())
 
     def request_streams(self, rate: float) -> None:
-        """Ask for estimates at least at a rate, Hz: at twice that, since a sender rounds intervals up to its own."""
+        """Request estimates at least at a rate, Hz: at twice that, since a sender rounds intervals up to its own."""
         for name, share in STREAMS.items():
             number = DEFINITIONS[name].number
             self._command(SET_MESSAGE_INTERVAL, number, round(0.5e6 / (rate * share)))
 
     def request_parameter(self, name: str) -> None:
-        """Ask for a parameter, whose value will be in ``parameters``."""
+        """Request a parameter, whose value will be in ``parameters``."""
         self._send("PARAM_REQUEST_READ", param_index=-1, target_system=self._system, target_component=1, param_id=name)
 
     def request_outside_mode(self) -> None:
-        """Ask for the mode that takes set points from outside; ``accepted`` says when it does."""
+        """Request the mode that takes set points from outside; ``accepted`` is True once it does."""
         assert self.modes is not None
         self.accepted, self.refused = False, 0
         self._command(SET_MODE, 1, *self.modes.outside)
 
     def request_hold(self) -> None:
-        """Ask for the mode that holds the place."""
+        """Request the mode that holds the place."""
         assert self.modes is not None
         self._command(SET_MODE, 1, *self.modes.hold)
 
     def send_rates(self, command: RateCommand) -> None:
         """Send body rates and thrust."""
-        p, q, r = flipped(*command.rates)
+        p, q, r = to_our_axes(*command.rates)
         self._send(
             "SET_ATTITUDE_TARGET", time_boot_ms=round(time.monotonic() * 1e3) & 0xFFFFFFFF, target_system=self._system,
             target_component=1, type_mask=NO_ATTITUDE, q=(1.0, 0.0, 0.0, 0.0), body_roll_rate=p, body_pitch_rate=q,
@@ -278,28 +278,28 @@ class OffboardLink:
 
     def _hear_odometry(self, m: mavlink.Message) -> None:
         """Estimate of the whole state; only its place where attitudes come more often."""
-        quaternion = flipped_quaternion(*m["q"])
-        velocity = flipped(m["vx"], m["vy"], m["vz"])
+        quaternion = to_our_attitude(*m["q"])
+        velocity = to_our_axes(m["vx"], m["vy"], m["vz"])
         if m["child_frame_id"] in BODY_FRAMES:
             velocity = quaternion.rotation().apply(velocity)
-        place = Place(1e-6 * m["time_usec"], flipped(m["x"], m["y"], m["z"]), velocity)
+        place = Place(1e-6 * m["time_usec"], to_our_axes(m["x"], m["y"], m["z"]), velocity)
         self._place, self._odometry = place, time.monotonic()
         if time.monotonic() - self._attitude > QUIET:
-            self._take_state(place, place.time, quaternion, flipped(m["rollspeed"], m["pitchspeed"], m["yawspeed"]))
+            self._take_state(place, place.time, quaternion, to_our_axes(m["rollspeed"], m["pitchspeed"], m["yawspeed"]))
 
     def _hear_position(self, m: mavlink.Message) -> None:
         """Place of an autopilot that sends no odometry."""
         if time.monotonic() - self._odometry > QUIET:
-            velocity = flipped(m["vx"], m["vy"], m["vz"])
-            self._place = Place(1e-3 * m["time_boot_ms"], flipped(m["x"], m["y"], m["z"]), velocity)
+            velocity = to_our_axes(m["vx"], m["vy"], m["vz"])
+            self._place = Place(1e-3 * m["time_boot_ms"], to_our_axes(m["x"], m["y"], m["z"]), velocity)
 
     def _hear_attitude(self, m: mavlink.Message) -> None:
         """Attitude and rate, with the newest place moved on to their time."""
         self._attitude = time.monotonic()
         if self._place is None:
             return
-        quaternion = flipped_quaternion(m["q1"], m["q2"], m["q3"], m["q4"])
-        rate = flipped(m["rollspeed"], m["pitchspeed"], m["yawspeed"])
+        quaternion = to_our_attitude(m["q1"], m["q2"], m["q3"], m["q4"])
+        rate = to_our_axes(m["rollspeed"], m["pitchspeed"], m["yawspeed"])
         self._take_state(self._place, 1e-3 * m["time_boot_ms"], quaternion, rate)
 
     def _take_state(self, place: Place, at: float, quaternion: Quaternion, rate: Vec3) -> None:
@@ -316,7 +316,7 @@ class OffboardLink:
         self.state, self.fresh, self.heard = state, True, time.monotonic()
 
     def _hear_inertial(self, m: mavlink.Message) -> None:
-        force = flipped(m["xacc"], m["yacc"], m["zacc"])
+        force = to_our_axes(m["xacc"], m["yacc"], m["zacc"])
         self._force = force if all(map(math.isfinite, force)) else self._force
 
     def _hear_extended(self, m: mavlink.Message) -> None:

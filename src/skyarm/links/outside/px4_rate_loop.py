@@ -13,7 +13,7 @@ AXES = ("ROLL", "PITCH", "YAW")
 LIMITS = {"ROLL": "MC_RR_INT_LIM", "PITCH": "MC_PR_INT_LIM", "YAW": "MC_YR_INT_LIM"}
 
 DEFAULTS: Mapping[str, float] = dict.fromkeys(LIMITS.values(), 0.3) | {f"MC_{axis}RATE_K": 1.0 for axis in AXES}
-"""PX4's own values of what :func:`skyarm.links.autopilots.px4.rate_gains` leaves as it is."""
+"""PX4's own values of what :func:`skyarm.links.autopilots.px4_parameters.rate_gains` leaves as it is."""
 
 NAMES = tuple(f"MC_{axis}RATE_{gain}" for axis in AXES for gain in "KPID") + tuple(LIMITS.values())
 """Parameters that describe the loop."""

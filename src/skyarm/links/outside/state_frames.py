@@ -30,12 +30,12 @@ class AutopilotState:
     specific_force: Annotated[Vec3 | None, Unit("m/s^2", "base axes; None where it is not sent")] = None
 
 
-def flipped(x: float, y: float, z: float) -> Vec3:
+def to_our_axes(x: float, y: float, z: float) -> Vec3:
     """Vector of forward, right, down or north, east, down in our axes; and back, for the map is its own inverse."""
     return Vec3(float(x), -float(y), -float(z))
 
 
-def flipped_quaternion(w: float, x: float, y: float, z: float) -> Quaternion:
+def to_our_attitude(w: float, x: float, y: float, z: float) -> Quaternion:
     """Attitude of the wire in our axes, both of which are turned by half a turn about x: w, x, -y, -z; and back."""
     return Quaternion(float(w), float(x), -float(y), -float(z))
 

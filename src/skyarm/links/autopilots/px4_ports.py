@@ -1,0 +1,68 @@
+"""Ports of PX4 on the loopback address, which follow from the number of its instance."""
+
+from __future__ import annotations
+
+import socket
+from dataclasses import dataclass
+
+from skyarm.links.autopilots.autopilot import LinkError
+from skyarm.scenario.scenario_record import ScenarioError
+
+INSTANCES = 10
+"""PX4's start script knows ports of ten programs."""
+
+ONBOARD_PORT, JOINT_PORT = 14540, 14640
+"""UDP ports of instance 0: to which PX4 sends its onboard MAVLink, and of the joints for a program outside."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ports:
+    """Sockets of an instance on the loopback address: the listening simulator port and the onboard port."""
+
+    instance: int
+    listener: socket.socket
+    onboard: socket.socket
+
+    @property
+    def partner(self) -> tuple[str, int]:
+        """Address of PX4's side of the onboard port."""
+        return "127.0.0.1", 14580 + self.instance
+
+
+def open_ports(instance: int) -> Ports:
+    """Open the ports of an instance; -1 takes the first instance whose ports are free.
+
+    Raises:
+        ScenarioError: an instance that PX4 does not have.
+        LinkError: the ports are taken.
+    """
+    if not -1 <= instance < INSTANCES:
+        raise ScenarioError(f"controller.instance = {instance}: must be from 0 to {INSTANCES - 1}, or -1 for any")
+    reason = ""
+    for number in range(INSTANCES) if instance < 0 else (instance,):
+        tcp, udp = socket.socket(), socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            tcp.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            tcp.bind(("127.0.0.1", 4560 + number))
+            tcp.listen(1)
+            udp.bind(("127.0.0.1", ONBOARD_PORT + number))
+            udp.setblocking(False)
+            _require_free(14580 + number)
+            return Ports(number, tcp, udp)
+        except OSError as error:
+            reason = error.strerror or str(error)
+            tcp.close()
+            udp.close()
+    first, last = (0, INSTANCES - 1) if instance < 0 else (instance, instance)
+    ports = ", ".join(_span(base + first, base + last) for base in (4560, 14540, 14580))
+    raise LinkError(f"the ports TCP {ports.replace(', ', ', UDP ', 1)} must be free for PX4: {reason}")
+
+
+def _span(first: int, last: int) -> str:
+    return str(first) if first == last else f"{first} to {last}"
+
+
+def _require_free(port: int) -> None:
+    """Bind PX4's own port for a moment: a PX4 that another user started holds it."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", port))
