@@ -11,7 +11,13 @@ from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.drive import friction
 from skyarm.dynamics.actuators.rotor import rotor_forces
 from skyarm.dynamics.array_front import forward_dynamics
-from skyarm.links.autopilots.px4_parameters import highest_thrust, rate_gains, torque_of_signal
+from skyarm.links.autopilots.px4_parameters import (
+    highest_thrust,
+    rate_bandwidth,
+    rate_gains,
+    torque_of_signal,
+    turning_inertia,
+)
 from skyarm.links.outside.px4_rate_loop import NAMES, px4_rate_loop
 from skyarm.links.outside.rate_commands import (
     IdealRateLoop,
@@ -164,7 +170,7 @@ def test_px4s_loop_follows_from_its_parameters():
     vehicle = load_vehicle("hummingbird_arm2_rotors")
     torque = torque_of_signal(vehicle)
     set_by_us = px4_rate_loop(vehicle, {})
-    assert set_by_us.proportional[0] == pytest.approx(18.0 * float(vehicle.base.inertia.xx), rel=1e-9)
+    assert set_by_us.proportional[0] == pytest.approx(rate_bandwidth(vehicle) * turning_inertia(vehicle)[0], rel=1e-9)
     assert set_by_us.limit == pytest.approx([0.3 * each for each in torque])
     read = px4_rate_loop(vehicle, dict.fromkeys(NAMES, 2.0) | {"MC_PITCHRATE_I": 0.5})
     assert read.proportional == pytest.approx([4.0 * each for each in torque])
