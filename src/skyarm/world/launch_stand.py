@@ -44,6 +44,12 @@ class LaunchStand(Force):
         """Longest integration step, s: half a radian of the spring's own motion."""
         return 0.5 / float(self.frequency)
 
+    @property
+    def rest(self) -> Vec3:
+        """Place of the base origin at which the stand carries the vehicle's weight, m."""
+        sag = self.gravity / (self.frequency * self.frequency)
+        return Vec3(self.place.x, self.place.y, self.place.z - sag)
+
     def wrenches(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Sequence[Wrench]:
         """Push of the stand on the base at its origin, and its torque."""
         state, w = motion.state, self.frequency

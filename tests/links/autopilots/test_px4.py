@@ -74,24 +74,27 @@ def test_a_hexarotor_with_another_instance_flies_too(tmp_path: Path) -> None:
 
 
 RECORDED = Path(__file__).parents[2] / "data" / "links" / "px4_hover.transcript.gz"
-"""Exchange with PX4 v1.17 (upstream commit 59ded6af): boot, take-off of 0.2 m, 3 s of hover; of its messages on the
-onboard port those that the link reads are left."""
+"""Exchange with PX4 v1.17 (upstream commit 59ded6af): boot, take-off of 0.2 m, 2 s of hover; written by
+record_px4.py."""
+
+PREPARED, ANSWERED = 25, 6742
+"""s from power-on to hand-over, and sensor messages that were answered, of that session."""
 
 
 def test_a_recorded_session_of_px4_is_reproduced_byte_for_byte(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(px4, "SETTLED", 5)
-    scenario = scenario_of(tmp_path, duration=3.0, climb=0.2, replayed=str(RECORDED)).with_words(sensors=QUIET)
+    scenario = scenario_of(tmp_path, duration=2.0, climb=0.2, replayed=str(RECORDED)).with_words(sensors=QUIET)
     log = open_session(scenario).run()
     assert log.status == "completed", log.info["cause"]
     facts = log.info["autopilot"]
-    assert facts["prepared_s"] == 22.0
-    assert facts["steps"] == 25 * 250
-    assert facts["answered"] == 6240
+    assert facts["prepared_s"] == PREPARED
+    assert facts["steps"] == (PREPARED + 2) * 250
+    assert facts["answered"] == ANSWERED
     assert np.linalg.norm(log.position - log.position_reference, axis=1).max() < 0.1
     # and to its end: one more period finds nothing recorded
-    longer = open_session(scenario.with_words(duration=3.1)).run()
-    assert (longer.status, len(longer.time)) == ("autopilot", 3 * 250 + 1)
-    assert longer.info["cause"] == "transcript: ends at 25 s, before the flight does"
+    longer = open_session(scenario.with_words(duration=2.1)).run()
+    assert (longer.status, len(longer.time)) == ("autopilot", 2 * 250 + 1)
+    assert longer.info["cause"] == "transcript: ends at 27 s, before the flight does"
 
 
 FAULTS = {

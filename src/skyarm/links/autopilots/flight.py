@@ -97,21 +97,21 @@ def take_off_scenario(scenario: Scenario) -> Scenario:
     x, y, z = (float(c) for c in start.position)
     half = 0.5 * yaw
     inertia = vehicle.base.inertia
-    resting = dataclasses.replace(
-        start,
-        position=Vec3(x, y, z - autopilot.climb),
-        quaternion=type(start.quaternion)(math.cos(half), 0.0, 0.0, math.sin(half)),
-        velocity=Vec3(0.0, 0.0, 0.0),
-        rate=Vec3(0.0, 0.0, 0.0),
-        joint_rates=(0.0,) * vehicle.n,
-        rotor_speeds=(0.0,) * len(vehicle.rotors),
-    )
     stand = LaunchStand(
         place=Vec3(x, y, z - autopilot.climb),
         yaw=yaw,
         mass=float(vehicle.mass),
         inertia=float(min(inertia.xx, inertia.yy, inertia.zz)),
         gravity=float(scenario.plant.gravity),
+    )
+    resting = dataclasses.replace(
+        start,
+        position=stand.rest,  # loaded: an accelerometer reads weight from the first instant
+        quaternion=type(start.quaternion)(math.cos(half), 0.0, 0.0, math.sin(half)),
+        velocity=Vec3(0.0, 0.0, 0.0),
+        rate=Vec3(0.0, 0.0, 0.0),
+        joint_rates=(0.0,) * vehicle.n,
+        rotor_speeds=(0.0,) * len(vehicle.rotors),
     )
     return scenario.with_words(
         duration=autopilot.preparation,
