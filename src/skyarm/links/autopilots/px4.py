@@ -291,7 +291,7 @@ class PX4Link(Link):
         except TimeoutError:
             raise LinkError(f"PX4 has read nothing for {self._record.patience:g} s{self._ending}") from None
         except OSError as error:
-            raise LinkError(f"PX4 is gone: {error.strerror or error}{self._ending}") from None
+            raise LinkError(f"PX4 closed the connection{self._ending}") from error
 
     @property
     def _ending(self) -> str:
@@ -355,7 +355,7 @@ class PX4Link(Link):
         except TimeoutError:
             return b""
         except OSError as error:
-            raise LinkError(f"PX4 is gone: {error.strerror or error}{self._ending}") from None
+            raise LinkError(f"PX4 closed the connection{self._ending}") from error
         if not data:
             raise LinkError(f"PX4 closed the connection{self._ending}")
         return data
