@@ -45,7 +45,7 @@ def test_options_and_defaults_of_the_page_are_those_of_the_autopilot(name: str) 
     options, table = set(AUTOPILOTS[name].options()), rows("| option of `[controller]` |")
     taken = inspect.signature(AUTOPILOTS[name].function()).parameters
     assert options <= set(table)
-    assert set(table) - options <= ({"instance"} if name != "px4" else set())
+    assert set(table) - options <= ({"instance", "outside"} if name != "px4" else set())
     # a default of one autopilot alone is named after a semicolon
     for option in options & {"climb", "preparation", "patience", "instance"}:
         usual, *own = re.split("[;,] ", table[option][2])
