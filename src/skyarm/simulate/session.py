@@ -149,8 +149,14 @@ class Session:
     _commands = True
     """Whether :meth:`step` takes commands; without them the program is shorter."""
 
-    def __init__(self, scenario: Scenario, paths: Sequence[str] = (), *, machine_code: bool = True) -> None:
+    def __new__(cls, scenario: Scenario, *_: Any, **__: Any) -> Session:
+        """Session of the kind that the scenario's controller needs: an autopilot has one of its own."""
         require_flight(scenario)
+        autopilot = autopilot_of(scenario.controller)
+        kind: type[Session] = cls if autopilot is None or cls is not Session else autopilot.session_type()
+        return super().__new__(kind)
+
+    def __init__(self, scenario: Scenario, paths: Sequence[str] = (), *, machine_code: bool = True) -> None:
         require_changes(scenario)
         self._paths = require_paths(scenario, paths)
         self._course = Course.of(scenario)
@@ -395,6 +401,6 @@ def open_session(
     """
     require_flight(scenario)
     autopilot = autopilot_of(scenario.controller)
-    chosen = make if autopilot is None else autopilot.session
+    chosen = make if autopilot is None else autopilot.session_type()
     found: Session = chosen(scenario, paths, machine_code=machine_code)
     return found

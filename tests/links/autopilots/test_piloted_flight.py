@@ -144,9 +144,20 @@ def test_the_link_s_rate_is_fast_enough_and_divides_the_others(tmp_path: Path) -
     assert planned_scenario(planned) is planned
 
 
+class Plain(Session):
+    """Session that flies without the program: the rotors get what the test gives."""
+
+
+def test_a_session_of_an_autopilot_is_one_that_starts_its_program(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("SKYARM_PX4", raising=False)
+    monkeypatch.setenv("PATH", "")
+    with pytest.raises(ScenarioError, match=r"^controller.program: is missing; must be the path of PX4's program"):
+        Session(load_scenario("case3", controller="px4"))
+
+
 def test_the_take_off_begins_at_rest_on_the_stand_below_the_start(tmp_path: Path) -> None:
     scenario = planned_scenario(scenario_of(tmp_path, climb=0.4, yaw=0.6))
-    session = Session(take_off_scenario(scenario))
+    session = Plain(take_off_scenario(scenario))
     z = 1.5 - 0.4
     first = session.state
     assert float(first.position.z) == pytest.approx(z - 9.81 / 1600)

@@ -137,14 +137,11 @@ class Autopilot(ABC):
     def sensors(self, vehicle: Vehicle) -> Mapping[str, Sensor]:
         """Sensors that the autopilot reads, by name: those that a scenario does not have are added."""
 
-    def session(self, scenario: Scenario, paths: Sequence[str] = (), **options: Any) -> Session:
-        """Start the program, take off, and return the flight as a session at the scenario's start.
-
-        Arguments and errors are those of :class:`skyarm.links.autopilots.flight.PilotedSession`.
-        """
+    def session_type(self) -> type[Session]:
+        """Class of its sessions, which start the program and take off when they are made."""
         from skyarm.links.autopilots.flight import PilotedSession
 
-        return PilotedSession(scenario, paths, **options)
+        return PilotedSession
 
     @property
     def outside_ports(self) -> tuple[int, int]:
