@@ -1,6 +1,7 @@
 """The front door says what is true: commands and code run, the tables behind it are what flights give."""
 
 import dataclasses
+import os
 import re
 import shlex
 
@@ -84,15 +85,23 @@ def test_every_command_shown_is_understood(line, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with registry_kept():
         done = skyarm(*words_to_run(line))
+    if needs_program(line):  # which is somebody's own: the command is understood up to there
+        assert done.err.startswith("skyarm: controller.program: is missing")
+        return
     assert done.code == 0, done.err
     assert done.out.strip()
+
+
+def needs_program(line: str) -> bool:
+    """True for the command of an autopilot whose program is not here."""
+    return "--autopilot px4" in line and not os.environ.get("SKYARM_PX4")
 
 
 @pytest.mark.site
 def test_the_commands_shown_run_to_their_end_one_after_the_other(tmp_path, monkeypatch):
     """In one folder: some read what those before wrote."""
     monkeypatch.chdir(tmp_path)
-    for line in SHOWN:
+    for line in (each for each in SHOWN if not needs_program(each)):
         code, told = run_shown(line)
         assert code == 0, (line, told[-2000:])
 
