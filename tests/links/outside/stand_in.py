@@ -58,6 +58,7 @@ class StandIn:
         silent_at, leaves_at, disarms_at, nan_at, back_at: s after it entered offboard mode at which it falls silent,
             changes to hold, disarms, sends NaN, or sets its clock back by 100 s.
         refuses: set points are never taken. armed, landed: as it says. odometry: else attitude and position apart.
+        secrets: parameters that it does not send. offboard: another program commands it.
         place, heading: where it hovers, north east down, rad.
     """
 
@@ -78,6 +79,7 @@ class StandIn:
     place: tuple[float, float, float] = (3.0, -2.0, -5.0)
     heading: float = 0.7
     offboard: bool = False
+    secrets: tuple[str, ...] = ()
     seen: list[str] = field(default_factory=list)
     setpoints: list[float] = field(default_factory=list)
     path: list[np.ndarray] = field(default_factory=list)
@@ -178,7 +180,9 @@ class StandIn:
             self._send("TIMESYNC", tc1=round(now * 1e9), ts1=m["ts1"])
         elif m.name == "PARAM_REQUEST_READ":
             values = {"K": 1.0, "P": 0.15, "I": 0.2, "D": 0.003, "M": 0.3}
-            self._send("PARAM_VALUE", param_id=m["param_id"], param_value=values[m["param_id"][-1]], param_type=9)
+            value = self.hover if "HOVER" in m["param_id"] else values[m["param_id"][-1]]
+            if m["param_id"] not in self.secrets:
+                self._send("PARAM_VALUE", param_id=m["param_id"], param_value=value, param_type=9)
         elif m.name == "COMMAND_LONG" and m["command"] == 176:
             wants = m["param2"] == 6
             self.asked.append("offboard" if wants else "hold")

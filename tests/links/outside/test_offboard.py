@@ -60,11 +60,9 @@ def hurry(monkeypatch):
 
 
 def flown(scenario, settings=SETTINGS, **faults):
-    """Log of a flight with a stand-in that hovers with the model's share of the thrust, and the stand-in."""
+    """Log of a flight with a stand-in, and the stand-in."""
     port = free_port()
-    vehicle = scenario.controller.par.model.vehicle
-    full = sum(float(r.thrust_coefficient) * float(r.max_speed) ** 2 for r in vehicle.rotors)
-    with StandIn(port, hover=float(vehicle.mass) * 9.81 / full, **faults) as peer:
+    with StandIn(port, **{"hover": 0.37} | faults) as peer:
         link = OffboardLink(f"mavlink://127.0.0.1:{port}")
         try:
             log = OffboardFlight(scenario, link, NoJoints(), settings).run()
@@ -130,10 +128,26 @@ def test_a_pilot_is_not_fought(scenario):
 
 
 def test_a_vehicle_far_from_its_reference_is_handed_back(scenario):
-    settings = dataclasses.replace(SETTINGS, hover_share=0.05)  # the set point of hover is far too low: it falls
+    settings = dataclasses.replace(SETTINGS, hover_share=0.9, leash=0.3)  # far too much: it climbs
     log, peer = flown(scenario(5.0), settings)
     assert log.status == "diverged"
     assert "m from its reference" in log.info["cause"]
+    assert peer.modes == ["offboard", "hold"]
+
+
+def test_a_law_that_stood_still_hands_back(scenario, monkeypatch):
+    """What came meanwhile lies in the socket, so the estimates alone do not show it."""
+    calls = iter(range(400))
+
+    def stand(self, state, tick, reference, record=None, answer=OffboardFlight._answer):
+        if record is not None and next(calls) == 100:
+            time.sleep(0.5)
+        return answer(self, state, tick, reference, record)
+
+    monkeypatch.setattr(OffboardFlight, "_answer", stand)
+    log, peer = flown(scenario(5.0))
+    assert log.status == "link_lost"
+    assert "this process stood still for 0.5" in log.info["cause"]
     assert peer.modes == ["offboard", "hold"]
 
 
@@ -158,6 +172,8 @@ def test_ctrl_c_hands_back(scenario, monkeypatch):
         ({"armed": False}, "the vehicle was not armed, in the air and slow, in a mode of its own, within 0.6 s"),
         ({"offboard": True}, "the vehicle was not armed, in the air and slow, in a mode of its own, within 0.6 s"),
         ({"landed": True}, "the vehicle was not armed, in the air and slow, in a mode of its own, within 0.6 s"),
+        ({"secrets": ("MPC_THR_HOVER",)}, "PX4 does not send its parameter MPC_THR_HOVER"),
+        ({"hover": 0.01}, "PX4's MPC_THR_HOVER = 0.01: must be from 0.05 to 0.95"),
         ({"autopilot": 8}, "no autopilot of PX4 or ArduPilot was heard"),
     ],
 )

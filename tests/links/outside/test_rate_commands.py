@@ -25,7 +25,6 @@ from skyarm.links.outside.rate_commands import (
     angular_acceleration,
     rate_command,
     rotor_wrench,
-    thrust_at_full_signal,
 )
 from skyarm.reference import hover
 from skyarm.sensing.measurement import Measurement
@@ -137,9 +136,7 @@ def test_the_integral_ends_at_its_limit():
 def test_thrust_is_a_share_of_the_highest():
     model, measured, _, efforts = example("hummingbird_arm2", 1)
     vehicle = model.vehicle
-    full = thrust_at_full_signal(vehicle, 9.81, None)
-    assert full == pytest.approx(sum(highest_thrust(vehicle)))
-    assert thrust_at_full_signal(vehicle, 9.81, 0.5) == pytest.approx(2.0 * float(vehicle.mass) * 9.81)
+    full = sum(highest_thrust(vehicle))
     speeds = tuple(0.5 * float(rotor.max_speed) for rotor in vehicle.rotors)
     zero = Vec3(0.0, 0.0, 0.0)
     reference = hover((0.0, 0.0, 1.0), joints=(0.0,) * vehicle.n).at(0.0)

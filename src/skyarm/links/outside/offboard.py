@@ -11,7 +11,7 @@ from __future__ import annotations
 import gc
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, NoReturn
 
@@ -24,7 +24,7 @@ from skyarm.links.outside.joint_port import JointLink, JointReading
 from skyarm.links.outside.offboard_link import OffboardError, OffboardLink
 from skyarm.links.outside.outside_law import LoopSettings, OutsideLaw
 from skyarm.links.outside.px4_rate_loop import NAMES, px4_rate_loop
-from skyarm.links.outside.rate_commands import IdealRateLoop, RateLoop, Three, thrust_at_full_signal
+from skyarm.links.outside.rate_commands import IdealRateLoop, RateLoop, Three
 from skyarm.links.outside.state_frames import AutopilotState, WorldFrame, with_rotor_speeds
 from skyarm.log.flight_log import Log
 from skyarm.records.files import shown
@@ -40,6 +40,9 @@ BEAT = 0.25
 
 BEAT_LOST = 3.0
 """s without a heartbeat of the autopilot, which sends one each second."""
+
+HOVER = (0.05, 0.95)
+"""Thrust set points with which a vehicle can hover."""
 
 LEAD = 0.6
 """s of set points before the autopilot is asked to take them, as PX4 requires."""
@@ -60,7 +63,7 @@ class OffboardSettings:
 
     Attributes:
         rate_bandwidth: of an ideal rate loop; None inverts PX4's rate loop by its parameters.
-        hover_share: thrust set point in hover; None takes the model's highest thrust for a set point of 1.
+        hover_share: thrust set point in hover; None takes the autopilot's own parameter.
         here: True puts the scenario's start where the vehicle is at take-over; False takes the autopilot's local frame,
             in north, west, up, for the scenario's world.
         patience: longest wait for the autopilot's first messages, and for a vehicle that hovers.
@@ -137,6 +140,7 @@ class OffboardFlight:
         self._frame = WorldFrame()
         self._joints: JointReading | None = None
         self._joints_heard = self._beaten = -math.inf
+        self._alive = math.inf
         self._missed, self._ours = 0, False
         self._law: OutsideLaw | None = None
 
@@ -226,10 +230,19 @@ class OffboardFlight:
         self._until(settings.patience, has_state, f"{self._silent_part()} sent nothing")
         law = self._scenario.controller
         vehicle = law.par.model.vehicle
+        assert link.modes is not None
+        hover = link.modes.hover
+        if settings.hover_share is None:
+            self._read_parameters([hover])
+        share = link.parameters[hover] if settings.hover_share is None else settings.hover_share
+        if not HOVER[0] <= share <= HOVER[1]:
+            raise OffboardError(
+                f"--link: {link.modes.title}'s {hover} = {share:g}: must be from {HOVER[0]} to {HOVER[1]}"
+            )
         inner = LoopSettings(
             period=1.0 / self._rate,
             rate_loop=self._rate_loop(),
-            full_thrust=thrust_at_full_signal(vehicle, self._gravity, settings.hover_share),
+            full_thrust=float(vehicle.mass) * self._gravity / share,
             center=Vec3(*(float(c) for c in centre_of_mass(vehicle))),
         )
         self._law = OutsideLaw(law, inner, self._reference(0))
@@ -245,17 +258,27 @@ class OffboardFlight:
         assert link.modes is not None
         if link.modes.title != "PX4":
             raise OffboardError(f"--rate-bandwidth: must be given for {link.modes.title}, whose rate loop is not known")
+        self._read_parameters(NAMES)
+        return px4_rate_loop(self._scenario.controller.par.model.vehicle, link.parameters)
+
+    def _read_parameters(self, names: Sequence[str]) -> None:
+        """Read parameters of the autopilot.
+
+        Raises:
+            OffboardError: it does not send one of them.
+        """
+        link = self._link
+        assert link.modes is not None
         for _ in range(5):
-            missing = [name for name in NAMES if name not in link.parameters]
+            missing = [name for name in names if name not in link.parameters]
             for name in missing:
                 link.request_parameter(name)
             until = time.monotonic() + 0.4
             while time.monotonic() < until and any(name not in link.parameters for name in missing):
                 self._pump(0.02)
-        missing = [name for name in NAMES if name not in link.parameters]
+        missing = [name for name in names if name not in link.parameters]
         if missing:
-            raise OffboardError(f"--link: PX4 does not send its parameter {missing[0]}")
-        return px4_rate_loop(self._scenario.controller.par.model.vehicle, link.parameters)
+            raise OffboardError(f"--link: {link.modes.title} does not send its parameter {missing[0]}")
 
     def _await_hover(self) -> None:
         """Wait until the vehicle is armed, in the air, slow, and commanded by no other program."""
@@ -282,7 +305,7 @@ class OffboardFlight:
         if self._settings.here:
             self._frame = WorldFrame.at_start(state, tuple(start.position), float(start.yaw))
         begun, asked = time.monotonic(), -math.inf
-        link.accepted = False
+        link.accepted, self._alive = False, begun
         while not (link.modes.is_outside(link.mode) or link.accepted):
             now = time.monotonic()
             if now - begun > TAKE_OVER:
@@ -360,8 +383,11 @@ class OffboardFlight:
         return with_rotor_speeds(measured, self._rotors)
 
     def _require_alive(self) -> None:
-        """Hand back if estimates, heartbeats or joints are silent."""
+        """Hand back if estimates, heartbeats or joints are silent, or this process stood still meanwhile."""
         link, now, stale = self._link, time.monotonic(), self._settings.stale
+        stood, self._alive = now - self._alive, now
+        if stood > stale:
+            self._end(LINK_LOST, f"this process stood still for {stood:.2f} s")
         if now - link.heard > stale:
             self._end(LINK_LOST, f"no estimate from the autopilot for {stale:g} s")
         if now - link.beaten > BEAT_LOST:

@@ -74,10 +74,12 @@ class ModeNumbers:
     """Numbers of an autopilot's modes: for set points from outside, and for holding its place.
 
     Attributes:
-        title: of the autopilot. outside, hold: parameters 2 and 3 of the mode command.
+        title: of the autopilot. hover: its parameter of the thrust set point in hover.
+        outside, hold: parameters 2 and 3 of the mode command.
     """
 
     title: str
+    hover: str
     outside: tuple[int, int]
     hold: tuple[int, int]
 
@@ -95,8 +97,8 @@ class ModeNumbers:
 
 
 MODES: Mapping[int, ModeNumbers] = {
-    12: ModeNumbers(title="PX4", outside=(6, 0), hold=(4, 3)),
-    3: ModeNumbers(title="ArduPilot", outside=(4, 0), hold=(17, 0)),
+    12: ModeNumbers(title="PX4", hover="MPC_THR_HOVER", outside=(6, 0), hold=(4, 3)),
+    3: ModeNumbers(title="ArduPilot", hover="MOT_THST_HOVER", outside=(4, 0), hold=(17, 0)),
 }
 """MAVLink's number of an autopilot -> its modes: PX4's offboard and hold, ArduCopter's guided and brake."""
 

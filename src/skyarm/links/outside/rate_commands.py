@@ -22,7 +22,6 @@ from skyarm.algebra.scalars import Scalar, clip
 from skyarm.control.blocks.prediction import Disturbance, acceleration
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command
-from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.dynamics.actuators.mixer import allocation_matrix
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.records.units import Unit
@@ -148,10 +147,3 @@ def rate_command(
     following, error = loop.rate_error(integral, torque, turning, dt)
     share = clip(applied.force.z / full_thrust, 0.0, 1.0)
     return following, RateCommand(rates=measurement.rate + error, thrust=share)
-
-
-def thrust_at_full_signal(vehicle: Vehicle, gravity: float, hover_share: float | None) -> float:
-    """Thrust (N) of a set point of 1: by the share that the vehicle hovers with, or of the model's rotors."""
-    if hover_share is None:
-        return float(highest_thrust(vehicle))
-    return float(vehicle.mass) * gravity / hover_share
