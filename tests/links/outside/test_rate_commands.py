@@ -174,3 +174,10 @@ def test_px4s_loop_follows_from_its_parameters():
     assert read.integral[1] == pytest.approx(torque[1])
     assert read.derivative == pytest.approx([4.0 * each for each in torque])
     assert {name for name in rate_gains(vehicle) if "RATE_MAX" not in name} <= set(NAMES)
+
+
+def test_a_loop_without_a_proportional_gain_is_refused():
+    with pytest.raises(ValueError, match=r"rate_loop.proportional\[1\] = 0.0"):
+        PidRateLoop(proportional=(1.0, 0.0, 1.0), integral=(0.0,) * 3, derivative=(0.0,) * 3, limit=(0.0,) * 3)
+    with pytest.raises(ValueError, match=r"rate_loop.bandwidth\[0\] = -1.0"):
+        IdealRateLoop(bandwidth=(-1.0, 1.0, 1.0))

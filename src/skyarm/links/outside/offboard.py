@@ -27,6 +27,7 @@ from skyarm.links.outside.px4_rate_loop import NAMES, px4_rate_loop
 from skyarm.links.outside.rate_commands import IdealRateLoop, RateLoop, Three
 from skyarm.links.outside.state_frames import AutopilotState, WorldFrame, with_rotor_speeds
 from skyarm.log.flight_log import Log
+from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import shown
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
@@ -77,6 +78,9 @@ class OffboardSettings:
     patience: Annotated[float, Unit("s", low=0.1)] = 60.0
     stale: Annotated[float, Unit("s", low=0.02, high=2.0)] = 0.25
     leash: Annotated[float, Unit("m", low=0.0, strict=True)] = 1.5
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "", OffboardError)
 
 
 class HandBackError(Exception):

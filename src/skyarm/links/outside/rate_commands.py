@@ -24,6 +24,7 @@ from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.mixer import allocation_matrix
 from skyarm.dynamics.actuators.rotor import push
+from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
@@ -50,6 +51,9 @@ class IdealRateLoop:
 
     bandwidth: Annotated[Three, Unit("rad/s", "about x, y and z", low=0.0, strict=True)]
 
+    def __post_init__(self) -> None:
+        accept_fields(self, "rate_loop")
+
     def begin(self, torque: Vec3) -> Vec3:
         """Zero: an ideal loop has no integral that counts."""
         del torque
@@ -69,6 +73,9 @@ class PidRateLoop:
     integral: Annotated[Three, Unit("N m/rad", "i", low=0.0)]
     derivative: Annotated[Three, Unit("N m s^2/rad", "d", low=0.0)]
     limit: Annotated[Three, Unit("N m", "of the integral torque", low=0.0)]
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "rate_loop")
 
     def begin(self, torque: Vec3) -> Vec3:
         """The whole torque, within the limit: the rate error of a vehicle that hovers is zero on average."""

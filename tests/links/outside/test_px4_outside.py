@@ -1,0 +1,28 @@
+"""A law in one process, simulator and a real PX4 in another: it flies its circle, and a cut link loses no vehicle."""
+
+import os
+
+import pytest
+from beside_px4 import fly_beside
+from cut_links import cut_links
+
+pytestmark = [
+    pytest.mark.thorough,
+    pytest.mark.skipif(not os.environ.get("SKYARM_PX4"), reason="SKYARM_PX4 does not name PX4's program"),
+]
+
+
+def test_the_papers_law_flies_its_circle_as_in_the_simulator():
+    found = fly_beside('preset = "paper_ct"')
+    assert found["status"] == "completed"
+    assert found["tool_estimate_mm"] < 1.3 * found["tool_own_delayed_mm"]
+    assert found["delay_p50_ms"] < 15.0
+
+
+def test_a_cut_link_loses_no_vehicle():
+    found = cut_links(3)
+    assert found["cuts"] == 3
+    assert found["status"] == "hovers"
+    assert found["left"] == []
+    assert found["excursion_m"][1] < 2.0
+    assert set(found["codes"]) <= {3}
