@@ -73,13 +73,29 @@ def shown():
     return {title or language: text for language, title, text in fences}
 
 
+SWING = """
+name = "swing"
+duration = 6.0
+plant = { vehicle = "carrier.toml" }
+controller = { law = "centroidal" }
+
+[reference]
+base = { kind = "hover", position = [0.0, 0.0, 1.5] }
+joints = [
+    { kind = "sine", amplitude = 0.6, frequency_hz = 0.3, start = 1.0 },
+    { kind = "sine", amplitude = 0.8, frequency_hz = 0.3, start = 1.0 },
+    { kind = "constant", value = 0.02 },
+]
+"""
+
+
 @pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
 def test_the_arm_of_the_page_flies_on_both_plants_with_its_second_finger(here, shown, plant):
     """In Python floats, 0.1 s: the fingers open by a centimetre against each other."""
     (here / "examples").mkdir()
     saved(here, PICKER, "examples/picker.urdf")
     saved(here, shown["carrier.toml"], "carrier.toml")
-    saved(here, shown["swing.toml"], "swing.toml")
+    saved(here, SWING, "swing.toml")
     scenario = load_scenario(here / "swing.toml", duration=0.1, plant=plant)
     assert [each.name for each in scenario.plant.vehicle.followers] == ["right_finger"]
     # in Python floats: tracing a law costs seconds

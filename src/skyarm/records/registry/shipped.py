@@ -154,7 +154,7 @@ SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
 RESERVED: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     "command": {
         "a command": (
-            *("show", "check", "new", "run", "diff", "plot", "film", "studio", "export"),
+            *("show", "check", "new", "run", "fly", "diff", "plot", "film", "studio", "export"),
             *("identify", "margins", "tune", "compare", "sweep", "reproduce", "doctor"),
         ),
     },
