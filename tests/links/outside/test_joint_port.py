@@ -114,9 +114,10 @@ def test_a_new_commander_does_not_find_the_setpoints_of_the_last(server, arm, mo
     time.sleep(0.06)
     other = UdpJoints("127.0.0.1", server.port, 2)
     try:
-        other.read()  # asks for states
-        settle(lambda: server.exchange(0.0, (0.0, 0.0), (0.0, 0.0)) is None and other.read())
+        other.read()  # requests states
+        time.sleep(0.02)
         assert server.exchange(0.0, (0.0, 0.0), (0.0, 0.0)) is None
+        assert settle(other.read)
     finally:
         other.close()
 

@@ -15,6 +15,7 @@ from skyarm.links.outside import offboard
 from skyarm.links.outside.joint_port import JointServer, NoJoints, UdpJoints
 from skyarm.links.outside.offboard import OffboardFlight, OffboardSettings, require_outside
 from skyarm.links.outside.offboard_link import OffboardError, OffboardLink
+from skyarm.links.outside.outside_law import OutsideLaw
 from skyarm.scenario.scenario_record import ScenarioError
 
 SCENARIO = """
@@ -133,6 +134,25 @@ def test_a_vehicle_far_from_its_reference_is_handed_back(scenario):
     assert log.status == "diverged"
     assert "m from its reference" in log.info["cause"]
     assert peer.modes == ["offboard", "hold"]
+
+
+def test_the_law_begins_anew_until_its_commands_count(scenario, monkeypatch):
+    """Before the take-over the autopilot does not obey: an integrator would wind up."""
+    calls = []
+    for name in ("reset", "step"):
+
+        def note(self, *given, name=name, own=getattr(OutsideLaw, name)):
+            calls.append(name)
+            return own(self, *given)
+
+        monkeypatch.setattr(OutsideLaw, name, note)
+    log, _ = flown(scenario(0.3))
+    flying = len(calls) - log.info["outside"]["periods"]
+    before = "".join(name[0] for name in calls[:flying])
+    assert calls[flying:] == ["step"] * (len(calls) - flying)
+    assert before.count("s") > 10
+    assert "ss" not in before
+    assert before.endswith("sr")
 
 
 def test_a_law_that_stood_still_hands_back(scenario, monkeypatch):

@@ -1,6 +1,7 @@
 """A law outside of the simulator commands what it commands inside."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from skyarm import Session, load_scenario
 from skyarm.compile import leaves, rebuild
 from skyarm.control.model import Model
+from skyarm.dynamics.actuators import Command
 from skyarm.links.outside.outside_law import LoopSettings, OutsideLaw
 from skyarm.links.outside.rate_commands import IdealRateLoop
 from skyarm.simulate.inputs import episode_inputs
@@ -66,3 +68,19 @@ def test_reset_returns_to_the_first_state(compiled):
     assert last != first
     law.reset()
     assert leaves(law.step(seen, reference(1500))) == first
+
+
+def faster(memory, measurement, reference, dt, *, par):
+    """Law that commands 10 rad/s more than it measures."""
+    return memory, Command(rotor_speeds=tuple(w + 10.0 for w in measurement.rotor_speeds), efforts=(0.0, 0.0))
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_a_law_measures_rotors_that_lag_behind_its_commands(compiled):
+    scenario = load_scenario("case3")
+    controller = dataclasses.replace(scenario.controller, law=faster, memory=(), compiled=compiled)
+    law, seen = OutsideLaw(controller, SETTINGS, references(scenario)(0)), Session(scenario).measurement
+    rotor = controller.par.model.vehicle.rotors[0]
+    share = 1.0 - math.exp(-SETTINGS.period / float(rotor.time_constant_up))
+    speeds = [law.step(seen, references(scenario)(0)).law.rotor_speeds[0] for _ in range(4)]
+    assert np.diff(speeds) == pytest.approx([10.0 * share] * 3)

@@ -57,7 +57,7 @@ AUTO, HOLD = 4, 3
 OUTSIDE_PARAMETERS = {"IMU_INTEG_RATE": 250, "COM_OBL_RC_ACT": 5, "COM_RCL_EXCEPT": 7}
 """PX4 holds its place where set points from outside are missing; it needs no remote control."""
 
-OFFBOARD_LOSS = 0.3
+OFFBOARD_LOSS = 0.15
 """s without set points from outside after which PX4 holds its place; its own 1 s is long for a body rate. During the
 take-off, faster than real time, it stays at that."""
 

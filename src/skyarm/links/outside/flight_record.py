@@ -75,8 +75,10 @@ class FlightRecord:
         rows[self.ticks] = np.arange(len(self.ticks))
         rows = np.maximum.accumulate(rows)
         none = np.zeros((count, 0))
+        n, rotors, _ = scenario.plant.vehicle.sizes
         flown = Samples(
-            states=_table(self.states)[rows], commands=_table(self.commands)[rows], measurement=None, readings=(),
+            states=_table(self.states, 13 + 2 * n + rotors)[rows], commands=_table(self.commands, rotors + n)[rows],
+            measurement=None, readings=(),
             wind=WindSample(), found=none, led=none,
         )  # fmt: skip
         piece = Piece(plain, episode_inputs(plain), 0, flown)
@@ -85,5 +87,5 @@ class FlightRecord:
         return log
 
 
-def _table(rows: Sequence[Sequence[float]]) -> Array:
-    return np.array(rows, dtype=float).reshape(len(rows), -1)
+def _table(rows: Sequence[Sequence[float]], width: int) -> Array:
+    return np.array(rows, dtype=float).reshape(len(rows), width)
