@@ -139,13 +139,16 @@ def test_a_vehicle_far_from_its_reference_is_handed_back(scenario):
 def test_the_law_begins_anew_until_its_commands_count(scenario, monkeypatch):
     """Before the take-over the autopilot does not obey: an integrator would wind up."""
     calls = []
-    for name in ("reset", "step"):
 
-        def note(self, *given, name=name, own=getattr(OutsideLaw, name)):
+    def noted(name, own):
+        def note(self, *given):
             calls.append(name)
             return own(self, *given)
 
-        monkeypatch.setattr(OutsideLaw, name, note)
+        return note
+
+    for name in ("reset", "step"):
+        monkeypatch.setattr(OutsideLaw, name, noted(name, getattr(OutsideLaw, name)))
     log, _ = flown(scenario(0.3))
     flying = len(calls) - log.info["outside"]["periods"]
     before = "".join(name[0] for name in calls[:flying])
