@@ -85,9 +85,7 @@ def test_other_autopilots_refuse_in_one_line(name: str) -> None:
 
 
 def test_a_transcript_of_it_is_refused() -> None:
-    with pytest.raises(
-        ScenarioError, match=r"controller.transcript: must be left out where a program outside commands"
-    ):
+    with pytest.raises(ScenarioError, match=r"controller.transcript: must be left out where a program outside"):
         planned_scenario(outside("px4", transcript="flight.tape"))
 
 
