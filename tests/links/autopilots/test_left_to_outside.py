@@ -76,7 +76,7 @@ def test_setpoints_of_the_joints_port_move_the_arm(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["ardupilot", "betaflight"])
 def test_other_autopilots_refuse_in_one_line(name: str) -> None:
-    with pytest.raises(ScenarioError, match="controller.outside: must be left out for"):
+    with pytest.raises(ScenarioError, match=r"controller.outside: must be left out for"):
         planned_scenario(outside(name))
     ended = skyarm("run", "case3", "--autopilot", f"{name}:outside")
     assert ended.code == 2
