@@ -18,7 +18,7 @@ import pytest
 import skyarm as package
 from commanded import refused, skyarm
 from ros_stand_ins import MemoryNode, asked, framed, master, subscribe
-from skyarm.links.ros import live_flight
+from skyarm.links.ros import RosError, live_flight
 from skyarm.links.ros.live_flight import Pace, fly_live
 from skyarm.links.ros.message_types import decode
 from skyarm.log.ros.messages import ROS1_DEFINITIONS
@@ -124,6 +124,18 @@ def test_an_error_closes_the_node_and_goes_on():
     node = Ending(fail)
     with pytest.raises(OSError, match="gone"):
         fly_live(package.load_scenario("case3", duration=SHORT), node, 2, pace=math.inf, warn=pytest.fail)
+    assert node.closed
+
+
+def test_a_topic_that_cannot_be_written_ends_the_flight_and_keeps_its_log():
+    def fail(_node: Ending) -> None:
+        raise RosError("ROS 2 topic /clock: cannot be written (out of resources)")
+
+    told: list[str] = []
+    node = Ending(fail)
+    live = fly_live(package.load_scenario("case3", duration=SHORT), node, 2, pace=math.inf, warn=told.append)
+    assert told == ["ROS 2 topic /clock: cannot be written (out of resources); the flight ends after 0.1 s"]
+    assert (live.log.status, live.log.time.size, live.interrupted) == ("running", 20, None)
     assert node.closed
 
 

@@ -19,6 +19,8 @@ import pytest
 from ros_stand_ins import Talker, asked, exactly, framed, header, master, subscribe
 from skyarm.links.ros import RosError, open_node
 from skyarm.links.ros.message_types import checksum, decode
+from skyarm.links.ros.node import Inbox
+from skyarm.links.ros.ros1_connections import MOST_CONNECTIONS, Identity, Subscription, read_header
 from skyarm.links.ros.ros1_node import Ros1Node
 from skyarm.log.ros.messages import ROS1_CONSTANTS, ROS1_DEFINITIONS, encode
 
@@ -217,6 +219,94 @@ def test_garbage_on_the_api_port_is_silent(node, capfd):
                 pass
     assert asked(node.address, "getPid", "/test")[0] == 1
     assert capfd.readouterr() == ("", "")
+
+
+def test_an_update_with_too_many_publishers_connects_to_some():
+    go = threading.Event()
+
+    def find(publisher: str, topic: str) -> tuple[str, int]:
+        go.wait(20.0)
+        raise OSError("nobody")
+
+    subscription = Subscription(Identity("/test", "/skyarm/command", NUMBERS), Inbox(), find)
+    subscription.update([f"http://127.0.0.1:{k}" for k in range(200)])
+    count = len([each for each in threading.enumerate() if each.name == "ros1 source"])
+    go.set()
+    subscription.close()
+    assert count == MOST_CONNECTIONS
+
+
+@pytest.mark.parametrize("port", ["_listener", "_api"])
+def test_callers_that_say_nothing_are_limited_and_others_come_in_again(node, port):
+    node.advertise("/odom", ODOMETRY)
+    held = getattr(node, port)
+    place = (held if port == "_listener" else held.socket).getsockname()
+    with contextlib.ExitStack() as opened:
+        callers = [opened.enter_context(socket.create_connection(place, timeout=1.5)) for _ in range(70)]
+        with contextlib.suppress(ConnectionResetError):
+            assert callers[-1].recv(1) == b""  # at once; a caller in a place may be silent for 3 s
+        callers[0].settimeout(0.05)
+        with pytest.raises(TimeoutError):
+            callers[0].recv(1)
+    names = ("ros1 welcome", "process_request_thread")
+    wait_until(lambda: not [each for each in threading.enumerate() if any(name in each.name for name in names)])
+    connection, _ = subscribe(node.address, "/odom", ODOMETRY, "*")
+    connection.close()
+
+
+def test_a_topic_has_so_many_subscribers_at_most(node, monkeypatch):
+    monkeypatch.setattr("skyarm.links.ros.ros1_connections.MOST_CONNECTIONS", 2)
+    node.advertise("/odom", ODOMETRY)
+    with contextlib.ExitStack() as opened:
+        for count in (1, 2):
+            opened.enter_context(subscribe(node.address, "/odom", ODOMETRY, "*")[0])
+            wait_until(lambda count=count: node.subscribers("/odom") == count)
+        _, host, port = asked(node.address, "requestTopic", "/test", "/odom", [["TCPROS"]])[2]
+        with socket.create_connection((host, port), timeout=5.0) as connection:
+            connection.sendall(header(callerid="/test", topic="/odom", type=ODOMETRY, md5sum="*"))
+            assert connection.recv(1) == b""
+        assert node.subscribers("/odom") == 2
+
+
+def drip(connection: socket.socket, content: bytes) -> None:
+    """Send a byte every 20 ms, then break off."""
+    with contextlib.suppress(OSError):
+        for k in range(len(content)):
+            connection.sendall(content[k : k + 1])
+            time.sleep(0.02)
+    with contextlib.suppress(OSError):
+        connection.shutdown(socket.SHUT_WR)
+
+
+def test_a_header_that_drips_in_is_given_up(monkeypatch):
+    monkeypatch.setattr("skyarm.links.ros.ros1_connections.PATIENCE", 0.3)
+    left, right = socket.socketpair()
+    with left, right:
+        thread = threading.Thread(target=drip, args=(right, struct.pack("<I", 1000) + bytes(60)))
+        thread.start()
+        with pytest.raises(TimeoutError):
+            read_header(left)
+        thread.join()
+
+
+def test_a_call_that_drips_in_is_given_up(node, monkeypatch):
+    monkeypatch.setattr("skyarm.links.ros.ros1_node.PATIENCE", 0.3)
+    begun = time.monotonic()
+    with socket.create_connection(node._api.server_address, timeout=5.0) as connection:
+        thread = threading.Thread(target=drip, args=(connection, b"POST / HTTP/1.0\r\n" + b"X: y\r\n" * 20))
+        thread.start()
+        with contextlib.suppress(ConnectionResetError):
+            assert connection.recv(1) == b""
+        taken = time.monotonic() - begun
+        thread.join()
+    assert taken < 1.5  # the whole takes 2.7 s
+
+
+@pytest.mark.parametrize("length", ["70000", "9" * 40, "-1", "x", ""])
+def test_a_call_whose_length_cannot_be_is_refused_at_once(node, length):
+    with socket.create_connection(node._api.server_address, timeout=1.5) as connection:
+        connection.sendall(f"POST / HTTP/1.0\r\nContent-Length: {length}\r\n\r\n".encode())
+        assert b" 413 " in connection.recv(1000)
 
 
 def test_the_api_answers_what_the_tools_of_ros_ask(hub, node):

@@ -1,7 +1,9 @@
 """A node of ROS 2 against cyclonedds's own types and encoder, and against Fast DDS where it is."""
 
+import errno
 import os
 import shutil
+import socket
 import subprocess
 import sys
 import time
@@ -28,7 +30,7 @@ from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
-from skyarm.links.ros.ros2_node import Ros2Node
+from skyarm.links.ros.ros2_node import Ros2Node, _bind_to_loopback
 
 DOMAIN = 97
 
@@ -128,6 +130,35 @@ def test_sockets_receive_from_loopback_only(node):
     shown = subprocess.run(["ss", "-uln"], capture_output=True, text=True, check=False).stdout if which("ss") else ""
     for port in listening if shown else ():
         assert f"%lo:{port}" in shown or f"127.0.0.1:{port}" in shown
+
+
+class Refusing(socket.socket):
+    def setsockopt(self, *_: object) -> None:
+        raise PermissionError(errno.EPERM, "Operation not permitted")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="sockets are listed by Linux")
+def test_sockets_that_cannot_be_kept_to_loopback_are_refused_in_one_line(monkeypatch):
+    before = set(os.listdir("/proc/self/fd"))
+    monkeypatch.setattr("skyarm.links.ros.ros2_node.socket.socket", Refusing)
+    with pytest.raises(
+        RosError, match=r"^ROS 2: its sockets cannot be kept .* \(Operation not permitted\); .*CYCLONE"
+    ) as refused:
+        Ros2Node(DOMAIN)
+    assert refused.tb  # holds the node, whose sockets are closed all the same
+    wait_until(lambda: not [each for each in set(os.listdir("/proc/self/fd")) - before if is_socket(each)])
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="sockets are bound on Linux")
+def test_a_descriptor_that_is_gone_or_is_no_internet_socket_is_left_alone(monkeypatch):
+    left, right = socket.socketpair()
+    with left, right, socket.socket() as other:
+        gone = os.dup(left.fileno())
+        os.close(gone)
+        monkeypatch.setattr("skyarm.links.ros.ros2_node.socket.socket", Refusing)
+        _bind_to_loopback([gone, left.fileno()])
+        with pytest.raises(RosError, match="cannot be kept"):
+            _bind_to_loopback([other.fileno()])
 
 
 def is_socket(descriptor: str) -> bool:

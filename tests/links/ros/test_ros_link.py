@@ -14,7 +14,7 @@ from estimated_flight import estimated
 from ros_stand_ins import MemoryNode
 from skyarm.dynamics.actuators import Command
 from skyarm.links.ros import RosLink, live_session
-from skyarm.links.ros.goals import base_goal, joint_goal
+from skyarm.links.ros.goals import FARTHEST, base_goal, changes_to, check_reach, joint_goal
 from skyarm.links.ros.message_types import MessageError, decode
 from skyarm.links.ros.ros_link import APPLIED, CLOCK, COMMAND, GOAL, JOINT_GOAL, ROTORS, command_of
 from skyarm.log.ros.messages import FLIGHT, encode
@@ -242,6 +242,8 @@ def test_joint_goals_move_the_joints_that_they_name():
     [
         (GOAL, lambda node: pose(node, (0.0, np.nan, 1.0))),
         (GOAL, lambda node: pose(node, (0.0, 0.0, 1.0), frame="map")),
+        (GOAL, lambda node: pose(node, (1e308, 0.0, 1.0))),
+        (GOAL, lambda node: pose(node, (0.0, -5000.0, 1.0))),
         (GOAL, lambda node: struct.pack("<I", 7)),
         (JOINT_GOAL, lambda node: joints(node, ["elbow"], [0.1])),
         (JOINT_GOAL, lambda node: joints(node, [], [0.1])),
@@ -259,6 +261,27 @@ def test_a_goal_that_cannot_be_is_refused_in_one_line(topic, make):
     assert len(told) == 1
     assert told[0].startswith(f"{topic}: ")
     assert not link.session.plan.changes
+
+
+def test_the_farthest_goal_is_reached_within_the_limits():
+    link, _, _ = linked()
+    reference = link.session.scenario.reference
+    x = float(reference.x.derivatives(0.0)[0])
+    changes = changes_to(reference, 0.0, {"x": x + FARTHEST})
+    u = np.linspace(0.0, 1.0, 1001)
+    speed = 30.0 * u**2 * (1.0 - u) ** 2 * FARTHEST / changes["reference.x.duration"]
+    assert speed.max() == pytest.approx(1.0, rel=1e-6)
+    check_reach(reference, 0.0, {"x": x + FARTHEST, "yaw": 1e3})
+    for goals in ({"x": x + FARTHEST + 0.1}, {"joints.0": -1e308}):
+        with pytest.raises(MessageError, match=r"(x|joints\.0) = .*: must be within 160 of the reference, "):
+            check_reach(reference, 0.0, goals)
+
+
+@pytest.mark.parametrize("size", [1e308, 1e-320])
+def test_the_heading_of_a_rotation_of_any_length_is_finite(size):
+    position, rotation = {"x": 0.0, "y": 0.0, "z": 1.0}, {"x": 0.0, "y": 0.0, "z": size, "w": size}
+    goal = base_goal({"header": {"frame_id": ""}, "pose": {"position": position, "orientation": rotation}})
+    assert goal["yaw"] == pytest.approx(0.5 * np.pi)
 
 
 def test_a_joint_goal_is_within_the_limits_of_its_joint():

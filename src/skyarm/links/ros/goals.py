@@ -14,7 +14,7 @@ from typing import Any
 from skyarm.links.ros.message_types import MessageError
 from skyarm.log.ros.scene import WORLD
 from skyarm.records.files import must_be_one_of, shown
-from skyarm.reference.redirection import FIELDS, Redirected, redirectable, shortest_duration
+from skyarm.reference.redirection import DURATIONS, FIELDS, Redirected, redirectable, shortest_duration
 from skyarm.reference.trajectory import Trajectory
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -25,6 +25,9 @@ HEADING = "yaw"
 
 SPEED, ACCELERATION = 1.0, 1.0
 """Limits of a motion to a goal: m/s and m/s^2, rad/s and rad/s^2."""
+
+FARTHEST = SPEED * float(DURATIONS[-1]) * 8.0 / 15.0
+"""m or rad; way to a goal whose quintic motion, 15/8 times as fast at most as on average, takes the longest time."""
 
 
 def with_goals(scenario: Scenario) -> tuple[Scenario, str]:
@@ -63,8 +66,9 @@ def base_goal(message: Mapping[str, Any]) -> dict[str, float]:
     x, y, z, w = (float(pose["orientation"][axis]) for axis in "xyzw")
     if not all(map(math.isfinite, (*goals.values(), x, y, z, w))):
         raise MessageError("must be of finite numbers")
-    norm = x * x + y * y + z * z + w * w
-    if norm > 0.0:
+    if largest := max(map(abs, (x, y, z, w))):
+        x, y, z, w = x / largest, y / largest, z / largest, w / largest  # whose squares do not overflow
+        norm = x * x + y * y + z * z + w * w
         goals[HEADING] = math.atan2(2.0 * (w * z + x * y), norm - 2.0 * (y * y + z * z))
     return goals
 
@@ -89,6 +93,24 @@ def joint_goal(message: Mapping[str, Any], vehicle: Vehicle) -> dict[str, float]
             raise MessageError(f"{name} = {value:g}: must be a finite number {limits}")
         found[f"joints.{known.index(name)}"] = value
     return found
+
+
+def check_reach(reference: Trajectory, time: float, goals: Mapping[str, float]) -> None:
+    """Refuse goals so far from the reference of an instant that no motion within the limits reaches them.
+
+    Args:
+        reference: which takes goals.
+        time: of the instant, s.
+        goals: word of a signal (x, y, z, yaw, joints.0) -> goal.
+
+    Raises:
+        MessageError: a goal of the base or of a joint is too far.
+    """
+    signals = _signals(reference)
+    for word, goal in goals.items():
+        value = _begin(signals[word], time)[0]
+        if word != HEADING and not abs(goal - value) <= FARTHEST:
+            raise MessageError(f"{word} = {goal:g}: must be within {FARTHEST:g} of the reference, {value:g}")
 
 
 def changes_to(reference: Trajectory, time: float, goals: Mapping[str, float]) -> dict[str, float]:

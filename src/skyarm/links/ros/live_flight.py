@@ -8,7 +8,7 @@ from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
 
-from skyarm.links.ros.node import Node
+from skyarm.links.ros.node import Node, RosError
 from skyarm.links.ros.ros_link import GOAL, JOINT_GOAL, RosLink, Warn, live_session
 from skyarm.log.flight_log import Log
 from skyarm.scenario.scenario_record import Scenario
@@ -118,6 +118,8 @@ def fly_live(
             link = RosLink(session, node, warn=warn)
             try:
                 _fly(link, clock, advance, warn)
+            except RosError as error:
+                warn(f"{error}; the flight ends after {session.time:g} s")
             except Exception:
                 raise
             except BaseException as error:  # Ctrl-C and signals: they go on once the log is written

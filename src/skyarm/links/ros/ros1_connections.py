@@ -10,6 +10,7 @@ import contextlib
 import socket
 import struct
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -23,6 +24,9 @@ PATIENCE = 3.0
 
 LONGEST_HEADER, LONGEST_MESSAGE = 1 << 16, 1 << 20
 """Bytes; a length beyond is none of a topic of ours."""
+
+MOST_CONNECTIONS = 64
+"""Connections of one topic, and callers of one port, at a time; more are refused."""
 
 LENGTH = struct.Struct("<I")
 
@@ -87,6 +91,8 @@ class Publication:
                 connection.sendall(header_bytes({"error": problem}))
                 connection.close()
                 return
+            if found.count >= MOST_CONNECTIONS:
+                raise ConnectionError(f"{found.identity.topic} has {MOST_CONNECTIONS} subscribers")
             connection.sendall(header_bytes({**found.identity.fields, "latching": "1" if found._latched else "0"}))
             found._add(_Outlet(connection))
         except (OSError, ValueError):
@@ -181,7 +187,8 @@ class Subscription:
         self._sources: dict[str, _Source] = {}
 
     def update(self, publishers: list[str]) -> None:
-        """Connect to new publishers and close the connections of those that are gone."""
+        """Connect to new publishers, as many as may be, and close the connections of those that are gone."""
+        publishers = list(dict.fromkeys(publishers))[:MOST_CONNECTIONS]
         with self._lock:
             gone = [self._sources.pop(each) for each in list(self._sources) if each not in publishers]
             for each in publishers:
@@ -244,15 +251,17 @@ def header_bytes(fields: Mapping[str, str]) -> bytes:
 
 
 def read_header(connection: socket.socket) -> dict[str, str]:
-    """Read a connection header.
+    """Read a connection header, whose bytes have to arrive within one time limit.
 
     Raises:
-        ValueError: the bytes are no header. OSError: the connection broke off.
+        ValueError: the bytes are no header. OSError: the connection broke off, or was too slow.
     """
-    (length,) = LENGTH.unpack(read_exactly(connection, LENGTH.size))
+    until = time.monotonic() + PATIENCE
+    (length,) = LENGTH.unpack(read_exactly(connection, LENGTH.size, until))
     if length > LONGEST_HEADER:
         raise ValueError(f"header of {length} bytes: must be at most {LONGEST_HEADER}")
-    content, found = read_exactly(connection, length), dict[str, str]()
+    content, found = read_exactly(connection, length, until), dict[str, str]()
+    connection.settimeout(PATIENCE)
     while content:
         if len(content) < LENGTH.size:
             raise ValueError("header: must be fields behind their lengths")
@@ -265,14 +274,28 @@ def read_header(connection: socket.socket) -> dict[str, str]:
     return found
 
 
-def read_exactly(connection: socket.socket, count: int) -> bytes:
-    """Read a number of bytes.
+def limit_wait(connection: socket.socket, until: float) -> None:
+    """Let a connection wait until a time of the monotonic clock, s, and no longer.
 
     Raises:
-        OSError: the connection broke off.
+        TimeoutError: it has come.
+    """
+    left = until - time.monotonic()
+    if left <= 0.0:
+        raise TimeoutError("the connection is too slow")
+    connection.settimeout(left)
+
+
+def read_exactly(connection: socket.socket, count: int, until: float | None = None) -> bytes:
+    """Read a number of bytes; with ``until``, before that time of the monotonic clock, s.
+
+    Raises:
+        OSError: the connection broke off, or was too slow.
     """
     found = bytearray()
     while len(found) < count:
+        if until is not None:
+            limit_wait(connection, until)
         more = connection.recv(count - len(found))
         if not more:
             raise ConnectionError("the connection broke off")

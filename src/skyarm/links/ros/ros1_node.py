@@ -11,9 +11,11 @@ from __future__ import annotations
 
 import contextlib
 import http.client
+import io
 import os
 import socket
 import threading
+import time
 import xmlrpc.client
 from collections.abc import Callable, Mapping
 from socketserver import ThreadingMixIn
@@ -22,7 +24,14 @@ from urllib.parse import urlsplit
 from xmlrpc.server import SimpleXMLRPCRequestHandler, SimpleXMLRPCServer
 
 from skyarm.links.ros.node import LOOPBACK, Inbox, RosError
-from skyarm.links.ros.ros1_connections import PATIENCE, Identity, Publication, Subscription
+from skyarm.links.ros.ros1_connections import (
+    MOST_CONNECTIONS,
+    PATIENCE,
+    Identity,
+    Publication,
+    Subscription,
+    limit_wait,
+)
 from skyarm.log.ros.messages import ROS1_DEFINITIONS
 from skyarm.records.files import shown
 
@@ -40,6 +49,9 @@ WATCH = 1.0
 PROTOCOL = "TCPROS"
 
 MOST_PORT = 65535
+
+LONGEST_REQUEST = 1 << 16
+"""Bytes of a call of the node's API; no call of a master or a node is longer."""
 
 SUCCESS = 1
 
@@ -67,12 +79,12 @@ class Ros1Node:
         self._subscriptions: dict[str, Subscription] = {}
         self._problem = self._end_reason = ""
         self._closing = threading.Event()
+        self._welcomes = threading.BoundedSemaphore(MOST_CONNECTIONS)
         self._ask("getPid")  # before any socket is open
         with contextlib.ExitStack() as opened:
             try:
                 self._listener = opened.enter_context(socket.create_server((self._host, 0)))
-                server = _ApiServer((self._host, 0), requestHandler=_Handler, logRequests=False, allow_none=True)
-                self._api = opened.enter_context(server)
+                self._api = opened.enter_context(_ApiServer(self._host))
             except OSError as error:
                 words = error.strerror or error
                 raise RosError(f"ROS 1 node: no socket can be opened at {shown(self._host)} ({words})") from None
@@ -196,11 +208,17 @@ class Ros1Node:
                 connection, _ = self._listener.accept()
             except OSError:
                 return
+            if not self._welcomes.acquire(blocking=False):
+                connection.close()
+                continue
             thread = threading.Thread(target=self._welcome, args=(connection,), name="ros1 welcome", daemon=True)
             thread.start()
 
     def _welcome(self, connection: socket.socket) -> None:
-        Publication.welcome(connection, self._publications)
+        try:
+            Publication.welcome(connection, self._publications)
+        finally:
+            self._welcomes.release()
         if self._closing.is_set():
             for each in self._publications.values():
                 each.close()
@@ -260,22 +278,72 @@ class _Api:
         return 0
 
 
+class _Request(io.RawIOBase):
+    """Bytes of a request, which have to arrive within one time limit."""
+
+    def __init__(self, connection: socket.socket) -> None:
+        self._connection, self._until = connection, time.monotonic() + PATIENCE
+
+    def readable(self) -> bool:
+        """Return True."""
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        """Read what has arrived; TimeoutError once the time is over."""
+        limit_wait(self._connection, self._until)
+        return self._connection.recv_into(buffer)
+
+
 class _Handler(SimpleXMLRPCRequestHandler):
-    """Request handler that answers at any path and drops a silent caller."""
+    """Request handler that answers at any path and drops a caller that is slow or sends too much."""
 
     rpc_paths = ()
     timeout = PATIENCE
+
+    def setup(self) -> None:
+        """Read the request within one time limit."""
+        super().setup()
+        self.rfile.close()
+        self.rfile = io.BufferedReader(_Request(self.connection))
+
+    def do_POST(self) -> None:
+        """Answer a call that is not too long."""
+        length = self.headers.get("Content-Length", "")
+        if not (length.isascii() and length.isdigit() and len(length) < 9 and int(length) <= LONGEST_REQUEST):
+            self.send_error(413)
+            return
+        super().do_POST()
 
     def log_message(self, *_: Any) -> None:
         """Print nothing about requests that are none."""
 
 
 class _ApiServer(ThreadingMixIn, SimpleXMLRPCServer):
-    """XML-RPC server of a node, with a thread for each caller, silent about those that break off."""
+    """XML-RPC server of a node, with a thread for each of some callers, silent about those that break off."""
 
     daemon_threads, block_on_close = True, False
 
+    request_queue_size = MOST_CONNECTIONS
+
     _send_traceback_header = False
+
+    def __init__(self, host: str) -> None:
+        self._places = threading.BoundedSemaphore(MOST_CONNECTIONS)
+        super().__init__((host, 0), requestHandler=_Handler, logRequests=False, allow_none=True)
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Answer a caller in a thread of its own, or drop it where there are too many."""
+        if self._places.acquire(blocking=False):
+            super().process_request(request, client_address)
+        else:
+            self.shutdown_request(request)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        """Answer a caller, and make room for another."""
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self._places.release()
 
     def handle_error(self, *_: Any) -> None:
         """Ignore a caller that breaks off or sends no XML."""

@@ -82,6 +82,9 @@ class Ros2Node:
             self._entities.append(self._dds.domain.Domain(self._number, LOOPBACK_ONLY))
             self._participant = self._dds.domain.DomainParticipant(self._number)
             _bind_to_loopback(_open_sockets() - others)
+        except RosError:
+            self.close()
+            raise
         except self._dds.core.DDSException as error:
             self.close()
             raise RosError(f"ROS 2 domain {self._number}: cannot be joined ({_words(error)})") from None
@@ -213,10 +216,26 @@ def _open_sockets() -> set[int]:
 
 
 def _bind_to_loopback(descriptors: Iterable[int]) -> None:
-    """Let sockets receive from the loopback device only: the library opens them for every interface."""
+    """Let sockets receive from the loopback device only: the library opens them for every interface.
+
+    Raises:
+        RosError: the system does not allow it.
+    """
     for each in descriptors if sys.platform == "linux" else ():
-        with contextlib.suppress(OSError), socket.socket(fileno=os.dup(each)) as shared:
-            shared.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, b"lo\0")
+        try:
+            shared = socket.socket(fileno=os.dup(each))
+        except OSError:  # closed since it was listed
+            continue
+        with shared:
+            if shared.family not in (socket.AF_INET, socket.AF_INET6):
+                continue
+            try:
+                shared.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, b"lo\0")
+            except OSError as error:
+                raise RosError(
+                    f"ROS 2: its sockets cannot be kept to this machine ({error.strerror or error}); "
+                    f"a configuration of your own in {CONFIGURATION} takes the place of ours"
+                ) from None
 
 
 def _words(error: Exception) -> str:

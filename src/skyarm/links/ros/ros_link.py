@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from skyarm.control.controller import autopilot_of
 from skyarm.dynamics.actuators import Command
-from skyarm.links.ros.goals import base_goal, changes_to, goal_paths, joint_goal, takes_goals, with_goals
+from skyarm.links.ros.goals import base_goal, changes_to, check_reach, goal_paths, joint_goal, takes_goals, with_goals
 from skyarm.links.ros.message_types import MessageError, decode
 from skyarm.links.ros.node import Node
 from skyarm.log.log_columns import names_of
@@ -164,19 +164,23 @@ class RosLink:
             return
         for message in self._take_messages(GOAL, POSE):
             try:
-                self._goal |= base_goal(message)
+                self._aim(base_goal(message))
             except MessageError as error:
                 self._refuse(GOAL, error)
         vehicle = session.scenario.plant.vehicle
         for message in self._take_messages(JOINT_GOAL, JOINTS) if vehicle.n else ():
             try:
-                self._goal |= joint_goal(message, vehicle)
+                self._aim(joint_goal(message, vehicle))
             except MessageError as error:
                 self._refuse(JOINT_GOAL, error)
         if self._goal and session.running and session.time - self._last_goal >= GOAL_PAUSE - 1e-9:
             session.change(changes_to(session.scenario.reference, session.time, self._goal))
             self._goal, self._last_goal = {}, session.time
             self.goals += 1
+
+    def _aim(self, goals: Mapping[str, float]) -> None:
+        check_reach(self.session.scenario.reference, self.session.time, goals)
+        self._goal |= goals
 
     def publish(self) -> None:
         """Publish the period that was flown last on all topics whose turn it is."""
