@@ -72,7 +72,8 @@ def fly(
         try:
             autopilot = OffboardLink(link, patience)
             try:
-                log = OffboardFlight(planned, autopilot, arm, settings, tell).run()
+                flight = OffboardFlight(planned, autopilot, arm, settings, tell)
+                log = flight.run()
             finally:
                 autopilot.close()
         finally:
@@ -83,6 +84,8 @@ def fly(
     tell(*summary(log, found), *_times(log.info["outside"]))
     tell(f"log: {', '.join(map(str, written))}{' (new folder)' if new else ''}")
     give(found, logs=written, kept=[str(name) for name in kept])
+    if flight.interrupted is not None:
+        raise flight.interrupted
     if log.status != "completed":
         raise typer.Exit(NOT_COMPLETED)
 

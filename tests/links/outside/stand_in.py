@@ -56,7 +56,9 @@ class StandIn:
     Attributes:
         port: of the law's side. hover: thrust of hover. bandwidth: of the rate loop, rad/s.
         silent_at, leaves_at, disarms_at, nan_at, back_at: s after it entered offboard mode at which it falls silent,
-            changes to hold, disarms, sends NaN, or sets its clock back by 100 s.
+            changes to hold, disarms, sends NaN, or sets its clock back by 100 s, or on by 1000 s.
+        mute: it does not say whether a mode was entered, nor beats in offboard mode.
+        guided: ArduPilot's options of guided mode.
         refuses: set points are never taken. armed, landed: as it says. odometry: else attitude and position apart.
         secrets: parameters that it does not send. offboard: another program commands it.
         place, heading: where it hovers, north east down, rad.
@@ -70,7 +72,10 @@ class StandIn:
     disarms_at: float = np.inf
     nan_at: float = np.inf
     back_at: float = np.inf
+    ahead_at: float = np.inf
     refuses: bool = False
+    mute: bool = False
+    guided: float = 0.0
     armed: bool = True
     landed: bool = False
     odometry: bool = True
@@ -123,7 +128,8 @@ class StandIn:
             self._integrate(dt)
             since = now - self._since if self.offboard else -1.0
             if since < self.silent_at:
-                self._report(steps, now - (100.0 if since >= self.back_at else 0.0), since)
+                shift = 1000.0 * (since >= self.ahead_at) - 100.0 * (since >= self.back_at)
+                self._report(steps, now + shift, since)
             if since >= self.leaves_at:
                 self.offboard, self._since = False, np.inf
                 self.modes.append("left")
@@ -158,7 +164,7 @@ class StandIn:
             self._send(
                 "ATTITUDE_QUATERNION", time_boot_ms=round(now * 1e3), rollspeed=p, pitchspeed=q, yawspeed=r, **names
             )
-        if steps % 25 == 0:
+        if steps % 25 == 0 and not (self.mute and self.offboard):
             armed = self.armed and since < self.disarms_at
             mode = PX4_OFFBOARD if self.offboard else PX4_HOLD
             self._send("HEARTBEAT", type=2, autopilot=self.autopilot, base_mode=128 * armed, custom_mode=mode)
@@ -180,7 +186,7 @@ class StandIn:
             self._send("TIMESYNC", tc1=round(now * 1e9), ts1=m["ts1"])
         elif m.name == "PARAM_REQUEST_READ":
             values = {"K": 1.0, "P": 0.15, "I": 0.2, "D": 0.003, "M": 0.3}
-            value = self.hover if "HOVER" in m["param_id"] else values[m["param_id"][-1]]
+            value = self.hover if "HOVER" in m["param_id"] else values.get(m["param_id"][-1], self.guided)
             if m["param_id"] not in self.secrets:
                 self._send("PARAM_VALUE", param_id=m["param_id"], param_value=value, param_type=9)
         elif m.name == "COMMAND_LONG" and m["command"] == 176:
@@ -190,4 +196,6 @@ class StandIn:
             if taken and wants != self.offboard:
                 self.offboard, self._since = wants, now if wants else np.inf
                 self.modes.append("offboard" if wants else "hold")
+            if self.mute:
+                return
             self._send("COMMAND_ACK", command=176, result=0 if taken else 1)

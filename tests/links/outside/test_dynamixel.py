@@ -2,6 +2,7 @@
 
 import math
 import sys
+import threading
 import time
 import types
 
@@ -174,6 +175,65 @@ def test_a_released_arm_holds_its_place(sdk, tables):
         assert get(tables[1], 102, 2) == 0  # nothing is written any more
     finally:
         arm.close()
+
+
+def test_setpoints_that_are_not_renewed_are_not_sent_on(sdk, tables):
+    """Our own thread feeds the servos' watchdog, so that it does not see a law that stands still."""
+    arm = DynamixelJoints(ServoBus(device="/dev/x", ids=(1, 2), torque=2.0))
+    try:
+        arm.send((0.5, 0.5), 0.0)
+        settle(lambda: get(tables[1], 102, 2) != 0)
+        settle(lambda: [tables[k][11] for k in (1, 2)] == [4, 4], 1.0)
+        put(tables[1], 102, 0, 2)
+        time.sleep(0.02)
+        assert get(tables[1], 102, 2) == 0
+    finally:
+        arm.close()
+
+
+def test_a_slow_bus_does_not_hold_up_the_law(sdk, tables, monkeypatch):
+    busy = threading.Event()
+
+    def slow(self):
+        busy.set()
+        time.sleep(0.3)
+        return 0
+
+    monkeypatch.setattr(sdk.GroupSyncRead, "txRxPacket", slow)
+    arm = DynamixelJoints(ServoBus(device="/dev/x", ids=(1, 2)))
+    try:
+        assert busy.wait(2.0)
+        begun = time.monotonic()
+        arm.read()
+        arm.send((0.0, 0.0), 0.0)
+        assert time.monotonic() - begun < 0.1
+    finally:
+        arm.close()
+
+
+def test_an_error_of_the_sdk_is_the_arms_problem(sdk, tables, monkeypatch):
+    monkeypatch.setattr(sdk.GroupSyncRead, "txRxPacket", lambda self: self.missing)
+    arm = DynamixelJoints(ServoBus(device="/dev/x", ids=(1, 2)))
+    try:
+        settle(lambda: arm.problem)
+        assert "has no attribute 'missing'" in arm.problem
+        assert arm.read() is None
+    finally:
+        arm.close()
+
+
+def test_a_bus_at_another_speed_is_closed_again(sdk, monkeypatch):
+    monkeypatch.setattr(sdk.PortHandler, "setBaudRate", lambda self, baud: False)
+    with pytest.raises(JointPortError, match="cannot be opened at"):
+        DynamixelJoints(ServoBus(device="/dev/x", ids=(1, 2)))
+    assert sdk.closed
+
+
+@pytest.mark.parametrize(("field", "value"), [("torque", 0.0), ("torque", -1.0), ("torque", math.nan), ("most", 0.0)])
+def test_a_bus_without_sense_is_one_line(field, value):
+    with pytest.raises(JointPortError, match=f"--joints.{field} = {value}: must be") as error:
+        ServoBus(device="/dev/x", ids=(1,), **{field: value})
+    assert "\n" not in str(error.value)
 
 
 def test_a_servo_that_does_not_answer_is_one_line(tables, monkeypatch):

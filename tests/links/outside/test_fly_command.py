@@ -1,6 +1,10 @@
 """Command ``skyarm fly``: words, results and exit codes, beside a stand-in for an autopilot."""
 
 import json
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -73,6 +77,25 @@ def test_the_local_frame_can_be_the_world():
     assert peer.modes == ["offboard", "hold"]
 
 
+def test_a_signal_hands_back_and_keeps_the_log(folder):
+    """The command itself, by its entry point: what ends it is no KeyboardInterrupt there."""
+    port = free_port()
+    words = ("fly", "step.toml", "--link", f"mavlink://127.0.0.1:{port}", "--rate-bandwidth", "18,18,18")
+    with StandIn(port, hover=0.37) as peer:
+        command = [sys.executable, "-m", "skyarm", *words, "--duration", "60"]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as child:
+            until = time.monotonic() + 60.0
+            while "offboard" not in peer.modes and time.monotonic() < until and child.poll() is None:
+                time.sleep(0.05)
+            time.sleep(0.5)
+            child.send_signal(signal.SIGINT)
+            out, err = child.communicate(timeout=60.0)
+    assert child.returncode == 130, err
+    assert "stopped" in out
+    assert peer.modes == ["offboard", "hold"]
+    assert load_log(folder / "out" / "fly" / "step.npz").status == "stopped"
+
+
 def test_an_earlier_flight_is_kept():
     fly()
     fly()
@@ -91,6 +114,8 @@ def test_an_earlier_flight_is_kept():
         ),
         (("--link", "mavlink://127.0.0.1:9", "--rate-bandwidth", "18,nan,1"), "must be three numbers"),
         (("--link", "mavlink://127.0.0.1:9", "--leash", "-1"), "leash = -1.0"),
+        (("--link", "mavlink://127.0.0.1:9", "--leash", "nan"), "leash = nan: must be a finite number"),
+        (("--link", "mavlink://127.0.0.1:9", "--patience", "inf"), "patience = inf: must be a finite number"),
         (("--link", "mavlink://127.0.0.1:9", "--controller", "px4"), "must be a law"),
     ],
 )

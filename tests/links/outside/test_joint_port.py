@@ -2,6 +2,7 @@
 
 import socket
 import time
+from collections import deque
 
 import pytest
 
@@ -182,3 +183,13 @@ def test_a_users_function_makes_a_port(tmp_path):
     for maker, words in (("wrong", "wrong must return a JointLink"), ("none", "must have a function 'none'")):
         with pytest.raises(JointPortError, match=words):
             open_joints(f"{file}:{maker}", vehicle)
+
+
+def test_the_newest_ages_are_kept_and_all_commands_counted(server, arm, monkeypatch):
+    assert server._ages.maxlen == joint_port.MOST_AGES
+    server._ages = deque(maxlen=3)
+    for k in range(5):
+        arm.send((0.0, 0.0), 0.0)
+        settle(lambda k=k: server.exchange(1.0, (0.0, 0.0), (0.0, 0.0)) is not None and server.facts["commands"] > k)
+    assert server.facts["commands"] == 5
+    assert len(server._ages) == 3

@@ -107,6 +107,7 @@ def test_set_points_go_only_beside_heartbeats_and_end_with_the_flight(scenario):
         ({"silent_at": 0.5}, "link_lost", "no estimate from the autopilot for 0.2 s"),
         ({"nan_at": 0.5}, "link_lost", "no estimate from the autopilot for 0.2 s"),
         ({"back_at": 0.5}, "link_lost", "no estimate from the autopilot for 0.2 s"),
+        ({"ahead_at": 0.5}, "link_lost", "the autopilot's clock went on by 1e+03 s between two estimates"),
         ({"leaves_at": 0.6}, "taken_back", "PX4 left the mode that takes set points"),
         ({"disarms_at": 0.6}, "taken_back", "PX4 is no longer armed"),
     ],
@@ -126,6 +127,25 @@ def test_a_pilot_is_not_fought(scenario):
     _, peer = flown(scenario(3.0), leaves_at=0.6)
     assert peer.modes == ["offboard", "left"]
     assert peer.asked == ["offboard"]
+
+
+def test_a_vehicle_that_its_pilot_has_just_taken_is_not_asked_to_hold(scenario, monkeypatch):
+    """The flight ends before it has noticed the pilot's mode."""
+    monkeypatch.setattr(offboard, "MODE_KNOWN", 60.0)
+    log, peer = flown(scenario(0.8), leaves_at=0.72)
+    assert log.status == "completed"
+    assert (peer.modes, peer.asked) == (["offboard", "left"], ["offboard"])
+
+
+def test_a_mode_that_is_entered_without_an_answer_is_handed_back(scenario, monkeypatch):
+    """It may follow the request at any time, so the vehicle is ours from the request on."""
+    monkeypatch.setattr(offboard, "TAKE_OVER", 0.4)
+    peers = []
+    monkeypatch.setattr(StandIn, "__enter__", lambda self, enter=StandIn.__enter__: peers.append(self) or enter(self))
+    with pytest.raises(OffboardError, match="does not take set points"):
+        flown(scenario(), mute=True)
+    assert peers[0].asked[:1] == ["offboard"]
+    assert peers[0].modes[:2] == ["offboard", "hold"]
 
 
 def test_a_vehicle_far_from_its_reference_is_handed_back(scenario):
@@ -184,7 +204,7 @@ def test_ctrl_c_hands_back(scenario, monkeypatch):
 
     monkeypatch.setattr(OffboardFlight, "_answer", stop)
     log, peer = flown(scenario(5.0))
-    assert (log.status, log.info["cause"]) == ("stopped", "stopped by Ctrl-C")
+    assert (log.status, log.info["cause"]) == ("stopped", "stopped by Ctrl-C or a signal")
     assert peer.modes == ["offboard", "hold"]
 
 
@@ -197,6 +217,7 @@ def test_ctrl_c_hands_back(scenario, monkeypatch):
         ({"landed": True}, "the vehicle was not armed, in the air and slow, in a mode of its own, within 0.6 s"),
         ({"secrets": ("MPC_THR_HOVER",)}, "PX4 does not send its parameter MPC_THR_HOVER"),
         ({"hover": 0.01}, "PX4's MPC_THR_HOVER = 0.01: must be from 0.05 to 0.95"),
+        ({"autopilot": 3}, "ArduPilot's GUID_OPTIONS = 0: must include 8, so that thrust is not a climb rate"),
         ({"autopilot": 8}, "no autopilot of PX4 or ArduPilot was heard"),
     ],
 )

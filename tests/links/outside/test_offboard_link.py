@@ -10,6 +10,7 @@ import pytest
 
 from skyarm.algebra import Vec3
 from skyarm.links import mavlink
+from skyarm.links.outside import offboard_link
 from skyarm.links.outside.offboard_link import MODES, OffboardError, OffboardLink, parse_link
 from skyarm.links.outside.rate_commands import RateCommand
 
@@ -108,6 +109,45 @@ def test_a_link_that_calls_sends_first():
         finally:
             link.close()
     assert (found.name, found["type"]) == ("HEARTBEAT", 18)
+
+
+def test_a_link_that_calls_hears_only_whom_it_calls():
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger,
+    ):
+        other.bind(("127.0.0.1", 0))
+        link = OffboardLink(f"mavlink-out://127.0.0.1:{other.getsockname()[1]}")
+        frame = mavlink.pack("HEARTBEAT", sequence=1, system=3, component=1, autopilot=12, type=2)
+        try:
+            link.beat()
+            own = link._socket.getsockname()
+            assert own[0] == "127.0.0.1"
+            stranger.sendto(frame, own)
+            link.wait(0.2)
+            assert not link.has_autopilot
+            other.sendto(frame, own)
+            link.wait(0.2)
+            assert link.has_autopilot
+        finally:
+            link.close()
+
+
+def test_what_was_not_asked_for_is_not_kept(link, peer):
+    peer.heartbeat()
+    peer.say("PARAM_VALUE", param_id="OTHER", param_value=1.0, param_type=9)
+    assert link.parameters == {}
+    link.request_parameter("MPC_THR_HOVER")
+    peer.say("PARAM_VALUE", param_id="MPC_THR_HOVER", param_value=0.5, param_type=9)
+    assert link.parameters == {"MPC_THR_HOVER": 0.5}
+
+
+def test_the_newest_round_trips_are_kept(link, peer, monkeypatch):
+    peer.heartbeat()
+    for _ in range(offboard_link.MOST_TIMES + 1):
+        now = time.monotonic_ns()
+        link._hear_time({"tc1": now, "ts1": now})
+    assert len(link.round_trips) == offboard_link.MOST_TIMES
 
 
 def test_an_estimate_comes_in_our_axes(link, peer):
@@ -257,11 +297,12 @@ def test_streams_are_asked_for_by_interval(link, peer):
     peer.heartbeat()
     link.request_streams(200.0)
     asked = {}
-    for _ in range(5):
+    for _ in range(6):
         found = peer.heard()
         asked[found["param1"]] = found["param2"]
     assert asked[331.0] == asked[31.0] == asked[105.0] == 2500.0
     assert asked[245.0] == 125000.0
+    assert asked[0.0] == 50000.0  # heartbeats, which tell the mode
 
 
 def test_garbage_leaves_the_link_as_it_was(link, peer):

@@ -1,6 +1,7 @@
 """Rate set points give the law's torque and acceleration through the loop that they invert."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -181,3 +182,11 @@ def test_a_loop_without_a_proportional_gain_is_refused():
         PidRateLoop(proportional=(1.0, 0.0, 1.0), integral=(0.0,) * 3, derivative=(0.0,) * 3, limit=(0.0,) * 3)
     with pytest.raises(ValueError, match=r"rate_loop.bandwidth\[0\] = -1.0"):
         IdealRateLoop(bandwidth=(-1.0, 1.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("MC_ROLLRATE_P", 0.0), ("MC_YAWRATE_K", math.nan), ("MC_PR_INT_LIM", -1.0)]
+)
+def test_a_gain_of_px4_that_has_no_inverse_is_named(name, value):
+    with pytest.raises(ValueError, match=f"PX4's {name} = {value}: must be a finite gain"):
+        px4_rate_loop(load_vehicle("hummingbird"), {name: value})

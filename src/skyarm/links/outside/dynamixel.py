@@ -2,7 +2,8 @@
 
 Source: ROBOTIS e-Manual, control table of the X series: addresses, and units of position (1/4096 turn), velocity
 (0.229 turns a minute) and current (2.69 mA). A thread of its own keeps the bus busy; the servos' own watchdog stops
-them half a second after the bus falls silent.
+them half a second after the bus falls silent. Setpoints that are not renewed are not sent on: the servos then hold
+their places.
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from skyarm.links.outside.joint_port import JointLink, JointPortError, JointReading
+from skyarm.links.outside.joint_port import FRESH, JointLink, JointPortError, JointReading
+from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import needs_extra, shown
 from skyarm.records.units import Unit
 
@@ -58,6 +60,9 @@ class ServoBus:
     torque: Annotated[float | None, Unit("N m/A", low=0.0, strict=True)] = None
     most: Annotated[float, Unit("A", low=0.0, strict=True)] = 1.2
 
+    def __post_init__(self) -> None:
+        accept_fields(self, "--joints", JointPortError)
+
 
 class DynamixelJoints(JointLink):
     """Joints of a bus of servos, read and commanded by a thread as fast as the bus allows.
@@ -71,7 +76,8 @@ class DynamixelJoints(JointLink):
             import dynamixel_sdk as sdk
         except ImportError:
             raise JointPortError(f"dynamixel_sdk: is missing; --joints dynamixel {needs_extra('dynamixel')}") from None
-        self._bus, self._lock = bus, threading.Lock()
+        self._bus = bus
+        self._lock, self._bus_lock = threading.Lock(), threading.Lock()  # of what is handed over, and of the bus
         self._port: Any = sdk.PortHandler(bus.device)
         self._packets: Any = sdk.PacketHandler(2.0)
         self._states: Any = sdk.GroupSyncRead(self._port, self._packets, PRESENT, 8)
@@ -80,7 +86,7 @@ class DynamixelJoints(JointLink):
         self._size = size
         self._newest: JointReading | None = None
         self._setpoints: tuple[float, ...] | None = None
-        self._failed = ""
+        self._given = -math.inf
         self._running = True
         self._open_bus()
         self._thread = threading.Thread(target=self._serve, name="dynamixel", daemon=True)
@@ -96,17 +102,14 @@ class DynamixelJoints(JointLink):
         """Hand setpoints to the bus: torques in N m, or positions in rad."""
         del at
         with self._lock:
-            self._setpoints = tuple(setpoints)
+            self._setpoints, self._given = tuple(setpoints), time.monotonic()
 
     def release(self) -> None:
         """Let every servo hold the position that it has."""
         with self._lock:
             self._setpoints = None
-            with contextlib.suppress(OSError):
-                for number in self._bus.ids:
-                    self._write(number, TORQUE_ENABLE, 0)
-                    self._write(number, OPERATING_MODE, POSITION_MODE)
-                    self._write(number, TORQUE_ENABLE, 1)
+        with self._bus_lock, contextlib.suppress(OSError):
+            self._hold()
 
     def close(self) -> None:
         """Stop the thread and close the serial port; the servos hold on."""
@@ -118,17 +121,33 @@ class DynamixelJoints(JointLink):
     def _open_bus(self) -> None:
         bus = self._bus
         try:
-            opened = self._port.openPort() and self._port.setBaudRate(bus.baud)
+            if not (self._port.openPort() and self._port.setBaudRate(bus.baud)):
+                raise JointPortError(f"--joints: {shown(bus.device)}: cannot be opened at {bus.baud} bits a second")
+            self._prepare()
         except OSError as error:
+            self._shut()
             raise JointPortError(f"--joints: {shown(bus.device)}: {error.strerror or error}") from None
-        if not opened:
-            raise JointPortError(f"--joints: {shown(bus.device)}: cannot be opened at {bus.baud} bits a second")
+        except BaseException:
+            self._shut()
+            raise
+
+    def _shut(self) -> None:
+        """Close the serial port, which the SDK may not have opened."""
+        with contextlib.suppress(AttributeError, OSError):
+            self._port.closePort()
+
+    def _prepare(self) -> None:
+        """Set the mode and the watchdog of every servo.
+
+        Raises:
+            JointPortError: a servo does not answer.
+        """
+        bus = self._bus
         mode = POSITION_MODE if bus.torque is None else CURRENT_MODE
         for number in bus.ids:
             done = self._write(number, TORQUE_ENABLE, 0) and self._write(number, OPERATING_MODE, mode)
             done = done and self._write(number, BUS_WATCHDOG, 0) and self._write(number, BUS_WATCHDOG, WATCHDOG)
             if not (done and self._write(number, TORQUE_ENABLE, 1)):
-                self._port.closePort()
                 raise JointPortError(f"--joints: servo {number} on {shown(bus.device)} does not answer")
             self._states.addParam(number)
 
@@ -139,12 +158,12 @@ class DynamixelJoints(JointLink):
     def _serve(self) -> None:
         """Read the servos and write their setpoints, until the port is closed."""
         while self._running:
-            with self._lock:
-                try:
+            try:
+                with self._bus_lock:
                     self._cycle()
-                except OSError as error:
-                    self._failed = str(error)
-                    return
+            except Exception as error:  # of the SDK, too: the arm is silent from now on
+                self.problem = str(error) or type(error).__name__
+                return
             time.sleep(0.0005)
 
     def _cycle(self) -> None:
@@ -152,13 +171,27 @@ class DynamixelJoints(JointLink):
             rows = [self._state(number) for number in self._bus.ids]
             if all(row is not None for row in rows):
                 joints, rates = zip(*(row for row in rows if row is not None), strict=True)
-                self._newest = JointReading(time.monotonic(), joints, rates)
-        if self._setpoints is not None:
-            for number, setpoint in zip(self._bus.ids, self._setpoints, strict=True):
+                with self._lock:
+                    self._newest = JointReading(time.monotonic(), joints, rates)
+        with self._lock:
+            setpoints, old = self._setpoints, time.monotonic() - self._given > FRESH
+            if old:
+                self._setpoints = None
+        if setpoints is not None and old:
+            self._hold()
+        elif setpoints is not None:
+            for number, setpoint in zip(self._bus.ids, setpoints, strict=True):
                 ticks = self._ticks(setpoint) & (1 << 8 * self._size) - 1
                 self._goals.addParam(number, list(ticks.to_bytes(self._size, "little")))
             self._goals.txPacket()
             self._goals.clearParam()
+
+    def _hold(self) -> None:
+        """Let every servo hold the position that it has."""
+        for number in self._bus.ids:
+            self._write(number, TORQUE_ENABLE, 0)
+            self._write(number, OPERATING_MODE, POSITION_MODE)
+            self._write(number, TORQUE_ENABLE, 1)
 
     def _state(self, number: int) -> tuple[float, float] | None:
         """Angle and rate of a servo; None where it did not answer."""

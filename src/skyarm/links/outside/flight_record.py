@@ -63,7 +63,7 @@ class FlightRecord:
         self.rates.append(tuple(leaves(given.base)))
 
     def log(self, scenario: Scenario, ended: Ended | None, facts: dict[str, Any]) -> Log:
-        """Log of the flight, as ``skyarm run`` writes one; a period that was missed has the row before it.
+        """Log of the flight, as ``skyarm run`` writes one; a missed period has the row before it, or else the first.
 
         The states are the autopilot's estimates, the rotor speeds modelled ones.
         """

@@ -12,6 +12,7 @@ import socket
 import struct
 import time
 from abc import ABC, abstractmethod
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
@@ -27,6 +28,9 @@ HELLO, COMMAND, STATE, RELEASE = range(4)
 HEADER = struct.Struct("<4sBBHd")
 
 MOST_JOINTS = 32
+
+MOST_AGES = 10_000
+"""Ages of commands that are kept."""
 
 FRESH = 0.2
 """s by the wall clock after which the arm's owner takes the joints back from a silent commander."""
@@ -49,7 +53,12 @@ class JointLink(ABC):
     """Port to an arm: its newest reading, and a place for setpoints.
 
     A link of one's own is a subclass; ``skyarm fly --joints FILE.py:make`` calls ``make(vehicle)`` for it.
+
+    Attributes:
+        problem: cause for which no readings come; empty where it is not known.
     """
+
+    problem: str = ""
 
     @abstractmethod
     def read(self) -> JointReading | None:
@@ -174,8 +183,8 @@ class JointServer:
         self._count, self._heard = count, -math.inf
         self._partner: tuple[str, int] | None = None
         self._setpoints: tuple[float, ...] | None = None
-        self._refused = 0
-        self._ages: list[float] = []
+        self._commands = self._refused = 0
+        self._ages: deque[float] = deque(maxlen=MOST_AGES)
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         try:
@@ -193,7 +202,7 @@ class JointServer:
     def facts(self) -> dict[str, float | int]:
         """Counts of commands, and their ages: s between the state that a law answers and its setpoints' effect."""
         ages = sorted(self._ages)
-        found: dict[str, float | int] = {"commands": len(ages), "refused": self._refused}
+        found: dict[str, float | int] = {"commands": self._commands, "refused": self._refused}
         if ages:
             found |= {"age_p50_s": ages[len(ages) // 2], "age_p99_s": ages[int(0.99 * (len(ages) - 1))]}
         return found
@@ -225,6 +234,7 @@ class JointServer:
                 kind, at, values = found
                 if kind == COMMAND:
                     self._setpoints = values
+                    self._commands += 1
                     self._ages.append(now - at)
                 elif kind == RELEASE:
                     self._partner, self._setpoints = None, None

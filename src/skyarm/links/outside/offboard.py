@@ -39,6 +39,9 @@ from skyarm.simulate.inputs import episode_inputs
 BEAT = 0.25
 """s between heartbeats of ours."""
 
+HAND_BACK = 0.3
+"""s to wait at the end for a heartbeat, which says whether the vehicle is still in the mode that takes set points."""
+
 BEAT_LOST = 3.0
 """s without a heartbeat of the autopilot, which sends one each second."""
 
@@ -122,6 +125,9 @@ class OffboardFlight:
         arm: port to the joints.
         settings: of the flight.
         tell: called with a line of text at each stage.
+
+    Attributes:
+        interrupted: Ctrl-C or a signal that stopped the flight, to be raised again once its log is written; or None.
     """
 
     def __init__(
@@ -145,7 +151,8 @@ class OffboardFlight:
         self._joints: JointReading | None = None
         self._joints_heard = self._beaten = -math.inf
         self._alive = math.inf
-        self._missed, self._ours = 0, False
+        self._missed, self._ours, self._asked = 0, False, math.inf
+        self.interrupted: BaseException | None = None
         self._law: OutsideLaw | None = None
 
     def run(self) -> Log:
@@ -163,14 +170,21 @@ class OffboardFlight:
             self._take_over()
             self._follow()
         except HandBackError as end:
-            ended = Ended(end.status, str(end), len(self._record.ticks) and self._record.ticks[-1] / self._rate)
-        except KeyboardInterrupt:
-            ended = Ended(STOPPED, "stopped by Ctrl-C", len(self._record.ticks) and self._record.ticks[-1] / self._rate)
+            ended = self._ended(end.status, str(end))
+        except Exception:
+            raise
+        except BaseException as error:  # Ctrl-C and signals: they go on once the log is written
+            if not self._record.ticks:
+                raise
+            self.interrupted, ended = error, self._ended(STOPPED, "stopped by Ctrl-C or a signal")
         finally:
             if collecting:
                 gc.enable()
             self._hand_back()
         return self._record.log(self._scenario, ended, self.facts)
+
+    def _ended(self, status: str, cause: str) -> Ended:
+        return Ended(status, cause, self._record.ticks[-1] / self._rate if self._record.ticks else 0.0)
 
     @property
     def facts(self) -> dict[str, Any]:
@@ -238,6 +252,7 @@ class OffboardFlight:
         hover = link.modes.hover
         if settings.hover_share is None:
             self._read_parameters([hover])
+        self._require_thrust()
         share = link.parameters[hover] if settings.hover_share is None else settings.hover_share
         if not HOVER[0] <= share <= HOVER[1]:
             raise OffboardError(
@@ -250,6 +265,24 @@ class OffboardFlight:
             center=Vec3(*(float(c) for c in centre_of_mass(vehicle))),
         )
         self._law = OutsideLaw(law, inner, self._reference(0))
+
+    def _require_thrust(self) -> None:
+        """Refuse an autopilot that takes the thrust of a set point for a climb rate.
+
+        Raises:
+            OffboardError: its option is not set.
+        """
+        modes = self._link.modes
+        assert modes is not None
+        if modes.option is None:
+            return
+        name, bit = modes.option
+        self._read_parameters([name])
+        value = self._link.parameters[name]
+        if not (0.0 <= value < 2.0**24 and int(value) & bit):
+            raise OffboardError(
+                f"--link: {modes.title}'s {name} = {value:g}: must include {bit}, so that thrust is not a climb rate"
+            )
 
     def _silent_part(self) -> str:
         return "--joints: the arm" if self._joints is None else "--link: the autopilot's estimator"
@@ -319,6 +352,7 @@ class OffboardFlight:
                 )
             if now - begun > LEAD and now - asked > 0.5:
                 asked = now
+                self._ours, self._asked = True, min(self._asked, now)
                 link.request_outside_mode()
             self._pump(0.02)
             self._require_alive()
@@ -328,14 +362,13 @@ class OffboardFlight:
                 self._answer(state, 0, start)
         law.reset()
         self._record = FlightRecord(first=link.state.time if link.state is not None else 0.0)
-        self._ours = True
         self._tell("the law flies")
 
     def _follow(self) -> None:
         """Answer every estimate until the scenario's end."""
         link, record = self._link, self._record
         assert link.modes is not None
-        begun, last = time.monotonic(), -1
+        begun, last, before = time.monotonic(), -1, record.first
         while True:
             self._pump(0.05)
             self._require_alive()
@@ -349,6 +382,9 @@ class OffboardFlight:
             state = link.take()
             if state is None:
                 continue
+            jump, before = state.time - before, state.time
+            if jump > self._settings.stale:
+                self._end(LINK_LOST, f"the autopilot's clock went on by {jump:.3g} s between two estimates")
             tick = math.floor((state.time - record.first) * self._rate + 1e-6)
             if tick <= last:
                 continue
@@ -397,7 +433,7 @@ class OffboardFlight:
         if now - link.beaten > BEAT_LOST:
             self._end(LINK_LOST, f"no heartbeat from the autopilot for {BEAT_LOST:g} s")
         if now - self._joints_heard > stale:
-            self._end(LINK_LOST, f"no joint reading for {stale:g} s")
+            self._end(LINK_LOST, f"no joint reading for {stale:g} s{self._arm.problem and ': '}{self._arm.problem}")
 
     def _end(self, status: str, cause: str) -> NoReturn:
         raise HandBackError(status, cause)
@@ -414,7 +450,7 @@ class OffboardFlight:
         """Stop the set points, return the arm, and ask an autopilot that still obeys to hold its place."""
         link = self._link
         self._arm.release()
-        if link.modes is None or not self._ours:
+        if link.modes is None or not self._ours or not self._still_obeys():
             return
         for _ in range(5):
             link.request_hold()
@@ -423,3 +459,16 @@ class OffboardFlight:
                 link.wait(0.05)
             if link.modes.is_hold(link.mode):
                 return
+
+    def _still_obeys(self) -> bool:
+        """True unless the vehicle is in a mode of its own or of its pilot, by a heartbeat.
+
+        Without a heartbeat within ``HAND_BACK`` s the last one counts, if it is younger than our request for the mode.
+        """
+        link, modes = self._link, self._link.modes
+        assert modes is not None
+        link.wait(0.0)
+        last, until = link.beaten, time.monotonic() + HAND_BACK
+        while time.monotonic() < until and link.beaten == last:
+            link.wait(0.05)
+        return modes.is_outside(link.mode) or link.beaten < self._asked

@@ -12,6 +12,7 @@ import math
 import select
 import socket
 import time
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -39,6 +40,7 @@ STREAMS: Mapping[str, float] = {
     "LOCAL_POSITION_NED": 1.0,
     "HIGHRES_IMU": 1.0,
     "EXTENDED_SYS_STATE": 0.02,
+    "HEARTBEAT": 0.05,
 }
 """Message -> rate as a share of the state's."""
 
@@ -47,6 +49,10 @@ LANDED = 1
 
 BODY_FRAMES = (12,)
 """Frames of velocity that turn with the base: body forward, right, down."""
+
+
+MOST_TIMES = 10_000
+"""Times of round trips that are kept."""
 
 
 class OffboardError(ValueError):
@@ -76,12 +82,14 @@ class ModeNumbers:
     Attributes:
         title: of the autopilot. hover: its parameter of the thrust set point in hover.
         outside, hold: parameters 2 and 3 of the mode command.
+        option: parameter and bit without which the thrust of a set point is a climb rate; None where it is a thrust.
     """
 
     title: str
     hover: str
     outside: tuple[int, int]
     hold: tuple[int, int]
+    option: tuple[str, int] | None = None
 
     def is_outside(self, custom_mode: int) -> bool:
         """True if a heartbeat's mode takes set points from outside."""
@@ -98,7 +106,7 @@ class ModeNumbers:
 
 MODES: Mapping[int, ModeNumbers] = {
     12: ModeNumbers(title="PX4", hover="MPC_THR_HOVER", outside=(6, 0), hold=(4, 3)),
-    3: ModeNumbers(title="ArduPilot", hover="MOT_THST_HOVER", outside=(4, 0), hold=(17, 0)),
+    3: ModeNumbers(title="ArduPilot", hover="MOT_THST_HOVER", outside=(4, 0), hold=(17, 0), option=("GUID_OPTIONS", 8)),
 }
 """MAVLink's number of an autopilot -> its modes: PX4's offboard and hold, ArduCopter's guided and brake."""
 
@@ -133,7 +141,8 @@ def _open_socket(url: str, patience: float) -> tuple[socket.socket, tuple[str, i
     while True:
         try:
             if kind == "mavlink-out":
-                return made, (socket.gethostbyname(host), port)
+                made.connect((host, port))  # nobody else is heard, and a call to this machine stays in it
+                return made, made.getpeername()
             made.bind((host, port))
             return made, None
         except OSError as error:
@@ -156,12 +165,14 @@ class OffboardLink:
         state: newest estimate, None before the first; ``fresh`` is True until :meth:`take` has returned it.
         heard, beaten: s of the wall clock of the newest state and heartbeat.
         mode: of the newest heartbeat. armed, landed: by the newest messages.
-        said: newest text of the autopilot. parameters: values that came, by name. refused: result of a refused command.
-        round_trips: s, of time synchronisation. offset: s, autopilot's clock minus the monotonic one here.
+        said: newest text of the autopilot. parameters: values that were requested, by name.
+        refused: result of a refused command.
+        round_trips: s, of time synchronisation, the newest. offset: s, autopilot's clock minus the monotonic one here.
     """
 
     def __init__(self, url: str, patience: float = 0.0) -> None:
         self._socket, self._partner = _open_socket(url, patience)
+        self._calls = self._partner is not None
         self._parser = mavlink.Parser(datagrams=True)
         self._sequence, self._system = 0, 0
         self.modes: ModeNumbers | None = None
@@ -171,7 +182,8 @@ class OffboardLink:
         self.mode, self.said, self.refused = 0, "", 0
         self.accepted = False
         self.parameters: dict[str, float] = {}
-        self.round_trips: list[float] = []
+        self._requested: set[str] = set()
+        self.round_trips: deque[float] = deque(maxlen=MOST_TIMES)
         self.offset: float | None = None
         self._force: Vec3 | None = None
         self._place: Place | None = None
@@ -219,6 +231,7 @@ class OffboardLink:
 
     def request_parameter(self, name: str) -> None:
         """Request a parameter, whose value will be in ``parameters``."""
+        self._requested.add(name)
         self._send("PARAM_REQUEST_READ", param_index=-1, target_system=self._system, target_component=1, param_id=name)
 
     def request_outside_mode(self) -> None:
@@ -255,7 +268,7 @@ class OffboardLink:
         frame = mavlink.pack(name, sequence=self._sequence, system=max(self._system, 1), component=COMPONENT, **fields)
         self._sequence += 1
         with contextlib.suppress(OSError):
-            self._socket.sendto(frame, self._partner)
+            _ = self._socket.send(frame) if self._calls else self._socket.sendto(frame, self._partner)
 
     def _command(self, number: int, *values: float) -> None:
         params = {f"param{i + 1}": float(value) for i, value in enumerate(values)}
@@ -329,7 +342,8 @@ class OffboardLink:
             self.said = m["text"]
 
     def _hear_parameter(self, m: mavlink.Message) -> None:
-        self.parameters[m["param_id"]] = float(m["param_value"])
+        if m["param_id"] in self._requested:
+            self.parameters[m["param_id"]] = float(m["param_value"])
 
     def _hear_answer(self, m: mavlink.Message) -> None:
         if m["command"] == SET_MODE:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 from skyarm.links.autopilots.px4_parameters import rate_gains, torque_of_signal
 from skyarm.links.outside.rate_commands import PidRateLoop, Three
+from skyarm.records.coerce import refuse
 from skyarm.vehicle.vehicle_records import Vehicle
 
 AXES = ("ROLL", "PITCH", "YAW")
@@ -25,8 +27,14 @@ def px4_rate_loop(vehicle: Vehicle, parameters: Mapping[str, float]) -> PidRateL
     Args:
         vehicle: whose rotors PX4's parameters of geometry describe.
         parameters: as the autopilot has them; those that are missing are the ones that ``skyarm run`` sets.
+
+    Raises:
+        RecordError: a parameter that is no finite number, is negative, or is zero where the loop is divided by it.
     """
     known = {**DEFAULTS, **rate_gains(vehicle), **parameters}
+    for name in NAMES:
+        if not math.isfinite(known[name]) or known[name] < 0.0 or (known[name] == 0.0 and name[-1] in "KP"):
+            refuse(f"--link: PX4's {name}", known[name], "must be a finite gain, above 0")
     torques = torque_of_signal(vehicle)
 
     def row(gain: str) -> Three:
