@@ -65,6 +65,25 @@ def test_files_that_are_no_transcripts_are_refused_when_opened(tmp_path: Path) -
         Tape(str(tmp_path / "absent" / "t.gz"))
 
 
+def test_a_transcript_begins_with_the_first_message_and_replaces_only_a_transcript(tmp_path: Path) -> None:
+    file = tmp_path / "t.gz"
+    record(file)
+    whole = file.read_bytes()
+    Tape(str(file)).close()  # a flight that did not begin
+    assert file.read_bytes() == whole
+    Tape(str(tmp_path / "new.gz")).close()
+    assert not (tmp_path / "new.gz").exists()
+    (tmp_path / "thesis.txt").write_text("years", "utf-8")
+    with pytest.raises(TranscriptError, match="must not be a file of another kind"):
+        Tape(str(tmp_path / "thesis.txt"))
+    with pytest.raises(TranscriptError, match=r"controller\.transcript: must be left out beside controller\.replayed"):
+        Tape(str(file), str(file))
+    assert file.read_bytes() == whole
+    cut = Tape(str(file))
+    cut.send("simulator", b"one", lambda data: None)
+    assert Tape(str(file)).plays is False  # of a flight that was killed: a transcript still
+
+
 def test_damaged_transcripts_end_in_one_line(tmp_path: Path) -> None:
     random, file = np.random.default_rng(3), tmp_path / "t.gz"
     record(file)

@@ -47,7 +47,6 @@ from skyarm.simulate import run as fly
 
 if TYPE_CHECKING:
     from skyarm.links.ros.live_flight import LiveFlight
-    from skyarm.scenario.scenario_record import Scenario
 
 Array = npt.NDArray[np.float64]
 

@@ -8,6 +8,7 @@ then name and message.
 from __future__ import annotations
 
 import gzip
+import os
 import struct
 import zlib
 from collections.abc import Callable, Iterator
@@ -37,8 +38,8 @@ class TranscriptError(ValueError):
 class Tape:
     """Record of an exchange: every message in order, with channel and time.
 
-    Without a file nothing is kept. Played back, a tape answers in the program's place: what is sent must be, byte for
-    byte, what was sent then.
+    Without a file nothing is kept; a file begins with the first message, and replaces a transcript only. Played back, a
+    tape answers in the program's place: what is sent must be, byte for byte, what was sent then.
 
     Args:
         file: to write to.
@@ -49,7 +50,7 @@ class Tape:
         plays: True for a tape that is played back.
 
     Raises:
-        TranscriptError: a file that cannot be written, or that is no transcript.
+        TranscriptError: a file that cannot be written, that is no transcript, or both a file and one to play back.
     """
 
     def __init__(self, file: str = "", played: str = "") -> None:
@@ -57,16 +58,13 @@ class Tape:
         self.plays = bool(played)
         self._rows = rows_of(Path(played)) if played else None
         self._file: gzip.GzipFile | None = None
+        self._path = Path(file).expanduser() if file else None
         if self._rows is not None:
             next(self._rows)  # the beginning is read here, so that a file that is no transcript is refused early
-        if file:
-            try:
-                self._file = gzip.GzipFile(Path(file).expanduser(), "wb", compresslevel=6, mtime=0)
-            except OSError as error:
-                raise TranscriptError(
-                    f"controller.transcript = {shown(file)}: must be a file that can be written ({error.strerror})"
-                ) from None
-            self._file.write(MAGIC)
+        if self._path is not None:
+            if played:
+                raise TranscriptError("controller.transcript: must be left out beside controller.replayed")
+            _require_writable(self._path)
 
     def send(self, channel: str, data: bytes, send: Callable[[bytes], Any]) -> None:
         """Send bytes over a channel, or compare them with those of the transcript that is played.
@@ -101,10 +99,12 @@ class Tape:
         """Complete the transcript's file; a second call does nothing."""
         if self._file is not None:
             self._file.close()
-            self._file = None
+        self._file = self._path = None
 
     def _write(self, what: bytes, channel: str, data: bytes) -> None:
-        if self._file is not None:
+        if self._path is not None:
+            if self._file is None:
+                self._file = _begin(self._path)
             name = channel.encode("ascii")
             self._file.write(HEAD.pack(self.time, what, len(name), len(data)) + name + data)
 
@@ -120,6 +120,42 @@ class Tape:
                 "recorded"
             )
         return row[2]
+
+
+def _require_writable(path: Path) -> None:
+    """Check that a transcript may be written to a file, which is not touched."""
+    where = f"controller.transcript = {shown(str(path))}: must be a file that can be written"
+    try:
+        if not path.parent.is_dir():
+            raise TranscriptError(f"{where} (its folder is missing)")
+        if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
+            raise TranscriptError(f"{where} (it is a folder, or not ours)")
+        if path.is_file() and path.stat().st_size and not _is_transcript(path):
+            raise TranscriptError(f"controller.transcript = {shown(str(path))}: must not be a file of another kind")
+    except OSError as error:
+        raise TranscriptError(f"{where} ({error.strerror})") from None
+
+
+def _is_transcript(path: Path) -> bool:
+    """True for a file that begins as a transcript does."""
+    try:
+        with gzip.open(path, "rb") as file:
+            return file.read(len(MAGIC)) == MAGIC
+    except (OSError, EOFError, zlib.error):
+        return False
+
+
+def _begin(path: Path) -> gzip.GzipFile:
+    """Open a transcript's file and write its beginning, so that one that is cut off is a transcript still."""
+    try:
+        file = gzip.GzipFile(path, "wb", compresslevel=6, mtime=0)
+        file.write(MAGIC)
+        file.flush()
+    except OSError as error:
+        raise TranscriptError(
+            f"controller.transcript = {shown(str(path))}: must be a file that can be written ({error.strerror})"
+        ) from None
+    return file
 
 
 def rows_of(path: Path) -> Iterator[Row]:

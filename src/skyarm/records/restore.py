@@ -2,7 +2,7 @@
 
 Plain data names classes and functions and never brings any: they are found in this package or in plugins that are
 loaded (:mod:`skyarm.records.registry.registrations`). Only frozen dataclasses are made, and only functions of laws are
-taken.
+taken. A field whose metadata says ``restored = False``, as the path of a program, has its default instead.
 """
 
 from __future__ import annotations
@@ -79,7 +79,8 @@ def _record(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> Any
     odd = sorted((set(table) ^ set(names)) - set(written_if_any(kind)))
     if odd:
         raise RestoreError(f"{where or 'record'}: {data['type']} was written by another version ({', '.join(odd)})")
-    fields = [field.name for field in dataclasses.fields(kind) if field.init and field.name in table]
+    taken = [field for field in dataclasses.fields(kind) if field.init and field.metadata.get("restored", True)]
+    fields = [field.name for field in taken if field.name in table]
     return kind(**_each({name: table[name] for name in fields}, plugins, where))
 
 

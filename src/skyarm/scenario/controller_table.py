@@ -36,7 +36,7 @@ from skyarm.control.catalogue import (
     suitable_options,
     tuned_factors,
 )
-from skyarm.control.controller import Controller, ControllerError
+from skyarm.control.controller import Controller, ControllerError, autopilot_of
 from skyarm.control.model import GeometricGains, JointGains, Model, Terms
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.records.files import (
@@ -184,7 +184,7 @@ WORDS: Mapping[str, str] = {"mixer_policy": "mixer", "terms": "without"}
 RECORDS: Mapping[str, type] = {"gains": GeometricGains, "joint_gains": JointGains}
 """Options that a table stands for."""
 
-PYTHON_ONLY = ("network",)
+PYTHON_ONLY = ("network", "program")
 """Options that no file can hold."""
 
 LAYERS = ("safety", "servos")
@@ -236,6 +236,12 @@ def _of_options(word: str, law: str, fields: Fields, model: Model, known: Mappin
     """Build the controller of a law or an autopilot, named under the key ``word``, with the options of its table."""
     best = fields.flag("tuned", False)
     words = law_words(law)
+    if word == "autopilot" and "program" in fields.table:
+        variable = autopilot_of(make_controller(law, model)).variable
+        raise ValueError(
+            f"{fields.at('program')} = {shown(fields.table['program'])}: must be left out: no file names a program to "
+            f"start, the environment variable {variable} does"
+        )
     for other, value in fields.table.items():
         if other not in (*words, word) and (other, value) != ("tuned", False):
             raise ValueError(f"{fields.at(other)} = {shown(value)}: {no_option(law, words)}")

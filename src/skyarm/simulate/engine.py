@@ -332,6 +332,16 @@ class Engine:
             found[name] = slice(begin, begin := begin + len(leaves(reading)))
         return found
 
+    @cached_property
+    def joint_columns(self) -> slice:
+        """Columns of the measured joint positions and rates in a row of the log."""
+        sample = self.code.sample
+        measured = sample.measurement
+        before = (sample.alive, sample.state, sample.command, measured.time, measured.position, measured.quaternion,
+                  measured.velocity, measured.rate, measured.specific_force)  # fmt: skip
+        begin = sum(len(leaves(part)) for part in before)
+        return slice(begin, begin + len(measured.joints) + len(measured.joint_rates))
+
     def row(self, tick: int) -> Array:
         """Logged row of a control period that has been flown: alive, state, command, measurement, readings."""
         found: Array = self._log[tick]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import sys
 from collections.abc import Callable
@@ -51,7 +52,7 @@ def make_program(folder: Path, fault: str = "") -> Path:
 
 def scenario_of(
     folder: Path, vehicle: str = "hummingbird_arm2_rotors", duration: float = 2.0, yaw: float = 0.0, swing: float = 0.0,
-    **options: Any,
+    program: str = "", **options: Any,
 ) -> Scenario:  # fmt: skip
     """Scenario of a hover under PX4, with options of its record.
 
@@ -67,7 +68,10 @@ def scenario_of(
         text += "[[reference.joints]]\n" + (signal if place == moved else 'kind = "constant"\nvalue = 0.0\n')
     lines = "".join(f"{name} = {toml(value)}\n" for name, value in options.items())
     file.write_text(text.replace('autopilot = "px4"\n', 'autopilot = "px4"\n' + lines), "utf-8")
-    return load_scenario(file)
+    scenario = load_scenario(file)
+    par = scenario.controller.par
+    started = dataclasses.replace(par, autopilot=dataclasses.replace(par.autopilot, program=program))
+    return scenario.with_words(controller=dataclasses.replace(scenario.controller, par=started))
 
 
 def toml(value: Any) -> str:

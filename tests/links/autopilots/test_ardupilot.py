@@ -8,8 +8,10 @@ import math
 import os
 import random
 import shlex
+import socket
 import struct
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from contextlib import closing
@@ -27,7 +29,7 @@ from skyarm.links.autopilots.autopilot import Goal, Instant, LinkError
 from skyarm.links.autopilots.flight import planned_scenario
 from skyarm.links.transcript import SENT, WORDS, rows_of
 from skyarm.reference import hover
-from skyarm.scenario.scenario_record import ScenarioError
+from skyarm.scenario.scenario_record import ScenarioError, first_state
 from skyarm.simulate.session import open_session
 
 SOURCE = str(Path(skyarm.__file__).parents[1])
@@ -168,7 +170,7 @@ def test_a_repeated_packet_is_answered_only_if_its_answer_was_lost(stand_in, fau
         assert session.ended.cause.startswith("ArduPilot does not hover at the start after 1 s")
         facts = session.log.info["autopilot"]
     assert facts["repeated"] == repeated
-    assert facts["answered"] == facts["steps"] == 800
+    assert facts["answered"] == facts["steps"] == 799
 
 
 @pytest.mark.parametrize(
@@ -398,7 +400,9 @@ class Talk:
         return list(self.tap.sent)
 
 
-STAND, AIR = (1.0, 2.0, 0.5), (1.0, 2.0, 1.0)
+START = first_state(scenario()).position
+STAND = (float(START.x), float(START.y), float(START.z) - 0.5)
+AIR = (STAND[0], STAND[1], STAND[2] + 0.5)
 GOAL = Goal((1.5, 2.5, 1.25), (0.1, 0.2, 0.3), (0.4, 0.5, 0.6), 0.7)
 
 
@@ -434,7 +438,51 @@ def test_it_asks_for_mode_arming_and_take_off_one_after_the_other_and_then_sends
     assert [message.name for message in sent].count("HEARTBEAT") == 1
     talk.mode = 9
     assert set(commands(talk.fly(1.0, AIR, GOAL))) == {176}
-    assert talk.link.facts["left_guided"] > 0
+    assert talk.link.facts["left_guided"] == 1
+    with pytest.raises(LinkError, match="ArduPilot left guided mode for its mode 9"):
+        talk.fly(3.0, AIR, GOAL)
+
+
+def test_its_origin_is_that_of_the_planned_stand_whatever_the_true_place():
+    talk = Talk()
+    talk.mode, talk.armed = 4, False
+    talk.shift = (1.5, -1.0, 3.0)
+    talk.fly(4.0, (STAND[0] + 0.5, STAND[1], STAND[2]), GOAL)
+    np.testing.assert_allclose(talk.link._offset, (2.0, -1.0, 3.0), atol=1e-6)
+
+
+def test_a_value_that_mavlink_cannot_carry_ends_the_flight_as_a_link():
+    with pytest.raises(LinkError, match="a set point cannot be sent to ArduPilot"):
+        Talk().link._command(400, 1e300)
+
+
+def test_bytes_of_another_program_do_not_become_the_partner(stand_in, monkeypatch):
+    """The port calls nobody until it has had a packet of pulse widths."""
+    link = Talk().link
+    link._udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    link._udp.bind(("127.0.0.1", 0))
+    link._udp.settimeout(0.2)
+    link._frame = -1
+    packet = struct.pack("<HHI16H", 18458, 800, 0, *[1000] * 16)
+    with closing(link._udp), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as odd, \
+            socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as right:  # fmt: skip
+        odd.sendto(b"hello", link._udp.getsockname())
+        right.sendto(packet, link._udp.getsockname())
+        assert link._next_packet() == packet
+        assert link._peer == ("127.0.0.1", right.getsockname()[1])
+
+
+def test_a_failure_to_start_is_a_link_error_and_leaves_no_folder(stand_in, monkeypatch, tmp_path):
+    stand_in()
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(Path, "write_text", full)
+    with closing(open_session(scenario())) as session:
+        assert session.ended.cause == "ArduPilot cannot be started: No space left on device"
+    assert not list(tmp_path.glob("skyarm_ardupilot_*"))
 
 
 @pytest.mark.parametrize(("flags", "system"), [(831 | 128, 1), (831 & ~16, 1), (831, 2)])

@@ -25,6 +25,7 @@ from skyarm.control.controller import ControllerError
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.links.autopilots import betaflight, betaflight_process
 from skyarm.links.autopilots.angle_control import Attitude
+from skyarm.links.autopilots.autopilot import LinkError
 from skyarm.links.autopilots.betaflight import make_betaflight
 from skyarm.links.autopilots.betaflight_process import GUARDED_PORTS
 from skyarm.links.autopilots.betaflight_settings import (
@@ -38,6 +39,8 @@ from skyarm.links.autopilots.betaflight_settings import (
     state_message,
     vehicle_loops,
 )
+from skyarm.links.autopilots.flight import planned_scenario
+from skyarm.links.transcript import Tape
 from skyarm.log.flight_log import Log
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
@@ -328,3 +331,37 @@ def test_real_betaflight_holds_the_hover_with_a_swinging_arm(ports):
 def test_motor_message_is_a_count_and_sixteen_floats():
     assert MOTORS.size == 68
     assert MOTORS.unpack(struct.pack("<HH16f", 4, 77, *range(16)))[:3] == (4, 0.0, 1.0)
+
+
+def linked() -> betaflight.BetaflightLink:
+    """Link without a program."""
+    planned = planned_scenario(load_scenario("case3", controller="betaflight"))
+    tape = Tape()
+    tape.plays = True
+    return betaflight.BetaflightLink(betaflight.Betaflight(patience=0.5), planned, tape)
+
+
+def test_the_first_sender_of_motors_is_the_only_one_that_is_heard():
+    link = linked()
+    one, two = MOTORS.pack(4, *(1100.0,) * 16), MOTORS.pack(4, *(1900.0,) * 16)
+    assert link._motors_of([(b"x", "other"), (one, "ours"), (two, "other"), (one, "ours")]) == [one, one]
+    assert link._motors_of([(two, "other")]) == []
+    assert link.facts["bad_frames"] == 3
+
+
+def test_a_halt_is_no_silence():
+    link = linked()
+    link._tape.plays, link._silent_since = False, time.monotonic() - 100.0
+
+    class Woken:
+        halts = 1
+
+        def wake(self) -> bool:
+            return True
+
+    link._guard = Woken()
+    link._pace()
+    link._check_alive(time.monotonic())  # 100 s ago it was halted; the silence begins now
+    link._silent_since = time.monotonic() - 1.0
+    with pytest.raises(LinkError, match=r"no motors for 0\.5 s"):
+        link._check_alive(time.monotonic())

@@ -17,9 +17,13 @@ from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.array_front import forward_dynamics
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
-from skyarm.links.autopilots.autopilot import move_arm, plain_parameters
+from skyarm.links.autopilots import ardupilot, betaflight, px4
+from skyarm.links.autopilots.autopilot import model_of, move_arm, plain_parameters
 from skyarm.links.autopilots.flight import goal_columns, goal_of, planned_scenario, take_off_scenario
 from skyarm.links.autopilots.px4 import make_px4
+from skyarm.links.transcript import Tape
+from skyarm.records.plain import plain
+from skyarm.records.restore import restore
 from skyarm.reference import hover
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import ScenarioError
@@ -204,3 +208,63 @@ def test_rotors_without_a_highest_speed_are_refused(tmp_path: Path) -> None:
     )
     with pytest.raises(ControllerError, match="must have a max_speed"):
         make_px4(Model(vehicle=free, gravity=9.81))
+
+
+def test_the_autopilot_is_told_the_model_and_the_rotors_are_the_plants(tmp_path: Path) -> None:
+    scenario = scenario_of(tmp_path)
+    vehicle = scenario.plant.vehicle
+    heavy = dataclasses.replace(vehicle, base=dataclasses.replace(vehicle.base, mass=2.0 * float(vehicle.base.mass)))
+    changed = scenario.with_words(plant=dataclasses.replace(scenario.plant, vehicle=heavy))
+    assert model_of(changed).vehicle == vehicle
+    endless = tuple(dataclasses.replace(rotor, max_speed=float("inf")) for rotor in vehicle.rotors)
+    changed = scenario.with_words(
+        plant=dataclasses.replace(scenario.plant, vehicle=dataclasses.replace(vehicle, rotors=endless))
+    )
+    with pytest.raises(ScenarioError, match=r"plant\.vehicle: rotor .* must have a max_speed"):
+        planned_scenario(changed)
+
+
+def test_each_link_takes_what_it_says_from_the_model(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scenario = scenario_of(tmp_path)
+    vehicle = scenario.plant.vehicle
+    heavy = dataclasses.replace(vehicle, base=dataclasses.replace(vehicle.base, mass=2.0 * float(vehicle.base.mass)))
+    changed = scenario.with_words(plant=dataclasses.replace(scenario.plant, vehicle=heavy))
+    told = []
+
+    class Told(Exception):  # noqa: N818
+        pass
+
+    def take(given: object, *_: object) -> None:
+        told.append(given)
+        raise Told
+
+    monkeypatch.setattr(px4, "vehicle_parameters", take)
+    monkeypatch.setattr(ardupilot, "vehicle_parameters", take)
+    monkeypatch.setattr(betaflight, "Sticks", take)
+    for record in (px4.PX4(), ardupilot.ArduPilot(), betaflight.Betaflight()):
+        with pytest.raises(Told):
+            record.connect(changed, Tape())
+    assert told == [vehicle] * 3
+
+
+def test_no_file_names_a_program_to_start(tmp_path: Path) -> None:
+    scenario = scenario_of(tmp_path, program="/bin/true")
+    assert scenario.controller.par.autopilot.program == "/bin/true"
+    assert restore(plain(scenario.controller)).par.autopilot.program == ""
+    file = tmp_path / "swing.toml"
+    file.write_text(file.read_text("utf-8").replace('"px4"', '"px4"\nprogram = "/bin/true"'), "utf-8")
+    with pytest.raises(ValueError, match=r"controller\.program = .*: must be left out: .* SKYARM_PX4") as caught:
+        load_scenario(file)
+    assert "\n" not in str(caught.value)
+
+
+def test_measured_joints_are_where_the_engine_says(tmp_path: Path) -> None:
+    scenario = load_scenario("case3").with_words(duration=0.1)
+    session = Session(scenario)
+    session.step()
+    measured = session.measurement
+    session.step()
+    engine = session._engine
+    np.testing.assert_array_equal(
+        engine.row(1)[engine.joint_columns], [float(each) for each in (*measured.joints, *measured.joint_rates)]
+    )

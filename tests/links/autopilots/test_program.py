@@ -13,8 +13,8 @@ import pytest
 from px4_flights import make_program, scenario_of
 
 from skyarm.links.autopilots.autopilot import LinkError
-from skyarm.links.autopilots.program import Child, find_program
-from skyarm.links.autopilots.px4 import PX4
+from skyarm.links.autopilots.program import Child, find_program, make_folder
+from skyarm.links.autopilots.px4 import PX4, find_etc
 from skyarm.scenario.scenario_record import ScenarioError
 
 FLIGHT = """
@@ -109,14 +109,58 @@ def test_the_program_is_the_stated_one_or_that_of_the_environment(
         find_program(PX4(), "px4")
 
 
+def test_a_program_that_path_names_relatively_is_found_from_anywhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    make_program(tmp_path)
+    monkeypatch.delenv("SKYARM_PX4", raising=False)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PATH", ".")
+    assert find_program(PX4(), "px4").is_absolute()
+
+
+def test_the_folder_etc_is_found_through_a_link(tmp_path: Path) -> None:
+    program = make_program(tmp_path / "build")
+    (tmp_path / "px4").symlink_to(program)
+    assert find_etc(tmp_path / "px4") == tmp_path / "build" / "etc"
+
+
+def test_a_child_gets_none_of_our_variables_of_a_beginning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PX4_PARAM_OF_MINE", "1")
+    child = Child(["/bin/sh", "-c", "env"], make_folder(PX4()), {"PX4_SIM_MODEL": "x"}, without="PX4_")
+    try:
+        for _ in range(100):
+            if not child.running:
+                break
+            time.sleep(0.02)
+        found = [line for line in child.output.splitlines() if line.startswith("PX4_")]
+    finally:
+        child.close()
+    assert found == ["PX4_SIM_MODEL=x"]
+
+
+def test_of_much_output_the_end_is_read(tmp_path: Path) -> None:
+    child = Child(["/bin/sh", "-c", "head -c 1000000 /dev/zero | tr '\\0' x; echo; echo bye"], make_folder(PX4()))
+    try:
+        for _ in range(200):
+            if not child.running:
+                break
+            time.sleep(0.02)
+        assert len(child.output) == 1 << 16
+        assert child.last_words.endswith("bye")
+    finally:
+        child.close()
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="reads processes from /proc")
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
 def test_no_process_outlives_us(tmp_path: Path, number: int) -> None:
     program = make_program(tmp_path)
     pids = tmp_path / "pids"
     program.write_text(program.read_text("utf-8").replace("exec", f"echo $$ >> {pids}\nexec"), "utf-8")
-    scenario_of(tmp_path, program=str(program), duration=300.0)
+    scenario_of(tmp_path, duration=300.0)
     environment = {**os.environ, "PYTHONPATH": ":".join(p for p in sys.path if p), "TMPDIR": str(tmp_path)}
+    environment["SKYARM_PX4"] = str(program)
     flight = subprocess.Popen(
         [sys.executable, "-c", FLIGHT, str(tmp_path / "swing.toml")], env=environment, stderr=subprocess.DEVNULL
     )

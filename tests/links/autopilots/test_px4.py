@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import socket
 import struct
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -65,7 +66,7 @@ def test_the_stand_in_takes_off_and_hovers_where_the_reference_is(tmp_path: Path
         assert facts["steps"] - facts["answered"] == 4  # the stand-in's start
         assert facts["lockstep_missed"] == facts["left_offboard"] == facts["failsafes"] == 0
         assert facts["prepared_s"] == round(facts["prepared_s"])
-        assert facts["steps"] == len(log.time) + 250 * facts["prepared_s"]
+        assert facts["steps"] == len(log.time) + 250 * facts["prepared_s"] - 1  # the last period asks for nothing
 
 
 def test_a_hexarotor_with_another_instance_flies_too(tmp_path: Path) -> None:
@@ -77,7 +78,7 @@ RECORDED = Path(__file__).parents[2] / "data" / "links" / "px4_hover.transcript.
 """Exchange with PX4 v1.17 (upstream commit 59ded6af): boot, take-off of 0.2 m, 2 s of hover; written by
 record_px4.py."""
 
-PREPARED, ANSWERED = 25, 6742
+PREPARED, ANSWERED = 25, 6741
 """s from power-on to hand-over, and sensor messages that were answered, of that session."""
 
 
@@ -88,7 +89,7 @@ def test_a_recorded_session_of_px4_is_reproduced_byte_for_byte(tmp_path: Path, m
     assert log.status == "completed", log.info["cause"]
     facts = log.info["autopilot"]
     assert facts["prepared_s"] == PREPARED
-    assert facts["steps"] == (PREPARED + 2) * 250
+    assert facts["steps"] == (PREPARED + 2) * 250 - 1
     assert facts["answered"] == ANSWERED
     assert np.linalg.norm(log.position - log.position_reference, axis=1).max() < 0.1
     # and to its end: one more period finds nothing recorded
@@ -375,3 +376,41 @@ def test_fuzzed_packets_end_as_one_line_or_are_passed_over(tmp_path: Path, packe
             peer.get_ready(600 if ended % 100 == 0 else 1)
     assert packets / 200 < ended < packets / 2
     assert len(causes) >= 3
+
+
+def test_px4_is_released_in_hold_only_and_failsafes_are_counted_when_they_begin(tmp_path: Path) -> None:
+    peer = Peer(tmp_path)
+    link, told = peer.link, {"autopilot": 12, "base_mode": 128}
+
+    def hear(main: int, sub: int, status: int = 4) -> None:
+        frame = mavlink.pack(
+            "HEARTBEAT", sequence=0, system=5, component=1, custom_mode=main << 16 | sub << 24, system_status=status,
+            **told,
+        )  # fmt: skip
+        for message in mavlink.Parser().feed(frame):
+            link._hear(message)
+        link._leave()
+
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link._udp:
+        for main, sub in ((6, 0), (4, 2), (4, 5), (4, 6)):  # offboard, take-off, return, landing
+            hear(main, sub)
+            assert not link.released
+        hear(4, 3)
+        assert link.released
+    link.following = True
+    for status in (4, 5, 5, 5, 4, 5):
+        hear(4, 3, status)
+    assert link.facts["failsafes"] == 2
+
+
+def test_other_messages_than_the_answer_do_not_make_it_wait_for_ever(tmp_path: Path) -> None:
+    peer = Peer(tmp_path)
+    ours, theirs = socket.socketpair()
+    beat = mavlink.pack("HEARTBEAT", sequence=0, system=5, component=1)
+    with ours, theirs:
+        peer.link._tcp = ours
+        theirs.sendall(beat)
+        late = time.monotonic() - 0.01
+        assert peer.link._read(late, False) == beat  # what came while we were away is read
+        theirs.sendall(beat)
+        assert peer.link._read(late, True) == b""

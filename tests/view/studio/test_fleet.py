@@ -193,6 +193,20 @@ def test_a_law_that_joins_has_met_what_the_others_met(fleet: Fleet, made: Fleet)
     fleet.leave(2)
 
 
+def test_a_flight_that_cannot_join_is_closed(fleet: Fleet, monkeypatch: pytest.MonkeyPatch) -> None:
+    late, closed = fleet.make_flight("paper_pd"), []
+
+    def fail(_: int) -> None:
+        raise skyarm.ScenarioError("no")
+
+    monkeypatch.setattr(late, "to", fail)
+    monkeypatch.setattr(late.session, "close", lambda: closed.append(True))
+    with pytest.raises(skyarm.ScenarioError, match="no"):
+        fleet.join(late)
+    assert closed == [True]
+    assert late not in fleet.flights
+
+
 def test_a_lost_vehicle_is_shown_as_lost_until_a_reset(fleet: Fleet) -> None:
     fleet.go(100)
     fleet.move({"environment.faults.front.effectiveness": 0.0})

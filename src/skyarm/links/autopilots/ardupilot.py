@@ -10,11 +10,13 @@ from __future__ import annotations
 
 import contextlib
 import math
+import shutil
 import socket
 import struct
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, ClassVar
 
 from skyarm.control.controller import Controller
@@ -30,9 +32,11 @@ from skyarm.links.autopilots.autopilot import (
     LinkError,
     Numbers,
     controller_with,
+    model_of,
     plain_parameters,
 )
 from skyarm.links.autopilots.program import Child, find_program, make_folder
+from skyarm.links.sockets import drain
 from skyarm.links.transcript import Tape
 from skyarm.scenario.scenario_record import Scenario, first_state
 from skyarm.sensing.sensor import Sensor
@@ -85,6 +89,9 @@ REPLY = 1.0
 
 ASK, REQUEST = 0.5, 5.0
 """s until ArduPilot is asked again: for its mode and arming, and for messages and to take off."""
+
+ABSENCE = 3.0
+"""s out of guided mode, in flight, after which the flight is over."""
 
 SETTLED = 3.0
 """s of valid estimates after which ArduPilot's local origin is known and it is asked to arm."""
@@ -159,8 +166,8 @@ class ArduPilotLink(Link):
 
     def __init__(self, record: ArduPilot, scenario: Scenario, tape: Tape) -> None:
         self._record, self._tape = record, tape
-        vehicle, rate = scenario.plant.vehicle, scenario.rates.control
-        self._motors = fitting_frame(vehicle)[1]
+        model, rate = model_of(scenario), scenario.rates.control
+        self._motors = fitting_frame(model.vehicle)[1]
         self._period, self._goal_every = 1.0 / rate, max(1, rate // 50)
         self._steps = self._sequence = self._repeated = self._away = 0
         self._frame, self._arrived = -1, 0.0
@@ -175,10 +182,13 @@ class ArduPilotLink(Link):
         self._offset: tuple[float, ...] | None = None
         start = first_state(scenario)
         self._stand = float(start.position.z) - record.climb
+        self._planned = (float(start.position.x), float(start.position.y), self._stand)
+        self._out_of_mode = 0.0
         heading = -math.degrees(2.0 * math.atan2(float(start.quaternion.z), float(start.quaternion.w)))
-        parameters = vehicle_parameters(vehicle, float(scenario.plant.gravity))
+        parameters = vehicle_parameters(model.vehicle, float(model.gravity))
         parameters |= {"SIM_RATE_HZ": rate, "LOG_BACKEND_TYPE": 0} | dict(record.parameters)
         self._child: Child | None = None
+        self._folder: Path | None = None
         self._udp: socket.socket | None = None
         self._tcp: socket.socket | None = None
         self._peer: Any = None
@@ -201,7 +211,7 @@ class ArduPilotLink(Link):
             self._udp.settimeout(0.2)
             listener.bind(("127.0.0.1", 0))
             listener.listen(1)
-            folder = make_folder(record)
+            self._folder = folder = make_folder(record)
             defaults = folder / "vehicle.parm"
             defaults.write_text(
                 "".join(f"{name} {value:.9g}\n" for name, value in parameters.items()), encoding="ascii"
@@ -226,6 +236,9 @@ class ArduPilotLink(Link):
                     raise LinkError(f"ArduPilot does not connect for MAVLink{self._ending}")
             self._tcp.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             self._tcp.setblocking(False)
+        except OSError as error:
+            self.close()
+            raise LinkError(f"ArduPilot cannot be started: {error.strerror or error}") from None
         except BaseException:
             self.close()
             raise
@@ -265,9 +278,8 @@ class ArduPilotLink(Link):
         assert self._udp is not None
         if time.monotonic() - self._arrived > REPEATED:
             self._udp.setblocking(False)
-            with contextlib.suppress(BlockingIOError, ConnectionError):
-                while self._udp.recv(2048):
-                    self._repeated += 1
+            with contextlib.suppress(ConnectionError):
+                self._repeated += len(drain(self._udp))
             self._udp.settimeout(0.2)
         self._send_line(line)
 
@@ -298,8 +310,8 @@ class ArduPilotLink(Link):
 
     def _decode(self, packet: bytes) -> tuple[int, ...]:
         """Pulse widths of the next frame's packet."""
-        layout = LAYOUTS.get(int.from_bytes(packet[:2], "little"))
-        if layout is None or len(packet) != layout.size:
+        layout = _layout(packet)
+        if layout is None:
             raise LinkError(f"ArduPilot's physics port got {len(packet)} bytes that are no packet of pulse widths")
         _, _, count, *pulses = layout.unpack(packet)
         if count != self._frame + 1:
@@ -320,8 +332,11 @@ class ArduPilotLink(Link):
             except OSError as error:
                 raise LinkError(f"ArduPilot is gone: {error.strerror or error}{self._ending}") from None
             if packet and self._peer is None:
-                self._peer = sender
-                self._udp.connect(sender)
+                if _layout(packet) is None:
+                    packet = b""  # of another program: nobody is known yet
+                else:
+                    self._peer = sender
+                    self._udp.connect(sender)
             if packet and (self._frame < 0 or packet[4:8] != self._frame.to_bytes(4, "little")):
                 self._arrived = time.monotonic()
                 return packet
@@ -344,14 +359,26 @@ class ArduPilotLink(Link):
         if self._steps % (50 * self._goal_every) == 0:
             self._tell("HEARTBEAT", type=GROUND_STATION, autopilot=8, system_status=4, mavlink_version=3)
         if self._offset is None:
-            self._find_origin(now)
+            self._find_origin()
         if self.following:
             self._send_goal(t, goal)
             if not self._armed:
                 raise LinkError(f"ArduPilot disarmed in flight: {self._said}")
+            self._watch()
         if t >= self._next and self._heard:
             self._next = t + ASK
             self._ask(t)
+
+    def _watch(self) -> None:
+        """End a flight in which ArduPilot has left guided mode and does not come back."""
+        if self._mode == GUIDED:
+            self._out_of_mode = 0.0
+            return
+        self._away += self._out_of_mode == 0.0
+        self._out_of_mode += self._goal_every * self._period
+        if self._out_of_mode > ABSENCE:
+            said = f": {self._said}" if self._said else ""
+            raise LinkError(f"ArduPilot left guided mode for its mode {self._mode}{said}")
 
     def _ask(self, t: float) -> None:
         """Ask for what is next: messages, guided mode, stated parameters, arming, take-off."""
@@ -362,7 +389,6 @@ class ArduPilotLink(Link):
         elif self._offset is None:
             return
         elif self._mode != GUIDED:
-            self._away += self.following
             self._command(SET_MODE, 1, GUIDED)
         elif self._unread:
             self._read_parameters(t)
@@ -375,24 +401,20 @@ class ArduPilotLink(Link):
     def _stream(self) -> bytes:
         """Bytes of the MAVLink stream that have arrived; empty if none."""
         assert self._tcp is not None
-        found = []
         try:
-            while True:
-                data = self._tcp.recv(65536)
-                if not data:
-                    raise LinkError(f"ArduPilot closed its MAVLink connection{self._ending}")
-                found.append(data)
-        except BlockingIOError:
-            return b"".join(found)
+            found = [data for data, _ in drain(self._tcp)]
         except OSError as error:
             raise LinkError(f"ArduPilot is gone: {error.strerror or error}{self._ending}") from None
+        if found and not found[-1]:
+            raise LinkError(f"ArduPilot closed its MAVLink connection{self._ending}")
+        return b"".join(found)
 
-    def _find_origin(self, now: Instant) -> None:
-        """Find where ArduPilot's local origin lies: the mean difference of its position and the true one, at rest."""
+    def _find_origin(self) -> None:
+        """Find where ArduPilot's local origin lies: the mean difference of its position and the stand's."""
         if self._place is None or not self._ready or self._armed:
             self._differences.clear()
             return
-        self._differences.append(tuple(a - b for a, b in zip(self._place, now.state[:3], strict=True)))
+        self._differences.append(tuple(a - b for a, b in zip(self._place, self._planned, strict=True)))
         if len(self._differences) * self._goal_every * self._period >= SETTLED:
             half = self._differences[len(self._differences) // 2 :]
             self._offset = tuple(sum(column) / len(half) for column in zip(*half, strict=True))
@@ -417,14 +439,21 @@ class ArduPilotLink(Link):
 
     def _tell(self, name: str, **fields: Any) -> None:
         """Send a message over the MAVLink stream."""
-        frame = mavlink.pack(name, sequence=self._sequence & 255, system=255, component=190, **fields)
+        try:
+            frame = mavlink.pack(name, sequence=self._sequence & 255, system=255, component=190, **fields)
+        except mavlink.MavlinkError as error:
+            raise LinkError(f"a set point cannot be sent to ArduPilot: {error}") from None
         self._sequence += 1
         self._tape.send("mavlink", frame, self._write)
 
     def _write(self, data: bytes) -> None:
         assert self._tcp is not None
         try:
+            self._tcp.settimeout(self._record.patience)
             self._tcp.sendall(data)
+            self._tcp.setblocking(False)
+        except TimeoutError:
+            raise LinkError(f"ArduPilot has read nothing for {self._record.patience:g} s{self._ending}") from None
         except OSError as error:
             raise LinkError(f"ArduPilot is gone: {error.strerror or error}{self._ending}") from None
 
@@ -470,6 +499,14 @@ class ArduPilotLink(Link):
                 each.close()
         if self._child is not None:
             self._child.close()
+        elif self._folder is not None:
+            shutil.rmtree(self._folder, ignore_errors=True)
+
+
+def _layout(packet: bytes) -> struct.Struct | None:
+    """Layout of a packet of pulse widths; None for bytes that are none."""
+    layout = LAYOUTS.get(int.from_bytes(packet[:2], "little"))
+    return layout if layout is not None and len(packet) == layout.size else None
 
 
 def _free_port() -> int:

@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 
 from skyarm.dynamics.actuators.rotor import push
-from skyarm.links.autopilots.px4_parameters import RATE_BANDWIDTH, YAW_BANDWIDTH, highest_thrust
+from skyarm.links.autopilots.px4_parameters import RATE_BANDWIDTH, YAW_BANDWIDTH, highest_thrust, turning_inertia
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -131,14 +131,12 @@ def rate_gains(vehicle: Vehicle) -> dict[str, float]:
     """Gains of ArduPilot's rate loop: P = bandwidth J / torque of a full command, I and D in its default ratios."""
     slowest = max(float(rotor.time_constant_up) for rotor in vehicle.rotors)
     fast = min(RATE_BANDWIDTH, 0.33 / max(slowest, 1e-3))
-    J = vehicle.base.inertia
     found: dict[str, float] = {}
     names = ("RLL", "PIT", "YAW")
-    rows = zip(
-        names, (J.xx, J.yy, J.zz), torque_of_signal(vehicle), (fast, fast, min(YAW_BANDWIDTH, fast)), strict=True
-    )
+    wide = (fast, fast, min(YAW_BANDWIDTH, fast))
+    rows = zip(names, turning_inertia(vehicle), torque_of_signal(vehicle), wide, strict=True)
     for name, inertia, torque, bandwidth in rows:
-        gain = bandwidth * float(inertia) / torque
+        gain = bandwidth * inertia / torque
         integral, slope = (1.0, 0.0267) if name != "YAW" else (0.1, 0.0)
         found |= {f"ATC_RAT_{name}_P": gain, f"ATC_RAT_{name}_I": integral * gain, f"ATC_RAT_{name}_D": slope * gain}
     return found

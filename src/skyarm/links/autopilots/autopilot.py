@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from skyarm import dynamics
@@ -12,7 +12,7 @@ from skyarm.algebra import ZERO3, Motion
 from skyarm.algebra.scalars import Scalar, add
 from skyarm.control.blocks.actuators import limit_efforts
 from skyarm.control.blocks.common import joint_pd
-from skyarm.control.controller import Controller, ControllerError
+from skyarm.control.controller import Controller, ControllerError, innermost
 from skyarm.control.law_maker import default_joint_gains, fitting_mixer
 from skyarm.control.model import JointGains, Model
 from skyarm.dynamics.actuators import Command, Mixer
@@ -108,7 +108,8 @@ class Autopilot(ABC):
     """Base of autopilots: where its program is, its parameters, and how it takes off.
 
     Attributes:
-        program: path of the program; empty for that of the environment variable ``variable``.
+        program: path of the program; empty for that of the environment variable ``variable``. No file gives it: one
+            that is read back has none.
         parameters: names and values in place of those that follow from the vehicle.
         climb: height of the flight's start above the stand from which the vehicle takes off.
         patience: longest silence of the program.
@@ -118,7 +119,7 @@ class Autopilot(ABC):
         outside: the flight is real time, the autopilot holds the start, and a program outside commands base and arm.
     """
 
-    program: str = ""
+    program: str = field(default="", metadata={"restored": False})
     parameters: tuple[tuple[str, float], ...] = ()
     climb: Annotated[float, Unit("m", "above the launch stand", low=0.2, high=100.0)] = 0.5
     patience: Annotated[float, Unit("s", "of silence, by the wall clock", low=0.1, high=600.0)] = 20.0
@@ -215,6 +216,29 @@ def controller_with(autopilot: Autopilot, model: Model, joint_gains: JointGains 
         model=model, joint_gains=gains, mixer=fitting_mixer(model, "clip"), autopilot=autopilot
     )  # fmt: skip
     return Controller(name=autopilot.name, law=move_arm, par=par)
+
+
+def model_of(scenario: Scenario) -> Model:
+    """Model of the vehicle from which an autopilot's parameters follow; the plant may differ from it."""
+    found: Model = innermost(scenario.controller.par).model
+    return found
+
+
+def require_rotors(vehicle: Vehicle, model: Vehicle, title: str) -> None:
+    """Check that an autopilot's signals have a meaning on a plant.
+
+    Raises:
+        ScenarioError: rotors that tilt, that have no highest speed, or another number of them than the model has.
+    """
+    if vehicle.tilts:
+        raise ScenarioError(f"plant.vehicle: must have no rotors that tilt for {title}")
+    if len(vehicle.rotors) != len(model.rotors):
+        raise ScenarioError(
+            f"plant.vehicle: {len(vehicle.rotors)} rotors: must be {len(model.rotors)}, as of the model"
+        )
+    for rotor in vehicle.rotors:
+        if not float(rotor.max_speed) < float("inf"):
+            raise ScenarioError(f"plant.vehicle: rotor {rotor.name!r} must have a max_speed, that of a full signal")
 
 
 def plain_parameters(value: object, longest: int = 16) -> tuple[tuple[str, float], ...]:

@@ -35,6 +35,7 @@ from skyarm.links.autopilots.autopilot import (
     LinkError,
     Numbers,
     controller_with,
+    model_of,
     plain_parameters,
 )
 from skyarm.links.autopilots.betaflight_process import (
@@ -57,6 +58,7 @@ from skyarm.links.autopilots.betaflight_settings import (
     vehicle_loops,
 )
 from skyarm.links.autopilots.program import Child, make_folder
+from skyarm.links.sockets import drain
 from skyarm.links.transcript import Tape
 from skyarm.scenario.scenario_record import Scenario, first_state
 from skyarm.sensing.channel import Channel
@@ -144,7 +146,8 @@ class BetaflightLink(Link):
     """Connection to a running Betaflight: its process, its sockets, the position loop, and the pace of the flight."""
 
     def __init__(self, record: Betaflight, scenario: Scenario, tape: Tape) -> None:
-        vehicle, gravity = scenario.plant.vehicle, float(scenario.plant.gravity)
+        model = model_of(scenario)
+        vehicle, gravity = model.vehicle, float(model.gravity)
         self._record, self._tape, self._rotors = record, tape, len(vehicle.rotors)
         self._period = 1.0 / scenario.rates.control
         self._sticks = Sticks(vehicle, gravity)
@@ -160,6 +163,7 @@ class BetaflightLink(Link):
         self._child: Child | None = None
         self._guard: Guard | None = None
         self._motors: socket.socket | None = None
+        self._peer: Any = None
         self._out: socket.socket | None = None
         if not tape.plays:
             self._start(console_lines(vehicle, gravity, dict(record.parameters)))
@@ -197,13 +201,12 @@ class BetaflightLink(Link):
         level = ((0.0,) * 6 + (9.8,), (0.0,) * 4 + (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
         begun, answered, count = time.monotonic(), 0, round(WARM / WARM_STEP)
         self._motors.settimeout(0.0)
+        self._peer = None
         for k in range(count):
             time.sleep(max(begun + k * WARM_STEP - time.monotonic(), 0.2 * WARM_STEP))
             self._send(RADIO.pack(k * WARM_STEP, *LEVEL, *(OFF,) * 12), RADIO_PORT)
             self._send(state_message(k * WARM_STEP, *level), STATE_PORT)
-            with contextlib.suppress(BlockingIOError, ConnectionError):
-                while self._motors.recv(2048):
-                    answered += 2 * k > count
+            answered += (2 * k > count) * len(self._motors_of(drain(self._motors)))
         return answered > 0.1 * count
 
     @property
@@ -282,6 +285,7 @@ class BetaflightLink(Link):
         now = time.monotonic()
         if self._guard is not None and self._guard.wake():
             self._sent, self._begun = 0.0, now - self._states * self._period  # time goes on where it was halted
+            self._silent_since = now
         if self._begun == 0.0:
             self._begun = now - self._states * self._period
         due = self._begun + self._states * self._period
@@ -308,23 +312,31 @@ class BetaflightLink(Link):
         """Newest motor message, empty if none comes in time."""
         assert self._motors is not None
         until, found = self._sent + ANSWER, b""
-        with contextlib.suppress(TimeoutError, BlockingIOError, ConnectionError):
-            while True:
-                left = until - time.monotonic()
-                self._motors.settimeout(max(left, 1e-4) if not found else 0.0)
-                data = self._motors.recv(2048)
-                if len(data) == MOTORS.size:
-                    found = data
-                else:
-                    self._bad += 1
-                if not found and left <= 0.0:
-                    break
+        left = ANSWER
+        while not found and left > 0.0:
+            left = until - time.monotonic()
+            with contextlib.suppress(TimeoutError, BlockingIOError, ConnectionError):
+                self._motors.settimeout(max(left, 1e-4))
+                first = self._motors.recvfrom(2048)
+                self._motors.settimeout(0.0)
+                found = (self._motors_of([first, *drain(self._motors)]) or [b""])[-1]
         now = time.monotonic()
         if found:
             self._waits.append(now - self._sent)
             self._silent_since = now
         else:
             self._check_alive(now)
+        return found
+
+    def _motors_of(self, datagrams: Sequence[tuple[bytes, Any]]) -> list[bytes]:
+        """Motor messages among datagrams; the first one's sender is Betaflight, and others are not listened to."""
+        found = []
+        for data, sender in datagrams:
+            if len(data) != MOTORS.size or self._peer not in (None, sender):
+                self._bad += 1
+                continue
+            self._peer = sender
+            found.append(data)
         return found
 
     def _check_alive(self, now: float) -> None:

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from skyarm.algebra import Vec3
 from skyarm.control.controller import autopilot_of
 from skyarm.dynamics.actuators import Command
-from skyarm.links.autopilots.autopilot import Autopilot, Goal, Instant, Link, LinkError
+from skyarm.links.autopilots.autopilot import Autopilot, Goal, Instant, Link, LinkError, model_of, require_rotors
 from skyarm.links.outside.joint_port import JointPortError, JointServer
 from skyarm.links.transcript import Tape, TranscriptError
 from skyarm.log.flight_log import Log
@@ -54,13 +54,15 @@ def planned_scenario(scenario: Scenario) -> Scenario:
     multiple of the reference's and of the sensors' rates. A scenario that has all that is returned unchanged.
 
     Raises:
-        ScenarioError: no such rate.
+        ScenarioError: no such rate, or a plant whose rotors the autopilot's signals do not fit.
     """
     autopilot: Autopilot = autopilot_of(scenario.controller)
+    require_rotors(scenario.plant.vehicle, model_of(scenario).vehicle, autopilot.title)
     if autopilot.outside:
         _ = autopilot.outside_ports  # refuses an autopilot without any
         if autopilot.transcript or autopilot.replayed:
-            raise ScenarioError("controller.transcript: must be left out where a program outside commands")
+            given = "transcript" if autopilot.transcript else "replayed"
+            raise ScenarioError(f"controller.{given}: must be left out where a program outside commands")
         scenario = scenario.with_words(reference=hover_at_start(scenario), tracking_start=0, path_time=None)
     there = {each.name for each in scenario.sensors}
     needed = autopilot.sensors(scenario.plant.vehicle)
@@ -191,6 +193,7 @@ class PilotedSession(Session):
         self._link: Link | None = None
         self._joint_server: JointServer | None = None
         self._wall, self._late = 0.0, 0
+        self._arm: list[float] = []  # measured, the last period's: a program outside gets what an encoder reads
         super().__init__(take_off_scenario(planned), machine_code=machine_code)
         self._begin_flight()
         try:
@@ -304,19 +307,21 @@ class PilotedSession(Session):
             going = super().step(rotors=speeds)
         else:
             self._keep_pace()
-            now = self.state
-            arm = [float(each) for each in (*now.joints, *now.joint_rates)]
-            half = len(arm) // 2
+            arm, half = self._arm, len(self._arm) // 2
             setpoints = server.exchange(self._prepared + self.time, arm[:half], arm[half:])
             if setpoints is None:
                 going = super().step(rotors=speeds)
             else:
                 going = super().step(Command(rotor_speeds=tuple(speeds), efforts=setpoints))
+        if not going:
+            self.close()
+            return False
         engine = self._engine
+        self._arm = engine.row(self.tick - 1)[engine.joint_columns].tolist()
         if engine is not self._source:
             self._columns, self._source = engine.reading_columns, engine
         tick = self.tick
-        if going and tick % self._every == 0:
+        if tick % self._every == 0:
             self._goal = self._next_goal()
         row = engine.row(tick - 1)
         self._seconds = self._prepared + (tick - 1) * self._period
@@ -331,9 +336,7 @@ class PilotedSession(Session):
         except (LinkError, TranscriptError) as error:
             self._end(str(error))
             return False
-        if not going:
-            self.close()
-        return going
+        return True
 
     def fly(self, stop: int) -> bool:
         """Simulate several control periods, at most up to period ``stop``, for about a tenth of a second."""

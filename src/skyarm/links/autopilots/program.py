@@ -19,6 +19,9 @@ from skyarm.scenario.scenario_record import ScenarioError
 LAST_WORDS = 400
 """Characters of a program's output that a message repeats."""
 
+MOST_READ = 1 << 16
+"""Bytes of a program's output that are read, the last ones."""
+
 
 def find_program(autopilot: Autopilot, usual: str = "") -> Path:
     """Path of an autopilot's program: stated, of the environment variable, or ``usual`` if it is there.
@@ -35,7 +38,7 @@ def find_program(autopilot: Autopilot, usual: str = "") -> Path:
                 f"controller.program: is missing; must be the path of {autopilot.title}'s program, here or in the "
                 f"environment variable {autopilot.variable}"
             )
-        return Path(found)
+        return Path(found).absolute()
     path = Path(stated).expanduser().absolute()
     if not path.is_file() or not os.access(path, os.X_OK):
         raise ScenarioError(f"{where} = {shown(stated)}: must be an executable file, {autopilot.title}'s program")
@@ -59,19 +62,23 @@ class Child:
         command: program and arguments.
         folder: in which it runs; removed by :meth:`close`.
         environment: variables on top of this process's own.
+        without: beginning of the names of variables of this process that it does not get; empty for none.
 
     Raises:
         LinkError: it cannot be started.
     """
 
-    def __init__(self, command: Sequence[str], folder: Path, environment: Mapping[str, str] | None = None) -> None:
+    def __init__(
+        self, command: Sequence[str], folder: Path, environment: Mapping[str, str] | None = None, without: str = ""
+    ) -> None:
+        inherited = {name: each for name, each in os.environ.items() if not (without and name.startswith(without))}
         self.folder, self._output = folder, folder / "output.txt"
         held, self._pipe = os.pipe()
         try:
             with self._output.open("wb") as output:
                 self._process = subprocess.Popen(
                     ["/bin/sh", "-c", GUARD, "skyarm", str(folder), *command],
-                    cwd=folder, env={**os.environ, **(environment or {})}, stdin=held, stdout=output,
+                    cwd=folder, env={**inherited, **(environment or {})}, stdin=held, stdout=output,
                     stderr=subprocess.STDOUT, start_new_session=True,
                 )  # fmt: skip
         except OSError as error:
@@ -93,9 +100,10 @@ class Child:
 
     @property
     def output(self) -> str:
-        """Everything that the program has printed."""
-        with contextlib.suppress(OSError):
-            return self._output.read_bytes().decode("utf-8", "replace")
+        """Last ``MOST_READ`` bytes of what the program has printed."""
+        with contextlib.suppress(OSError), self._output.open("rb") as file:
+            file.seek(max(file.seek(0, os.SEEK_END) - MOST_READ, 0))
+            return file.read(MOST_READ).decode("utf-8", "replace")
         return ""
 
     @property

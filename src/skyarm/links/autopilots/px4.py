@@ -14,6 +14,7 @@ import socket
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -29,12 +30,14 @@ from skyarm.links.autopilots.autopilot import (
     LinkError,
     Numbers,
     controller_with,
+    model_of,
     plain_parameters,
 )
 from skyarm.links.autopilots.program import Child, find_program, make_folder
 from skyarm.links.autopilots.px4_parameters import sensor_parameters, vehicle_parameters
 from skyarm.links.autopilots.px4_ports import JOINT_PORT, ONBOARD_PORT, Ports, open_ports
 from skyarm.links.autopilots.px4_sensors import SensorMessages
+from skyarm.links.sockets import drain
 from skyarm.links.transcript import Tape
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
 from skyarm.sensing.navigation_sensors import Barometer, Gnss, Magnetometer
@@ -154,9 +157,10 @@ def find_etc(program: Path) -> Path:
     Raises:
         ScenarioError: there is none.
     """
-    for place in (program.parent / "etc", program.parent.parent / "etc"):
-        if place.is_dir():
-            return place
+    for file in (program, program.resolve()):
+        for place in (file.parent / "etc", file.parent.parent / "etc"):
+            if place.is_dir():
+                return place
     raise ScenarioError(
         f"controller.program = {str(program)!r}: must have PX4's folder 'etc' beside it, or beside its folder"
     )
@@ -198,9 +202,11 @@ class PX4Link(Link):
         self._differences: list[tuple[float, ...]] = []
         self._offset: tuple[float, ...] | None = None
         self._given = tuple(name for name, _ in record.parameters)
-        needed = vehicle_parameters(vehicle, float(scenario.plant.gravity)) | sensor_parameters(scenario)
+        model = model_of(scenario)
+        needed = vehicle_parameters(model.vehicle, float(model.gravity)) | sensor_parameters(scenario)
         needed |= OUTSIDE_PARAMETERS if record.outside else {}
-        self._leaves = False
+        self._leaves = self._failing = False
+        self._sub_mode = 0
         self._listener: socket.socket | None = None
         if not tape.plays:
             self._start(needed | dict(record.parameters))
@@ -217,7 +223,7 @@ class PX4Link(Link):
             environment["PX4_SIM_MODEL"] = "none_iris"
             folder = make_folder(record)
             command = [str(program), "-d", "-i", str(ports.instance), "-w", str(folder), str(etc)]
-            self._child = Child(command, folder, environment)
+            self._child = Child(command, folder, environment, without="PX4_")
             self._tcp = self._accept(ports)
             self._tcp.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         except BaseException:
@@ -301,15 +307,16 @@ class PX4Link(Link):
     def _await(self, stamp: int) -> None:
         """Wait for the answer to a sensor message; during PX4's start for a moment only."""
         pause = STALL if self._answered else BOOT_STEP
-        until = time.monotonic() + pause
+        until, heard = time.monotonic() + pause, False
         while True:
-            data = self._tape.receive("simulator", lambda: self._read(until))
+            data = self._tape.receive("simulator", partial(self._read, until, heard))
             if not data:
                 self._missed += self._answered > 0
                 self._silence += pause
                 if self._silence > self._record.patience:
                     raise LinkError(f"PX4 has not answered for {self._record.patience:g} s{self._ending}")
                 return
+            heard = True
             for message in self._simulator.feed(data):
                 if message.name == "HIL_ACTUATOR_CONTROLS" and self._take_controls(message, stamp):
                     return
@@ -346,9 +353,11 @@ class PX4Link(Link):
             if f"Parameter {name} not found" in words:
                 raise LinkError(f"controller.parameters.{name}: PX4 has no such parameter")
 
-    def _read(self, until: float) -> bytes:
-        """Bytes of the simulator's stream; empty after the time is up."""
+    def _read(self, until: float, heard: bool) -> bytes:
+        """Bytes of the simulator's stream; empty after the time is up, even if others than the answer go on coming."""
         assert self._tcp is not None
+        if heard and time.monotonic() > until:
+            return b""
         try:
             self._tcp.settimeout(max(until - time.monotonic(), 1e-4))
             data = self._tcp.recv(65536)
@@ -414,8 +423,8 @@ class PX4Link(Link):
             self._command(SET_MODE, 1, OFFBOARD)
 
     def _leave(self) -> None:
-        """Free the onboard port once PX4 flies by itself."""
-        if self._mode == AUTO and self._udp is not None:
+        """Free the onboard port once PX4 holds its place."""
+        if (self._mode, self._sub_mode) == (AUTO, HOLD) and self._udp is not None:
             self._udp.close()
             self.released = True
 
@@ -447,13 +456,9 @@ class PX4Link(Link):
     def _datagrams(self) -> bytes:
         """Bytes that have arrived from PX4 at the onboard port; those of another sender are left out."""
         assert self._udp is not None
-        found = []
-        with contextlib.suppress(BlockingIOError, ConnectionError):
-            while True:
-                data, sender = self._udp.recvfrom(65536)
-                if sender == self._partner:
-                    found.append(data)
-        return b"".join(found)
+        with contextlib.suppress(ConnectionError):
+            return b"".join(data for data, sender in drain(self._udp) if sender == self._partner)
+        return b""
 
     def _tell(self, name: str, **fields: Any) -> None:
         """Send a message over the onboard port."""
@@ -479,8 +484,10 @@ class PX4Link(Link):
         name = message.name
         if name == "HEARTBEAT" and message["autopilot"] == PX4_AUTOPILOT and self._system in (0, message.system):
             self._system = message.system
-            self._mode = (message["custom_mode"] >> 16) & 255
-            self._failsafes += self.following and message["system_status"] == CRITICAL
+            self._mode, self._sub_mode = (message["custom_mode"] >> 16) & 255, message["custom_mode"] >> 24
+            failing = self.following and message["system_status"] == CRITICAL
+            self._failsafes += failing and not self._failing
+            self._failing = failing
         elif message.system != self._system:
             return
         elif name == "LOCAL_POSITION_NED":

@@ -139,13 +139,17 @@ class Fleet:
             raise ScenarioError(f"laws = {MOST + 1}: must be at most {MOST} at once")
         moved = self.flights[place or 0].moved if self.flights else {}
         rate = self.flights[place or 0].rate if self.flights else self.rate
-        for number, values in moved.items():
-            shared = {path: value for path, value in values.items() if not path.startswith(OF_LAW)}
-            tick = flight.tick_at(number / rate)
-            flight.to(tick)
-            if shared and flight.tick == tick and flight.session.running:
-                flight.move(shared)
-        flight.to(flight.tick_at(self.time))
+        try:
+            for number, values in moved.items():
+                shared = {path: value for path, value in values.items() if not path.startswith(OF_LAW)}
+                tick = flight.tick_at(number / rate)
+                flight.to(tick)
+                if shared and flight.tick == tick and flight.session.running:
+                    flight.move(shared)
+            flight.to(flight.tick_at(self.time))
+        except BaseException:
+            flight.session.close()
+            raise
         if place is None:
             self.flights.append(flight)
         else:

@@ -1,0 +1,33 @@
+"""Sockets of links: reading what has arrived, and no more than a fair share of it."""
+
+from __future__ import annotations
+
+import socket
+from typing import Any
+
+
+def drain(port: socket.socket, most: int = 256, size: int = 65536) -> list[tuple[bytes, Any]]:
+    """Read what has arrived at a port that does not block: at most ``most`` pieces, each with its sender.
+
+    A sender that is faster than its reader cannot hold the reader up. A stream's pieces have no sender; the last one is
+    empty if the other side has closed the stream.
+
+    Args:
+        port: that does not block.
+        most: pieces.
+        size: bytes of a piece.
+
+    Raises:
+        OSError: of the port, but that nothing is there or that nobody listens at the other side of a datagram port.
+    """
+    found: list[tuple[bytes, Any]] = []
+    for _ in range(most):
+        try:
+            found.append(port.recvfrom(size))
+        except BlockingIOError:
+            break
+        except ConnectionRefusedError:
+            continue  # an earlier datagram of ours found nobody
+        if not found[-1][0] and port.type == socket.SOCK_STREAM:
+            break
+    return found

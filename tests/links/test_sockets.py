@@ -1,0 +1,40 @@
+"""Reading what has arrived at a socket, and no more than a fair share."""
+
+from __future__ import annotations
+
+import socket
+
+import pytest
+
+from skyarm.links.sockets import drain
+
+
+def test_datagrams_come_with_their_senders_and_no_more_than_asked_for() -> None:
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ours,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as theirs,
+    ):
+        ours.bind(("127.0.0.1", 0))
+        ours.setblocking(False)
+        theirs.bind(("127.0.0.1", 0))
+        for k in range(20):
+            theirs.sendto(bytes([k]), ours.getsockname())
+        assert drain(ours, most=15) == [(bytes([k]), theirs.getsockname()) for k in range(15)]
+        assert [data for data, _ in drain(ours)] == [bytes([k]) for k in range(15, 20)]
+        assert drain(ours) == []
+
+
+def test_the_end_of_a_stream_is_an_empty_piece_and_the_last() -> None:
+    ours, theirs = socket.socketpair()
+    with ours:
+        ours.setblocking(False)
+        theirs.sendall(b"abc")
+        theirs.close()
+        assert [data for data, _ in drain(ours)] == [b"abc", b""]
+
+
+def test_a_broken_port_is_an_error() -> None:
+    port = socket.socket()
+    port.close()
+    with pytest.raises(OSError, match="descriptor"):
+        drain(port)
