@@ -364,7 +364,8 @@ def sentences(found: dict[str, Any]) -> list[str]:
     if "autopilot" in found:
         said = found["autopilot"]
         counts = f"; {said['answered']} of {said['steps']} messages answered" if "answered" in said else ""
-        lines.append(f"autopilot {said['name']}: hovered {said['prepared_s']:.3g} s after power-on{counts}")
+        began = f"hovered {said['prepared_s']:.3g} s after power-on" if said["prepared_s"] else "lost in its take-off"
+        lines.append(f"autopilot {said['name']}: {began}{counts}")
     if "lag_found_s" in found:
         rotors, joints = 1e3 * found["lag_found_s"]
         lines.append(f"lag found at the end, beyond the law's nominal: rotors {rotors:.1f} ms, joints {joints:.1f} ms")
