@@ -133,7 +133,7 @@ class StandIn:
     def __init__(self, instance: int, fault: str) -> None:
         self.fault, _, begin = fault.partition(":")
         self.begin, self.number = float(begin or 0.0), instance
-        self.armed, self.mode, self.steps = False, HOLD, 0
+        self.armed, self.mode, self.sub_mode, self.steps = False, HOLD, 0, 0
         self.goal: mavlink.Message | None = None
         prefix = "PX4_PARAM_"
         self.pilot = Pilot({k[len(prefix) :]: float(v) for k, v in os.environ.items() if k.startswith(prefix)})
@@ -186,7 +186,14 @@ class StandIn:
         signals = self.pilot.fly(self.goal) if self.armed else np.zeros(len(self.pilot.mixer.mix))
         if self.steps % 250 == 6:
             busy = 128 * self.armed
-            self.tell("HEARTBEAT", type=2, autopilot=12, base_mode=busy, custom_mode=self.mode << 16, system_status=4)
+            self.tell(
+                "HEARTBEAT",
+                type=2,
+                autopilot=12,
+                base_mode=busy,
+                custom_mode=self.mode << 16 | self.sub_mode << 24,
+                system_status=4,
+            )
             self.tell("ESTIMATOR_STATUS", flags=0b111111)
         if self.steps % 8 == 0:
             x, v = self.pilot.x, self.pilot.v
@@ -241,7 +248,7 @@ class StandIn:
                 if m.name == "SET_POSITION_TARGET_LOCAL_NED":
                     self.goal = m
                 elif m.name == "COMMAND_LONG" and m["command"] == 176 and self.goal is not None:
-                    self.mode = round(m["param2"])
+                    self.mode, self.sub_mode = round(m["param2"]), round(m["param3"])
                 elif m.name == "COMMAND_LONG" and m["command"] == 400 and self.mode == OFFBOARD:
                     if self.fault == "refuse":
                         self.tell("STATUSTEXT", severity=3, text="Arming denied: the stand-in will not")

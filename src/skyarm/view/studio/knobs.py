@@ -115,7 +115,13 @@ def _paths(scenario: Scenario) -> Iterator[tuple[str, str]]:
     blowing = {"wind": scenario.wind, "air": scenario.air, "forces": scenario.forces}
     yield from _all_below("wind and forces", {f"environment.{word}": blowing[word] for word in blowing})
     yield from _all_below("sensors", {"sensors": scenario.noise})
-    yield from _all_below("sensors", {f"sensors.{each.name}": each.sensor for each in scenario.sensors})
+    for each in scenario.sensors:
+        where = f"sensors.{each.name}"
+        # an absolute encoder has its step by its bits, and one that differences its positions reads no rates
+        unread = [f"{where}.joints.resolution"] if hasattr(each.sensor, "bits") else []
+        unread += [f"{where}.rate."] if getattr(each.sensor, "rates", "") == "difference" else []
+        found = _all_below("sensors", {where: each.sensor})
+        yield from (row for row in found if not row[1].startswith(tuple(unread)))
     yield from _all_below("faults", {"environment.faults": scenario.faults})
     loads = (f"payloads.{i}.mass" for i in range(len(scenario.payloads)))
     yield from (("payload", path) for path in ("plant.payload.mass", "model.payload.mass", *loads))
