@@ -8,6 +8,7 @@ then name and message.
 from __future__ import annotations
 
 import gzip
+import io
 import os
 import struct
 import zlib
@@ -166,7 +167,7 @@ def rows_of(path: Path) -> Iterator[Row]:
     """
     where, begun = f"controller.replayed = {shown(str(path))}", False
     try:
-        with gzip.open(path.expanduser(), "rb") as file:
+        with io.BufferedReader(gzip.open(path.expanduser(), "rb"), 1 << 18) as file:
             if file.read(len(MAGIC)) != MAGIC:
                 raise TranscriptError(f"{where}: must be a transcript that was recorded")
             begun = True

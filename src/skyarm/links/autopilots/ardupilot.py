@@ -97,6 +97,13 @@ SETTLED = 3.0
 """s of valid estimates after which ArduPilot's local origin is known and it is asked to arm."""
 
 
+PHYSICS_LINE = (
+    '\n{"timestamp":%r,"imu":{"gyro":[%.9g,%.9g,%.9g],"accel_body":[%.9g,%.9g,%.9g]},"position":[%r,%r,%r],'
+    '"quaternion":[%.9g,%.9g,%.9g,%.9g],"velocity":[%.9g,%.9g,%.9g],"no_time_sync":1}\n'
+)
+"""Answer to a frame; ArduPilot finds a key by the first place of its letters."""
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ArduPilot(Autopilot):
     """ArduPilot's copter on our plant: its parameters follow from rotors and vehicle.
@@ -154,11 +161,8 @@ def physics_line(time: float, imu: Numbers, state: Numbers) -> bytes:
     """
     _, p, q, r, fx, fy, fz = imu
     x, y, z, qw, qx, qy, qz, vx, vy, vz = state[:10]
-    return (
-        f'\n{{"timestamp":{time!r},"imu":{{"gyro":[{p:.9g},{-q:.9g},{-r:.9g}],"accel_body":[{fx:.9g},{-fy:.9g},{-fz:.9g}]}},'
-        f'"position":[{x!r},{-y!r},{-z!r}],"quaternion":[{qw:.9g},{qx:.9g},{-qy:.9g},{-qz:.9g}],'
-        f'"velocity":[{vx:.9g},{-vy:.9g},{-vz:.9g}],"no_time_sync":1}}\n'
-    ).encode("ascii")
+    numbers = (time, p, -q, -r, fx, -fy, -fz, x, -y, -z, qw, qx, -qy, -qz, vx, -vy, -vz)
+    return (PHYSICS_LINE % numbers).encode("ascii")
 
 
 class ArduPilotLink(Link):

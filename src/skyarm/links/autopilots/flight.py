@@ -193,6 +193,7 @@ class PilotedSession(Session):
         self._link: Link | None = None
         self._joint_server: JointServer | None = None
         self._wall, self._late = 0.0, 0
+        self._state: list[float] = []  # true, at the last exchange
         self._arm: list[float] = []  # measured, the last period's: a program outside gets what an encoder reads
         super().__init__(take_off_scenario(planned), machine_code=machine_code)
         self._begin_flight()
@@ -263,13 +264,13 @@ class PilotedSession(Session):
 
         The hand-over is at a whole second, so that flights whose autopilot is not quite repeatable begin alike.
         """
-        x, y, z = self._goal.position
+        goal = self._goal.position
         steady, rate = 0, self.scenario.rates.control
         while self.step():
             if progress is not None and self.tick % rate == 0:
                 progress(self.time, self._autopilot.preparation)
-            state = self._engine.row(self.tick - 1)[1:11]
-            near = math.dist(state[:3], (x, y, z)) < NEAR and math.hypot(*state[7:10]) < SLOW
+            state = self._state
+            near = math.dist(state[:3], goal) < NEAR and math.hypot(*state[7:10]) < SLOW
             steady = steady + 1 if near and self._link is not None and self._link.following else 0
             if steady < STEADY * rate or self.tick % rate or self._link is None:
                 continue
@@ -316,22 +317,24 @@ class PilotedSession(Session):
         if not going:
             self.close()
             return False
-        engine = self._engine
-        self._arm = engine.row(self.tick - 1)[engine.joint_columns].tolist()
+        engine, tick = self._engine, self.tick
         if engine is not self._source:
             self._columns, self._source = engine.reading_columns, engine
-        tick = self.tick
+        row = engine.row(tick - 1).tolist()
+        if server is not None:
+            self._arm = row[engine.joint_columns]
         if tick % self._every == 0:
             self._goal = self._next_goal()
-        row = engine.row(tick - 1)
         self._seconds = self._prepared + (tick - 1) * self._period
         self._tape.time = self._seconds
-        readings = {name: row[where].tolist() for name, where in self._columns.items()}
+        self._state = row[1:14]
+        readings = {name: row[where] for name, where in self._columns.items()}
         for reading in readings.values():
             reading[0] += self._prepared  # the clock of the link goes on at hand-over
         try:
-            self._signals = self._link.exchange(Instant(self._seconds, readings, row[1:14].tolist()), self._goal)
-            if len(self._signals) != len(self._most) or not all(0.0 <= each <= 1.0 for each in self._signals):
+            self._signals = self._link.exchange(Instant(self._seconds, readings, self._state), self._goal)
+            within = [each for each in self._signals if 0.0 <= each <= 1.0]
+            if not len(within) == len(self._signals) == len(self._most):
                 raise LinkError(f"{self._autopilot.title} sent rotor signals: must be {len(self._most)} from 0 to 1")
         except (LinkError, TranscriptError) as error:
             self._end(str(error))
