@@ -228,6 +228,12 @@ def test_a_vehicle_that_cannot_be_taken_over_is_left_alone(scenario, state, word
     assert "\n" not in str(error.value)
 
 
+def test_an_autopilot_that_filters_the_yaw_torque_is_left_alone(scenario):
+    settings = dataclasses.replace(SETTINGS, rate_bandwidth=None)
+    with pytest.raises(OffboardError, match="PX4's MC_YAW_TQ_CUTOFF = 2: must be 0 or at least 8 Hz"):
+        flown(scenario(), settings, other=2.0)
+
+
 def test_attitude_and_position_apart_fly_as_well(scenario):
     log, _ = flown(scenario(2.0), odometry=False)
     assert log.status == "completed"

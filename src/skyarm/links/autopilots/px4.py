@@ -57,8 +57,9 @@ OFFBOARD = 6
 AUTO, HOLD = 4, 3
 """PX4's main mode of flights by itself, and its sub-mode that holds the place."""
 
-OUTSIDE_PARAMETERS = {"IMU_INTEG_RATE": 250, "COM_OBL_RC_ACT": 5, "COM_RCL_EXCEPT": 7}
-"""PX4 holds its place where set points from outside are missing; it needs no remote control."""
+OUTSIDE_PARAMETERS = {"IMU_INTEG_RATE": 250, "COM_OBL_RC_ACT": 5, "COM_RCL_EXCEPT": 7, "MC_YAW_TQ_CUTOFF": 0}
+"""PX4 holds its place where set points from outside are missing; it needs no remote control; its yaw torque is not
+filtered, since a law's yaw control oscillates behind its usual filter of 2 Hz."""
 
 OFFBOARD_LOSS = 0.15
 """s without set points from outside after which PX4 holds its place; its own 1 s is long for a body rate. During the

@@ -23,7 +23,7 @@ from skyarm.links.outside.flight_record import FlightRecord, percentiles
 from skyarm.links.outside.joint_port import JointLink, JointReading
 from skyarm.links.outside.offboard_link import OffboardError, OffboardLink
 from skyarm.links.outside.outside_law import LoopSettings, OutsideLaw
-from skyarm.links.outside.px4_rate_loop import NAMES, px4_rate_loop
+from skyarm.links.outside.px4_rate_loop import LEAST_CUTOFF, NAMES, YAW_FILTER, px4_rate_loop
 from skyarm.links.outside.rate_commands import IdealRateLoop, RateLoop, Three
 from skyarm.links.outside.state_frames import AutopilotState, WorldFrame, with_rotor_speeds
 from skyarm.log.flight_log import Log
@@ -295,7 +295,13 @@ class OffboardFlight:
         assert link.modes is not None
         if link.modes.title != "PX4":
             raise OffboardError(f"--rate-bandwidth: must be given for {link.modes.title}, whose rate loop is not known")
-        self._read_parameters(NAMES)
+        self._read_parameters([*NAMES, YAW_FILTER])
+        cutoff = link.parameters[YAW_FILTER]
+        if not (cutoff == 0.0 or cutoff >= LEAST_CUTOFF):
+            raise OffboardError(
+                f"--link: PX4's {YAW_FILTER} = {cutoff:g}: must be 0 or at least {LEAST_CUTOFF:g} Hz, so that yaw does not "
+                "oscillate behind the filter"
+            )
         return px4_rate_loop(self._scenario.controller.par.model.vehicle, link.parameters)
 
     def _read_parameters(self, names: Sequence[str]) -> None:

@@ -20,6 +20,10 @@ DEFAULTS: Mapping[str, float] = dict.fromkeys(LIMITS.values(), 0.3) | {f"MC_{axi
 NAMES = tuple(f"MC_{axis}RATE_{gain}" for axis in AXES for gain in "KPID") + tuple(LIMITS.values())
 """Parameters that describe the loop."""
 
+YAW_FILTER, LEAST_CUTOFF = "MC_YAW_TQ_CUTOFF", 8.0
+"""Cutoff (Hz) of PX4's filter of the yaw torque, 0 for none, and the least at which a law's yaw control is steady: at
+PX4's usual 2 Hz ``centroidal`` oscillates with 0.6 rad/s, which drives rotors to their limits."""
+
 
 def px4_rate_loop(vehicle: Vehicle, parameters: Mapping[str, float]) -> PidRateLoop:
     """Rate loop of PX4 in torques: each gain times the torque of a full signal.
