@@ -122,9 +122,8 @@ def rotor_numbers(speeds: Sequence[float], command: object, joints: int, rotors:
     if command is not None:
         raise ScenarioError("rotors: must be left out beside a command, which has rotor speeds of its own")
     found, others = tuple(speeds), (0.0,) * (joints + tilts)
-    if len(found) == rotors and set(map(type, found)) == {
-        float
-    }:  # what an autopilot's bridge gives, many times a second
+    plain = set(map(type, found)) == {float}  # as every period under an autopilot
+    if plain and len(found) == rotors:
         return found + others
     given = Command(rotor_speeds=found, efforts=others[:joints], tilts=others[joints:])
     return numbers_of_command(given, joints, rotors, tilts)

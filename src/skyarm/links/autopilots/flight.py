@@ -303,17 +303,7 @@ class PilotedSession(Session):
         if not self.running or self._link is None:
             return False
         speeds = [signal * most for signal, most in zip(self._signals, self._most, strict=True)]
-        server = self._joint_server
-        if server is None:
-            going = super().step(rotors=speeds)
-        else:
-            self._keep_pace()
-            arm, half = self._arm, len(self._arm) // 2
-            setpoints = server.exchange(self._prepared + self.time, arm[:half], arm[half:])
-            if setpoints is None:
-                going = super().step(rotors=speeds)
-            else:
-                going = super().step(Command(rotor_speeds=tuple(speeds), efforts=setpoints))
+        going = super().step(rotors=speeds) if self._joint_server is None else self._step_with_port(speeds)
         if not going:
             self.close()
             return False
@@ -321,7 +311,7 @@ class PilotedSession(Session):
         if engine is not self._source:
             self._columns, self._source = engine.reading_columns, engine
         row = engine.row(tick - 1).tolist()
-        if server is not None:
+        if self._joint_server is not None:
             self._arm = row[engine.joint_columns]
         if tick % self._every == 0:
             self._goal = self._next_goal()
@@ -340,6 +330,16 @@ class PilotedSession(Session):
             self._end(str(error))
             return False
         return True
+
+    def _step_with_port(self, speeds: list[float]) -> bool:
+        """Simulate one period in real time, its joints by the set points of a program outside, if there are any."""
+        assert self._joint_server is not None
+        self._keep_pace()
+        arm, half = self._arm, len(self._arm) // 2
+        setpoints = self._joint_server.exchange(self._prepared + self.time, arm[:half], arm[half:])
+        if setpoints is None:
+            return super().step(rotors=speeds)
+        return super().step(Command(rotor_speeds=tuple(speeds), efforts=setpoints))
 
     def fly(self, stop: int) -> bool:
         """Simulate several control periods, at most up to period ``stop``, for about a tenth of a second."""
