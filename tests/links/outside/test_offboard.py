@@ -50,7 +50,7 @@ def scenario(tmp_path):
     return make
 
 
-SETTINGS = OffboardSettings(rate_bandwidth=(18.0, 18.0, 18.0), patience=3.0, stale=0.2)
+SETTINGS = OffboardSettings(rate_bandwidth=(18.0, 18.0, 18.0), patience=3.0, stale=0.5)
 
 
 @pytest.fixture(autouse=True)
@@ -107,12 +107,12 @@ def test_set_points_go_only_beside_heartbeats_and_end_with_the_flight(scenario):
 @pytest.mark.parametrize(
     ("fault", "status", "cause"),
     [
-        ({"silent_at": 0.5}, "link_lost", "no estimate from the autopilot for 0.2 s"),
+        ({"silent_at": 0.5}, "link_lost", "no estimate from the autopilot for 0.5 s"),
         pytest.param(
-            {"nan_at": 0.5}, "link_lost", "no estimate from the autopilot for 0.2 s", marks=pytest.mark.thorough
+            {"nan_at": 0.5}, "link_lost", "no estimate from the autopilot for 0.5 s", marks=pytest.mark.thorough
         ),
         pytest.param(
-            {"back_at": 0.5}, "link_lost", "no estimate from the autopilot for 0.2 s", marks=pytest.mark.thorough
+            {"back_at": 0.5}, "link_lost", "no estimate from the autopilot for 0.5 s", marks=pytest.mark.thorough
         ),
         ({"ahead_at": 0.5}, "link_lost", "the autopilot's clock went on by 1e+03 s between two estimates"),
         ({"leaves_at": 0.6}, "taken_back", "PX4 left the mode that takes set points"),
@@ -186,13 +186,13 @@ def test_a_law_that_stood_still_hands_back(scenario, monkeypatch):
 
     def stand(self, state, tick, reference, record=None, answer=OffboardFlight._answer):
         if record is not None and next(calls) == 100:
-            time.sleep(0.5)
+            time.sleep(0.7)
         return answer(self, state, tick, reference, record)
 
     monkeypatch.setattr(OffboardFlight, "_answer", stand)
     log, peer = flown(scenario(5.0))
     assert log.status == "link_lost"
-    assert "this process stood still for 0.5" in log.info["cause"]
+    assert "this process stood still for " in log.info["cause"]
     assert peer.modes == ["offboard", "hold"]
 
 
@@ -277,7 +277,7 @@ def test_a_silent_arm_ends_the_flight(scenario, tmp_path):
         thread.join()
         for each in (arm, link, server):
             each.close()
-    assert (log.status, log.info["cause"]) == ("link_lost", "no joint reading for 0.2 s")
+    assert (log.status, log.info["cause"]) == ("link_lost", "no joint reading for 0.5 s")
     assert peer.modes == ["offboard", "hold"]
 
 
