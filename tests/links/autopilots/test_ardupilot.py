@@ -177,8 +177,8 @@ def test_a_repeated_packet_is_answered_only_if_its_answer_was_lost(stand_in, fau
     [
         ("silence", "ArduPilot has not answered for 1 s"),
         ("exit", "ArduPilot ended (Fatal: out of luck)"),
-        ("stillborn", "ArduPilot ended while it started: Unknown model"),
-        ("closed", "ArduPilot closed its MAVLink connection"),
+        ("stillborn", "ArduPilot ended while it started (Unknown model"),
+        ("closed", "ArduPilot closed the connection"),
         ("garbage", "23 bytes that are no packet of pulse widths"),
         ("magic", "40 bytes that are no packet of pulse widths"),
         ("restart", "ArduPilot started again: frame 0 came in place of frame 300"),
@@ -452,12 +452,12 @@ def test_its_origin_is_that_of_the_planned_stand_whatever_the_true_place():
     talk.mode, talk.armed = 4, False
     talk.shift = (1.5, -1.0, 3.0)
     talk.fly(4.0, (STAND[0] + 0.5, STAND[1], STAND[2]), GOAL)
-    np.testing.assert_allclose(talk.link._offset, (2.0, -1.0, 3.0), atol=1e-6)
+    np.testing.assert_allclose(talk.link._vehicle.origin, (2.0, -1.0, 3.0), atol=1e-6)
 
 
 def test_a_value_that_mavlink_cannot_carry_ends_the_flight_as_a_link():
     with pytest.raises(LinkError, match="a set point cannot be sent to ArduPilot"):
-        Talk().link._command(400, 1e300)
+        Talk().link._vehicle.command(400, 1e300)
 
 
 def test_bytes_of_another_program_do_not_become_the_partner(stand_in, monkeypatch):

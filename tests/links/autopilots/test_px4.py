@@ -324,7 +324,7 @@ def test_words_of_another_system_are_not_heard(tmp_path: Path) -> None:
     peer.say("HEARTBEAT", type=2, autopilot=12, custom_mode=6 << 16)
     peer.fly(2)
     assert peer.link.facts["said"] == ""
-    assert peer.link._mode == 0
+    assert peer.link._vehicle.mode == 0
 
 
 def test_datagrams_of_another_sender_are_left_out(tmp_path: Path) -> None:
@@ -334,6 +334,7 @@ def test_datagrams_of_another_sender_are_left_out(tmp_path: Path) -> None:
     peer.link._udp, peer.link._partner = ports.onboard, ports.partner
     address = ("127.0.0.1", 14540 + ports.instance)
     with (
+        ports.onboard,
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other,
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as own,
     ):
@@ -341,7 +342,6 @@ def test_datagrams_of_another_sender_are_left_out(tmp_path: Path) -> None:
         other.sendto(b"other", address)
         own.sendto(b"own", address)
         assert peer.link._datagrams() == b"own"
-    peer.link.close()
 
 
 NAMES = ("HEARTBEAT", "STATUSTEXT", "LOCAL_POSITION_NED", "ESTIMATOR_STATUS", "COMMAND_ACK", "HIL_ACTUATOR_CONTROLS")
