@@ -92,7 +92,7 @@ def fly(
 
 def _times(said: dict[str, Any]) -> list[str]:
     """Lines on the times of the set points."""
-    words = {"age": "from estimate to set point", "computing": "of it here", "round_trip": "to the autopilot and back"}
+    words = {"computing": "from an estimate's arrival to its set point", "round_trip": "to the autopilot and back"}
     lines = [
         f"{text}: median {said[name]['p50_ms']:.2f} ms, 99 % {said[name]['p99_ms']:.2f} ms"
         for name, text in words.items()

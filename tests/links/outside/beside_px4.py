@@ -2,16 +2,19 @@
 
     python tests/links/outside/beside_px4.py [LAW ...] [--instance N]
 
-For each law: the tip's error on a slow circle, by the simulator's truth and by PX4's estimate, and that of the
-simulator's own flight of the same law, with the measured delay in its delays. Needs SKYARM_PX4, the path of PX4's
-program. The satellite receiver is as good as a camera system (3 mm), so that the error is the law's.
+For each law two lines. The first: delay of a set point, from PX4's sensor message of the estimate's time to the set
+point's datagram, by one monotonic clock; the share of it behind the estimate's arrival; estimates without an answer.
+The second: the tip's error on a slow circle, and that of the simulator's own flight of the same law with that delay,
+with perfect state and with the errors of PX4's estimate replayed. Needs SKYARM_PX4, the path of PX4's program. The
+satellite receiver is as good as a camera system (1 mm, 50 Hz), so that the error is the law's.
+
+PX4's local frame has an origin of its own: truth and estimate are compared without their mean difference.
 """
 
 from __future__ import annotations
 
 import argparse
 import dataclasses
-import json
 import socket
 import subprocess
 import sys
@@ -22,11 +25,18 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 import skyarm
+from skyarm.algebra import Quaternion, Vec3
 from skyarm.links.autopilots.px4_ports import JOINT_PORT, ONBOARD_PORT
+from skyarm.links.outside.offboard_link import OffboardLink
+from skyarm.links.outside.outside_law import LoopSettings, OutsideLaw
+from skyarm.links.outside.rate_commands import IdealRateLoop
+from skyarm.log.flight_log import Log
 from skyarm.log.formats import load_log
 from skyarm.scenario.scenario_file import load_scenario
+from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.session import open_session
 
 SCENARIO = """
@@ -45,9 +55,9 @@ vehicle = "hummingbird_arm2"
 {controller}
 [sensors.gnss]
 kind = "gnss"
-frequency = 10
-position = {{ sigma = 0.003 }}
-velocity = {{ sigma = 0.01 }}
+frequency = 50
+position = {{ sigma = 0.001 }}
+velocity = {{ sigma = 0.005 }}
 [reference.base]
 kind = "circle"
 radius = 0.3
@@ -75,7 +85,14 @@ parameters = {{ EKF2_HGT_REF = 1, EKF2_BARO_CTRL = 0 }}"""
 def simulate(folder: Path) -> None:
     """Fly the simulator's side in real time until a file ``stop`` is there; write path, times and status."""
     session = open_session(load_scenario(str(folder / "sim.toml")))
-    rows, stop = [], folder / "stop"
+    link, rows, sent, stop = session._link, [], [], folder / "stop"
+    exchange = link.exchange
+
+    def noted(now, goal):
+        sent.append((now.time, time.monotonic()))
+        return exchange(now, goal)
+
+    link.exchange = noted
     while session.running and not (session.tick % 50 == 0 and stop.exists()):
         session.step()
         if session.tick % 5 == 0:
@@ -85,7 +102,25 @@ def simulate(folder: Path) -> None:
     session.close()
     log.save_npz(folder / "sim.npz")
     np.save(folder / "path.npy", np.array(rows))
+    np.save(folder / "sent.npy", np.array(sent))
     (folder / "status").write_text("hovers" if ended is None else f"{ended.status}: {ended.cause}")
+
+
+def note_answers(arguments: list[str]) -> None:
+    """Run ``skyarm``, and write the times of the estimates that it answers: PX4's, of arrival, of answer."""
+    from skyarm.cli.main import main
+
+    send, rows = OffboardLink.send_rates, []
+
+    def noted(link, command):
+        send(link, command)
+        rows.append((link.state.time, link.heard, time.monotonic()))
+
+    OffboardLink.send_rates, sys.argv = noted, ["skyarm", *arguments]
+    try:
+        main()
+    finally:
+        np.save("answers.npy", np.array(rows))
 
 
 @contextmanager
@@ -105,12 +140,13 @@ def simulator(folder: Path, instance: int, seconds: float) -> Iterator[subproces
             process.kill()
 
 
-def start_law(folder: Path, instance: int, law: str, seconds: float) -> subprocess.Popen[str]:
-    """Start 'skyarm fly', whose log will be in the folder ``out``."""
+def start_law(folder: Path, instance: int, law: str, seconds: float, *, noted: bool = False) -> subprocess.Popen[str]:
+    """Start 'skyarm fly', whose log will be in the folder ``out``; ``noted``: by :func:`note_answers`."""
     (folder / "law.toml").write_text(SCENARIO.format(name="law", duration=seconds, controller=law))
+    program = (__file__, "--answer") if noted else ("-m", "skyarm")
     return subprocess.Popen(
         [
-            sys.executable, "-m", "skyarm", "fly", "law.toml", "--patience", "60", "--out", "out",
+            sys.executable, *program, "fly", "law.toml", "--patience", "60", "--out", "out",
             "--link", f"mavlink://127.0.0.1:{ONBOARD_PORT + instance}",
             "--joints", f"udp://127.0.0.1:{JOINT_PORT + instance}",
         ],
@@ -148,7 +184,7 @@ def descendants(pid: int) -> list[int]:
     return found
 
 
-def fly_beside(law: str, instance: int = 0, seconds: float = 24.0) -> dict[str, object]:
+def fly_beside(law: str, instance: int = 0, seconds: float = 24.0) -> dict[str, float | str]:
     """Errors of a law that flies a circle outside, mm after 4 s, and its delays, ms.
 
     Args:
@@ -159,40 +195,115 @@ def fly_beside(law: str, instance: int = 0, seconds: float = 24.0) -> dict[str, 
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         with simulator(folder, instance, 4.0 * seconds):
-            said = start_law(folder, instance, law, seconds).communicate(timeout=10.0 * seconds)[0]
-        logs = [folder / "out" / "law.npz", folder / "sim.npz"]
-        if not logs[0].exists():
+            said = start_law(folder, instance, law, seconds, noted=True).communicate(timeout=10.0 * seconds)[0]
+        if not (folder / "out" / "law.npz").exists():
             raise RuntimeError(said)
-        flown, truth = map(load_log, logs)
-        own = load_scenario(str(folder / "law.toml"))
-        outside, inside = flown.info["outside"], truth.info["autopilot"]
-        late = flown.time + outside["start_s"] - inside["prepared_s"]
-        delay = inside["joints"]["age_p50_s"]
-        delayed = own.with_words(delays=dataclasses.replace(own.delays, command=round(delay, 3)))
-        found: dict[str, object] = {"status": flown.status, "law": flown.info["controller"]}
-        late_part = flown.time > 4.0
-        turn, start = outside["turn"], np.array(outside["start"])
-        R = np.array([[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]])
-        begun = np.array([np.interp(late[0], truth.time, column) for column in truth.position.T])
-        for what in ("tool", "position"):
-            there = np.stack([np.interp(late, truth.time, column) for column in getattr(truth, what).T], axis=1)
-            wanted = getattr(flown, f"{what}_reference")
-            for kind, place in (("truth", (there - begun) @ R.T + start), ("estimate", getattr(flown, what))):
-                found[f"{what}_{kind}_mm"] = mean_error(place[late_part], wanted[late_part])
-        for words, scenario in (("own", own), ("own_delayed", delayed)):
-            log = skyarm.run(scenario)
-            part = log.time > 4.0
-            found[f"tool_{words}_mm"] = mean_error(log.tool[part], log.tool_reference[part])
-        found |= {"delay_p50_ms": 1e3 * delay, "delay_p99_ms": 1e3 * inside["joints"]["age_p99_s"]}
-        return found | {name: outside[name] for name in ("computing", "round_trip", "periods", "missed", "lost_frames")}
+        return measured(folder)
 
 
-def mean_error(place: np.ndarray, wanted: np.ndarray) -> float:
-    """Mean distance, mm."""
-    return round(1e3 * float(np.linalg.norm(place - wanted, axis=1).mean()), 1)
+def measured(folder: Path) -> dict[str, float | str]:
+    """Numbers of a flight whose files are in a folder."""
+    flown, truth = load_log(folder / "out" / "law.npz"), load_log(folder / "sim.npz")
+    own = load_scenario(str(folder / "law.toml"))
+    found = {"law": flown.info["controller"], "status": flown.status, **delays(folder, flown)}
+    estimate, there = Motion.of(flown), Motion.of(truth).moved(flown, truth)
+    errors = estimate.minus(there)
+    late = flown.time > 4.0
+    shift = (flown.position - there.position)[late].mean(axis=0)
+    found["truth_mm"] = mean_error((there.tool + shift - flown.tool_reference)[late])
+    found["estimate_mm"] = mean_error((flown.tool - flown.tool_reference)[late])
+    found["estimate_error_mm"] = mean_error((flown.position - there.position - shift)[late])
+    delay = round(found["delay_p50_ms"] * 1e-3 * own.rates.control) / own.rates.control
+    delayed = skyarm.run(own.with_words(delays=dataclasses.replace(own.delays, command=delay)))
+    for words, log in (("own_mm", delayed), ("own_estimate_mm", fly_with_errors(own, errors, late))):
+        part = log.time > 4.0
+        found[words] = mean_error((log.tool - log.tool_reference)[part])
+    return found
+
+
+def delays(folder: Path, flown: Log) -> dict[str, float]:
+    """Delays of the set points, ms, and the share of the estimates that got none."""
+    sent, answers = np.load(folder / "sent.npy"), np.load(folder / "answers.npy")
+    answers = answers[answers[:, 0] >= flown.info["outside"]["start_s"]]
+    begun = np.interp(answers[:, 0], *sent.T)
+    found = {}
+    for name, times in (("delay", answers[:, 2] - begun), ("behind_arrival", answers[:, 2] - answers[:, 1])):
+        found |= {f"{name}_p{share}_ms": round(1e3 * float(np.percentile(times, share)), 2) for share in (50, 99)}
+    outside = flown.info["outside"]
+    return found | {"lost": outside["missed"], "of": outside["missed"] + outside["periods"]}
+
+
+@dataclasses.dataclass(frozen=True)
+class Motion:
+    """Positions (m) of base and tip, velocities (m/s), attitudes, body rates (rad/s), in the world of the law."""
+
+    position: np.ndarray
+    tool: np.ndarray
+    velocity: np.ndarray
+    attitude: Rotation
+    rate: np.ndarray
+
+    @staticmethod
+    def of(log: Log) -> Motion:
+        """Motion as a log has it."""
+        attitude = Rotation.from_quat(log.quaternion, scalar_first=True)
+        return Motion(log.position, log.tool, log.velocity, attitude, log.rate)
+
+    def moved(self, flown: Log, truth: Log) -> Motion:
+        """The simulator's motion at the times of the law's log, in the law's world."""
+        outside = flown.info["outside"]
+        times = flown.time + outside["start_s"] - truth.info["autopilot"]["prepared_s"]
+        turn = Rotation.from_euler("z", outside["turn"])
+
+        def at(column: np.ndarray) -> np.ndarray:
+            return np.stack([np.interp(times, truth.time, each) for each in column.T], axis=1)
+
+        begun = at(self.position)[0]
+        place, tool = (turn.apply(at(each) - begun) + outside["start"] for each in (self.position, self.tool))
+        attitude = turn * Rotation.from_quat(at(self.attitude.as_quat(canonical=True)))
+        return Motion(place, tool, turn.apply(at(self.velocity)), attitude, at(self.rate))
+
+    def minus(self, other: Motion) -> Motion:
+        """Difference; attitudes by a rotation of the world."""
+        parts = (getattr(self, name) - getattr(other, name) for name in ("position", "tool", "velocity"))
+        return Motion(*parts, self.attitude * other.attitude.inv(), self.rate - other.rate)
+
+
+def fly_with_errors(own: Scenario, errors: Motion, late: np.ndarray) -> Log:
+    """The simulator's own flight of a law that measures the true state plus the errors of an estimate."""
+    session = open_session(own)
+    period = 1.0 / own.rates.control
+    settings = LoopSettings(period=period, rate_loop=IdealRateLoop(bandwidth=(18.0, 18.0, 6.0)), full_thrust=1e3)
+    law = OutsideLaw(own.controller, settings, session.reference)
+    shift = errors.position[late].mean(axis=0)
+    for k in range(len(late)):
+        m = session.measurement
+        turned = errors.attitude[k] * Rotation.from_quat(tuple(m.quaternion), scalar_first=True)
+        seen = dataclasses.replace(
+            m, position=Vec3(*(m.position + Vec3(*(errors.position[k] - shift)))),
+            velocity=Vec3(*(m.velocity + Vec3(*errors.velocity[k]))), rate=Vec3(*(m.rate + Vec3(*errors.rate[k]))),
+            quaternion=Quaternion(*turned.as_quat(scalar_first=True)),
+        )  # fmt: skip
+        if not session.step(law.step(seen, session.reference).law):
+            break
+    return session.log
+
+
+def mean_error(error: np.ndarray) -> float:
+    """Mean length, mm."""
+    return round(1e3 * float(np.linalg.norm(error, axis=1).mean()), 1)
+
+
+LINES = """{law}: {status}; set points {delay_p50_ms} ms behind PX4's time (99 %: {delay_p99_ms} ms), of it \
+{behind_arrival_p50_ms} ms behind the estimate's arrival (99 %: {behind_arrival_p99_ms} ms), lost {lost} of {of}
+tip {truth_mm} mm off (estimated: {estimate_mm} mm); own run with that delay {own_mm} mm, with the errors of PX4's \
+estimate ({estimate_error_mm} mm) {own_estimate_mm} mm"""
 
 
 if __name__ == "__main__":
+    if sys.argv[1:2] == ["--answer"]:
+        note_answers(sys.argv[2:])
+        sys.exit()
     words = argparse.ArgumentParser()
     words.add_argument("laws", nargs="*", default=['preset = "paper_ct"', 'law = "centroidal"'])
     words.add_argument("--instance", type=int, default=0)
@@ -202,4 +313,4 @@ if __name__ == "__main__":
         simulate(given.simulate)
     else:
         for each in given.laws:
-            print(json.dumps(fly_beside(each, given.instance), indent=1), flush=True)
+            print(LINES.format(**fly_beside(each, given.instance)), flush=True)

@@ -52,6 +52,11 @@ def test_references_stand_beside_the_estimates():
     assert log.position_reference[-1] == pytest.approx([*map(float, SCENARIO.reference.at(1399 / 200.0).position)])
 
 
+def test_a_scenario_with_an_estimator_leaves_a_log():
+    log = record(range(3)).log(load_scenario("hover_swing"), None, {})
+    assert log.position[:, 0].tolist() == [0.0, 1.0, 2.0]
+
+
 def test_percentiles_are_in_milliseconds():
     found = percentiles([0.001] * 98 + [0.002, 0.1])
     assert (found["count"], found["p50_ms"], found["max_ms"]) == (100, 1.0, 100.0)

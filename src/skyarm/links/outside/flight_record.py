@@ -13,6 +13,7 @@ from skyarm.compile import leaves
 from skyarm.links.outside.outside_law import OutsideCommand
 from skyarm.log.flight_log import Log
 from skyarm.scenario.scenario_record import Environment, Scenario
+from skyarm.sensing.estimate.estimator import PASS_THROUGH
 from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.assemble_log import Piece, Samples, join_pieces
 from skyarm.simulate.check_endings import Ended
@@ -40,8 +41,7 @@ class FlightRecord:
         ticks: number of the period of each row. stamps: autopilot's time of its measurement, s.
         states: position, quaternion, velocity, rate, joints, joint rates. commands: rotor speeds, joint setpoints.
         rates: set points sent, rad/s and thrust.
-        computing: s from the arrival of a measurement to its set point. ages: s from the measurement to its set point,
-            by the autopilot's clock; empty before the clocks are compared.
+        computing: s from the arrival of a measurement to its set point.
     """
 
     first: float = 0.0
@@ -51,7 +51,6 @@ class FlightRecord:
     commands: list[tuple[float, ...]] = field(default_factory=list)
     rates: list[tuple[float, ...]] = field(default_factory=list)
     computing: list[float] = field(default_factory=list)
-    ages: list[float] = field(default_factory=list)
 
     def add(self, tick: int, stamp: float, seen: Measurement, given: OutsideCommand) -> None:
         """Add the row of a period."""
@@ -69,8 +68,9 @@ class FlightRecord:
         """
         count = self.ticks[-1] + 1 if self.ticks else 0
         plain = scenario.with_words(
-            environment=Environment(forces=(), ground=False), sensors=(), faults=(), payloads=(), changes=(), endings=()
-        )
+            environment=Environment(forces=(), ground=False), sensors=(), estimator=PASS_THROUGH, faults=(),
+            payloads=(), changes=(), endings=(),
+        )  # fmt: skip
         rows = np.zeros(count, dtype=int)
         rows[self.ticks] = np.arange(len(self.ticks))
         rows = np.maximum.accumulate(rows)

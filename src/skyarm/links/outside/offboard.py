@@ -8,10 +8,12 @@ holds its place.
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import math
+import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, NoReturn
 
@@ -116,6 +118,28 @@ def require_outside(scenario: Scenario) -> None:
         raise ScenarioError("path_time: must be left out, outside of the simulator")
 
 
+@contextlib.contextmanager
+def real_time() -> Iterator[None]:
+    """Run a block without garbage collection, and before other programs where the system allows that.
+
+    A collection takes longer than a period. The loop waits for most of its time, so that it keeps no processor.
+    """
+    collecting = gc.isenabled()
+    gc.disable()
+    first = False
+    with contextlib.suppress(OSError, AttributeError):  # no permission; no such scheduler
+        if os.sched_getscheduler(0) == os.SCHED_OTHER:
+            os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(1))
+            first = True
+    try:
+        yield
+    finally:
+        if first:
+            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        if collecting:
+            gc.enable()
+
+
 class OffboardFlight:
     """One flight of a scenario's law by an autopilot's link and an arm's port.
 
@@ -162,13 +186,12 @@ class OffboardFlight:
             OffboardError: no autopilot, no estimates, a vehicle that does not hover, set points that are refused.
         """
         ended: Ended | None = None
-        collecting = gc.isenabled()
         try:
             self._connect()
             self._await_hover()
-            gc.disable()  # a collection takes longer than a period
-            self._take_over()
-            self._follow()
+            with real_time():
+                self._take_over()
+                self._follow()
         except HandBackError as end:
             ended = self._ended(end.status, str(end))
         except Exception:
@@ -178,8 +201,6 @@ class OffboardFlight:
                 raise
             self.interrupted, ended = error, self._ended(STOPPED, "stopped by Ctrl-C or a signal")
         finally:
-            if collecting:
-                gc.enable()
             self._hand_back()
         return self._record.log(self._scenario, ended, self.facts)
 
@@ -195,7 +216,6 @@ class OffboardFlight:
             "start_s": record.first,
             "computing": percentiles(record.computing),
             "round_trip": percentiles(self._link.round_trips),
-            "age": percentiles(record.ages),
             "periods": len(record.ticks),
             "missed": self._missed,
             "lost_frames": self._link.lost,
@@ -242,8 +262,8 @@ class OffboardFlight:
             nonlocal asked
             if time.monotonic() - asked > 1.0:
                 asked = time.monotonic()
-                link.request_estimates(min(max(self._rate, 100), 250))
-            return link.state is not None and link.offset is not None and self._joints is not None
+                link.request_streams(min(max(self._rate, 100), 250))
+            return link.state is not None and self._joints is not None
 
         self._until(settings.patience, has_state, f"{self._silent_part()} sent nothing")
         law = self._scenario.controller
@@ -299,8 +319,8 @@ class OffboardFlight:
         cutoff = link.parameters[YAW_FILTER]
         if not (cutoff == 0.0 or cutoff >= LEAST_CUTOFF):
             raise OffboardError(
-                f"--link: PX4's {YAW_FILTER} = {cutoff:g}: must be 0 or at least {LEAST_CUTOFF:g} Hz, so that yaw does "
-                "not oscillate behind the filter"
+                f"--link: PX4's {YAW_FILTER} = {cutoff:g}: must be 0 or at least {LEAST_CUTOFF:g} Hz, so that "
+                "yaw does not oscillate behind the filter"
             )
         return px4_rate_loop(self._scenario.controller.par.model.vehicle, link.parameters)
 
@@ -359,7 +379,7 @@ class OffboardFlight:
             if now - begun > LEAD and now - asked > 0.5:
                 asked = now
                 self._ours, self._asked = True, min(self._asked, now)
-                link.request_outside()
+                link.request_outside_mode()
             self._pump(0.02)
             self._require_alive()
             state = link.take()
@@ -419,9 +439,6 @@ class OffboardFlight:
             return
         self._arm.send([float(each) for each in found.law.efforts], state.time)
         record.computing.append(time.monotonic() - link.heard)
-        now = link.autopilot_time()
-        if now is not None:
-            record.ages.append(now - state.time)
         record.add(tick, state.time, measured, found)
 
     def _measurement(self, state: AutopilotState, arm: JointReading, tick: int) -> Measurement:
