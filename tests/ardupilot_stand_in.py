@@ -170,6 +170,8 @@ class StandIn:
                 self.tell("HEARTBEAT", type=2, autopilot=3, base_mode=0, custom_mode=4)
             for _ in range(4 if FAULT == "impatient" and self.frame == AT else 1):
                 self.physics.send(self.packet(self.frame))
+            if FAULT == "impatient" and self.frame == AT:
+                Path(os.environ["STAND_IN_NOTE"]).write_text(f"{os.getpid()}\nsent")
             line = self.physics.recv(4096)
             if FAULT == "lost" and self.frame == AT and not dropped:
                 dropped = True

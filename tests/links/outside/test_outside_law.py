@@ -22,7 +22,7 @@ def references(scenario):
     return lambda k: rebuild(inputs.reference_example, iter(inputs.held_leaves[k].tolist()))
 
 
-@pytest.mark.parametrize("name", ["paper_ct", "centroidal_tip"])
+@pytest.mark.parametrize("name", ["paper_ct", pytest.param("centroidal_tip", marks=pytest.mark.thorough)])
 def test_the_same_controller_commands_the_same_as_in_the_simulator(name):
     """Fed with the measurements of a flight it gives that flight's commands."""
     scenario = load_scenario("case3", controller=name, duration=0.6)

@@ -203,7 +203,7 @@ def test_ros_2_without_its_library_names_the_extra(monkeypatch):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [pytest.param(signal.SIGINT, marks=pytest.mark.thorough), signal.SIGTERM])
 def test_a_signal_is_one_line_keeps_the_log_and_leaves_the_master(tmp_path, number):
     with master() as hub:
         words = [sys.executable, "-m", "skyarm", "run", "case3", "--duration", "60", "--ros", "1", "--quiet"]

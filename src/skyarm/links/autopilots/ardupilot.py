@@ -10,13 +10,11 @@ from __future__ import annotations
 
 import contextlib
 import math
-import shutil
 import socket
 import struct
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, ClassVar
 
 from skyarm.control.controller import Controller
@@ -28,14 +26,15 @@ from skyarm.links.autopilots.autopilot import (
     Autopilot,
     Goal,
     Instant,
-    Link,
     LinkError,
     Numbers,
     controller_with,
     model_of,
     plain_parameters,
 )
-from skyarm.links.autopilots.program import Child, find_program, make_folder
+from skyarm.links.autopilots.guided_vehicle import GuidedVehicle
+from skyarm.links.autopilots.program import ProgramLink, find_program
+from skyarm.links.mavlink_vehicle import ARDUPILOT_NUMBER, ARM, TAKE_OFF
 from skyarm.links.sockets import drain
 from skyarm.links.transcript import Tape
 from skyarm.scenario.scenario_record import Scenario, first_state
@@ -66,21 +65,6 @@ REPEATED = 0.5
 AGAIN = 2
 """Times that ArduPilot repeats a packet before its answer is taken as lost."""
 
-GUIDED = 4
-"""ArduCopter's mode for set points from outside."""
-
-GROUND_STATION, ARDUPILOT = 6, 3
-"""MAVLink's type of a ground station, and its number of ArduPilot."""
-
-WARNING = 4
-"""MAVLink's severity of a warning."""
-
-TAKE_OFF, SET_MODE, ARM, SET_INTERVAL = 22, 176, 400, 511
-"""MAVLink's commands."""
-
-POSITION_MASK = 0b100_000_000_000
-"""Set points of position, velocity, acceleration and yaw; the yaw rate is ignored."""
-
 ESTIMATES, CONSTANT_POSITION = 0b111111, 0b10000000
 """Flags of valid attitude, velocity and position, and of an estimator that takes the position as constant."""
 
@@ -89,9 +73,6 @@ REPLY = 1.0
 
 ASK, REQUEST = 0.5, 5.0
 """s until ArduPilot is asked again: for its mode and arming, and for messages and to take off."""
-
-ABSENCE = 3.0
-"""s out of guided mode, in flight, after which the flight is over."""
 
 SETTLED = 3.0
 """s of valid estimates after which ArduPilot's local origin is known and it is asked to arm."""
@@ -165,57 +146,45 @@ def physics_line(time: float, imu: Numbers, state: Numbers) -> bytes:
     return (PHYSICS_LINE % numbers).encode("ascii")
 
 
-class ArduPilotLink(Link):
+class ArduPilotLink(ProgramLink):
     """Connection to a running ArduPilot: its process, the physics' datagrams, and a MAVLink stream."""
 
     def __init__(self, record: ArduPilot, scenario: Scenario, tape: Tape) -> None:
-        self._record, self._tape = record, tape
+        super().__init__(record)
+        self._tape = tape
         model, rate = model_of(scenario), scenario.rates.control
         self._motors = fitting_frame(model.vehicle)[1]
         self._period, self._goal_every = 1.0 / rate, max(1, rate // 50)
-        self._steps = self._sequence = self._repeated = self._away = 0
+        self._steps = self._repeated = 0
         self._frame, self._arrived = -1, 0.0
         self._line = b""
         self._signals: Numbers = (0.0,) * len(self._motors)
-        self._parser = mavlink.Parser()
-        self._said, self._armed, self._ready, self._mode, self._heard = "", False, False, -1, False
-        self._next = 0.0
+        self._vehicle = GuidedVehicle(ARDUPILOT_NUMBER, self._carry, system=1)
+        self._ready, self._next = False, 0.0
         self._unread, self._read_asked = dict(record.parameters), -1.0
-        self._place: tuple[float, float, float] | None = None
-        self._differences: list[tuple[float, ...]] = []
-        self._offset: tuple[float, ...] | None = None
         start = first_state(scenario)
         self._stand = float(start.position.z) - record.climb
         self._planned = (float(start.position.x), float(start.position.y), self._stand)
-        self._out_of_mode = 0.0
         heading = -math.degrees(2.0 * math.atan2(float(start.quaternion.z), float(start.quaternion.w)))
         parameters = vehicle_parameters(model.vehicle, float(model.gravity))
         parameters |= {"SIM_RATE_HZ": rate, "LOG_BACKEND_TYPE": 0} | dict(record.parameters)
-        self._child: Child | None = None
-        self._folder: Path | None = None
         self._udp: socket.socket | None = None
-        self._tcp: socket.socket | None = None
         self._peer: Any = None
-        if not tape.plays:
-            self._start(parameters, heading % 360.0, rate)
-        try:
+        with self._starting():
+            if not tape.plays:
+                self._start(parameters, heading % 360.0, rate)
             self._await()
-        except BaseException:
-            self.close()
-            raise
 
     def _start(self, parameters: Mapping[str, float], heading: float, rate: int) -> None:
         """Open ports that are free, start the program on them, and accept its connection."""
-        record = self._record
-        program = find_program(record, "arducopter")
-        self._udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        listener = socket.socket()
-        try:
-            self._udp.bind(("127.0.0.1", 0))
-            self._udp.settimeout(0.2)
+        program = find_program(self._record, "arducopter")
+        self._udp = self._held.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+        self._udp.bind(("127.0.0.1", 0))
+        self._udp.settimeout(0.2)
+        with socket.socket() as listener:
             listener.bind(("127.0.0.1", 0))
             listener.listen(1)
-            self._folder = folder = make_folder(record)
+            folder = self._make_folder()
             defaults = folder / "vehicle.parm"
             defaults.write_text(
                 "".join(f"{name} {value:.9g}\n" for name, value in parameters.items()), encoding="ascii"
@@ -228,26 +197,8 @@ class ArduPilotLink(Link):
                 "--serial0", f"tcpclient:127.0.0.1:{listener.getsockname()[1]}", "--serial1", "none:1",
                 "--serial2", "none:2",
             ]  # fmt: skip
-            self._child = Child(command, folder)
-            listener.settimeout(0.2)
-            until = time.monotonic() + record.patience
-            while self._tcp is None:
-                with contextlib.suppress(TimeoutError):
-                    self._tcp = listener.accept()[0]
-                if self._tcp is None and not self._child.running:
-                    raise LinkError(f"ArduPilot ended while it started: {self._child.last_words}")
-                if self._tcp is None and time.monotonic() > until:
-                    raise LinkError(f"ArduPilot does not connect for MAVLink{self._ending}")
-            self._tcp.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            self._tcp.setblocking(False)
-        except OSError as error:
-            self.close()
-            raise LinkError(f"ArduPilot cannot be started: {error.strerror or error}") from None
-        except BaseException:
-            self.close()
-            raise
-        finally:
-            listener.close()
+            self._launch(command, folder)
+            self._tcp = self._accept(listener)
 
     @property
     def facts(self) -> dict[str, Any]:
@@ -256,15 +207,10 @@ class ArduPilotLink(Link):
             "steps": self._steps,
             "answered": self._frame,
             "repeated": self._repeated,
-            "left_guided": self._away,
-            "said": self._said,
-            "bad_frames": self._parser.bad,
+            "left_guided": self._vehicle.away,
+            "said": self._vehicle.said,
+            "bad_frames": self._vehicle.parser.bad,
         }
-
-    @property
-    def _ending(self) -> str:
-        words = self._child.last_words if self._child is not None else ""
-        return f" ({words})" if words else ""
 
     def exchange(self, now: Instant, goal: Goal) -> Numbers:
         """Answer the frame that ArduPilot waits in, and wait for the signals of its next one."""
@@ -292,7 +238,7 @@ class ArduPilotLink(Link):
         try:
             self._udp.send(line)
         except OSError as error:
-            raise LinkError(f"ArduPilot is gone: {error.strerror or error}{self._ending}") from None
+            raise self._port_error(error) from None
 
     def _await(self) -> None:
         """Wait for the next frame's packet and take its signals.
@@ -334,7 +280,7 @@ class ArduPilotLink(Link):
             except TimeoutError:
                 packet = b""
             except OSError as error:
-                raise LinkError(f"ArduPilot is gone: {error.strerror or error}{self._ending}") from None
+                raise self._port_error(error) from None
             if packet and self._peer is None:
                 if _layout(packet) is None:
                     packet = b""  # of another program: nobody is known yet
@@ -356,155 +302,91 @@ class ArduPilotLink(Link):
 
     def _talk(self, now: Instant, goal: Goal) -> None:
         """Read ArduPilot's state, send the set point, and ask for what is next."""
-        for message in self._parser.feed(self._tape.receive("mavlink", self._stream)):
-            if message.system == 1 and message.component == 1:
-                self._hear(message)
-        t = now.time
+        vehicle, t = self._vehicle, now.time
+        for message in vehicle.parser.feed(self._tape.receive("mavlink", self._stream)):
+            self._hear(message)
         if self._steps % (50 * self._goal_every) == 0:
-            self._tell("HEARTBEAT", type=GROUND_STATION, autopilot=8, system_status=4, mavlink_version=3)
-        if self._offset is None:
+            vehicle.beat()
+        if vehicle.origin is None:
             self._find_origin()
         if self.following:
-            self._send_goal(t, goal)
-            if not self._armed:
-                raise LinkError(f"ArduPilot disarmed in flight: {self._said}")
-            self._watch()
-        if t >= self._next and self._heard:
+            vehicle.send_goal(t, goal)
+            vehicle.require_obedience(vehicle.armed, self._goal_every * self._period)
+        if t >= self._next and vehicle.modes is not None:
             self._next = t + ASK
             self._ask(t)
 
-    def _watch(self) -> None:
-        """End a flight in which ArduPilot has left guided mode and does not come back."""
-        if self._mode == GUIDED:
-            self._out_of_mode = 0.0
-            return
-        self._away += self._out_of_mode == 0.0
-        self._out_of_mode += self._goal_every * self._period
-        if self._out_of_mode > ABSENCE:
-            said = f": {self._said}" if self._said else ""
-            raise LinkError(f"ArduPilot left guided mode for its mode {self._mode}{said}")
-
     def _ask(self, t: float) -> None:
         """Ask for what is next: messages, guided mode, stated parameters, arming, take-off."""
-        if self._place is None:
+        vehicle = self._vehicle
+        if vehicle.place is None:
             self._next = t + REQUEST
-            for number, rate in ((32, 50), (193, 10)):  # LOCAL_POSITION_NED, EKF_STATUS_REPORT
-                self._command(SET_INTERVAL, number, 1e6 / rate)
-        elif self._offset is None:
+            vehicle.request_streams({"LOCAL_POSITION_NED": 50, "EKF_STATUS_REPORT": 10})
+        elif vehicle.origin is None:
             return
-        elif self._mode != GUIDED:
-            self._command(SET_MODE, 1, GUIDED)
-        elif self._unread:
-            self._read_parameters(t)
-        elif not self._armed:
-            self._command(ARM, 1)
+        elif not vehicle.obeys:
+            vehicle.request_outside()
+        elif not self._has_parameters(t):
+            return
+        elif not vehicle.armed:
+            vehicle.command(ARM, 1)
         elif not self.following:
             self._next = t + REQUEST
-            self._command(TAKE_OFF, 0, 0, 0, 0, 0, 0, self._record.climb)
+            vehicle.command(TAKE_OFF, 0, 0, 0, 0, 0, 0, self._record.climb)
 
     def _stream(self) -> bytes:
         """Bytes of the MAVLink stream that have arrived; empty if none."""
         assert self._tcp is not None
+        self._tcp.setblocking(False)
         try:
             found = [data for data, _ in drain(self._tcp)]
         except OSError as error:
-            raise LinkError(f"ArduPilot is gone: {error.strerror or error}{self._ending}") from None
+            raise self._port_error(error) from None
         if found and not found[-1]:
-            raise LinkError(f"ArduPilot closed its MAVLink connection{self._ending}")
+            raise self._closing_error()
         return b"".join(found)
 
     def _find_origin(self) -> None:
         """Find where ArduPilot's local origin lies: the mean difference of its position and the stand's."""
-        if self._place is None or not self._ready or self._armed:
-            self._differences.clear()
-            return
-        self._differences.append(tuple(a - b for a, b in zip(self._place, self._planned, strict=True)))
-        if len(self._differences) * self._goal_every * self._period >= SETTLED:
-            half = self._differences[len(self._differences) // 2 :]
-            self._offset = tuple(sum(column) / len(half) for column in zip(*half, strict=True))
+        found = self._vehicle.compare_place(self._planned, self._ready and not self._vehicle.armed)
+        if found * self._goal_every * self._period >= SETTLED:
+            self._vehicle.find_origin(found - found // 2)
             self._next = 0.0
 
-    def _send_goal(self, t: float, goal: Goal) -> None:
-        """Send a set point of position, velocity, acceleration and yaw in ArduPilot's local frame."""
-        assert self._offset is not None
-        x, y, z = (a + b for a, b in zip(goal.position, self._offset, strict=True))
-        vx, vy, vz = goal.velocity
-        ax, ay, az = goal.acceleration
-        self._tell(
-            "SET_POSITION_TARGET_LOCAL_NED", time_boot_ms=round(t * 1e3), target_system=1, target_component=1,
-            coordinate_frame=1, type_mask=POSITION_MASK, x=x, y=-y, z=-z, vx=vx, vy=-vy, vz=-vz, afx=ax, afy=-ay,
-            afz=-az, yaw=-goal.yaw,
-        )  # fmt: skip
-
-    def _command(self, number: int, *values: float) -> None:
-        """Send COMMAND_LONG."""
-        params = {f"param{i + 1}": float(value) for i, value in enumerate(values)}
-        self._tell("COMMAND_LONG", target_system=1, target_component=1, command=number, **params)
-
-    def _tell(self, name: str, **fields: Any) -> None:
-        """Send a message over the MAVLink stream."""
-        try:
-            frame = mavlink.pack(name, sequence=self._sequence & 255, system=255, component=190, **fields)
-        except mavlink.MavlinkError as error:
-            raise LinkError(f"a set point cannot be sent to ArduPilot: {error}") from None
-        self._sequence += 1
+    def _carry(self, frame: bytes) -> None:
+        """Send a frame over the MAVLink stream."""
         self._tape.send("mavlink", frame, self._write)
-
-    def _write(self, data: bytes) -> None:
-        assert self._tcp is not None
-        try:
-            self._tcp.settimeout(self._record.patience)
-            self._tcp.sendall(data)
-            self._tcp.setblocking(False)
-        except TimeoutError:
-            raise LinkError(f"ArduPilot has read nothing for {self._record.patience:g} s{self._ending}") from None
-        except OSError as error:
-            raise LinkError(f"ArduPilot is gone: {error.strerror or error}{self._ending}") from None
 
     def _hear(self, message: mavlink.Message) -> None:
         """Take note of ArduPilot's mode, arming, estimates, place and words."""
-        if message.name == "HEARTBEAT" and message["autopilot"] == ARDUPILOT:
-            self._heard, self._mode, self._armed = True, message["custom_mode"], bool(message["base_mode"] & 128)
-        elif message.name == "LOCAL_POSITION_NED":
-            self._place = (message["x"], -message["y"], -message["z"])
-            if self._offset is not None and self._armed and not self.following:
-                rise = self._place[2] - self._offset[2] - self._stand
-                self.following = rise > 0.5 * self._record.climb
-                self._next = 0.0 if self.following else self._next
-        elif message.name == "STATUSTEXT" and message["severity"] <= WARNING:
-            self._said = message["text"]
-        elif message.name == "PARAM_VALUE":
-            self._compare(message["param_id"], message["param_value"])
-        elif message.name == "EKF_STATUS_REPORT":
+        vehicle = self._vehicle
+        if not vehicle.hear(message):
+            return
+        if message.name == "EKF_STATUS_REPORT":
             flags = message["flags"]
             self._ready = flags & ESTIMATES == ESTIMATES and not flags & CONSTANT_POSITION
+        elif vehicle.armed and not self.following and vehicle.rise(self._stand) > 0.5 * self._record.climb:
+            self.following, self._next = True, 0.0
 
-    def _read_parameters(self, t: float) -> None:
-        """Ask once for the stated parameters; refuse one that ArduPilot, which skips it in silence, does not tell."""
+    def _has_parameters(self, t: float) -> bool:
+        """True once the stated parameters are found to be as stated; ArduPilot skips one that it does not know.
+
+        Raises:
+            LinkError: it does not tell one that it is asked for, or has another value.
+        """
         if self._read_asked < 0.0:
             self._read_asked = t
             for name in self._unread:
-                self._tell("PARAM_REQUEST_READ", target_system=1, target_component=1, param_index=-1, param_id=name)
-        elif t - self._read_asked > REPLY:
+                self._vehicle.request_parameter(name)
+        for name in self._unread.keys() & self._vehicle.parameters.keys():
+            stated, value = self._unread.pop(name), self._vehicle.parameters[name]
+            if not math.isclose(value, stated, rel_tol=1e-5, abs_tol=1e-6):
+                raise LinkError(f"controller.parameters.{name} = {stated:g}: is {value:g} in ArduPilot")
+        if self._unread and t - self._read_asked > REPLY:
             raise LinkError(
                 f"controller.parameters.{next(iter(self._unread))}: must be a parameter that ArduPilot knows"
             )
-
-    def _compare(self, name: str, value: float) -> None:
-        """Compare a received parameter with the stated one."""
-        stated = self._unread.pop(name, None)
-        if stated is not None and not math.isclose(value, stated, rel_tol=1e-5, abs_tol=1e-6):
-            raise LinkError(f"controller.parameters.{name} = {stated:g}: is {value:g} in ArduPilot")
-
-    def close(self) -> None:
-        """Close the ports, and end the program; a second call does nothing."""
-        for each in (self._tcp, self._udp):
-            if each is not None:
-                each.close()
-        if self._child is not None:
-            self._child.close()
-        elif self._folder is not None:
-            shutil.rmtree(self._folder, ignore_errors=True)
+        return not self._unread
 
 
 def _layout(packet: bytes) -> struct.Struct | None:

@@ -31,7 +31,6 @@ from skyarm.links.autopilots.autopilot import (
     Autopilot,
     Goal,
     Instant,
-    Link,
     LinkError,
     Numbers,
     controller_with,
@@ -57,7 +56,7 @@ from skyarm.links.autopilots.betaflight_settings import (
     state_message,
     vehicle_loops,
 )
-from skyarm.links.autopilots.program import Child, make_folder
+from skyarm.links.autopilots.program import ProgramLink
 from skyarm.links.sockets import drain
 from skyarm.links.transcript import Tape
 from skyarm.scenario.scenario_record import Scenario, first_state
@@ -142,13 +141,14 @@ RISE = 0.4
 """m/s of the take-off."""
 
 
-class BetaflightLink(Link):
+class BetaflightLink(ProgramLink):
     """Connection to a running Betaflight: its process, its sockets, the position loop, and the pace of the flight."""
 
     def __init__(self, record: Betaflight, scenario: Scenario, tape: Tape) -> None:
+        super().__init__(record)
         model = model_of(scenario)
         vehicle, gravity = model.vehicle, float(model.gravity)
-        self._record, self._tape, self._rotors = record, tape, len(vehicle.rotors)
+        self._tape, self._rotors = tape, len(vehicle.rotors)
         self._period = 1.0 / scenario.rates.control
         self._sticks = Sticks(vehicle, gravity)
         slow = min(1.0, 0.1 * vehicle_loops(vehicle, gravity)[1]["angle_p_gain"] / QUICK)
@@ -160,7 +160,6 @@ class BetaflightLink(Link):
         self._silent_since, self._sent, self._begun = 0.0, 0.0, 0.0
         self._late: list[float] = []
         self._waits: list[float] = []
-        self._child: Child | None = None
         self._guard: Guard | None = None
         self._motors: socket.socket | None = None
         self._peer: Any = None
@@ -171,26 +170,23 @@ class BetaflightLink(Link):
     def _start(self, lines: Sequence[str]) -> None:
         """Bind our port, set the program up by its command line, and start it again."""
         program = program_of(self._record)
-        self._motors = open_port()
-        try:
-            self._out = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-            folder = make_folder(self._record)
+        self._motors = self._held.enter_context(open_port())
+        with self._starting():
+            self._out = self._held.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+            folder = self._make_folder()
             command = [str(program), "127.0.0.1"]
-            self._child = Child(command, folder)
-            set_up(self._child, lines, self._record.patience)
-            self._child.end()
+            child = self._launch(command, folder)
+            set_up(child, lines, self._record.patience)
             for _ in range(STARTS):
-                self._child = Child(command, folder)
-                await_boot(self._child, self._record.patience)
+                child.end()
+                child = self._launch(command, folder)
+                await_boot(child, self._record.patience)
                 if self._warm_up():
                     break
-                self._child.end()
             else:
                 raise LinkError(f"Betaflight has sent no motors in {STARTS} starts{self._ending}")
-            self._guard = Guard(self._child.pid)
-        except BaseException:
-            self.close()
-            raise
+            self._guard = Guard(child.pid)
+            self._held.callback(self._guard.close)
 
     def _warm_up(self) -> bool:
         """Send states of a vehicle at rest for ``WARM`` s at real time; True if motors answer the last of them.
@@ -306,7 +302,7 @@ class BetaflightLink(Link):
         try:
             self._out.sendto(data, ("127.0.0.1", port))
         except OSError as error:
-            raise LinkError(f"Betaflight is gone: {error.strerror or error}{self._ending}") from None
+            raise self._port_error(error) from None
 
     def _read(self) -> bytes:
         """Newest motor message, empty if none comes in time."""
@@ -347,18 +343,3 @@ class BetaflightLink(Link):
         if now - self._silent_since > self._record.patience:
             other = f" but {self._bad} other datagrams" if self._bad else ""
             raise LinkError(f"Betaflight has sent no motors for {self._record.patience:g} s{other}{self._ending}")
-
-    @property
-    def _ending(self) -> str:
-        words = self._child.last_words if self._child is not None else ""
-        return f" ({words})" if words else ""
-
-    def close(self) -> None:
-        """End the program and close the sockets."""
-        if self._guard is not None:
-            self._guard.close()
-        for each in (self._motors, self._out):
-            if each is not None:
-                each.close()
-        if self._child is not None:
-            self._child.close()

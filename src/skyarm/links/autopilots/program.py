@@ -1,4 +1,4 @@
-"""Program of an autopilot as a child process: found, started in a folder of its own, and always ended."""
+"""Program of an autopilot as a child process: found, started in a folder of its own, connected, and always ended."""
 
 from __future__ import annotations
 
@@ -7,12 +7,14 @@ import os
 import re
 import shutil
 import signal
+import socket
 import subprocess
 import tempfile
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from skyarm.links.autopilots.autopilot import Autopilot, LinkError
+from skyarm.links.autopilots.autopilot import Autopilot, Link, LinkError
 from skyarm.records.files import shown
 from skyarm.scenario.scenario_record import ScenarioError
 
@@ -137,3 +139,101 @@ def _printable(line: str) -> str:
 def make_folder(autopilot: Autopilot) -> Path:
     """New temporary folder for a program to run in."""
     return Path(tempfile.mkdtemp(prefix=f"skyarm_{autopilot.name}_"))
+
+
+class ProgramLink(Link):
+    """Link to a program that is started for it: process, folder and sockets, which end with the link.
+
+    Args:
+        record: of the autopilot.
+    """
+
+    def __init__(self, record: Autopilot) -> None:
+        self._record, self._title = record, record.title
+        self._child: Child | None = None
+        self._tcp: socket.socket | None = None
+        self._held = contextlib.ExitStack()
+
+    @contextlib.contextmanager
+    def _starting(self) -> Iterator[None]:
+        """Close the link if its start fails.
+
+        Raises:
+            LinkError: a port, a file or the program cannot be opened.
+        """
+        try:
+            yield
+        except OSError as error:
+            self.close()
+            raise LinkError(f"{self._title} cannot be started: {error.strerror or error}") from None
+        except BaseException:
+            self.close()
+            raise
+
+    def _make_folder(self) -> Path:
+        """New temporary folder for the program to run in, which goes with the link."""
+        folder = make_folder(self._record)
+        self._held.callback(shutil.rmtree, folder, ignore_errors=True)
+        return folder
+
+    def _launch(
+        self, command: Sequence[str], folder: Path, environment: Mapping[str, str] | None = None, without: str = ""
+    ) -> Child:
+        """Start the program; the arguments are those of :class:`Child`."""
+        self._child = Child(command, folder, environment, without)
+        self._held.callback(self._child.close)
+        return self._child
+
+    def _accept(self, listener: socket.socket) -> socket.socket:
+        """Wait for the program's connection to a port.
+
+        Raises:
+            LinkError: it ends, or does not connect.
+        """
+        listener.settimeout(0.1)
+        until = time.monotonic() + self._record.patience
+        while True:
+            with contextlib.suppress(TimeoutError):
+                found = self._held.enter_context(listener.accept()[0])
+                found.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                return found
+            if self._child is None or not self._child.running:
+                raise LinkError(f"{self._title} ended while it started{self._ending}")
+            if time.monotonic() > until:
+                port = listener.getsockname()[1]
+                raise LinkError(
+                    f"{self._title} has not connected to port {port} within {self._record.patience:g} s{self._ending}"
+                )
+
+    def _write(self, data: bytes) -> None:
+        """Send bytes over the stream.
+
+        Raises:
+            LinkError: the program reads nothing, or has closed the connection.
+        """
+        assert self._tcp is not None
+        try:
+            self._tcp.settimeout(self._record.patience)
+            self._tcp.sendall(data)
+        except TimeoutError:
+            raise LinkError(f"{self._title} has read nothing for {self._record.patience:g} s{self._ending}") from None
+        except OSError:
+            raise self._closing_error() from None
+
+    @property
+    def _ending(self) -> str:
+        """Last words of the program in brackets; empty if there are none."""
+        words = self._child.last_words if self._child is not None else ""
+        return f" ({words})" if words else ""
+
+    def _closing_error(self) -> LinkError:
+        """Error of a connection that the program has closed."""
+        return LinkError(f"{self._title} closed the connection{self._ending}")
+
+    def _port_error(self, error: OSError) -> LinkError:
+        """Error of a port without a listener."""
+        return LinkError(f"{self._title} is gone: {error.strerror or error}{self._ending}")
+
+    def close(self) -> None:
+        """End the program, remove its folder and close the sockets; a second call does nothing."""
+        self._held.close()

@@ -9,7 +9,6 @@ system is 1 + instance.
 from __future__ import annotations
 
 import contextlib
-import math
 import socket
 import time
 from collections.abc import Mapping
@@ -26,17 +25,18 @@ from skyarm.links.autopilots.autopilot import (
     Autopilot,
     Goal,
     Instant,
-    Link,
     LinkError,
     Numbers,
     controller_with,
     model_of,
     plain_parameters,
 )
-from skyarm.links.autopilots.program import Child, find_program, make_folder
+from skyarm.links.autopilots.guided_vehicle import GuidedVehicle
+from skyarm.links.autopilots.program import ProgramLink, find_program
 from skyarm.links.autopilots.px4_parameters import sensor_parameters, vehicle_parameters
-from skyarm.links.autopilots.px4_ports import JOINT_PORT, ONBOARD_PORT, Ports, open_ports
+from skyarm.links.autopilots.px4_ports import JOINT_PORT, ONBOARD_PORT, open_ports
 from skyarm.links.autopilots.px4_sensors import SensorMessages
+from skyarm.links.mavlink_vehicle import ARM, ARMED, CRITICAL, PX4_NUMBER
 from skyarm.links.sockets import drain
 from skyarm.links.transcript import Tape
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
@@ -51,12 +51,6 @@ another sensor, and would wait for the next one for ever."""
 BOOT_STEP = 0.02
 """s by the wall clock between sensor messages until PX4 answers the first."""
 
-OFFBOARD = 6
-"""PX4's main mode for set points from outside."""
-
-AUTO, HOLD = 4, 3
-"""PX4's main mode of flights by itself, and its sub-mode that holds the place."""
-
 OUTSIDE_PARAMETERS = {"IMU_INTEG_RATE": 250, "COM_OBL_RC_ACT": 5, "COM_RCL_EXCEPT": 7, "MC_YAW_TQ_CUTOFF": 0}
 """PX4 holds its place where set points from outside are missing; it needs no remote control; its yaw torque is not
 filtered, since a law's yaw control oscillates behind its usual filter of 2 Hz."""
@@ -65,35 +59,14 @@ OFFBOARD_LOSS = 0.15
 """s without set points from outside after which PX4 holds its place; its own 1 s is long for a body rate. During the
 take-off, faster than real time, it stays at that."""
 
-REAL = 9
-"""MAVLink's type of a parameter that is a 32-bit float."""
-
-GROUND_STATION = 6
-"""MAVLink's type of a ground station."""
-
-PX4_AUTOPILOT = 12
-"""MAVLink's number of PX4 among autopilots."""
-
-CRITICAL = 5
-"""MAVLink's system status of an autopilot in failsafe, and its severity of a notice."""
-
-ARM, SET_MODE = 400, 176
-"""MAVLink's commands."""
-
-ARMED, LOCKSTEP = 128, 1
-"""Bits of a message's mode, and of its flags."""
-
-POSITION_MASK = 0b100_000_000_000
-"""Set points of position, velocity, acceleration and yaw; the yaw rate is ignored."""
+LOCKSTEP = 1
+"""Bit of a message's flags."""
 
 ESTIMATED = 0b111
 """Flags of the estimator: attitude, horizontal and vertical velocity."""
 
 SETTLED = 5
 """s of valid estimates after which PX4's local origin is known and it is asked to arm."""
-
-ABSENCE = 3.0
-"""s out of offboard mode, in flight, after which the flight is over."""
 
 BABBLE = 4096
 """Bytes that are no MAVLink after which the other side is taken for another program."""
@@ -167,7 +140,7 @@ def find_etc(program: Path) -> Path:
     )
 
 
-class PX4Link(Link):
+class PX4Link(ProgramLink):
     """Connection to a running PX4: its process, the simulator's TCP stream, and the onboard MAVLink port.
 
     Args:
@@ -180,10 +153,11 @@ class PX4Link(Link):
         LinkError: PX4 does not start or does not connect.
     """
 
+    _record: PX4
+
     def __init__(self, record: PX4, scenario: Scenario, tape: Tape) -> None:
-        self._record, self._tape = record, tape
-        self._child: Child | None = None
-        self._tcp: socket.socket | None = None
+        super().__init__(record)
+        self._tape = tape
         self._udp: socket.socket | None = None
         self._partner = ("", 0)
         vehicle = scenario.plant.vehicle
@@ -192,23 +166,15 @@ class PX4Link(Link):
         self._goal_every = max(1, self._rate // 50)
         self._stand = float(first_state(scenario).position.z) - record.climb
         self._sensors = SensorMessages()
-        self._simulator, self._onboard = mavlink.Parser(), mavlink.Parser(datagrams=True)
-        self._sequence = self._onboard_sequence = 0
-        self._steps = self._answered = self._missed = self._away = self._failsafes = 0
-        self._silence, self._out_of_mode = 0.0, 0.0
-        self._system, self._mode, self._said = 0, 0, ""
-        self._armed = self._ready = False
-        # PX4's local place and ours, north west up: their mean difference is where its origin lies
-        self._place: tuple[float, float, float] | None = None
-        self._differences: list[tuple[float, ...]] = []
-        self._offset: tuple[float, ...] | None = None
+        self._simulator, self._sequence = mavlink.Parser(), 0
+        self._vehicle = GuidedVehicle(PX4_NUMBER, self._carry, datagrams=True)
+        self._steps = self._answered = self._missed = self._failsafes = 0
+        self._silence = 0.0
+        self._armed = self._ready = self._leaves = self._failing = False
         self._given = tuple(name for name, _ in record.parameters)
         model = model_of(scenario)
         needed = vehicle_parameters(model.vehicle, float(model.gravity)) | sensor_parameters(scenario)
         needed |= OUTSIDE_PARAMETERS if record.outside else {}
-        self._leaves = self._failing = False
-        self._sub_mode = 0
-        self._listener: socket.socket | None = None
         if not tape.plays:
             self._start(needed | dict(record.parameters))
 
@@ -218,42 +184,21 @@ class PX4Link(Link):
         program = find_program(record, "px4")
         etc = find_etc(program)
         ports = open_ports(max(record.instance, 0) if record.outside else record.instance)
-        self._udp, self._partner = ports.onboard, ports.partner
-        try:
+        self._udp, self._partner = self._held.enter_context(ports.onboard), ports.partner
+        self._held.enter_context(ports.listener)
+        with self._starting():
             environment = {f"PX4_PARAM_{name}": f"{value:.9g}" for name, value in parameters.items()}
             environment["PX4_SIM_MODEL"] = "none_iris"
-            folder = make_folder(record)
+            folder = self._make_folder()
             command = [str(program), "-d", "-i", str(ports.instance), "-w", str(folder), str(etc)]
-            self._child = Child(command, folder, environment, without="PX4_")
-            self._tcp = self._accept(ports)
-            self._tcp.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        except BaseException:
-            self.close()
-            raise
-        finally:
-            if record.outside and self._tcp is not None:
-                self._listener = ports.listener  # keeps the instance, whose onboard port is to be free
-            else:
+            self._launch(command, folder, environment, without="PX4_")
+            self._tcp = self._accept(ports.listener)
+            if not record.outside:  # else it keeps the instance, whose onboard port is to be free
                 ports.listener.close()
 
     def release(self) -> None:
         """Ask PX4 to hold its place; once it does, its onboard port is free for a program outside."""
         self._leaves = True
-
-    def _accept(self, ports: Ports) -> socket.socket:
-        """Wait for PX4's connection."""
-        ports.listener.settimeout(0.1)
-        until = time.monotonic() + self._record.patience
-        while True:
-            with contextlib.suppress(TimeoutError):
-                return ports.listener.accept()[0]
-            if self._child is None or not self._child.running:
-                raise LinkError(f"PX4 ended while it started{self._ending}")
-            if time.monotonic() > until:
-                port = 4560 + ports.instance
-                raise LinkError(
-                    f"PX4 has not connected to port {port} within {self._record.patience:g} s{self._ending}"
-                )
 
     @property
     def facts(self) -> dict[str, Any]:
@@ -262,10 +207,10 @@ class PX4Link(Link):
             "steps": self._steps,
             "answered": self._answered,
             "lockstep_missed": self._missed,
-            "left_offboard": self._away,
+            "left_offboard": self._vehicle.away,
             "failsafes": self._failsafes,
-            "said": self._said,
-            "bad_frames": self._simulator.bad + self._onboard.bad,
+            "said": self._vehicle.said,
+            "bad_frames": self._simulator.bad + self._vehicle.parser.bad,
         }
 
     def exchange(self, now: Instant, goal: Goal) -> Numbers:
@@ -284,26 +229,11 @@ class PX4Link(Link):
     def _send(self, name: str, **fields: float) -> None:
         """Send a message over the simulator's stream."""
         try:
-            frame = mavlink.pack(name, sequence=self._sequence & 255, system=1, component=200, **fields)
+            frame = mavlink.pack(name, sequence=self._sequence, system=1, component=200, **fields)
         except mavlink.MavlinkError as error:
             raise LinkError(f"a reading cannot be sent to PX4: {error}") from None
         self._sequence += 1
         self._tape.send("simulator", frame, self._write)
-
-    def _write(self, data: bytes) -> None:
-        assert self._tcp is not None
-        try:
-            self._tcp.settimeout(self._record.patience)
-            self._tcp.sendall(data)
-        except TimeoutError:
-            raise LinkError(f"PX4 has read nothing for {self._record.patience:g} s{self._ending}") from None
-        except OSError as error:
-            raise LinkError(f"PX4 closed the connection{self._ending}") from error
-
-    @property
-    def _ending(self) -> str:
-        words = self._child.last_words if self._child is not None else ""
-        return f" ({words})" if words else ""
 
     def _await(self, stamp: int) -> None:
         """Wait for the answer to a sensor message; during PX4's start for a moment only."""
@@ -364,46 +294,30 @@ class PX4Link(Link):
             data = self._tcp.recv(65536)
         except TimeoutError:
             return b""
-        except OSError as error:
-            raise LinkError(f"PX4 closed the connection{self._ending}") from error
+        except OSError:
+            raise self._closing_error() from None
         if not data:
-            raise LinkError(f"PX4 closed the connection{self._ending}")
+            raise self._closing_error()
         return data
 
     def _talk(self, t: float, goal: Goal) -> None:
         """Read PX4's state, ask for what is next (offboard mode, arming), and send set points at 50 Hz."""
-        data = self._tape.receive("onboard", self._datagrams)
-        for message in self._onboard.feed(data) if data else ():
+        data, vehicle = self._tape.receive("onboard", self._datagrams), self._vehicle
+        for message in vehicle.parser.feed(data) if data else ():
             self._hear(message)
-        if self._system and self._steps % (10 * self._goal_every) == 0:
-            self._tell("HEARTBEAT", type=GROUND_STATION, autopilot=8, system_status=4, mavlink_version=3)
-        if self._offset is None:
+        if vehicle.system and self._steps % (10 * self._goal_every) == 0:
+            vehicle.beat()
+        if vehicle.origin is None:
             self._find_origin()
             return
         if self._steps % self._goal_every == 0:
-            self._send_goal(t, goal)
+            vehicle.send_goal(t, goal)
         if self._leaves:
             self._leave()
         elif self.following:
-            self._watch()
+            vehicle.require_obedience(self._armed, 1.0 / self._rate)
         if self._steps % self._rate == 0 and not self.released:
             self._request()
-
-    def _watch(self) -> None:
-        """End a flight in which PX4 has disarmed, or has left offboard mode and does not come back."""
-        if not self._armed:
-            raise LinkError(f"PX4 disarmed in flight{self._words}")
-        if self._mode == OFFBOARD:
-            self._out_of_mode = 0.0
-            return
-        self._away += self._out_of_mode == 0.0
-        self._out_of_mode += 1.0 / self._rate
-        if self._out_of_mode > ABSENCE:
-            raise LinkError(f"PX4 left offboard mode for its mode {self._mode}{self._words}")
-
-    @property
-    def _words(self) -> str:
-        return f": {self._said}" if self._said else ""
 
     def _request(self) -> None:
         """Ask for offboard mode at one second and for arming at the next, until PX4 has both.
@@ -411,21 +325,19 @@ class PX4Link(Link):
         The seconds are simulated, and the state that PX4 reports once a second of its own is not waited for: so flights
         begin alike.
         """
+        vehicle = self._vehicle
         if self._steps % (2 * self._rate):
             if not self._armed:
-                self._command(ARM, 1)
+                vehicle.command(ARM, 1)
         elif self._leaves:
-            self._tell(
-                "PARAM_SET", target_system=self._system, target_component=1, param_id="COM_OF_LOSS_T",
-                param_value=OFFBOARD_LOSS, param_type=REAL,
-            )  # fmt: skip
-            self._command(SET_MODE, 1, AUTO, HOLD)
-        elif not (self._armed and self._mode == OFFBOARD):
-            self._command(SET_MODE, 1, OFFBOARD)
+            vehicle.set_parameter("COM_OF_LOSS_T", OFFBOARD_LOSS)
+            vehicle.request_hold()
+        elif not (self._armed and vehicle.obeys):
+            vehicle.request_outside()
 
     def _leave(self) -> None:
         """Free the onboard port once PX4 holds its place."""
-        if (self._mode, self._sub_mode) == (AUTO, HOLD) and self._udp is not None:
+        if self._vehicle.holds and self._udp is not None:
             self._udp.close()
             self.released = True
 
@@ -434,25 +346,9 @@ class PX4Link(Link):
 
         It is found at a whole second, so that flights begin alike.
         """
-        if self._place is None or not self._ready or self._armed:
-            self._differences.clear()
-            return
-        self._differences.append(tuple(a - b for a, b in zip(self._place, self._sensors.fix, strict=True)))
-        if len(self._differences) >= SETTLED * self._rate and self._steps % self._rate == 0:
-            last = self._differences[-2 * self._rate :]
-            self._offset = tuple(sum(column) / len(last) for column in zip(*last, strict=True))
-
-    def _send_goal(self, t: float, goal: Goal) -> None:
-        """Send a set point of position, velocity, acceleration and yaw in PX4's local frame."""
-        assert self._offset is not None
-        x, y, z = (a + b for a, b in zip(goal.position, self._offset, strict=True))
-        vx, vy, vz = goal.velocity
-        ax, ay, az = goal.acceleration
-        self._tell(
-            "SET_POSITION_TARGET_LOCAL_NED", time_boot_ms=round(t * 1e3), target_system=self._system,
-            target_component=1, coordinate_frame=1, type_mask=POSITION_MASK, x=x, y=-y, z=-z, vx=vx, vy=-vy, vz=-vz,
-            afx=ax, afy=-ay, afz=-az, yaw=-goal.yaw,
-        )  # fmt: skip
+        found = self._vehicle.compare_place(self._sensors.fix, self._ready and not self._armed)
+        if found >= SETTLED * self._rate and self._steps % self._rate == 0:
+            self._vehicle.find_origin(2 * self._rate)
 
     def _datagrams(self) -> bytes:
         """Bytes that have arrived from PX4 at the onboard port; those of another sender are left out."""
@@ -461,13 +357,8 @@ class PX4Link(Link):
             return b"".join(data for data, sender in drain(self._udp) if sender == self._partner)
         return b""
 
-    def _tell(self, name: str, **fields: Any) -> None:
-        """Send a message over the onboard port."""
-        try:
-            frame = mavlink.pack(name, sequence=self._onboard_sequence & 255, system=255, component=190, **fields)
-        except mavlink.MavlinkError as error:
-            raise LinkError(f"a set point cannot be sent to PX4: {error}") from None
-        self._onboard_sequence += 1
+    def _carry(self, frame: bytes) -> None:
+        """Send a frame over the onboard port."""
         self._tape.send("onboard", frame, self._write_datagram)
 
     def _write_datagram(self, data: bytes) -> None:
@@ -475,43 +366,18 @@ class PX4Link(Link):
         with contextlib.suppress(OSError):
             self._udp.sendto(data, self._partner)
 
-    def _command(self, number: int, *values: float) -> None:
-        """Send COMMAND_LONG."""
-        params = {f"param{i + 1}": float(value) for i, value in enumerate(values)}
-        self._tell("COMMAND_LONG", target_system=self._system, target_component=1, command=number, **params)
-
     def _hear(self, message: mavlink.Message) -> None:
         """Take note of PX4's number, mode, place, words and whether its estimates are valid."""
-        name = message.name
-        if name == "HEARTBEAT" and message["autopilot"] == PX4_AUTOPILOT and self._system in (0, message.system):
-            self._system = message.system
-            self._mode, self._sub_mode = (message["custom_mode"] >> 16) & 255, message["custom_mode"] >> 24
-            failing = self.following and message["system_status"] == CRITICAL
+        vehicle = self._vehicle
+        if not vehicle.hear(message):
+            return
+        if message.name == "HEARTBEAT":
+            failing = self.following and vehicle.status == CRITICAL
             self._failsafes += failing and not self._failing
             self._failing = failing
-        elif message.system != self._system:
-            return
-        elif name == "LOCAL_POSITION_NED":
-            place = (message["x"], -message["y"], -message["z"])
-            if all(map(math.isfinite, place)):
-                self._place = place
-                self._follow(place)
-        elif name == "STATUSTEXT" and message["severity"] <= CRITICAL:
-            self._said = message["text"]
-        elif name == "ESTIMATOR_STATUS":
+        elif message.name == "ESTIMATOR_STATUS":
             self._ready = message["flags"] & ESTIMATED == ESTIMATED
-
-    def _follow(self, place: Numbers) -> None:
-        """Note that the vehicle is in the air under our set points, once it is halfway up."""
-        if self._offset is not None and self._armed and self._mode == OFFBOARD and not self.following:
-            rise = place[2] - self._offset[2] - self._stand
-            if rise > 0.5 * self._record.climb:
-                self.following, self._said = True, ""
-
-    def close(self) -> None:
-        """Close the ports, and end the program."""
-        for each in (self._tcp, self._udp, self._listener):
-            if each is not None:
-                each.close()
-        if self._child is not None:
-            self._child.close()
+        elif message.name == "LOCAL_POSITION_NED":
+            high = self._armed and vehicle.obeys and vehicle.rise(self._stand) > 0.5 * self._record.climb
+            if high and not self.following:
+                self.following, vehicle.said = True, ""

@@ -262,7 +262,7 @@ class OffboardFlight:
             nonlocal asked
             if time.monotonic() - asked > 1.0:
                 asked = time.monotonic()
-                link.request_streams(min(max(self._rate, 100), 250))
+                link.request_estimates(min(max(self._rate, 100), 250))
             return link.state is not None and self._joints is not None
 
         self._until(settings.patience, has_state, f"{self._silent_part()} sent nothing")
@@ -319,8 +319,8 @@ class OffboardFlight:
         cutoff = link.parameters[YAW_FILTER]
         if not (cutoff == 0.0 or cutoff >= LEAST_CUTOFF):
             raise OffboardError(
-                f"--link: PX4's {YAW_FILTER} = {cutoff:g}: must be 0 or at least {LEAST_CUTOFF:g} Hz, so that "
-                "yaw does not oscillate behind the filter"
+                f"--link: PX4's {YAW_FILTER} = {cutoff:g}: must be 0 or at least {LEAST_CUTOFF:g} Hz, so that yaw does "
+                "not oscillate behind the filter"
             )
         return px4_rate_loop(self._scenario.controller.par.model.vehicle, link.parameters)
 
@@ -379,7 +379,7 @@ class OffboardFlight:
             if now - begun > LEAD and now - asked > 0.5:
                 asked = now
                 self._ours, self._asked = True, min(self._asked, now)
-                link.request_outside_mode()
+                link.request_outside()
             self._pump(0.02)
             self._require_alive()
             state = link.take()

@@ -1,7 +1,6 @@
 """MAVLink connection of a control law to an autopilot: state in, body rates, thrust and modes out.
 
-Source: mavlink.io, services "Offboard", "Command", "Time synchronization" and "Parameter"; PX4 v1.17 and ArduPilot 4.7
-for their mode numbers.
+Source: mavlink.io, services "Offboard", "Command" and "Time synchronization".
 """
 
 from __future__ import annotations
@@ -20,16 +19,13 @@ from urllib.parse import urlsplit
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.links import mavlink
-from skyarm.links.mavlink_messages import DEFINITIONS
+from skyarm.links.mavlink_vehicle import MODES, ONBOARD_COMPUTER, SET_MODE, MavlinkVehicle
 from skyarm.links.outside.rate_commands import RateCommand
 from skyarm.links.outside.state_frames import AutopilotState, to_our_attitude, to_our_axes
 from skyarm.records.files import shown
 
-ONBOARD_COMPUTER, COMPONENT = 18, 191
-"""MAVLink's type and component number of an onboard computer."""
-
-SET_MODE, SET_MESSAGE_INTERVAL = 176, 511
-"""MAVLink's commands."""
+COMPONENT = 191
+"""MAVLink's component number of an onboard computer."""
 
 NO_ATTITUDE = 128
 """Set point without attitude: rates and thrust count."""
@@ -75,42 +71,6 @@ class Place:
     velocity: Vec3
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class ModeNumbers:
-    """Numbers of an autopilot's modes: for set points from outside, and for holding its place.
-
-    Attributes:
-        title: of the autopilot. hover: its parameter of the thrust set point in hover.
-        outside, hold: parameters 2 and 3 of the mode command.
-        option: parameter and bit without which the thrust of a set point is a climb rate; None where it is a thrust.
-    """
-
-    title: str
-    hover: str
-    outside: tuple[int, int]
-    hold: tuple[int, int]
-    option: tuple[str, int] | None = None
-
-    def is_outside(self, custom_mode: int) -> bool:
-        """True if a heartbeat's mode takes set points from outside."""
-        return custom_mode == self._custom(self.outside)
-
-    def is_hold(self, custom_mode: int) -> bool:
-        """True if a heartbeat's mode holds the place."""
-        return custom_mode == self._custom(self.hold)
-
-    def _custom(self, numbers: tuple[int, int]) -> int:
-        main, sub = numbers
-        return main << 16 | sub << 24 if self.title == "PX4" else main
-
-
-MODES: Mapping[int, ModeNumbers] = {
-    12: ModeNumbers(title="PX4", hover="MPC_THR_HOVER", outside=(6, 0), hold=(4, 3)),
-    3: ModeNumbers(title="ArduPilot", hover="MOT_THST_HOVER", outside=(4, 0), hold=(17, 0), option=("GUID_OPTIONS", 8)),
-}
-"""MAVLink's number of an autopilot -> its modes: PX4's offboard and hold, ArduCopter's guided and brake."""
-
-
 def parse_link(url: str) -> tuple[str, str, int]:
     """Kind, host and port of a link such as ``mavlink://127.0.0.1:14540``.
 
@@ -153,7 +113,7 @@ def _open_socket(url: str, patience: float) -> tuple[socket.socket, tuple[str, i
             raise OffboardError(f"--link = {shown(url)}: {error.strerror or error}") from None
 
 
-class OffboardLink:
+class OffboardLink(MavlinkVehicle):
     """MAVLink over UDP to one autopilot.
 
     Args:
@@ -163,26 +123,20 @@ class OffboardLink:
 
     Attributes:
         state: newest estimate, None before the first; ``fresh`` is True until :meth:`take` has returned it.
-        heard, beaten: s of the wall clock of the newest state and heartbeat.
-        mode: of the newest heartbeat. armed, landed: by the newest messages.
-        said: newest text of the autopilot. parameters: values that were requested, by name.
+        heard: s of the wall clock of the newest state.
+        landed: by the newest message.
         refused: result of a refused command.
         round_trips: s, of time synchronisation, the newest.
     """
 
     def __init__(self, url: str, patience: float = 0.0) -> None:
+        super().__init__(MODES, self._carry, sender=(0, COMPONENT), role=ONBOARD_COMPUTER, datagrams=True)
         self._socket, self._partner = _open_socket(url, patience)
         self._calls = self._partner is not None
-        self._parser = mavlink.Parser(datagrams=True)
-        self._sequence, self._system = 0, 0
-        self.modes: ModeNumbers | None = None
         self.state: AutopilotState | None = None
-        self.fresh, self.armed, self.landed = False, False, True
-        self.heard = self.beaten = -math.inf
-        self.mode, self.said, self.refused = 0, "", 0
-        self.accepted = False
-        self.parameters: dict[str, float] = {}
-        self._requested: set[str] = set()
+        self.fresh, self.landed = False, True
+        self.heard = -math.inf
+        self.accepted, self.refused = False, 0
         self.round_trips: deque[float] = deque(maxlen=MOST_TIMES)
         self._force: Vec3 | None = None
         self._place: Place | None = None
@@ -191,7 +145,7 @@ class OffboardLink:
     @property
     def lost(self) -> int:
         """Frames of the autopilot that did not arrive."""
-        return self._parser.lost
+        return self.parser.lost
 
     @property
     def has_autopilot(self) -> bool:
@@ -206,8 +160,12 @@ class OffboardLink:
                 data, sender = self._socket.recvfrom(65536)
                 if self.modes is not None and sender != self._partner:
                     continue
-                for message in self._parser.feed(data):
-                    self._hear(message, sender)
+                known = self.modes is not None
+                for message in self.parser.feed(data):
+                    if self.hear(message) and (reader := _READERS.get(message.name)) is not None:
+                        reader(self, message)
+                if not known and self.modes is not None:
+                    self._partner = sender
 
     def take(self) -> AutopilotState | None:
         """Newest estimate if it has come since the last call."""
@@ -218,73 +176,36 @@ class OffboardLink:
 
     def beat(self) -> None:
         """Send a heartbeat of an onboard computer, and a time synchronisation."""
-        self._send("HEARTBEAT", type=ONBOARD_COMPUTER, autopilot=8, system_status=4)
-        if self._system:
-            self._send("TIMESYNC", tc1=0, ts1=time.monotonic_ns())
+        super().beat()
+        if self.system:
+            self.tell("TIMESYNC", tc1=0, ts1=time.monotonic_ns())
 
-    def request_streams(self, rate: float) -> None:
+    def request_estimates(self, rate: float) -> None:
         """Request estimates at least at a rate, Hz: at twice that, since a sender rounds intervals up to its own."""
-        for name, share in STREAMS.items():
-            number = DEFINITIONS[name].number
-            self._command(SET_MESSAGE_INTERVAL, number, round(0.5e6 / (rate * share)))
+        self.request_streams({name: 2.0 * rate * share for name, share in STREAMS.items()})
 
-    def request_parameter(self, name: str) -> None:
-        """Request a parameter, whose value will be in ``parameters``."""
-        self._requested.add(name)
-        self._send("PARAM_REQUEST_READ", param_index=-1, target_system=self._system, target_component=1, param_id=name)
-
-    def request_outside_mode(self) -> None:
+    def request_outside(self) -> None:
         """Request the mode that takes set points from outside; ``accepted`` is True once it does."""
-        assert self.modes is not None
         self.accepted, self.refused = False, 0
-        self._command(SET_MODE, 1, *self.modes.outside)
-
-    def request_hold(self) -> None:
-        """Request the mode that holds the place."""
-        assert self.modes is not None
-        self._command(SET_MODE, 1, *self.modes.hold)
+        super().request_outside()
 
     def send_rates(self, command: RateCommand) -> None:
         """Send body rates and thrust."""
         p, q, r = to_our_axes(*command.rates)
-        self._send(
-            "SET_ATTITUDE_TARGET", time_boot_ms=round(time.monotonic() * 1e3) & 0xFFFFFFFF, target_system=self._system,
-            target_component=1, type_mask=NO_ATTITUDE, q=(1.0, 0.0, 0.0, 0.0), body_roll_rate=p, body_pitch_rate=q,
-            body_yaw_rate=r, thrust=command.thrust,
+        self.tell_autopilot(
+            "SET_ATTITUDE_TARGET", time_boot_ms=round(time.monotonic() * 1e3) & 0xFFFFFFFF, type_mask=NO_ATTITUDE,
+            q=(1.0, 0.0, 0.0, 0.0), body_roll_rate=p, body_pitch_rate=q, body_yaw_rate=r, thrust=command.thrust,
         )  # fmt: skip
 
     def close(self) -> None:
         """Close the socket."""
         self._socket.close()
 
-    def _send(self, name: str, **fields: Any) -> None:
+    def _carry(self, frame: bytes) -> None:
         if self._partner is None:
             return
-        frame = mavlink.pack(name, sequence=self._sequence, system=max(self._system, 1), component=COMPONENT, **fields)
-        self._sequence += 1
         with contextlib.suppress(OSError):
             _ = self._socket.send(frame) if self._calls else self._socket.sendto(frame, self._partner)
-
-    def _command(self, number: int, *values: float) -> None:
-        params = {f"param{i + 1}": float(value) for i, value in enumerate(values)}
-        self._send("COMMAND_LONG", target_system=self._system, target_component=1, command=number, **params)
-
-    def _hear(self, message: mavlink.Message, sender: tuple[str, int]) -> None:
-        """Take note of a message of the autopilot."""
-        if message.name == "HEARTBEAT":
-            self._hear_heartbeat(message, sender)
-        elif message.system == self._system and (reader := _READERS.get(message.name)) is not None:
-            reader(self, message)
-
-    def _hear_heartbeat(self, message: mavlink.Message, sender: tuple[str, int]) -> None:
-        modes = MODES.get(message["autopilot"])
-        if modes is None or message.component != 1:
-            return
-        if self.modes is None:
-            self.modes, self._partner, self._system = modes, sender, message.system
-        if message.system == self._system:
-            self.mode, self.armed = message["custom_mode"], bool(message["base_mode"] & 128)
-            self.beaten = time.monotonic()
 
     def _hear_odometry(self, m: mavlink.Message) -> None:
         """Estimate of the whole state; only its place where attitudes come more often."""
@@ -332,14 +253,6 @@ class OffboardLink:
     def _hear_extended(self, m: mavlink.Message) -> None:
         self.landed = m["landed_state"] == LANDED
 
-    def _hear_text(self, m: mavlink.Message) -> None:
-        if m["severity"] <= 5:
-            self.said = m["text"]
-
-    def _hear_parameter(self, m: mavlink.Message) -> None:
-        if m["param_id"] in self._requested:
-            self.parameters[m["param_id"]] = float(m["param_value"])
-
     def _hear_answer(self, m: mavlink.Message) -> None:
         if m["command"] == SET_MODE:
             self.accepted, self.refused = m["result"] == 0, m["result"]
@@ -357,8 +270,6 @@ _READERS: Mapping[str, Any] = {
     "LOCAL_POSITION_NED": OffboardLink._hear_position,
     "HIGHRES_IMU": OffboardLink._hear_inertial,
     "EXTENDED_SYS_STATE": OffboardLink._hear_extended,
-    "STATUSTEXT": OffboardLink._hear_text,
-    "PARAM_VALUE": OffboardLink._hear_parameter,
     "COMMAND_ACK": OffboardLink._hear_answer,
     "TIMESYNC": OffboardLink._hear_time,
 }

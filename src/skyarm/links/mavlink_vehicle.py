@@ -1,0 +1,198 @@
+"""MAVLink conversation with an autopilot: commands and parameters to it; its mode, place and words from it.
+
+Source: mavlink.io, services "Heartbeat", "Command" and "Parameter"; PX4 v1.17 and ArduCopter 4.7 for the numbers of
+their modes. On the wire axes are north, east, down; here north, west, up.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.links import mavlink
+from skyarm.links.mavlink_messages import DEFINITIONS
+
+TAKE_OFF, SET_MODE, ARM, SET_INTERVAL = 22, 176, 400, 511
+"""MAVLink's commands."""
+
+GROUND_STATION, ONBOARD_COMPUTER = 6, 18
+"""MAVLink's types of a ground station and of an onboard computer."""
+
+NO_AUTOPILOT, ACTIVE, CRITICAL = 8, 4, 5
+"""Of a heartbeat: a sender that is no autopilot; system status of one that flies, and of one in failsafe."""
+
+ARMED = 128
+"""Bit of a heartbeat's mode."""
+
+NOTICE = 5
+"""MAVLink's severity of a notice; texts that are less severe are left out."""
+
+REAL = 9
+"""MAVLink's type of a parameter that is a 32-bit float."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ModeNumbers:
+    """Numbers of an autopilot's modes: for set points from outside, and for holding its place.
+
+    Attributes:
+        title: of the autopilot. hover: its parameter of the thrust set point in hover.
+        word: its name of the mode for set points from outside.
+        outside, hold: parameters 2 and 3 of the mode command.
+        shift: bits by which a heartbeat's mode is moved; what is beyond them by 8 is the second parameter.
+        option: parameter and bit without which the thrust of a set point is a climb rate; None where it is a thrust.
+    """
+
+    title: str
+    hover: str
+    word: str
+    outside: tuple[int, int]
+    hold: tuple[int, int]
+    shift: int = 0
+    option: tuple[str, int] | None = None
+
+    def main(self, custom_mode: int) -> int:
+        """Number of a heartbeat's mode, without that of its part."""
+        return custom_mode >> self.shift & 255
+
+    def is_outside(self, custom_mode: int) -> bool:
+        """True if a heartbeat's mode takes set points from outside."""
+        return custom_mode == self._custom(self.outside)
+
+    def is_hold(self, custom_mode: int) -> bool:
+        """True if a heartbeat's mode holds the place."""
+        return custom_mode == self._custom(self.hold)
+
+    def _custom(self, numbers: tuple[int, int]) -> int:
+        return numbers[0] << self.shift | numbers[1] << 24
+
+
+PX4_NUMBER, ARDUPILOT_NUMBER = 12, 3
+"""MAVLink's numbers of autopilots."""
+
+MODES: Mapping[int, ModeNumbers] = {
+    PX4_NUMBER: ModeNumbers(
+        title="PX4", hover="MPC_THR_HOVER", word="offboard", outside=(6, 0), hold=(4, 3), shift=16
+    ),
+    ARDUPILOT_NUMBER: ModeNumbers(
+        title="ArduPilot", hover="MOT_THST_HOVER", word="guided", outside=(4, 0), hold=(17, 0),
+        option=("GUID_OPTIONS", 8),
+    ),
+}  # fmt: skip
+"""MAVLink's number of an autopilot -> its modes: PX4's offboard and hold, ArduCopter's guided and brake."""
+
+
+class MavlinkVehicle:
+    """One autopilot on the other side of a MAVLink connection.
+
+    Args:
+        kinds: modes of the autopilots that it may be, by MAVLink's number.
+        carry: called with each frame to send.
+        sender: our numbers of system and component; system 0 for the autopilot's own.
+        role: MAVLink's type of ours.
+        system: of the autopilot; 0 for that of the first heartbeat.
+        datagrams: True where whole frames arrive.
+
+    Attributes:
+        parser: of what it sends.
+        modes: its mode numbers, None before its first heartbeat.
+        system: its number, 0 before its first heartbeat.
+        beaten: s of the monotonic clock of its newest heartbeat.
+        mode, armed, status: of the newest heartbeat.
+        place: newest of finite numbers in its local frame, m; None before the first.
+        said: newest text. parameters: values that were requested, by name.
+    """
+
+    def __init__(
+        self,
+        kinds: Mapping[int, ModeNumbers],
+        carry: Callable[[bytes], None],
+        *,
+        sender: tuple[int, int] = (255, 190),
+        role: int = GROUND_STATION,
+        system: int = 0,
+        datagrams: bool = False,
+    ) -> None:
+        self._kinds, self._carry, self._sender, self._role = kinds, carry, sender, role
+        self.parser, self._sequence = mavlink.Parser(datagrams=datagrams), 0
+        self.modes: ModeNumbers | None = None
+        self.system, self.beaten = system, -math.inf
+        self.mode, self.armed, self.status = 0, False, 0
+        self.place: tuple[float, float, float] | None = None
+        self.said = ""
+        self.parameters: dict[str, float] = {}
+        self._requested: set[str] = set()
+
+    def tell(self, name: str, **fields: Any) -> None:
+        """Send a message.
+
+        Raises:
+            MavlinkError: a value that does not fit.
+        """
+        system, component = self._sender
+        frame = mavlink.pack(
+            name, sequence=self._sequence, system=system or max(self.system, 1), component=component, **fields
+        )
+        self._sequence += 1
+        self._carry(frame)
+
+    def tell_autopilot(self, name: str, **fields: Any) -> None:
+        """Send a message that is addressed to the autopilot."""
+        self.tell(name, target_system=self.system, target_component=1, **fields)
+
+    def beat(self) -> None:
+        """Send a heartbeat."""
+        self.tell("HEARTBEAT", type=self._role, autopilot=NO_AUTOPILOT, system_status=ACTIVE)
+
+    def command(self, number: int, *values: float) -> None:
+        """Send a command with its parameters."""
+        self.tell_autopilot("COMMAND_LONG", command=number, **{f"param{i + 1}": float(v) for i, v in enumerate(values)})
+
+    def request_outside(self) -> None:
+        """Request the mode that takes set points from outside."""
+        assert self.modes is not None
+        self.command(SET_MODE, 1, *self.modes.outside)
+
+    def request_hold(self) -> None:
+        """Request the mode that holds the place."""
+        assert self.modes is not None
+        self.command(SET_MODE, 1, *self.modes.hold)
+
+    def request_streams(self, rates: Mapping[str, float]) -> None:
+        """Request messages at rates, Hz."""
+        for name, rate in rates.items():
+            self.command(SET_INTERVAL, DEFINITIONS[name].number, round(1e6 / rate))
+
+    def request_parameter(self, name: str) -> None:
+        """Request a parameter, whose value will be in ``parameters``."""
+        self._requested.add(name)
+        self.tell_autopilot("PARAM_REQUEST_READ", param_index=-1, param_id=name)
+
+    def set_parameter(self, name: str, value: float) -> None:
+        """Set a parameter that is a real number."""
+        self.tell_autopilot("PARAM_SET", param_id=name, param_value=value, param_type=REAL)
+
+    def hear(self, message: mavlink.Message) -> bool:
+        """Take note of a message; False for one of another sender than the autopilot."""
+        name = message.name
+        unknown = name == "HEARTBEAT" and not self.system
+        if message.component != 1 or not (unknown or message.system == self.system):
+            return False
+        if name == "HEARTBEAT":
+            modes = self._kinds.get(message["autopilot"])
+            if modes is None:
+                return False
+            self.modes, self.system, self.beaten = self.modes or modes, message.system, time.monotonic()
+            self.mode, self.armed = message["custom_mode"], bool(message["base_mode"] & ARMED)
+            self.status = message["system_status"]
+        elif name == "LOCAL_POSITION_NED":
+            place = (message["x"], -message["y"], -message["z"])
+            self.place = place if all(map(math.isfinite, place)) else self.place
+        elif name == "STATUSTEXT" and message["severity"] <= NOTICE:
+            self.said = message["text"]
+        elif name == "PARAM_VALUE" and message["param_id"] in self._requested:
+            self.parameters[message["param_id"]] = float(message["param_value"])
+        return True
