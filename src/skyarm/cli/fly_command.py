@@ -9,8 +9,8 @@ import typer
 
 from skyarm.cli.arguments import name_completion, require_not_another
 from skyarm.cli.lines import NOT_COMPLETED, say_suspicious
-from skyarm.cli.output import give, tell
-from skyarm.cli.run_command import earlier_kept, facts, summary
+from skyarm.cli.output import give, say_cause, tell
+from skyarm.cli.run_command import earlier_kept, facts, headline, summary
 from skyarm.links.outside.joint_links import open_joints
 from skyarm.links.outside.offboard import OffboardFlight, OffboardSettings, require_outside
 from skyarm.links.outside.offboard_link import OffboardLink
@@ -87,6 +87,7 @@ def fly(
     if flight.interrupted is not None:
         raise flight.interrupted
     if log.status != "completed":
+        say_cause(headline(log, found))
         raise typer.Exit(NOT_COMPLETED)
 
 

@@ -137,6 +137,12 @@ def is_document_wanted() -> bool:
     return _asked.get(_Asked()).as_json
 
 
+def say_cause(line: str) -> None:
+    """Print a cause of failure to standard error where ``--quiet`` hides it from standard output."""
+    if _asked.get(_Asked()).quiet:
+        say(line)
+
+
 def with_output_options(name: str, function: Callable[..., Any]) -> Callable[..., Any]:
     """Decorator that adds the options ``--json`` and ``--quiet`` to a command."""
     signature = inspect.signature(function, eval_str=True)

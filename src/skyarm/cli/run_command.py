@@ -5,8 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import os
-import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
@@ -18,10 +17,10 @@ import typer
 from rich.console import RenderableType
 
 from skyarm.cli.arguments import name_completion, require_left_out, require_not_another
+from skyarm.cli.autopilot_option import autopilot_name, outside_command, with_typed_options
 from skyarm.cli.lines import NOT_COMPLETED, say, say_suspicious
-from skyarm.cli.output import Advance, bar, give, heading, shown_number, table_of, tell
-from skyarm.control.catalogue import AUTOPILOTS
-from skyarm.control.controller import autopilot_of, innermost, with_innermost
+from skyarm.cli.output import Advance, bar, give, heading, say_cause, shown_number, table_of, tell
+from skyarm.control.controller import autopilot_of
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.log.flown_scenario import restored_part
 from skyarm.log.formats import require_format, save_log
@@ -31,7 +30,6 @@ from skyarm.log.metrics.windows import Windows, windows_of
 from skyarm.log.periods import ContactPeriod, timed_out
 from skyarm.log.sensor_data import COMPONENTS
 from skyarm.records.files import (
-    must_be_one_of,
     output_file,
     printable,
     require_replaceable,
@@ -44,15 +42,15 @@ from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate import Log
 from skyarm.simulate import run as fly
+from skyarm.simulate.loop import run_until_interrupted
 
 if TYPE_CHECKING:
     from skyarm.links.ros.live_flight import LiveFlight
 
 Array = npt.NDArray[np.float64]
 
-
-OUTSIDE = ":outside"
-"""Follows the name of an autopilot whose set points come from another program."""
+Preparing = Callable[[float, float], None]
+"""(seconds, most): simulated, of a take-off."""
 
 
 def run(
@@ -76,7 +74,7 @@ def run(
     autopilot: Annotated[
         str | None,
         typer.Option(
-            help="flies the base in the law's place: px4, ...; px4:outside, for 'skyarm fly'",
+            help="flies the base: px4, ...; px4:outside for 'skyarm fly'; px4:instance=3",
             autocompletion=name_completion("autopilot"),
         ),
     ] = None,
@@ -105,15 +103,11 @@ def run(
         require_left_out(context, ["--pace"], " without --ros")
     require_not_another(scenario, "scenario")
     if autopilot is not None:
-        controller = _autopilot_name(autopilot.removesuffix(OUTSIDE), controller)
+        controller = autopilot_name(autopilot, controller)
     planned = load_scenario(scenario, plant=plant, controller=controller, seed=seed, duration=duration)
-    if autopilot is not None and autopilot.endswith(OUTSIDE):
-        planned = _left_to_outside(planned)
-    flown_by = autopilot_of(planned.controller)
-    if flown_by is not None and flown_by.outside:
-        mavlink, joints = flown_by.outside_ports
-        address = f"--link mavlink://127.0.0.1:{mavlink} --joints udp://127.0.0.1:{joints}"
-        say(f"once it hovers: skyarm fly {shlex.quote(scenario)} {address}")
+    if autopilot is not None:
+        planned = with_typed_options(planned, autopilot)
+    hint = outside_command(scenario, planned)
     folder = Path(out)
     files = log_files(logs) if logs else [folder / f"{planned.name}{suffix}" for suffix in (".npz", ".csv")]
     drawn = None if picture is None else picture_file(picture, "--plot")
@@ -124,8 +118,7 @@ def run(
         require_replaceable(*files)
         say_suspicious(planned)
         with bar(planned.name) as advance:
-            live = None if ros is None else _fly_live(planned, ros, pace, advance)
-            log = fly(planned, advance) if live is None else live.log
+            log, interrupted, live = _fly(planned, ros, pace, advance, hint)
         with earlier_kept([] if force else files) as kept:
             written = [save_log(log, file) for file in files]
     found = facts(log)
@@ -144,26 +137,36 @@ def run(
         tell(f"the flight before it is kept: {', '.join(map(str, kept))}")
     if live is not None:
         give(ros={"version": live.version, "commanded": live.commanded, "goals": live.goals, "late_s": live.late})
-        if live.interrupted is not None:
-            raise live.interrupted
+    if interrupted is not None:
+        raise interrupted
     if log.status != "completed":
+        say_cause(headline(log, found))
         raise typer.Exit(NOT_COMPLETED)
 
 
-def _autopilot_name(name: str, controller: str | None) -> str:
-    """Check the autopilot that ``--autopilot`` names.
+def _fly(
+    planned: Scenario, ros: int | None, pace: float, advance: Advance, hint: str
+) -> tuple[Log, BaseException | None, LiveFlight | None]:
+    """Fly a scenario: its log, what ended it from outside, to be raised again, and what ROS saw of it.
 
-    Raises:
-        ValueError: no autopilot's name, or a controller beside it.
+    A flight that cannot be repeated, under an autopilot or ROS, keeps its log at Ctrl-C.
     """
-    if controller is not None:
-        raise ValueError(f"--controller = {shown(controller)}: must be left out beside --autopilot")
-    if name not in AUTOPILOTS:
-        raise ValueError(f"--autopilot = {shown(name)}: {must_be_one_of(AUTOPILOTS, name)}")
-    return name
+
+    def preparing(seconds: float, most: float) -> None:
+        if seconds < most:
+            advance(last=f"take-off of {planned.controller.name}, {seconds:.0f} s")
+        elif hint:
+            say(f"it hovers: {hint}")
+
+    if ros is not None:
+        live = _fly_live(planned, ros, pace, advance, preparing)
+        return live.log, live.interrupted, live
+    if autopilot_of(planned.controller) is None:
+        return fly(planned, advance), None, None
+    return (*run_until_interrupted(planned, advance, preparing), None)
 
 
-def _fly_live(planned: Scenario, version: int, pace: float, advance: Advance) -> LiveFlight:
+def _fly_live(planned: Scenario, version: int, pace: float, advance: Advance, preparing: Preparing) -> LiveFlight:
     """Fly a scenario with live topics of ROS.
 
     Raises:
@@ -175,21 +178,12 @@ def _fly_live(planned: Scenario, version: int, pace: float, advance: Advance) ->
     if not 0.0 <= pace < math.inf:
         raise ValueError(f"--pace = {pace:g}: must be a finite number, 0 or above")
     node = open_node(version)
-    return fly_live(planned, node, version, pace=pace or math.inf, advance=advance, warn=say_line)
+    return fly_live(planned, node, version, pace=pace or math.inf, advance=advance, preparing=preparing, warn=say_line)
 
 
 def say_line(line: str) -> None:
     """Print a warning of a live flight."""
     say(f"warning: {line}")
-
-
-def _left_to_outside(planned: Scenario) -> Scenario:
-    """Scenario whose autopilot takes its set points from a program outside."""
-    controller = planned.controller
-    outside = dataclasses.replace(autopilot_of(controller), outside=True)
-    left = dataclasses.replace(innermost(controller.par), autopilot=outside)
-    par = with_innermost(controller.par, left)
-    return planned.with_words(controller=dataclasses.replace(controller, par=par))
 
 
 def log_files(names: Sequence[str]) -> list[Path]:
@@ -256,7 +250,7 @@ def facts(log: Log) -> dict[str, Any]:
     found = {name: info[name] for name in named} | {"vehicle": info["plant_vehicle"]}
     if "autopilot" in info:
         found["autopilot"] = info["autopilot"]
-    if not log.time.size:
+    if not log.time.size or not _took_off(found):
         return found
     steady = Windows().of_flight(float(info["duration"]), windows_of(log)).steady
     inside = steady.of(log)
@@ -286,6 +280,11 @@ def facts(log: Log) -> dict[str, Any]:
             distances["tip_to_path"] = path_distance(log.tool, log.tool_reference)
         found["governor"] = {what: summary(distance) for what, distance in distances.items()}
     return found
+
+
+def _took_off(found: Mapping[str, Any]) -> bool:
+    """True unless the log is that of an autopilot's take-off, which failed."""
+    return "autopilot" not in found or found["autopilot"]["prepared_s"] > 0.0
 
 
 def error_norms(log: Log) -> dict[str, Array]:
@@ -336,12 +335,9 @@ def _mechanisms(log: Log) -> list[dict[str, Any]]:
 
 def summary(log: Log, found: dict[str, Any]) -> list[RenderableType]:
     """Text of a flight's summary: status, table of tracking errors, thrust and events."""
-    end, duration = (f"{found[name]:g} s" for name in ("end_time", "duration"))
-    title = f"{found['scenario']}: {log.status}, {end}" + (f" of {duration}" if end != duration else "")
-    lines: list[RenderableType] = [
-        heading(title + (f": {found['cause']}" if found["cause"] else "")),
-        printable(_flight_words(log)),
-    ]
+    if not _took_off(found):
+        return [heading(headline(log, found))]
+    lines: list[RenderableType] = [heading(headline(log, found)), printable(_flight_words(log))]
     if "steady_window_s" not in found:
         return lines
     start, stop = found["steady_window_s"]
@@ -358,14 +354,23 @@ def summary(log: Log, found: dict[str, Any]) -> list[RenderableType]:
     return [*lines, *log.shortfall.lines, *sentences(found)]
 
 
+def headline(log: Log, found: Mapping[str, Any]) -> str:
+    """Line of scenario, status, duration and cause."""
+    end, duration = (f"{found[name]:g} s" for name in ("end_time", "duration"))
+    if _took_off(found):
+        title = f"{found['scenario']}: {log.status}, {end}" + (f" of {duration}" if end != duration else "")
+    else:
+        title = f"{found['scenario']}: {log.status}, no take-off in {end}"
+    return title + (f": {found['cause']}" if found["cause"] else "")
+
+
 def sentences(found: dict[str, Any]) -> list[str]:
     """List sentences on estimated lags, contacts, mechanisms, grasps and phases of a flight."""
     lines = []
     if "autopilot" in found:
         said = found["autopilot"]
         counts = f"; {said['answered']} of {said['steps']} messages answered" if "answered" in said else ""
-        began = f"hovered {said['prepared_s']:.3g} s after power-on" if said["prepared_s"] else "lost in its take-off"
-        lines.append(f"autopilot {said['name']}: {began}{counts}")
+        lines.append(f"autopilot {said['name']}: hovered {said['prepared_s']:.3g} s after power-on{counts}")
     if "lag_found_s" in found:
         rotors, joints = 1e3 * found["lag_found_s"]
         lines.append(f"lag found at the end, beyond the law's nominal: rotors {rotors:.1f} ms, joints {joints:.1f} ms")

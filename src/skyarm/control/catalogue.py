@@ -316,4 +316,4 @@ def must_be_named(name: Any, others: str = "") -> str:
 
 def no_option(law: str, options: Iterable[str]) -> str:
     """Error text for an option that a law does not have."""
-    return f"law {law!r} has no such option; it has {', '.join(options)}"
+    return f"{'autopilot' if law in AUTOPILOTS else 'law'} {law!r} has no such option; it has {', '.join(options)}"

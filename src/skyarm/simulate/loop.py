@@ -49,25 +49,55 @@ def run_in_python(scenario: Scenario, progress: Progress | None = None) -> Log:
     return _fly(scenario, progress, machine_code=False)
 
 
+def run_until_interrupted(
+    scenario: Scenario, progress: Progress | None = None, preparing: Callable[[float, float], object] | None = None
+) -> tuple[Log, BaseException | None]:
+    """Simulate a flight that cannot be repeated; Ctrl-C or a signal ends it and keeps its log.
+
+    Returns:
+        The log, and what ended the flight from outside, to be raised again once the log is written; else None.
+    """
+    with closing(_new_session(scenario, preparing=preparing)) as session:
+        interrupted: BaseException | None = None
+        try:
+            _advance(session, progress)
+        except Exception:
+            raise
+        except BaseException as error:
+            interrupted = error
+        return session.log, interrupted
+
+
 def _fly(scenario: Scenario, progress: Progress | None, *, machine_code: bool = True) -> Log:
     """Simulate a new session to the end of its flight and return the log."""
     if progress is not None and not callable(progress):
         raise ScenarioError(f"progress = {shown(progress)}: must be a function of periods flown and all")
-    session = open_session(scenario, machine_code=machine_code, make=_Episode)
-    if session.slow:
-        warnings.warn(f"{session.slow}; flying as Python floats: {SLOWER}", SlowFlightWarning, stacklevel=3)
-    with closing(session):
-        total, due = session.scenario.steps, 0
-        every = max(1, total // 100)
-        while True:
-            if progress is not None and session.tick >= due:
-                progress(session.tick, total)
-                due = (session.tick // every + 1) * every
-            if not session.fly(total if progress is None else min(total, due)):
-                break
-        if progress is not None:
-            progress(total, total)
+    with closing(_new_session(scenario, machine_code=machine_code)) as session:
+        _advance(session, progress)
         return session.log
+
+
+def _new_session(
+    scenario: Scenario, *, machine_code: bool = True, preparing: Callable[[float, float], object] | None = None
+) -> Session:
+    session = open_session(scenario, machine_code=machine_code, make=_Episode, preparing=preparing)
+    if session.slow:
+        warnings.warn(f"{session.slow}; flying as Python floats: {SLOWER}", SlowFlightWarning, stacklevel=4)
+    return session
+
+
+def _advance(session: Session, progress: Progress | None) -> None:
+    """Simulate a session to the end of its flight."""
+    total, due = session.scenario.steps, 0
+    every = max(1, total // 100)
+    while True:
+        if progress is not None and session.tick >= due:
+            progress(session.tick, total)
+            due = (session.tick // every + 1) * every
+        if not session.fly(total if progress is None else min(total, due)):
+            break
+    if progress is not None:
+        progress(total, total)
 
 
 def replay(

@@ -387,6 +387,7 @@ def open_session(
     *,
     machine_code: bool = True,
     make: Callable[..., Session] = Session,
+    preparing: Callable[[float, float], object] | None = None,
 ) -> Session:
     """Session of a scenario: of its law, or of the autopilot that flies its base, once that has taken off.
 
@@ -395,12 +396,14 @@ def open_session(
         paths: as of :class:`Session`.
         machine_code: as of :class:`Session`.
         make: class of the session of a law.
+        preparing: called in an autopilot's take-off with its simulated seconds and the most that it may last.
 
     Raises:
         ScenarioError: as :class:`Session`; an autopilot without a program, or a vehicle that it cannot fly.
     """
     require_flight(scenario)
     autopilot = autopilot_of(scenario.controller)
-    chosen = make if autopilot is None else autopilot.session_type()
-    found: Session = chosen(scenario, paths, machine_code=machine_code)
+    if autopilot is None:
+        return make(scenario, paths, machine_code=machine_code)
+    found: Session = autopilot.session_type()(scenario, paths, machine_code=machine_code, progress=preparing)
     return found

@@ -26,7 +26,7 @@ from skyarm.records.plain import plain
 from skyarm.records.restore import restore
 from skyarm.reference import hover
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.scenario.scenario_record import ScenarioError
+from skyarm.scenario.scenario_record import Change, ScenarioError
 from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.session import Session
 from skyarm.world.launch_stand import LaunchStand
@@ -146,6 +146,28 @@ def test_the_link_s_rate_is_fast_enough_and_divides_the_others(tmp_path: Path) -
     assert planned.rates.control % planned.rates.reference == 0
     assert {each.name for each in planned.sensors} == {"imu", "magnetometer", "barometer", "gnss"}
     assert planned_scenario(planned) is planned
+
+
+@pytest.mark.parametrize("name", ["press_and_hold", "turn_valve"])
+def test_a_task_in_contact_is_refused(name: str) -> None:
+    with pytest.raises(ScenarioError, match=r"^reference: must have no push and no phase in contact for PX4, .* law$"):
+        planned_scenario(load_scenario(name, controller="px4"))
+
+
+def test_a_scheduled_task_in_contact_is_refused() -> None:
+    scenario = load_scenario("pick_and_carry", controller="px4")
+    push = {"kind": "hover", "position": [0.0, 0.0, 1.0]}
+    later = {"base": push, "joints": [0.0, 0.0], "push": {"force": 2.0, "normal": [-1.0, 0.0, 0.0]}}
+    planned_scenario(scenario)
+    with pytest.raises(ScenarioError, match=r"^reference: must have no push"):
+        planned_scenario(scenario.with_words(changes=(Change(at=3.0, path="reference", value=later),)))
+
+
+def test_a_start_at_a_surface_is_refused() -> None:
+    scenario = load_scenario("press_and_hold", controller="px4")
+    free = dataclasses.replace(scenario.reference, push=None)
+    with pytest.raises(ScenarioError, match=r"^initial: point 'tip' starts .* m from surface 'wall': must be at least"):
+        planned_scenario(scenario.with_words(reference=free))
 
 
 class Plain(Session):

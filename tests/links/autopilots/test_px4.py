@@ -22,6 +22,9 @@ from skyarm.links.autopilots.px4_ports import open_ports
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.session import open_session
 
+TOLD: list[tuple[float, float]] = []
+"""What the session last begun has told of its take-off."""
+
 GOAL = Goal((0.5, -0.3, 1.5), (0.1, 0.2, 0.3), (0.4, 0.5, 0.6), 0.7)
 
 
@@ -36,8 +39,9 @@ def soon(monkeypatch: pytest.MonkeyPatch) -> None:
 def begun(folder: Path, fault: str = "", **options: object) -> Iterator[PilotedSession]:
     """Session of a hover under the stand-in with a fault; its process and ports are gone in the end."""
     program = make_program(folder, fault)
+    TOLD.clear()
     scenario = scenario_of(folder, program=str(program), **{"climb": 0.3, "patience": 1.0, **options})
-    session = open_session(scenario)
+    session = open_session(scenario, preparing=lambda *seconds: TOLD.append(seconds))
     assert isinstance(session, PilotedSession)
     link = session._link
     try:
@@ -66,6 +70,9 @@ def test_the_stand_in_takes_off_and_hovers_where_the_reference_is(tmp_path: Path
         assert facts["steps"] - facts["answered"] == 4  # the stand-in's start
         assert facts["lockstep_missed"] == facts["left_offboard"] == facts["failsafes"] == 0
         assert facts["prepared_s"] == round(facts["prepared_s"])
+        *rising, last = TOLD
+        assert rising == [(float(second), 120.0) for second in range(1, len(TOLD))]
+        assert last == (facts["prepared_s"],) * 2
         assert facts["steps"] == len(log.time) + 250 * facts["prepared_s"] - 1  # the last period asks for nothing
 
 

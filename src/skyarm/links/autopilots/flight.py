@@ -21,10 +21,11 @@ from skyarm.links.transcript import Tape, TranscriptError
 from skyarm.log.flight_log import Log
 from skyarm.log.metrics.windows import Windows
 from skyarm.reference import Reference, Trajectory, hover
+from skyarm.scenario.in_flight import stretches
 from skyarm.scenario.scenario_record import Environment, NamedSensor, Rates, Scenario, ScenarioError, first_state
 from skyarm.simulate.check_endings import Ended
 from skyarm.simulate.inputs import EpisodeInputs
-from skyarm.simulate.session import Session, Snapshot
+from skyarm.simulate.session import Course, Session, Snapshot
 from skyarm.world.launch_stand import LaunchStand
 
 Array = npt.NDArray[np.float64]
@@ -54,9 +55,10 @@ def planned_scenario(scenario: Scenario) -> Scenario:
     multiple of the reference's and of the sensors' rates. A scenario that has all that is returned unchanged.
 
     Raises:
-        ScenarioError: no such rate, or a plant whose rotors the autopilot's signals do not fit.
+        ScenarioError: no such rate, a task in contact, or a plant whose rotors the autopilot's signals do not fit.
     """
     autopilot: Autopilot = autopilot_of(scenario.controller)
+    require_free_flight(scenario)
     require_rotors(scenario.plant.vehicle, model_of(scenario).vehicle, autopilot.title)
     if autopilot.outside:
         _ = autopilot.outside_ports  # refuses an autopilot without any
@@ -81,6 +83,39 @@ def planned_scenario(scenario: Scenario) -> Scenario:
     if not added and planned == rates:
         return scenario
     return scenario.with_words(rates=planned, sensors=sensors)
+
+
+def require_free_flight(scenario: Scenario) -> None:
+    """Check that no part of a flight needs a law that controls contact, and that the hand-over is free of contact.
+
+    Raises:
+        ScenarioError: a reference that presses, or a start closer to a surface than the hand-over is exact.
+    """
+    autopilot: Autopilot = autopilot_of(scenario.controller)
+    for stretch in () if autopilot.outside else stretches(scenario):
+        require_no_push(stretch.overrides.of(scenario), autopilot.title)
+    for contact in scenario.worlds:
+        from skyarm.world.contact.initial_world import initial_clearance
+
+        distance, point, surface = initial_clearance(contact, scenario.plant.vehicle, first_state(scenario))
+        if distance < NEAR:
+            raise ScenarioError(
+                f"initial: point {point!r} starts {distance:.3g} m from surface {surface!r}: must be at least {NEAR:g} "
+                f"m away, {autopilot.title} takes off and hands over within that"
+            )
+
+
+def require_no_push(scenario: Scenario, title: str) -> None:
+    """Check that a reference requests no contact force.
+
+    Raises:
+        ScenarioError: it does.
+    """
+    if scenario.reference.push is not None:
+        raise ScenarioError(
+            f"reference: must have no push and no phase in contact for {title}, which controls no contact force: it "
+            "needs a law"
+        )
 
 
 def hover_at_start(scenario: Scenario) -> Trajectory:
@@ -170,7 +205,7 @@ class PilotedSession(Session):
         scenario: whose controller is one of an autopilot.
         paths: as of :class:`skyarm.Session`.
         machine_code: as of :class:`skyarm.Session`.
-        progress: called with simulated seconds of the take-off and the longest it may last.
+        progress: called with simulated seconds of the take-off and the longest it may last; equal at the hand-over.
 
     Raises:
         ScenarioError: a vehicle that the autopilot cannot fly, or no program.
@@ -184,7 +219,7 @@ class PilotedSession(Session):
         paths: Sequence[str] = (),
         *,
         machine_code: bool = True,
-        progress: Callable[[float, float], None] | None = None,
+        progress: Callable[[float, float], object] | None = None,
     ) -> None:
         planned = planned_scenario(scenario)
         self._autopilot: Autopilot = autopilot_of(planned.controller)
@@ -204,6 +239,8 @@ class PilotedSession(Session):
                 super().__init__(planned.with_words(initial=state), paths, machine_code=machine_code)
                 self._begin_flight()
                 self._open_joint_port()
+                if progress is not None:
+                    progress(self._prepared, self._prepared)
         except BaseException:
             self.close()
             raise
@@ -259,7 +296,7 @@ class PilotedSession(Session):
         row = self._goals[self.tick].tolist()
         return Goal(row[0:3], row[3:6], row[6:9], row[9])
 
-    def _take_off(self, progress: Callable[[float, float], None] | None) -> bool:
+    def _take_off(self, progress: Callable[[float, float], object] | None) -> bool:
         """Fly from the stand to the start; False if the flight has ended before.
 
         The hand-over is at a whole second, so that flights whose autopilot is not quite repeatable begin alike.
@@ -349,6 +386,11 @@ class PilotedSession(Session):
             if time.perf_counter() > until:
                 break
         return going
+
+    def _continue_with(self, course: Course) -> None:
+        """Continue under a changed scenario, unless it presses."""
+        require_no_push(course.now, self._autopilot.title)
+        super()._continue_with(course)
 
     @property
     def log(self) -> Log:

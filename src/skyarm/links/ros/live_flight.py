@@ -93,6 +93,7 @@ def fly_live(
     *,
     pace: float = 1.0,
     advance: Callable[[int, int], object] = lambda _done, _total: None,
+    preparing: Callable[[float, float], object] | None = None,
     warn: Warn,
 ) -> LiveFlight:
     """Fly a scenario with live topics; closes the node, whatever happens.
@@ -103,12 +104,13 @@ def fly_live(
         version: of it.
         pace: flight time over wall time; infinite waits for nothing.
         advance: is called with the periods flown and their number some times a second.
+        preparing: as of :func:`skyarm.simulate.session.open_session`.
         warn: is told in one line of a lost master and of messages that are refused.
     """
     interrupted: BaseException | None = None
     clock = Pace(pace)
     try:
-        session, reason = live_session(scenario)
+        session, reason = live_session(scenario, preparing)
         if session.slow:
             warn(f"{session.slow}; flying as Python floats: slower, the same numbers")
         if reason:

@@ -213,11 +213,11 @@ class RosLink:
             self._warn(f"{topic}: a message is ignored: {error}; more of them are ignored without a word")
 
 
-def live_session(scenario: Scenario) -> tuple[Session, str]:
+def live_session(scenario: Scenario, preparing: Callable[[float, float], object] | None = None) -> tuple[Session, str]:
     """Session whose reference takes goals from ROS, and an empty text; or one that takes none, and why."""
     live, reason = with_goals(scenario)
     # inputs of its program from the start: the first goal would make the program anew, which takes half a second
-    return open_session(live, goal_paths(live.reference)), reason
+    return open_session(live, goal_paths(live.reference), preparing=preparing), reason
 
 
 def command_of(numbers: list[float], joints: int, rotors: int, tilts: int) -> Command:

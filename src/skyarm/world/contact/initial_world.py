@@ -1,6 +1,8 @@
-"""Interpenetration check at the start: vehicle and objects begin in the air or at rest on a surface."""
+"""Checks of the initial world: interpenetration, and the clearance between vehicle and surfaces."""
 
 from __future__ import annotations
+
+import math
 
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
@@ -35,3 +37,18 @@ def require_start_outside(contact: Contact, vehicle: Vehicle, gravity: float, st
                 f"world: {what} starts {float(each.touch.depth):.3g} m inside {inside}, which would push it with "
                 f"{float(each.touch.normal):.3g} N: must start outside{way}"
             )
+
+
+def initial_clearance(contact: Contact, vehicle: Vehicle, state: State) -> tuple[float, str, str]:
+    """Smallest distance (m) of the vehicle from a surface, negative inside, and the names of point and surface.
+
+    Infinite where nothing can touch.
+    """
+    contact = contact.on(vehicle)
+    meetings = contact.meetings(contact.start(1.0, ()), PointMotion(vehicle, state))
+    ours = (
+        (-float(each.touch.depth), contact.points[each.index].name, each.surface)
+        for each in meetings
+        if each.by == NOBODY
+    )
+    return min(ours, default=(math.inf, "", ""))
