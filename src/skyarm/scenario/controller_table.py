@@ -285,12 +285,12 @@ def _require_only(fields: Fields, word: str, allowed: str) -> None:
 def _read(fields: Fields, law: str, option: str, word: str) -> Any:
     """Read one option of a control law from a [controller] table; a nested table becomes a dataclass."""
     value, at = fields.take(word), fields.at(word)
-    if option in RECORDS:
-        return record_from(RECORDS[option], Fields(value, at))
     if option == "terms":
         return _terms(value, at)
     default = inspect.signature(entry_of(law).function()).parameters.get(option)
     if default is None or not is_record(default.default):
+        if option in RECORDS:
+            return record_from(RECORDS[option], Fields(value, at))
         return value
     table = Fields(value, at)
     numbers = {name: table.number(name, usual, low=0.0) for name, usual in parts(default.default).items()}

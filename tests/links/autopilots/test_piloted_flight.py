@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from px4_flights import scenario_of
 
 import skyarm
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.control.catalogue import entry_of
 from skyarm.control.controller import ControllerError, innermost
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command
@@ -18,6 +20,7 @@ from skyarm.dynamics.array_front import forward_dynamics
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.links.autopilots import ardupilot, betaflight, px4
+from skyarm.links.autopilots.angle_control import AngleGains
 from skyarm.links.autopilots.autopilot import model_of, move_arm, plain_parameters
 from skyarm.links.autopilots.flight import goal_columns, goal_of, planned_scenario, take_off_scenario
 from skyarm.links.autopilots.px4 import make_px4
@@ -278,6 +281,28 @@ def test_no_file_names_a_program_to_start(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"controller\.program = .*: must be left out: .* SKYARM_PX4") as caught:
         load_scenario(file)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("kind", [px4.PX4, ardupilot.ArduPilot, betaflight.Betaflight])
+def test_the_options_of_a_file_are_the_fields_of_the_record(kind: type) -> None:
+    fields = {each.name: each.default for each in dataclasses.fields(kind)}
+    options = inspect.signature(entry_of(kind.name).function()).parameters
+    assert {name: each.default for name, each in options.items()} == {
+        "model": inspect.Parameter.empty, "joint_gains": None, **fields
+    }  # fmt: skip
+
+
+def test_a_file_gives_the_gains_of_the_position_loop_of_betaflight(tmp_path: Path) -> None:
+    scenario_of(tmp_path)
+    file = tmp_path / "swing.toml"
+    whole = file.read_text("utf-8")
+    for position, words in ((4.0, ""), (-4.0, r"controller\.gains\.position = -4\.0: must be at least 0")):
+        file.write_text(whole.replace('"px4"', f'"betaflight"\ngains = {{ position = {position} }}'), "utf-8")
+        if words:
+            with pytest.raises(ValueError, match=words):
+                load_scenario(file)
+        else:
+            assert load_scenario(file).controller.par.autopilot.gains == AngleGains(position=4.0)
 
 
 def test_measured_joints_are_where_the_engine_says(tmp_path: Path) -> None:

@@ -17,20 +17,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from skyarm.control.controller import Controller
-from skyarm.control.model import JointGains, Model
 from skyarm.links import mavlink
 from skyarm.links.autopilots.ardupilot_frames import fitting_frame, vehicle_parameters
 from skyarm.links.autopilots.autopilot import (
     FLIGHT_IMU,
     Autopilot,
+    AutopilotMaker,
     Goal,
     Instant,
     LinkError,
     Numbers,
-    controller_with,
+    Preparation,
     model_of,
-    plain_parameters,
 )
 from skyarm.links.autopilots.guided_vehicle import GuidedVehicle
 from skyarm.links.autopilots.program import ProgramLink, find_program
@@ -96,7 +94,7 @@ class ArduPilot(Autopilot):
     what it is told by MAVLink lies in its socket before the answer of the same frame.
     """
 
-    preparation: float = 150.0
+    preparation: Preparation = 150.0
 
     name: ClassVar[str] = "ardupilot"
     title: ClassVar[str] = "ArduPilot"
@@ -112,24 +110,7 @@ class ArduPilot(Autopilot):
         return ArduPilotLink(self, scenario, tape)
 
 
-def make_ardupilot(
-    model: Model,
-    *,
-    program: str = "",
-    parameters: Any = None,
-    joint_gains: JointGains | None = None,
-    climb: float = 0.5,
-    patience: float = 20.0,
-    preparation: float = 150.0,
-    transcript: str = "",
-    replayed: str = "",
-) -> Controller:
-    """Controller of a vehicle whose base ArduPilot flies; the options are those of :class:`ArduPilot`."""
-    autopilot = ArduPilot(
-        program=program, parameters=plain_parameters(parameters), climb=climb, patience=patience,
-        preparation=preparation, transcript=transcript, replayed=replayed,
-    )  # fmt: skip
-    return controller_with(autopilot, model, joint_gains)
+make_ardupilot = AutopilotMaker(ArduPilot)
 
 
 def physics_line(time: float, imu: Numbers, state: Numbers) -> bytes:

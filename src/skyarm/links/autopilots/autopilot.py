@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from inspect import Parameter, Signature
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from skyarm import dynamics
@@ -33,6 +34,9 @@ if TYPE_CHECKING:
 
 Numbers = Sequence[float]
 
+Patience = Annotated[float, Unit("s", "of silence, by the wall clock", low=0.1, high=600.0)]
+
+Preparation = Annotated[float, Unit("s", "from power-on to hover, simulated", low=1.0, high=1000.0)]
 
 FLIGHT_IMU = Imu(gyro=Channel(density=2e-4, walk=1e-5), accelerometer=Channel(density=3e-3, walk=1e-4))
 """Inertial unit of a flight controller: InvenSense MPU-9250 data sheet (0.01 deg/s and 300 micro-g per root Hz)."""
@@ -122,8 +126,8 @@ class Autopilot(ABC):
     program: str = field(default="", metadata={"restored": False})
     parameters: tuple[tuple[str, float], ...] = ()
     climb: Annotated[float, Unit("m", "above the launch stand", low=0.2, high=100.0)] = 0.5
-    patience: Annotated[float, Unit("s", "of silence, by the wall clock", low=0.1, high=600.0)] = 20.0
-    preparation: Annotated[float, Unit("s", "from power-on to hover, simulated", low=1.0, high=1000.0)] = 120.0
+    patience: Patience = 20.0
+    preparation: Preparation = 120.0
     transcript: str = ""
     replayed: str = ""
     outside: bool = False
@@ -133,6 +137,8 @@ class Autopilot(ABC):
     variable: ClassVar[str]
     least_rate: ClassVar[int]
     """Hz, of sensor messages."""
+    longest_name: ClassVar[int] = 16
+    """Letters of a parameter's name."""
 
     @abstractmethod
     def sensors(self, vehicle: Vehicle) -> Mapping[str, Sensor]:
@@ -216,6 +222,36 @@ def controller_with(autopilot: Autopilot, model: Model, joint_gains: JointGains 
         model=model, joint_gains=gains, mixer=fitting_mixer(model, "clip"), autopilot=autopilot
     )  # fmt: skip
     return Controller(name=autopilot.name, law=move_arm, par=par)
+
+
+@dataclass(frozen=True)
+class AutopilotMaker:
+    """Function that makes the controller of a vehicle whose base an autopilot flies.
+
+    Its options are the fields of the autopilot's record, and the joint law's gains.
+
+    Attributes:
+        kind: class of the record.
+    """
+
+    kind: type[Autopilot]
+
+    @property
+    def __signature__(self) -> Signature:
+        """Signature with an option for each field."""
+        usual = {each.name: each.default for each in fields(self.kind)} | {"joint_gains": None}
+        options = [Parameter(name, Parameter.KEYWORD_ONLY, default=value) for name, value in usual.items()]
+        return Signature([Parameter("model", Parameter.POSITIONAL_OR_KEYWORD), *options])
+
+    def __call__(self, model: Model, *, joint_gains: JointGains | None = None, **options: Any) -> Controller:
+        """Controller of a model.
+
+        Raises:
+            ControllerError: a wrong parameter, tilting rotors, or rotors without a highest speed.
+        """
+        if "parameters" in options:
+            options["parameters"] = plain_parameters(options["parameters"], self.kind.longest_name)
+        return controller_with(self.kind(**options), model, joint_gains)
 
 
 def model_of(scenario: Scenario) -> Model:

@@ -23,19 +23,18 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from skyarm.control.controller import Controller
-from skyarm.control.model import JointGains, Model
 from skyarm.links.autopilots.angle_control import AngleControl, AngleGains, MotionFilter
 from skyarm.links.autopilots.autopilot import (
     FLIGHT_IMU,
     Autopilot,
+    AutopilotMaker,
     Goal,
     Instant,
     LinkError,
     Numbers,
-    controller_with,
+    Patience,
+    Preparation,
     model_of,
-    plain_parameters,
 )
 from skyarm.links.autopilots.betaflight_process import (
     RADIO_PORT,
@@ -83,12 +82,15 @@ class Betaflight(Autopilot):
         gains: of the position loop that moves the sticks, for a vehicle as quick as a 0.8 kg quadrotor.
     """
 
+    patience: Patience = 5.0
+    preparation: Preparation = 60.0
     gains: AngleGains = AngleGains()
 
     name: ClassVar[str] = "betaflight"
     title: ClassVar[str] = "Betaflight"
     variable: ClassVar[str] = "SKYARM_BETAFLIGHT"
     least_rate: ClassVar[int] = 500
+    longest_name: ClassVar[int] = 40
 
     def sensors(self, vehicle: Vehicle) -> Mapping[str, Sensor]:
         """Inertial unit at the rate of the link, and motion capture at 250 Hz."""
@@ -99,24 +101,7 @@ class Betaflight(Autopilot):
         return BetaflightLink(self, scenario, tape)
 
 
-def make_betaflight(
-    model: Model,
-    *,
-    program: str = "",
-    parameters: Any = None,
-    joint_gains: JointGains | None = None,
-    climb: float = 0.5,
-    patience: float = 5.0,
-    preparation: float = 60.0,
-    transcript: str = "",
-    replayed: str = "",
-) -> Controller:
-    """Controller of a vehicle whose base Betaflight flies; the options are those of :class:`Betaflight`."""
-    autopilot = Betaflight(
-        program=program, parameters=plain_parameters(parameters, 40), climb=climb, patience=patience,
-        preparation=preparation, transcript=transcript, replayed=replayed,
-    )  # fmt: skip
-    return controller_with(autopilot, model, joint_gains)
+make_betaflight = AutopilotMaker(Betaflight)
 
 
 STARTS = 4

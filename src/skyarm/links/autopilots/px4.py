@@ -17,19 +17,16 @@ from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
-from skyarm.control.controller import Controller
-from skyarm.control.model import JointGains, Model
 from skyarm.links import mavlink
 from skyarm.links.autopilots.autopilot import (
     FLIGHT_IMU,
     Autopilot,
+    AutopilotMaker,
     Goal,
     Instant,
     LinkError,
     Numbers,
-    controller_with,
     model_of,
-    plain_parameters,
 )
 from skyarm.links.autopilots.guided_vehicle import GuidedVehicle
 from skyarm.links.autopilots.program import ProgramLink, find_program
@@ -102,27 +99,7 @@ class PX4(Autopilot):
         return PX4Link(self, scenario, tape)
 
 
-def make_px4(
-    model: Model,
-    *,
-    program: str = "",
-    parameters: Any = None,
-    joint_gains: JointGains | None = None,
-    climb: float = 0.5,
-    patience: float = 20.0,
-    preparation: float = 120.0,
-    transcript: str = "",
-    replayed: str = "",
-    instance: int = -1,
-    outside: bool = False,
-) -> Controller:
-    """Controller of a vehicle whose base PX4 flies; the options are those of :class:`PX4`."""
-    autopilot = PX4(
-        program=program, parameters=plain_parameters(parameters), climb=climb, patience=patience,
-        preparation=preparation, transcript=transcript, replayed=replayed, instance=instance,
-        outside=outside,
-    )  # fmt: skip
-    return controller_with(autopilot, model, joint_gains)
+make_px4 = AutopilotMaker(PX4)
 
 
 def find_etc(program: Path) -> Path:
