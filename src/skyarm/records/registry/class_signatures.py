@@ -56,12 +56,24 @@ def format_mistake(thing: object) -> tuple[str, str] | None:
     return None
 
 
+def flight_format_mistake(thing: object) -> tuple[str, str] | None:
+    """Error in a registered format of measured flights, as (file and line, message); None if there is none."""
+    held = getattr(thing, "read", None)
+    if isinstance(thing, type) or not callable(held):
+        found = thing.__name__ if inspect.isfunction(thing) or isinstance(thing, type) else shown(thing)
+        return place_of(thing), f"is {found}: must be FlightFormat(read, suffixes, begins)"
+    words = _call_mistake("read", held, ["path", "columns"], 0)
+    return (place_of(held), words) if words else None
+
+
 def thing_mistake(kind: str, thing: object) -> tuple[str, str] | None:
     """Error in an object that a plugin registers, as (file and line, message); None if there is none."""
     if isinstance(thing, str):
         return None  # where it is found, which nobody has read yet
     if kind == "log_format":
         return format_mistake(thing)
+    if kind == "flight_format":
+        return flight_format_mistake(thing)
     return class_mistake(thing) if kind in RECORDS and isinstance(thing, type) else None
 
 

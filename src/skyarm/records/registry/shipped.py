@@ -14,6 +14,7 @@ _FORCE = "skyarm.sensing.sensor_kinds"
 _NAVIGATION = "skyarm.sensing.navigation_sensors"
 _LAWS = "skyarm.control.laws"
 _AUTOPILOTS = "skyarm.links.autopilots"
+_FLIGHTS = "skyarm.flight_data"
 
 SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
     "air": {
@@ -138,6 +139,10 @@ SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "npz": ("skyarm.log.formats:NPZ", "arrays and all that was flown; read back by skyarm"),
         "csv": ("skyarm.log.formats:CSV", "a column a number with its name and unit, a row a control instant"),
         "mcap": ("skyarm.log.formats:MCAP", "messages of ROS 2 for Foxglove, PlotJuggler, RViz; read back by skyarm"),
+    },
+    "flight_format": {
+        "crazyflie": (f"{_FLIGHTS}.crazyflie_log:CRAZYFLIE", "a Crazyflie's log on its memory card"),
+        "csv": (f"{_FLIGHTS}.table_file:TABLE", "a table of text with a mapping of its columns"),
     },
     "plant": {
         "rigid_body": ("skyarm.plant.compiled:RigidBodyPlant", "our own multibody dynamics"),

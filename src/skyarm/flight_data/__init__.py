@@ -1,0 +1,1 @@
+"""Measured flights: files of real flights read as channels in SI units and the axes of the library."""

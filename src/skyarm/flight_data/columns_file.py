@@ -1,0 +1,197 @@
+"""Mapping from the columns or topics of a file to quantities, as a table of ``columns.toml``.
+
+A file has a table for each quantity of :data:`skyarm.flight_data.quantities.QUANTITIES`, and one for the time::
+
+    [time]
+    column = "t"
+    unit = "us"                       # s, ms, us or ns; s if left out
+
+    [gyro]
+    columns = ["p", "q", "-r"]        # a minus before a name turns the sign
+    unit = "deg/s"
+    frame = "FRD"                     # of the base: FLU (x forward, y left, z up), or forward, right, down
+
+    [quaternion]
+    columns = ["qx", "qy", "qz", "qw"]
+    order = "xyzw"                    # three columns are roll, pitch and yaw in a unit of "deg" or "rad"
+    frame = "FRD"
+    world = "NED"                     # of the world: "z up", or north, east, down
+
+    [rotor_commands]
+    topic = "actuator_outputs"        # of files that hold several tables
+    columns = ["output[0]", "output[1]", "output[2]", "output[3]"]
+    low = 1000.0                      # the numbers of no signal and of the full one
+    high = 2000.0
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from skyarm.flight_data.quantities import ATTITUDE, BODY, QUANTITIES, WORLD, Quantity
+from skyarm.records.files import Fields, must_be_one_of, read_toml, shown, unreadable
+
+TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+"""Units of time -> seconds."""
+
+FRAMES, WORLDS, ORDERS = ("FLU", "FRD"), ("z up", "NED"), ("wxyz", "xyzw")
+
+ANGLES = {"rad": 1.0, "deg": math.pi / 180.0}
+"""Units of Euler angles."""
+
+STAMPS = "header", "receive"
+"""Times of a message: of its header, or of its arrival in the file."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Signal:
+    """Source of a quantity in a file: its columns, their unit and axes.
+
+    Attributes:
+        columns: names; a minus before one turns its sign.
+        topic: table of the file that holds them; the only one, or the first that has them all, if empty.
+        unit: of the numbers; the SI unit of the quantity if empty.
+        frame: axes of the base, FLU or FRD; of a velocity "" for one in world axes.
+        world: axes of the world, "z up" or "NED".
+        order: of a quaternion's columns.
+        inverse: a quaternion turns world to base.
+        low, high: numbers of no and of the full signal of rotor commands.
+        time: column of the time of this quantity; that of the file if empty.
+        stamp: time of a message, "header" or "receive".
+    """
+
+    columns: tuple[str, ...]
+    topic: str = ""
+    unit: str = ""
+    frame: str = ""
+    world: str = "z up"
+    order: str = "wxyz"
+    inverse: bool = False
+    low: float = 0.0
+    high: float = 1.0
+    time: str = ""
+    stamp: str = "header"
+
+    @property
+    def source(self) -> str:
+        """Topic and columns as text."""
+        listed = ", ".join(self.columns)
+        return f"{self.topic}: {listed}" if self.topic else listed
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Columns:
+    """Mapping from a file's columns to quantities.
+
+    Attributes:
+        signals: by name of the quantity.
+        time: column of the time; the format's own if empty.
+        time_unit: s, ms, us or ns.
+        file: that it was read from, for messages.
+    """
+
+    signals: Mapping[str, Signal] = field(default_factory=dict)
+    time: str = ""
+    time_unit: str = "s"
+    file: str = "columns"
+
+
+def read_columns(path: str | os.PathLike[str]) -> Columns:
+    """Read a mapping from a TOML file.
+
+    Raises:
+        ValueError: one line with file, field, value and what is allowed.
+    """
+    file = os.fspath(path)
+    if reason := unreadable(Path(path)):
+        raise ValueError(f"columns = {shown(file)}: {reason}")
+    try:
+        return columns_from(read_toml(Path(path).read_bytes()), file)
+    except OSError as error:
+        raise ValueError(f"columns = {shown(file)}: must be readable ({error.strerror})") from None
+    except ValueError as error:
+        raise ValueError(f"{file}: {error}") from None
+
+
+def columns_from(document: object, file: str = "columns") -> Columns:
+    """Read a mapping from the tables of a TOML document.
+
+    Raises:
+        ValueError: one line with field, value and what is allowed.
+    """
+    tables = Fields(document, "")
+    time = tables.inner("time")
+    column = time.text("column") if "column" in time.table else ""
+    unit = time.choice("unit", tuple(TIMES), "s")
+    time.done()
+    signals = {}
+    for name in tables.table:
+        if name == "time":
+            continue
+        if name not in QUANTITIES:
+            raise ValueError(f"{name}: {must_be_one_of(('time', *QUANTITIES), name)}")
+        signals[name] = _signal(QUANTITIES[name], tables.inner(name))
+    if not signals:
+        raise ValueError(f"quantities = none: must be a table or more of {', '.join(QUANTITIES)}")
+    return Columns(signals=signals, time=column, time_unit=unit, file=file)
+
+
+def _signal(quantity: Quantity, fields: Fields) -> Signal:
+    """Read the table of a quantity."""
+    columns = _names(fields)
+    euler = quantity.axes == ATTITUDE and len(columns) == 3
+    if quantity.width and len(columns) != quantity.width and not euler:
+        euler_words = ", or 3 of roll, pitch and yaw" if quantity.axes == ATTITUDE else ""
+        raise ValueError(
+            f"{fields.at('columns')} = {shown(list(columns))}: must be {quantity.width} names{euler_words}"
+        )
+    units = ANGLES if euler else quantity.units
+    unit = fields.choice("unit", tuple(units), next(iter(units)))
+    frame, world, order, inverse, low, high = "", "z up", "wxyz", False, 0.0, 1.0
+    if quantity.axes in (BODY, ATTITUDE):
+        frame = fields.choice("frame", FRAMES, "FLU")
+    if quantity.axes in (WORLD, ATTITUDE):
+        world = fields.choice("world", WORLDS, "z up")
+    if quantity is QUANTITIES["velocity"] and "frame" in fields.table:
+        frame = fields.choice("frame", FRAMES)
+        if "world" in fields.table:
+            raise ValueError(f"{fields.at('frame')} = {shown(frame)}: must be left out beside 'world'")
+    if quantity.axes == ATTITUDE and not euler:
+        order = fields.choice("order", ORDERS, "wxyz")
+    if quantity.axes == ATTITUDE:
+        inverse = fields.flag("inverse", False)
+    if quantity is QUANTITIES["rotor_commands"]:
+        low, high = fields.number("low", 0.0), fields.number("high", 1.0)
+        if high == low:
+            raise ValueError(f"{fields.at('high')} = {high:g}: must differ from low")
+    found = Signal(
+        columns=columns,
+        topic=fields.text("topic", ""),
+        unit=unit,
+        frame=frame,
+        world=world,
+        order=order,
+        inverse=inverse,
+        low=low,
+        high=high,
+        time=fields.text("time", ""),
+        stamp=fields.choice("stamp", STAMPS, "header"),
+    )
+    fields.done()
+    return found
+
+
+def _names(fields: Fields) -> tuple[str, ...]:
+    """Read the names of columns, each once."""
+    values, at = fields.take("columns"), fields.at("columns")
+    if isinstance(values, str):
+        values = [values]
+    if not isinstance(values, list) or not values or not all(isinstance(each, str) and each for each in values):
+        raise ValueError(f"{at} = {shown(values)}: must be a list of names")
+    if len({each.removeprefix("-") for each in values}) != len(values):
+        raise ValueError(f"{at} = {shown(values)}: must name each column once")
+    return tuple(values)

@@ -1,0 +1,218 @@
+"""Measured flight: channels in SI units on one clock, and the formats of its files."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Annotated, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.flight_data.columns_file import Columns, read_columns
+from skyarm.flight_data.quantities import QUANTITIES
+from skyarm.records.files import must_be_one_of, one_line, shown, unreadable
+from skyarm.records.registry import RegistryError, find, names
+from skyarm.records.registry.class_signatures import flight_format_mistake
+from skyarm.records.units import Unit
+
+Array: TypeAlias = npt.NDArray[np.float64]
+PathLike: TypeAlias = str | os.PathLike[str]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Channel:
+    """Measured quantity over time, in SI units and the axes of the library.
+
+    Attributes:
+        time: (N,) s, strictly rising.
+        values: (N, k); base axes x forward, y left, z up, world axes z up; all finite.
+        source: topic or columns of the file.
+
+    Raises:
+        ValueError: one line: wrong shapes, times that do not rise, or numbers that are not finite.
+    """
+
+    time: Annotated[Array, Unit("s", "the flight's clock")]
+    values: Array
+    source: str
+
+    def __post_init__(self) -> None:
+        time, values = np.asarray(self.time, dtype=float), np.asarray(self.values, dtype=float)
+        if time.ndim != 1 or values.ndim != 2 or len(time) != len(values):
+            raise ValueError(f"values = {values.shape} at times {time.shape}: must be (N, k) at (N,)")
+        if not np.isfinite(time).all() or (np.diff(time) <= 0.0).any():
+            raise ValueError(f"time of {self.source}: must be finite and rise from row to row")
+        if not np.isfinite(values).all():
+            raise ValueError(f"values of {self.source}: must be finite numbers")
+        object.__setattr__(self, "time", time)
+        object.__setattr__(self, "values", values)
+
+    @property
+    def rate(self) -> float:
+        """Rate of the samples, Hz, from the median time between them; 0 for fewer than two."""
+        return 1.0 / float(np.median(np.diff(self.time))) if self.time.size > 1 else 0.0
+
+    @property
+    def duration(self) -> float:
+        """Time from the first sample to the last, s."""
+        return float(self.time[-1] - self.time[0]) if self.time.size else 0.0
+
+    def section(self, start: float, end: float) -> Channel:
+        """Return the samples from ``start`` to ``end``, s, both included."""
+        chosen = slice(*np.searchsorted(self.time, [start, np.nextafter(end, np.inf)]).tolist())
+        return replace(self, time=self.time[chosen], values=self.values[chosen])
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class FlightData:
+    """Measured flight: all that a file of a real flight holds, by the names of :data:`QUANTITIES`.
+
+    Attributes:
+        name: of the flight, from its file.
+        file: path that was read.
+        channels: by name of the quantity.
+        notes: what was lost or repaired while reading, one sentence each.
+        facts: other contents of the file: vehicle, firmware, parameters, ``start`` of the clock in the file's own time.
+        unused: topics and columns of the file that no channel was made of.
+
+    Raises:
+        ValueError: one line: a channel of an unknown name or of a wrong width.
+    """
+
+    name: str
+    file: str
+    channels: Mapping[str, Channel]
+    notes: tuple[str, ...] = ()
+    facts: Mapping[str, str | float] = field(default_factory=dict)
+    unused: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name, channel in self.channels.items():
+            if name not in QUANTITIES:
+                raise ValueError(f"channel = {shown(name)}: {must_be_one_of(QUANTITIES, name)}")
+            width, held = QUANTITIES[name].width, channel.values.shape[1]
+            if held != width if width else held == 0:
+                raise ValueError(f"channel {name}: has {held} columns: must be {width or 'one or more'}")
+
+    def __getitem__(self, quantity: str) -> Channel:
+        """Channel of a quantity.
+
+        Raises:
+            ValueError: one line: the flight has none.
+        """
+        if quantity not in self.channels:
+            there = ", ".join(self.channels) or "no channel"
+            raise ValueError(one_line(f"{self.name}: {quantity}: is not in this flight; there is {there}"))
+        return self.channels[quantity]
+
+    def __contains__(self, quantity: object) -> bool:
+        """True if the flight has a channel of a quantity."""
+        return quantity in self.channels
+
+    def __iter__(self) -> Iterator[str]:
+        """Names of the channels."""
+        return iter(self.channels)
+
+    @property
+    def start(self) -> float:
+        """Time of the first sample of any channel, s."""
+        return min((float(each.time[0]) for each in self.channels.values() if each.time.size), default=0.0)
+
+    @property
+    def end(self) -> float:
+        """Time of the last sample of any channel, s."""
+        return max((float(each.time[-1]) for each in self.channels.values() if each.time.size), default=0.0)
+
+    @property
+    def duration(self) -> float:
+        """Time from the first sample of any channel to the last, s."""
+        return self.end - self.start
+
+    def section(self, start: float, end: float) -> FlightData:
+        """Return the samples of all channels from ``start`` to ``end``, s, both included, on the same clock."""
+        return replace(self, channels={name: each.section(start, end) for name, each in self.channels.items()})
+
+    def with_channels(self, changed: Mapping[str, Channel], *notes: str) -> FlightData:
+        """Return the flight with channels replaced or added, and further notes."""
+        return replace(self, channels={**self.channels, **changed}, notes=(*self.notes, *notes))
+
+
+@dataclass(frozen=True, slots=True)
+class FlightFormat:
+    """File format of measured flights: a function that reads it, and the look of its files.
+
+    Attributes:
+        read: (path, columns or None) -> flight.
+        suffixes: endings of its files, without dot.
+        begins: first bytes of its files, of which any decides before a suffix does.
+    """
+
+    read: Callable[[Path, Columns | None], FlightData]
+    suffixes: tuple[str, ...] = ()
+    begins: tuple[bytes, ...] = ()
+
+
+BAG_FOLDER = "db3"
+"""Suffix whose format reads folders, too."""
+
+COLUMNS_FILE = "columns.toml"
+"""Name of the mapping that is read if it lies beside a flight and no other is given."""
+
+
+def load_flight(path: PathLike, columns: PathLike | Columns | None = None, *, kind: str = "") -> FlightData:
+    """Read a measured flight from a file.
+
+    Args:
+        path: of the file, or of the folder of a ROS 2 bag.
+        columns: mapping from topics or columns to quantities, or the path of one; in its place ``columns.toml``
+            beside the flight, and then the names that the format itself defines.
+        kind: registered name of the format; by first bytes and suffix of the file if left out.
+
+    Raises:
+        ValueError: one line: no such file or format, a damaged file, or a mapping that does not fit.
+    """
+    file, at = Path(path), f"flight = {shown(os.fspath(path))}"
+    reason = unreadable(file)
+    if reason and not file.is_dir():
+        raise ValueError(f"{at}: {reason}")
+    if columns is None and (beside := file.parent / COLUMNS_FILE).is_file():
+        columns = beside
+    found = columns if columns is None or isinstance(columns, Columns) else read_columns(columns)
+    try:
+        return _format(file, kind, at).read(file, found)
+    except OSError as error:
+        raise ValueError(f"{at}: must be readable ({error.strerror or error})") from None
+    except ValueError as error:
+        raise ValueError(one_line(f"{at}: {error}")) from None
+
+
+def _format(file: Path, kind: str, at: str) -> FlightFormat:
+    """File format of a flight: by name, else by the first bytes, else by the suffix; a user's before the library's."""
+    if kind:
+        return _checked(kind, find("flight_format", kind, "kind"))
+    folder, head = file.is_dir(), b""
+    if not folder:
+        with file.open("rb") as stream:
+            head = stream.read(64)
+    formats = {name: _checked(name, find("flight_format", name)) for name in reversed(names("flight_format"))}
+    for each in formats.values():
+        if any(head.startswith(first) for first in each.begins):
+            return each
+    suffix = file.suffix.removeprefix(".").lower() if not folder else BAG_FOLDER
+    for each in formats.values():
+        if suffix in each.suffixes:
+            return each
+    allowed = ", ".join(f"{name} ({', '.join(formats[name].suffixes) or 'no suffix'})" for name in reversed(formats))
+    raise ValueError(f"{at}: format {suffix or 'without suffix'!r} is unknown: must be one of {allowed}")
+
+
+def _checked(name: str, found: object) -> FlightFormat:
+    """Return a registered format, or raise an error if it is none."""
+    mistake = flight_format_mistake(found)
+    if mistake is not None or not isinstance(found, FlightFormat):
+        place, words = mistake or ("", f"is {shown(found)}: must be FlightFormat(read, suffixes, begins)")
+        raise RegistryError(f"{place}: flight_format {name!r}: {words}".removeprefix(": "))
+    return found

@@ -1,0 +1,199 @@
+"""Tables of text and the mapping of their columns."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from skyarm.flight_data.columns_file import columns_from, read_columns
+from skyarm.flight_data.flight_data import FlightData, load_flight
+from skyarm.records.files import read_toml
+
+FLIGHTS = Path(__file__).parents[1] / "data" / "flights"
+TIME = '[time]\ncolumn = "t"\n'
+GYRO = '[gyro]\ncolumns = ["p", "q", "r"]\n'
+
+
+def flight(folder: Path, text: str, mapping: str) -> FlightData:
+    (folder / "flight.csv").write_text(text, encoding="utf-8")
+    (folder / "columns.toml").write_text(mapping, encoding="utf-8")
+    return load_flight(folder / "flight.csv")
+
+
+def turn(angles: tuple[float, float, float]) -> np.ndarray:
+    """Rotation matrix of roll, pitch and yaw, from three elementary ones."""
+    (a, b, c), e = angles, np.eye(3)
+    x = np.array([e[0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]])
+    y = np.array([[np.cos(b), 0, np.sin(b)], e[1], [-np.sin(b), 0, np.cos(b)]])
+    z = np.array([[np.cos(c), -np.sin(c), 0], [np.sin(c), np.cos(c), 0], e[2]])
+    return z @ y @ x
+
+
+def matrix(q: np.ndarray) -> np.ndarray:
+    """Rotation matrix of a quaternion w, x, y, z."""
+    w, v = q[0], q[1:]
+    cross = np.cross(np.eye(3), v)
+    return np.eye(3) + 2.0 * w * cross + 2.0 * cross @ cross
+
+
+def test_units_signs_and_axes_of_vectors(tmp_path: Path) -> None:
+    mapping = (
+        '[time]\ncolumn = "t"\nunit = "ms"\n[gyro]\ncolumns = ["p", "-q", "r"]\nunit = "deg/s"\nframe = "FRD"\n'
+        '[position]\ncolumns = ["x", "y", "z"]\nunit = "mm"\nworld = "NED"\n'
+        '[rotor_commands]\ncolumns = ["u"]\nlow = 1000\nhigh = 2000\n[voltage]\ncolumns = "v"\nunit = "mV"\n'
+    )
+    found = flight(
+        tmp_path, "t,p,q,r,x,y,z,u,v\n100,180,90,0,1000,2000,3000,1250,7400\n110,0,0,90,0,0,0,2000,7300\n", mapping
+    )
+    np.testing.assert_allclose(found["gyro"].values, np.array([[1, 0.5, 0], [0, 0, -0.5]]) * np.pi, atol=1e-15)
+    np.testing.assert_allclose(found["position"].values, [[1, -2, -3], [0, 0, 0]])
+    np.testing.assert_allclose(found["rotor_commands"].values, [[0.25], [1.0]])
+    np.testing.assert_allclose(found["voltage"].values, [[7.4], [7.3]])
+    np.testing.assert_allclose(found["gyro"].time, [0.0, 0.01])
+    assert found.facts["start"] == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("frame", ["FLU", "FRD"])
+@pytest.mark.parametrize("world", ["z up", "NED"])
+@pytest.mark.parametrize("inverse", [False, True])
+def test_an_attitude_turns_our_base_axes_to_our_world_axes(
+    tmp_path: Path, frame: str, world: str, inverse: bool
+) -> None:
+    angles, flip = (0.3, -0.5, 2.9), np.diag([1.0, -1.0, -1.0])
+    given = turn(angles)
+    wanted = given.T if inverse else given
+    wanted = wanted @ flip if frame == "FRD" else wanted
+    wanted = flip @ wanted if world == "NED" else wanted
+    rest = f'frame = "{frame}"\nworld = "{world}"\ninverse = {str(inverse).lower()}\n'
+    a, b, c = np.rad2deg(angles)
+    euler = flight(
+        tmp_path,
+        f"t,a,b,c\n0,{a},{b},{c}\n1,{a},{b},{c}\n",
+        TIME + '[quaternion]\ncolumns = ["a", "b", "c"]\nunit = "deg"\n' + rest,
+    )
+    np.testing.assert_allclose(matrix(euler["quaternion"].values[0]), wanted, atol=1e-12)
+    half = np.arccos((np.trace(given) - 1.0) / 2.0) / 2.0
+    axis = np.array([given[2, 1] - given[1, 2], given[0, 2] - given[2, 0], given[1, 0] - given[0, 1]])
+    x, y, z = np.sin(half) * axis / np.linalg.norm(axis)
+    rows = f"t,x,y,z,w\n0,{x!r},{y!r},{z!r},{np.cos(half)!r}\n1,{-x!r},{-y!r},{-z!r},{-np.cos(half)!r}\n"
+    rows = re.sub(r"np\.float64\((.*?)\)", r"\1", rows)
+    found = flight(tmp_path, rows, TIME + '[quaternion]\ncolumns = ["x", "y", "z", "w"]\norder = "xyzw"\n' + rest)[
+        "quaternion"
+    ]
+    np.testing.assert_allclose(matrix(found.values[0]), wanted, atol=1e-12)
+    np.testing.assert_allclose(found.values[0], found.values[1], atol=1e-12)  # no jump of the sign
+
+
+def test_a_velocity_in_base_axes_is_turned_by_the_attitude(tmp_path: Path) -> None:
+    mapping = TIME + (
+        '[quaternion]\ncolumns = ["a", "b", "c"]\nunit = "deg"\n[velocity]\ncolumns = ["u", "v", "w"]\nframe = "FRD"\n'
+    )
+    found = flight(tmp_path, "t,a,b,c,u,v,w\n0,0,0,90,1,2,3\n1,0,0,90,1,2,3\n", mapping)
+    np.testing.assert_allclose(found["velocity"].values, [[2, 1, -3]] * 2, atol=1e-12)
+
+
+def test_rows_without_numbers_and_times_that_do_not_rise_are_left_out_and_counted(tmp_path: Path) -> None:
+    text = 't,p,q,r,v\n0,1,1,1,8\n1,2,,2,\n2,nan,3,3,7\n1.5,9,9,9,\n3,4,4,4,\n900,5,5,x,\n4,"6",6,6,\n5,7,7,7\n\n'
+    found = flight(tmp_path, text, TIME + GYRO + '[voltage]\ncolumns = ["v"]\n')
+    np.testing.assert_allclose(found["gyro"].time, [0, 1.5, 3, 4, 5])
+    np.testing.assert_allclose(found["voltage"].time, [0, 2])
+    assert found.notes == (
+        "file: 1 of 8 rows have not the 5 cells of the head.",
+        "file: 1 cells are no numbers and count as empty.",
+        "gyro: 3 of 8 rows are without numbers and are left out.",
+        "voltage: 6 of 8 rows are without numbers and are left out.",
+    )
+
+
+def test_a_stamp_far_ahead_does_not_take_the_rest_with_it(tmp_path: Path) -> None:
+    found = flight(tmp_path, "t,p,q,r\n0,1,1,1\n1e9,2,2,2\n2,3,3,3\n2,3,3,3\n3,4,4,4\n", TIME + GYRO)
+    np.testing.assert_allclose(found["gyro"].time, [0, 2, 3])
+    assert "2 of 5 rows are left out" in found.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("name", "least"), [("nanobench/B9_trefoil_medium_rep4", 0.55), ("gazebo_iris/quadrotor_model", 0.9)]
+)
+def test_published_flights_obey_newton_s_and_euler_s_laws(name: str, least: float) -> None:
+    """The derivative of the velocity is specific force and gravity; that of the attitude the angular rate."""
+    found = load_flight(FLIGHTS / f"{name}_from_20_to_23_s.csv")
+    turns = np.array([matrix(q) for q in found["quaternion"].values])
+    time = found["velocity"].time
+    force = np.einsum("nij,nj->ni", turns, found["accelerometer"].values) - [0.0, 0.0, 9.81]
+    grown = np.gradient(found["velocity"].values, time, axis=0)
+    mean = [np.convolve(each, np.ones(9) / 9, "same") for each in (*force.T, *grown.T)]
+    assert min(np.corrcoef(mean[k], mean[k + 3])[0, 1] for k in range(3)) > least
+    steps = np.einsum("nji,njk->nik", turns[:-1], turns[1:])
+    rates = np.stack([steps[:, 2, 1], steps[:, 0, 2], steps[:, 1, 0]], axis=1) / np.diff(time)[:, None]
+    for k in range(3):
+        smooth = np.convolve(rates[:, k], np.ones(9) / 9, "same")
+        assert np.corrcoef(smooth, found["gyro"].values[:-1, k])[0, 1] > least
+    assert found.unused
+
+
+@pytest.mark.parametrize(
+    ("mapping", "words"),
+    [
+        ("", "quantities = none: must be"),
+        ("[gyr]\ncolumns = []\n", "gyr: is it .gyro.\\? must be one of|gyr: .*gyro"),
+        ("[gyro]\n", "gyro.columns: is missing"),
+        ('[gyro]\ncolumns = ["p", "q"]\n', r"gyro.columns = \['p', 'q'\]: must be 3 names"),
+        ('[gyro]\ncolumns = ["p", "q", "-q"]\n', "must name each column once"),
+        ('[gyro]\ncolumns = ["p", "q", 3]\n', "must be a list of names"),
+        (f'{GYRO}unit = "turns"\n', "gyro.unit = 'turns': must be"),
+        (f'{GYRO}frame = "NED"\n', "gyro.frame = 'NED': must be"),
+        (f"{GYRO}low = 3\n", "gyro.low = 3: unknown field"),
+        ('[quaternion]\ncolumns = ["a", "b"]\n', "must be 4 names, or 3 of roll, pitch and yaw"),
+        ('[rotor_commands]\ncolumns = ["a"]\nlow = 1\n', "rotor_commands.high = 1: must differ from low"),
+        ('[velocity]\ncolumns = ["a", "b", "c"]\nframe = "FLU"\nworld = "NED"\n', "must be left out beside 'world'"),
+        ('[time]\nunit = "min"\n', "time.unit = 'min': must be"),
+        ("gyro = 3\n", "gyro = 3: must be a table"),
+    ],
+)
+def test_a_wrong_mapping_is_one_line(tmp_path: Path, mapping: str, words: str) -> None:
+    (tmp_path / "columns.toml").write_text(mapping)
+    with pytest.raises(ValueError, match=words) as error:
+        read_columns(tmp_path / "columns.toml")
+    assert str(error.value).startswith(str(tmp_path / "columns.toml"))
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "mapping", "words"),
+    [
+        ("", TIME + GYRO, "head = ''"),
+        ("t,p,q,r\n", TIME + GYRO, "rows = 0"),
+        ("t,p,q,r\n1,2,3,4\n", GYRO, "time.column: is missing; there are t, p, q, r"),
+        ("t,p,q\n1,2,3\n", TIME + GYRO, "gyro.columns = 'r': must be one of"),
+        ("s,p,q,r\n1,2,3,4\n", TIME + GYRO, "time.column = 't': must be one of"),
+        ("t,p,q,r,p\n1,2,3,4,5\n", TIME + GYRO, "head = 'p': names 2 columns"),
+        ("t,p,q,r\n1,,3,4\n", TIME + GYRO, "channels = none"),
+        ("t,p,q,r\n3,1,1,1\n2,1,1,1\n1,1,1,1\n", TIME + GYRO, "time of gyro: rises in 1 of 3 rows"),
+        ("t,p,q,r\n1,2,3,4\n", TIME + GYRO + 'topic = "imu"\n', "gyro.topic = 'imu': must be left out"),
+    ],
+)
+def test_a_table_that_does_not_fit_is_one_line(tmp_path: Path, text: str, mapping: str, words: str) -> None:
+    with pytest.raises(ValueError, match=words) as error:
+        flight(tmp_path, text, mapping)
+    assert "\n" not in str(error.value)
+
+
+def test_a_table_without_a_mapping_lists_its_columns(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("t;p\n1;2\n")
+    with pytest.raises(ValueError, match=r"columns: are missing; a columns.toml must map these: t, p"):
+        load_flight(tmp_path / "a.csv")
+    with pytest.raises(ValueError, match="no such file"):
+        load_flight(tmp_path / "b.csv")
+    with pytest.raises(ValueError, match="no such file"):
+        load_flight(tmp_path / "a.csv", "none.toml")
+
+
+def test_the_example_of_the_documentation_is_read() -> None:
+    from skyarm.flight_data import columns_file
+
+    text = (columns_file.__doc__ or "").partition("::\n")[2]
+    found = columns_from(read_toml(text.encode()))
+    assert set(found.signals) == {"gyro", "quaternion", "rotor_commands"}
