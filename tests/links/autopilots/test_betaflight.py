@@ -33,12 +33,12 @@ from skyarm.links.autopilots.betaflight_settings import (
     STATE,
     Sticks,
     console_lines,
-    inertias,
     mixer,
     shares,
     state_message,
     vehicle_loops,
 )
+from skyarm.links.autopilots.effectiveness import inertias
 from skyarm.links.autopilots.flight import planned_scenario
 from skyarm.links.transcript import Tape
 from skyarm.log.flight_log import Log

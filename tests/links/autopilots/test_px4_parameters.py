@@ -11,15 +11,14 @@ from stand_in_px4 import Mixer
 
 import skyarm
 from skyarm.dynamics.array_front import center_of_mass, forward_dynamics, inverse_dynamics
+from skyarm.links.autopilots.effectiveness import highest_thrust, turning_inertia
 from skyarm.links.autopilots.px4_parameters import (
     LAG_SHARE,
-    highest_thrust,
     outer_gains,
     rate_bandwidth,
     rate_gains,
     thrust_factor,
     torque_of_signal,
-    turning_inertia,
     vehicle_parameters,
 )
 from skyarm.scenario.scenario_record import ScenarioError

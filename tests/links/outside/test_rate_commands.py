@@ -12,13 +12,8 @@ from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.drive import friction
 from skyarm.dynamics.actuators.rotor import rotor_forces
 from skyarm.dynamics.array_front import forward_dynamics
-from skyarm.links.autopilots.px4_parameters import (
-    highest_thrust,
-    rate_bandwidth,
-    rate_gains,
-    torque_of_signal,
-    turning_inertia,
-)
+from skyarm.links.autopilots.effectiveness import highest_thrust, turning_inertia
+from skyarm.links.autopilots.px4_parameters import rate_bandwidth, rate_gains, torque_of_signal
 from skyarm.links.outside.px4_rate_loop import NAMES, px4_rate_loop
 from skyarm.links.outside.rate_commands import (
     IdealRateLoop,

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from skyarm.dynamics.actuators.rotor import push
-from skyarm.links.autopilots.px4_parameters import RATE_BANDWIDTH, YAW_BANDWIDTH, highest_thrust, turning_inertia
+from skyarm.links.autopilots.effectiveness import highest_thrust, hover_share, proportional_gains, square_share
+from skyarm.links.autopilots.px4_parameters import RATE_BANDWIDTH, YAW_BANDWIDTH
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -132,11 +132,9 @@ def rate_gains(vehicle: Vehicle) -> dict[str, float]:
     slowest = max(float(rotor.time_constant_up) for rotor in vehicle.rotors)
     fast = min(RATE_BANDWIDTH, 0.33 / max(slowest, 1e-3))
     found: dict[str, float] = {}
-    names = ("RLL", "PIT", "YAW")
     wide = (fast, fast, min(YAW_BANDWIDTH, fast))
-    rows = zip(names, turning_inertia(vehicle), torque_of_signal(vehicle), wide, strict=True)
-    for name, inertia, torque, bandwidth in rows:
-        gain = bandwidth * inertia / torque
+    gains = proportional_gains(vehicle, torque_of_signal(vehicle), wide)
+    for name, gain in zip(("RLL", "PIT", "YAW"), gains, strict=True):
         integral, slope = (1.0, 0.0267) if name != "YAW" else (0.1, 0.0)
         found |= {f"ATC_RAT_{name}_P": gain, f"ATC_RAT_{name}_I": integral * gain, f"ATC_RAT_{name}_D": slope * gain}
     return found
@@ -148,13 +146,7 @@ def thrust_curve(vehicle: Vehicle) -> float:
     Least squares over the range of the signal and the rotors; e is limited to -1 to 1, as ArduPilot limits it.
     """
     signals = [k / 50.0 for k in range(1, 50)]
-    bends = [u * u - u for u in signals]
-    found = 0.0
-    for rotor in vehicle.rotors:
-        most = float(push(rotor, rotor.max_speed))
-        thrusts = [float(push(rotor, u * rotor.max_speed)) / most for u in signals]
-        found += sum(b * (t - u) for b, t, u in zip(bends, thrusts, signals, strict=True))
-    found /= len(vehicle.rotors) * sum(b * b for b in bends)
+    found = sum(square_share(rotor, signals) for rotor in vehicle.rotors) / len(vehicle.rotors)
     return min(max(round(found, 6), -1.0), 1.0)
 
 
@@ -168,9 +160,7 @@ def vehicle_parameters(vehicle: Vehicle, gravity: float) -> dict[str, float]:
         ScenarioError: rotors of no frame that is known here, or too little thrust to hover.
     """
     frame, _ = fitting_frame(vehicle)
-    hover = float(vehicle.mass) * gravity / sum(highest_thrust(vehicle))
-    if not hover < 1.0:
-        raise ScenarioError(f"plant.vehicle: hovers at {hover:.2f} of its full thrust: must be below 1 for ArduPilot")
+    hover = hover_share(vehicle, gravity, "ArduPilot", 1.0)
     return {
         "FRAME_CLASS": frame.number,
         "FRAME_TYPE": frame.form,

@@ -8,14 +8,13 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
 from skyarm.dynamics.actuators.rotor import push
-from skyarm.dynamics.array_front import center_of_mass, mass_matrix
 from skyarm.links.autopilots.angle_control import Attitude
 from skyarm.links.autopilots.autopilot import Numbers
+from skyarm.links.autopilots.effectiveness import Array, inertias, unit_wrenches
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -54,20 +53,12 @@ def mix_of(throttle: float) -> float:
     return throttle / (1.0 + amount * (1.0 - throttle) ** 2)
 
 
-def shares(vehicle: Vehicle) -> np.ndarray[Any, Any]:
+def shares(vehicle: Vehicle) -> Array:
     """Thrust and torque (x, y, z) of unit thrusts of the rotors, about the centre of mass, joints at zero, (4, n)."""
-    com = center_of_mass(vehicle, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0,) * vehicle.n)
-    columns = []
-    for rotor in vehicle.rotors:
-        axis = np.array([float(c) for c in rotor.axis])
-        arm = np.array([float(c) for c in rotor.position]) - com
-        torque = np.cross(arm, axis) - float(rotor.direction) * float(rotor.moment_coefficient) * axis
-        columns.append((axis[2], *torque))
-    found: np.ndarray[Any, Any] = np.array(columns).T
-    return found
+    return unit_wrenches(vehicle)[[5, 0, 1, 2]]
 
 
-def mixer(vehicle: Vehicle) -> np.ndarray[Any, Any]:
+def mixer(vehicle: Vehicle) -> Array:
     """Shares of throttle, roll, pitch and yaw of each motor, as Betaflight's custom mixer has them, (n, 4).
 
     The columns are those of the pseudo-inverse of the rotors' effectiveness, the largest share 1. Betaflight turns the
@@ -75,7 +66,7 @@ def mixer(vehicle: Vehicle) -> np.ndarray[Any, Any]:
     """
     if not 3 <= len(vehicle.rotors) <= MOST_ROTORS:
         raise ScenarioError(f"plant.vehicle: {len(vehicle.rotors)} rotors: must be 3 to {MOST_ROTORS} for Betaflight")
-    mix: np.ndarray[Any, Any] = np.linalg.pinv(shares(vehicle))
+    mix: Array = np.asarray(np.linalg.pinv(shares(vehicle)), dtype=np.float64)
     mix /= np.abs(mix).max(axis=0)
     if mix[:, 0].min() <= 0.05:
         raise ScenarioError("plant.vehicle: every rotor must carry a share of the weight for Betaflight")
@@ -83,16 +74,14 @@ def mixer(vehicle: Vehicle) -> np.ndarray[Any, Any]:
     return mix
 
 
-def thrust_of(vehicle: Vehicle, mixes: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+def thrust_of(vehicle: Vehicle, mixes: Array) -> Array:
     """Thrust of each rotor at mixed throttles, N."""
     rows = zip(vehicle.rotors, mixes, strict=True)
-    found: np.ndarray[Any, Any] = np.array(
-        [float(r.thrust_coefficient * push(r, curve(float(x)) * r.max_speed)) for r, x in rows]
-    )
+    found: Array = np.array([float(r.thrust_coefficient * push(r, curve(float(x)) * r.max_speed)) for r, x in rows])
     return found
 
 
-def hover_slope(vehicle: Vehicle, gravity: float) -> np.ndarray[Any, Any]:
+def hover_slope(vehicle: Vehicle, gravity: float) -> Array:
     """Change of each rotor's thrust per mixed throttle in hover, N."""
     share = mixer(vehicle)[:, 0]
     weight, low, high = float(vehicle.mass) * gravity, 0.0, 1.0
@@ -102,22 +91,11 @@ def hover_slope(vehicle: Vehicle, gravity: float) -> np.ndarray[Any, Any]:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if thrust_of(vehicle, middle * share).sum() < weight else (low, middle)
     step = 0.02
-    slope: np.ndarray[Any, Any] = thrust_of(vehicle, low * share + step) - thrust_of(vehicle, low * share - step)
+    slope: Array = thrust_of(vehicle, low * share + step) - thrust_of(vehicle, low * share - step)
     return slope / (2.0 * step)
 
 
-def inertias(vehicle: Vehicle) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
-    """Inertia about x, y and z (kg m^2) against a torque on the base, with limp and with locked joints, at zero.
-
-    They are Schur complements of the mass matrix: everything but the base's rotation, or but that and the joints, is
-    free to move.
-    """
-    mass = mass_matrix(vehicle, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0,) * vehicle.n)
-    limp, locked = np.linalg.inv(mass)[3:6, 3:6], np.linalg.inv(mass[:6, :6])[3:6, 3:6]
-    return 1.0 / np.diag(limp), 1.0 / np.diag(locked)
-
-
-def vehicle_loops(vehicle: Vehicle, gravity: float) -> tuple[np.ndarray[Any, Any], dict[str, int]]:
+def vehicle_loops(vehicle: Vehicle, gravity: float) -> tuple[Array, dict[str, int]]:
     """Mixer (:func:`mixer`) and gains of Betaflight's loops for a vehicle, in its own units.
 
     The bandwidth of the rate loop is ``QUICKEST_RATE`` for the geometric mean of the inertias with limp and with

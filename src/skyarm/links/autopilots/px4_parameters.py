@@ -10,14 +10,17 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from skyarm.dynamics.actuators.rotor import push
-from skyarm.dynamics.array_front import center_of_mass, mass_matrix
+from skyarm.links.autopilots.effectiveness import (
+    centre_of_mass,
+    highest_thrust,
+    hover_share,
+    proportional_gains,
+    square_share,
+    unit_wrenches,
+)
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
-
-Array = npt.NDArray[np.float64]
 
 MOST_ROTORS = 12
 
@@ -65,12 +68,7 @@ def vehicle_parameters(vehicle: Vehicle, gravity: float) -> dict[str, float]:
         found[f"CA_ROTOR{i}_KM"] = float(rotor.moment_coefficient) * float(rotor.direction)
         found[f"CA_ROTOR{i}_CT"] = DEFAULT_THRUST * thrust / largest
         found[f"PWM_MAIN_FUNC{i + 1}"] = ROTOR_FUNCTION + i
-    lift = sum(thrust * float(rotor.axis[2]) for rotor, thrust in zip(vehicle.rotors, full, strict=True))
-    hover = float(vehicle.mass) * gravity / lift if lift > 0.0 else math.inf
-    if not hover < 0.9:
-        raise ScenarioError(
-            f"plant.vehicle: rotors that lift {lift:.3g} N at most: must lift more than 1.11 times the weight for PX4"
-        )
+    hover = hover_share(vehicle, gravity, "PX4", 0.9)
     found |= {"THR_MDL_FAC": thrust_factor(vehicle.rotors[0]), "MPC_THR_HOVER": hover}
     return found | rate_gains(vehicle) | outer_gains(vehicle)
 
@@ -83,12 +81,9 @@ def rate_gains(vehicle: Vehicle) -> dict[str, float]:
     """Gains of PX4's rate loop: P = bandwidth J / torque of a full signal; I and D in ratios near PX4's defaults."""
     fast = rate_bandwidth(vehicle)
     found: dict[str, float] = {}
-    names = ("ROLL", "PITCH", "YAW")
     wide = (fast, fast, min(YAW_BANDWIDTH, fast))
-    for name, inertia, torque, bandwidth in zip(
-        names, turning_inertia(vehicle), torque_of_signal(vehicle), wide, strict=True
-    ):
-        gain = bandwidth * inertia / torque
+    gains = proportional_gains(vehicle, torque_of_signal(vehicle), wide)
+    for name, gain, bandwidth in zip(("ROLL", "PITCH", "YAW"), gains, wide, strict=True):
         integral, slope = (bandwidth / 13.5, 0.02) if name != "YAW" else (bandwidth / 12.0, 0.0)
         found |= {f"MC_{name}RATE_P": gain, f"MC_{name}RATE_I": integral * gain, f"MC_{name}RATE_D": slope * gain}
     return found
@@ -114,45 +109,9 @@ def rate_bandwidth(vehicle: Vehicle) -> float:
     return min(RATE_BANDWIDTH, LAG_SHARE / max(slowest, 1e-3))
 
 
-def turning_inertia(vehicle: Vehicle) -> tuple[float, float, float]:
-    """Inertia (kg m^2) about each base axis through the centre of mass: the geometric mean of two, joints at zero.
-
-    With joints that do not yield the arm turns with the base; with free ones part of it stays. A joint's own control
-    lies between, and so does the mean.
-    """
-    M = np.array(mass_matrix(vehicle, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0,) * vehicle.n))
-    locked, free = _remaining(M, [0, 1, 2]), _remaining(M, [0, 1, 2, *range(6, 6 + vehicle.n)])
-    x, y, z = np.sqrt(np.diag(locked) * np.diag(free))
-    return float(x), float(y), float(z)
-
-
-def _remaining(M: Array, others: list[int]) -> Array:
-    """Inertia of the base's rotation with the other coordinates free: Schur complement of a mass matrix."""
-    turn = [3, 4, 5]
-    found: Array = M[np.ix_(turn, turn)] - M[np.ix_(turn, others)] @ np.linalg.solve(
-        M[np.ix_(others, others)], M[np.ix_(others, turn)]
-    )
-    return found
-
-
-def highest_thrust(vehicle: Vehicle) -> list[float]:
-    """Thrust of each rotor at its highest speed, N."""
-    return [float(rotor.thrust_coefficient * push(rotor, rotor.max_speed)) for rotor in vehicle.rotors]
-
-
 def thrust_factor(rotor: Rotor) -> float:
     """Share a of the square in PX4's thrust curve a s^2 + (1 - a) s of the signal s: least squares over s, 0 to 1."""
-    most = float(rotor.max_speed)
-    signals = np.linspace(0.2, 1.0, 17)
-    thrust = np.array([float(push(rotor, s * most)) for s in signals]) / float(push(rotor, most))
-    slope = signals * signals - signals
-    share = float(slope @ (thrust - signals) / (slope @ slope))
-    return min(max(share, 0.0), 1.0)
-
-
-def centre_of_mass(vehicle: Vehicle) -> Array:
-    """Centre of mass of a vehicle with its joints at zero, base axes, m."""
-    return center_of_mass(vehicle, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0,) * vehicle.n)
+    return min(max(square_share(rotor, [0.2 + 0.05 * k for k in range(17)]), 0.0), 1.0)
 
 
 def torque_of_signal(vehicle: Vehicle) -> tuple[float, float, float]:
@@ -165,15 +124,9 @@ def torque_of_signal(vehicle: Vehicle) -> tuple[float, float, float]:
     Raises:
         ScenarioError: rotors that have no torque about an axis.
     """
-    com, full = centre_of_mass(vehicle), highest_thrust(vehicle)
-    most: float = max(full)
-    columns = []
-    for rotor, thrust in zip(vehicle.rotors, full, strict=True):
-        axis = np.array([float(c) for c in rotor.axis])
-        arm = np.array([float(c) for c in rotor.position]) - com
-        torque = np.cross(arm, axis) - float(rotor.direction) * float(rotor.moment_coefficient) * axis
-        columns.append(np.concatenate([torque, axis]) * (thrust / most))
-    shape = np.array(columns).T  # torque and force of full thrusts, in parts of the largest
+    full = np.array(highest_thrust(vehicle))
+    most = float(full.max())
+    shape = unit_wrenches(vehicle) * (full / most)  # torque and force of full thrusts, in parts of the largest
     mix = np.linalg.pinv(shape, rcond=1e-6)[:, :3]
     scale: list[float] = [
         math.sqrt(2.0 * float(c @ c) / max(int(np.count_nonzero(np.abs(c) > 1e-4)), 1)) for c in mix.T[:2]

@@ -20,7 +20,7 @@ from typing import Annotated, Any, NoReturn
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves, rebuild
 from skyarm.control.controller import autopilot_of
-from skyarm.links.autopilots.px4_parameters import centre_of_mass
+from skyarm.links.autopilots.effectiveness import centre_of_mass
 from skyarm.links.outside.flight_record import FlightRecord, percentiles
 from skyarm.links.outside.joint_port import JointLink, JointReading
 from skyarm.links.outside.offboard_link import OffboardError, OffboardLink
