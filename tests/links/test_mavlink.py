@@ -322,6 +322,11 @@ def test_in_a_datagram_a_frame_behind_a_false_beginning_is_found_at_once() -> No
     assert times(parser.feed(b"\xfe\xff" + frame)) == [1]
 
 
+def test_a_text_has_no_characters_that_move_the_cursor() -> None:
+    frame = pack("STATUSTEXT", sequence=0, severity=2, text="\x1b[31mred\a\nnext \u00e9")
+    assert Parser().feed(frame)[0]["text"] == " [31mred  next \u00e9"
+
+
 def fuzzed_packets(count: int) -> Iterator[tuple[bytes, list[Message]]]:
     """Packets of every damage, each with the messages of the undamaged frames in it."""
     rng = random.Random(20_000)

@@ -242,5 +242,6 @@ def _fields(definition: Definition, payload: bytes) -> dict[str, DecodedValue]:
     numbers = definition.layout.unpack(payload if len(payload) == size else payload[:size].ljust(size, b"\0"))
     fields: dict[str, Any] = {name: numbers[place] for name, place in definition.places}
     for _, field in definition.texts:
-        fields[field.name] = fields[field.name].partition(b"\0")[0].decode(errors="replace")
+        text = fields[field.name].partition(b"\0")[0].decode(errors="replace")
+        fields[field.name] = text if text.isprintable() else "".join(c if c.isprintable() else " " for c in text)
     return fields

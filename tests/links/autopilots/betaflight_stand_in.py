@@ -24,7 +24,7 @@ def console(answer_lines):
         return answer_lines(listener.accept()[0])
 
 
-def set_up(peer):
+def set_up(peer, way):
     if peer.recv(64) != b"#":
         sys.exit("the console is asked for by one character alone")
     peer.sendall(b"\r\nEntering CLI Mode\r\n\r\n# ")
@@ -34,7 +34,7 @@ def set_up(peer):
         while b"\n" in text:
             line, text = text.split(b"\n", 1)
             if line == b"save":
-                return
+                sys.exit("disk full" if way == "unsaved" else 0)
             with SAVED.open("ab") as file:
                 file.write(line + b"\n")
             wrong = b"###ERROR IN set: INVALID NAME: nonsense###\r\n" if b"nonsense" in line else b""
@@ -57,6 +57,8 @@ def fly(way):
     state.bind(("127.0.0.1", 9003))
     radio.bind(("127.0.0.1", 9004))
     console(greet)
+    if way == "faints":
+        sys.exit("out of breath")
     channels, armed, count = None, False, 0
     state.settimeout(20.0)
     radio.setblocking(False)
@@ -111,7 +113,7 @@ def main():
     if way == "deaf":  # longer than its peer waits
         time.sleep(20.0)
     if not SAVED.exists():
-        console(set_up)
+        console(lambda peer: set_up(peer, way))
     else:
         fly(way)
 

@@ -252,6 +252,8 @@ FAILURES = {
     "numbers": r"Betaflight sent 4 motors, \[nan, .*must be 4 numbers",
     "motors": "Betaflight sent 5 motors",
     "ends": "Betaflight ended while it started: no such luck",
+    "unsaved": "Betaflight ended before its settings were saved: disk full",
+    "faints": "Betaflight ended while it started: out of breath",
     "deaf": "Betaflight does not open port 5761",
 }
 
@@ -303,22 +305,6 @@ def test_taken_port_is_named(kind, port, tmp_path, ports):
             taken.listen(1)
         log = flown(scenario_with(stand_in(tmp_path)))
     assert f"port {port} must be free for Betaflight, one flight at a time" in log.info["cause"]
-
-
-@pytest.mark.thorough
-def test_random_datagrams_leave_the_link_standing(tmp_path, ports, soon):
-    rng = np.random.default_rng(0)
-    session = open_session(scenario_with(stand_in(tmp_path)))
-    try:
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
-            for _ in range(400):
-                for size in rng.integers(0, 300, 50):
-                    if size != 68:
-                        other.sendto(rng.bytes(size), ("127.0.0.1", 9001))
-                assert session.step()
-        assert session._link.facts["bad_frames"] > 1000
-    finally:
-        session.close()
 
 
 @pytest.mark.thorough

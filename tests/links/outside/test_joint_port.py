@@ -1,6 +1,9 @@
 """Joint ports: the datagrams, who may command, and what a silence does."""
 
+import math
+import random
 import socket
+import struct
 import time
 from collections import deque
 
@@ -138,16 +141,55 @@ def test_a_vehicle_without_joints_needs_no_port():
     assert found.read().joints == ()
 
 
-def test_garbage_in_the_port_changes_nothing(server, arm):
-    arm.send((5.0, 6.0), 0.0)
+def fuzzed(rng, kind):
+    """Datagram that is none for two joints: noise, cut, longer, a changed head, an odd number; or a STATE's."""
+    whole = pack(kind, 2, rng.uniform(0.0, 9.0), [rng.uniform(-9.0, 9.0) for _ in range(2 * kind)])
+    match rng.randrange(5):
+        case 0:
+            return rng.randbytes(rng.randrange(300))
+        case 1:
+            return whole[: rng.randrange(len(whole))]
+        case 2:
+            return whole + rng.randbytes(rng.randint(1, 100))
+        case 3:
+            place = rng.choice((0, 1, 2, 3, 5, 6, 7))  # all but the kind
+            return whole[:place] + bytes([whole[place] ^ rng.randint(1, 255)]) + whole[place + 1 :]
+        case _:
+            return whole[:8] + struct.pack("<d", rng.choice((math.nan, math.inf, -math.inf))) + whole[16:]
+
+
+@pytest.mark.parametrize("packets", [1000, pytest.param(20_000, marks=pytest.mark.thorough)])
+def test_fuzzed_datagrams_change_nothing_and_hide_no_command(server, arm, monkeypatch, packets):
+    """Both ends: set points of the commander and states of the owner pass, all else does not."""
+    monkeypatch.setattr(joint_port, "FRESH", 1e3)
+    rng, expected, refused = random.Random(3), (0.5, 0.5), 0
+    arm.send(expected, 0.0)
     settle(lambda: server.exchange(0.0, (0.0, 0.0), (0.0, 0.0)))
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
-        for k in range(200):
-            other.sendto(bytes((i * k) % 256 for i in range(k)), ("127.0.0.1", server.port))
-    time.sleep(0.02)
-    arm.send((5.0, 6.5), 0.0)
-    assert settle(lambda: server.exchange(0.0, (0.0, 0.0), (0.0, 0.0))) in ((5.0, 6.0), (5.0, 6.5))
-    assert server.facts["refused"] == 200
+        for step in range(packets):
+            if step % 5 == 0:
+                expected = (rng.uniform(-1e9, 1e9), 1.0 / (step + 1))
+                arm.send(expected, 0.0)
+            else:
+                sender = (arm._socket.send, lambda data: other.sendto(data, ("127.0.0.1", server.port)))[step % 2]
+                sender(pack(COMMAND, 2, 0.0, (7.0, 7.0)) if step % 8 == 1 and step % 2 else fuzzed(rng, COMMAND))
+                refused += 1
+            arm.read()
+            server._socket.sendto(fuzzed(rng, STATE), arm._socket.getsockname())
+            assert server.exchange(step, (0.1, 0.2), (0.3, step)) == expected
+            assert server.facts["refused"] == refused
+            found = arm.read()
+            assert (found.time, found.joints, found.joint_rates) == (step, (0.1, 0.2), (0.3, step))
+
+
+def test_a_flood_of_datagrams_does_not_hold_the_owner_up(server, arm):
+    server._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 20)  # the usual one holds some 260
+    for _ in range(300):
+        arm.send((1.0, 2.0), 0.0)
+    server.exchange(0.0, (0.0, 0.0), (0.0, 0.0))
+    assert server.facts["commands"] == 256
+    assert server.exchange(0.0, (0.0, 0.0), (0.0, 0.0)) == (1.0, 2.0)
+    assert server.facts["commands"] == 300
 
 
 @pytest.mark.parametrize(

@@ -168,6 +168,8 @@ class BetaflightLink(ProgramLink):
                 await_boot(child, self._record.patience)
                 if self._warm_up():
                     break
+                if not child.running:
+                    raise LinkError(f"Betaflight ended while it started: {child.last_words}")
             else:
                 raise LinkError(f"Betaflight has sent no motors in {STARTS} starts{self._ending}")
             self._guard = Guard(child.pid)

@@ -15,6 +15,7 @@ from pathlib import Path
 
 from skyarm.links.autopilots.autopilot import Autopilot, LinkError
 from skyarm.links.autopilots.program import Child, find_program
+from skyarm.records.files import shown
 from skyarm.scenario.scenario_record import ScenarioError
 
 MOTORS_PORT, STATE_PORT, RADIO_PORT, CONSOLE_PORT = 9001, 9003, 9004, 5761
@@ -26,6 +27,9 @@ GUARDED_PORTS = (
 
 VERSION_REQUEST, VERSION_ANSWER = b"$M<\x00\x01\x01", b"$M>"
 """MSP's request for its version, which any Betaflight answers, and the head of an answer."""
+
+LONGEST_ANSWER = 1 << 16
+"""Bytes that the command line prints at most before its next prompt."""
 
 HALT = 0.15
 """s by the wall clock without a state after which the process is halted."""
@@ -145,13 +149,18 @@ def await_boot(child: Child, patience: float) -> None:
     """
     with connect_console(child, patience) as console:
         until, text = time.monotonic() + patience, b""
-        while VERSION_ANSWER not in text:
-            if time.monotonic() > until or not child.running:
-                raise LinkError(f"Betaflight does not start: {child.last_words}")
-            with contextlib.suppress(TimeoutError):
-                console.sendall(VERSION_REQUEST)
-                console.settimeout(0.2)
-                text = text[-64:] + console.recv(4096)
+        with contextlib.suppress(ConnectionError):
+            while child.running and time.monotonic() < until:
+                with contextlib.suppress(TimeoutError):
+                    console.sendall(VERSION_REQUEST)
+                    console.settimeout(0.2)
+                    data = console.recv(4096)
+                    if not data:
+                        break
+                    text = text[-64:] + data
+                    if VERSION_ANSWER in text:
+                        return
+    raise LinkError(f"Betaflight does not start: {child.last_words}")
 
 
 def set_up(child: Child, lines: Sequence[str], patience: float) -> None:
@@ -166,13 +175,16 @@ def set_up(child: Child, lines: Sequence[str], patience: float) -> None:
         for line in lines:
             answer = _ask(console, line.encode("ascii") + b"\n", patience)
             if "###" in answer or "nvalid" in answer:
-                raise LinkError(f"Betaflight refuses {line!r}: {' '.join(answer.split())[:200]}")
-        console.sendall(b"save\n")
+                raise LinkError(f"Betaflight refuses {line!r}: {shown(' '.join(answer.split()))}")
+        with contextlib.suppress(OSError):  # one that is gone is seen below
+            console.sendall(b"save\n")
         until = time.monotonic() + patience
         while child.running:
             if time.monotonic() > until:
                 raise LinkError(f"Betaflight does not save its settings: {child.last_words}")
             time.sleep(0.02)
+    if child.code:
+        raise LinkError(f"Betaflight ended before its settings were saved: {child.last_words}")
 
 
 def _ask(console: socket.socket, line: bytes, patience: float) -> str:
@@ -182,6 +194,8 @@ def _ask(console: socket.socket, line: bytes, patience: float) -> str:
     try:
         console.sendall(line)
         while not text.endswith(b"\r\n# "):
+            if len(text) > LONGEST_ANSWER or time.monotonic() > until:
+                raise TimeoutError(f"no prompt behind {len(text)} bytes")
             console.settimeout(max(until - time.monotonic(), 1e-3))
             data = console.recv(65536)
             if not data:

@@ -93,7 +93,12 @@ class Child:
     @property
     def running(self) -> bool:
         """True while the process has not ended."""
-        return self._process.poll() is None
+        return self.code is None
+
+    @property
+    def code(self) -> int | None:
+        """Exit code, negative for one that a signal has ended; None while it runs."""
+        return self._process.poll()
 
     @property
     def pid(self) -> int:

@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
+from skyarm.links.sockets import drain
 from skyarm.records.files import shown
 from skyarm.records.units import Unit
 
@@ -138,11 +139,10 @@ class UdpJoints(JointLink):
     def read(self) -> JointReading | None:
         """Newest reading since the last call; requests readings while none come."""
         newest = None
-        with contextlib.suppress(BlockingIOError, ConnectionError):
-            while True:
-                found = unpack(self._socket.recv(4096), self._count)
-                if found is not None and found[0] == STATE:
-                    newest = found
+        for data, _ in drain(self._socket):
+            found = unpack(data, self._count)
+            if found is not None and found[0] == STATE:
+                newest = found
         if newest is None:
             if time.monotonic() - self._asked > 0.05:
                 self._asked = time.monotonic()
@@ -220,24 +220,22 @@ class JointServer:
         return self._setpoints
 
     def _receive(self, now: float) -> None:
-        with contextlib.suppress(BlockingIOError, ConnectionError):
-            while True:
-                data, sender = self._socket.recvfrom(4096)
-                found = unpack(data, self._count)
-                stranger = self._partner not in (None, sender) and time.monotonic() - self._heard <= FRESH
-                if found is None or found[0] == STATE or stranger:
-                    self._refused += 1
-                    continue
-                if sender != self._partner:
-                    self._setpoints = None
-                self._partner, self._heard = sender, time.monotonic()
-                kind, at, values = found
-                if kind == COMMAND:
-                    self._setpoints = values
-                    self._commands += 1
-                    self._ages.append(now - at)
-                elif kind == RELEASE:
-                    self._partner, self._setpoints = None, None
+        for data, sender in drain(self._socket):
+            found = unpack(data, self._count)
+            stranger = self._partner not in (None, sender) and time.monotonic() - self._heard <= FRESH
+            if found is None or found[0] == STATE or stranger:
+                self._refused += 1
+                continue
+            if sender != self._partner:
+                self._setpoints = None
+            self._partner, self._heard = sender, time.monotonic()
+            kind, at, values = found
+            if kind == COMMAND:
+                self._setpoints = values
+                self._commands += 1
+                self._ages.append(now - at)
+            elif kind == RELEASE:
+                self._partner, self._setpoints = None, None
 
     def close(self) -> None:
         """Free the port."""
