@@ -86,6 +86,46 @@ def test_thrust_is_the_component_along_the_present_axis():
     assert attitude.thrust == pytest.approx(GRAVITY * math.cos(0.3))
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_tilted_vehicle_gets_the_angles_and_the_thrust_of_the_pid(seed):
+    rng = np.random.default_rng(seed)
+    yaw, wanted_yaw = rng.uniform(-3.0, 3.0, 2)
+    attitude = Rotation.from_euler("ZYX", (yaw, *rng.uniform(-0.3, 0.3, 2)))
+    position, place, velocity, speed, acceleration = rng.uniform(-0.3, 0.3, (5, 3))
+    gains = AngleGains(integral=0.0, tilt=1.2, reach=10.0)
+    found = AngleControl(gains, GRAVITY).command(
+        tuple(position), tuple(velocity), wxyz(attitude), goal(place, speed, acceleration, wanted_yaw), 0.002,
+        flying=True,
+    )  # fmt: skip
+    pid = 9.0 * (place - position) + 5.0 * (speed - velocity)
+    thrust = acceleration + np.array([1.0, 1.0, 1.3]) * pid + np.array([0.0, 0.0, GRAVITY])
+    assert found.thrust == pytest.approx(thrust @ attitude.apply([0.0, 0.0, 1.0]))
+    up = Rotation.from_euler("ZYX", (attitude.as_euler("ZYX")[0], found.pitch, found.roll)).apply([0.0, 0.0, 1.0])
+    np.testing.assert_allclose(up, thrust / np.linalg.norm(thrust), atol=1e-12)
+    turn = (wanted_yaw - attitude.as_euler("ZYX")[0] + math.pi) % math.tau - math.pi
+    assert found.yaw_rate == pytest.approx(2.0 * turn)
+
+
+@pytest.mark.parametrize(("wish", "thrust"), [(-100.0, 0.2 * GRAVITY), (100.0, 2.0 * GRAVITY)])
+def test_the_vertical_thrust_is_between_a_fifth_and_twice_the_weight(wish, thrust):
+    wanted = goal(acceleration=(0.0, 0.0, wish))
+    found = AngleControl(AngleGains(), GRAVITY).command(ORIGIN, ORIGIN, LEVEL, wanted, 0.002, flying=False)
+    assert found.thrust == pytest.approx(thrust)
+
+
+def test_a_vehicle_on_its_back_gets_no_thrust():
+    back = wxyz(Rotation.from_euler("X", math.pi))
+    assert AngleControl(AngleGains(), GRAVITY).command(ORIGIN, ORIGIN, back, goal(), 0.002, flying=False).thrust == 0.0
+
+
+def test_a_slower_loop_has_the_poles_of_the_loop_nearer_to_zero_by_its_factor():
+    gains = AngleGains()
+    slow = gains.slow_down(0.6)
+    fast, slower = (np.sort_complex(np.roots([1.0, g.velocity, g.position, g.integral])) for g in (gains, slow))
+    np.testing.assert_allclose(slower, 0.6 * fast, atol=1e-12)
+    assert (slow.yaw, slow.tilt, slow.reach, slow.drift) == (gains.yaw, gains.tilt, gains.reach, gains.drift)
+
+
 def test_tilt_reach_and_drift_are_limited():
     gains = AngleGains(tilt=0.2, integral=1e6, drift=0.7)
     control = AngleControl(gains, GRAVITY)

@@ -455,6 +455,42 @@ def test_its_origin_is_that_of_the_planned_stand_whatever_the_true_place():
     np.testing.assert_allclose(talk.link._vehicle.origin, (2.0, -1.0, 3.0), atol=1e-6)
 
 
+def test_its_origin_is_the_mean_of_the_later_half_at_rest():
+    link = Talk().link
+    vehicle, count = link._vehicle, math.ceil(ardupilot.SETTLED * 50.0 - 1e-9)
+    link._ready, vehicle.place = True, (5.0, 6.0, 7.0)
+    for k in range(count):
+        assert vehicle.origin is None
+        if k >= 0.49 * count:
+            vehicle.place = (STAND[0] + 2.0 + 0.2 * (k % 2), STAND[1] - 1.0, STAND[2] + 3.0)
+        link._find_origin()
+    np.testing.assert_allclose(vehicle.origin, (2.1, -1.0, 3.0), atol=0.2 / count)
+
+
+@pytest.mark.parametrize("armed", [True, False])
+def test_its_origin_is_looked_for_anew_after_a_moment_without_estimates_or_armed(armed):
+    link = Talk().link
+    link._ready, link._vehicle.place = True, STAND
+    for _ in range(100):
+        link._find_origin()
+    link._ready, link._vehicle.armed = armed, armed
+    link._find_origin()
+    link._ready, link._vehicle.armed = True, False
+    for _ in range(100):
+        link._find_origin()
+    assert link._vehicle.origin is None
+
+
+def test_a_program_that_reads_nothing_ends_the_flight():
+    link = Talk().link
+    ours, theirs = socket.socketpair()
+    with ours, theirs:
+        link._tcp, link._record = ours, ArduPilot(patience=0.1)
+        ours.setblocking(False)
+        with pytest.raises(LinkError, match=r"ArduPilot has read nothing for 0\.1 s"):
+            link._write(bytes(1 << 24))
+
+
 def test_a_value_that_mavlink_cannot_carry_ends_the_flight_as_a_link():
     with pytest.raises(LinkError, match="a set point cannot be sent to ArduPilot"):
         Talk().link._vehicle.command(400, 1e300)

@@ -15,11 +15,13 @@ from skyarm.links.autopilots.ardupilot_frames import (
     FRAMES,
     fitting_frame,
     rate_gains,
+    thrust_curve,
     torque_of_signal,
     vehicle_parameters,
 )
 from skyarm.links.autopilots.effectiveness import inertias
 from skyarm.scenario.scenario_record import ScenarioError
+from skyarm.vehicle.thrust_table import ThrustTable
 
 FITTING = {
     "hummingbird_arm2_rotors": ("quadrotor +", 1, 0),
@@ -81,6 +83,33 @@ def test_the_numbers_of_the_motors_are_those_of_ardupilots_drawings():
     assert angles["quadrotor X"] == [45, -135, -45, 135]
     assert angles["hexarotor +"] == [0, 180, -120, 60, -60, 120]
     assert angles["hexarotor X"] == [90, -90, -30, 150, 30, -150]
+
+
+def test_the_angles_are_about_the_middle_of_the_rotors():
+    vehicle = skyarm.load_vehicle("hexarotor_arm6")
+    away = [dataclasses.replace(each, position=each.position + Vec3(0.3, -0.2, 0.1)) for each in vehicle.rotors]
+    assert fitting_frame(dataclasses.replace(vehicle, rotors=tuple(away))) == fitting_frame(vehicle)
+
+
+@pytest.mark.parametrize(("gravity", "hover"), [(1.0, 0.125), (25.0, 0.6875)])
+def test_the_hover_thrust_is_within_ardupilots_limits(gravity, hover):
+    vehicle = skyarm.load_vehicle("hummingbird_arm2_rotors")
+    found = vehicle_parameters(vehicle, gravity)
+    share = float(vehicle.mass) * gravity / sum(map(full_thrust, vehicle.rotors))
+    assert not 0.125 <= share <= 0.6875
+    assert found["MOT_THST_HOVER"] == hover
+    assert (found["PSC_ACCZ_P"], found["PSC_ACCZ_I"]) == pytest.approx((share, 2.0 * share))
+
+
+@pytest.mark.parametrize("bend", [0.4, 0.75])
+def test_the_thrust_curve_of_a_table_is_its_bend(bend):
+    """Thrusts (1 - e) u + e u^2 of the share u of the highest speed, finely."""
+    vehicle = skyarm.load_vehicle("hummingbird_arm2_rotors")
+    u = np.linspace(0.0, 1.0, 81)
+    most = float(vehicle.rotors[0].max_speed)
+    table = ThrustTable(speed=tuple((most * u).tolist()), thrust=tuple(((1 - bend) * u + bend * u * u).tolist()))
+    rotors = tuple(dataclasses.replace(each, table=table) for each in vehicle.rotors)
+    assert thrust_curve(dataclasses.replace(vehicle, rotors=rotors)) == pytest.approx(bend, abs=1e-4)
 
 
 @pytest.mark.parametrize("frame", FRAMES, ids=lambda frame: frame.name)

@@ -25,7 +25,7 @@ from skyarm.control.controller import ControllerError
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.links.autopilots import betaflight, betaflight_process
 from skyarm.links.autopilots.angle_control import Attitude
-from skyarm.links.autopilots.autopilot import LinkError
+from skyarm.links.autopilots.autopilot import Goal, LinkError
 from skyarm.links.autopilots.betaflight import make_betaflight
 from skyarm.links.autopilots.betaflight_process import GUARDED_PORTS
 from skyarm.links.autopilots.betaflight_settings import (
@@ -33,6 +33,7 @@ from skyarm.links.autopilots.betaflight_settings import (
     STATE,
     Sticks,
     console_lines,
+    hover_slope,
     mixer,
     shares,
     state_message,
@@ -127,6 +128,29 @@ def test_state_is_forward_right_down_with_the_accelerometer_turned_round():
     told = Rotation.from_quat([*rest[7:10], rest[6]]).as_matrix()
     np.testing.assert_allclose(told, flip @ turn.as_matrix() @ flip, atol=1e-12)
     np.testing.assert_allclose(rest[10:16], [0.7, -0.8, -0.9, 4.0, -5.0, -6.0])
+
+
+def test_sticks_at_their_ends_are_the_limits_of_the_settings():
+    vehicle = load_vehicle("pelican_arm2")
+    numbers = settings(vehicle)
+    sticks = Sticks(vehicle, GRAVITY)
+    most = Attitude(math.radians(numbers["angle_limit"]), 0.0, -math.radians(10.0 * numbers["yaw_rc_rate"]), 1e3)
+    assert sticks.channels(most) == (2000, 1500, 2000, 2000)
+    assert sticks.channels(Attitude(0.99 * most.roll, 0.0, 0.99 * most.yaw_rate, 0.0)) == (1995, 1500, 1050, 1995)
+    assert sticks.channels(Attitude(-9.0, -9.0, 9.0, 0.0)) == (1000, 1000, 1050, 1000)
+
+
+def test_the_slope_of_the_thrust_in_hover_is_its_derivative():
+    """Signal 0.03 + 0.97 m (1 + 1.5 (1 - m)^2) of the mixed throttle m, thrust with its square; a step of 0.02."""
+    vehicle = load_vehicle("hummingbird_arm2_rotors")
+    most = [float(r.thrust_coefficient * r.max_speed * r.max_speed) for r in vehicle.rotors]
+    signal = np.polynomial.Polynomial([0.03]) + 0.97 * np.polynomial.Polynomial([0.0, 2.5, -3.0, 1.5])
+    curve = signal**2
+    share = mixer(vehicle)[:, 0]
+    weight = float(vehicle.mass) * GRAVITY
+    hover = brentq(lambda m: sum(f * curve(m * s) for f, s in zip(most, share, strict=True)) - weight, 0.0, 1.0)
+    expected = [f * curve.deriv()(hover * s) for f, s in zip(most, share, strict=True)]
+    np.testing.assert_allclose(hover_slope(vehicle, GRAVITY), expected, rtol=2e-3)
 
 
 @pytest.mark.parametrize("name", VEHICLES)
@@ -343,7 +367,9 @@ def test_motors_that_are_none_end_the_flight(count, first, words):
 
 def test_motors_are_signals_from_zero_to_one_and_disarmed_ones_end_the_flight():
     link = linked()
+    assert (link.facts["steps"], link.facts["answered"]) == (0, 0)
     link._take(MOTORS.pack(4, 1100.0, 1500.0, 900.0, 2100.0, *(0.0,) * 12))
+    assert link.facts["answered"] == 1
     assert link._signals == pytest.approx((0.1, 0.5, 0.0, 1.0))
     assert not link._armed
     link._take(MOTORS.pack(4, *(1100.0,) * 4, *(0.0,) * 12))
@@ -367,6 +393,74 @@ def test_the_first_sender_of_motors_is_the_only_one_that_is_heard():
     assert link._motors_of([(b"x", "other"), (one, "ours"), (two, "other"), (one, "ours")]) == [one, one]
     assert link._motors_of([(two, "other")]) == []
     assert link.facts["bad_frames"] == 3
+
+
+class Clock:
+    """Clock that moves on by sleeping."""
+
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def monotonic(self) -> float:
+        return self.now
+
+    def sleep(self, seconds: float) -> None:
+        self.now += seconds
+
+
+def test_states_go_out_in_real_time_and_at_most_a_third_faster_after_a_delay(monkeypatch):
+    clock, link, period = Clock(), linked(), 0.002
+    monkeypatch.setattr(betaflight, "time", clock)
+    link._tape.plays, link._states = False, 7
+    sent = []
+    for k in range(40):
+        clock.now += 0.1 * period
+        if k == 20:
+            clock.now += 2.0 * period
+        link._pace()
+        sent.append(clock.now)
+        link._states += 1
+    assert link._period == period
+    gaps = np.diff(sent) / period
+    np.testing.assert_allclose(gaps[:19], 1.0, atol=1e-9)
+    assert gaps[19] == pytest.approx(2.1)
+    np.testing.assert_allclose(gaps[20:24], 0.75, atol=1e-9)
+    np.testing.assert_allclose(gaps[25:], 1.0, atol=1e-9)
+    assert sent[-1] == pytest.approx(sent[0] + 39 * period)
+    facts = link.facts
+    assert facts["late_ms_p50"] == pytest.approx(0.0, abs=1e-6)
+    late = np.array(sent) - (sent[0] + period * np.arange(40))
+    assert facts["late_ms_p99"] == pytest.approx(1e3 * np.percentile(late, 99))
+
+
+def test_it_is_asked_to_arm_takes_off_and_follows_from_halfway_up():
+    link = linked()
+    wanted, level, quaternion = [], (1500, 1500, 1000, 1500), (1.0, 0.0, 0.0, 0.0)
+    goal = Goal((1.0, 2.0, 9.0), (0.1, 0.2, 0.3), (0.4, 0.5, 0.6), 0.7)
+
+    def note(position, velocity, attitude, goal, dt, *, flying):
+        wanted.append((goal, flying))
+        return Attitude(0.0, 0.0, 0.0, GRAVITY)
+
+    link._control.command = note
+    stand = link._filter.position = (0.0, 0.0, link._stand)
+    switches = [link._channels(t, quaternion, goal)[:6] for t in (5.99, 6.0, 6.49, 6.51, 6.9, 7.01)]
+    assert switches == [(*level, arm, 2000) for arm in (1000, 2000, 2000, 2000, 1000, 2000)]
+    link._armed, link._armed_at = True, 7.0
+    channels = link._channels(7.5, quaternion, goal)
+    assert channels[4:] == (2000, 2000, *(1000,) * 10)
+    assert wanted[-1] == (Goal((1.0, 2.0, stand[2] + 0.2), (0.0, 0.0, 0.4), (0.0, 0.0, 0.0), 0.7), False)
+    link._channels(1000.0, quaternion, goal)
+    assert wanted[-1][0] == Goal((1.0, 2.0, 9.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.7)
+    link._filter.position = (0.0, 0.0, link._stand + 0.24)
+    link._channels(8.0, quaternion, goal)
+    assert wanted[-1][1]
+    assert not link.following
+    link._filter.position = (0.0, 0.0, link._stand + 0.26)
+    link._channels(8.0, quaternion, goal)
+    assert link.following
+    link._channels(8.0, quaternion, goal)
+    assert wanted[-1][0] == goal
 
 
 def test_a_halt_is_no_silence():

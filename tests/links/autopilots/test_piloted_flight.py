@@ -1,76 +1,57 @@
-"""Parts of a flight under an autopilot: joint law, launch stand, rotor speeds from outside, rates, take-off."""
+"""Parts of a flight under an autopilot: joint law, rotor speeds from outside, rates, take-off."""
 
 from __future__ import annotations
 
 import dataclasses
 import inspect
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 from px4_flights import scenario_of
 
-import skyarm
+from skyarm import load_vehicle
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.catalogue import entry_of
 from skyarm.control.controller import ControllerError, innermost
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.array_front import forward_dynamics
-from skyarm.dynamics.point_motion import PointMotion
-from skyarm.dynamics.state import State
-from skyarm.links.autopilots import ardupilot, betaflight, px4
+from skyarm.links.autopilots import ardupilot, betaflight, flight, px4
 from skyarm.links.autopilots.angle_control import AngleGains
-from skyarm.links.autopilots.autopilot import model_of, move_arm, plain_parameters
-from skyarm.links.autopilots.flight import goal_columns, goal_of, planned_scenario, take_off_scenario
+from skyarm.links.autopilots.autopilot import (
+    Autopilot,
+    Goal,
+    Instant,
+    Link,
+    controller_with,
+    model_of,
+    move_arm,
+    plain_parameters,
+    require_rotors,
+)
+from skyarm.links.autopilots.flight import (
+    PilotedSession,
+    goal_columns,
+    goal_of,
+    planned_scenario,
+    take_off_scenario,
+)
 from skyarm.links.autopilots.px4 import make_px4
 from skyarm.links.transcript import Tape
 from skyarm.records.plain import plain
 from skyarm.records.restore import restore
 from skyarm.reference import hover
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.scenario.scenario_record import Change, ScenarioError
-from skyarm.sensing.measurement import Measurement
+from skyarm.scenario.scenario_record import Change, NamedSensor, Scenario, ScenarioError, first_state
+from skyarm.sensing.measurement import Measurement, SensorNoise
+from skyarm.sensing.sensor import Sensor
+from skyarm.sensing.sensor_kinds import Encoders
 from skyarm.simulate.session import Session
-from skyarm.world.launch_stand import LaunchStand
-
-STAND = LaunchStand(place=Vec3(1.0, 2.0, 3.0), yaw=0.5, mass=2.0, inertia=0.01, gravity=9.81)
-
-
-def pushed(
-    position: tuple[float, ...], velocity: tuple[float, ...] = (0, 0, 0), yaw: float = 0.5
-) -> tuple[np.ndarray, np.ndarray]:
-    """Force and torque of the stand on a level vehicle, world axes."""
-    state = State(
-        position=Vec3(*position), quaternion=Quaternion(np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)),
-        velocity=Vec3(*velocity), rate=Vec3(0.0, 0.0, 0.0), joints=(), joint_rates=(), rotor_speeds=(),
-    )  # fmt: skip
-    motion = PointMotion(skyarm.load_vehicle("hummingbird"), state)
-    (wrench,) = STAND.wrenches((), 0.0, motion, ())
-    return np.array([float(c) for c in wrench.force_W]), np.array([float(c) for c in wrench.torque_W])
-
-
-def test_the_stand_carries_the_weight_where_the_vehicle_rests() -> None:
-    force, torque = pushed((1.0, 2.0, 3.0 - 9.81 / 40.0**2))
-    np.testing.assert_allclose(force, [0.0, 0.0, 2.0 * 9.81], atol=1e-9)
-    np.testing.assert_allclose(torque, 0.0, atol=1e-12)
-
-
-def test_the_stand_only_pushes_up_and_lets_go_above() -> None:
-    for position, velocity in (((1.1, 2.0, 3.0001), (1, 1, -5)), ((1.0, 2.0, 2.9999), (0, 0, 5.0))):
-        force, torque = pushed(position, velocity, yaw=0.0)
-        assert not force.any()
-        assert not torque.any()
-
-
-def test_the_stand_holds_place_and_yaw_while_it_is_loaded() -> None:
-    low = 3.0 - 9.81 / 1600
-    force, _ = pushed((1.01, 1.98, low))
-    np.testing.assert_allclose(force[:2], [-2.0 * 1600 * 0.01, 2.0 * 1600 * 0.02])
-    assert pushed((1.0, 2.0, low), (0.1, 0.0, 0.0))[0][0] == pytest.approx(-2.0 * 2 * 40 * 0.1)
-    assert pushed((1.0, 2.0, low), yaw=0.6)[1][2] == pytest.approx(-0.01 * 1600 * 2 * np.sin(0.05))
-    half = 3.0 - 0.5 * 9.81 / 1600  # half the weight: half the grip
-    assert pushed((1.01, 2.0, half))[0][0] == pytest.approx(-2.0 * 0.5 * 1600 * 0.01)
+from skyarm.vehicle.vehicle_records import Vehicle
 
 
 def test_the_joint_law_gives_the_joints_the_accelerations_of_its_feedback(tmp_path: Path) -> None:
@@ -315,3 +296,147 @@ def test_measured_joints_are_where_the_engine_says(tmp_path: Path) -> None:
     np.testing.assert_array_equal(
         engine.row(1)[engine.joint_columns], [float(each) for each in (*measured.joints, *measured.joint_rates)]
     )
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Resting(Autopilot):
+    """Autopilot without a program, which leaves the vehicle on its stand."""
+
+    name: ClassVar[str] = "resting"
+    title: ClassVar[str] = "Resting"
+    variable: ClassVar[str] = "NONE"
+    least_rate: ClassVar[int] = 200
+
+    def sensors(self, vehicle: Vehicle) -> dict[str, Sensor]:
+        return {}
+
+    @property
+    def outside_ports(self) -> tuple[int, int]:
+        return 0, 0
+
+    def connect(self, scenario: Scenario, tape: Tape) -> Link:
+        return RestingLink()
+
+
+class RestingLink(Link):
+    """Link that notes what it is given."""
+
+    following = True
+
+    def __init__(self) -> None:
+        self.seen, self.signals, self.asked, self.closed = list[tuple[Instant, Goal]](), (0.0,) * 4, 0, 0
+
+    def exchange(self, now: Instant, goal: Goal) -> tuple[float, ...]:
+        self.seen.append((now, goal))
+        return self.signals
+
+    def release(self) -> None:
+        self.asked += 1
+        self.released = True
+
+    def close(self) -> None:
+        self.closed += 1
+
+
+ENCODERS = NamedSensor(name="encoders", sensor=Encoders(frequency=100.0))
+NOISE = SensorNoise(joints=0.01)
+
+
+@pytest.fixture
+def resting(monkeypatch: pytest.MonkeyPatch) -> Callable[..., PilotedSession]:
+    """Session of case 3 that is handed over on the stand."""
+    monkeypatch.setattr(flight, "NEAR", 1.0)
+
+    def begin(duration: float = 0.05, progress: Any = None, **options: Any) -> PilotedSession:
+        scenario = load_scenario("case3", duration=duration)
+        record = Resting(climb=0.3, preparation=4.0, **options)
+        controller = controller_with(record, scenario.controller.par.model, None)
+        scenario = scenario.with_words(controller=controller, sensors=(*scenario.sensors, ENCODERS), noise=NOISE)
+        return PilotedSession(scenario, progress=progress)
+
+    return begin
+
+
+def test_the_exchange_goes_on_in_time_at_the_hand_over_and_ends_with_the_flight(
+    resting: Callable[..., PilotedSession],
+) -> None:
+    seconds = []
+    session = resting(progress=lambda *given: seconds.append(given))
+    link = session._link
+    assert isinstance(link, RestingLink)
+    begun, prepared = len(link.seen), session.log.info["autopilot"]["prepared_s"]
+    assert prepared == round(prepared)
+    assert begun == 200 * prepared
+    # at the hand-over both are equal
+    assert seconds == [*((float(second), 4.0) for second in range(1, round(prepared) + 1)), (prepared, prepared)]
+    assert session.time == 0.0
+    log = session.run()
+    assert log.status == "completed"
+    assert not session.step()
+    assert (len(log.time), len(link.seen), link.closed) == (10, begun + 9, 1)  # the last period asks for nothing
+    times = np.array([now.time for now, _ in link.seen])
+    np.testing.assert_allclose(times, np.arange(len(times)) / 200.0, atol=1e-9)
+    for now, _ in link.seen:  # 100 Hz
+        assert now.readings["encoders"][0] == pytest.approx(2 * (round(200 * now.time) // 2) / 200.0, abs=1e-9)
+    (now, goal), state = link.seen[begun + 4], log.position[4]
+    assert now.state[:3] == state.tolist()
+    assert goal.position == pytest.approx(log.position_reference[5].tolist(), abs=1e-12)
+    start = first_state(load_scenario("case3")).position
+    assert link.seen[0][1].position == pytest.approx([float(c) for c in start], abs=1e-12)
+
+
+@pytest.mark.parametrize("signals", [(0.1,) * 3, (0.1, 0.1, 1.01, 0.1), (0.1, -0.01, 0.1, np.nan)])
+def test_signals_that_are_none_end_the_flight(
+    resting: Callable[..., PilotedSession], signals: tuple[float, ...]
+) -> None:
+    session = resting()
+    assert session.step()
+    session._link.signals = signals  # type: ignore[union-attr]
+    assert not session.step()
+    assert session.log.status == "autopilot"
+    assert session.log.info["cause"] == "Resting sent rotor signals: must be 4 from 0 to 1"
+    assert session._link.closed == 1  # type: ignore[union-attr]
+
+
+def test_a_program_outside_gets_the_measured_joints_and_its_set_points_move_the_joints(
+    resting: Callable[..., PilotedSession], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told = []
+
+    class Port:
+        facts: ClassVar[dict[str, int]] = {}
+
+        def __init__(self, port: int, count: int) -> None:
+            self.count = count
+
+        def exchange(self, at: float, joints: list[float], rates: list[float]) -> tuple[float, ...] | None:
+            told.append((at, *joints, *rates))
+            return (0.02, -0.01) if len(told) > 5 else None
+
+        def close(self) -> None:
+            pass
+
+    monkeypatch.setattr(flight, "JointServer", Port)
+    session = resting(outside=True)
+    prepared = session.log.info["autopilot"]["prepared_s"]
+    assert (prepared, session._link.asked) == (3.0, 1)  # type: ignore[union-attr]  # a second after it was asked
+    measured = []
+    for _ in range(10):
+        measured.append(session.measurement)
+        session.step()
+    log = session.log
+    assert log.efforts[5:].tolist() == [[0.02, -0.01]] * 5
+    assert (log.efforts[:5] != [0.02, -0.01]).all()
+    assert [row[0] for row in told] == pytest.approx(prepared + np.arange(10) / 200.0)
+    for before, row in zip(measured, told[1:], strict=False):
+        assert row[1:] == tuple(map(float, (*before.joints, *before.joint_rates)))
+    assert (np.array([row[1:3] for row in told[1:]]) != log.joints[:9]).all()
+
+
+def test_a_plant_with_other_rotors_than_the_model_is_refused(tmp_path: Path) -> None:
+    vehicle = load_vehicle("hummingbird")
+    with pytest.raises(ScenarioError, match=r"plant\.vehicle: 6 rotors: must be 4, as of the model"):
+        require_rotors(load_vehicle("hexarotor_arm6"), vehicle, "PX4")
+    require_rotors(vehicle, vehicle, "PX4")
+    with pytest.raises(ScenarioError, match=r"plant\.vehicle: must have no rotors that tilt for PX4"):
+        require_rotors(load_vehicle("voliro_like"), vehicle, "PX4")

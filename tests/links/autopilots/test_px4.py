@@ -428,6 +428,20 @@ def test_px4_is_released_in_hold_only_and_failsafes_are_counted_when_they_begin(
     assert link.facts["failsafes"] == 2
 
 
+def test_px4_is_asked_to_hold_and_to_keep_holding_soon_after_the_set_points_end(tmp_path: Path) -> None:
+    peer = Peer(tmp_path)
+    peer.get_ready()
+    assert (peer.link.facts["steps"], peer.link.facts["answered"]) == (601, 601)
+    peer.armed = True
+    peer.link.release()
+    sent = peer.fly(600)
+    told, asked = sent["PARAM_SET"], sent["COMMAND_LONG"]
+    assert (told["target_system"], told["target_component"], told["param_id"]) == (5, 1, "COM_OF_LOSS_T")
+    assert (told["param_value"], told["param_type"]) == (pytest.approx(0.15), 9)
+    assert (asked["command"], asked["target_component"]) == (176, 1)
+    assert [asked[f"param{k}"] for k in (1, 2, 3)] == [1, 4, 3]
+
+
 def test_other_messages_than_the_answer_do_not_make_it_wait_for_ever(tmp_path: Path) -> None:
     peer = Peer(tmp_path)
     ours, theirs = socket.socketpair()

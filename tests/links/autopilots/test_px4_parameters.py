@@ -17,11 +17,15 @@ from skyarm.links.autopilots.px4_parameters import (
     outer_gains,
     rate_bandwidth,
     rate_gains,
+    sensor_parameters,
     thrust_factor,
     torque_of_signal,
     vehicle_parameters,
 )
-from skyarm.scenario.scenario_record import ScenarioError
+from skyarm.scenario.scenario_record import NamedSensor, ScenarioError
+from skyarm.sensing.channel import Channel
+from skyarm.sensing.navigation_sensors import Barometer, Gnss, Magnetometer
+from skyarm.vehicle.thrust_table import ThrustTable
 from skyarm.vehicle.vehicle_records import Vehicle
 
 PLUS, CROSS, TILTED, TABLED = "hummingbird_arm2_rotors", "crazyflie_arm1", "tilted_hexarotor", "hexarotor12_arm5"
@@ -103,6 +107,16 @@ def test_the_thrust_curve_of_a_rotor_with_a_square_law_is_the_square() -> None:
     assert 0.9 < thrust_factor(skyarm.load_vehicle(TABLED).rotors[0]) <= 1.0
 
 
+@pytest.mark.parametrize(("bend", "share"), [(0.3, 0.3), (0.8, 0.8), (1.2, 1.0)])
+def test_the_thrust_curve_of_a_table_is_its_bend_up_to_the_square(bend: float, share: float) -> None:
+    """Thrusts of the share u of the highest speed, finely; PX4 knows no curve beyond the square."""
+    vehicle = skyarm.load_vehicle(PLUS)
+    u = np.linspace(0.0, 1.0, 81)[1:]
+    thrust = np.maximum((1 - bend) * u + bend * u * u, 1e-6 * u)
+    table = ThrustTable(speed=tuple((float(vehicle.rotors[0].max_speed) * u).tolist()), thrust=tuple(thrust.tolist()))
+    assert thrust_factor(dataclasses.replace(vehicle.rotors[0], table=table)) == pytest.approx(share, abs=1e-3)
+
+
 @pytest.mark.parametrize("name", VEHICLES)
 def test_the_rate_loop_has_the_bandwidth_between_a_locked_and_a_free_arm(name: str) -> None:
     vehicle = skyarm.load_vehicle(name)
@@ -130,6 +144,30 @@ def test_slow_rotors_have_slow_loops_all_the_way_out() -> None:
     default = {"MC_ROLL_P": 4.0, "MC_PITCH_P": 4.0, "MPC_XY_VEL_P_ACC": 1.8, "MPC_XY_VEL_I_ACC": 0.4, "MPC_XY_P": 0.95}
     assert outer_gains(fast) == pytest.approx(default)
     assert all(value < default[name] for name, value in outer_gains(slow).items())
+
+
+def test_yaw_is_no_faster_than_roll_and_pitch_of_slow_rotors() -> None:
+    vehicle = skyarm.load_vehicle("hummingbird")
+    lazy = [dataclasses.replace(each, time_constant_up=0.2, time_constant_down=0.3) for each in vehicle.rotors]
+    vehicle = dataclasses.replace(vehicle, rotors=tuple(lazy))
+    gains = rate_gains(vehicle)
+    for axis, letter in enumerate(("ROLL", "PITCH", "YAW")):
+        acceleration = gains[f"MC_{letter}RATE_P"] * torque_of_signal(vehicle)[axis] / turning_inertia(vehicle)[axis]
+        assert acceleration == pytest.approx(2.0)  # 0.5 over 0.25 s
+    assert gains["MC_ROLLRATE_I"] == pytest.approx(2.0 / 13.5 * gains["MC_ROLLRATE_P"])
+    assert gains["MC_YAWRATE_I"] == pytest.approx(2.0 / 12.0 * gains["MC_YAWRATE_P"])
+    assert (gains["MC_PITCHRATE_D"], gains["MC_YAWRATE_D"]) == pytest.approx((0.02 * gains["MC_PITCHRATE_P"], 0.0))
+
+
+def test_px4_is_told_the_delays_and_the_noise_of_the_sensors() -> None:
+    sensors = (
+        NamedSensor(name="gnss", sensor=Gnss(latency=0.12, position=Channel(sigma=0.3), velocity=Channel(sigma=0.001))),
+        NamedSensor(name="magnetometer", sensor=Magnetometer(latency=0.02)),
+        NamedSensor(name="barometer", sensor=Barometer(latency=0.04)),
+    )
+    found = sensor_parameters(skyarm.load_scenario("case3").with_words(sensors=sensors))
+    names = ("EKF2_GPS_DELAY", "EKF2_MAG_DELAY", "EKF2_BARO_DELAY", "EKF2_GPS_P_NOISE", "EKF2_GPS_V_NOISE")
+    assert [found[name] for name in names] == pytest.approx([120.0, 20.0, 40.0, 0.3, 0.01])
 
 
 def test_the_inertia_of_a_vehicle_without_an_arm_is_its_base_s() -> None:

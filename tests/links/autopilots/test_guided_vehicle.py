@@ -1,0 +1,116 @@
+"""A vehicle under guidance: origin of its frame, set points in its axes, obedience, with the frames that it sends."""
+
+from __future__ import annotations
+
+import pytest
+
+from skyarm.links import mavlink
+from skyarm.links.autopilots.autopilot import Goal, LinkError
+from skyarm.links.autopilots.guided_vehicle import GuidedVehicle
+
+PX4, ARDUPILOT = 12, 3
+OFFBOARD, HOLD, GUIDED, BRAKE = 6 << 16, 4 << 16 | 3 << 24, 4, 17
+
+
+class Sent(list[mavlink.Message]):
+    """Messages that were sent, in order."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._parser = mavlink.Parser()
+
+    def __call__(self, frame: bytes) -> None:
+        self += self._parser.feed(frame)
+
+
+def guided(kind: int = PX4, mode: int = OFFBOARD, armed: bool = True) -> tuple[GuidedVehicle, Sent]:
+    """Vehicle that has beaten once, as system 7, and what is sent to it."""
+    sent = Sent()
+    vehicle = GuidedVehicle(kind, sent)
+    say(vehicle, "HEARTBEAT", autopilot=kind, base_mode=128 * armed, custom_mode=mode)
+    return vehicle, sent
+
+
+def say(vehicle: GuidedVehicle, name: str, system: int = 7, component: int = 1, **fields: object) -> bool:
+    """Give the vehicle's side a message; whether it was taken."""
+    frame = mavlink.pack(name, sequence=0, system=system, component=component, **fields)  # type: ignore[arg-type]
+    (message,) = mavlink.Parser().feed(frame)
+    return vehicle.hear(message)
+
+
+def test_its_origin_is_the_mean_of_the_last_differences_at_rest() -> None:
+    vehicle, _ = guided()
+    assert vehicle.compare_place((0.0, 0.0, 0.0), True) == 0  # no place yet
+    for k in range(4):
+        say(vehicle, "LOCAL_POSITION_NED", x=10.0 + k, y=-20.0, z=-30.0)
+        assert vehicle.compare_place((1.0, 2.0, 3.0), True) == k + 1
+    vehicle.find_origin(2)
+    assert vehicle.origin == pytest.approx((11.5, 18.0, 27.0))
+    assert vehicle.rise(1.0) == pytest.approx(30.0 - 27.0 - 1.0)
+    assert vehicle.compare_place((1.0, 2.0, 3.0), False) == 0
+
+
+def test_its_rise_is_none_before_its_origin_is_known() -> None:
+    vehicle, _ = guided()
+    say(vehicle, "LOCAL_POSITION_NED", x=0.0, y=0.0, z=-30.0)
+    assert vehicle.rise(1.0) == 0.0
+    vehicle.origin, vehicle.place = (0.0, 0.0, 0.0), None
+    assert vehicle.rise(1.0) == 0.0
+
+
+def test_a_set_point_is_north_east_down_about_its_origin() -> None:
+    vehicle, sent = guided()
+    vehicle.origin = (10.0, 20.0, 30.0)
+    vehicle.send_goal(1.25, Goal((0.5, -0.3, 1.5), (0.1, 0.2, 0.3), (0.4, 0.5, 0.6), 0.7))
+    (told,) = sent
+    place = [told[f] for f in ("x", "y", "z", "vx", "vy", "vz", "afx", "afy", "afz", "yaw")]
+    assert place == pytest.approx([10.5, -19.7, -31.5, 0.1, -0.2, -0.3, 0.4, -0.5, -0.6, -0.7], rel=1e-6)
+    assert (told["time_boot_ms"], told["type_mask"], told["coordinate_frame"]) == (1250, 2048, 1)
+    assert (told["target_system"], told["target_component"]) == (7, 1)
+
+
+def test_a_set_point_that_mavlink_cannot_carry_is_a_link_error() -> None:
+    vehicle, _ = guided(ARDUPILOT, GUIDED)
+    vehicle.origin = (0.0, 0.0, 0.0)
+    with pytest.raises(LinkError, match="a set point cannot be sent to ArduPilot: "):
+        vehicle.send_goal(0.0, Goal((1e300, 0.0, 0.0), (0.0,) * 3, (0.0,) * 3, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("kind", "obeys", "holds", "words"),
+    [
+        (PX4, OFFBOARD, HOLD, "PX4 left offboard mode for its mode 4: why not"),
+        (ARDUPILOT, GUIDED, BRAKE, "ArduPilot left guided mode for its mode 17: why not"),
+    ],
+)
+def test_it_may_leave_our_mode_for_three_seconds(kind: int, obeys: int, holds: int, words: str) -> None:
+    vehicle, _ = guided(kind, obeys)
+    assert (vehicle.obeys, vehicle.holds) == (True, False)
+    vehicle.require_obedience(True, 0.5)
+    say(vehicle, "STATUSTEXT", severity=4, text="why not")
+    for left in (1, 2):
+        say(vehicle, "HEARTBEAT", autopilot=kind, base_mode=128, custom_mode=holds)
+        assert (vehicle.obeys, vehicle.holds) == (False, True)
+        for _ in range(6):
+            vehicle.require_obedience(True, 0.5)
+        assert vehicle.away == left
+        if left == 1:
+            say(vehicle, "HEARTBEAT", autopilot=kind, base_mode=128, custom_mode=obeys)
+            vehicle.require_obedience(True, 0.5)
+    with pytest.raises(LinkError) as caught:
+        vehicle.require_obedience(True, 0.5)
+    assert str(caught.value) == words
+
+
+def test_a_part_of_a_mode_is_another_mode() -> None:
+    vehicle, _ = guided(PX4, 4 << 16 | 2 << 24)
+    assert (vehicle.obeys, vehicle.holds) == (False, False)
+
+
+@pytest.mark.parametrize(("said", "words"), [("", "PX4 disarmed in flight"), ("oh", "PX4 disarmed in flight: oh")])
+def test_a_disarmed_vehicle_does_not_fly(said: str, words: str) -> None:
+    vehicle, _ = guided()
+    vehicle.said = said
+    with pytest.raises(LinkError) as caught:
+        vehicle.require_obedience(False, 0.1)
+    assert str(caught.value) == words
