@@ -7,6 +7,7 @@ their modes. On the wire axes are north, east, down; here north, west, up.
 from __future__ import annotations
 
 import math
+import struct
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -30,8 +31,8 @@ ARMED = 128
 NOTICE = 5
 """MAVLink's severity of a notice; texts that are less severe are left out."""
 
-REAL = 9
-"""MAVLink's type of a parameter that is a 32-bit float."""
+WHOLE, REAL = 6, 9
+"""MAVLink's types of a parameter that is a 32-bit integer, and of one that is a 32-bit float."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -44,6 +45,7 @@ class ModeNumbers:
         outside, hold: parameters 2 and 3 of the mode command.
         shift: bits by which a heartbeat's mode is moved; what is beyond them by 8 is the second parameter.
         option: parameter and bit without which the thrust of a set point is a climb rate; None where it is a thrust.
+        bitwise: True where the bits of a whole-numbered parameter stand in place of a float's.
     """
 
     title: str
@@ -53,6 +55,7 @@ class ModeNumbers:
     hold: tuple[int, int]
     shift: int = 0
     option: tuple[str, int] | None = None
+    bitwise: bool = False
 
     def main(self, custom_mode: int) -> int:
         """Number of a heartbeat's mode, without that of its part."""
@@ -75,7 +78,7 @@ PX4_NUMBER, ARDUPILOT_NUMBER = 12, 3
 
 MODES: Mapping[int, ModeNumbers] = {
     PX4_NUMBER: ModeNumbers(
-        title="PX4", hover="MPC_THR_HOVER", word="offboard", outside=(6, 0), hold=(4, 3), shift=16
+        title="PX4", hover="MPC_THR_HOVER", word="offboard", outside=(6, 0), hold=(4, 3), shift=16, bitwise=True
     ),
     ARDUPILOT_NUMBER: ModeNumbers(
         title="ArduPilot", hover="MOT_THST_HOVER", word="guided", outside=(4, 0), hold=(17, 0),
@@ -194,5 +197,8 @@ class MavlinkVehicle:
         elif name == "STATUSTEXT" and message["severity"] <= NOTICE:
             self.said = message["text"]
         elif name == "PARAM_VALUE" and message["param_id"] in self._requested:
-            self.parameters[message["param_id"]] = float(message["param_value"])
+            value = float(message["param_value"])
+            if self.modes is not None and self.modes.bitwise and message["param_type"] == WHOLE:
+                value = float(*struct.unpack("<i", struct.pack("<f", value)))
+            self.parameters[message["param_id"]] = value
         return True

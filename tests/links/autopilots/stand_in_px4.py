@@ -200,6 +200,13 @@ class StandIn:
             self.tell("LOCAL_POSITION_NED", x=x[0], y=x[1], z=x[2], vx=v[0], vy=v[1], vz=v[2])
         self.answer(sensed["time_usec"], [*signals, *[0.0] * (16 - len(signals))], acts)
 
+    def send_parameter(self, name: str) -> None:
+        """Send a parameter; a whole-numbered one has its bits in place of a float's, and is cut to 32 bits."""
+        value, kind = np.float32(self.pilot.p[name]), 9
+        if name.endswith("_COUNT"):
+            value, kind = np.int32(value).view(np.float32), 6
+        self.tell("PARAM_VALUE", param_id=name, param_value=float(value), param_type=kind)
+
     def answer(self, stamp: int, controls: list[float], acts: str) -> None:
         """Answer with rotor signals, or act out a fault."""
         if acts in ENDS:
@@ -245,7 +252,9 @@ class StandIn:
             for m in self.onboard.feed(data):
                 if m.fields.get("target_system", self.number + 1) not in (0, self.number + 1):
                     continue
-                if m.name == "SET_POSITION_TARGET_LOCAL_NED":
+                if m.name == "PARAM_REQUEST_READ" and self.fault != "mute":
+                    self.send_parameter(m["param_id"])
+                elif m.name == "SET_POSITION_TARGET_LOCAL_NED":
                     self.goal = m
                 elif m.name == "COMMAND_LONG" and m["command"] == 176 and self.goal is not None:
                     self.mode, self.sub_mode = round(m["param2"]), round(m["param3"])

@@ -235,8 +235,13 @@ def test_without_a_program_the_message_names_the_variable(monkeypatch):
 @pytest.mark.parametrize(
     ("name", "value", "seconds", "cause"),
     [
-        ("FOO", 1.0, 10.0, "controller.parameters.FOO: must be a parameter that ArduPilot knows"),
-        ("LOG_DISARMED", 0.75, 10.0, "controller.parameters.LOG_DISARMED = 0.75: is 1 in ArduPilot"),
+        ("FOO", 1.0, 10.0, "controller.parameters.FOO = 1: must be a parameter that ArduPilot knows"),
+        (
+            "LOG_DISARMED",
+            0.75,
+            10.0,
+            "controller.parameters.LOG_DISARMED = 0.75: must be what ArduPilot takes; it has 1",
+        ),
         ("MOT_THST_HOVER", 0.3, 4.0, "ArduPilot does not hover at the start after 4 s"),
     ],
 )

@@ -157,7 +157,22 @@ def test_a_fault_ends_the_flight_in_one_line_and_leaves_nothing(tmp_path: Path, 
 
 def test_a_parameter_that_px4_does_not_have_is_refused(tmp_path: Path) -> None:
     with begun(tmp_path, "unknown", parameters={"NO_SUCH": 1.0}) as session:
-        assert session.log.info["cause"] == "controller.parameters.NO_SUCH: PX4 has no such parameter"
+        assert session.log.info["cause"] == "controller.parameters.NO_SUCH = 1: must be a parameter that PX4 knows"
+
+
+@pytest.mark.parametrize(
+    ("fault", "given", "words"),
+    [
+        ("", {"CA_ROTOR_COUNT": 4.5}, "CA_ROTOR_COUNT = 4.5: must be what PX4 takes; it has 4"),
+        ("mute", {"MPC_XY_P": 1.5}, "MPC_XY_P = 1.5: must be a parameter that PX4 knows"),
+    ],
+)
+def test_parameters_that_px4_has_otherwise_are_named_with_both_values(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: str, given: dict[str, float], words: str
+) -> None:
+    monkeypatch.setattr(px4, "REPLIES", 1.5)
+    with begun(tmp_path, fault, parameters=given) as session:
+        assert session.log.info["cause"] == f"controller.parameters.{words}"
 
 
 def test_programs_that_cannot_be_are_refused_before_anything_starts(tmp_path: Path) -> None:

@@ -140,9 +140,8 @@ class ArduPilotLink(ProgramLink):
         self._frame, self._arrived = -1, 0.0
         self._line = b""
         self._signals: Numbers = (0.0,) * len(self._motors)
-        self._vehicle = GuidedVehicle(ARDUPILOT_NUMBER, self._carry, system=1)
+        self._vehicle = GuidedVehicle(ARDUPILOT_NUMBER, self._carry, record.parameters, system=1)
         self._ready, self._next = False, 0.0
-        self._unread, self._read_asked = dict(record.parameters), -1.0
         start = first_state(scenario)
         self._stand = float(start.position.z) - record.climb
         self._planned = (float(start.position.x), float(start.position.y), self._stand)
@@ -307,7 +306,7 @@ class ArduPilotLink(ProgramLink):
             return
         elif not vehicle.obeys:
             vehicle.request_outside()
-        elif not self._has_parameters(t):
+        elif not vehicle.has_parameters(t, REPLY):
             return
         elif not vehicle.armed:
             vehicle.command(ARM, 1)
@@ -348,26 +347,6 @@ class ArduPilotLink(ProgramLink):
             self._ready = flags & ESTIMATES == ESTIMATES and not flags & CONSTANT_POSITION
         elif vehicle.armed and not self.following and vehicle.rise(self._stand) > 0.5 * self._record.climb:
             self.following, self._next = True, 0.0
-
-    def _has_parameters(self, t: float) -> bool:
-        """True once the stated parameters are found to be as stated; ArduPilot skips one that it does not know.
-
-        Raises:
-            LinkError: it does not tell one that it is asked for, or has another value.
-        """
-        if self._read_asked < 0.0:
-            self._read_asked = t
-            for name in self._unread:
-                self._vehicle.request_parameter(name)
-        for name in self._unread.keys() & self._vehicle.parameters.keys():
-            stated, value = self._unread.pop(name), self._vehicle.parameters[name]
-            if not math.isclose(value, stated, rel_tol=1e-5, abs_tol=1e-6):
-                raise LinkError(f"controller.parameters.{name} = {stated:g}: is {value:g} in ArduPilot")
-        if self._unread and t - self._read_asked > REPLY:
-            raise LinkError(
-                f"controller.parameters.{next(iter(self._unread))}: must be a parameter that ArduPilot knows"
-            )
-        return not self._unread
 
 
 def _layout(packet: bytes) -> struct.Struct | None:

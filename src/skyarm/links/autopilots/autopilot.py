@@ -42,6 +42,10 @@ FLIGHT_IMU = Imu(gyro=Channel(density=2e-4, walk=1e-5), accelerometer=Channel(de
 """Inertial unit of a flight controller: InvenSense MPU-9250 data sheet (0.01 deg/s and 300 micro-g per root Hz)."""
 
 
+LARGEST = 3.4e38
+"""Largest parameter: an autopilot's are of single precision."""
+
+
 class LinkError(Exception):
     """The program on the other side of a socket is silent, gone, or sent what its protocol does not allow."""
 
@@ -290,6 +294,6 @@ def plain_parameters(value: object, longest: int = 16) -> tuple[tuple[str, float
     for name, number in value.items():
         if not (isinstance(name, str) and name.isascii() and name.replace("_", "").isalnum() and len(name) <= longest):
             raise ControllerError(f"controller.parameters: {shown(name)} must be a name of at most {longest} letters")
-        if isinstance(number, bool) or not isinstance(number, (int, float)) or not abs(number) < float("inf"):
-            raise ControllerError(f"controller.parameters.{name} = {shown(number)}: must be a finite number")
+        if isinstance(number, bool) or not isinstance(number, (int, float)) or not abs(number) <= LARGEST:
+            raise ControllerError(f"controller.parameters.{name} = {shown(number)}: must be a number up to {LARGEST:g}")
     return tuple((name, number) for name, number in value.items())

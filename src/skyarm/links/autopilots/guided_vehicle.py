@@ -6,7 +6,8 @@ where that is.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from skyarm.links import mavlink
@@ -15,6 +16,9 @@ from skyarm.links.mavlink_vehicle import MODES, MavlinkVehicle
 
 POSITION_MASK = 0b100_000_000_000
 """Set points of position, velocity, acceleration and yaw; the yaw rate is ignored."""
+
+REPLY = 1.0
+"""s after which a parameter that was requested and has not come is requested again."""
 
 ABSENCE = 3.0
 """s out of the mode for set points from outside, in flight, after which the flight is over."""
@@ -26,6 +30,7 @@ class GuidedVehicle(MavlinkVehicle):
     Args:
         kind: MAVLink's number of the autopilot.
         carry: called with each frame to send.
+        stated: parameters of the user.
         system: of the autopilot; 0 for that of the first heartbeat.
         datagrams: True where whole frames arrive.
 
@@ -34,12 +39,21 @@ class GuidedVehicle(MavlinkVehicle):
         away: departures from the mode for set points from outside.
     """
 
-    def __init__(self, kind: int, carry: Callable[[bytes], None], *, system: int = 0, datagrams: bool = False) -> None:
+    def __init__(
+        self,
+        kind: int,
+        carry: Callable[[bytes], None],
+        stated: Iterable[tuple[str, float]] = (),
+        *,
+        system: int = 0,
+        datagrams: bool = False,
+    ) -> None:
         super().__init__({kind: MODES[kind]}, carry, system=system, datagrams=datagrams)
         self.numbers = MODES[kind]
         self.origin: tuple[float, ...] | None = None
         self.away, self._absent = 0, 0.0
         self._differences: list[tuple[float, ...]] = []
+        self._unread, self._begun, self._requested_at = dict(stated), math.inf, -math.inf
 
     def tell(self, name: str, **fields: Any) -> None:
         """Send a message.
@@ -79,6 +93,31 @@ class GuidedVehicle(MavlinkVehicle):
             "SET_POSITION_TARGET_LOCAL_NED", time_boot_ms=round(time * 1e3), coordinate_frame=1,
             type_mask=POSITION_MASK, x=x, y=-y, z=-z, vx=vx, vy=-vy, vz=-vz, afx=ax, afy=-ay, afz=-az, yaw=-goal.yaw,
         )  # fmt: skip
+
+    def has_parameters(self, time: float, patience: float) -> bool:
+        """True once it has sent the user's parameters, as they are stated; they are requested until then.
+
+        Raises:
+            LinkError: it has another value, or does not send one within ``patience`` s.
+        """
+        title = self.numbers.title
+        for name in self._unread.keys() & self.parameters.keys():
+            stated, value = self._unread.pop(name), self.parameters[name]
+            if not math.isclose(value, stated, rel_tol=1e-5, abs_tol=1e-6):
+                raise LinkError(
+                    f"controller.parameters.{name} = {stated:g}: must be what {title} takes; it has {value:g}"
+                )
+        if not self._unread:
+            return True
+        self._begun = min(self._begun, time)
+        if time - self._begun > patience:
+            name, stated = next(iter(self._unread.items()))
+            raise LinkError(f"controller.parameters.{name} = {stated:g}: must be a parameter that {title} knows")
+        if time - self._requested_at >= REPLY:
+            self._requested_at = time
+            for name in self._unread:
+                self.request_parameter(name)
+        return False
 
     @property
     def obeys(self) -> bool:

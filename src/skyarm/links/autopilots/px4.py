@@ -62,6 +62,9 @@ LOCKSTEP = 1
 ESTIMATED = 0b111
 """Flags of the estimator: attitude, horizontal and vertical velocity."""
 
+REPLIES = 10.0
+"""s after which a parameter that PX4 was asked for, by the wall clock sooner, must have come."""
+
 SETTLED = 5
 """s of valid estimates after which PX4's local origin is known and it is asked to arm."""
 
@@ -144,11 +147,10 @@ class PX4Link(ProgramLink):
         self._stand = float(first_state(scenario).position.z) - record.climb
         self._sensors = SensorMessages()
         self._simulator, self._sequence = mavlink.Parser(), 0
-        self._vehicle = GuidedVehicle(PX4_NUMBER, self._carry, datagrams=True)
+        self._vehicle = GuidedVehicle(PX4_NUMBER, self._carry, record.parameters, datagrams=True)
         self._steps = self._answered = self._missed = self._failsafes = 0
         self._silence = 0.0
         self._armed = self._ready = self._leaves = self._failing = False
-        self._given = tuple(name for name, _ in record.parameters)
         model = model_of(scenario)
         needed = vehicle_parameters(model.vehicle, float(model.gravity)) | sensor_parameters(scenario)
         needed |= OUTSIDE_PARAMETERS if record.outside else {}
@@ -257,9 +259,9 @@ class PX4Link(ProgramLink):
         if self._child is None:
             return
         words = self._child.output
-        for name in self._given:
+        for name, value in self._record.parameters:
             if f"Parameter {name} not found" in words:
-                raise LinkError(f"controller.parameters.{name}: PX4 has no such parameter")
+                raise LinkError(f"controller.parameters.{name} = {value:g}: must be a parameter that PX4 knows")
 
     def _read(self, until: float, heard: bool) -> bytes:
         """Bytes of the simulator's stream; empty after the time is up, even if others than the answer go on coming."""
@@ -284,6 +286,8 @@ class PX4Link(ProgramLink):
             self._hear(message)
         if vehicle.system and self._steps % (10 * self._goal_every) == 0:
             vehicle.beat()
+        if not (vehicle.system and vehicle.has_parameters(t, REPLIES)):
+            return
         if vehicle.origin is None:
             self._find_origin()
             return
