@@ -44,6 +44,18 @@ def test_another_exchange_is_refused_with_time_and_channel(tmp_path: Path) -> No
         Tape(played=str(tmp_path / "t.gz")).receive("simulator", lambda: b"")
 
 
+def test_a_transcript_names_its_autopilot(tmp_path: Path) -> None:
+    file = str(tmp_path / "t.gz")
+    tape = Tape(file, name="px4")
+    tape.send("simulator", b"one", lambda data: None)
+    tape.close()
+    Tape(played=file, name="px4").send("simulator", b"one", lambda data: None)
+    with pytest.raises(TranscriptError, match=r"^controller.replayed = '.*t.gz': must be .* ardupilot, is of px4$"):
+        Tape(played=file, name="ardupilot")
+    record(tmp_path / "old.gz")  # without a name
+    Tape(played=str(tmp_path / "old.gz"), name="px4").send("simulator", b"one", lambda data: None)
+
+
 def test_two_records_of_an_exchange_are_the_same_file(tmp_path: Path) -> None:
     for name in ("a", "b"):
         (tmp_path / name).mkdir()

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import gzip
 import io
+import itertools
 import os
 import struct
 import zlib
@@ -29,6 +30,9 @@ SENT, RECEIVED = b"s", b"r"
 
 WORDS = {SENT: "sent", RECEIVED: "received"}
 
+AUTOPILOT = "autopilot"
+"""Channel of the autopilot's name."""
+
 Row = tuple[bytes, str, bytes]
 
 
@@ -45,23 +49,26 @@ class Tape:
     Args:
         file: to write to.
         played: transcript to play back.
+        name: of the autopilot.
 
     Attributes:
         time: of the messages that follow, s.
         plays: True for a tape that is played back.
 
     Raises:
-        TranscriptError: a file that cannot be written, that is no transcript, or both a file and one to play back.
+        TranscriptError: a file that cannot be written, that is no transcript or that of another autopilot, or both a
+            file and one to play back.
     """
 
-    def __init__(self, file: str = "", played: str = "") -> None:
-        self.time = 0.0
+    def __init__(self, file: str = "", played: str = "", name: str = "") -> None:
+        self.time, self._name = 0.0, name
         self.plays = bool(played)
         self._rows = rows_of(Path(played)) if played else None
         self._file: gzip.GzipFile | None = None
         self._path = Path(file).expanduser() if file else None
         if self._rows is not None:
             next(self._rows)  # the beginning is read here, so that a file that is no transcript is refused early
+            self._rows = _rows_for(name, self._rows, played)
         if self._path is not None:
             if played:
                 raise TranscriptError("controller.transcript: must be left out beside controller.replayed")
@@ -106,8 +113,9 @@ class Tape:
         if self._path is not None:
             if self._file is None:
                 self._file = _begin(self._path)
-            name = channel.encode("ascii")
-            self._file.write(HEAD.pack(self.time, what, len(name), len(data)) + name + data)
+                if self._name:
+                    self._file.write(_packed(0.0, SENT, AUTOPILOT, self._name.encode()))
+            self._file.write(_packed(self.time, what, channel, data))
 
     def _next(self, what: bytes, channel: str) -> bytes:
         """Next message of the transcript that is played, which must be of this direction and channel."""
@@ -121,6 +129,26 @@ class Tape:
                 "recorded"
             )
         return row[2]
+
+
+def _packed(time: float, what: bytes, channel: str, data: bytes) -> bytes:
+    name = channel.encode("ascii")
+    return HEAD.pack(time, what, len(name), len(data)) + name + data
+
+
+def _rows_for(name: str, rows: Iterator[Row], file: str) -> Iterator[Row]:
+    """Messages of a transcript after the autopilot's name, if it has one.
+
+    Raises:
+        TranscriptError: it is that of another autopilot.
+    """
+    first = next(rows, None)
+    if first is None or first[1] != AUTOPILOT:
+        return rows if first is None else itertools.chain([first], rows)
+    if name and first[2] != name.encode():
+        theirs = first[2].decode("ascii", "replace")
+        raise TranscriptError(f"controller.replayed = {shown(file)}: must be a transcript of {name}, is of {theirs}")
+    return rows
 
 
 def _require_writable(path: Path) -> None:

@@ -275,9 +275,9 @@ FAILURES = {
     "garbage": r"Betaflight has sent no motors for 0.5 s but \d+ other datagrams",
     "numbers": r"Betaflight sent 4 motors, \[nan, .*must be 4 numbers",
     "motors": "Betaflight sent 5 motors",
-    "ends": "Betaflight ended while it started: no such luck",
-    "unsaved": "Betaflight ended before its settings were saved: disk full",
-    "faints": "Betaflight ended while it started: out of breath",
+    "ends": r"Betaflight ended while it started \(no such luck\)",
+    "unsaved": r"Betaflight ended before its settings were saved \(disk full\)",
+    "faints": r"Betaflight ended while it started \(out of breath\)",
     "deaf": "Betaflight does not open port 5761",
 }
 

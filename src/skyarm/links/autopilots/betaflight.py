@@ -169,7 +169,7 @@ class BetaflightLink(ProgramLink):
                 if self._warm_up():
                     break
                 if not child.running:
-                    raise LinkError(f"Betaflight ended while it started: {child.last_words}")
+                    raise LinkError(f"Betaflight ended while it started{child.ending('Betaflight')}")
             else:
                 raise LinkError(f"Betaflight has sent no motors in {STARTS} starts{self._ending}")
             self._guard = Guard(child.pid)

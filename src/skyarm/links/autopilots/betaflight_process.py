@@ -135,9 +135,9 @@ def connect_console(child: Child, patience: float) -> socket.socket:
         with contextlib.suppress(OSError):
             return socket.create_connection(("127.0.0.1", CONSOLE_PORT), timeout=0.5)
         if not child.running:
-            raise LinkError(f"Betaflight ended while it started: {child.last_words}")
+            raise LinkError(f"Betaflight ended while it started{child.ending('Betaflight')}")
         if time.monotonic() > until:
-            raise LinkError(f"Betaflight does not open port {CONSOLE_PORT}: {child.last_words}")
+            raise LinkError(f"Betaflight does not open port {CONSOLE_PORT}{child.ending('Betaflight')}")
         time.sleep(0.05)
 
 
@@ -160,7 +160,7 @@ def await_boot(child: Child, patience: float) -> None:
                     text = text[-64:] + data
                     if VERSION_ANSWER in text:
                         return
-    raise LinkError(f"Betaflight does not start: {child.last_words}")
+    raise LinkError(f"Betaflight does not start{child.ending('Betaflight')}")
 
 
 def set_up(child: Child, lines: Sequence[str], patience: float) -> None:
@@ -181,10 +181,10 @@ def set_up(child: Child, lines: Sequence[str], patience: float) -> None:
         until = time.monotonic() + patience
         while child.running:
             if time.monotonic() > until:
-                raise LinkError(f"Betaflight does not save its settings: {child.last_words}")
+                raise LinkError(f"Betaflight does not save its settings{child.ending('Betaflight')}")
             time.sleep(0.02)
     if child.code:
-        raise LinkError(f"Betaflight ended before its settings were saved: {child.last_words}")
+        raise LinkError(f"Betaflight ended before its settings were saved{child.ending('Betaflight')}")
 
 
 def _ask(console: socket.socket, line: bytes, patience: float) -> str:

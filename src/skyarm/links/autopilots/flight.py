@@ -223,7 +223,7 @@ class PilotedSession(Session):
     ) -> None:
         planned = planned_scenario(scenario)
         self._autopilot: Autopilot = autopilot_of(planned.controller)
-        self._tape = Tape(self._autopilot.transcript, self._autopilot.replayed)
+        self._tape = Tape(self._autopilot.transcript, self._autopilot.replayed, self._autopilot.name)
         self._seconds, self._prepared = 0.0, 0.0
         self._link: Link | None = None
         self._joint_server: JointServer | None = None

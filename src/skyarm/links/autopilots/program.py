@@ -119,6 +119,13 @@ class Child:
         lines = [_printable(line) for line in self.output[-LAST_WORDS:].splitlines()[-3:]]
         return " | ".join(line for line in lines if line)
 
+    def ending(self, title: str) -> str:
+        """Last words in brackets; of a program that has ended without any its exit code; else empty."""
+        words, code = self.last_words, self.code
+        if words or code is None:
+            return f" ({words})" if words else ""
+        return f" with code {code} and printed nothing: is it {title}'s program?"
+
     def end(self) -> None:
         """Kill the process and all its children; a second call does nothing."""
         if self._pipe < 0:
@@ -203,7 +210,8 @@ class ProgramLink(Link):
                 found.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 return found
             if self._child is None or not self._child.running:
-                raise LinkError(f"{self._title} ended while it started{self._ending}")
+                ending = "" if self._child is None else self._child.ending(self._title)
+                raise LinkError(f"{self._title} ended while it started{ending}")
             if time.monotonic() > until:
                 port = listener.getsockname()[1]
                 raise LinkError(
