@@ -7,6 +7,7 @@ import random
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega
 
+from skyarm.links import mavlink
 from skyarm.links.mavlink_messages import DEFINITIONS, DEFINITIONS_BY_NUMBER, checksum, is_possible_checksum
 
 ORACLE = {each.msgname: each for each in ardupilotmega.mavlink_map.values()}
@@ -88,6 +89,23 @@ def test_extensions_follow_the_base_part(name: str) -> None:
 def test_no_field_has_the_name_of_an_argument_of_pack() -> None:
     fields = {field.name for each in DEFINITIONS.values() for field in each.fields}
     assert fields.isdisjoint({"name", "sequence", "system", "component"})
+
+
+@pytest.mark.parametrize(
+    ("name", "field", "low", "high"),
+    [
+        ("HIL_GPS", "vn", -(2**15), 2**15 - 1),
+        ("HIL_GPS", "eph", 0, 2**16 - 1),
+        ("TIMESYNC", "tc1", -(2**63), 2**63 - 1),
+    ],
+)
+def test_whole_numbers_are_refused_beyond_the_range_that_is_named(name: str, field: str, low: int, high: int) -> None:
+    for value in (low, high):
+        (message,) = mavlink.Parser().feed(mavlink.pack(name, sequence=0, **{field: value}))
+        assert message[field] == value
+    for value in (low - 1, high + 1):
+        with pytest.raises(mavlink.MavlinkError, match=f"from {low} to {high}"):
+            mavlink.pack(name, sequence=0, **{field: value})
 
 
 def test_the_checksum_is_the_published_one_and_that_of_its_definition() -> None:

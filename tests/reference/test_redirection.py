@@ -39,6 +39,7 @@ def test_a_signal_is_its_own_until_it_leaves_for_its_goal_and_stays_there():
     for t in (0.0, 1.0, 2.2999):
         assert tuple(map(float, signal.derivatives(t))) == pytest.approx(own.derivatives(t), abs=0.0)
     assert tuple(map(float, signal.derivatives(2.3)))[:3] == pytest.approx((value, velocity, acceleration), abs=1e-15)
+    assert tuple(map(float, signal.derivatives(2.3))) == quintic(0.0, 1.0, value, velocity, acceleration, -0.2)
     for t in (3.3, 4.0, 1e4):
         assert tuple(map(float, signal.derivatives(t))) == (-0.2, 0.0, 0.0, 0.0, 0.0)
     for t in (2.5, 3.0, 3.2999):  # central differences of each derivative, 1e-5 s apart

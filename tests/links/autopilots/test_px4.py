@@ -14,7 +14,7 @@ import pytest
 from px4_flights import QUIET, READINGS, Fixed, free_instance, make_program, record_of, scenario_of
 
 from skyarm.links import mavlink
-from skyarm.links.autopilots import px4
+from skyarm.links.autopilots import px4, px4_ports
 from skyarm.links.autopilots.autopilot import Goal, Instant, LinkError
 from skyarm.links.autopilots.flight import PilotedSession, planned_scenario
 from skyarm.links.autopilots.px4 import PX4Link
@@ -76,7 +76,10 @@ def test_the_stand_in_takes_off_and_hovers_where_the_reference_is(tmp_path: Path
         assert facts["steps"] == len(log.time) + 250 * facts["prepared_s"] - 1  # the last period asks for nothing
 
 
-def test_a_hexarotor_with_parameters_of_the_user_flies_and_refuses_a_second_connection(tmp_path: Path) -> None:
+def test_a_hexarotor_with_parameters_of_the_user_flies_and_refuses_a_second_connection(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PX4_PARAM_OF_THE_SHELL", "1")
     number, given = free_instance(), {"MPC_XY_P": 0.5, "MC_PITCH_P": 6.0}
     with begun(
         tmp_path, "twice:2", vehicle="hexarotor_arm6", instance=number, duration=0.5, parameters=given
@@ -87,6 +90,7 @@ def test_a_hexarotor_with_parameters_of_the_user_flies_and_refuses_a_second_conn
     assert b"PX4_PARAM_MPC_XY_P=0.5" in environment
     assert b"PX4_PARAM_MC_PITCH_P=6" in environment
     assert b"PX4_PARAM_CA_ROTOR_COUNT=6" in environment
+    assert b"PX4_PARAM_OF_THE_SHELL=1" not in environment
 
 
 RECORDED = Path(__file__).parents[2] / "data" / "links" / "px4_hover.transcript.gz"
@@ -201,16 +205,42 @@ def test_a_program_that_is_none_ends_as_a_result(tmp_path: Path) -> None:
 STREAM, DATAGRAM = socket.SOCK_STREAM, socket.SOCK_DGRAM
 
 
-@pytest.mark.parametrize(("kind", "port"), [(STREAM, 4569), (DATAGRAM, 14549), (DATAGRAM, 14589)])
-def test_taken_ports_are_named_and_any_instance_passes_them_by(kind: int, port: int) -> None:
+@pytest.mark.parametrize(("kind", "first"), [(STREAM, 4560), (DATAGRAM, 14540), (DATAGRAM, 14580)])
+def test_taken_ports_are_named(kind: int, first: int) -> None:
+    number = free_instance()
     with socket.socket(socket.AF_INET, kind) as other:
-        other.bind(("127.0.0.1", port))
+        other.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, kind == STREAM)  # after a flight of another test
+        other.bind(("127.0.0.1", first + number))
         if kind == STREAM:
             other.listen(1)
-        with pytest.raises(LinkError, match="TCP 4569, UDP 14549, 14589 must be free for PX4: Address already in use"):
-            open_ports(9)
+        ports = f"TCP {4560 + number}, UDP {14540 + number}, {14580 + number}"
+        with pytest.raises(LinkError, match=f"{ports} must be free for PX4: Address already in use"):
+            open_ports(number)
     with pytest.raises(ScenarioError, match="must be from 0 to 9"):
         open_ports(10)
+
+
+def test_where_no_instance_is_free_all_ports_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(px4_ports, "INSTANCES", 2)
+    with contextlib.ExitStack() as taken:
+        for number in (0, 1):
+            other = taken.enter_context(socket.socket(socket.AF_INET, DATAGRAM))
+            with contextlib.suppress(OSError):  # a PX4 may fly beside the tests
+                other.bind(("127.0.0.1", 14580 + number))
+        with pytest.raises(LinkError, match="TCP 4560 to 4561, UDP 14540 to 14541, 14580 to 14581 must be free"):
+            open_ports(-1)
+
+
+def test_an_instance_can_be_started_again_at_once() -> None:
+    """The port of a connection that we closed first waits for a minute."""
+    ports = open_ports(-1)
+    with ports.onboard, ports.listener, socket.create_connection(ports.listener.getsockname()) as program:
+        ours = ports.listener.accept()[0]
+        ours.close()
+        assert program.recv(1) == b""
+    again = open_ports(ports.instance)
+    again.listener.close()
+    again.onboard.close()
 
 
 def test_any_instance_is_the_first_with_free_ports() -> None:

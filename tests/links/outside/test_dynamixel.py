@@ -1,5 +1,6 @@
 """Port to DYNAMIXEL servos, on a stand-in for the maker's SDK that keeps a control table for each servo."""
 
+import dataclasses
 import math
 import sys
 import threading
@@ -8,6 +9,7 @@ import types
 
 import pytest
 
+from skyarm.links.outside import joint_links
 from skyarm.links.outside.dynamixel import DynamixelJoints, ServoBus
 from skyarm.links.outside.joint_links import open_joints
 from skyarm.links.outside.joint_port import JointPortError
@@ -260,3 +262,12 @@ def test_an_address_opens_the_bus(sdk, tables):
     arm = open_joints("dynamixel:/dev/ttyUSB0?ids=1,2&torque=1.8&baud=57600", load_vehicle("hummingbird_arm2"))
     arm.close()
     assert (sdk.device, sdk.baud) == ("/dev/ttyUSB0", 57600)
+
+
+def test_an_address_without_options_has_those_of_the_record(sdk, tables, monkeypatch):
+    found = []
+    monkeypatch.setattr(joint_links, "DynamixelJoints", lambda bus: found.append(bus))
+    for options in ("ids=1,2&torque=1.8", "ids=1,2&torque=1.8&baud=57600&most=0.7"):
+        open_joints(f"dynamixel:/dev/ttyUSB0?{options}", load_vehicle("hummingbird_arm2"))
+    plain = ServoBus(device="/dev/ttyUSB0", ids=(1, 2), torque=1.8)
+    assert found == [plain, dataclasses.replace(plain, baud=57600, most=0.7)]

@@ -222,6 +222,21 @@ def test_an_older_estimate_is_not_taken(link, peer):
     assert link.take() is None
 
 
+def test_an_estimate_of_the_same_instant_is_the_same(link, peer):
+    peer.heartbeat()
+    peer.odometry(at=2.0)
+    link.fresh = False
+    peer.odometry(at=2.0, x=9.0)
+    assert not link.fresh
+    assert link.state.position.x == pytest.approx(1.0)
+
+
+def test_a_wait_that_is_over_reads_what_has_come(link, peer):
+    peer.socket.sendto(mavlink.pack("HEARTBEAT", sequence=0, system=3, component=1, autopilot=12, type=2), peer.to)
+    link.wait(-1.0)
+    assert link.modes is MODES[12]
+
+
 def test_only_the_first_autopilot_is_heard(link, peer):
     peer.heartbeat(autopilot=8)  # a ground station
     assert not link.has_autopilot
