@@ -46,6 +46,7 @@ class ModeNumbers:
         shift: bits by which a heartbeat's mode is moved; what is beyond them by 8 is the second parameter.
         option: parameter and bit without which the thrust of a set point is a climb rate; None where it is a thrust.
         bitwise: True where the bits of a whole-numbered parameter stand in place of a float's.
+        fastest: rate of a message beyond which a request is refused, Hz.
     """
 
     title: str
@@ -56,6 +57,7 @@ class ModeNumbers:
     shift: int = 0
     option: tuple[str, int] | None = None
     bitwise: bool = False
+    fastest: float = math.inf
 
     def main(self, custom_mode: int) -> int:
         """Number of a heartbeat's mode, without that of its part."""
@@ -82,7 +84,7 @@ MODES: Mapping[int, ModeNumbers] = {
     ),
     ARDUPILOT_NUMBER: ModeNumbers(
         title="ArduPilot", hover="MOT_THST_HOVER", word="guided", outside=(4, 0), hold=(17, 0),
-        option=("GUID_OPTIONS", 8),
+        option=("GUID_OPTIONS", 8), fastest=250.0,
     ),
 }  # fmt: skip
 """MAVLink's number of an autopilot -> its modes: PX4's offboard and hold, ArduCopter's guided and brake."""

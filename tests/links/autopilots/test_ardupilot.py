@@ -556,6 +556,21 @@ def test_it_flies_at_another_heading_and_leaves_no_process_where_it_is_closed_ea
     assert 2.0 * math.atan2(state[3], state[0]) == pytest.approx(0.8, abs=0.05)
 
 
+def test_it_holds_its_place_in_real_time_for_a_program_outside(stand_in, monkeypatch):
+    note = stand_in()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        monkeypatch.setattr(ardupilot, "JOINT_PORT", probe.getsockname()[1])
+    with closing(open_session(scenario(0.3, outside=True))) as session:
+        assert (session._link.released, session._link._vehicle.mode) == (True, 17)
+        begin = time.monotonic()
+        log = session.run()
+    assert time.monotonic() - begin > 0.29
+    assert log.status == "completed", log.info["cause"]
+    words = note.read_text().splitlines()
+    assert words[words.index("--serial1") + 1] == "udpclient:127.0.0.1:14540"
+
+
 # The program itself
 
 

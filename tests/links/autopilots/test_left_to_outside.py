@@ -70,7 +70,7 @@ def test_it_flies_in_real_time_with_a_free_onboard_port_and_set_points_move_its_
         assert readings[-1].time > readings[0].time > 1.0
 
 
-@pytest.mark.parametrize("name", ["ardupilot", "betaflight"])
+@pytest.mark.parametrize("name", ["betaflight"])
 def test_other_autopilots_refuse_in_one_line(name: str) -> None:
     with pytest.raises(ScenarioError, match=r"controller.outside: must be left out for"):
         planned_scenario(outside(name))

@@ -58,7 +58,7 @@ class StandIn:
         silent_at, leaves_at, disarms_at, nan_at, back_at: s after it entered offboard mode at which it falls silent,
             changes to hold, disarms, sends NaN, or sets its clock back by 100 s, or on by 1000 s.
         mute: it does not say whether a mode was entered, nor beats in offboard mode.
-        other: value of parameters that are neither gains nor hover thrust.
+        numbers: values of parameters, in place of its own.
         refuses: set points are never taken. armed, landed: as it says. odometry: else attitude and position apart.
         secrets: parameters that it does not send. offboard: another program commands it.
         place, heading: where it hovers, north east down, rad.
@@ -75,7 +75,7 @@ class StandIn:
     ahead_at: float = np.inf
     refuses: bool = False
     mute: bool = False
-    other: float = 0.0
+    numbers: dict[str, float] = field(default_factory=dict)
     armed: bool = True
     landed: bool = False
     odometry: bool = True
@@ -186,7 +186,8 @@ class StandIn:
             self._send("TIMESYNC", tc1=round(now * 1e9), ts1=m["ts1"])
         elif m.name == "PARAM_REQUEST_READ":
             values = {"K": 1.0, "P": 0.15, "I": 0.2, "D": 0.003, "M": 0.3}
-            value = self.hover if "HOVER" in m["param_id"] else values.get(m["param_id"][-1], self.other)
+            value = self.hover if "HOVER" in m["param_id"] else values.get(m["param_id"][-1], 0.0)
+            value = self.numbers.get(m["param_id"], value)
             if m["param_id"] not in self.secrets:
                 self._send("PARAM_VALUE", param_id=m["param_id"], param_value=value, param_type=9)
         elif m.name == "COMMAND_LONG" and m["command"] == 176:

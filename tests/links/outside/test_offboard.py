@@ -233,10 +233,18 @@ def test_a_vehicle_that_cannot_be_taken_over_is_left_alone(scenario, state, word
     assert "\n" not in str(error.value)
 
 
-def test_an_autopilot_that_filters_the_yaw_torque_is_left_alone(scenario):
-    settings = dataclasses.replace(SETTINGS, rate_bandwidth=None)
-    with pytest.raises(OffboardError, match="PX4's MC_YAW_TQ_CUTOFF = 2: must be 0 or at least 8 Hz"):
-        flown(scenario(), settings, other=2.0)
+@pytest.mark.parametrize(
+    ("autopilot", "wide", "numbers", "words"),
+    [
+        (12, None, {"MC_YAW_TQ_CUTOFF": 2.0}, "PX4's MC_YAW_TQ_CUTOFF = 2: must be 0 or at least 8 Hz"),
+        (3, (18.0, 18.0, 6.0), {"ATC_RAT_YAW_FLTE": 2.5}, "ArduPilot's ATC_RAT_YAW_FLTE = 2.5: must be 0 or at"),
+        (3, None, {}, "--rate-bandwidth: must be given for ArduPilot"),
+    ],
+)
+def test_an_autopilot_whose_rate_loop_cannot_be_inverted_is_left_alone(scenario, autopilot, wide, numbers, words):
+    settings = dataclasses.replace(SETTINGS, rate_bandwidth=wide)
+    with pytest.raises(OffboardError, match=words):
+        flown(scenario(), settings, autopilot=autopilot, numbers={"GUID_OPTIONS": 8.0, **numbers})
 
 
 def test_collections_and_scheduling_are_as_before_after_a_flight():

@@ -318,6 +318,13 @@ def test_streams_are_asked_for_by_interval(link, peer):
     assert asked[0.0] == 50000.0  # heartbeats, which tell the mode
 
 
+def test_ardupilot_is_asked_for_no_rate_that_it_refuses(link, peer):
+    peer.heartbeat(autopilot=3)
+    link.request_estimates(200.0)
+    asked = {found["param1"]: found["param2"] for found in (peer.heard() for _ in range(6))}
+    assert asked[31.0] == asked[32.0] == 4000.0
+
+
 def test_garbage_leaves_the_link_as_it_was(link, peer):
     peer.heartbeat()
     peer.odometry(5.0)

@@ -16,6 +16,7 @@ from skyarm.links.autopilots.effectiveness import highest_thrust, turning_inerti
 from skyarm.links.autopilots.px4_parameters import rate_bandwidth, rate_gains, torque_of_signal
 from skyarm.links.outside.px4_rate_loop import NAMES, px4_rate_loop
 from skyarm.links.outside.rate_commands import (
+    GuidedRateLoop,
     IdealRateLoop,
     PidRateLoop,
     angular_acceleration,
@@ -76,6 +77,21 @@ def test_an_ideal_rate_loop_gives_the_acceleration_of_the_law(seed):
     still = rotor_forces(model.vehicle.rotors, speeds, Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0))
     expected, _ = plant_acceleration(model, measured, still, efforts)
     assert given == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+def test_behind_an_attitude_loop_that_integrates_rates_the_acceleration_is_the_laws_too():
+    """A body of one axis each under ArduPilot's loop: desired angle from the rates, rate set point from both."""
+    gain, dt = np.array([4.5, 3.0, 6.0]), 1e-3
+    loop = GuidedRateLoop(bandwidth=BANDWIDTH, gain=tuple(gain.tolist()))
+    memory, angle, desired, rate = loop.begin(Vec3(1.0, 2.0, 3.0)), np.zeros(3), np.zeros(3), np.zeros(3)
+    for k in range(400):
+        wanted = np.array([3.0, -2.0, 1.0]) * np.cos(0.02 * k)
+        memory, error = loop.rate_error(memory, Vec3(0.0, 0.0, 0.0), Vec3(*wanted.tolist()), dt)
+        command = rate + np.array([*error])
+        given = np.array(BANDWIDTH) * (command + gain * (desired - angle) - rate)
+        assert given == pytest.approx(wanted, rel=1e-9, abs=1e-9)
+        desired, angle, rate = desired + command * dt, angle + rate * dt, rate + given * dt
+    assert np.abs(desired - angle).min() > 5e-3
 
 
 def test_servos_move_the_joints_as_their_references_do():

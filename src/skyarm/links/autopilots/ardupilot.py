@@ -32,6 +32,7 @@ from skyarm.links.autopilots.autopilot import (
 )
 from skyarm.links.autopilots.guided_vehicle import GuidedVehicle
 from skyarm.links.autopilots.program import ProgramLink, find_program
+from skyarm.links.autopilots.px4_ports import JOINT_PORT, ONBOARD_PORT
 from skyarm.links.mavlink_vehicle import ARDUPILOT_NUMBER, ARM, TAKE_OFF
 from skyarm.links.sockets import drain
 from skyarm.links.transcript import Tape
@@ -83,6 +84,14 @@ PHYSICS_LINE = (
 """Answer to a frame; ArduPilot finds a key by the first place of its letters."""
 
 
+OUTSIDE_PARAMETERS = {
+    "GUID_OPTIONS": 8, "GUID_TIMEOUT": 0.2, "SERIAL1_PROTOCOL": 2, "ATC_RAT_YAW_FLTE": 0,
+    "ATC_ACCEL_R_MAX": 0, "ATC_ACCEL_P_MAX": 0, "ATC_ACCEL_Y_MAX": 0,
+}  # fmt: skip
+"""Thrust of a set point is a thrust; s without set points from outside after which ArduPilot levels; MAVLink 2; yaw
+rates are not filtered, and rates are not slewed, since a law's control oscillates behind that."""
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ArduPilot(Autopilot):
     """ArduPilot's copter on our plant: its parameters follow from rotors and vehicle.
@@ -104,6 +113,11 @@ class ArduPilot(Autopilot):
     def sensors(self, vehicle: Vehicle) -> Mapping[str, Sensor]:
         """Inertial unit at the rate of the link."""
         return {"imu": FLIGHT_IMU}
+
+    @property
+    def outside_ports(self) -> tuple[int, int]:
+        """UDP ports for a program outside: of ArduPilot's second MAVLink stream, and of the joints."""
+        return ONBOARD_PORT, JOINT_PORT
 
     def connect(self, scenario: Scenario, tape: Tape) -> ArduPilotLink:
         """Start ArduPilot with the vehicle's parameters and wait for its first frame."""
@@ -141,13 +155,14 @@ class ArduPilotLink(ProgramLink):
         self._line = b""
         self._signals: Numbers = (0.0,) * len(self._motors)
         self._vehicle = GuidedVehicle(ARDUPILOT_NUMBER, self._carry, record.parameters, system=1)
-        self._ready, self._next = False, 0.0
+        self._ready, self._leaves, self._next = False, False, 0.0
         start = first_state(scenario)
         self._stand = float(start.position.z) - record.climb
         self._planned = (float(start.position.x), float(start.position.y), self._stand)
         heading = -math.degrees(2.0 * math.atan2(float(start.quaternion.z), float(start.quaternion.w)))
         parameters = vehicle_parameters(model.vehicle, float(model.gravity))
-        parameters |= {"SIM_RATE_HZ": rate, "LOG_BACKEND_TYPE": 0} | dict(record.parameters)
+        parameters |= {"SIM_RATE_HZ": rate, "LOG_BACKEND_TYPE": 0}
+        parameters |= (OUTSIDE_PARAMETERS if record.outside else {}) | dict(record.parameters)
         self._udp: socket.socket | None = None
         self._peer: Any = None
         with self._starting():
@@ -174,11 +189,15 @@ class ArduPilotLink(ProgramLink):
                 str(program), "--model", "JSON:127.0.0.1", "--home", place, "--defaults", str(defaults),
                 "--rate", str(rate), "--start-time", str(START), "--sim-address", "127.0.0.1",
                 "--sim-port-out", str(self._udp.getsockname()[1]), "--rc-in-port", str(_free_port()),
-                "--serial0", f"tcpclient:127.0.0.1:{listener.getsockname()[1]}", "--serial1", "none:1",
-                "--serial2", "none:2",
+                "--serial0", f"tcpclient:127.0.0.1:{listener.getsockname()[1]}", "--serial1",
+                f"udpclient:127.0.0.1:{ONBOARD_PORT}" if self._record.outside else "none:1", "--serial2", "none:2",
             ]  # fmt: skip
             self._launch(command, folder)
             self._tcp = self._accept(listener)
+
+    def release(self) -> None:
+        """Ask ArduPilot to hold its place; set points are then a program's outside."""
+        self._leaves = True
 
     @property
     def facts(self) -> dict[str, Any]:
@@ -289,7 +308,12 @@ class ArduPilotLink(ProgramLink):
             vehicle.beat()
         if vehicle.origin is None:
             self._find_origin()
-        if self.following:
+        if self.released:
+            if not vehicle.armed:
+                raise LinkError("ArduPilot disarmed in flight")
+        elif self._leaves:
+            self.released = vehicle.holds
+        elif self.following:
             vehicle.send_goal(t, goal)
             vehicle.require_obedience(vehicle.armed, self._goal_every * self._period)
         if t >= self._next and vehicle.modes is not None:
@@ -302,6 +326,9 @@ class ArduPilotLink(ProgramLink):
         if vehicle.place is None:
             self._next = t + REQUEST
             vehicle.request_streams({"LOCAL_POSITION_NED": 50, "EKF_STATUS_REPORT": 10})
+        elif self._leaves:
+            if not self.released:
+                vehicle.request_hold()
         elif vehicle.origin is None:
             return
         elif not vehicle.obeys:

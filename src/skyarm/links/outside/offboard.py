@@ -25,8 +25,8 @@ from skyarm.links.outside.flight_record import FlightRecord, percentiles
 from skyarm.links.outside.joint_port import JointLink, JointReading
 from skyarm.links.outside.offboard_link import OffboardError, OffboardLink
 from skyarm.links.outside.outside_law import LoopSettings, OutsideLaw
-from skyarm.links.outside.px4_rate_loop import LEAST_CUTOFF, NAMES, YAW_FILTER, px4_rate_loop
-from skyarm.links.outside.rate_commands import IdealRateLoop, RateLoop, Three
+from skyarm.links.outside.px4_rate_loop import ANGLE_FILTER, ANGLE_GAINS, LEAST_CUTOFF, NAMES, YAW_FILTER, px4_rate_loop
+from skyarm.links.outside.rate_commands import GuidedRateLoop, IdealRateLoop, RateLoop, Three
 from skyarm.links.outside.state_frames import AutopilotState, WorldFrame, with_rotor_speeds
 from skyarm.log.flight_log import Log
 from skyarm.records.field_rules import accept_fields
@@ -120,10 +120,7 @@ def require_outside(scenario: Scenario) -> None:
 
 @contextlib.contextmanager
 def real_time() -> Iterator[None]:
-    """Run a block without garbage collection, and before other programs where the system allows that.
-
-    A collection takes longer than a period. The loop waits for most of its time, so that it keeps no processor.
-    """
+    """Run a block without garbage collection, which outlasts a period, and before other programs if allowed."""
     collecting = gc.isenabled()
     gc.disable()
     first = False
@@ -308,20 +305,25 @@ class OffboardFlight:
         return "--joints: the arm" if self._joints is None else "--link: the autopilot's estimator"
 
     def _rate_loop(self) -> RateLoop:
-        """Rate loop to invert: ideal if its bandwidth is given, else PX4's by its parameters."""
-        settings, link = self._settings, self._link
-        if settings.rate_bandwidth is not None:
-            return IdealRateLoop(bandwidth=settings.rate_bandwidth)
+        """Rate loop to invert: of the bandwidth that is given, else PX4's by its parameters."""
+        wide, link = self._settings.rate_bandwidth, self._link
         assert link.modes is not None
-        if link.modes.title != "PX4":
+        px4 = link.modes.title == "PX4"
+        if px4 and wide is not None:
+            return IdealRateLoop(bandwidth=wide)
+        if wide is None and not px4:
             raise OffboardError(f"--rate-bandwidth: must be given for {link.modes.title}, whose rate loop is not known")
-        self._read_parameters([*NAMES, YAW_FILTER])
-        cutoff = link.parameters[YAW_FILTER]
+        read, name = (NAMES, YAW_FILTER) if px4 else (ANGLE_GAINS, ANGLE_FILTER)
+        self._read_parameters([*read, name])
+        cutoff = link.parameters[name]
         if not (cutoff == 0.0 or cutoff >= LEAST_CUTOFF):
             raise OffboardError(
-                f"--link: PX4's {YAW_FILTER} = {cutoff:g}: must be 0 or at least {LEAST_CUTOFF:g} Hz, so that yaw does "
-                "not oscillate behind the filter"
+                f"--link: {link.modes.title}'s {name} = {cutoff:g}: must be 0 or at least {LEAST_CUTOFF:g} Hz, so that "
+                "yaw does not oscillate behind the filter"
             )
+        if wide is not None:
+            x, y, z = (link.parameters[each] for each in ANGLE_GAINS)
+            return GuidedRateLoop(bandwidth=wide, gain=(x, y, z))
         return px4_rate_loop(self._scenario.controller.par.model.vehicle, link.parameters)
 
     def _read_parameters(self, names: Sequence[str]) -> None:

@@ -181,8 +181,10 @@ class OffboardLink(MavlinkVehicle):
             self.tell("TIMESYNC", tc1=0, ts1=time.monotonic_ns())
 
     def request_estimates(self, rate: float) -> None:
-        """Request estimates at least at a rate, Hz: at twice that, since a sender rounds intervals up to its own."""
-        self.request_streams({name: 2.0 * rate * share for name, share in STREAMS.items()})
+        """Request estimates at a rate, Hz: at twice that if possible, since a sender rounds intervals up to its own."""
+        assert self.modes is not None
+        most = min(2.0 * rate, self.modes.fastest)
+        self.request_streams({name: most * share for name, share in STREAMS.items()})
 
     def request_outside(self) -> None:
         """Request the mode that takes set points from outside; ``accepted`` is True once it does."""

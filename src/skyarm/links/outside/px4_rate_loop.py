@@ -20,6 +20,9 @@ DEFAULTS: Mapping[str, float] = dict.fromkeys(LIMITS.values(), 0.3) | {f"MC_{axi
 NAMES = tuple(f"MC_{axis}RATE_{gain}" for axis in AXES for gain in "KPID") + tuple(LIMITS.values())
 """Parameters that describe the loop."""
 
+ANGLE_GAINS, ANGLE_FILTER = ("ATC_ANG_RLL_P", "ATC_ANG_PIT_P", "ATC_ANG_YAW_P"), "ATC_RAT_YAW_FLTE"
+"""ArduPilot's gains of its attitude loop, 1/s, and cutoff (Hz) of its filter of the yaw rate's error, 0 for none."""
+
 YAW_FILTER, LEAST_CUTOFF = "MC_YAW_TQ_CUTOFF", 8.0
 """Cutoff (Hz) of PX4's filter of the yaw torque, 0 for none, and the least at which a law's yaw control is steady: at
 PX4's usual 2 Hz ``centroidal`` oscillates with 0.6 rad/s, which drives rotors to their limits."""
