@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import shutil
+from importlib import resources
 from pathlib import Path
 
 import pytest
@@ -11,6 +13,9 @@ from added_components import registry_kept
 from skyarm.cli.compare_command import _entrants
 from skyarm.control.catalogue import ControllerError, require_different
 from skyarm.records.registry.plugins import register_law_of_file
+from skyarm.scenario.scenario_file import load_scenario
+from skyarm.simulate.loop import run
+from skyarm.studies.compare import cells
 from skyarm.studies.compare.own_scenario import LAWS, OwnScenario
 from skyarm.studies.compare.run_suite import fly_suite
 from skyarm.studies.sweep import StudyError
@@ -32,6 +37,27 @@ def test_the_own_law_is_the_first_row_whoever_is_named() -> None:
     assert names(["own"]) == ["own"]
     own, named = flights(["paper_pd"], "case1")
     assert own.scenario().controller.name != named.scenario().controller.name
+
+
+def test_an_autopilot_with_the_file_s_own_options_flies_once(tmp_path: Path) -> None:
+    text = (resources.files("skyarm.scenario") / "library" / "hover_swing.toml").read_text("utf-8")
+    begin, end = text.index("[controller]"), text.index("[", text.index("[controller]") + 1)
+    for options, names in (("", ["px4", "paper_ct"]), ("climb = 1.0\n", ["own", "px4", "paper_ct"])):
+        file = tmp_path / "swing.toml"
+        file.write_text(text[:begin] + f'[controller]\nautopilot = "px4"\n{options}' + text[end:], "utf-8")
+        assert [each.entrant.name for each in flights(["px4", "paper_ct"], str(file))] == names
+
+
+def test_a_flight_whose_autopilot_has_failed_is_told_and_not_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log = run(load_scenario("case3", duration=0.1))
+    failed = dataclasses.replace(log, info={**log.info, "status": "autopilot", "cause": "PX4 ended (no luck)"})
+    monkeypatch.setattr(cells, "run", lambda _: failed)
+    suite = OwnScenario(scenario="case3", laws=["px4"])
+    found = fly_suite(suite, tmp_path)
+    assert "px4: autopilot: PX4 ended (no luck) (1 of 1)" in suite.report(found).markdown()
+    assert {path.name for path in (tmp_path / "cells").iterdir()} == {"given__case3__own.cell"}
 
 
 @pytest.mark.parametrize("pair", [("indi", "indi"), ("paper_ct", "own_law.py")])

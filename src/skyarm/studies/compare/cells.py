@@ -55,6 +55,9 @@ METRICS = (
 ONE_BY_ONE = 8
 """Perturbed plants that a law meets whose flights fly one by one."""
 
+AUTOPILOT = "autopilot"
+"""Status of a flight that ended because an autopilot's program failed; here its cause follows."""
+
 TILTED = math.radians(80.0)
 """rad: a flight that leans further is lost, even where it comes to its end."""
 
@@ -85,6 +88,11 @@ class Cell:
     def completed(self) -> npt.NDArray[np.bool_]:
         """True for each episode that reached its planned end."""
         return np.asarray(self.status == "completed")
+
+    @property
+    def stands(self) -> bool:
+        """False where an autopilot's program has failed, which may go better another time."""
+        return not any(str(status).startswith(AUTOPILOT) for status in self.status)
 
     @property
     def upright(self) -> npt.NDArray[np.bool_]:
@@ -194,7 +202,8 @@ def fly_episode(flights: Flights, episode: int) -> Flown:
     """Simulate a single flight of a comparison; returns its metrics and status."""
     log = run(episode_scenario(flights, episode))
     names = flights.metric_names([unit is not None for unit in names_of(log).setpoints])
-    return score(log, names, flights.case.windows), str(log.status)
+    status = f"{AUTOPILOT}: {log.info['cause']}" if log.status == AUTOPILOT else log.status
+    return score(log, names, flights.case.windows), status
 
 
 def episode_scenario(flights: Flights, episode: int) -> Scenario:
@@ -233,7 +242,9 @@ class Cells:
         return Cell(held, status)
 
     def put(self, flights: Flights, cell: Cell) -> None:
-        """Write the metrics of some flights to a file with a checksum."""
+        """Write the metrics of some flights to a file with a checksum, unless an autopilot's program has failed."""
+        if not cell.stands:
+            return
         stream = io.BytesIO()
         arrays: dict[str, Any] = {"identity": np.array(key(flights)), "status": cell.status, **cell.metrics}
         np.savez_compressed(stream, **arrays)

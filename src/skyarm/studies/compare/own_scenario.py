@@ -7,7 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from skyarm.control.catalogue import require_different
+from skyarm.control.controller import autopilot_of
 from skyarm.records.files import versions
+from skyarm.records.identity import identity
 from skyarm.records.registry import names
 from skyarm.scenario.in_flight import stretches
 from skyarm.scenario.scenario_file import load_scenario
@@ -82,6 +84,8 @@ class OwnScenario(Suite[GivenFlights]):
     def plan_cells(self) -> tuple[list[GivenFlights], Refused]:
         """Flights of each controller, and an empty mapping, since no controller is excluded.
 
+        An autopilot that is named with the file's own options flies once.
+
         Raises:
             ScenarioError: no such scenario, or a law that is none.
             ControllerError: two names of one law.
@@ -95,7 +99,12 @@ class OwnScenario(Suite[GivenFlights]):
         episodes = self.seeds if by_chance else 1
         condition = Condition(name=AS_GIVEN, title=title, noisy=False, episodes=episodes, cases=(own.name,))
         options: Document = {"case": case, "condition": condition, "plant": self.plant, "seed": self.seed}
-        entrants = [Entrant(name=name, group="own", law=name) for name in (OWN, *named)]
+        once = autopilot_of(own.controller) is not None and any(
+            name == own.controller.name
+            and identity(own) == identity(load_scenario(self.scenario, plant=self.plant, controller=name))
+            for name in named
+        )
+        entrants = [Entrant(name=name, group="own", law=name) for name in (*(() if once else (OWN,)), *named)]
         return [GivenFlights(entrant=each, **options) for each in entrants], {}
 
     def judge(self, todo: Sequence[GivenFlights], cells: Sequence[Cell], refused: Refused) -> Document:
@@ -112,11 +121,21 @@ class OwnScenario(Suite[GivenFlights]):
             spreads = [(each["metrics"].get(metric), factor) for _, metric, factor in columns]
             cells = [DASH if spread is None else number(spread["mean"], factor) for spread, factor in spreads]
             rows.append([law, f"{each['completed']} of {each['episodes']}", *cells])
+        notes = [
+            f"{law}: {ending} ({count} of {each['episodes']})"
+            for law, each in laws.items()
+            for ending, count in each["endings"].items()
+            if ending != "completed"
+        ]
         head = ["law", ">completed", *(f">{title}" for title, _, _ in columns)]
         return Report(
             title=f"{title_of(list(laws))}, {case} on {found['plant']}",
             facts=f"seed {found['seed']}; skyarm {versions()['skyarm']}",
             sections=[
-                Section(name="Means over the flights that came to their end", tables=[Table(head=head, rows=rows)])
+                Section(
+                    name="Means over the flights that came to their end",
+                    notes=notes,
+                    tables=[Table(head=head, rows=rows)],
+                )
             ],
         )
