@@ -33,43 +33,14 @@ _TYPES = {
 
 _TABLE = {
     "HEARTBEAT": (0, "u32 custom_mode; u8 type autopilot base_mode system_status mavlink_version"),
-    "SYS_STATUS": (
-        1,
-        "u32 onboard_control_sensors_present onboard_control_sensors_enabled onboard_control_sensors_health;"
-        "u16 load voltage_battery; i16 current_battery;"
-        "u16 drop_rate_comm errors_comm errors_count1 errors_count2 errors_count3 errors_count4; i8 battery_remaining"
-        "+ u32 onboard_control_sensors_present_extended onboard_control_sensors_enabled_extended"
-        " onboard_control_sensors_health_extended",
-    ),
-    "SYSTEM_TIME": (2, "u64 time_unix_usec; u32 time_boot_ms"),
-    "SET_MODE": (11, "u32 custom_mode; u8 target_system base_mode"),
     "PARAM_REQUEST_READ": (20, "i16 param_index; u8 target_system target_component; text param_id[16]"),
     "PARAM_VALUE": (22, "f32 param_value; u16 param_count param_index; text param_id[16]; u8 param_type"),
     "PARAM_SET": (23, "f32 param_value; u8 target_system target_component; text param_id[16]; u8 param_type"),
-    "ATTITUDE": (30, "u32 time_boot_ms; f32 roll pitch yaw rollspeed pitchspeed yawspeed"),
     "ATTITUDE_QUATERNION": (
         31,
         "u32 time_boot_ms; f32 q1 q2 q3 q4 rollspeed pitchspeed yawspeed + f32 repr_offset_q[4]",
     ),
     "LOCAL_POSITION_NED": (32, "u32 time_boot_ms; f32 x y z vx vy vz"),
-    "GLOBAL_POSITION_INT": (33, "u32 time_boot_ms; i32 lat lon alt relative_alt; i16 vx vy vz; u16 hdg"),
-    "SERVO_OUTPUT_RAW": (
-        36,
-        "u32 time_usec; u16 servo1_raw servo2_raw servo3_raw servo4_raw servo5_raw servo6_raw servo7_raw servo8_raw;"
-        "u8 port + u16 servo9_raw servo10_raw servo11_raw servo12_raw servo13_raw servo14_raw servo15_raw servo16_raw",
-    ),
-    "REQUEST_DATA_STREAM": (66, "u16 req_message_rate; u8 target_system target_component req_stream_id start_stop"),
-    "MANUAL_CONTROL": (
-        69,
-        "i16 x y z r; u16 buttons; u8 target"
-        "+ u16 buttons2; u8 enabled_extensions; i16 s t aux1 aux2 aux3 aux4 aux5 aux6",
-    ),
-    "RC_CHANNELS_OVERRIDE": (
-        70,
-        "u16 chan1_raw chan2_raw chan3_raw chan4_raw chan5_raw chan6_raw chan7_raw chan8_raw;"
-        "u8 target_system target_component + u16 chan9_raw chan10_raw chan11_raw chan12_raw chan13_raw chan14_raw"
-        " chan15_raw chan16_raw chan17_raw chan18_raw",
-    ),
     "COMMAND_LONG": (
         76,
         "f32 param1 param2 param3 param4 param5 param6 param7; u16 command;"
@@ -90,7 +61,6 @@ _TABLE = {
         "u8 target_system target_component coordinate_frame",
     ),
     "HIL_ACTUATOR_CONTROLS": (93, "u64 time_usec flags; f32 controls[16]; u8 mode"),
-    "VISION_POSITION_ESTIMATE": (102, "u64 usec; f32 x y z roll pitch yaw + f32 covariance[21]; u8 reset_counter"),
     "HIGHRES_IMU": (
         105,
         "u64 time_usec; f32 xacc yacc zacc xgyro ygyro zgyro xmag ymag zmag"
@@ -106,11 +76,6 @@ _TABLE = {
         113,
         "u64 time_usec; i32 lat lon alt; u16 eph epv vel; i16 vn ve vd; u16 cog; u8 fix_type satellites_visible"
         "+ u8 id; u16 yaw",
-    ),
-    "HIL_STATE_QUATERNION": (
-        115,
-        "u64 time_usec; f32 attitude_quaternion[4] rollspeed pitchspeed yawspeed; i32 lat lon alt; i16 vx vy vz;"
-        "u16 ind_airspeed true_airspeed; i16 xacc yacc zacc",
     ),
     "EKF_STATUS_REPORT": (
         193,
@@ -130,7 +95,6 @@ _TABLE = {
         " pose_covariance[21] velocity_covariance[21]; u8 frame_id child_frame_id"
         "+ u8 reset_counter estimator_type; i8 quality",
     ),
-    "ACTUATOR_OUTPUT_STATUS": (375, "u64 time_usec; u32 active; f32 actuator[32]"),
 }
 
 _MIRRORED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))

@@ -7,13 +7,13 @@ from typing import Any
 
 
 def drain(port: socket.socket, most: int = 256, size: int = 65536) -> list[tuple[bytes, Any]]:
-    """Read what has arrived at a port that does not block: at most ``most`` pieces, each with its sender.
+    """Read what has arrived at a port, at most ``most`` pieces, each with its sender; it blocks no more.
 
     A sender that is faster than its reader cannot hold the reader up. A stream's pieces have no sender; the last one is
     empty if the other side has closed the stream.
 
     Args:
-        port: that does not block.
+        port: of datagrams or of a stream.
         most: pieces.
         size: bytes of a piece.
 
@@ -21,6 +21,7 @@ def drain(port: socket.socket, most: int = 256, size: int = 65536) -> list[tuple
         OSError: of the port, but that nothing is there or that nobody listens at the other side of a datagram port.
     """
     found: list[tuple[bytes, Any]] = []
+    port.setblocking(False)
     for _ in range(most):
         try:
             found.append(port.recvfrom(size))

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.control.blocks.geometric import yaw_of
 from skyarm.links.outside.joint_port import JointReading
-from skyarm.links.outside.state_frames import AutopilotState, WorldFrame, heading, to_our_attitude, to_our_axes
+from skyarm.links.outside.state_frames import AutopilotState, WorldFrame, to_our_attitude, to_our_axes
 
 FLIP = np.diag([1.0, -1.0, -1.0])
 ARM = JointReading(0.0, (0.1, 0.2), (0.3, 0.4))
@@ -40,18 +41,12 @@ def test_an_attitude_of_the_wire_turns_our_vectors_alike():
     assert [*to_our_attitude(*to_our_attitude(*q))] == pytest.approx(q.tolist())
 
 
-@pytest.mark.parametrize("yaw", [0.0, 1.2, -3.0])
-def test_the_heading_is_the_yaw_of_a_level_base(yaw):
-    q = Quaternion(math.cos(0.5 * yaw), 0.0, 0.0, math.sin(0.5 * yaw))
-    assert heading(q) == pytest.approx(yaw)
-
-
 def test_a_scenario_begins_where_the_vehicle_is():
     at = state(2)
     frame = WorldFrame.at_start(at, (1.0, 2.0, 3.0), 0.4)
     seen = frame.measurement(at, ARM, 7.0, 9.81)
     assert [*seen.position] == pytest.approx([1.0, 2.0, 3.0])
-    assert heading(seen.quaternion) == pytest.approx(0.4)
+    assert yaw_of(seen.quaternion) == pytest.approx(0.4)
     assert (seen.time, seen.joints, seen.joint_rates) == (7.0, ARM.joints, ARM.joint_rates)
     assert seen.rate == at.rate
     # the turn is about the vertical: the angle to it stays

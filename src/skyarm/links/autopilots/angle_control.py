@@ -12,6 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
+from skyarm.algebra import Quaternion
+from skyarm.control.blocks.geometric import yaw_of
 from skyarm.links.autopilots.autopilot import Goal
 from skyarm.records.units import Unit
 
@@ -145,7 +147,7 @@ class AngleControl:
         if level > most:
             x, y = x * most / level, y * most / level
         up = rotate(quaternion, (0.0, 0.0, 1.0))
-        now = yaw_of(quaternion)
+        now = float(yaw_of(Quaternion(*quaternion)))
         roll, pitch = angles_of((x, y, z), now)
         turn = math.remainder(goal.yaw - now, math.tau)
         return Attitude(roll, pitch, gains.yaw * turn, max(x * up[0] + y * up[1] + z * up[2], 0.0))
@@ -158,12 +160,6 @@ def angles_of(thrust: Sequence[float], yaw: float) -> tuple[float, float]:
     forward = (math.cos(yaw) * x + math.sin(yaw) * y) / size
     left = (math.cos(yaw) * y - math.sin(yaw) * x) / size
     return math.asin(min(max(-left, -1.0), 1.0)), math.atan2(forward, z / size)
-
-
-def yaw_of(quaternion: Sequence[float]) -> float:
-    """Yaw of an attitude (w, x, y, z), rad."""
-    w, x, y, z = quaternion
-    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
 def rotate(quaternion: Sequence[float], vector: Sequence[float]) -> Vector:

@@ -17,6 +17,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from skyarm.control.blocks.geometric import yaw_of
 from skyarm.links import mavlink
 from skyarm.links.autopilots.ardupilot_frames import fitting_frame, vehicle_parameters
 from skyarm.links.autopilots.autopilot import (
@@ -159,7 +160,7 @@ class ArduPilotLink(ProgramLink):
         start = first_state(scenario)
         self._stand = float(start.position.z) - record.climb
         self._planned = (float(start.position.x), float(start.position.y), self._stand)
-        heading = -math.degrees(2.0 * math.atan2(float(start.quaternion.z), float(start.quaternion.w)))
+        heading = -math.degrees(yaw_of(start.quaternion))
         parameters = vehicle_parameters(model.vehicle, float(model.gravity))
         parameters |= {"SIM_RATE_HZ": rate, "LOG_BACKEND_TYPE": 0}
         parameters |= (OUTSIDE_PARAMETERS if record.outside else {}) | dict(record.parameters)
@@ -226,7 +227,6 @@ class ArduPilotLink(ProgramLink):
         """Send a line, after removing copies of the packet that it answers, which a pause of ours has called for."""
         assert self._udp is not None
         if time.monotonic() - self._arrived > REPEATED:
-            self._udp.setblocking(False)
             with contextlib.suppress(ConnectionError):
                 self._repeated += len(drain(self._udp))
             self._udp.settimeout(0.2)
@@ -344,7 +344,6 @@ class ArduPilotLink(ProgramLink):
     def _stream(self) -> bytes:
         """Bytes of the MAVLink stream that have arrived; empty if none."""
         assert self._tcp is not None
-        self._tcp.setblocking(False)
         try:
             found = [data for data, _ in drain(self._tcp)]
         except OSError as error:

@@ -183,7 +183,6 @@ class BetaflightLink(ProgramLink):
         assert self._motors is not None
         level = ((0.0,) * 6 + (9.8,), (0.0,) * 4 + (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
         begun, answered, count = time.monotonic(), 0, round(WARM / WARM_STEP)
-        self._motors.settimeout(0.0)
         self._peer = None
         for k in range(count):
             time.sleep(max(begun + k * WARM_STEP - time.monotonic(), 0.2 * WARM_STEP))
@@ -301,7 +300,6 @@ class BetaflightLink(ProgramLink):
             with contextlib.suppress(TimeoutError, BlockingIOError, ConnectionError):
                 self._motors.settimeout(max(left, 1e-4))
                 first = self._motors.recvfrom(2048)
-                self._motors.settimeout(0.0)
                 found = (self._motors_of([first, *drain(self._motors)]) or [b""])[-1]
         now = time.monotonic()
         if found:

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import Vec3
+from skyarm.control.blocks.geometric import yaw_of
 from skyarm.control.controller import autopilot_of
 from skyarm.dynamics.actuators import Command
 from skyarm.links.autopilots.autopilot import Autopilot, Goal, Instant, Link, LinkError, model_of, require_rotors
@@ -121,7 +122,7 @@ def require_no_push(scenario: Scenario, title: str) -> None:
 def hover_at_start(scenario: Scenario) -> Trajectory:
     """Reference that holds the base and the joints of a scenario's first state."""
     start = first_state(scenario)
-    yaw = 2.0 * math.atan2(float(start.quaternion.z), float(start.quaternion.w))
+    yaw = float(yaw_of(start.quaternion))
     x, y, z = (float(c) for c in start.position)
     return hover((x, y, z), yaw=yaw, joints=tuple(float(q) for q in start.joints))
 
@@ -130,7 +131,7 @@ def take_off_scenario(scenario: Scenario) -> Scenario:
     """Scenario of the flight's preparation: calm air, a launch stand below the start, and the start to hover at."""
     autopilot: Autopilot = autopilot_of(scenario.controller)
     start, vehicle = first_state(scenario), scenario.plant.vehicle
-    yaw = 2.0 * math.atan2(float(start.quaternion.z), float(start.quaternion.w))
+    yaw = float(yaw_of(start.quaternion))
     x, y, z = (float(c) for c in start.position)
     half = 0.5 * yaw
     inertia = vehicle.base.inertia

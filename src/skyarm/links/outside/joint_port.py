@@ -220,22 +220,26 @@ class JointServer:
         return self._setpoints
 
     def _receive(self, now: float) -> None:
-        for data, sender in drain(self._socket):
-            found = unpack(data, self._count)
-            stranger = self._partner not in (None, sender) and time.monotonic() - self._heard <= FRESH
-            if found is None or found[0] == STATE or stranger:
-                self._refused += 1
-                continue
-            if sender != self._partner:
-                self._setpoints = None
-            self._partner, self._heard = sender, time.monotonic()
-            kind, at, values = found
-            if kind == COMMAND:
-                self._setpoints = values
-                self._commands += 1
-                self._ages.append(now - at)
-            elif kind == RELEASE:
-                self._partner, self._setpoints = None, None
+        with contextlib.suppress(ConnectionError):
+            for data, sender in drain(self._socket):
+                self._take(data, sender, now)
+
+    def _take(self, data: bytes, sender: tuple[str, int], now: float) -> None:
+        found = unpack(data, self._count)
+        stranger = self._partner not in (None, sender) and time.monotonic() - self._heard <= FRESH
+        if found is None or found[0] == STATE or stranger:
+            self._refused += 1
+            return
+        if sender != self._partner:
+            self._setpoints = None
+        self._partner, self._heard = sender, time.monotonic()
+        kind, at, values = found
+        if kind == COMMAND:
+            self._setpoints = values
+            self._commands += 1
+            self._ages.append(now - at)
+        elif kind == RELEASE:
+            self._partner, self._setpoints = None, None
 
     def close(self) -> None:
         """Free the port."""

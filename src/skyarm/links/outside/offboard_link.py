@@ -22,6 +22,7 @@ from skyarm.links import mavlink
 from skyarm.links.mavlink_vehicle import MODES, ONBOARD_COMPUTER, SET_MODE, MavlinkVehicle
 from skyarm.links.outside.rate_commands import RateCommand
 from skyarm.links.outside.state_frames import AutopilotState, to_our_attitude, to_our_axes
+from skyarm.links.sockets import drain
 from skyarm.records.files import shown
 
 COMPONENT = 191
@@ -155,12 +156,11 @@ class OffboardLink(MavlinkVehicle):
     def wait(self, seconds: float) -> None:
         """Wait for datagrams, at most so long, and read all that have come."""
         select.select([self._socket], [], [], max(seconds, 0.0))
-        with contextlib.suppress(BlockingIOError, ConnectionError):
-            while True:
-                data, sender = self._socket.recvfrom(65536)
-                if self.modes is not None and sender != self._partner:
-                    continue
+        with contextlib.suppress(ConnectionError):
+            for data, sender in drain(self._socket):
                 known = self.modes is not None
+                if known and sender != self._partner:
+                    continue
                 for message in self.parser.feed(data):
                     if self.hear(message) and (reader := _READERS.get(message.name)) is not None:
                         reader(self, message)

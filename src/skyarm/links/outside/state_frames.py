@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.control.blocks.geometric import yaw_of
 from skyarm.links.outside.joint_port import JointReading
 from skyarm.records.units import Unit
 from skyarm.sensing.measurement import Measurement
@@ -40,12 +41,6 @@ def to_our_attitude(w: float, x: float, y: float, z: float) -> Quaternion:
     return Quaternion(float(w), float(x), -float(y), -float(z))
 
 
-def heading(quaternion: Quaternion) -> float:
-    """Angle about the vertical of the base's x axis, rad."""
-    w, x, y, z = quaternion
-    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-
-
 @dataclass(frozen=True, kw_only=True, slots=True)
 class WorldFrame:
     """Scenario's world in an autopilot's local frame: p_world = turn about z of (p_local - origin), plus start."""
@@ -58,7 +53,7 @@ class WorldFrame:
     def at_start(cls, state: AutopilotState, position: Sequence[float], yaw: float) -> WorldFrame:
         """World in which a vehicle is at a position (m) and heading (rad) now."""
         x, y, z = (float(c) for c in position)
-        return cls(origin=state.position, start=Vec3(x, y, z), turn=yaw - heading(state.quaternion))
+        return cls(origin=state.position, start=Vec3(x, y, z), turn=yaw - float(yaw_of(state.quaternion)))
 
     def measurement(self, state: AutopilotState, arm: JointReading, time: float, gravity: float) -> Measurement:
         """Measurement of a law, s after its start, in the scenario's world.
