@@ -266,7 +266,7 @@ def test_an_address_opens_the_bus(sdk, tables):
 
 def test_an_address_without_options_has_those_of_the_record(sdk, tables, monkeypatch):
     found = []
-    monkeypatch.setattr(joint_links, "DynamixelJoints", lambda bus: found.append(bus))
+    monkeypatch.setattr(joint_links, "DynamixelJoints", found.append)
     for options in ("ids=1,2&torque=1.8", "ids=1,2&torque=1.8&baud=57600&most=0.7"):
         open_joints(f"dynamixel:/dev/ttyUSB0?{options}", load_vehicle("hummingbird_arm2"))
     plain = ServoBus(device="/dev/ttyUSB0", ids=(1, 2), torque=1.8)
