@@ -114,6 +114,12 @@ def test_gains_give_the_bandwidth_by_betaflights_units(name):
         wanted = min(8.0 if axis == "yaw" else 32.0, 0.4 / slowest)
         # whole numbers of gains, down to 7, and the curve over the step
         assert acceleration / 0.02 == pytest.approx(wanted, rel=0.1)
+        # integral over proportional gain, 1/s: a share of the bandwidth with locked joints; yaw's is scaled by 2.5
+        slow = wanted * math.sqrt(limp[i] / locked[i])
+        ratio = 0.244381 * gains[f"i_{axis}"] * (2.5 if axis == "yaw" else 1.0) / (0.032029 * gains[f"p_{axis}"])
+        limited = gains[f"i_{axis}"] == 250.0
+        assert ratio == pytest.approx(slow / (4.0 if axis == "yaw" else 3.0), rel=0.15) or limited  # both rounded
+    assert min(gains.values()) >= 0.0
 
 
 def test_state_is_forward_right_down_with_the_accelerometer_turned_round():
@@ -128,6 +134,7 @@ def test_state_is_forward_right_down_with_the_accelerometer_turned_round():
     told = Rotation.from_quat([*rest[7:10], rest[6]]).as_matrix()
     np.testing.assert_allclose(told, flip @ turn.as_matrix() @ flip, atol=1e-12)
     np.testing.assert_allclose(rest[10:16], [0.7, -0.8, -0.9, 4.0, -5.0, -6.0])
+    assert rest[16] == pytest.approx(101325.0 - 12.0 * 6.0)  # Pa, 12 a metre
 
 
 def test_sticks_at_their_ends_are_the_limits_of_the_settings():

@@ -114,3 +114,45 @@ def test_a_disarmed_vehicle_does_not_fly(said: str, words: str) -> None:
     with pytest.raises(LinkError) as caught:
         vehicle.require_obedience(False, 0.1)
     assert str(caught.value) == words
+
+
+def stating(*parameters: tuple[str, float]) -> tuple[GuidedVehicle, Sent]:
+    """Vehicle of a user who states parameters."""
+    sent = Sent()
+    vehicle = GuidedVehicle(PX4, sent, parameters)
+    say(vehicle, "HEARTBEAT", autopilot=PX4)
+    return vehicle, sent
+
+
+def test_stated_parameters_are_asked_for_once_a_second_until_they_have_come() -> None:
+    vehicle, sent = stating(("A", 1.5), ("B", 2.0))
+    asked = []
+    for time in (10.0, 10.4, 11.0, 11.5):
+        assert vehicle.has_parameters(time, 5.0) is False
+        asked.append([m["param_id"] for m in sent])
+        sent.clear()
+        if time == 10.4:
+            say(vehicle, "PARAM_VALUE", param_id="B", param_value=2.0, param_type=9)
+    assert asked == [["A", "B"], [], ["A"], []]
+    say(vehicle, "PARAM_VALUE", param_id="A", param_value=1.5, param_type=9)
+    assert vehicle.has_parameters(11.6, 5.0) is True
+    assert not sent
+
+
+def test_without_stated_parameters_nothing_is_asked() -> None:
+    vehicle, sent = stating()
+    assert vehicle.has_parameters(0.0, 5.0) is True
+    assert not sent
+
+
+def test_a_stated_parameter_that_it_takes_otherwise_or_does_not_know_ends_the_flight() -> None:
+    vehicle, _ = stating(("A", 1.5))
+    vehicle.has_parameters(0.0, 5.0)
+    say(vehicle, "PARAM_VALUE", param_id="A", param_value=1.25, param_type=9)
+    with pytest.raises(LinkError, match=r"^controller\.parameters\.A = 1\.5: must be what PX4 takes; it has 1\.25$"):
+        vehicle.has_parameters(1.0, 5.0)
+    vehicle, _ = stating(("A", 1.5))
+    vehicle.has_parameters(3.0, 5.0)
+    assert vehicle.has_parameters(8.0, 5.0) is False
+    with pytest.raises(LinkError, match=r"^controller\.parameters\.A = 1\.5: must be a parameter that PX4 knows$"):
+        vehicle.has_parameters(8.1, 5.0)

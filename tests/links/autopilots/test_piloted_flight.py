@@ -154,6 +154,12 @@ def test_a_start_at_a_surface_is_refused() -> None:
         planned_scenario(scenario.with_words(reference=free))
 
 
+def test_rates_of_a_scenario_that_has_the_sensors_are_planned_too() -> None:
+    planned = planned_scenario(load_scenario("case3", controller="px4"))
+    slow = planned.with_words(rates=dataclasses.replace(planned.rates, control=50, physics=500))
+    assert planned_scenario(slow).rates.control == 250
+
+
 class Plain(Session):
     """Session that flies without the program: the rotors get what the test gives."""
 

@@ -86,6 +86,31 @@ def test_a_program_that_ends_says_its_last_words_without_colours(tmp_path: Path)
     assert wait_until_gone(guards) == []
 
 
+@pytest.mark.parametrize(
+    ("script", "words"),
+    [
+        ("exit 3", " with code 3 and printed nothing: is it PX4's program?"),
+        ("echo oh; exit 3", " (oh)"),
+        ("echo oh; sleep 100", " (oh)"),
+        ("sleep 100", ""),
+    ],
+)
+def test_a_program_s_ending_is_its_words_or_its_code(tmp_path: Path, script: str, words: str) -> None:
+    folder = tmp_path / "run"
+    folder.mkdir()
+    child = Child(["/bin/sh", "-c", script], folder)
+    try:
+        if "exit" in script:
+            child._process.wait(10)
+        for _ in range(500):
+            if "oh" not in script or child.output:
+                break
+            time.sleep(0.01)
+        assert child.ending("PX4") == words
+    finally:
+        child.close()
+
+
 def test_a_program_without_a_folder_does_not_start(tmp_path: Path) -> None:
     with pytest.raises((LinkError, FileNotFoundError)):
         Child(["/bin/true"], tmp_path / "absent")
