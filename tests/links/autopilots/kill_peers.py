@@ -2,17 +2,20 @@
 
     python tests/links/autopilots/kill_peers.py px4|ardupilot|betaflight COUNT [SEED]
 
-Each flight is a process of its own, as users start it. Needs the path of the program in SKYARM_PX4, SKYARM_ARDUPILOT or
-SKYARM_BETAFLIGHT. Prints a line for each flight, and at last the counts.
+Each flight is a process of its own, as users start them, with a hook that sends the signal at a random instant: while
+the program starts, in take-off, at hand-over, in flight. Needs the path of the program in SKYARM_PX4, SKYARM_ARDUPILOT
+or SKYARM_BETAFLIGHT. Prints a line for each flight, and at last the counts.
 """
 
 from __future__ import annotations
 
 import collections
 import contextlib
+import dataclasses
 import json
 import os
 import random
+import runpy
 import signal
 import socket
 import subprocess
@@ -20,11 +23,15 @@ import sys
 import tempfile
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from threading import Timer
+from typing import Any
 
 import numpy as np
 
 from skyarm.links.autopilots.betaflight_process import GUARDED_PORTS
+from skyarm.links.autopilots.flight import PilotedSession
 from skyarm.log.formats import load_log
 
 SCENARIO = """
@@ -51,8 +58,65 @@ INSTANCE = 9
 SIGNALS = {signal.SIGKILL: 0.8, signal.SIGSTOP: 0.1, signal.SIGTERM: 0.1}
 """Shares of the signals."""
 
-DURATION = {"px4": 6.0, "ardupilot": 12.0, "betaflight": 4.0}
-"""s of flight, about a quarter of the time from power-on."""
+STAGES = {"start": 0.15, "take-off": 0.35, "hand-over": 0.25, "flight": 0.25}
+"""Shares of the stages."""
+
+PREPARED = {"px4": 19.0, "ardupilot": 52.0, "betaflight": 9.0}
+"""s from power-on to hand-over, simulated."""
+
+DURATION = 4.0
+"""s of flight."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Signal, and when it is sent.
+
+    Attributes:
+        stage: of the flight.
+        at: s, simulated, after power-on or hand-over; of a start and a hand-over 0.
+        late: s by the wall clock from there.
+    """
+
+    how: str
+    stage: str
+    at: float
+    late: float
+
+
+def draw(name: str, rng: random.Random) -> Plan:
+    """Plan by chance."""
+    how = rng.choices(list(SIGNALS), list(SIGNALS.values()))[0]
+    stage = rng.choices(list(STAGES), list(STAGES.values()))[0]
+    at = rng.uniform(0.0, {"take-off": PREPARED[name], "flight": DURATION - 0.2}.get(stage, 0.0))
+    return Plan(how.name, stage, at, rng.uniform(0.0, {"start": 2.0, "hand-over": 0.5}.get(stage, 0.02)))
+
+
+def fly_with(plan: Plan) -> None:
+    """Run the command line in this process, with a thread that signals the autopilot's program as planned."""
+    take_off, step, sent = PilotedSession._take_off, PilotedSession.step, list[Timer]()
+
+    def send(session: PilotedSession) -> None:
+        child = session._link._child  # type: ignore[union-attr]
+        sent.append(Timer(plan.late, os.kill, (child.pid, signal.Signals[plan.how])))
+        sent[0].daemon = True
+        sent[0].start()
+
+    def watched_take_off(session: PilotedSession, *arguments: Any) -> bool:
+        found = take_off(session, *arguments)
+        if found and plan.stage == "hand-over":
+            send(session)
+        return found
+
+    def watched_step(session: PilotedSession, *arguments: Any, **options: Any) -> bool:
+        stage = "flight" if session._prepared else "take-off"
+        if not sent and plan.stage == stage and session.time >= plan.at:
+            send(session)
+        return step(session, *arguments, **options)
+
+    PilotedSession._take_off, PilotedSession.step = watched_take_off, watched_step  # type: ignore[method-assign]
+    sys.argv = ["skyarm", "run", "flight.toml", "--out", "out"]
+    runpy.run_module("skyarm", run_name="__main__")
 
 
 def processes_of(folder: Path) -> dict[int, str]:
@@ -97,15 +161,15 @@ def taken(ports: Sequence[tuple[socket.SocketKind, int]]) -> list[int]:
 class Flight:
     """Flight under an autopilot in a process of its own and a folder for everything that it leaves."""
 
-    def __init__(self, name: str, folder: Path) -> None:
+    def __init__(self, name: str, folder: Path, plan: Plan) -> None:
         self.name, self.folder, self.temporary = name, folder, folder / "tmp"
         self.temporary.mkdir()
         options = f"instance = {INSTANCE}" if name == "px4" else ""
-        text = SCENARIO.format(name=name, duration=DURATION[name], patience=PATIENCE, options=options)
+        text = SCENARIO.format(name=name, duration=DURATION, patience=PATIENCE, options=options)
         (folder / "flight.toml").write_text(text)
         self._program = os.environ[f"SKYARM_{name.upper()}"]
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "skyarm", "run", "flight.toml", "--out", "out"], cwd=folder,
+            [sys.executable, __file__, "--fly", *map(str, dataclasses.astuple(plan))], cwd=folder,
             env={**os.environ, "TMPDIR": str(self.temporary)}, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
             text=True,
         )  # fmt: skip
@@ -168,77 +232,55 @@ class Flight:
         return f"{'flight' if handed else 'take-off'} {log.time[-1]:.2f} s"
 
 
-def fly_through(name: str) -> float:
-    """Seconds by the wall clock from the program's start to the end of a flight of which nobody kills the program.
-
-    Raises:
-        RuntimeError: it did not fly.
-    """
-    with tempfile.TemporaryDirectory() as folder:
-        flight = Flight(name, Path(folder))
-        try:
-            flight.program()
-            begun = time.monotonic()
-            said = flight.finish(300.0)
-            if flight.process.returncode:
-                raise RuntimeError(said)
-            return time.monotonic() - begun
-        finally:
-            flight.close()
-
-
-def kill_once(name: str, how: signal.Signals, after: float) -> dict[str, object] | None:
-    """Send a signal to the program some seconds after it was started; what came of it, None for a flight that was over.
+def kill_once(name: str, plan: Plan) -> dict[str, object] | None:
+    """Fly with a plan; what came of it, None for a flight that ended before the signal.
 
     A program that is asked to end may fly on.
     """
     with tempfile.TemporaryDirectory() as folder:
-        flight = Flight(name, Path(folder))
+        flight = Flight(name, Path(folder), plan)
         try:
-            flight.program()
-            time.sleep(after)
             pid, words = flight.program()
-            if not pid:
-                flight.finish()
+            if plan.stage == "start":
+                time.sleep(plan.late)
+                pid, words = flight.program()
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(pid or flight.process.pid, signal.Signals[plan.how] if pid else 0)
+            said = flight.finish(300.0)
+            if not flight.process.returncode and (not pid or plan.how == "SIGTERM"):
                 return None
-            try:
-                os.kill(pid, how)
-            except ProcessLookupError:
-                return None
-            at = time.monotonic()
-            said = flight.finish(120.0)
-            if how == signal.SIGTERM and flight.process.returncode == 0:
-                return {"signal": how.name, "faults": [], "cause": "flew on", "stage": ""}
-            took = time.monotonic() - at
-            found: dict[str, object] = {"signal": how.name, "faults": flight.faults(said, ports_of(name, words))}
+            found: dict[str, object] = {
+                **dataclasses.asdict(plan),
+                "faults": flight.faults(said, ports_of(name, words)),
+            }
             with contextlib.suppress(OSError, ValueError):
-                found["stage"] = flight.stage()
-                found["cause"] = load_log(flight.folder / "out" / "flight.npz").info["cause"]
-            return {**found, "after_s": round(after, 2), "took_s": round(took, 2)}
+                found |= {
+                    "ended": flight.stage(),
+                    "cause": load_log(flight.folder / "out" / "flight.npz").info["cause"],
+                }
+            return found
         finally:
             flight.close()
 
 
 def kill_peers(name: str, count: int, seed: int = 1) -> dict[str, object]:
-    """Kill the program of an autopilot in so many flights; counts of stages and causes, and what was wrong.
-
-    Half of the instants are anywhere in take-off and flight, half in the last third, where the hand-over lies.
-    """
-    rng, whole, done = random.Random(seed), fly_through(name), list[dict[str, object]]()
+    """Signal the program of an autopilot in so many flights; counts of stages and causes, and what was wrong."""
+    rng, done = random.Random(seed), list[dict[str, object]]()
     while len(done) < count:
-        how = rng.choices(list(SIGNALS), list(SIGNALS.values()))[0]
-        after = whole * rng.uniform(rng.choice((0.0, 0.67)), 1.0)
-        found = kill_once(name, how, after)
+        found = kill_once(name, draw(name, rng))
         if found is not None:
             done.append(found)
             print(json.dumps(found), flush=True)
-    words = collections.Counter(str(each.get("stage", "")).split()[0] if each.get("stage") else "" for each in done)
-    causes = collections.Counter(str(each.get("cause", "none")).partition(" (")[0] for each in done)
-    signals = collections.Counter(str(each["signal"]) for each in done)
+
+    def counted(what: str) -> dict[str, int]:
+        return dict(collections.Counter(str(each.get(what, "none")).partition(" (")[0] for each in done))
+
     faults = [each for each in done if each["faults"]]
-    counts = {"signals": dict(signals), "stages": dict(words), "causes": dict(causes)}
-    return {"kills": len(done), **counts, "faults": faults}
+    return {"kills": len(done), **{what: counted(what) for what in ("how", "stage", "cause")}, "faults": faults}
 
 
 if __name__ == "__main__":
-    print(json.dumps(kill_peers(sys.argv[1], *map(int, sys.argv[2:])), indent=1))
+    if sys.argv[1] == "--fly":
+        fly_with(Plan(*sys.argv[2:4], *map(float, sys.argv[4:])))
+    else:
+        print(json.dumps(kill_peers(sys.argv[1], *map(int, sys.argv[2:])), indent=1))

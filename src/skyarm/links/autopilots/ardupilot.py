@@ -177,9 +177,7 @@ class ArduPilotLink(ProgramLink):
         self._udp = self._held.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
         self._udp.bind(("127.0.0.1", 0))
         self._udp.settimeout(0.2)
-        with socket.socket() as listener:
-            listener.bind(("127.0.0.1", 0))
-            listener.listen(1)
+        with socket.create_server(("127.0.0.1", 0)) as listener:
             folder = self._make_folder()
             defaults = folder / "vehicle.parm"
             defaults.write_text(
