@@ -154,9 +154,9 @@ def start_law(folder: Path, instance: int, law: str, seconds: float, *, noted: b
     )  # fmt: skip
 
 
-def wait_for_port(port: int, simulator: subprocess.Popen[bytes]) -> None:
-    """Wait until the simulator has taken PX4's onboard port: a law that is there first would keep it."""
-    until = time.monotonic() + 60.0
+def wait_for_port(port: int, simulator: subprocess.Popen[bytes], seconds: float = 60.0) -> None:
+    """Wait until the simulator has taken a port; a law that is at PX4's onboard port first would keep it."""
+    until = time.monotonic() + seconds
     while simulator.poll() is None and time.monotonic() < until:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
             try:

@@ -19,7 +19,7 @@ from typing import Any, ClassVar
 
 from skyarm.control.blocks.geometric import yaw_of
 from skyarm.links import mavlink
-from skyarm.links.autopilots.ardupilot_frames import fitting_frame, vehicle_parameters
+from skyarm.links.autopilots.ardupilot_frames import fitting_frame, rate_bandwidths, vehicle_parameters
 from skyarm.links.autopilots.autopilot import (
     FLIGHT_IMU,
     Autopilot,
@@ -119,6 +119,10 @@ class ArduPilot(Autopilot):
     def outside_ports(self) -> tuple[int, int]:
         """UDP ports for a program outside: of ArduPilot's second MAVLink stream, and of the joints."""
         return ONBOARD_PORT, JOINT_PORT
+
+    def outside_options(self, vehicle: Vehicle) -> str:
+        """Bandwidth of the rate loop, which ArduPilot's parameters do not state."""
+        return " --rate-bandwidth " + ",".join(f"{each:.3g}" for each in rate_bandwidths(vehicle))
 
     def connect(self, scenario: Scenario, tape: Tape) -> ArduPilotLink:
         """Start ArduPilot with the vehicle's parameters and wait for its first frame."""

@@ -127,13 +127,17 @@ def torque_of_signal(vehicle: Vehicle) -> tuple[float, float, float]:
     return torque[0], torque[1], torque[2]
 
 
-def rate_gains(vehicle: Vehicle) -> dict[str, float]:
-    """Gains of ArduPilot's rate loop: P = bandwidth J / torque of a full command, I and D in its default ratios."""
+def rate_bandwidths(vehicle: Vehicle) -> tuple[float, float, float]:
+    """Bandwidths of the rate loop about x, y and z that the rotors' lag allows, rad/s."""
     slowest = max(float(rotor.time_constant_up) for rotor in vehicle.rotors)
     fast = min(RATE_BANDWIDTH, 0.33 / max(slowest, 1e-3))
+    return fast, fast, min(YAW_BANDWIDTH, fast)
+
+
+def rate_gains(vehicle: Vehicle) -> dict[str, float]:
+    """Gains of ArduPilot's rate loop: P = bandwidth J / torque of a full command, I and D in its default ratios."""
     found: dict[str, float] = {}
-    wide = (fast, fast, min(YAW_BANDWIDTH, fast))
-    gains = proportional_gains(vehicle, torque_of_signal(vehicle), wide)
+    gains = proportional_gains(vehicle, torque_of_signal(vehicle), rate_bandwidths(vehicle))
     for name, gain in zip(("RLL", "PIT", "YAW"), gains, strict=True):
         integral, slope = (1.0, 0.0267) if name != "YAW" else (0.1, 0.0)
         found |= {f"ATC_RAT_{name}_P": gain, f"ATC_RAT_{name}_I": integral * gain, f"ATC_RAT_{name}_D": slope * gain}

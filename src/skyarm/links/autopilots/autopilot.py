@@ -154,6 +154,11 @@ class Autopilot(ABC):
 
         return PilotedSession
 
+    def outside_options(self, vehicle: Vehicle) -> str:
+        """Options that ``skyarm fly`` needs for the parameters that follow from a vehicle."""
+        del vehicle
+        return ""
+
     @property
     def outside_ports(self) -> tuple[int, int]:
         """UDP ports for a program outside: of the autopilot's MAVLink, and of the joints.
