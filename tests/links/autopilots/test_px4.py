@@ -325,6 +325,21 @@ def test_offboard_mode_is_asked_for_and_then_arming_at_whole_seconds(tmp_path: P
     assert "COMMAND_LONG" not in peer.fly(1000)
 
 
+def test_nothing_is_said_or_heard_over_the_onboard_port_before_px4_answers(tmp_path: Path) -> None:
+    peer = Peer(tmp_path)
+    heard = []
+
+    def silent(channel: str) -> bytes:
+        heard.append(channel)
+        return b""
+
+    peer.tape._answer = silent
+    peer.fly(100)
+    assert set(heard) == {"simulator"}
+    assert {channel for channel, _ in peer.tape.sent} == {"simulator"}
+    assert (peer.link.facts["answered"], peer.link.facts["lockstep_missed"]) == (0, 0)
+
+
 def test_nothing_is_asked_before_the_estimates_are_valid(tmp_path: Path) -> None:
     peer = Peer(tmp_path)
     peer.fly(1)

@@ -99,6 +99,12 @@ def test_a_silent_commander_loses_the_arm(server, arm, monkeypatch):
     assert server.exchange(0.0, (0.0, 0.0), (0.0, 0.0)) is None
 
 
+def test_ages_are_told_by_their_median_and_their_99_percent(server):
+    assert server.facts == {"commands": 0, "refused": 0}
+    server._ages.extend(each / 1000.0 for each in reversed(range(201)))
+    assert server.facts == {"commands": 0, "refused": 0, "age_p50_s": 0.1, "age_p99_s": 0.198}
+
+
 def test_a_second_commander_is_refused_while_the_first_is_there(server, arm):
     arm.send((5.0, 6.0), 0.0)
     settle(lambda: server.exchange(0.0, (0.0, 0.0), (0.0, 0.0)))

@@ -94,6 +94,7 @@ def test_the_law_flies_its_reference_from_where_the_vehicle_is(scenario):
     said = log.info["outside"]
     assert said["autopilot"] == "PX4"
     assert said["periods"] > 300
+    assert said["periods"] + said["missed"] == round(250.0 * log.time[-1]) + 1
     assert said["computing"]["p99_ms"] < 50.0
 
 

@@ -222,6 +222,13 @@ def test_an_older_estimate_is_not_taken(link, peer):
     assert link.take() is None
 
 
+@pytest.mark.parametrize(("attitude", "taken"), [((0.6, 0.0, 0.8, 0.0), True), ((0.5, 0.5, 0.5, -0.6), False)])
+def test_a_quaternion_has_unit_length(link, peer, attitude, taken):
+    peer.heartbeat()
+    peer.odometry(2.0, q=attitude)
+    assert (link.take() is not None) == taken
+
+
 def test_an_estimate_of_the_same_instant_is_the_same(link, peer):
     peer.heartbeat()
     peer.odometry(at=2.0)
