@@ -11,9 +11,9 @@ from skyarm.cli.arguments import name_completion, require_not_another
 from skyarm.cli.lines import NOT_COMPLETED, say_suspicious
 from skyarm.cli.output import give, say_cause, tell
 from skyarm.cli.run_command import earlier_kept, facts, headline, summary
+from skyarm.links.outside.autopilot_link import open_link
 from skyarm.links.outside.joint_links import open_joints
 from skyarm.links.outside.offboard import OffboardFlight, OffboardSettings, require_outside
-from skyarm.links.outside.offboard_link import OffboardLink
 from skyarm.log.formats import save_log
 from skyarm.records.files import require_replaceable, require_writable, taken_back
 from skyarm.scenario.scenario_file import load_scenario
@@ -24,7 +24,9 @@ def fly(
         str,
         typer.Argument(help="a scenario (.toml), a log, or a shipped name", autocompletion=name_completion("scenario")),
     ],
-    link: Annotated[str, typer.Option(metavar="URL", help="mavlink://HOST:PORT waits; mavlink-out://HOST:PORT calls")],
+    link: Annotated[
+        str, typer.Option(metavar="URL", help="mavlink://HOST:PORT waits; mavlink-out://HOST:PORT calls; dds://DOMAIN")
+    ],
     joints: Annotated[
         str | None, typer.Option(metavar="URL", help="udp://HOST:PORT, dynamixel:DEVICE?ids=1,2 or FILE.py:make")
     ] = None,
@@ -70,7 +72,7 @@ def fly(
         vehicle = planned.controller.par.model.vehicle
         arm = open_joints(joints, vehicle)
         try:
-            autopilot = OffboardLink(link, patience)
+            autopilot = open_link(link, patience)
             try:
                 flight = OffboardFlight(planned, autopilot, arm, settings, tell)
                 log = flight.run()

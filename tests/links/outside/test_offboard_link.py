@@ -264,7 +264,7 @@ def test_only_the_first_autopilot_is_heard(link, peer):
 
 def test_a_set_point_has_rates_and_thrust_in_the_wires_axes(link, peer):
     peer.heartbeat()
-    link.send_rates(RateCommand(rates=Vec3(0.1, 0.2, 0.3), thrust=0.4))
+    link.send(RateCommand(rates=Vec3(0.1, 0.2, 0.3), thrust=0.4))
     found = peer.heard()
     assert (found.name, found["type_mask"], found["target_system"], found.system) == ("SET_ATTITUDE_TARGET", 128, 3, 3)
     rates = [found[f"body_{axis}_rate"] for axis in ("roll", "pitch", "yaw")]

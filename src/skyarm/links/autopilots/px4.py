@@ -45,6 +45,10 @@ STALL = 1.0
 """s by the wall clock after which a step without an answer is given up: PX4 may drop a sample, as when it selects
 another sensor, and would wait for the next one for ever."""
 
+HALT, HASTE, STEADY = 0.1, 0.75, 10
+"""s without an answer in real time after which PX4's motors are taken to be commanded from outside, when it answers new
+commands only; share of a period that is waited then; answers in a row that show it commands them itself again."""
+
 BOOT_STEP = 0.02
 """s by the wall clock between sensor messages until PX4 answers the first."""
 
@@ -148,7 +152,7 @@ class PX4Link(ProgramLink):
         self._sensors = SensorMessages()
         self._simulator, self._sequence = mavlink.Parser(), 0
         self._vehicle = GuidedVehicle(PX4_NUMBER, self._carry, record.parameters, datagrams=True)
-        self._steps = self._answered = self._missed = self._failsafes = 0
+        self._row = self._steps = self._answered = self._missed = self._failsafes = 0
         self._silence = 0.0
         self._armed = self._ready = self._leaves = self._failing = False
         model = model_of(scenario)
@@ -215,13 +219,16 @@ class PX4Link(ProgramLink):
         self._tape.send("simulator", frame, self._write)
 
     def _await(self, stamp: int) -> None:
-        """Wait for the answer to a sensor message; during PX4's start for a moment only."""
+        """Wait for the answer to a sensor message; for a moment only during PX4's start, or beside motor commands."""
         pause = STALL if self._answered else BOOT_STEP
+        if self.released and self._record.outside:
+            pause = HALT if self._row >= STEADY else HASTE / self._rate
         until, heard = time.monotonic() + pause, False
         while True:
             data = self._tape.receive("simulator", partial(self._read, until, heard))
             if not data:
-                self._missed += self._answered > 0
+                self._missed += self._answered > 0 and pause >= HALT
+                self._row = 0
                 self._silence += pause
                 if self._silence > self._record.patience:
                     raise LinkError(f"PX4 has not answered for {self._record.patience:g} s{self._ending}")
@@ -251,6 +258,7 @@ class PX4Link(ProgramLink):
         if not self._answered:
             self._require_parameters()
         self._answered += 1
+        self._row += 1
         self._silence = 0.0
         return True
 

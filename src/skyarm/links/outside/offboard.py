@@ -17,16 +17,17 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, NoReturn
 
-from skyarm.algebra import Vec3
 from skyarm.compile import leaves, rebuild
 from skyarm.control.controller import autopilot_of
-from skyarm.links.autopilots.effectiveness import centre_of_mass
+from skyarm.links.outside.autopilot_link import AutopilotLink
+from skyarm.links.outside.dds_link import DdsLink
 from skyarm.links.outside.flight_record import FlightRecord, percentiles
 from skyarm.links.outside.joint_port import JointLink, JointReading
-from skyarm.links.outside.offboard_link import OffboardError, OffboardLink
+from skyarm.links.outside.motor_commands import MotorSettings, require_full_thrust
+from skyarm.links.outside.offboard_link import OffboardError
 from skyarm.links.outside.outside_law import LoopSettings, OutsideLaw
-from skyarm.links.outside.px4_rate_loop import ANGLE_FILTER, ANGLE_GAINS, LEAST_CUTOFF, NAMES, YAW_FILTER, px4_rate_loop
-from skyarm.links.outside.rate_commands import GuidedRateLoop, IdealRateLoop, RateLoop, Three
+from skyarm.links.outside.rate_commands import Three
+from skyarm.links.outside.rate_settings import ParameterReader, rate_settings
 from skyarm.links.outside.state_frames import AutopilotState, WorldFrame, with_rotor_speeds
 from skyarm.log.flight_log import Log
 from skyarm.records.field_rules import accept_fields
@@ -46,9 +47,6 @@ HAND_BACK = 0.3
 
 BEAT_LOST = 3.0
 """s without a heartbeat of the autopilot, which sends one each second."""
-
-HOVER = (0.05, 0.95)
-"""Thrust set points with which a vehicle can hover."""
 
 LEAD = 0.6
 """s of set points before the autopilot is asked to take them, as PX4 requires."""
@@ -154,7 +152,7 @@ class OffboardFlight:
     def __init__(
         self,
         scenario: Scenario,
-        link: OffboardLink,
+        link: AutopilotLink,
         arm: JointLink,
         settings: OffboardSettings,
         tell: Callable[[str], None] = lambda text: None,
@@ -263,87 +261,22 @@ class OffboardFlight:
             return link.state is not None and self._joints is not None
 
         self._until(settings.patience, has_state, f"{self._silent_part()} sent nothing")
-        law = self._scenario.controller
-        vehicle = law.par.model.vehicle
-        assert link.modes is not None
-        hover = link.modes.hover
-        if settings.hover_share is None:
-            self._read_parameters([hover])
-        self._require_thrust()
-        share = link.parameters[hover] if settings.hover_share is None else settings.hover_share
-        if not HOVER[0] <= share <= HOVER[1]:
-            raise OffboardError(
-                f"--link: {link.modes.title}'s {hover} = {share:g}: must be from {HOVER[0]} to {HOVER[1]}"
-            )
-        inner = LoopSettings(
-            period=1.0 / self._rate,
-            rate_loop=self._rate_loop(),
-            full_thrust=float(vehicle.mass) * self._gravity / share,
-            center=Vec3(*(float(c) for c in centre_of_mass(vehicle))),
-        )
-        self._law = OutsideLaw(law, inner, self._reference(0))
+        loop = self._loop_settings()
+        self._law = OutsideLaw(self._scenario.controller, loop, self._reference(0))
 
-    def _require_thrust(self) -> None:
-        """Refuse an autopilot that takes the thrust of a set point for a climb rate.
-
-        Raises:
-            OffboardError: its option is not set.
-        """
-        modes = self._link.modes
-        assert modes is not None
-        if modes.option is None:
-            return
-        name, bit = modes.option
-        self._read_parameters([name])
-        value = self._link.parameters[name]
-        if not (0.0 <= value < 2.0**24 and int(value) & bit):
-            raise OffboardError(
-                f"--link: {modes.title}'s {name} = {value:g}: must include {bit}, so that thrust is not a climb rate"
-            )
+    def _loop_settings(self) -> LoopSettings | MotorSettings:
+        """Settings of the loop around the law, for what the link commands."""
+        link, settings, model = self._link, self._settings, self._scenario.controller.par.model
+        if isinstance(link, DdsLink):
+            if settings.rate_bandwidth is not None:
+                raise OffboardError("--rate-bandwidth: must be left out for motors, which have no rate loop")
+            require_full_thrust(model.vehicle)
+            return MotorSettings(period=1.0 / self._rate)
+        reader = ParameterReader(link, self._pump)
+        return rate_settings(reader, model, 1.0 / self._rate, settings.rate_bandwidth, settings.hover_share)
 
     def _silent_part(self) -> str:
         return "--joints: the arm" if self._joints is None else "--link: the autopilot's estimator"
-
-    def _rate_loop(self) -> RateLoop:
-        """Rate loop to invert: of the bandwidth that is given, else PX4's by its parameters."""
-        wide, link = self._settings.rate_bandwidth, self._link
-        assert link.modes is not None
-        px4 = link.modes.title == "PX4"
-        if px4 and wide is not None:
-            return IdealRateLoop(bandwidth=wide)
-        if wide is None and not px4:
-            raise OffboardError(f"--rate-bandwidth: must be given for {link.modes.title}, whose rate loop is not known")
-        read, name = (NAMES, YAW_FILTER) if px4 else (ANGLE_GAINS, ANGLE_FILTER)
-        self._read_parameters([*read, name])
-        cutoff = link.parameters[name]
-        if not (cutoff == 0.0 or cutoff >= LEAST_CUTOFF):
-            raise OffboardError(
-                f"--link: {link.modes.title}'s {name} = {cutoff:g}: must be 0 or at least {LEAST_CUTOFF:g} Hz, so that "
-                "yaw does not oscillate behind the filter"
-            )
-        if wide is not None:
-            x, y, z = (link.parameters[each] for each in ANGLE_GAINS)
-            return GuidedRateLoop(bandwidth=wide, gain=(x, y, z))
-        return px4_rate_loop(self._scenario.controller.par.model.vehicle, link.parameters)
-
-    def _read_parameters(self, names: Sequence[str]) -> None:
-        """Read parameters of the autopilot.
-
-        Raises:
-            OffboardError: it does not send one of them.
-        """
-        link = self._link
-        assert link.modes is not None
-        for _ in range(5):
-            missing = [name for name in names if name not in link.parameters]
-            for name in missing:
-                link.request_parameter(name)
-            until = time.monotonic() + 0.4
-            while time.monotonic() < until and any(name not in link.parameters for name in missing):
-                self._pump(0.02)
-        missing = [name for name in names if name not in link.parameters]
-        if missing:
-            raise OffboardError(f"--link: {link.modes.title} does not send its parameter {missing[0]}")
 
     def _await_hover(self) -> None:
         """Wait until the vehicle is armed, in the air, slow, and commanded by no other program."""
@@ -413,7 +346,7 @@ class OffboardFlight:
             jump, before = state.time - before, state.time
             if jump > self._settings.stale:
                 self._end(LINK_LOST, f"the autopilot's clock went on by {jump:.3g} s between two estimates")
-            tick = math.floor((state.time - record.first) * self._rate + 1e-6)
+            tick = round((state.time - record.first) * self._rate)
             if tick <= last:
                 continue
             if tick >= self._steps:
@@ -436,7 +369,7 @@ class OffboardFlight:
         found = law.step(measured, reference)
         if not all(map(math.isfinite, leaves(found))):
             self._end(DIVERGED, "the law's command is not finite")
-        link.send_rates(found.base)
+        link.send(found.base)
         if record is None:
             return
         self._arm.send([float(each) for each in found.law.efforts], state.time)

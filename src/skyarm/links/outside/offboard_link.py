@@ -20,8 +20,9 @@ from urllib.parse import urlsplit
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.links import mavlink
 from skyarm.links.mavlink_vehicle import MODES, ONBOARD_COMPUTER, SET_MODE, MavlinkVehicle
+from skyarm.links.outside.motor_commands import SetPoint
 from skyarm.links.outside.rate_commands import RateCommand
-from skyarm.links.outside.state_frames import AutopilotState, to_our_attitude, to_our_axes
+from skyarm.links.outside.state_frames import AutopilotState, is_whole, to_our_attitude, to_our_axes
 from skyarm.links.sockets import drain
 from skyarm.records.files import shown
 
@@ -84,8 +85,8 @@ def parse_link(url: str) -> tuple[str, str, int]:
         if parts.scheme in ("mavlink", "mavlink-out") and parts.hostname and parts.port and whole:
             return parts.scheme, parts.hostname, parts.port
     raise OffboardError(
-        f"--link = {shown(url)}: must be mavlink://HOST:PORT, which waits there for the autopilot, or "
-        "mavlink-out://HOST:PORT, which calls it"
+        f"--link = {shown(url)}: must be mavlink://HOST:PORT, which waits there for the autopilot, "
+        "mavlink-out://HOST:PORT, which calls it, or dds://DOMAIN"
     )
 
 
@@ -191,8 +192,9 @@ class OffboardLink(MavlinkVehicle):
         self.accepted, self.refused = False, 0
         super().request_outside()
 
-    def send_rates(self, command: RateCommand) -> None:
+    def send(self, command: SetPoint) -> None:
         """Send body rates and thrust."""
+        assert isinstance(command, RateCommand)
         p, q, r = to_our_axes(*command.rates)
         self.tell_autopilot(
             "SET_ATTITUDE_TARGET", time_boot_ms=round(time.monotonic() * 1e3) & 0xFFFFFFFF, type_mask=NO_ATTITUDE,
@@ -242,9 +244,7 @@ class OffboardLink(MavlinkVehicle):
             time=at, position=place.position + place.velocity * ahead, quaternion=quaternion, velocity=place.velocity,
             rate=rate, specific_force=self._force,
         )  # fmt: skip
-        numbers = (at, *state.position, *state.quaternion, *state.velocity, *state.rate)
-        whole = all(map(math.isfinite, numbers)) and abs(sum(c * c for c in state.quaternion) - 1.0) < 1e-2
-        if not whole or abs(ahead) > OLD or (self.state is not None and at <= self.state.time):
+        if not is_whole(state) or abs(ahead) > OLD or (self.state is not None and at <= self.state.time):
             return
         self.state, self.fresh, self.heard = state, True, time.monotonic()
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -20,12 +20,15 @@ from skyarm.compile.machine_code import NoMachineCodeError
 from skyarm.compile.tracing.program import Loop, trace_loop
 from skyarm.control.controller import Controller
 from skyarm.control.law_checks import checked_law
+from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command, speeds_after
 from skyarm.dynamics.actuators.hover import hover_trim
+from skyarm.links.outside.motor_commands import MotorSettings, SetPoint
 from skyarm.links.outside.rate_commands import RateCommand, RateLoop, rate_command, rotor_wrench
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement, blank_measurement
+from skyarm.vehicle.vehicle_records import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -44,6 +47,20 @@ class LoopSettings:
     full_thrust: Annotated[float, Unit("N", low=0.0, strict=True)]
     center: Annotated[Vec3, Unit("m", "base axes")] = Vec3(0.0, 0.0, 0.0)
 
+    def begin(self, vehicle: Vehicle, speeds: Sequence[Scalar]) -> Vec3:
+        """Torque of the rate loop's integral in a hover at rotor speeds (rad/s), N m."""
+        wrench = rotor_wrench(vehicle, speeds)
+        torque = wrench.torque - self.center.cross(wrench.force)
+        return Vec3(*(float(each) for each in self.rate_loop.begin(torque)))
+
+    def set_point(
+        self, model: Model, integral: Vec3, measurement: Measurement, reference: Reference, command: Command
+    ) -> tuple[Vec3, RateCommand]:
+        """Rates and thrust of a law's command, and the rate loop's integral torque after the period."""
+        return rate_command(
+            model, self.rate_loop, self.full_thrust, self.center, integral, measurement, reference, command, self.period
+        )
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class OutsideMemory:
@@ -58,7 +75,7 @@ class OutsideMemory:
 class OutsideCommand:
     """Output of one period: set point of the base, and the law's own command."""
 
-    base: RateCommand
+    base: SetPoint
     law: Command
 
 
@@ -77,14 +94,12 @@ class OutsideLaw:
         ControllerError: the controller flies by an autopilot of its own.
     """
 
-    def __init__(self, controller: Controller, settings: LoopSettings, begin: Reference) -> None:
+    def __init__(self, controller: Controller, settings: LoopSettings | MotorSettings, begin: Reference) -> None:
         self.controller, self.settings = controller, settings
         model = controller.par.model
         trim = hover_trim(model.vehicle, tuple(begin.joints), model.gravity)
         speeds = tuple(float(each) for each in trim.speeds)
-        wrench = rotor_wrench(model.vehicle, speeds)
-        torque = wrench.torque - settings.center.cross(wrench.force)
-        integral = Vec3(*(float(each) for each in settings.rate_loop.begin(torque)))
+        integral = settings.begin(model.vehicle, speeds)
         self._first = OutsideMemory(law=controller.memory, rotor_speeds=speeds, integral=integral)
         self._step = self._in_machine_code(begin) if controller.compiled else self._in_python()
         self.reset()
@@ -104,10 +119,7 @@ class OutsideLaw:
         par, settings, dt = self.controller.par, self.settings, self.settings.period
         seen = dataclasses.replace(measurement, rotor_speeds=memory.rotor_speeds)
         law, command = checked_law(self.controller)(memory.law, seen, reference, dt, par=par)
-        integral, base = rate_command(
-            par.model, settings.rate_loop, settings.full_thrust, settings.center, memory.integral, seen, reference,
-            command, dt,
-        )  # fmt: skip
+        integral, base = settings.set_point(par.model, memory.integral, seen, reference, command)
         speeds = speeds_after(par.model.vehicle.rotors, memory.rotor_speeds, command.rotor_speeds, dt)
         following = OutsideMemory(law=law, rotor_speeds=speeds, integral=integral)
         return following, OutsideCommand(base=base, law=command.dense())

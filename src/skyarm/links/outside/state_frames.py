@@ -31,6 +31,12 @@ class AutopilotState:
     specific_force: Annotated[Vec3 | None, Unit("m/s^2", "base axes; None where it is not sent")] = None
 
 
+def is_whole(state: AutopilotState) -> bool:
+    """True if all numbers of an estimate are finite, and its quaternion has unit length."""
+    numbers = (state.time, *state.position, *state.quaternion, *state.velocity, *state.rate)
+    return all(map(math.isfinite, numbers)) and abs(sum(c * c for c in state.quaternion) - 1.0) < 1e-2
+
+
 def to_our_axes(x: float, y: float, z: float) -> Vec3:
     """Vector of forward, right, down or north, east, down in our axes; and back, for the map is its own inverse."""
     return Vec3(float(x), -float(y), -float(z))

@@ -20,7 +20,7 @@ PART = re.compile(r"([\w/]+)(?:\[(\d*)\])?")
 OLD_NAMES = {"builtin_interfaces/Time": "time", "builtin_interfaces/Duration": "duration"}
 """Types that are built into ROS 1."""
 
-FORMATS = {"|u1": "B", "<i4": "i", "<u4": "I", "<f4": "f", "<f8": "d"}
+FORMATS = {"|u1": "B", "|i1": "b", "<u2": "H", "<i4": "i", "<u4": "I", "<u8": "Q", "<f4": "f", "<f8": "d"}
 
 ENCAPSULATION = 4
 """Bytes before the first field of a CDR message."""

@@ -49,15 +49,15 @@ class Ros2Node:
 
     Args:
         domain: number of the DDS domain; that of ROS_DOMAIN_ID, else 0, if left out.
+        definitions: of its message types.
 
     Raises:
         RosError: cyclonedds is missing, or the domain cannot be joined.
     """
 
     packed = False
-    definitions: Mapping[str, str] = DEFINITIONS
 
-    def __init__(self, domain: int | None = None) -> None:
+    def __init__(self, domain: int | None = None, definitions: Mapping[str, str] = DEFINITIONS) -> None:
         try:
             import cyclonedds.core
             import cyclonedds.domain
@@ -69,11 +69,13 @@ class Ros2Node:
         except ImportError:
             raise RosError(f"cyclonedds: is missing; ROS 2 {needs_extra('ros')}") from None
         self._dds: Any = cyclonedds
-        self._types = DdsTypes(self.definitions)
+        self.definitions = definitions
+        self._types = DdsTypes(definitions)
         self._number = _domain_of_environment() if domain is None else domain
         self._writers: dict[str, Any] = {}
         self._readers: dict[str, Any] = {}
         self._entities: list[Any] = []
+        self._arrivals: Any = None
         try:
             if os.environ.get(CONFIGURATION):
                 self._participant = self._dds.domain.DomainParticipant(self._number)
@@ -135,14 +137,29 @@ class Ros2Node:
         found = self._readers[topic].take(MOST_WAITING)
         return [each.content for each in found if hasattr(each, "content")]
 
+    def wait(self, seconds: float) -> None:
+        """Wait for a message of the topics that were subscribed to before the first call, at most so long."""
+        if self._arrivals is None:
+            core = self._dds.core
+            self._arrivals = core.WaitSet(self._participant)
+            new = core.SampleState.NotRead | core.ViewState.Any | core.InstanceState.Any
+            for reader in self._readers.values():
+                self._arrivals.attach(core.ReadCondition(reader, new))
+        self._arrivals.wait(max(round(1e9 * seconds), 0))
+
     def subscribers(self, topic: str) -> int:
         """Number of subscribers that an advertised topic has now."""
         return len(self._writers[topic].get_matched_subscriptions())
+
+    def publishers(self, topic: str) -> int:
+        """Number of publishers that a subscribed topic has now."""
+        return len(self._readers[topic].get_matched_publications())
 
     def close(self) -> None:
         """Give the last messages time to arrive, then leave the domain; its sockets and threads end."""
         if any(self.subscribers(topic) for topic in self._writers):
             time.sleep(LAST)
+        self._arrivals = None
         self._writers.clear()
         self._readers.clear()
         self._participant = None

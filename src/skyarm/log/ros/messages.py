@@ -149,8 +149,11 @@ HEADER = b"\x00\x01\x00\x00"
 PRIMITIVES = {
     "bool": "|u1",
     "uint8": "|u1",
+    "int8": "|i1",
+    "uint16": "<u2",
     "int32": "<i4",
     "uint32": "<u4",
+    "uint64": "<u8",
     "float32": "<f4",
     "float64": "<f8",
 }

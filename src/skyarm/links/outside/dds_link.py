@@ -1,0 +1,197 @@
+"""PX4's uXRCE-DDS as the connection of a control law: state in, motor set points and modes out.
+
+The agent makes DDS topics of what PX4's client sends: :mod:`skyarm.links.outside.px4_topics`. Source: docs.px4.io,
+"uXRCE-DDS" and "Offboard mode".
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import time
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.algebra import Vec3
+from skyarm.links.outside.motor_commands import MotorCommand, SetPoint
+from skyarm.links.mavlink_vehicle import MODES, PX4_NUMBER, SET_MODE
+from skyarm.links.outside.offboard_link import OffboardError
+from skyarm.links.outside.px4_topics import (
+    ALIVE, ANSWER, AUTO_BIT, COMMAND, DEFINITIONS, IN, INERTIAL, LANDED, MODE, MOST_MOTORS, MOTORS, ODOMETRY,
+    OFFBOARD_BIT, OUT,
+)  # fmt: skip
+from skyarm.links.outside.state_frames import AutopilotState, is_whole, to_our_attitude, to_our_axes
+from skyarm.links.ros.message_types import MessageError, decode
+from skyarm.links.ros.node import RosError
+from skyarm.links.ros.ros2_node import MOST_DOMAIN, Ros2Node
+from skyarm.log.ros.messages import encode
+from skyarm.records.files import shown
+
+FORM = re.compile(r"dds://(\d{1,3})((?:/\w+)*)/?")
+"""Domain, and the namespace of PX4's topics."""
+
+NED, FRD, BODY = 1, 2, 3
+"""Frames of an odometry: north, east, down; the same from another heading; the base's axes, of velocities only."""
+
+
+@dataclass(frozen=True, slots=True)
+class ModeBits:
+    """Meaning of a mode, whose bits say whether it takes set points from outside, or flies by itself."""
+
+    title: str = "PX4"
+
+    def is_outside(self, mode: int) -> bool:
+        """True if a mode takes set points from outside."""
+        return bool(mode & OFFBOARD_BIT)
+
+    def is_hold(self, mode: int) -> bool:
+        """True if a mode flies by itself."""
+        return bool(mode & AUTO_BIT) and not mode & OFFBOARD_BIT
+
+
+def parse_domain(url: str) -> tuple[int, str]:
+    """Number of the domain, and namespace, of a link such as ``dds://0`` or ``dds://0/px4_1``.
+
+    Raises:
+        OffboardError: another form.
+    """
+    match = FORM.fullmatch(url)
+    if match is None or int(match[1]) > MOST_DOMAIN:
+        raise OffboardError(
+            f"--link = {shown(url)}: must be dds://DOMAIN or dds://DOMAIN/NAMESPACE, with a domain from 0 to "
+            f"{MOST_DOMAIN}"
+        )
+    return int(match[1]), match[2]
+
+
+class DdsLink:
+    """PX4 behind an agent of uXRCE-DDS, in the place of MAVLink.
+
+    Args:
+        url: ``dds://DOMAIN`` or ``dds://DOMAIN/NAMESPACE``.
+    """
+
+    def __init__(self, url: str) -> None:
+        domain, self._space = parse_domain(url)
+        try:
+            self._node = Ros2Node(domain, DEFINITIONS)
+        except RosError as error:
+            raise OffboardError(f"--link = {shown(url)}: {error}") from None
+        for topic, kind in OUT.items():
+            self._node.subscribe(self._space + topic, kind)
+        for topic, kind in IN.items():
+            self._node.advertise(self._space + topic, kind)
+        self.modes: ModeBits | None = None
+        self.state: AutopilotState | None = None
+        self.fresh, self.armed, self.landed, self.accepted = False, False, True, False
+        self.heard = self.beaten = -math.inf
+        self.mode, self.said, self.refused, self.lost = 0, "", 0, 0
+        self.round_trips: tuple[float, ...] = ()
+        self._force: Vec3 | None = None
+        self._readers = {
+            INERTIAL: self._hear_inertial, ODOMETRY: self._hear_odometry, MODE: self._hear_mode,
+            LANDED: self._hear_landed, ANSWER: self._hear_answer, f"{ANSWER}_v1": self._hear_answer,
+        }  # fmt: skip
+
+    @property
+    def has_autopilot(self) -> bool:
+        """True once PX4 has said its mode, and reads set points."""
+        return self.modes is not None and all(self._node.subscribers(self._space + topic) for topic in IN)
+
+    def wait(self, seconds: float) -> None:
+        """Wait for messages, at most so long, and read all that have come."""
+        self._node.wait(seconds)
+        for topic, reader in self._readers.items():
+            for data in self._node.take(self._space + topic):
+                try:
+                    message = decode(OUT[topic], DEFINITIONS, data)
+                except MessageError:
+                    self.lost += 1
+                    continue
+                reader(message)
+
+    def take(self) -> AutopilotState | None:
+        """Newest estimate if it has come since the last call."""
+        if not self.fresh:
+            return None
+        self.fresh = False
+        return self.state
+
+    def beat(self) -> None:
+        """Nothing: each set point says that this side is alive."""
+
+    def request_estimates(self, rate: float) -> None:
+        """Refuse a second vehicle on the same topics; PX4 sends at its own rates.
+
+        Raises:
+            OffboardError: more than one publishes its estimate.
+        """
+        del rate
+        count, topic = self._node.publishers(self._space + ODOMETRY), self._space + ODOMETRY
+        if count > 1:
+            raise OffboardError(f"--link: {count} vehicles publish {topic}: must be one; add its namespace")
+
+    def request_outside(self) -> None:
+        """Request the mode that takes set points from outside; ``accepted`` is True once it does."""
+        self.accepted, self.refused = False, 0
+        self._set_mode(*MODES[PX4_NUMBER].outside)
+
+    def request_hold(self) -> None:
+        """Request the mode that holds the place."""
+        self._set_mode(*MODES[PX4_NUMBER].hold)
+
+    def send(self, command: SetPoint) -> None:
+        """Send thrusts of the motors, and that motors are what is set."""
+        assert isinstance(command, MotorCommand)
+        stamp = self._stamp()
+        rest = (math.nan,) * (MOST_MOTORS - len(command.thrusts))  # stopped
+        self._send(ALIVE, timestamp=stamp, direct_actuator=1)
+        self._send(MOTORS, timestamp=stamp, timestamp_sample=stamp, control=(*command.thrusts, *rest))
+
+    def close(self) -> None:
+        """Leave the domain."""
+        self._node.close()
+
+    def _stamp(self) -> int:
+        """Time of the newest estimate and the wait since, microseconds; 0, for which PX4 takes its own, before one."""
+        return 0 if self.state is None else round(1e6 * (self.state.time + time.monotonic() - self.heard))
+
+    def _set_mode(self, main: int, sub: int) -> None:
+        self._send(
+            COMMAND, timestamp=self._stamp(), param1=1.0, param2=float(main), param3=float(sub), command=SET_MODE,
+            source_system=1, from_external=1,
+        )  # fmt: skip
+
+    def _send(self, topic: str, **values: Any) -> None:
+        self._node.send(self._space + topic, encode(IN[topic], DEFINITIONS, values, 1)[0].tobytes())
+
+    def _hear_mode(self, m: dict[str, Any]) -> None:
+        self.modes = self.modes or ModeBits()
+        self.mode = OFFBOARD_BIT * m["flag_control_offboard_enabled"] | AUTO_BIT * m["flag_control_auto_enabled"]
+        self.armed, self.beaten = bool(m["flag_armed"]), time.monotonic()
+
+    def _hear_landed(self, m: dict[str, Any]) -> None:
+        self.landed = bool(m["landed"])
+
+    def _hear_answer(self, m: dict[str, Any]) -> None:
+        if m["command"] == SET_MODE:
+            self.accepted, self.refused = m["result"] == 0, m["result"]
+
+    def _hear_inertial(self, m: dict[str, Any]) -> None:
+        force = to_our_axes(*m["accelerometer_m_s2"])
+        self._force = force if all(map(math.isfinite, force)) else self._force
+
+    def _hear_odometry(self, m: dict[str, Any]) -> None:
+        """Keep an estimate of finite numbers that is newer than the last."""
+        frame, quaternion = m["velocity_frame"], to_our_attitude(*m["q"])
+        velocity = to_our_axes(*m["velocity"])
+        if frame == BODY:
+            velocity = quaternion.rotation().apply(velocity)
+        state = AutopilotState(
+            time=1e-6 * m["timestamp_sample"], position=to_our_axes(*m["position"]), quaternion=quaternion,
+            velocity=velocity, rate=to_our_axes(*m["angular_velocity"]), specific_force=self._force,
+        )  # fmt: skip
+        known = m["pose_frame"] in (NED, FRD) and frame in (m["pose_frame"], BODY)
+        if not (known and is_whole(state)) or (self.state is not None and state.time <= self.state.time):
+            return
+        self.state, self.fresh, self.heard = state, True, time.monotonic()

@@ -1,0 +1,65 @@
+"""Motor set points with which an autopilot passes a control law's rotor speeds on, each a share of the highest thrust.
+
+The autopilot keeps its thrust curve, motor order and limits, and none of its loops: the law's own bandwidth counts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+from skyarm.algebra import Vec3
+from skyarm.algebra.scalars import Scalar, clip
+from skyarm.control.model import Model
+from skyarm.dynamics.actuators import Command
+from skyarm.dynamics.actuators.rotor import push
+from skyarm.links.outside.rate_commands import RateCommand
+from skyarm.records.coerce import refuse
+from skyarm.records.units import Unit
+from skyarm.reference import Reference
+from skyarm.sensing.measurement import Measurement
+from skyarm.vehicle.vehicle_records import Vehicle
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class MotorCommand:
+    """Set point for an autopilot: thrust of each rotor as a share of its highest, in the vehicle's order."""
+
+    thrusts: Annotated[tuple[Scalar, ...], Unit("", "0 to 1")]
+
+
+SetPoint = RateCommand | MotorCommand
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class MotorSettings:
+    """Settings of the loop around a law whose rotor commands go to the motors."""
+
+    period: Annotated[float, Unit("s", "of the law", low=0.0, strict=True)]
+
+    def begin(self, vehicle: Vehicle, speeds: Sequence[float]) -> Vec3:
+        """Zero: no loop of the autopilot has an integral."""
+        del vehicle, speeds
+        return Vec3(0.0, 0.0, 0.0)
+
+    def set_point(
+        self, model: Model, integral: Vec3, measurement: Measurement, reference: Reference, command: Command
+    ) -> tuple[Vec3, MotorCommand]:
+        """Shares of thrust at the law's rotor speeds, and the integral as it is."""
+        del measurement, reference
+        pairs = zip(model.vehicle.rotors, command.rotor_speeds, strict=True)
+        shares = (clip(push(rotor, speed) / push(rotor, rotor.max_speed), 0.0, 1.0) for rotor, speed in pairs)
+        return integral, MotorCommand(thrusts=tuple(shares))
+
+
+def require_full_thrust(vehicle: Vehicle) -> None:
+    """Refuse rotors without a highest speed, and so without a highest thrust.
+
+    Raises:
+        RecordError: a rotor whose ``max_speed`` is infinite.
+    """
+    for i, rotor in enumerate(vehicle.rotors):
+        if not math.isfinite(rotor.max_speed):
+            refuse(f"model.vehicle.rotors[{i}].max_speed", rotor.max_speed, "must be finite, for motor set points")

@@ -1,0 +1,89 @@
+"""Topics of PX4's uXRCE-DDS client that a law outside reads and writes: types, fields, and the bits of a mode.
+
+Facts of PX4 v1.17: its client publishes below ``/fmu/out`` and reads below ``/fmu/in``, each topic at 100 Hz at most,
+with times in microseconds of its own clock, or of the agent's where it synchronises them (``UXRCE_DDS_SYNCT``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+DEFINITIONS: Mapping[str, str] = {
+    "px4_msgs/VehicleOdometry": (
+        "uint64 timestamp\nuint64 timestamp_sample\nuint8 pose_frame\nfloat32[3] position\nfloat32[4] q\n"
+        "uint8 velocity_frame\nfloat32[3] velocity\nfloat32[3] angular_velocity\nfloat32[3] position_variance\n"
+        "float32[3] orientation_variance\nfloat32[3] velocity_variance\nuint8 reset_counter\nint8 quality"
+    ),
+    "px4_msgs/SensorCombined": (
+        "uint64 timestamp\nfloat32[3] gyro_rad\nuint32 gyro_integral_dt\nint32 accelerometer_timestamp_relative\n"
+        "float32[3] accelerometer_m_s2\nuint32 accelerometer_integral_dt\nuint8 accelerometer_clipping\n"
+        "uint8 gyro_clipping\nuint8 accel_calibration_count\nuint8 gyro_calibration_count"
+    ),
+    "px4_msgs/VehicleControlMode": (
+        "uint64 timestamp\nbool flag_armed\nbool flag_multicopter_position_control_enabled\n"
+        + "".join(
+            f"bool flag_control_{name}_enabled\n"
+            for name in (
+                "manual", "auto", "offboard", "position", "velocity", "altitude", "climb_rate", "acceleration",
+                "attitude", "rates", "allocation", "termination",
+            )
+        )
+        + "uint8 source_id"
+    ),
+    "px4_msgs/VehicleLandDetected": (
+        "uint64 timestamp\nbool freefall\nbool ground_contact\nbool maybe_landed\nbool landed\n"
+        "bool in_ground_effect\nbool in_descend\nbool has_low_throttle\nbool vertical_movement\n"
+        "bool horizontal_movement\nbool rotational_movement\nbool close_to_ground_or_skipped_check\nbool at_rest"
+    ),
+    "px4_msgs/VehicleCommandAck": (
+        "uint64 timestamp\nuint32 command\nuint8 result\nuint8 result_param1\nint32 result_param2\n"
+        "uint8 target_system\nuint16 target_component\nbool from_external"
+    ),
+    "px4_msgs/VehicleCommand": (
+        "uint64 timestamp\nfloat32 param1\nfloat32 param2\nfloat32 param3\nfloat32 param4\nfloat64 param5\n"
+        "float64 param6\nfloat32 param7\nuint32 command\nuint8 target_system\nuint8 target_component\n"
+        "uint8 source_system\nuint16 source_component\nuint8 confirmation\nbool from_external"
+    ),
+    "px4_msgs/OffboardControlMode": (
+        "uint64 timestamp\nbool position\nbool velocity\nbool acceleration\nbool attitude\nbool body_rate\n"
+        "bool thrust_and_torque\nbool direct_actuator"
+    ),
+    "px4_msgs/ActuatorMotors": (
+        "uint64 timestamp\nuint64 timestamp_sample\nuint16 reversible_flags\nfloat32[12] control"
+    ),
+}
+"""Type -> its fields."""
+
+ODOMETRY, INERTIAL, MODE, LANDED, ANSWER = (
+    f"/fmu/out/{name}"
+    for name in (
+        "vehicle_odometry", "sensor_combined", "vehicle_control_mode", "vehicle_land_detected", "vehicle_command_ack",
+    )
+)  # fmt: skip
+
+COMMAND, ALIVE, MOTORS = (
+    f"/fmu/in/{name}" for name in ("vehicle_command", "offboard_control_mode", "actuator_motors")
+)
+
+OUT: Mapping[str, str] = {
+    ODOMETRY: "px4_msgs/VehicleOdometry",
+    INERTIAL: "px4_msgs/SensorCombined",
+    MODE: "px4_msgs/VehicleControlMode",
+    LANDED: "px4_msgs/VehicleLandDetected",
+    ANSWER: "px4_msgs/VehicleCommandAck",
+    f"{ANSWER}_v1": "px4_msgs/VehicleCommandAck",
+}
+"""Topic that PX4 publishes -> its type; v1.17 marks the second version of a type in the topic's name."""
+
+IN: Mapping[str, str] = {
+    COMMAND: "px4_msgs/VehicleCommand",
+    ALIVE: "px4_msgs/OffboardControlMode",
+    MOTORS: "px4_msgs/ActuatorMotors",
+}
+"""Topic that PX4 reads -> its type."""
+
+MOST_MOTORS = 12
+"""Motors of a set point."""
+
+OFFBOARD_BIT, AUTO_BIT = 1, 2
+"""Bits of a mode here: it takes set points from outside; it flies by itself."""

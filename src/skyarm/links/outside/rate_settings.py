@@ -1,0 +1,123 @@
+"""Settings of the loop around a law that commands rates, by the parameters of its autopilot."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+
+from skyarm.algebra import Vec3
+from skyarm.control.model import Model
+from skyarm.links.autopilots.effectiveness import centre_of_mass
+from skyarm.links.mavlink_vehicle import ModeNumbers
+from skyarm.links.outside.offboard_link import OffboardError, OffboardLink
+from skyarm.links.outside.outside_law import LoopSettings
+from skyarm.links.outside.px4_rate_loop import ANGLE_FILTER, ANGLE_GAINS, LEAST_CUTOFF, NAMES, YAW_FILTER, px4_rate_loop
+from skyarm.links.outside.rate_commands import GuidedRateLoop, IdealRateLoop, RateLoop, Three
+from skyarm.vehicle.vehicle_records import Vehicle
+
+HOVER = (0.05, 0.95)
+"""Thrust set points with which a vehicle can hover."""
+
+
+class ParameterReader:
+    """Reader of an autopilot's parameters, whose heartbeat has come.
+
+    Args:
+        link: to it.
+        wait: waits so many seconds for messages, at most, and reads them.
+    """
+
+    def __init__(self, link: OffboardLink, wait: Callable[[float], None]) -> None:
+        assert link.modes is not None
+        self.modes: ModeNumbers = link.modes
+        self._link, self._wait = link, wait
+
+    def read(self, names: Sequence[str]) -> dict[str, float]:
+        """Read parameters.
+
+        Raises:
+            OffboardError: it does not send one of them.
+        """
+        link = self._link
+        for _ in range(5):
+            missing = [name for name in names if name not in link.parameters]
+            for name in missing:
+                link.request_parameter(name)
+            until = time.monotonic() + 0.4
+            while time.monotonic() < until and any(name not in link.parameters for name in missing):
+                self._wait(0.02)
+        missing = [name for name in names if name not in link.parameters]
+        if missing:
+            raise OffboardError(f"--link: {self.modes.title} does not send its parameter {missing[0]}")
+        return link.parameters
+
+
+def rate_settings(
+    reader: ParameterReader, model: Model, period: float, bandwidth: Three | None, hover_share: float | None
+) -> LoopSettings:
+    """Read what the loop around a law depends on.
+
+    Args:
+        reader: of the autopilot.
+        model: of the law.
+        period: of the law, s.
+        bandwidth: of the rate loop, rad/s; None inverts PX4's by its parameters.
+        hover_share: thrust set point in hover; None takes the autopilot's own parameter.
+
+    Raises:
+        OffboardError: a parameter is missing or wrong.
+    """
+    name = reader.modes.hover
+    share = reader.read([name])[name] if hover_share is None else hover_share
+    _require_thrust(reader)
+    if not HOVER[0] <= share <= HOVER[1]:
+        raise OffboardError(f"--link: {reader.modes.title}'s {name} = {share:g}: must be from {HOVER[0]} to {HOVER[1]}")
+    vehicle = model.vehicle
+    return LoopSettings(
+        period=period,
+        rate_loop=_rate_loop(reader, vehicle, bandwidth),
+        full_thrust=float(vehicle.mass) * float(model.gravity) / share,
+        center=Vec3(*(float(c) for c in centre_of_mass(vehicle))),
+    )
+
+
+def _require_thrust(reader: ParameterReader) -> None:
+    """Refuse an autopilot that takes the thrust of a set point for a climb rate.
+
+    Raises:
+        OffboardError: its option is not set.
+    """
+    if reader.modes.option is None:
+        return
+    name, bit = reader.modes.option
+    value = reader.read([name])[name]
+    if not (0.0 <= value < 2.0**24 and int(value) & bit):
+        raise OffboardError(
+            f"--link: {reader.modes.title}'s {name} = {value:g}: must include {bit}, so that thrust is not a climb rate"
+        )
+
+
+def _rate_loop(reader: ParameterReader, vehicle: Vehicle, wide: Three | None) -> RateLoop:
+    """Rate loop to invert: of the bandwidth that is given, else PX4's by its parameters.
+
+    Raises:
+        OffboardError: no bandwidth for another autopilot, or a filter behind which yaw oscillates.
+    """
+    title = reader.modes.title
+    px4 = title == "PX4"
+    if px4 and wide is not None:
+        return IdealRateLoop(bandwidth=wide)
+    if wide is None and not px4:
+        raise OffboardError(f"--rate-bandwidth: must be given for {title}, whose rate loop is not known")
+    read, name = (NAMES, YAW_FILTER) if px4 else (ANGLE_GAINS, ANGLE_FILTER)
+    parameters = reader.read([*read, name])
+    cutoff = parameters[name]
+    if not (cutoff == 0.0 or cutoff >= LEAST_CUTOFF):
+        raise OffboardError(
+            f"--link: {title}'s {name} = {cutoff:g}: must be 0 or at least {LEAST_CUTOFF:g} Hz, so that yaw does not "
+            "oscillate behind the filter"
+        )
+    if wide is not None:
+        x, y, z = (parameters[each] for each in ANGLE_GAINS)
+        return GuidedRateLoop(bandwidth=wide, gain=(x, y, z))
+    return px4_rate_loop(vehicle, parameters)
