@@ -214,7 +214,7 @@ class StandIn:
         if acts in ("garbage", "text"):
             line = b"HTTP/1.1 400 Bad Request\r\n"
             self.tcp.sendall(np.random.default_rng(1).bytes(9000) if acts == "garbage" else line * 400)
-        if acts in ("garbage", "text", "silent"):
+        if acts in ("garbage", "text", "silent") or (acts == "seldom" and stamp % 12_000 >= 4_000):
             return
         if acts == "twice":
             with contextlib.suppress(ConnectionRefusedError):

@@ -70,6 +70,19 @@ def test_it_flies_in_real_time_with_a_free_onboard_port_and_set_points_move_its_
         assert readings[-1].time > readings[0].time > 1.0
 
 
+def test_motors_that_another_program_commands_are_answered_seldom(tmp_path: Path) -> None:
+    """PX4 then answers new commands only: time goes on without it, after one halt."""
+    with begun(tmp_path, fault="seldom:12", instance=free_instance(), duration=3.0, outside=True) as session:
+        begin = time.monotonic()
+        log = session.run()
+        assert log.status == "completed"
+        facts = log.info["autopilot"]
+        assert facts["steps"] - facts["answered"] > 300
+        assert 1 <= facts["lockstep_missed"] < 20
+        assert time.monotonic() - begin < 20.0
+        assert np.linalg.norm(log.position - log.position_reference, axis=1).max() < 0.3
+
+
 @pytest.mark.parametrize("name", ["betaflight"])
 def test_other_autopilots_refuse_in_one_line(name: str) -> None:
     with pytest.raises(ScenarioError, match=r"controller.outside: must be left out for"):

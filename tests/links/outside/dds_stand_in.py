@@ -1,9 +1,8 @@
-"""Stand-in for PX4 behind its agent: DDS types and encoder of another hand, a rigid body under the thrusts of motors."""
+"""Stand-in for PX4 behind its agent: DDS types and encoder of another hand, a rigid body under thrusts of motors."""
 
 from __future__ import annotations
 
 import threading
-
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -45,7 +44,8 @@ PARTS: dict[str, dict[str, Any]] = {
         "accelerometer_clipping": uint8, "gyro_clipping": uint8, "accel_calibration_count": uint8,
         "gyro_calibration_count": uint8,
     },
-    "VehicleControlMode": {"timestamp": uint64, "flag_armed": bool, **flags("flag_multicopter_position_control_enabled")}
+    "VehicleControlMode": {"timestamp": uint64}
+    | flags("flag_armed flag_multicopter_position_control_enabled")
     | {f"flag_control_{name}_enabled": bool for name in CONTROLS}
     | {"source_id": uint8},
     "VehicleLandDetected": {"timestamp": uint64}
@@ -210,5 +210,3 @@ class DdsStandIn(StandIn):
             self.offboard, self._since = wants, now if wants else np.inf
             self.modes.append("offboard" if wants else "hold")
         self._say("vehicle_command_ack_v1", command=176, result=0 if taken else 1)
-
-

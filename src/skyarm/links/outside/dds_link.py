@@ -13,12 +13,24 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import Vec3
-from skyarm.links.outside.motor_commands import MotorCommand, SetPoint
 from skyarm.links.mavlink_vehicle import MODES, PX4_NUMBER, SET_MODE
+from skyarm.links.outside.motor_commands import MotorCommand, SetPoint
 from skyarm.links.outside.offboard_link import OffboardError
 from skyarm.links.outside.px4_topics import (
-    ALIVE, ANSWER, AUTO_BIT, COMMAND, DEFINITIONS, IN, INERTIAL, LANDED, MODE, MOST_MOTORS, MOTORS, ODOMETRY,
-    OFFBOARD_BIT, OUT,
+    ALIVE,
+    ANSWER,
+    AUTO_BIT,
+    COMMAND,
+    DEFINITIONS,
+    IN,
+    INERTIAL,
+    LANDED,
+    MODE,
+    MOST_MOTORS,
+    MOTORS,
+    ODOMETRY,
+    OFFBOARD_BIT,
+    OUT,
 )  # fmt: skip
 from skyarm.links.outside.state_frames import AutopilotState, is_whole, to_our_attitude, to_our_axes
 from skyarm.links.ros.message_types import MessageError, decode

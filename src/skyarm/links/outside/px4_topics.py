@@ -24,8 +24,18 @@ DEFINITIONS: Mapping[str, str] = {
         + "".join(
             f"bool flag_control_{name}_enabled\n"
             for name in (
-                "manual", "auto", "offboard", "position", "velocity", "altitude", "climb_rate", "acceleration",
-                "attitude", "rates", "allocation", "termination",
+                "manual",
+                "auto",
+                "offboard",
+                "position",
+                "velocity",
+                "altitude",
+                "climb_rate",
+                "acceleration",
+                "attitude",
+                "rates",
+                "allocation",
+                "termination",
             )
         )
         + "uint8 source_id"
@@ -61,9 +71,7 @@ ODOMETRY, INERTIAL, MODE, LANDED, ANSWER = (
     )
 )  # fmt: skip
 
-COMMAND, ALIVE, MOTORS = (
-    f"/fmu/in/{name}" for name in ("vehicle_command", "offboard_control_mode", "actuator_motors")
-)
+COMMAND, ALIVE, MOTORS = (f"/fmu/in/{name}" for name in ("vehicle_command", "offboard_control_mode", "actuator_motors"))
 
 OUT: Mapping[str, str] = {
     ODOMETRY: "px4_msgs/VehicleOdometry",
