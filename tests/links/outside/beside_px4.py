@@ -1,12 +1,15 @@
 """A law in one process, simulator and PX4 in another, as users start them: how well it flies, and how late it is.
 
-    python tests/links/outside/beside_px4.py [LAW ...] [--instance N]
+    python tests/links/outside/beside_px4.py [LAW ...] [--instance N] [--domain N]
 
 For each law two lines. The first: delay of a set point, from PX4's sensor message of the estimate's time to the set
 point's datagram, by one monotonic clock; the share of it behind the estimate's arrival; estimates without an answer.
 The second: the tip's error on a slow circle, and that of the simulator's own flight of the same law with that delay,
 with perfect state and with the errors of PX4's estimate replayed. Needs SKYARM_PX4, the path of PX4's program. The
 satellite receiver is as good as a camera system (1 mm, 50 Hz), so that the error is the law's.
+
+With a domain the law commands motors over uXRCE-DDS, at the 100 Hz of PX4's client: PX4 must be built with it, and an
+agent must run (MicroXRCEAgent udp4 -p 8888).
 
 PX4's local frame has an origin of its own: truth and estimate are compared without their mean difference.
 """
@@ -15,6 +18,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import os
 import socket
 import subprocess
 import sys
@@ -30,6 +34,7 @@ from scipy.spatial.transform import Rotation
 import skyarm
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.links.autopilots.px4_ports import JOINT_PORT, ONBOARD_PORT
+from skyarm.links.outside.dds_link import DdsLink
 from skyarm.links.outside.offboard_link import OffboardLink
 from skyarm.links.outside.outside_law import LoopSettings, OutsideLaw
 from skyarm.links.outside.rate_commands import IdealRateLoop
@@ -45,7 +50,7 @@ name = "{name}"
 duration = {duration}
 [rates]
 physics = 1000
-control = 250
+control = {rate}
 reference = 50
 [plant]
 vehicle = "hummingbird_arm2_rotors"
@@ -78,8 +83,11 @@ frequency_hz = 0.5
 AUTOPILOT = """autopilot = "px4"
 outside = true
 instance = {instance}
-parameters = {{ EKF2_HGT_REF = 1, EKF2_BARO_CTRL = 0 }}"""
+parameters = {{ EKF2_HGT_REF = 1, EKF2_BARO_CTRL = 0{more} }}"""
 """Table of the simulator's side: height by the satellite receiver."""
+
+FOR_DDS = ", UXRCE_DDS_SYNCT = 0, UXRCE_DDS_PTCFG = 1, EKF2_PREDICT_US = 4000"
+"""Parameters: times of PX4's own clock, no other machine, estimates at the inertial unit's rate."""
 
 
 def simulate(folder: Path) -> None:
@@ -110,13 +118,20 @@ def note_answers(arguments: list[str]) -> None:
     """Run ``skyarm``, and write the times of the estimates that it answers: PX4's, of arrival, of answer."""
     from skyarm.cli.main import main
 
-    send, rows = OffboardLink.send_rates, []
+    rows = []
 
-    def noted(link, command):
-        send(link, command)
-        rows.append((link.state.time, link.heard, time.monotonic()))
+    def note(kind):
+        send = kind.send
 
-    OffboardLink.send_rates, sys.argv = noted, ["skyarm", *arguments]
+        def noted(link, command):
+            send(link, command)
+            rows.append((link.state.time, link.heard, time.monotonic()))
+
+        kind.send = noted
+
+    for kind in (OffboardLink, DdsLink):
+        note(kind)
+    sys.argv = ["skyarm", *arguments]
     try:
         main()
     finally:
@@ -124,11 +139,14 @@ def note_answers(arguments: list[str]) -> None:
 
 
 @contextmanager
-def simulator(folder: Path, instance: int, seconds: float) -> Iterator[subprocess.Popen[bytes]]:
+def simulator(
+    folder: Path, instance: int, seconds: float, domain: int | None = None
+) -> Iterator[subprocess.Popen[bytes]]:
     """Simulator and PX4 in a process of their own, for at most so long; they are ended at the end of the block."""
-    table = AUTOPILOT.format(instance=instance)
-    (folder / "sim.toml").write_text(SCENARIO.format(name="sim", duration=seconds, controller=table))
-    process = subprocess.Popen([sys.executable, __file__, "--simulate", str(folder)])
+    table = AUTOPILOT.format(instance=instance, more="" if domain is None else FOR_DDS)
+    (folder / "sim.toml").write_text(SCENARIO.format(name="sim", duration=seconds, controller=table, rate=250))
+    more = {} if domain is None else {"ROS_DOMAIN_ID": str(domain)}
+    process = subprocess.Popen([sys.executable, __file__, "--simulate", str(folder)], env={**os.environ, **more})
     try:
         wait_for_port(ONBOARD_PORT + instance, process)
         yield process
@@ -140,15 +158,20 @@ def simulator(folder: Path, instance: int, seconds: float) -> Iterator[subproces
             process.kill()
 
 
-def start_law(folder: Path, instance: int, law: str, seconds: float, *, noted: bool = False) -> subprocess.Popen[str]:
+def start_law(
+    folder: Path, instance: int, law: str, seconds: float, *, noted: bool = False, domain: int | None = None
+) -> subprocess.Popen[str]:
     """Start 'skyarm fly', whose log will be in the folder ``out``; ``noted``: by :func:`note_answers`."""
-    (folder / "law.toml").write_text(SCENARIO.format(name="law", duration=seconds, controller=law))
+    rate = 250 if domain is None else 100
+    (folder / "law.toml").write_text(SCENARIO.format(name="law", duration=seconds, controller=law, rate=rate))
+    link = f"mavlink://127.0.0.1:{ONBOARD_PORT + instance}"
+    if domain is not None:
+        link = f"dds://{domain}" + (f"/px4_{instance}" if instance else "")
     program = (__file__, "--answer") if noted else ("-m", "skyarm")
     return subprocess.Popen(
         [
             sys.executable, *program, "fly", "law.toml", "--patience", "60", "--out", "out",
-            "--link", f"mavlink://127.0.0.1:{ONBOARD_PORT + instance}",
-            "--joints", f"udp://127.0.0.1:{JOINT_PORT + instance}",
+            "--link", link, "--joints", f"udp://127.0.0.1:{JOINT_PORT + instance}",
         ],
         cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
     )  # fmt: skip
@@ -184,18 +207,20 @@ def descendants(pid: int) -> list[int]:
     return found
 
 
-def fly_beside(law: str, instance: int = 0, seconds: float = 24.0) -> dict[str, float | str]:
+def fly_beside(law: str, instance: int = 0, seconds: float = 24.0, domain: int | None = None) -> dict[str, float | str]:
     """Errors of a law that flies a circle outside, mm after 4 s, and its delays, ms.
 
     Args:
         law: lines of the table ``[controller]``.
         instance: of PX4.
         seconds: of flight.
+        domain: of DDS; None for rates over MAVLink.
     """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        with simulator(folder, instance, 4.0 * seconds):
-            said = start_law(folder, instance, law, seconds, noted=True).communicate(timeout=10.0 * seconds)[0]
+        with simulator(folder, instance, 4.0 * seconds, domain):
+            process = start_law(folder, instance, law, seconds, noted=True, domain=domain)
+            said = process.communicate(timeout=10.0 * seconds)[0]
         if not (folder / "out" / "law.npz").exists():
             raise RuntimeError(said)
         return measured(folder)
@@ -307,10 +332,11 @@ if __name__ == "__main__":
     words = argparse.ArgumentParser()
     words.add_argument("laws", nargs="*", default=['preset = "paper_ct"', 'law = "centroidal"'])
     words.add_argument("--instance", type=int, default=0)
+    words.add_argument("--domain", type=int)
     words.add_argument("--simulate", type=Path)
     given = words.parse_args()
     if given.simulate:
         simulate(given.simulate)
     else:
         for each in given.laws:
-            print(LINES.format(**fly_beside(each, given.instance)), flush=True)
+            print(LINES.format(**fly_beside(each, given.instance, domain=given.domain)), flush=True)

@@ -107,7 +107,7 @@ class DdsLink:
 
     @property
     def has_autopilot(self) -> bool:
-        """True once PX4 has said its mode, and reads set points."""
+        """True once PX4 has sent its mode, and reads set points."""
         return self.modes is not None and all(self._node.subscribers(self._space + topic) for topic in IN)
 
     def wait(self, seconds: float) -> None:
