@@ -130,7 +130,7 @@ class DdsLink:
         return self.state
 
     def beat(self) -> None:
-        """Nothing: each set point says that this side is alive."""
+        """Nothing: each set point shows that this side is alive."""
 
     def request_estimates(self, rate: float) -> None:
         """Refuse a second vehicle on the same topics; PX4 sends at its own rates.
