@@ -114,8 +114,8 @@ class Tape:
             if self._file is None:
                 self._file = _begin(self._path)
                 if self._name:
-                    self._file.write(_packed(0.0, SENT, AUTOPILOT, self._name.encode()))
-            self._file.write(_packed(self.time, what, channel, data))
+                    self._file.write(_pack(0.0, SENT, AUTOPILOT, self._name.encode()))
+            self._file.write(_pack(self.time, what, channel, data))
 
     def _next(self, what: bytes, channel: str) -> bytes:
         """Next message of the transcript that is played, which must be of this direction and channel."""
@@ -131,7 +131,7 @@ class Tape:
         return row[2]
 
 
-def _packed(time: float, what: bytes, channel: str, data: bytes) -> bytes:
+def _pack(time: float, what: bytes, channel: str, data: bytes) -> bytes:
     name = channel.encode("ascii")
     return HEAD.pack(time, what, len(name), len(data)) + name + data
 
