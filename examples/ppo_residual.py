@@ -212,7 +212,7 @@ def train(seed, iterations=ITERATIONS, worlds=WORLDS):
     adam = (zeros, zeros, 0.0)
     seen, _ = envs.reset(seed=seed * worlds)
     rest = np.zeros(envs.action_space.shape, np.float32)
-    for part in range(16):  # worlds begin at different times, or all of a rollout would be of one part of the flight
+    for part in range(min(16, worlds)):  # worlds begin at different times, or all of a rollout would be of one part of the flight
         for _ in range(100):
             envs.step(rest)
         seen, _ = envs.reset(options={"reset_mask": np.arange(worlds) % 16 == part})

@@ -132,6 +132,14 @@ def test_ctrl_c_keeps_the_log_of_what_an_autopilot_has_flown(tmp_path: Path, mon
     ]
 
 
+def test_the_studio_checks_its_folder_first_and_makes_none(tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    file.write_text("", "utf-8")
+    refused(skyarm("studio", "--out", str(file / "out")), "output folder = ", "must be writable")
+    refused(skyarm("studio", "absent.toml", "--port", "0", "--out", str(tmp_path / "new")), "absent.toml")
+    assert not (tmp_path / "new").exists()
+
+
 def skyarm_log(folder: Path) -> Log:
     from skyarm.log.formats import load_log
 

@@ -18,6 +18,7 @@ from skyarm.studies.sweep import load_study
         ("plant.vehicle.links.0.joint.effort_limit", "link 1 joint effort limit (plant) [N m]"),
         ("plant.vehicle.links.1.body.inertia.yy", "link 2 inertia yy (plant) [kg m^2]"),
         ("plant.vehicle.rotors.0.thrust_coefficient", "rotor 1 thrust coefficient (plant) [N s^2/rad^2]"),
+        ("controller.joint_gains.stiffness.0", "joint gains stiffness 1 (law) [1/s^2]"),
         ("plant.joints.damping", "joints damping (plant) [N m s/rad]"),
         ("plant.gravity", "gravity (plant) [m/s^2]"),
         ("plant.payload.mass", "payload mass (plant) [kg]"),

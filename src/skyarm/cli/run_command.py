@@ -305,6 +305,12 @@ def _peak_thrust(log: Log) -> float | None:
     return max((float(push(r, w) / push(r, r.max_speed)) for r, w in pairs if np.isfinite(r.max_speed)), default=None)
 
 
+def _has_battery(log: Log) -> bool:
+    """True if a battery's voltage limits the rotors, of which the commands alone say nothing."""
+    vehicle = restored_part(log.info, "agent", "plant", "vehicle")
+    return vehicle is not None and vehicle.battery is not None
+
+
 def _contacts(log: Log) -> list[dict[str, Any]]:
     """List contacts by surface and contact point: first touch (s), losses of contact, largest force (N)."""
     pairs: dict[tuple[str, str], list[ContactPeriod]] = {}
@@ -349,7 +355,7 @@ def summary(log: Log, found: dict[str, Any]) -> list[RenderableType]:
     ]
     lines.append(table_of((f"error, {start:.4g} to {stop:.4g} s", "mean", "max", "max, whole flight"), rows))
     if found["peak_thrust"] is not None:
-        cut = "" if found["saturation"] else "; no command at a limit"
+        cut = "" if found["saturation"] or _has_battery(log) else "; no command at a limit"
         lines.append(f"peak thrust: {found['peak_thrust']:.0%} of a rotor's highest{cut}")
     return [*lines, *log.shortfall.lines, *sentences(found)]
 

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import os
 import secrets
 import signal
 import threading
 import webbrowser
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from skyarm.cli.arguments import Scenario
 from skyarm.cli.output import tell
+from skyarm.records.files import require_writable
 from skyarm.view.studio.server import (
     Guard,
     StudioError,
@@ -44,6 +45,10 @@ def studio(
     """
     if not 0 <= port <= 65535:
         raise StudioError(f"--port = {port}: must be from 0 to 65535")
+    new = not os.path.lexists(out)
+    folder = require_writable(out)
+    if new:  # it comes with the first flight that is saved
+        folder.rmdir()
     require_viser()
     listening = listening_socket(port)
     try:
@@ -57,7 +62,7 @@ def studio(
         listening.close()
         raise
     try:
-        page = Page(server, fleet, controller or [None], Path(out))
+        page = Page(server, fleet, controller or [None], folder)
         tell(f"studio: {guard.address()}")
         if not no_browser:
             threading.Thread(target=webbrowser.open, args=(guard.address(),), daemon=True).start()

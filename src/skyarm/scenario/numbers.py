@@ -309,7 +309,8 @@ def words_of(path: str) -> str:
     found: list[str] = []
     for word in words:
         if word.isdecimal() and found:
-            found[-1] = f"{found[-1].removesuffix('s')} {int(word) + 1}"
+            one = found[-1] if found[-1].endswith("ss") else found[-1].removesuffix("s")
+            found[-1] = f"{one} {int(word) + 1}"
         else:
             found.append(word.removesuffix("_W").removesuffix("_B").replace("_", " "))
     return " ".join(found) + (f" ({whose})" if whose else "")

@@ -382,7 +382,10 @@ def test_motors_are_signals_from_zero_to_one_and_disarmed_ones_end_the_flight():
     link._take(MOTORS.pack(4, *(1100.0,) * 4, *(0.0,) * 12))
     assert link._armed
     link.following = True
-    with pytest.raises(LinkError, match="Betaflight disarmed in flight"):
+    with pytest.raises(LinkError, match=r"Betaflight disarmed in flight$"):
+        link._take(MOTORS.pack(4, *(1000.0,) * 4, *(0.0,) * 12))
+    link._late, link._armed = [0.34, *[0.001] * 400], True
+    with pytest.raises(LinkError, match=r"in flight: states were up to 0\.34 s late, the machine is too busy$"):
         link._take(MOTORS.pack(4, *(1000.0,) * 4, *(0.0,) * 12))
 
 

@@ -16,6 +16,7 @@ from logged_flights import with_components
 from skyarm.cli.run_command import facts, summary
 from skyarm.log.flight_log import rows_of
 from skyarm.log.metrics.shortfall import LARGEST_ERROR
+from skyarm.vehicle.battery import Battery, CellCurve
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -37,6 +38,18 @@ def text(log):
     console = Console(width=200, file=io.StringIO(), record=True)
     console.print(*summary(log, facts(log)), sep="\n")
     return console.export_text()
+
+
+def test_of_rotors_on_a_battery_no_limit_is_said_to_be_kept(hover):
+    assert "of a rotor's highest; no command at a limit" in text(hover)
+    scenario = skyarm.load_scenario("case3", duration=0.2)
+    curve = CellCurve(charge=(0.0, 1.0), voltage=(3.3, 4.2))
+    pack = Battery(cells=3, capacity=1.0, resistance=0.05, open_circuit=curve, reference_voltage=12.6)
+    vehicle = dataclasses.replace(scenario.plant.vehicle, battery=pack)
+    on_battery = scenario.with_words(plant=dataclasses.replace(scenario.plant, vehicle=vehicle))
+    found = text(skyarm.run(on_battery))
+    assert "of a rotor's highest\n" in found
+    assert "no command at a limit" not in found
 
 
 def changed(log, **arrays):

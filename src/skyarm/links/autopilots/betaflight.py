@@ -122,6 +122,10 @@ POWER_ON = 6.0
 ANSWER = 0.02
 """s by the wall clock that an answer is waited for; simulated time stands still meanwhile."""
 
+RECENT, MUCH_LATE = 500, 0.1
+"""States whose lateness is looked at when Betaflight disarms, and s of it that are named as the likely cause: without
+radio for some tenths of a second it is in failsafe."""
+
 RISE = 0.4
 """m/s of the take-off."""
 
@@ -257,7 +261,9 @@ class BetaflightLink(ProgramLink):
         if armed and not self._armed:
             self._armed_at = self._tape.time
         if self.following and not armed:
-            raise LinkError(f"Betaflight disarmed in flight{self._ending}")
+            late = max(self._late[-RECENT:], default=0.0)
+            busy = f": states were up to {late:.2g} s late, the machine is too busy"
+            raise LinkError(f"Betaflight disarmed in flight{busy if late > MUCH_LATE else self._ending}")
         self._armed = armed
 
     def _pace(self) -> None:

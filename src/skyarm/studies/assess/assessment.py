@@ -28,6 +28,9 @@ from skyarm.studies.assess.thrust import largest_payload, largest_side_force, th
 from skyarm.studies.stability.hover_delay import hover_delay_if_known
 from skyarm.vehicle.vehicle_records import Vehicle
 
+HEAVIEST = 1e4
+"""kg; a payload beyond it would leave nothing of the vehicle in a sum of both."""
+
 QUESTION = "delay margin"
 
 
@@ -136,7 +139,8 @@ def assess_vehicle(vehicle: Vehicle, *, gravity: float = 9.81, payload: float = 
         ValueError: one line: an argument outside of what is allowed.
     """
     number(gravity, "--gravity", low=0.0, strict=True)
-    number(payload, "--payload", low=0.0)
+    if number(payload, "--payload", low=0.0) > HEAVIEST:
+        raise ValueError(f"--payload = {payload:g}: must be at most {HEAVIEST:g} kg")
     if payload and not vehicle.end_effector:
         raise ValueError(
             f"--payload = {payload:g}: must be left out: vehicle '{vehicle.name}' has no tip (end_effector)"
