@@ -170,6 +170,10 @@ class Program:
         self._looks -= 1
         return self._looks >= 0
 
+    def ending(self, title: str) -> str:
+        """Last words."""
+        return f" ({self.last_words})"
+
 
 TASKS = {
     "set_up": lambda program: set_up(program, ["set a = 1"], 0.3),
@@ -227,4 +231,4 @@ def test_settings_are_saved_only_if_the_program_ends_by_itself(clock: None, monk
     prompts = [b"\r\n# "] * 2
     assert ask("set_up", prompts, None, Program(9, 0), monkeypatch) == ""
     killed = ask("set_up", prompts, None, Program(9, -9), monkeypatch)
-    assert killed == "Betaflight ended before its settings were saved: words"
+    assert killed == "Betaflight ended before its settings were saved (words)"

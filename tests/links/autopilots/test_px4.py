@@ -40,7 +40,7 @@ def begun(folder: Path, fault: str = "", **options: object) -> Iterator[PilotedS
     """Session of a hover under the stand-in with a fault; its process and ports are gone in the end."""
     program = make_program(folder, fault)
     TOLD.clear()
-    scenario = scenario_of(folder, program=str(program), **{"climb": 0.3, "patience": 1.0, **options})
+    scenario = scenario_of(folder, program=str(program), **{"climb": 0.3, "patience": 20.0, **options})
     session = open_session(scenario, preparing=lambda *seconds: TOLD.append(seconds))
     assert isinstance(session, PilotedSession)
     link = session._link
@@ -120,8 +120,8 @@ def test_a_recorded_session_of_px4_is_reproduced_byte_for_byte(tmp_path: Path, m
 FAULTS = {
     "boot": "ended while it started (INFO [init] the stand-in ends at once)",
     "deaf": "has not connected to port 456",
-    "silent:1": "has not answered for 1 s",
-    "stop:1": "has not answered for 1 s",
+    "silent:1": "has not answered for 2 s",
+    "stop:1": "has not answered for 2 s",
     "die:1": "closed the connection (the stand-in dies)",
     "close:1": "closed the connection",
     "restart:1": "closed the connection",
@@ -130,7 +130,7 @@ FAULTS = {
     "nan:1": "controls that are not from 0 to 1: [0.0, nan",
     "range:1": "controls that are not from 0 to 1: [0.0, 1.5",
     "future:1": "answered with the time 2000001 us before it was sent",
-    "late:1": "has not answered for 1 s",
+    "late:1": "has not answered for 2 s",
     "unlocked:1": "does not run in lockstep",
     "refuse": "does not hover at the start after 6 s: Arming denied: the stand-in will not",
     "disarm:6": "disarmed in flight",
@@ -147,7 +147,9 @@ NIGHTLY = {"stop:1", "restart:1", "close:1", "text:1", "die:6", "leave:6"}
     "fault", [pytest.param(each, marks=pytest.mark.thorough) if each in NIGHTLY else each for each in FAULTS]
 )
 def test_a_fault_ends_the_flight_in_one_line_and_leaves_nothing(tmp_path: Path, fault: str) -> None:
-    with begun(tmp_path, fault, preparation=6.0 if fault == "refuse" else 60.0, duration=30.0) as session:
+    patience = {"deaf": 1.0, "silent:1": 2.0, "stop:1": 2.0, "late:1": 2.0}.get(fault, 20.0)
+    preparation = 6.0 if fault == "refuse" else 60.0
+    with begun(tmp_path, fault, patience=patience, preparation=preparation, duration=30.0) as session:
         log = session.run()
         assert log.status == "autopilot"
         cause = log.info["cause"]
