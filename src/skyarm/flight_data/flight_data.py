@@ -148,11 +148,13 @@ class FlightFormat:
         read: (path, columns or None) -> flight.
         suffixes: endings of its files, without dot.
         begins: first bytes of its files, of which any decides before a suffix does.
+        mapped: ``columns.toml`` beside a file is read for it.
     """
 
     read: Callable[[Path, Columns | None], FlightData]
     suffixes: tuple[str, ...] = ()
     begins: tuple[bytes, ...] = ()
+    mapped: bool = True
 
 
 BAG_FOLDER = "db3"
@@ -178,11 +180,12 @@ def load_flight(path: PathLike, columns: PathLike | Columns | None = None, *, ki
     reason = unreadable(file)
     if reason and not file.is_dir():
         raise ValueError(f"{at}: {reason}")
-    if columns is None and (beside := file.parent / COLUMNS_FILE).is_file():
+    form = _format(file, kind, at)
+    if columns is None and form.mapped and (beside := file.parent / COLUMNS_FILE).is_file():
         columns = beside
     found = columns if columns is None or isinstance(columns, Columns) else read_columns(columns)
     try:
-        return _format(file, kind, at).read(file, found)
+        return form.read(file, found)
     except OSError as error:
         raise ValueError(f"{at}: must be readable ({error.strerror or error})") from None
     except ValueError as error:

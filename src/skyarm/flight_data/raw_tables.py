@@ -297,13 +297,11 @@ def rising_rows(time: Array) -> npt.NDArray[np.intp]:
 
 
 def _unused_names(tables: Mapping[str, Table], signals: Mapping[str, Signal]) -> tuple[str, ...]:
-    """Names of the topics and columns that no quantity was made of."""
-    used = {each.removeprefix("-") for signal in signals.values() for each in (*signal.columns, signal.time)}
+    """Names of the topics that no quantity was made of; of the columns, where topics have no names of their own."""
     topics = {signal.topic for signal in signals.values()}
-    found = []
-    for topic, table in tables.items():
-        if topic and topic not in topics and not used & set(table.columns):
-            found.append(topic)
-            continue
-        found += [f"{topic}: {each}" if topic else each for each in table.columns if each not in used]
-    return tuple(found[:UNUSED])
+    free = [signal for signal in signals.values() if not signal.topic]
+    used = {each.removeprefix("-") for signal in free for each in (*signal.columns, signal.time)}
+    if any(topics):
+        found = [name for name, each in tables.items() if name not in topics and not used & set(each.columns)]
+        return tuple(found[:UNUSED])
+    return tuple([name for each in tables.values() for name in each.columns if name not in used][:UNUSED])

@@ -142,6 +142,11 @@ SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
     },
     "flight_format": {
         "crazyflie": (f"{_FLIGHTS}.crazyflie_log:CRAZYFLIE", "a Crazyflie's log on its memory card"),
+        "ulog": (f"{_FLIGHTS}.ulog:ULOG", "a log of PX4"),
+        "bag": (f"{_FLIGHTS}.rosbag:BAG", "a bag of ROS 1"),
+        "mcap": (f"{_FLIGHTS}.rosbag:MCAP", "a bag of ROS 2, or a log of skyarm"),
+        "db3": (f"{_FLIGHTS}.rosbag:DATABASE", "a bag of ROS 2 as a database, or the folder of a bag"),
+        "npz": (f"{_FLIGHTS}.own_log:OWN_LOG", "a log of skyarm"),
         "csv": (f"{_FLIGHTS}.table_file:TABLE", "a table of text with a mapping of its columns"),
     },
     "plant": {

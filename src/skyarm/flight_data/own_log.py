@@ -1,0 +1,141 @@
+"""Logs of simulated flights as measured flights: readings of the sensors where they flew, else the true state."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.flight_data.columns_file import Columns
+from skyarm.flight_data.flight_data import Channel, FlightData, FlightFormat
+from skyarm.flight_data.quantities import QUANTITIES
+from skyarm.flight_data.raw_tables import rising_rows
+from skyarm.log.flight_log import Log
+from skyarm.log.formats import load_log
+from skyarm.log.log_columns import setpoints_of
+from skyarm.log.sensor_data import COMPONENTS, ESTIMATE, Source, sources_of
+
+Array: TypeAlias = npt.NDArray[np.float64]
+
+FIELDS: Mapping[str, str] = {
+    "rate": "gyro",
+    "specific_force": "accelerometer",
+    "position": "position",
+    "velocity": "velocity",
+    "quaternion": "quaternion",
+    "joints": "joint_positions",
+    "joint_rates": "joint_rates",
+}
+"""Field of a reading -> quantity."""
+
+TRUE: Mapping[str, str] = {
+    "gyro": "rate",
+    "position": "position",
+    "velocity": "velocity",
+    "quaternion": "quaternion",
+    "joint_positions": "joints",
+    "joint_rates": "joint_rates",
+}
+"""Quantity -> array of the log that holds its true value."""
+
+COMMANDED: Mapping[str, str] = {"rotor_speed_commands": "rotor_commands", "rotor_speeds": "rotor_speeds"}
+"""Quantity -> array of the log that is no reading of a sensor."""
+
+POSITION = "rad or m"
+"""Unit of the setpoint of a drive that takes a position."""
+
+TAIL = 1 << 16
+"""Bytes at the end of an MCAP file that hold its index."""
+
+
+def is_own_mcap(path: Path) -> bool:
+    """True if an MCAP file is the log of a simulated flight, by the names in its index."""
+    with path.open("rb") as stream:
+        head = stream.read(64)
+        stream.seek(max(0, stream.seek(0, 2) - TAIL))
+        return b"skyarm" in head and b"flight.npz" in stream.read(TAIL)
+
+
+def read_own_log(path: Path, columns: Columns | None) -> FlightData:
+    """Read the log of a simulated flight as a measured one.
+
+    Raises:
+        ValueError: one line: it is no such log, or a mapping is given. OSError: it cannot be read.
+    """
+    if columns is not None and columns.signals:
+        raise ValueError(f"{columns.file}: must be left out for a log of skyarm, which names its own quantities")
+    return measured_flight(load_log(path), path)
+
+
+def measured_flight(log: Log, path: Path) -> FlightData:
+    """Make a measured flight from the log of a simulated one.
+
+    Args:
+        log: of the flight.
+        path: of its file, for name and messages.
+    """
+    found: dict[str, Channel] = {}
+    for name, source in sources_of(log.info).items():
+        if name == ESTIMATE or name.startswith(COMPONENTS):
+            continue
+        for field, quantity in FIELDS.items():
+            array = log.received.get(f"{name}.{field}")
+            if array is not None and quantity not in found and _fits(quantity, array):
+                channel = _reading(log, name, field, source, array)
+                if channel.time.size:
+                    found[quantity] = channel
+    read = set(found)
+    for quantity, array_name in {**TRUE, **COMMANDED}.items():
+        array = log[array_name]
+        if quantity not in found and _fits(quantity, array):
+            found[quantity] = Channel(time=log.time, values=array, source=array_name)
+    notes = list[str]()
+    if log.efforts.size:
+        setpoints = list(setpoints_of(log.info).values())
+        names = {"": "joint_efforts", POSITION: "joint_commands"}
+        told = set(setpoints) if len(setpoints) == log.efforts.shape[1] else {*setpoints, ""}
+        if len(told) == 1 and told <= set(names):
+            found[names[told.pop()]] = Channel(time=log.time, values=log.efforts, source="efforts")
+        else:
+            notes.append("joint_commands: are left out, as the joints' drives take setpoints of several units.")
+    true = [quantity for quantity in TRUE if quantity in found and quantity not in read]
+    if true:
+        notes.append(f"{', '.join(true)}: are true values, as no sensor of the flight reads them.")
+    facts: dict[str, str | float] = {"vehicle": "simulated"}
+    facts |= {key: str(log.info[key]) for key in ("scenario", "status", "digest") if key in log.info}
+    order = [name for name in QUANTITIES if name in found]
+    return FlightData(
+        name=path.stem,
+        file=str(path),
+        channels={name: found[name] for name in order},
+        notes=tuple(notes),
+        facts={**facts, "start": float(log.time[0]) if log.time.size else 0.0},
+    )
+
+
+def _fits(quantity: str, array: Array) -> bool:
+    """True if an array has the columns of a quantity and a row."""
+    width = QUANTITIES[quantity].width
+    return array.ndim == 2 and len(array) > 0 and (array.shape[1] == width if width else array.shape[1] > 0)
+
+
+def _reading(log: Log, name: str, field: str, source: Source, array: Array) -> Channel:
+    """Channel of a sensor, one row for each of its readings, at the times at which they were taken."""
+    stamps = log.received.get(f"{name}.time")
+    period = 1.0 / float(log.info["rates_hz"]["control"])
+    if stamps is None:
+        rows = np.arange(source.late, log.time.size, source.every)
+        time = log.time[rows] - source.late * period
+    else:
+        rows = np.flatnonzero(np.concatenate([[True], np.diff(stamps.ravel()) > 0.0]))
+        time = stamps.ravel()[rows]
+    finite = np.isfinite(array[rows]).all(axis=1) & np.isfinite(time)
+    rows, time = rows[finite], time[finite]
+    kept = rising_rows(time)
+    return Channel(time=time[kept], values=array[rows[kept]], source=f"{name}.{field}")
+
+
+OWN_LOG = FlightFormat(read_own_log, suffixes=("npz",), begins=(b"PK\x03\x04",), mapped=False)

@@ -1,0 +1,64 @@
+"""Logs of simulated flights as measured ones."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import skyarm
+from estimated_flight import estimated
+from logged_flights import flown
+from skyarm.flight_data.flight_data import load_flight
+from skyarm.simulate import Log, run
+
+
+@cache
+def sensed() -> Log:
+    """A flight with an inertial unit, a motion capture of 10 ms delay, and encoders, without noise."""
+    of = {"imu": ("gyro", "accelerometer"), "mocap": ("position", "attitude"), "encoders": ("joints",)}
+    quiet = {f"sensors__{sensor}__{name}": {"sigma": 0.0} for sensor, names in of.items() for name in names}
+    return run(estimated(sensors__mocap__frequency=100.0, **quiet))
+
+
+@pytest.mark.parametrize("kind", ["npz", "mcap"])
+def test_readings_are_the_true_state_at_the_times_at_which_they_were_taken(kind: str, tmp_path: Path) -> None:
+    log = sensed()
+    flight = load_flight(skyarm.save_log(log, tmp_path / f"flight.{kind}"))
+    assert flight["gyro"].source == "readings.imu.rate"
+    assert flight["position"].source == "readings.mocap.position"
+    assert flight["position"].rate == pytest.approx(100.0)
+    rows = np.rint(flight["position"].time * 200).astype(int)
+    np.testing.assert_allclose(flight["position"].time, rows / 200, atol=1e-12)
+    np.testing.assert_allclose(flight["position"].values, log.position[rows], atol=1e-12)
+    turns = np.abs(np.sum(flight["quaternion"].values * log.quaternion[rows], axis=1))
+    np.testing.assert_allclose(turns, 1.0, atol=1e-12)
+    rows = np.rint(flight["joint_positions"].time * 200).astype(int)
+    np.testing.assert_allclose(flight["joint_positions"].values, log.joints[rows], atol=np.pi / 2**12)
+    np.testing.assert_allclose(flight["gyro"].values[-1], log.rate[-1], atol=1e-12)
+    assert flight["accelerometer"].values.shape == flight["gyro"].values.shape
+    assert flight.notes == ("velocity: are true values, as no sensor of the flight reads them.",)
+
+
+def test_without_sensors_the_true_state_is_read_and_said_to_be_true(tmp_path: Path) -> None:
+    log = flown()
+    flight = load_flight(skyarm.save_log(log, tmp_path / "flight.npz"))
+    assert "accelerometer" not in flight
+    np.testing.assert_array_equal(flight["gyro"].values, log.rate)
+    np.testing.assert_array_equal(flight["rotor_speed_commands"].values, log.rotor_commands)
+    np.testing.assert_array_equal(flight["joint_efforts"].values, log.efforts)
+    assert "are true values" in flight.notes[0]
+
+
+def test_a_mapping_is_refused_and_one_beside_the_log_is_for_other_files(tmp_path: Path) -> None:
+    path = skyarm.save_log(flown(), tmp_path / "flight.npz")
+    (tmp_path / "columns.toml").write_text('[gyro]\ncolumns = ["a", "b", "c"]\n')
+    assert "gyro" in load_flight(path)
+    with pytest.raises(ValueError, match=r"columns.toml: must be left out for a log of skyarm"):
+        load_flight(path, tmp_path / "columns.toml")
+    (tmp_path / "bad.npz").write_bytes(path.read_bytes()[:-100])
+    with pytest.raises(ValueError, match=r"must be a log that save_npz wrote") as error:
+        load_flight(tmp_path / "bad.npz")
+    assert "\n" not in str(error.value)

@@ -1,0 +1,215 @@
+"""Bags of ROS that rosbags wrote from a flight of ours, read back equal."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import skyarm
+from logged_flights import flown
+from skyarm.flight_data.flight_data import load_flight
+
+pytest.importorskip("rosbags", reason="needs the extra 'flights'")
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+ACTUATORS = "std_msgs/Header header\nfloat64[] angles\nfloat64[] angular_velocities\nfloat64[] normalized\n"
+START = 1_700_000_000_123_456_789
+"""Time of the first message, ns."""
+KINDS = ("bag", "db3", "mcap", "folder")
+
+
+def writer(kind: str, folder: Path) -> tuple[Any, Path]:
+    if kind == "bag":
+        return Writer1(folder / "flight.bag"), folder / "flight.bag"
+    plugin = StoragePlugin.MCAP if kind == "mcap" else StoragePlugin.SQLITE3
+    made = Writer2(folder / "flight", version=9, storage_plugin=plugin)
+    return made, folder / "flight" if kind == "folder" else folder / "flight" / f"flight.{kind}"
+
+
+def write(kind: str, folder: Path, messages: Callable[[Any, str], list[tuple[str, str, int, Any]]]) -> Path:
+    """Write messages (topic, type, ns, message) as a bag."""
+    store = get_typestore(Stores.ROS1_NOETIC if kind == "bag" else Stores.ROS2_HUMBLE)
+    store.register(get_types_from_msg(ACTUATORS, "mav_msgs/msg/Actuators"))
+    made, path = writer(kind, folder)
+    topics = {}
+    with made:
+        for topic, name, stamp, message in messages(store, kind):
+            if topic not in topics:
+                topics[topic] = made.add_connection(topic, name, typestore=store)
+            data = store.serialize_ros1(message, name) if kind == "bag" else store.serialize_cdr(message, name)
+            made.write(topics[topic], stamp, data)
+    return path
+
+
+class Messages:
+    """Messages of a type store."""
+
+    def __init__(self, store: Any, kind: str) -> None:
+        self.types, self.kind = store.types, kind
+
+    def make(self, kind: str, /, **fields: Any) -> Any:
+        return self.types[kind](**fields)
+
+    def header(self, stamp: int) -> Any:
+        time = self.make("builtin_interfaces/msg/Time", sec=stamp // 10**9, nanosec=stamp % 10**9)
+        counted = {"seq": 0} if self.kind == "bag" else {}
+        return self.make("std_msgs/msg/Header", stamp=time, frame_id="base", **counted)
+
+    def xyz(self, values: Any, name: str = "Vector3") -> Any:
+        return self.make(f"geometry_msgs/msg/{name}", **dict(zip("xyz", map(float, values), strict=True)))
+
+    def turn(self, wxyz: Any) -> Any:
+        return self.make("geometry_msgs/msg/Quaternion", **dict(zip("wxyz", map(float, wxyz), strict=True)))
+
+    def imu(self, stamp: int, rate: Any, force: Any) -> Any:
+        unknown = np.array([-1.0, *8 * [0.0]])
+        return self.make(
+            "sensor_msgs/msg/Imu",
+            header=self.header(stamp),
+            orientation=self.turn([1, 0, 0, 0]),
+            orientation_covariance=unknown,
+            angular_velocity=self.xyz(rate),
+            angular_velocity_covariance=np.zeros(9),
+            linear_acceleration=self.xyz(force),
+            linear_acceleration_covariance=np.zeros(9),
+        )
+
+
+@cache
+def states() -> list[tuple[int, Any]]:
+    """Times, ns, and rows of a flight of ours."""
+    return [(START + round(t * 1e9), k) for k, t in enumerate(flown().time.tolist()) if k % 4 == 0]
+
+
+def flight_messages(store: Any, kind: str) -> list[tuple[str, str, int, Any]]:
+    log, make, found = flown(), Messages(store, kind), []
+    for stamp, k in states():
+        late = stamp + 3_000_000
+        pose = make.make(
+            "geometry_msgs/msg/Pose",
+            position=make.xyz(log.position[k], "Point"),
+            orientation=make.turn(log.quaternion[k]),
+        )
+        goal = make.make(
+            "geometry_msgs/msg/Pose", position=make.xyz([9, 9, 9], "Point"), orientation=make.turn([1, 0, 0, 0])
+        )
+        joints = make.make(
+            "sensor_msgs/msg/JointState",
+            header=make.header(stamp),
+            name=["shoulder", "elbow"],
+            position=log.joints[k],
+            velocity=log.joint_rates[k],
+            effort=np.zeros(0),
+        )
+        rotors = {"header": make.header(stamp), "angles": np.zeros(0), "normalized": np.zeros(0)}
+        for topic, name, message in (
+            ("/imu", "sensor_msgs/msg/Imu", make.imu(stamp, log.rate[k], log.velocity[k])),
+            ("/mocap", "geometry_msgs/msg/PoseStamped", (make.header(stamp), pose)),
+            ("/setpoint", "geometry_msgs/msg/PoseStamped", (make.header(stamp), goal)),
+            ("/joint_states", "sensor_msgs/msg/JointState", joints),
+            ("/command/motor_speed", "mav_msgs/msg/Actuators", log.rotor_commands[k]),
+            ("/motor_speed", "mav_msgs/msg/Actuators", log.rotor_speeds[k]),
+        ):
+            if name.endswith("Actuators"):
+                made = make.make(name, angular_velocities=message, **rotors)
+            else:
+                made = make.make(name, header=message[0], pose=message[1]) if name.endswith("Stamped") else message
+            found.append((topic, name, late, made))
+    return found
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_flight_of_ours_is_read_back_equal_from_every_kind_of_bag(kind: str, tmp_path: Path) -> None:
+    log, flight = flown(), load_flight(write(kind, tmp_path, flight_messages))
+    rows = [k for _, k in states()]
+    wanted = {
+        "gyro": log.rate,
+        "accelerometer": log.velocity,
+        "position": log.position,
+        "joint_positions": log.joints,
+        "joint_rates": log.joint_rates,
+        "rotor_speed_commands": log.rotor_commands,
+        "rotor_speeds": log.rotor_speeds,
+    }
+    assert set(flight) == {*wanted, "quaternion"}
+    for name, array in wanted.items():
+        np.testing.assert_array_equal(flight[name].values, array[rows])
+        np.testing.assert_allclose(flight[name].time, log.time[rows], atol=1e-8)
+    turns = np.abs(np.sum(flight["quaternion"].values * log.quaternion[rows], axis=1))
+    np.testing.assert_allclose(turns, np.linalg.norm(log.quaternion[rows], axis=1), rtol=1e-12)
+    assert flight.facts["start"] == pytest.approx(START * 1e-9, abs=1e-6)
+    assert flight.notes == ()
+    assert "/setpoint" in flight.unused
+
+
+@pytest.mark.parametrize("kind", ["bag", "mcap"])
+def test_a_mapping_names_topics_fields_and_stamps(kind: str, tmp_path: Path) -> None:
+    mapping = tmp_path / "mapping.toml"
+    mapping.write_text(
+        '[position]\ntopic = "/setpoint"\ncolumns = ["pose.position.x", "pose.position.y", "-pose.position.z"]\n'
+        '[gyro]\ncolumns = ["angular_velocity.z", "angular_velocity.y", "angular_velocity.x"]\nstamp = "receive"\n'
+        '[rotor_commands]\ntopic = "/motor_speed"\nhigh = 2000\n'
+        'columns = ["angular_velocities[3]", "angular_velocities[0]"]\n'
+    )
+    log, flight = flown(), load_flight(write(kind, tmp_path, flight_messages), mapping)
+    rows = [k for _, k in states()]
+    np.testing.assert_array_equal(flight["position"].values[0], [9, 9, -9])
+    np.testing.assert_array_equal(flight["gyro"].values, log.rate[rows][:, ::-1])
+    np.testing.assert_allclose(flight["gyro"].time, log.time[rows] + 0.003, atol=1e-8)
+    np.testing.assert_allclose(flight["rotor_commands"].values, log.rotor_speeds[rows][:, [3, 0]] / 2000)
+    mapping.write_text('[position]\ntopic = "/setpoints"\ncolumns = ["a", "b", "c"]\n')
+    with pytest.raises(ValueError, match=r"mapping.toml: position.topic = '/setpoints': .*'/setpoint'"):
+        load_flight(tmp_path / ("flight.bag" if kind == "bag" else "flight/flight.mcap"), mapping)
+
+
+def test_the_fastest_of_several_topics_is_taken_and_said(tmp_path: Path) -> None:
+    def messages(store: Any, kind: str) -> list[tuple[str, str, int, Any]]:
+        make = Messages(store, kind)
+        return [
+            (topic, "sensor_msgs/msg/Imu", START + k * 10**7, make.imu(0, [value, 0, 0], [0, 0, 9.8]))
+            for k in range(40)
+            for topic, value, every in (("/imu/data", 1.0, 4), ("/imu/raw", 2.0, 1))
+            if k % every == 0
+        ]
+
+    flight = load_flight(write("mcap", tmp_path, messages))
+    assert set(flight["gyro"].values[:, 0]) == {2.0}
+    np.testing.assert_allclose(np.diff(flight["gyro"].time), 0.01, atol=1e-8)  # a header without stamp
+    assert "gyro: there is /imu/data, /imu/raw; the fastest is taken" in " ".join(flight.notes)
+
+
+def test_messages_of_a_log_of_ours_are_read_as_those_of_any_other(tmp_path: Path) -> None:
+    path = skyarm.save_log(flown(), tmp_path / "own.mcap")
+    (tmp_path / "other.mcap").write_bytes(path.read_bytes().replace(b"flight.npz", b"flight.xyz"))
+    own, other = load_flight(path), load_flight(tmp_path / "other.mcap")
+    assert own["gyro"].source == "rate"
+    assert other["velocity"].source.startswith("/odom")
+    for name in ("position", "velocity", "quaternion", "joint_positions", "gyro"):
+        np.testing.assert_allclose(other[name].values, own[name].values, atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_damaged_bag_is_one_line(kind: str, tmp_path: Path) -> None:
+    path = write(kind, tmp_path, flight_messages)
+    file = path / "metadata.yaml" if kind == "folder" else path
+    data = file.read_bytes()
+    file.write_bytes(data[: len(data) // 3] if kind != "folder" else b"rosbag2_bagfile_information: {version: 9}\n")
+    with pytest.raises(ValueError, match=r"bag: must be a whole bag of ROS") as error:
+        load_flight(path)
+    assert "\n" not in str(error.value)
+
+
+def test_a_bag_without_measurements_lists_its_topics(tmp_path: Path) -> None:
+    def messages(store: Any, kind: str) -> list[tuple[str, str, int, Any]]:
+        return [("/text", "std_msgs/msg/String", START, store.types["std_msgs/msg/String"](data="a"))]
+
+    with pytest.raises(ValueError, match=r"topics: none that is read holds a message; there is /text \(std_msgs/"):
+        load_flight(write("mcap", tmp_path, messages))

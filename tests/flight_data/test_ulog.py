@@ -1,0 +1,273 @@
+"""Logs of PX4: files that are packed here by hand, and pyulog's own numbers of a published one."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from skyarm.flight_data.flight_data import load_flight
+
+CUT = Path(__file__).parents[1] / "data" / "flights" / "px4" / "sample_px4_events_cut.ulg"
+MAGIC = b"ULog\x01\x12\x35\x01"
+
+FORMATS = {
+    "sensor_combined": "uint64_t timestamp;float[3] gyro_rad;int32_t accelerometer_timestamp_relative;"
+    "float[3] accelerometer_m_s2",
+    "vehicle_angular_velocity": "uint64_t timestamp;uint64_t timestamp_sample;float[3] xyz",
+    "vehicle_attitude": "uint64_t timestamp;float[4] q",
+    "vehicle_local_position": "uint64_t timestamp;float x;float y;float z;float vx;float vy;float vz",
+    "actuator_outputs": "uint64_t timestamp;uint32_t noutputs;float[8] output",
+    "actuator_motors": "uint64_t timestamp;float[4] control",
+    "battery_status": "uint64_t timestamp;float voltage_v",
+    "esc_report": "float esc_rpm;uint8_t esc_state",
+    "esc_status": "uint64_t timestamp;uint8_t esc_count;esc_report[4] esc",
+}
+PACKED = {
+    "sensor_combined": "<Q3fi3f",
+    "vehicle_angular_velocity": "<QQ3f",
+    "vehicle_attitude": "<Q4f",
+    "vehicle_local_position": "<Q6f",
+    "actuator_outputs": "<QI8f",
+    "actuator_motors": "<Q4f",
+    "battery_status": "<Qf",
+    "esc_status": "<QBfBfBfBfB",
+}
+PARAMETERS = {"MAV_TYPE": 2, "PWM_MIN": 1100, "PWM_MAX": 1900}
+
+
+def message(letter: str, body: bytes) -> bytes:
+    return struct.pack("<H", len(body)) + letter.encode() + body
+
+
+def keyed(kind: str, name: str, value: bytes) -> bytes:
+    key = f"{kind} {name}".encode()
+    return bytes([len(key)]) + key + value
+
+
+def packed(
+    rows: Iterable[tuple[str, tuple[float, ...]]], parameters: dict[str, float] = PARAMETERS, more: bytes = b""
+) -> bytes:
+    """A log with rows of topics; ``name:1`` is the second instance of a topic."""
+    rows = list(rows)
+    data = MAGIC + struct.pack("<Q", 1_000_000) + message("B", bytes(40))
+    data += message("I", keyed("char[3]", "sys_name", b"PX4"))
+    for name, fields in FORMATS.items():
+        data += message("F", f"{name}:{fields};".encode())
+    for name, value in parameters.items():
+        whole = isinstance(value, int)
+        text = keyed("int32_t" if whole else "float", name, struct.pack("<i" if whole else "<f", value))
+        data += message("P", text)
+    numbers = {name: k for k, name in enumerate(dict.fromkeys(name for name, _ in rows))}
+    for name, k in numbers.items():
+        topic, _, instance = name.partition(":")
+        data += message("A", struct.pack("<BH", int(instance or 0), k) + topic.encode())
+    for name, values in rows:
+        data += message("D", struct.pack("<H", numbers[name]) + struct.pack(PACKED[name.partition(":")[0]], *values))
+    return data + more
+
+
+def written(folder: Path, data: bytes) -> Path:
+    path = folder / "flight.ulg"
+    path.write_bytes(data)
+    return path
+
+
+def combined(stamp: int, rate: tuple[float, ...] = (1, 2, 3), force: tuple[float, ...] = (0, 0, -9.5)):
+    return "sensor_combined", (stamp, *rate, 2000, *force)
+
+
+def outputs(stamp: int, *values: float, instance: int = 0):
+    return f"actuator_outputs{':1' if instance else ''}", (stamp, 8, *values, *[900.0] * (8 - len(values)))
+
+
+def test_axes_units_and_clocks_of_px4_become_ours(tmp_path: Path) -> None:
+    half = 0.5**0.5
+    rows = [
+        combined(1_500_000),
+        ("vehicle_attitude", (1_500_000, half, 0.0, 0.0, half)),
+        ("vehicle_local_position", (1_510_000, 1, 2, 3, 4, 5, 6)),
+        ("battery_status", (1_520_000, 15.5)),
+        ("esc_status", (1_530_000, 4, 3000.0, 1, 6000.0, 1, 0.0, 1, 60.0, 1)),
+        outputs(1_540_000, 1100, 1500, 1900, 900, 1700),
+    ]
+    flight = load_flight(written(tmp_path, packed(rows)))
+    np.testing.assert_allclose(flight["gyro"].values, [[1, -2, -3]])
+    np.testing.assert_allclose(flight["accelerometer"].values, [[0, 0, 9.5]])
+    np.testing.assert_allclose(flight["accelerometer"].time, [0.002], atol=1e-12)
+    # a turn to the east about down is one to the right about up
+    np.testing.assert_allclose(flight["quaternion"].values, [[half, 0, 0, -half]], atol=1e-7)
+    np.testing.assert_allclose(flight["position"].values, [[1, -2, -3]])
+    np.testing.assert_allclose(flight["velocity"].values, [[4, -5, -6]])
+    np.testing.assert_allclose(flight["voltage"].values, [[15.5]])
+    np.testing.assert_allclose(flight["rotor_speeds"].values, [[100 * np.pi, 200 * np.pi, 0, 2 * np.pi]])
+    np.testing.assert_allclose(flight["rotor_commands"].values, [[0, 0.5, 1, 0]])
+    np.testing.assert_allclose(flight["rotor_commands"].time, [0.04], atol=1e-12)
+    assert flight.facts["start"] == pytest.approx(1.5)
+    assert flight.facts["parameter PWM_MIN"] == 1100
+    assert flight.notes == ()
+
+
+def test_the_rate_before_the_filter_is_taken_unless_the_other_is_faster(tmp_path: Path) -> None:
+    def rates(every: int) -> list[tuple[str, tuple[float, ...]]]:
+        rows = [combined(1_000_000 + 4000 * k) for k in range(1, 50)]
+        filtered = [
+            ("vehicle_angular_velocity", (1_000_300 + 4000 * k, 1_000_000 + 4000 * k, 7, 7, 7))
+            for k in np.arange(1, 50, 1 / every)
+        ]
+        return sorted(rows + [(name, tuple(map(int, values))) for name, values in filtered], key=lambda row: row[1][0])
+
+    assert load_flight(written(tmp_path, packed(rates(1))))["gyro"].source.startswith("sensor_combined")
+    fast = load_flight(written(tmp_path, packed(rates(4))))["gyro"]
+    assert fast.source.startswith("vehicle_angular_velocity")
+    np.testing.assert_allclose(fast.time[:3], [0, 0.001, 0.002], atol=1e-9)  # of the sample, not of the message
+
+
+def test_outputs_belong_to_motors_by_their_functions_and_limits(tmp_path: Path) -> None:
+    functions = {"CA_ROTOR_COUNT": 4, "PWM_MAIN_FUNC3": 101, "PWM_MAIN_FUNC1": 102, "PWM_MAIN_MAX1": 1500}
+    functions |= {"PWM_AUX_FUNC2": 103, "PWM_AUX_FUNC1": 104, "PWM_AUX_MIN1": 1200}
+    rows = [
+        outputs(1_500_000, 1250, 0, 1250, 0),
+        outputs(1_500_500, 1600, 1800, instance=1),
+        outputs(1_510_000, 1500, 0, 1000, 0),
+        outputs(1_510_500, 2000, 1000, instance=1),
+    ]
+    flight = load_flight(written(tmp_path, packed(rows, functions)))
+    np.testing.assert_allclose(flight["rotor_commands"].values, [[0.25, 0.5, 0.8, 0.5], [0.0, 1.0, 0.8, 0.5]])
+    assert flight["rotor_commands"].source.endswith("output MAIN 3, output MAIN 1, output AUX 2, output AUX 1")
+
+
+@pytest.mark.parametrize(
+    ("parameters", "note", "width"),
+    [
+        ({"MAV_TYPE": 22}, "no parameter says how many rotors", 0),
+        ({"MAV_TYPE": 2}, "limits of 1000 and 2000 us are assumed", 4),
+        ({"MAV_TYPE": 2, "PWM_MIN": 1900, "PWM_MAX": 1100}, "limits are 1900 and 1100", 0),
+    ],
+)
+def test_what_is_unknown_of_the_rotors_is_said(
+    tmp_path: Path, parameters: dict[str, float], note: str, width: int
+) -> None:
+    flight = load_flight(written(tmp_path, packed([combined(1_500_000), outputs(1_500_000, 1500)], parameters)))
+    assert note in " ".join(flight.notes)
+    assert ("rotor_commands" in flight) == bool(width)
+
+
+def test_the_faster_topic_of_motors_is_taken_where_both_are_signals(tmp_path: Path) -> None:
+    motors = [("actuator_motors", (1_500_000 + 1000 * k, 0.1, 0.2, 0.3, 0.4)) for k in range(50)]
+    rows = [*motors, *[outputs(1_500_000 + 10_000 * k, 1500) for k in range(5)]]
+    rows.sort(key=lambda row: row[1][0])
+    assert load_flight(written(tmp_path, packed(rows)))["rotor_commands"].source.startswith("actuator_motors")
+    thrust = {**PARAMETERS, "THR_MDL_FAC": 0.3}
+    assert load_flight(written(tmp_path, packed(rows, thrust)))["rotor_commands"].source.startswith("rotor signals")
+    flight = load_flight(written(tmp_path, packed(motors, thrust)))
+    assert "shares of the thrust" in flight.notes[0]
+
+
+def test_a_mapping_takes_any_topic_and_instance(tmp_path: Path) -> None:
+    (tmp_path / "columns.toml").write_text(
+        '[rotor_commands]\ntopic = "actuator_outputs[1]"\ncolumns = ["output[1]"]\nlow = 1000\nhigh = 2000\n'
+    )
+    rows = [combined(1_500_000), outputs(1_500_000, 1, 2), outputs(1_500_000, 1, 1750, instance=1)]
+    flight = load_flight(written(tmp_path, packed(rows)))
+    np.testing.assert_allclose(flight["rotor_commands"].values, [[0.75]])
+    assert "gyro" in flight
+
+
+def test_losses_are_named(tmp_path: Path) -> None:
+    rows = [combined(1_500_000 + 4000 * k) for k in range(20)]
+    dropout = message("O", struct.pack("<H", 120))
+    flight = load_flight(written(tmp_path, packed(rows, more=dropout + dropout)))
+    assert flight.notes == ("file: the logger lost messages 2 times, for 240 ms in all.",)
+    flight = load_flight(written(tmp_path, packed(rows)[:-5]))
+    assert flight["gyro"].time.size == 19
+    assert flight.notes == ("file: ends within a message; it is cut off.",)
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (b"nonsense", "first bytes = 6e6f6e73656e73: must be 554c6f67011235"),
+        (MAGIC, "first bytes = 554c6f67011235: must be"),
+        (packed([]), "file: holds no topic with numbers"),
+        (packed([]).replace(bytes(40), bytes(8) + b"\2" + bytes(31)), "flags = 0200000000000000: must be"),
+        (packed([("battery_status", (1, 2))])[:-1], "file: holds no topic"),
+    ],
+)
+def test_a_wrong_file_is_one_line(tmp_path: Path, data: bytes, words: str) -> None:
+    with pytest.raises(ValueError, match=words) as error:
+        load_flight(written(tmp_path, data))
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        (b"float[3] gyro_rad", b"float[9] gyro_rad"),  # rows are shorter than the format
+        (b"float[3] gyro_rad", b"flaat[3] gyro_rad"),
+        (b"float[3] gyro_rad", b"sensor_combined g"),
+        (b"float[3] gyro_rad", b"float[99999] rads"),
+        (b"esc_report[4] esc", b"esc_status[4] esc"),
+        (b"uint64_t timestamp;float voltage_v", b"uint64_t timestamp;float timestamp"),
+    ],
+)
+def test_a_damaged_format_loses_its_topic_only(tmp_path: Path, before: bytes, after: bytes) -> None:
+    rows = [row for k in range(9) for row in (combined(10**6 + k), ("battery_status", (10**6 + k, 15.0)))]
+    rows += [("vehicle_attitude", (10**6 + k, 1, 0, 0, 0)) for k in range(9)]
+    data = packed(rows)
+    assert data.count(before) == 1
+    flight = load_flight(written(tmp_path, data.replace(before, after)))
+    lost = {"gyro", "accelerometer"} if b"gyro" in before else {"voltage"} if b"voltage" in before else set()
+    assert set(flight) == {"gyro", "accelerometer", "voltage", "quaternion"} - lost
+    assert bool(flight.notes) == bool(lost)
+
+
+def test_the_rows_behind_damage_are_read(tmp_path: Path) -> None:
+    rows = [combined(1_500_000 + 4000 * k, (k, 0, 0)) for k in range(100)]
+    data = bytearray(packed(rows))
+    size = 3 + 2 + struct.calcsize(PACKED["sensor_combined"])
+    data[-50 * size] ^= 0xFF  # the length of a message
+    data[-20 * size + 2] = 0  # the type of another
+    flight = load_flight(written(tmp_path, bytes(data)))
+    assert sorted(set(range(100)) - set(flight["gyro"].values[:, 0].astype(int).tolist())) == [50, 80]
+    assert flight.notes == ("file: is damaged at 2 places; messages there are left out.",)
+
+
+def test_data_that_were_appended_after_a_crash_are_read(tmp_path: Path) -> None:
+    whole = packed([combined(1_500_000 + 4000 * k) for k in range(10)])
+    later = message("D", struct.pack("<H", 0) + struct.pack(PACKED["sensor_combined"], *combined(2_000_000)[1]))
+    cut = whole[:-7]
+    flags = bytes(8) + b"\1" + bytes(7) + struct.pack("<3Q", len(cut), 0, 0)
+    flight = load_flight(written(tmp_path, cut.replace(bytes(40), flags, 1) + later))
+    assert flight["gyro"].time.size == 10
+    assert flight["gyro"].time[-1] == pytest.approx(0.5)
+    assert flight.notes == ()
+
+
+def test_a_published_log_has_the_numbers_of_pyulog_and_stands_upright() -> None:
+    pyulog = pytest.importorskip("pyulog", reason="needs the extra 'test'")
+    flight, log = load_flight(CUT), pyulog.ULog(str(CUT))
+    topics = {(each.name, each.multi_id): each.data for each in log.data_list}
+    flip = np.array([1.0, -1.0, -1.0])
+    for name, topic, field in (
+        ("gyro", "sensor_combined", "gyro_rad"),
+        ("accelerometer", "sensor_combined", "accelerometer_m_s2"),
+    ):
+        given = topics[topic, 0]
+        table = np.stack([given[f"{field}[{k}]"] for k in range(3)], axis=1)
+        np.testing.assert_array_equal(flight[name].values, table * flip)
+        np.testing.assert_allclose(
+            flight[name].time + flight.facts["start"], given["timestamp"] * 1e-6, rtol=0, atol=1e-6
+        )
+    motors, given = topics["actuator_motors", 0], flight["rotor_commands"]
+    rows = np.searchsorted(motors["timestamp"], topics["actuator_outputs", 0]["timestamp"])
+    wanted = np.stack([motors[f"control[{k}]"] for k in range(4)], axis=1)[
+        np.clip(rows, 0, len(motors["timestamp"]) - 1)
+    ]
+    assert np.abs(given.values - wanted).max() < 1e-3  # an output is a whole number of microseconds
+    assert flight["accelerometer"].values[:, 2].mean() == pytest.approx(9.8, abs=0.3)
+    rising = np.interp(flight["velocity"].time, flight["position"].time, flight["position"].values[:, 2])
+    assert np.corrcoef(np.gradient(rising, flight["velocity"].time), flight["velocity"].values[:, 2])[0, 1] > 0.9
