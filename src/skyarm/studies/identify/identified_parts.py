@@ -1,0 +1,130 @@
+"""Vehicle and surroundings that have identified numbers."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any, TypeVar
+
+import numpy as np
+
+from skyarm.algebra import Sym3, Vec3
+from skyarm.studies.identify.motion_model import Surroundings
+from skyarm.studies.identify.unknowns import KNOTS, rises_of_thrust, second_moments
+from skyarm.vehicle.linkage import Body, Link
+from skyarm.vehicle.thrust_table import ThrustTable
+from skyarm.vehicle.vehicle_records import Rotor, Vehicle
+
+R = TypeVar("R", Rotor, Link, Body)
+
+SCALED = ("thrust_coefficient", "moment_coefficient", "time_constant_up", "time_constant_down")
+"""Numbers of a rotor that are above 0: of each rotor in the proportion of the start vehicle."""
+
+FRICTIONS = ("damping", "coulomb", "armature")
+"""Numbers of a joint that may be identified."""
+
+
+def vehicle_with(start: Vehicle, numbers: Mapping[str, float], *, checked: bool = False) -> Vehicle:
+    """Vehicle with identified numbers; the total mass stays.
+
+    Args:
+        start: the rest.
+        numbers: by name of the unknown.
+        checked: whether its records are checked: a search passes through what no vehicle is.
+
+    Raises:
+        ValueError: one line, if checked: no vehicle has such numbers.
+    """
+    rotors = tuple(_rotor(start.rotors[0], each, numbers, checked) for each in start.rotors)
+    links = tuple(_link(each, numbers, checked) for each in start.links)
+    carried = sum(float(link.body.mass) for link in links) - sum(float(link.body.mass) for link in start.links)
+    base = _with_changes(
+        start.base,
+        checked,
+        mass=float(start.base.mass) - carried,
+        com=Vec3(*(numbers.get(f"base.com.{axis}", getattr(start.base.com, axis)) for axis in "xyz")),
+        inertia=_inertia(start.base, numbers),
+    )
+    areas = [numbers.get(f"drag.area.{axis}", getattr(start.drag.area, axis)) for axis in "xyz"]
+    drag = dataclasses.replace(start.drag, area=Vec3(*(max(area, 0.0) for area in areas)))
+    if checked:
+        return dataclasses.replace(start, base=base, rotors=rotors, links=links, drag=drag)
+    return start.with_checked(base=base, rotors=rotors, links=links, drag=drag)
+
+
+def _with_changes(record: R, checked: bool, **changes: Any) -> R:
+    """Copy of a record with other fields, checked or not."""
+    if checked:
+        return dataclasses.replace(record, **changes)
+    made = object.__new__(type(record))
+    for each in fields(record):
+        object.__setattr__(made, each.name, changes.get(each.name, getattr(record, each.name)))
+    return made
+
+
+def _rotor(first: Rotor, rotor: Rotor, numbers: Mapping[str, float], checked: bool) -> Rotor:
+    """Rotor with identified numbers, which are those of the first one."""
+    changes: dict[str, Any] = {}
+    for name in SCALED:
+        if f"rotors.{name}" in numbers:
+            changes[name] = numbers[f"rotors.{name}"] * float(getattr(rotor, name)) / float(getattr(first, name))
+    for name in ("inertia", "drag_coefficient"):
+        if f"rotors.{name}" in numbers:
+            changes[name] = max(numbers[f"rotors.{name}"], 0.0) if checked else numbers[f"rotors.{name}"]
+    table = _table(first, numbers)
+    if table is not None:
+        changes |= {"table": table, "thrust_coefficient": table.thrust_coefficient}
+    return _with_changes(rotor, checked, **changes)
+
+
+def _link(link: Link, numbers: Mapping[str, float], checked: bool) -> Link:
+    """Link with identified numbers."""
+    name, body = f"links.{link.name}", link.body
+    scale = numbers.get(f"{name}.inertia", 1.0)
+    moved = _with_changes(
+        body,
+        checked,
+        mass=numbers.get(f"{name}.mass", body.mass),
+        com=Vec3(*(numbers.get(f"{name}.com.{axis}", getattr(body.com, axis)) for axis in "xyz")),
+        inertia=Sym3(*(getattr(body.inertia, each.name) * scale for each in fields(Sym3))),
+    )
+    frictions: dict[str, Any] = {k: numbers[at] for k in FRICTIONS if (at := f"{name}.joint.{k}") in numbers}
+    return _with_changes(link, checked, body=moved, joint=dataclasses.replace(link.joint, **frictions))
+
+
+def _table(first: Rotor, numbers: Mapping[str, float]) -> ThrustTable | None:
+    """Thrust curve of the rotors, if its rises are identified."""
+    rises = [numbers[name] for name in rises_of_thrust() if name in numbers]
+    if not rises:
+        return None
+    speeds = tuple(share * float(first.max_speed) for share in KNOTS)
+    return ThrustTable(speed=speeds, thrust=tuple(np.cumsum(rises).tolist()))
+
+
+def _inertia(base: Body, numbers: Mapping[str, float]) -> Sym3:
+    """Inertia of the base from its second moments and products."""
+    at = {
+        axis: numbers.get(f"base.second_moment.{axis}", moment)
+        for axis, moment in zip("xyz", second_moments(base), strict=True)
+    }
+    products = {axis: numbers.get(f"base.inertia.{axis}", getattr(base.inertia, axis)) for axis in ("xy", "xz", "yz")}
+    return Sym3(xx=at["y"] + at["z"], yy=at["x"] + at["z"], zz=at["x"] + at["y"], **products)
+
+
+def surroundings_with(numbers: Mapping[str, float]) -> Surroundings:
+    """Surroundings of the vehicle from identified numbers."""
+
+    def three(name: str) -> tuple[float, float, float]:
+        return (numbers.get(f"{name}.x", 0.0), numbers.get(f"{name}.y", 0.0), numbers.get(f"{name}.z", 0.0))
+
+    return Surroundings(
+        delay=numbers.get("delay", 0.0),
+        joint_delay=numbers.get("joint_delay", 0.0),
+        accelerometer_delay=numbers.get("accelerometer_delay", 0.0),
+        place=three("place"),
+        offset=three("offset"),
+        torque=three("torque"),
+        sag=numbers.get("sag", 0.0),
+        drift=numbers.get("drift", 0.0),
+    )

@@ -1,0 +1,319 @@
+"""Vehicle parameters from measured flights, each with a 95 % interval, or with the words *not in this data*."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.studies.identify.identified_parts import surroundings_with, vehicle_with
+from skyarm.studies.identify.motion_model import Memo, Stretch, Surroundings, prediction_errors
+from skyarm.studies.identify.prediction_error import ORDER, PredictionFit, fit_prediction
+from skyarm.studies.identify.unknowns import Reported, Unknown, reported_of, unknowns_of
+from skyarm.vehicle.vehicle_records import Vehicle
+
+Array: TypeAlias = npt.NDArray[np.float64]
+
+NOT_SHOWN = "not in this data"
+"""Reason of a number of which the flights tell less than what was known before."""
+
+SHOWN = 0.5
+"""Least share of a number's information that the flights must give."""
+
+BLOCK = 0.5
+"""s, of a block of scores."""
+
+LEAST = 20
+"""Periods of the shortest stretch, in orders of the whitening filter."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class IdentifiedNumber:
+    """Identified number with its 95 % interval.
+
+    Attributes:
+        name: as a vehicle file has it, or of what surrounds the vehicle.
+        unit: SI.
+        value, low, high: estimate and interval, of data and what was known before.
+        start: value before.
+        data_share: share of its information that the flights give, 0 to 1.
+        reason: why the flights do not show it, else empty.
+    """
+
+    name: str
+    unit: str
+    value: float
+    low: float
+    high: float
+    start: float
+    data_share: float
+    reason: str = ""
+
+    @property
+    def is_known(self) -> bool:
+        """True if the flights show the number."""
+        return not self.reason
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Identified:
+    """Vehicle that was identified from flights.
+
+    Attributes:
+        numbers: each with its interval.
+        correlation: (numbers, numbers) of their errors.
+        vehicle: the start vehicle with what the flights show; the rest is the start's, and what is shown fits to it.
+        surroundings: delays, places and offsets.
+        explained: row -> share of its variance that the model foretells, one step ahead, 0 to 1.
+        deviation: row -> standard deviation of the errors of one step ahead.
+        settled: whether the search came to rest.
+        seconds: of flight that counted.
+    """
+
+    numbers: tuple[IdentifiedNumber, ...]
+    correlation: Array
+    vehicle: Vehicle
+    surroundings: Surroundings
+    explained: Mapping[str, float]
+    deviation: Mapping[str, float]
+    settled: bool
+    seconds: float
+    searched: Mapping[str, float] = field(default_factory=dict)
+
+    def __getitem__(self, name: str) -> IdentifiedNumber:
+        """Identified number by its name.
+
+        Raises:
+            KeyError: there is none of this name.
+        """
+        for each in self.numbers:
+            if each.name == name:
+                return each
+        raise KeyError(name)
+
+
+def identify_vehicle(
+    stretches: Sequence[Stretch],
+    start: Vehicle,
+    *,
+    curve: bool = False,
+    driven: Sequence[bool] | None = None,
+    velocity: bool | None = None,
+    voltage: bool | None = None,
+    known: Mapping[str, float] | None = None,
+    told: Callable[[str], None] | None = None,
+) -> Identified:
+    """Identify the parameters of a vehicle from measured flights.
+
+    Args:
+        stretches: of the flights.
+        start: vehicle with what is known before: data sheet, drawing.
+        curve: find a thrust curve of its own in place of the start's times a factor.
+        driven: of each joint, whether its torque is commanded; by default, if the stretches hold any torque of it.
+        velocity: whether the stretches hold it; by default, if it is not 0.
+        voltage: whether the stretches hold it; by default, if it varies.
+        known: numbers that are not searched, by name.
+        told: called with the progress.
+
+    Raises:
+        ValueError: one line: flights that do not fit the vehicle, or nothing to identify, or SciPy is missing.
+    """
+    _check(stretches, start)
+    if driven is None:
+        driven = [any(bool(np.any(each.efforts[:, i])) for each in stretches) for i in range(start.n)]
+    if velocity is None:
+        velocity = any(bool(np.any(each.velocity)) for each in stretches)
+    if voltage is None:
+        voltage = any(bool(np.ptp(each.voltage) > 0.0) for each in stretches)
+    known = dict(known or {})
+    every = unknowns_of(start, curve=curve, velocity=velocity, voltage=voltage, driven=driven)
+    for name in known:
+        if name not in {each.name for each in every}:
+            raise ValueError(f"known.{name}: must be one of {', '.join(each.name for each in every)}")
+    unknowns = [each for each in every if each.name not in known]
+    memos = [Memo() for _ in stretches]
+
+    def numbers_of(searched: Array) -> dict[str, float]:
+        return {**known, **{each.name: each.value(x) for each, x in zip(unknowns, searched.tolist(), strict=True)}}
+
+    def errors(searched: Array) -> list[Array]:
+        numbers = numbers_of(searched)
+        vehicle, about = vehicle_with(start, numbers), surroundings_with(numbers)
+        return [
+            prediction_errors(vehicle, about, each, driven, memo) for each, memo in zip(stretches, memos, strict=True)
+        ]
+
+    begin = np.array([each.begin for each in unknowns])
+    prior = np.array([each.spread for each in unknowns])
+    found = fit_prediction(
+        errors,
+        begin,
+        prior,
+        np.array([each.step for each in unknowns]),
+        round(BLOCK / stretches[0].period),
+        [each.used for each in stretches],
+        told,
+    )
+    scale = _scale(found, unknowns, reported_of(every), known)
+    numbers, correlation = _identified_numbers(found, scale, prior)
+    inside = {each.name for each in unknowns if each.in_vehicle}
+    replaced = [all(part in inside or part in known for part in each.parts) for each in scale.told]
+    before = scale.rows**2 @ prior**2
+    values = condition_on_start(found.values, found.curvature, scale.rows, scale.off, before, replaced)
+    rows = ["specific_force.x", "specific_force.y", "specific_force.z", "rate.x", "rate.y", "rate.z"]
+    rows += [f"{link.joint.name}.rate" for link, moves in zip(start.links, driven, strict=True) if moves]
+    plain = numbers_of(values)
+    return Identified(
+        numbers=numbers,
+        correlation=correlation,
+        vehicle=vehicle_with(start, plain, checked=True),
+        surroundings=surroundings_with(plain),
+        explained=dict(zip(rows, _explained_shares(found, stretches, driven).tolist(), strict=True)),
+        deviation=dict(zip(rows, found.noise.scales.tolist(), strict=True)),
+        settled=found.settled,
+        seconds=sum(float(each.used.sum()) * each.period for each in stretches),
+        searched=plain,
+    )
+
+
+def _check(stretches: Sequence[Stretch], start: Vehicle) -> None:
+    """Raise an error in one line for flights that do not fit a vehicle."""
+    if not stretches:
+        raise ValueError("stretches: must be one or more")
+    for each in stretches:
+        at = f"{each.name}, from {each.start:g} s"
+        told, rotors = each.commands.shape[1], len(start.rotors)
+        if told != rotors:
+            raise ValueError(f"{at}: rotor commands: there are {told}, vehicle '{start.name}' has {rotors} rotors")
+        if each.joints.shape[1] != start.n:
+            raise ValueError(f"{at}: joints: there are {each.joints.shape[1]}, vehicle '{start.name}' has {start.n}")
+        if each.size < LEAST * ORDER:
+            raise ValueError(f"{at}: {each.size} periods: must be at least {LEAST * ORDER}")
+        if abs(each.period - stretches[0].period) > 1e-9:
+            raise ValueError(f"{at}: period = {each.period:g} s: must be {stretches[0].period:g} s, as of the first")
+        for name in ("commands", "rate", "specific_force", "joints", "joint_rates", "efforts", "velocity", "voltage"):
+            if not np.isfinite(getattr(each, name)).all():
+                raise ValueError(f"{at}: {name}: must be finite throughout")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scale:
+    """Numbers to tell, linear in what is searched near the estimate; of positive ones the logarithms.
+
+    Attributes:
+        told: which numbers.
+        values, starts: found, and before. positive: of each, whether its logarithm is meant.
+        rows: (told, searched) slopes.
+    """
+
+    told: list[Reported]
+    values: Array
+    starts: Array
+    positive: npt.NDArray[np.bool_]
+    rows: Array
+
+    @property
+    def off(self) -> Array:
+        """Differences of the starts from the values, on the scale of the slopes."""
+        ratio = np.where(self.positive, self.starts / np.where(self.positive, self.values, 1.0), 1.0)
+        return np.where(self.positive, np.log(ratio), self.starts - self.values)
+
+
+def _scale(
+    found: PredictionFit, unknowns: Sequence[Unknown], reported: Sequence[Reported], known: Mapping[str, float]
+) -> Scale:
+    """Numbers to tell in terms of those that were searched."""
+    place = {each.name: i for i, each in enumerate(unknowns)}
+    kept = [each for each in reported if any(part in place for part in each.parts)]
+    values, starts, positive = np.zeros(len(kept)), np.zeros(len(kept)), np.zeros(len(kept), dtype=bool)
+    rows = np.zeros((len(kept), len(unknowns)))
+    for k, each in enumerate(kept):
+        for name in each.parts:
+            if name not in place:
+                values[k], starts[k] = values[k] + known[name], starts[k] + known[name]
+                continue
+            unknown = unknowns[place[name]]
+            value = unknown.value(float(found.values[place[name]]))
+            values[k], starts[k], positive[k] = values[k] + value, starts[k] + unknown.start, unknown.positive
+            rows[k, place[name]] = value if unknown.positive else 1.0
+        if positive[k]:
+            rows[k] /= values[k]
+    return Scale(kept, values, starts, positive, rows)
+
+
+def _identified_numbers(found: PredictionFit, scale: Scale, prior: Array) -> tuple[tuple[IdentifiedNumber, ...], Array]:
+    """Numbers with intervals, and the correlations of their errors."""
+    covariance = scale.rows @ found.covariance @ scale.rows.T
+    before = scale.rows**2 @ prior**2
+    after = np.maximum(np.diag(covariance), np.diag(scale.rows @ found.curvature @ scale.rows.T))
+    after = np.minimum(after, before)  # what the data blur is known as before
+    shares = 1.0 - after / before
+    halves = found.quantile * np.sqrt(after)
+    numbers = []
+    for k, each in enumerate(scale.told):
+        value, half = float(scale.values[k]), float(halves[k])
+        low, high = (value * np.exp(-half), value * np.exp(half)) if scale.positive[k] else (value - half, value + half)
+        numbers.append(
+            IdentifiedNumber(
+                name=each.name,
+                unit=each.unit,
+                value=value,
+                low=float(low),
+                high=float(high),
+                start=float(scale.starts[k]),
+                data_share=float(shares[k]),
+                reason="" if shares[k] >= SHOWN else NOT_SHOWN,
+            )
+        )
+    deviations = np.sqrt(np.diag(covariance))
+    return tuple(numbers), covariance / np.outer(deviations, deviations)
+
+
+def condition_on_start(
+    values: Array, spread: Array, rows: Array, off: Array, before: Array, replaced: Sequence[bool]
+) -> Array:
+    """Estimate with every number that the flights do not show put back to its start, and the others fitted to that.
+
+    What is known least is put back first; of two numbers of which the flights show the ratio only, one thus stays at
+    its start and the other keeps the ratio.
+
+    Args:
+        values: (P,) what was searched and found.
+        spread: (P, P) covariance of its errors.
+        rows: (numbers, P) slopes of the numbers.
+        off: (numbers,) what their starts are off them.
+        before: (numbers,) variances of what was known of them.
+        replaced: of each number, whether it may be put back.
+    """
+    values, spread, off = values.copy(), spread.copy(), off.copy()
+    left = [i for i, may in enumerate(replaced) if may]
+    while left:
+        shares = [1.0 - float(rows[i] @ spread @ rows[i]) / before[i] for i in left]
+        least = int(np.argmin(shares))
+        if shares[least] >= SHOWN:
+            break
+        row, shift = rows[left[least]], off[left[least]]
+        gain = spread @ row / float(row @ spread @ row)
+        values += gain * shift
+        off -= rows @ gain * shift
+        spread -= np.outer(gain, row @ spread)
+        left.pop(least)
+    return values
+
+
+def _explained_shares(found: PredictionFit, stretches: Sequence[Stretch], driven: Sequence[bool]) -> Array:
+    """Share of each row's whitened variance that the commands explain."""
+    moving = [i for i, each in enumerate(driven) if each]
+    nothing = []
+    for each in stretches:
+        rates = np.concatenate([each.rate, each.joint_rates[:, moving]], axis=1)[1:]
+        whole = np.concatenate([each.specific_force, rates], axis=1)
+        time = np.linspace(-1.0, 1.0, len(whole))[:, None]
+        whole = whole - whole.mean(axis=0)
+        # a constant torque explains a straight line of a rate
+        nothing.append(whole - time * (time * whole).sum(axis=0) / (time**2).sum())
+    left, before = ((found.noise.apply(rows) ** 2).sum(axis=0) for rows in (found.errors, nothing))
+    return np.asarray(1.0 - left / np.maximum(before, 1e-300))

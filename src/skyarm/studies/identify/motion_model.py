@@ -1,0 +1,293 @@
+"""Specific force, angular and joint accelerations of a vehicle as its commands foretell them, period by period.
+
+Rotor commands pass a dead time, the rotors' lag and their thrust curve; joint torques pass a dead time. The forward
+dynamics of the articulated body, at measured rates and joint angles, gives the accelerations. No state is integrated:
+errors do not grow, and nothing but accelerations and rates need be measured. The noise of what is differentiated stays
+on the left side, so that no number is diluted by it (as those of a fit of inverse dynamics are).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.algebra import ZERO3, Force, Mat3, Motion, Vec3
+from skyarm.dynamics import forward_dynamics, inverse_dynamics, mass_matrix
+from skyarm.dynamics.actuators.rotor import push, rotor_forces
+from skyarm.studies.identify.rotor_lag import delay_commands, lag_response, moving_mean
+from skyarm.vehicle.vehicle_records import Vehicle
+
+Array: TypeAlias = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Stretch:
+    """Part of a flight without gaps, on an even clock: N periods between N + 1 instants.
+
+    Attributes:
+        name: of the flight.
+        start: s, time of the first instant.
+        period: s.
+        samples: of the sensors per period.
+        fine: commands per period, a multiple of the samples; they are held for a part of it each.
+        commands: (N * fine, rotors) rad/s.
+        rate: (N + 1, 3) rad/s, base axes.
+        specific_force: (N, 3) m/s^2 at the inertial unit, base axes, mean of each period.
+        joints, joint_rates: (N + 1, n).
+        efforts: (N * fine, n) commanded joint torques, N m or N; of joints that are not driven by torque unused.
+        velocity: (N, 3) m/s against the air, base axes; zero where it is not known.
+        voltage: (N,) V over that of the rotors' data; 1 where it is not known.
+        width: samples that each measurement is a moving mean of; commands are averaged likewise.
+        used: (N,) rows that count; all by default.
+    """
+
+    name: str
+    start: float
+    period: float
+    samples: int = 1
+    fine: int
+    commands: Array
+    rate: Array
+    specific_force: Array
+    joints: Array
+    joint_rates: Array
+    efforts: Array
+    velocity: Array
+    voltage: Array
+    width: int = 1
+    used: npt.NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
+
+    def __post_init__(self) -> None:
+        if not self.used.size:
+            object.__setattr__(self, "used", np.ones(self.size, dtype=bool))
+
+    def means(self, rows: Array) -> Array:
+        """Means over each period (N, ...) of what is held for a part of it (N * fine, ...), as the sensors average."""
+        sampled = rows.reshape(self.size * self.samples, self.fine // self.samples, *rows.shape[1:]).mean(axis=1)
+        found: Array = moving_mean(sampled, self.width).reshape(self.size, self.samples, *rows.shape[1:]).mean(axis=1)
+        return found
+
+    @property
+    def size(self) -> int:
+        """Number of periods."""
+        return len(self.specific_force)
+
+    @property
+    def seconds(self) -> float:
+        """Duration, s."""
+        return self.size * self.period
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Surroundings:
+    """Delays, places and offsets of a flight and of its sensors, identified beside the vehicle.
+
+    Attributes:
+        delay: s, dead time from a rotor's command to the measured rates.
+        joint_delay: s, dead time from a joint's torque to the measured rates.
+        accelerometer_delay: s, of the accelerometer behind the gyroscope.
+        place: m, of the inertial unit in the base frame.
+        offset: m/s^2, of the accelerometer.
+        torque: N m, constant, base axes.
+        sag: thrust over that of the curve is the relative voltage to this power.
+        drift: 1/s, relative change of the thrust.
+    """
+
+    delay: float = 0.0
+    joint_delay: float = 0.0
+    accelerometer_delay: float = 0.0
+    place: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    torque: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    sag: float = 0.0
+    drift: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RotorSeries:
+    """Rotors over the periods of a stretch, a list over the rotors.
+
+    Attributes:
+        speeds: rad/s, means. changes: rad/s^2, means. gains: mean thrusts over those of the mean speeds.
+    """
+
+    speeds: list[Array]
+    changes: list[Array]
+    gains: list[Array]
+
+
+@dataclass(slots=True, eq=False)
+class Memo:
+    """Rotor series of one stretch that were computed last: most candidates of a search share them."""
+
+    held: dict[tuple[object, ...], tuple[Array, Array]] = field(default_factory=dict)
+    series: dict[tuple[object, ...], RotorSeries] = field(default_factory=dict)
+
+    def rotors(self, vehicle: Vehicle, delay: float, stretch: Stretch) -> RotorSeries:
+        """Rotor series of a vehicle after a dead time (s)."""
+        key: tuple[object, ...] = (delay, *((r.time_constant_up, r.time_constant_down) for r in vehicle.rotors))
+        if key not in self.held:
+            _forget(self.held)
+            self.held[key] = _speeds(vehicle, delay, stretch)
+        curves = (
+            key,
+            *(None if r.table is None else (r.table.thrust, r.table.thrust_coefficient) for r in vehicle.rotors),
+        )
+        if curves not in self.series:
+            _forget(self.series)
+            self.series[curves] = _series(vehicle, *self.held[key], stretch)
+        return self.series[curves]
+
+
+MEMORY = 6
+"""Series that a memo keeps."""
+
+
+def _forget(memo: dict[tuple[object, ...], tuple[Array, Array]] | dict[tuple[object, ...], RotorSeries]) -> None:
+    if len(memo) >= MEMORY:
+        memo.pop(next(iter(memo)))
+
+
+def predict(
+    vehicle: Vehicle, about: Surroundings, stretch: Stretch, driven: Sequence[bool] = (), memo: Memo | None = None
+) -> Array:
+    """Mean specific force at the inertial unit and accelerations over each period, from the commands.
+
+    Args:
+        vehicle: rigid bodies and rotors.
+        about: delays, places, offsets.
+        stretch: commands and measured motion.
+        driven: for each joint, whether its torque is commanded; of the others, whose motion is given, none is foretold.
+        memo: of this stretch.
+
+    Returns:
+        (N, 6 + driven joints): specific force (m/s^2), angular acceleration (rad/s^2), base axes, and the accelerations
+        of the driven joints.
+    """
+    rate, joints, joint_rates = (middle(rows) for rows in (stretch.rate, stretch.joints, stretch.joint_rates))
+    w, qd, q = Vec3(*rate.T), tuple(joint_rates.T), tuple(joints.T)
+    turning = (memo or Memo()).rotors(vehicle, about.delay, stretch)
+    scale = stretch.voltage**about.sag * (1.0 + about.drift * stretch.period * np.arange(stretch.size))
+    velocity = Vec3(*stretch.velocity.T)
+    applied = rotor_forces(vehicle.rotors, turning.speeds, velocity, w, [gain * scale for gain in turning.gains])
+    applied = Force(
+        applied.torque + _spin_torque(vehicle, turning, w) + Vec3(*about.torque),
+        applied.force + _air_drag(vehicle, velocity),
+    )
+    told = delay_commands(stretch.efforts, stretch.period / stretch.fine, about.joint_delay)
+    torques = stretch.means(told)
+    efforts = [
+        np.clip(torque, -float(link.joint.effort_limit), float(link.joint.effort_limit))
+        - link.joint.damping * x
+        - link.joint.coulomb * np.tanh(x / link.joint.coulomb_rate)
+        for link, torque, x in zip(vehicle.links, torques.T, qd, strict=True)
+    ]
+    if all(driven):
+        base, moved = forward_dynamics(vehicle, q, w, qd, applied, efforts)
+        linear, angular, rows = base.linear, base.angular, [np.asarray(each) for each in moved]
+    else:
+        given = np.diff(stretch.joint_rates, axis=0) / stretch.period
+        linear, angular, rows = _with_given_joints(vehicle, q, w, qd, applied, efforts, driven, given)
+    place = Vec3(*about.place)
+    felt = linear + angular.cross(place) + w.cross(w.cross(place)) + Vec3(*about.offset)
+    zero = np.zeros(stretch.size)
+    found: Array = np.stack([zero + each for each in (*felt, *angular, *rows)], axis=1)
+    if about.accelerometer_delay:
+        found[:, :3] = _later(found[:, :3], about.accelerometer_delay / stretch.period)
+    return found
+
+
+def prediction_errors(
+    vehicle: Vehicle, about: Surroundings, stretch: Stretch, driven: Sequence[bool] = (), memo: Memo | None = None
+) -> Array:
+    """Measured less predicted series (N, 6 + driven joints): specific force, and rates summed up from accelerations.
+
+    Noise of a measured rate is white in the sums, and slow disturbances are slow.
+    """
+    foretold = predict(vehicle, about, stretch, driven, memo)
+    moving = [i for i, each in enumerate(driven) if each]
+    rates = np.concatenate([stretch.rate, stretch.joint_rates[:, moving]], axis=1)
+    summed = rates[1:] - rates[:1] - np.cumsum(foretold[:, 3:], axis=0) * stretch.period
+    return np.concatenate([stretch.specific_force - foretold[:, :3], summed - summed.mean(axis=0)], axis=1)
+
+
+def _speeds(vehicle: Vehicle, delay: float, stretch: Stretch) -> tuple[Array, Array]:
+    """Rotor speeds (N * fine, rotors), rad/s: means over and values after each fine period."""
+    fine = stretch.period / stretch.fine
+    limits = np.array([float(rotor.max_speed) for rotor in vehicle.rotors])
+    held = np.minimum(delay_commands(stretch.commands, fine, delay), limits)
+    lags = [(float(rotor.time_constant_up), float(rotor.time_constant_down)) for rotor in vehicle.rotors]
+    if len(set(lags)) == 1:
+        return lag_response(held, fine, *lags[0])
+    columns = [lag_response(held[:, i : i + 1], fine, *each) for i, each in enumerate(lags)]
+    return np.concatenate([rows for rows, _ in columns], axis=1), np.concatenate([ends for _, ends in columns], axis=1)
+
+
+def _series(vehicle: Vehicle, rows: Array, ends: Array, stretch: Stretch) -> RotorSeries:
+    """Rotor series of the stretch's periods from those of its fine periods."""
+    found = RotorSeries([], [], [])
+    for rotor, row, end in zip(vehicle.rotors, rows.T, ends.T, strict=True):
+        mean, pushed = stretch.means(row), stretch.means(push(rotor, row))
+        last = moving_mean(end[stretch.fine // stretch.samples - 1 :: stretch.fine // stretch.samples], stretch.width)
+        last = last[stretch.samples - 1 :: stretch.samples]
+        found.speeds.append(mean)
+        found.changes.append(np.diff(last, prepend=last[:1]) / stretch.period)
+        found.gains.append(pushed / np.maximum(push(rotor, mean), 1e-12))
+    return found
+
+
+def _spin_torque(vehicle: Vehicle, turning: RotorSeries, rate: Vec3) -> Vec3:
+    """Reaction torque of rotors that speed up and are turned, N m (see ``spin_torque`` of the rotor's model)."""
+    total = ZERO3
+    for rotor, speed, change in zip(vehicle.rotors, turning.speeds, turning.changes, strict=True):
+        spin = rotor.inertia * rotor.direction
+        total = total - (rate.cross(rotor.axis) * speed + rotor.axis * change) * spin
+    return total
+
+
+def _air_drag(vehicle: Vehicle, velocity: Vec3) -> Vec3:
+    """Quadratic drag of the airframe at the base origin, N, base axes."""
+    speed = np.sqrt(velocity.dot(velocity))
+    half = 0.5 * vehicle.drag.air_density
+    return Vec3(*(-half * area * speed * v for area, v in zip(vehicle.drag.area, velocity, strict=True)))
+
+
+def _with_given_joints(
+    vehicle: Vehicle,
+    joints: Sequence[Array],
+    rate: Vec3,
+    joint_rates: Sequence[Array],
+    applied: Force,
+    efforts: Sequence[Array],
+    driven: Sequence[bool],
+    given: Array,
+) -> tuple[Vec3, Vec3, list[Array]]:
+    """Accelerations of the base and the driven joints where the motion of the other joints is given."""
+    size = len(given)
+    still = [np.where(moves, 0.0, 1.0) * column for moves, column in zip(driven, given.T, strict=True)]
+    bias, holding = inverse_dynamics(vehicle, joints, rate, joint_rates, Motion(ZERO3, ZERO3), still)
+    free = [*range(6), *(6 + i for i, moves in enumerate(driven) if moves)]
+    pushed = applied - bias
+    right = [*pushed.force, *pushed.torque, *(a - b for a, b in zip(efforts, holding, strict=True))]
+    M = mass_matrix(vehicle, Mat3.identity(), joints)
+    zero = np.zeros(size)
+    left = np.stack([np.stack([zero + M[i][j] for j in free], axis=-1) for i in free], axis=-2)
+    found = np.linalg.solve(left, np.stack([zero + right[i] for i in free], axis=-1)[..., None])[..., 0]
+    rows = list(found.T)
+    return Vec3(*rows[:3]), Vec3(*rows[3:6]), rows[6:]
+
+
+def middle(rows: Array) -> Array:
+    """Means of consecutive rows: (N + 1, ...) to (N, ...)."""
+    found: Array = 0.5 * (rows[1:] + rows[:-1])
+    return found
+
+
+def _later(rows: Array, periods: float) -> Array:
+    """Series that lags by a number of periods, whole or not."""
+    place = np.arange(len(rows)) - periods
+    return np.stack([np.interp(place, np.arange(len(rows)), column) for column in rows.T], axis=1)

@@ -1,0 +1,250 @@
+"""Prediction-error fit: numbers under which a model foretells measured series best, with intervals.
+
+Each row of the errors is whitened by an autoregressive filter found from its own errors, in turns with the numbers
+(generalised least squares, Clarke 1967; Ljung, System Identification, 1999, 7.2 and 13.4): the likelihood of a model
+with coloured noise. Errors beyond a few standard deviations count less (Huber 1964). What was known before enters as
+one more measurement of each number. Intervals: sandwich of scores summed over blocks of time, each block by the errors
+of a fit without it (White 1980; Liang and Zeger 1986; Bell and McCaffrey 2002).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.studies.identify.whitened_fit import scipy_parts
+
+Array: TypeAlias = npt.NDArray[np.float64]
+
+ORDER = 8
+"""Of the whitening filter."""
+
+TURNS, FIRST, STEPS = 10, 5, 2
+"""Most turns of filter and numbers; most steps of the search in the first and in each other."""
+
+SETTLED = 0.1
+"""Standard deviations: a turn that moves every number by less is the last."""
+
+GAINED = 0.1
+"""Of the sum of squares: a step that gains less ends a turn."""
+
+OUTLIER = 3.0
+"""Standard deviations beyond which an error counts by its size only, not by its square."""
+
+FEWEST = 8
+"""Least number of blocks of scores."""
+
+Errors: TypeAlias = Callable[[Array], Sequence[Array]]
+"""numbers (P,) -> for each stretch (N, rows): what the prediction leaves."""
+
+
+@dataclass(frozen=True, slots=True)
+class Whitening:
+    """Noise of a model's errors: a filter and a standard deviation of each row, and a weight of each error.
+
+    Attributes:
+        filters: (rows, ORDER) autoregressive coefficients.
+        scales: (rows,) standard deviations of the errors of one step ahead.
+        weights: (all, rows) square roots of the weights; 0 where an error does not count.
+    """
+
+    filters: Array
+    scales: Array
+    weights: Array
+
+    def apply(self, errors: Sequence[Array]) -> Array:
+        """Whitened and weighted errors (all, rows) of all stretches, one after the other."""
+        return innovations(errors, self.filters) / self.scales * self.weights
+
+
+@dataclass(frozen=True, slots=True)
+class PredictionFit:
+    """Estimated numbers.
+
+    Attributes:
+        values: (P,).
+        curvature: (P, P) inverse of the information of data and of what was known before.
+        covariance: (P, P) that does not rely on the noise's model.
+        quantile: of Student's t for a half width of 95 %.
+        noise: of the errors that are left.
+        errors: of each stretch, (N, rows).
+        settled: whether the search came to rest.
+    """
+
+    values: Array
+    curvature: Array
+    covariance: Array
+    quantile: float
+    noise: Whitening
+    errors: Sequence[Array]
+    settled: bool
+
+
+def fit_prediction(
+    errors: Errors,
+    start: Array,
+    prior: Array,
+    steps: Array,
+    block: int,
+    used: Sequence[npt.NDArray[np.bool_]] = (),
+    told: Callable[[str], None] | None = None,
+) -> PredictionFit:
+    """Fit numbers by whitened least squares with a normal prior around the start.
+
+    Args:
+        errors: of a prediction.
+        start: (P,) where the search begins, and the prior's mean.
+        prior: (P,) standard deviations of what is known before.
+        steps: (P,) of the differences.
+        block: rows of a block of scores.
+        used: of each stretch (N,), which rows count; all by default.
+        told: called with the progress.
+    """
+    _, student = scipy_parts()
+    values, known = start.copy(), np.diag(prior**-2.0)
+    found = errors(values)
+    counted = _counted_rows(found, used)
+    noise = _noise(found, counted, None)
+    settled = False
+    for turn in range(TURNS):
+        before = values
+        trust, cost = 1e-3, _cost(noise.apply(found), (values - start) / prior)
+        for step in range(STEPS if turn else FIRST):
+            if told is not None:
+                told(f"turn {turn + 1} of at most {TURNS}, step {step + 1}")
+            flat, slope = _slopes(errors, values, noise.apply(found), steps, noise)
+            information = slope.T @ slope + known
+            uphill = slope.T @ flat + known @ (values - start)
+            trial, there, below, trust = _step(errors, noise, values, start, prior, information, uphill, trust, cost)
+            gained = cost - below
+            values, found, cost = trial, there, below
+            if gained < GAINED:
+                break
+        moved = np.abs(values - before) / np.sqrt(np.diag(np.linalg.inv(information)))
+        noise = _noise(found, counted, noise.weights)
+        if turn > 0 and moved.max() < SETTLED:
+            settled = True
+            break
+    flat, slope = _slopes(errors, values, noise.apply(found), steps, noise)
+    curvature = np.asarray(np.linalg.inv(slope.T @ slope + known))
+    rows = len(noise.scales)
+    scores = block_scores(slope.reshape(-1, rows, len(values)), flat.reshape(-1, rows), curvature, block)
+    inner = scores.T @ scores * (len(scores) - 1) / len(scores) + known
+    return PredictionFit(
+        values=values,
+        curvature=curvature,
+        covariance=curvature @ inner @ curvature,
+        quantile=float(student(len(scores) - 1, 0.975)),
+        noise=noise,
+        errors=found,
+        settled=settled,
+    )
+
+
+def _step(
+    errors: Errors,
+    noise: Whitening,
+    values: Array,
+    start: Array,
+    prior: Array,
+    information: Array,
+    uphill: Array,
+    trust: float,
+    cost: float,
+) -> tuple[Array, Sequence[Array], float, float]:
+    """Step of Levenberg and Marquardt: numbers, errors, sum of squares, and the damping of the next; none is worse."""
+    for _ in range(8):
+        trial = values - np.linalg.solve(information + trust * np.diag(np.diag(information)), uphill)
+        there = errors(trial)
+        below = _cost(noise.apply(there), (trial - start) / prior)
+        if below < cost:
+            return trial, there, below, trust * 0.1
+        trust = max(trust, 1e-6) * 10.0
+    return values, errors(values), cost, trust
+
+
+def _counted_rows(found: Sequence[Array], used: Sequence[npt.NDArray[np.bool_]]) -> npt.NDArray[np.bool_]:
+    """Which whitened rows count: those whose error and whose past ones are all used."""
+    rows = []
+    for i, each in enumerate(found):
+        bad = np.zeros(len(each)) if not used else (~used[i]).astype(float)
+        rows.append(np.convolve(bad, np.ones(ORDER + 1), "valid") == 0.0)
+    return np.concatenate(rows)
+
+
+def _noise(found: Sequence[Array], counted: npt.NDArray[np.bool_], weights: Array | None) -> Whitening:
+    """Whitening filters, standard deviations and Huber's weights from the errors."""
+    rows = found[0].shape[1]
+    before = counted[:, None] * np.ones((1, rows)) if weights is None else weights
+    filters = np.array([_filter([each[:, i] for each in found], before[:, i]) for i in range(rows)])
+    white = innovations(found, filters)
+    kept = white[counted]
+    scales = 1.4826 * np.median(np.abs(kept - np.median(kept, axis=0)), axis=0) + 1e-300
+    size = np.abs(white / scales)
+    huber = np.sqrt(np.minimum(1.0, OUTLIER / np.maximum(size, 1e-9)))
+    return Whitening(filters, scales, huber * counted[:, None])
+
+
+def _filter(series: Sequence[Array], weights: Array) -> Array:
+    """Coefficients (ORDER,) of an autoregressive model of some series of one kind, by weighted least squares."""
+    square, right, at = np.zeros((ORDER, ORDER)), np.zeros(ORDER), 0
+    for each in series:
+        rows = len(each) - ORDER
+        weight = weights[at : at + rows]
+        at += rows
+        # a constant error must not look like noise that hardly changes
+        left = each - float(weight**2 @ each[ORDER:]) / max(float(weight @ weight), 1e-300)
+        past = np.stack([left[ORDER - 1 - i : len(left) - 1 - i] for i in range(ORDER)], axis=1) * weight[:, None]
+        square += past.T @ past
+        right += past.T @ (left[ORDER:] * weight)
+    square = square + (1e-10 * np.trace(square) + 1e-300) * np.eye(ORDER)
+    found: Array = np.linalg.solve(square, right)
+    return found
+
+
+def innovations(found: Sequence[Array], filters: Array) -> Array:
+    """Errors of one step ahead (all, rows) of autoregressive models, of all stretches one after the other."""
+    pieces = []
+    for each in found:
+        left = each[ORDER:].copy()
+        for k in range(ORDER):
+            left -= filters[:, k] * each[ORDER - 1 - k : len(each) - 1 - k]
+        pieces.append(left)
+    return np.concatenate(pieces)
+
+
+def _cost(white: Array, off: Array) -> float:
+    return float((white**2).sum() + (off**2).sum())
+
+
+def _slopes(errors: Errors, values: Array, white: Array, steps: Array, noise: Whitening) -> tuple[Array, Array]:
+    """Whitened, weighted errors as one column, and their slopes by forward differences."""
+    flat = white.ravel()
+    slope = np.empty((len(flat), len(values)))
+    for i, step in enumerate(steps):
+        moved = values.copy()
+        moved[i] += step
+        slope[:, i] = (noise.apply(errors(moved)).ravel() - flat) / step
+    return flat, slope
+
+
+def block_scores(slope: Array, error: Array, curvature: Array, block: int) -> Array:
+    """Block jackknife scores (blocks, P): each block by the errors of a fit without it.
+
+    Args:
+        slope: (N, rows, P) of the whitened errors.
+        error: (N, rows).
+        curvature: (P, P) inverse of the information.
+        block: rows of a block.
+    """
+    blocks = max(FEWEST, len(error) // max(block, 1))
+    found = []
+    for block_slope, rest in zip(np.array_split(slope, blocks), np.array_split(error, blocks), strict=True):
+        s = block_slope.reshape(-1, block_slope.shape[-1])
+        left = np.eye(len(curvature)) - s.T @ s @ curvature
+        found.append(np.linalg.lstsq(left, s.T @ rest.ravel(), rcond=None)[0])
+    return np.array(found)

@@ -1,0 +1,239 @@
+"""Stretches for identification from a measured flight: one even clock, commands held, measurements averaged."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.dynamics.actuators.rotor import push
+from skyarm.flight_data.flight_data import Channel, FlightData
+from skyarm.studies.identify.lagged_inputs import to_base
+from skyarm.studies.identify.motion_model import Stretch
+from skyarm.studies.identify.rotor_lag import moving_mean
+from skyarm.vehicle.vehicle_records import Vehicle
+
+Array: TypeAlias = npt.NDArray[np.float64]
+Mask: TypeAlias = npt.NDArray[np.bool_]
+
+PER_LAG = 2.5
+"""Periods per time constant of the rotors."""
+
+FINE = 0.2
+"""Of the shortest time constant, longest period of the commands' clock."""
+
+GAP = 5.0
+"""Usual times between samples of the gyroscope, and at least a period, beyond which a flight is cut."""
+
+COASTING = 0.1
+"""Of the full signal: below, a motor coasts and does not obey its lag."""
+
+RECOVERED = 3.0
+"""Time constants after coasting until a rotor's speed is foretold again."""
+
+AIRBORNE, SETTLING = 0.5, 0.5
+"""Of the weight, thrust beyond which a vehicle flies; s, over which it is averaged and that are left out beside it."""
+
+SHORTEST = 1.0
+"""s, of a stretch."""
+
+
+def stretches_of(
+    flight: FlightData,
+    start: Vehicle,
+    *,
+    period: float = 0.0,
+    full_voltage: float = 0.0,
+    sections: Sequence[tuple[float, float]] = (),
+    coasting: float | None = None,
+) -> list[Stretch]:
+    """Cut a measured flight into stretches without gaps, on an even clock.
+
+    Args:
+        flight: with gyro, accelerometer and rotor_commands or rotor_speed_commands; of joints positions.
+        start: vehicle with what is known before: time constants, highest speeds.
+        period: s; by default a part of the rotors' time constants.
+        full_voltage: V, of the rotors' data; 0 leaves the battery's voltage out.
+        sections: (begin, end), s, that count; by default all in which the vehicle flies.
+        coasting: share of the full signal below which a motor does not obey its lag; by default 0.1 of motors that
+            are commanded by a share of it, and none of those whose speed is commanded.
+
+    Raises:
+        ValueError: one line: a quantity is missing or does not fit the vehicle, or no stretch is long enough.
+    """
+    gyro = flight["gyro"]
+    told = _commands(flight, start)
+    if told.values.shape[1] != len(start.rotors):
+        count = told.values.shape[1]
+        raise ValueError(
+            f"{flight.name}: {told.source}: {count} rotors, vehicle '{start.name}' has {len(start.rotors)}"
+        )
+    lags = [float(getattr(each, name)) for each in start.rotors for name in ("time_constant_up", "time_constant_down")]
+    usual = float(np.median(np.diff(gyro.time)))
+    whole = max(1, round((period or sum(lags) / len(lags) / PER_LAG) / usual))
+    finer = max(1, math.ceil(usual / max(FINE * min(lags), 5e-4)))
+    step = period / whole if period else usual
+    if coasting is None:
+        coasting = -1.0 if "rotor_speed_commands" in flight else COASTING
+    longest, found = max(GAP, 1.5 * whole) * usual, list[Stretch]()
+    for begin, end in sections or _flying(told, start):
+        for first, last in _without_gaps(gyro, max(begin, _begin(flight)), min(end, _end(flight)), longest):
+            if last - first >= SHORTEST:
+                stretch = _stretch(flight, start, told, first, last, step, whole, finer, full_voltage)
+                used = ~_coasting(stretch, start, coasting, RECOVERED * max(lags))
+                found.append(dataclasses.replace(stretch, used=used))
+    if not found:
+        raise ValueError(f"{flight.name}: no stretch of {SHORTEST:g} s in the air without a gap")
+    return found
+
+
+def _commands(flight: FlightData, start: Vehicle) -> Channel:
+    """Commanded rotor speeds, rad/s, from speeds or from shares of the full signal."""
+    if "rotor_speed_commands" in flight:
+        return flight["rotor_speed_commands"]
+    share = flight["rotor_commands"]
+    highest = [float(each.max_speed) for each in start.rotors]
+    if len(highest) == share.values.shape[1] and not all(math.isfinite(each) for each in highest):
+        raise ValueError("rotors.max_speed = inf: must be finite, the speed of the full signal of rotor_commands")
+    if len(highest) != share.values.shape[1]:
+        return share
+    return Channel(time=share.time, values=share.values * np.array(highest), source=share.source)
+
+
+def _air_velocity(flight: FlightData, time: Array) -> Array:
+    """Velocity in base axes, m/s, in still air."""
+    velocity, attitude = flight["velocity"], flight["quaternion"]
+    v = np.stack([np.interp(time, velocity.time, column) for column in velocity.values.T], axis=1)
+    signs = np.where((attitude.values[1:] * attitude.values[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
+    straight = attitude.values * np.cumprod(np.concatenate([[1.0], signs]))[:, None]
+    q = np.stack([np.interp(time, attitude.time, column) for column in straight.T], axis=1)
+    return to_base(q / np.linalg.norm(q, axis=1, keepdims=True), v)
+
+
+def _coasting(stretch: Stretch, start: Vehicle, share: float, recovered: float) -> Mask:
+    """Periods (N,) in or after which a motor coasts, for so many seconds."""
+    limits = np.array([float(each.max_speed) for each in start.rotors])
+    low = np.where(np.isfinite(limits), share * limits, 0.0)
+    idle: Mask = np.asarray((stretch.commands < low).any(axis=1))
+    if share < 0.0:
+        idle = np.zeros(len(idle), dtype=bool)
+    step = stretch.period / stretch.fine
+    since = np.convolve(idle.astype(float), np.ones(max(1, round(recovered / step))), "full")[: len(idle)] > 0.0
+    return np.asarray(since.reshape(stretch.size, stretch.fine).any(axis=1))
+
+
+def _needed(flight: FlightData) -> list[Channel]:
+    names = ["gyro", "accelerometer", "joint_positions", "joint_rates", "rotor_commands", "rotor_speed_commands"]
+    return [flight["gyro"], flight["accelerometer"], *(flight[name] for name in names[2:] if name in flight)]
+
+
+def _begin(flight: FlightData) -> float:
+    return max(float(each.time[0]) for each in _needed(flight))
+
+
+def _end(flight: FlightData) -> float:
+    return min(float(each.time[-1]) for each in _needed(flight))
+
+
+def _flying(told: Channel, start: Vehicle) -> list[tuple[float, float]]:
+    """Spans of time (s) in which the start vehicle's rotors lift a good part of its weight."""
+    step = 0.02
+    time = np.arange(told.time[0], told.time[-1], step)
+    speeds = told.values[np.searchsorted(told.time, time, side="right") - 1]
+    thrust = sum(
+        float(r.thrust_coefficient) * np.asarray(push(r, w)) for r, w in zip(start.rotors, speeds.T, strict=True)
+    )
+    flies = moving_mean(np.asarray(thrust), round(SETTLING / step) | 1) > AIRBORNE * 9.81 * float(start.mass)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flies, [False]]).astype(int)))
+    spans = [(float(time[a]) + SETTLING, float(time[b - 1]) - SETTLING) for a, b in edges.reshape(-1, 2)]
+    return [(a, b) for a, b in spans if b > a]
+
+
+def _without_gaps(gyro: Channel, begin: float, end: float, longest: float) -> list[tuple[float, float]]:
+    """Spans of time (s) in which samples of the gyroscope are no longer apart than the longest time (s)."""
+    time = gyro.time[(gyro.time >= begin) & (gyro.time <= end)]
+    if len(time) < 2:
+        return []
+    cuts = np.flatnonzero(np.diff(time) > longest)
+    firsts, lasts = [0, *(cuts + 1)], [*cuts, len(time) - 1]
+    return [(float(time[a]), float(time[b])) for a, b in zip(firsts, lasts, strict=True)]
+
+
+def _stretch(
+    flight: FlightData,
+    start: Vehicle,
+    told: Channel,
+    first: float,
+    last: float,
+    step: float,
+    samples: int,
+    finer: int,
+    full_voltage: float,
+) -> Stretch:
+    """One stretch of a flight, from instant to instant (s).
+
+    Args:
+        flight: that is measured.
+        start: vehicle.
+        told: commanded speeds.
+        first: s.
+        last: s.
+        step: s, from sample to sample.
+        samples: per period.
+        finer: commands per sample.
+        full_voltage: V.
+    """
+    periods = int((last - first) / step + 1e-6) // samples
+    time: Array = first + step * np.arange(periods * samples + 1, dtype=float)
+    n, width = start.n, samples | 1 if samples > 1 else 1
+
+    def at(name: str) -> Array:
+        channel = flight[name]
+        return np.stack([np.interp(time, channel.time, column) for column in channel.values.T], axis=1)
+
+    def means(rows: Array) -> Array:
+        # of straight lines between the samples
+        between = 0.5 * (rows[1:] + rows[:-1])
+        return np.asarray(between.reshape(periods, samples, -1).mean(axis=1))
+
+    def hold(channel: Channel) -> Array:
+        # a share of a step late, so that rounding of times does not shift a command by a step
+        instants = first + step / finer * (np.arange(periods * samples * finer) + 1e-3)
+        place = np.searchsorted(channel.time, instants, side="right") - 1
+        return np.asarray(channel.values[np.maximum(place, 0)])
+
+    joints, rates = np.zeros((len(time), n)), np.zeros((len(time), n))
+    if n:
+        joints = at("joint_positions")
+        if joints.shape[1] != n:
+            raise ValueError(
+                f"{flight.name}: joint_positions: {joints.shape[1]} columns, vehicle '{start.name}' has {n}"
+            )
+        rates = at("joint_rates") if "joint_rates" in flight else np.asarray(np.gradient(joints, step, axis=0))
+    moved = n and "joint_efforts" in flight
+    voltage = np.ones(periods)
+    if full_voltage > 0.0 and "voltage" in flight:
+        voltage = means(at("voltage"))[:, 0] / full_voltage
+    velocity = np.zeros((periods, 3))
+    if "velocity" in flight and "quaternion" in flight:
+        velocity = means(_air_velocity(flight, time))
+    return Stretch(
+        name=flight.name,
+        start=first,
+        period=step * samples,
+        samples=samples,
+        fine=samples * finer,
+        commands=hold(told),
+        rate=moving_mean(at("gyro"), width)[::samples],
+        specific_force=means(moving_mean(at("accelerometer"), width)),
+        joints=moving_mean(joints, width)[::samples],
+        joint_rates=moving_mean(rates, width)[::samples],
+        efforts=hold(flight["joint_efforts"]) if moved else np.zeros((periods * samples * finer, n)),
+        velocity=velocity,
+        voltage=voltage,
+        width=width,
+    )

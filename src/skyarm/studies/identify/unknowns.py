@@ -1,0 +1,216 @@
+"""Numbers of a vehicle that flights may show, with what is known of each before, and the vehicle that has them.
+
+What must be positive is searched by its logarithm. The base's moments of inertia are sums of two of its three second
+moments of mass, and a thrust curve is a sum of rises, so that no candidate is a body that cannot be (Traversaro et al.
+2016). The total mass is given: a flight shows forces per mass only.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from itertools import pairwise
+
+from skyarm.algebra import Sym3
+from skyarm.algebra.scalars import Scalar
+from skyarm.vehicle.linkage import Body, Link
+from skyarm.vehicle.vehicle_records import Rotor, Vehicle
+
+KNOTS = (0.25, 0.5, 0.75, 1.0)
+"""Shares of the full signal at which the thrust of a rotor with a curve of its own is identified."""
+
+USUAL_DELAY, DELAY_SPREAD = 0.005, 0.01
+"""s, dead time that is expected, and standard deviation of what is known of it."""
+
+WIND = 0.3
+"""1/s, drag of the rotors over speed and mass of which a start without hub drag is thought capable."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Unknown:
+    """Number to identify.
+
+    Attributes:
+        name: as a vehicle file has it, or of what surrounds the vehicle.
+        unit: SI.
+        start: value before the data.
+        spread: standard deviation of what is known before; of its logarithm if ``positive``.
+        positive: the logarithm is searched.
+        in_vehicle: it belongs to the vehicle, else to what surrounds it.
+    """
+
+    name: str
+    unit: str
+    start: float
+    spread: float
+    positive: bool = False
+    in_vehicle: bool = True
+
+    @property
+    def begin(self) -> float:
+        """Start on the scale of the search."""
+        return math.log(self.start) if self.positive else self.start
+
+    @property
+    def step(self) -> float:
+        """Difference for slopes, on the scale of the search."""
+        return 1e-3 if self.positive else 1e-3 * self.spread
+
+    def value(self, searched: float) -> float:
+        """Number from the scale of the search."""
+        return math.exp(searched) if self.positive else searched
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Reported:
+    """Reported number: one unknown, or the sum of some whose logarithms are searched.
+
+    Attributes:
+        name, unit: as told.
+        parts: names of the unknowns that it is the sum of.
+    """
+
+    name: str
+    unit: str
+    parts: tuple[str, ...]
+
+
+def unknowns_of(
+    vehicle: Vehicle, *, curve: bool, velocity: bool, voltage: bool, driven: Sequence[bool]
+) -> list[Unknown]:
+    """Numbers to identify of a vehicle and its surroundings.
+
+    Args:
+        vehicle: start.
+        curve: the thrust against the signal is a curve of its own, not that of the start times a factor.
+        velocity: the flights hold it.
+        voltage: the flights hold it.
+        driven: of each joint, whether it is moved by known torques.
+
+    Raises:
+        ValueError: one line: a vehicle without rotors, or a curve of rotors without a highest speed.
+    """
+    if not vehicle.rotors:
+        raise ValueError(f"vehicle '{vehicle.name}': rotors: must be one or more")
+    arm = max(math.hypot(*(float(c) for c in each.position)) for each in vehicle.rotors)
+    found = _of_rotors(vehicle, curve)
+    if velocity:
+        found += _of_drag(vehicle, arm)
+    moments = second_moments(vehicle.base)
+    found += [_above(f"base.second_moment.{k}", "kg m^2", m, 0.5) for k, m in zip("xyz", moments, strict=True)]
+    for axis in ("xy", "xz", "yz"):
+        found.append(_any(f"base.inertia.{axis}", "kg m^2", getattr(vehicle.base.inertia, axis), 0.03 * sum(moments)))
+    found += [_any(f"base.com.{axis}", "m", getattr(vehicle.base.com, axis), 0.1 * arm) for axis in "xyz"]
+    for link, moves in zip(vehicle.links, driven, strict=True):
+        found += _of_link(link, moves)
+    found = [each for each in found if not each.positive or each.start > 0.0]
+    around = _of_surroundings(arm, 9.81 * float(vehicle.mass), voltage, any(driven))
+    return [*found, *(dataclasses.replace(each, in_vehicle=False) for each in around)]
+
+
+def _above(name: str, unit: str, start: Scalar, spread: float) -> Unknown:
+    """Unknown above 0, with the standard deviation of its logarithm."""
+    return Unknown(name=name, unit=unit, start=float(start), spread=spread, positive=True)
+
+
+def _any(name: str, unit: str, start: Scalar, spread: float) -> Unknown:
+    """Unknown of any sign."""
+    return Unknown(name=name, unit=unit, start=float(start), spread=spread)
+
+
+def _of_rotors(vehicle: Vehicle, curve: bool) -> list[Unknown]:
+    rotor = vehicle.rotors[0]
+    found = [_above("rotors.thrust_coefficient", "N s^2/rad^2", rotor.thrust_coefficient, 0.5)]
+    if curve:
+        found = [
+            _above(name, "N", rise, 0.5) for name, rise in zip(rises_of_thrust(), _thrust_rises(rotor), strict=True)
+        ]
+    spin = max(1e-3 * sum(second_moments(vehicle.base)), 0.5 * float(rotor.inertia))
+    return [
+        *found,
+        _above("rotors.moment_coefficient", "m", rotor.moment_coefficient, 0.5),
+        _above("rotors.time_constant_up", "s", rotor.time_constant_up, 0.7),
+        _above("rotors.time_constant_down", "s", rotor.time_constant_down, 0.7),
+        _any("rotors.inertia", "kg m^2", rotor.inertia, spin),
+    ]
+
+
+def _of_drag(vehicle: Vehicle, arm: float) -> list[Unknown]:
+    rotor, count, mass = vehicle.rotors[0], len(vehicle.rotors), float(vehicle.mass)
+    at_hover = math.sqrt(9.81 * mass / (count * float(rotor.thrust_coefficient)))
+    hub = max(WIND * mass / (count * at_hover), float(rotor.drag_coefficient))
+    found = [_any("rotors.drag_coefficient", "N s^2/(rad m)", rotor.drag_coefficient, hub)]
+    for axis in "xyz":
+        area = float(getattr(vehicle.drag.area, axis))
+        found.append(_any(f"drag.area.{axis}", "m^2", area, max(area, 0.3 * arm**2)))
+    return found
+
+
+def _of_link(link: Link, moves: bool) -> list[Unknown]:
+    name, body, joint = f"links.{link.name}", link.body, link.joint
+    reach = max(math.hypot(*(float(c) for c in body.com)), 0.01)
+    found = [_above(f"{name}.mass", "kg", body.mass, 0.3)]
+    found += [_any(f"{name}.com.{axis}", "m", getattr(body.com, axis), 0.2 * reach) for axis in "xyz"]
+    if any(float(getattr(body.inertia, each.name)) for each in fields(Sym3)):
+        found.append(_above(f"{name}.inertia", "times", 1.0, 0.4))
+    if moves:
+        unit = joint.units[1]
+        found += [
+            _above(f"{name}.joint.damping", f"{unit} s/{joint.units[0]}", joint.damping, 0.7),
+            _above(f"{name}.joint.coulomb", unit, joint.coulomb, 0.7),
+            _above(f"{name}.joint.armature", "kg m^2" if joint.turns else "kg", joint.armature, 0.7),
+        ]
+    return found
+
+
+def _of_surroundings(arm: float, weight: float, voltage: bool, driven: bool) -> list[Unknown]:
+    return [
+        _any("delay", "s", USUAL_DELAY, DELAY_SPREAD),
+        *([_any("joint_delay", "s", USUAL_DELAY, DELAY_SPREAD)] if driven else []),
+        _any("accelerometer_delay", "s", 0.0, USUAL_DELAY),
+        *(_any(f"place.{axis}", "m", 0.0, 0.2 * arm) for axis in "xyz"),
+        *(_any(f"offset.{axis}", "m/s^2", 0.0, 0.03 if axis == "z" else 0.3) for axis in "xyz"),
+        *(_any(f"torque.{axis}", "N m", 0.0, (0.01 if axis == "z" else 0.1) * weight * arm) for axis in "xyz"),
+        _any("sag", "", 1.0, 1.0) if voltage else _any("drift", "1/s", 0.0, 0.005),
+    ]
+
+
+def reported_of(unknowns: Sequence[Unknown]) -> list[Reported]:
+    """Reported numbers: those to identify, and the sums that a vehicle file holds in place of some."""
+    rises, told = rises_of_thrust(), list[Reported]()
+    for each in unknowns:
+        if each.name in rises:
+            k = rises.index(each.name)
+            told.append(Reported(name=f"rotors.thrust_at_{100 * KNOTS[k]:g}_percent", unit="N", parts=rises[: k + 1]))
+        elif each.name.startswith("base.second_moment."):
+            axis = each.name[-1]
+            parts = tuple(f"base.second_moment.{other}" for other in "xyz" if other != axis)
+            told.append(Reported(name=f"base.inertia.{axis}{axis}", unit="kg m^2", parts=parts))
+        else:
+            told.append(Reported(name=each.name, unit=each.unit, parts=(each.name,)))
+    return told
+
+
+def second_moments(base: Body) -> tuple[float, float, float]:
+    """Second moments of mass along x, y, z, kg m^2, whose sums by two are the moments of inertia; all above 0."""
+    xx, yy, zz = (float(getattr(base.inertia, axis)) for axis in ("xx", "yy", "zz"))
+    half = 0.5 * (xx + yy + zz)
+    least = max(0.02 * half, 1e-12)
+    return max(half - xx, least), max(half - yy, least), max(half - zz, least)
+
+
+def rises_of_thrust() -> tuple[str, ...]:
+    """Names of the rises of thrust from knot to knot."""
+    return tuple(f"rotors.rise_to_{100 * share:g}_percent" for share in KNOTS)
+
+
+def _thrust_rises(rotor: Rotor) -> list[float]:
+    """Rises of a rotor's thrust from knot to knot, N."""
+    if not math.isfinite(float(rotor.max_speed)):
+        raise ValueError("rotors.max_speed = inf: must be finite, the speed of the full signal, for a thrust curve")
+    speeds = [share * float(rotor.max_speed) for share in KNOTS]
+    pushes = [speed**2 if rotor.table is None else float(rotor.table.push(speed)) for speed in speeds]
+    thrusts = [float(rotor.thrust_coefficient) * each for each in pushes]
+    return [thrusts[0], *(b - a for a, b in pairwise(thrusts))]

@@ -1,0 +1,238 @@
+"""Planted numbers of a vehicle are found again with intervals; what a flight does not show is said."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+
+import skyarm
+from skyarm.algebra import Sym3
+from skyarm.flight_data.flight_data import Channel, FlightData
+from skyarm.reference import Constant, Sum, Trajectory
+from skyarm.scenario.scenario_record import Delays, NamedSensor
+from skyarm.sensing.channel import Channel as Errors
+from skyarm.sensing.sensor_kinds import Imu
+from skyarm.studies.identify.identified_parts import vehicle_with
+from skyarm.studies.identify.identify_vehicle import NOT_SHOWN, condition_on_start, identify_vehicle
+from skyarm.studies.identify.motion_model import Stretch
+from skyarm.studies.identify.stretches import stretches_of
+from skyarm.studies.identify.unknowns import reported_of, second_moments, unknowns_of
+from skyarm.studies.tune.excitation import of_vehicle, sine_from_rest
+
+pytest.importorskip("scipy", reason="needs the extra 'identify'")
+
+START = skyarm.load_vehicle("hummingbird")
+DELAY, NOISE = 0.004, 0.01
+PLANTED = {
+    "rotors.thrust_coefficient": 1.1 * START.rotors[0].thrust_coefficient,
+    "rotors.time_constant_up": 0.018,
+    "rotors.time_constant_down": 0.022,
+    "base.second_moment.x": 0.9 * second_moments(START.base)[0],
+    "base.second_moment.y": 1.2 * second_moments(START.base)[1],
+    "base.com.x": 0.004,
+}
+TRUTH = vehicle_with(START, PLANTED, checked=True)
+
+
+def swings(*rows):
+    return Sum(tuple(sine_from_rest(amplitude, frequency, phase) for amplitude, frequency, phase in rows))
+
+
+def measured(log, seed=0):
+    """A flight as sensors without delay see it."""
+    noise = np.random.default_rng(seed)
+    felt = log.received["readings.imu.specific_force"]
+    channels = {
+        "gyro": log.rate + noise.normal(scale=NOISE, size=log.rate.shape),
+        "accelerometer": felt + noise.normal(scale=10.0 * NOISE, size=felt.shape),
+        "rotor_speed_commands": log.rotor_commands,
+    }
+    made = {name: Channel(time=log.time, values=rows, source=name) for name, rows in channels.items()}
+    return FlightData(name="flight", file="flight.npz", channels=made)
+
+
+@pytest.fixture(scope="module")
+def flight():
+    """Fourteen seconds of sines along and about all axes."""
+    base = of_vehicle(START)
+    path = Trajectory(
+        x=swings((0.3, 0.4, 0.0), (0.1, 0.9, 1.0)),
+        y=swings((0.3, 0.5, 2.0), (0.1, 1.0, 0.5)),
+        z=Sum((Constant(5.0), swings((0.2, 0.6, 1.0), (0.1, 1.1, 0.0)))),
+        yaw=swings((0.5, 0.4, 0.0), (0.3, 0.7, 1.0)),
+    )
+    ideal = NamedSensor(name="imu", sensor=Imu(gyro=Errors(), accelerometer=Errors()))
+    return measured(
+        skyarm.run(
+            dataclasses.replace(
+                base,
+                plant=dataclasses.replace(base.plant, vehicle=TRUTH),
+                reference=path,
+                duration=14.0,
+                delays=Delays(measurement=0.005, command=DELAY),
+                sensors=(ideal,),
+            )
+        )
+    )
+
+
+@pytest.fixture(scope="module")
+def found(flight):
+    return identify_vehicle(stretches_of(flight, START), START)
+
+
+@pytest.mark.parametrize(
+    ("name", "within"),
+    [
+        ("rotors.thrust_coefficient", 0.01),
+        ("rotors.time_constant_up", 0.03),
+        ("rotors.time_constant_down", 0.03),
+        ("base.inertia.xx", 0.01),
+        ("base.inertia.yy", 0.01),
+    ],
+)
+def test_planted_numbers_are_found(found, name, within):
+    truth = getattr(TRUTH.base.inertia, name[-2:]) if "inertia" in name else PLANTED[name]
+    number = found[name]
+    assert number.is_known
+    assert number.value == pytest.approx(truth, rel=within)
+    # intervals of one flight: twice as wide as they are they hold the truth in more than 99 of 100
+    assert number.low - number.value < 0.0 < number.high - number.value
+    assert abs(number.value - truth) < number.high - number.low
+    record = START.rotors[0] if "rotors" in name else START.base.inertia
+    assert number.start == pytest.approx(getattr(record, name.rpartition(".")[2]))
+
+
+def test_the_centre_of_mass_and_the_delay_are_found(found):
+    assert found["base.com.x"].value == pytest.approx(0.004, abs=0.0005)
+    assert found["delay"].value == pytest.approx(DELAY, abs=0.0002)
+    assert found.surroundings.delay == pytest.approx(found["delay"].value, abs=2e-4)
+
+
+def test_the_vehicle_flies_with_what_is_known_and_weighs_as_before(found):
+    assert found.vehicle.mass == pytest.approx(START.mass)
+    assert found.vehicle.rotors[0].thrust_coefficient == pytest.approx(PLANTED["rotors.thrust_coefficient"], rel=0.01)
+    assert found.vehicle.base.inertia.xx == pytest.approx(TRUTH.base.inertia.xx, rel=0.02)
+    assert dataclasses.replace(found.vehicle, name="again").base == found.vehicle.base
+
+
+def test_what_a_flight_does_not_show_is_said_and_stays(flight, found):
+    """Drag of the airframe, of a flight whose speed is not known."""
+    known = {
+        name: value for name, value in found.searched.items() if name not in ("delay", "rotors.thrust_coefficient")
+    }
+    held = identify_vehicle(stretches_of(flight.section(2.0, 5.0), START), START, velocity=True, known=known)
+    area = held["drag.area.x"]
+    assert area.reason == NOT_SHOWN
+    assert area.data_share < 0.01
+    assert area.low < area.value < area.high
+    assert held.vehicle.drag.area.x == START.drag.area.x
+    assert not held["rotors.thrust_coefficient"].reason
+    for number in (*found.numbers, *held.numbers):
+        assert number.low < number.value < number.high
+        assert bool(number.reason) == (number.data_share < 0.5)
+
+
+def test_correlations_are_told(found):
+    names = [each.name for each in found.numbers]
+    assert found.correlation.diagonal() == pytest.approx(1.0)
+    # of delay and lag the sum is known best
+    assert found.correlation[names.index("delay"), names.index("rotors.time_constant_up")] < -0.3
+    assert min(found.explained[row] for row in ("rate.x", "rate.y", "specific_force.z")) > 0.9
+    assert found["delay"].unit == "s"
+    with pytest.raises(KeyError):
+        found["nothing"]
+
+
+def test_a_known_number_is_not_searched(flight):
+    flown = stretches_of(flight.section(2.0, 8.0), START)
+    found = identify_vehicle(flown, START, known={"delay": DELAY, "rotors.time_constant_up": 0.018})
+    assert "delay" not in [each.name for each in found.numbers]
+    assert found.surroundings.delay == DELAY
+    assert found.vehicle.rotors[0].time_constant_up == 0.018
+    with pytest.raises(ValueError, match=r"^known.dealy: must be one of .*delay"):
+        identify_vehicle(flown, START, known={"dealy": 0.0})
+
+
+def short(**changes):
+    size = 200
+    rows = {
+        "name": "log",
+        "start": 3.0,
+        "period": 0.01,
+        "fine": 1,
+        "commands": np.full((size, 4), 450.0),
+        "rate": np.zeros((size + 1, 3)),
+        "specific_force": np.zeros((size, 3)),
+        "joints": np.zeros((size + 1, 0)),
+        "joint_rates": np.zeros((size + 1, 0)),
+        "efforts": np.zeros((size, 0)),
+        "velocity": np.zeros((size, 3)),
+        "voltage": np.ones(size),
+    }
+    return Stretch(**{**rows, **changes})
+
+
+@pytest.mark.parametrize(
+    ("stretches", "message"),
+    [
+        ([], "stretches: must be one or more"),
+        ([short(commands=np.zeros((200, 3)))], "log, from 3 s: rotor commands: there are 3, vehicle 'hummingbird'"),
+        ([short(joints=np.zeros((201, 2)))], "log, from 3 s: joints: there are 2, vehicle 'hummingbird' has 0"),
+        ([short(specific_force=np.zeros((50, 3)))], "log, from 3 s: 50 periods: must be at least 160"),
+        ([short(), short(period=0.02)], "log, from 3 s: period = 0.02 s: must be 0.01 s, as of the first"),
+        ([short(rate=np.full((201, 3), np.nan))], "log, from 3 s: rate: must be finite throughout"),
+    ],
+)  # fmt: skip
+def test_wrong_stretches_are_refused_in_one_line(stretches, message):
+    with pytest.raises(ValueError, match=f"^{re.escape(message)}"):
+        identify_vehicle(stretches, START)
+
+
+def test_of_two_numbers_of_which_the_ratio_is_known_one_keeps_it():
+    """Found 2 and 3 from 0 and 0, their difference known to 0.01, their sum as well as before: the first goes back."""
+    along, across = np.array([1.0, 1.0]) / np.sqrt(2.0), np.array([1.0, -1.0]) / np.sqrt(2.0)
+    spread = 0.95 * np.outer(along, along) + 1e-4 * np.outer(across, across) + np.diag([0.06, 0.0])
+    found = condition_on_start(
+        np.array([2.0, 3.0]), spread, np.eye(2), np.array([-2.0, -3.0]), np.ones(2), [True, True]
+    )
+    assert found[0] == pytest.approx(0.0)
+    assert found[1] == pytest.approx(3.0 - 2.0 * spread[0, 1] / spread[0, 0])
+    kept = condition_on_start(
+        np.array([2.0, 3.0]), spread, np.eye(2), np.array([-2.0, -3.0]), np.ones(2), [False, False]
+    )
+    assert kept.tolist() == [2.0, 3.0]
+
+
+def test_no_candidate_is_a_body_that_cannot_be():
+    """Moments of inertia are sums of two of three positive numbers; those of the start come back."""
+    moments = second_moments(START.base)
+    assert moments[1] + moments[2] == pytest.approx(START.base.inertia.xx)
+    numbers = {f"base.second_moment.{axis}": value for axis, value in zip("xyz", (1e-3, 2e-3, 1e-6), strict=True)}
+    assert vehicle_with(START, numbers).base.inertia == Sym3(xx=2e-3 + 1e-6, yy=1e-3 + 1e-6, zz=3e-3)
+
+
+def test_a_curve_rises_from_knot_to_knot():
+    unknowns = unknowns_of(START, curve=True, velocity=False, voltage=False, driven=())
+    told = {each.name: each.parts for each in reported_of(unknowns)}
+    numbers = {each.name: each.start for each in unknowns}
+    rotor = START.rotors[0]
+    half = sum(numbers[part] for part in told["rotors.thrust_at_50_percent"])
+    assert half == pytest.approx(rotor.thrust_coefficient * (0.5 * rotor.max_speed) ** 2)
+    made = vehicle_with(START, numbers).rotors[0]
+    assert made.thrust_coefficient * made.table.push(0.75 * rotor.max_speed) == pytest.approx(
+        rotor.thrust_coefficient * (0.75 * rotor.max_speed) ** 2
+    )
+
+
+def test_links_trade_mass_with_the_base():
+    arm = skyarm.load_vehicle("hummingbird_arm2_rotors")
+    made = vehicle_with(arm, {"links.link2.mass": 0.07, "links.link2.inertia": 1.5, "links.link1.joint.damping": 0.002})
+    assert made.mass == pytest.approx(arm.mass)
+    assert made.links[1].body.mass == 0.07
+    assert made.links[1].body.inertia.xx == pytest.approx(1.5 * arm.links[1].body.inertia.xx)
+    assert made.links[0].joint.damping == 0.002
+    assert vehicle_with(arm, {}).base.mass == pytest.approx(arm.base.mass)

@@ -1,0 +1,115 @@
+"""Fits by prediction error against linear problems whose estimate and covariance are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from skyarm.studies.identify.prediction_error import ORDER, block_scores, fit_prediction
+
+pytest.importorskip("scipy", reason="needs the extra 'identify'")
+
+TRUE = np.array([1.5, -0.7])
+VAGUE = np.array([1e3, 1e3])
+STEPS = np.array([1e-4, 1e-4])
+
+
+def coloured(rng, size, pole):
+    """First-order autoregressive noise of unit innovations."""
+    found, white = np.zeros(size), rng.normal(size=size)
+    for k in range(1, size):
+        found[k] = pole * found[k - 1] + white[k]
+    return found
+
+
+def problem(seed, size=800, pole=0.9):
+    rng = np.random.default_rng(seed)
+    inputs = np.stack([coloured(rng, size, 0.5), rng.normal(size=size)], axis=1)
+    return inputs, inputs @ TRUE + coloured(rng, size, pole)
+
+
+def solved(inputs, measured, prior=VAGUE, start=None, **words):
+    def errors(numbers):
+        return [(measured - inputs @ numbers)[:, None]]
+
+    begin = np.zeros(2) if start is None else start
+    return fit_prediction(errors, begin, prior, STEPS, 25, **words)
+
+
+def test_the_estimate_is_that_of_generalised_least_squares():
+    """Of known noise: filtered by hand, estimate and covariance in closed form."""
+    inputs, measured = problem(1, 4000)
+    found = solved(inputs, measured)
+    x, y = inputs[1:] - 0.9 * inputs[:-1], measured[1:] - 0.9 * measured[:-1]
+    exact, spread = np.linalg.solve(x.T @ x, x.T @ y), np.linalg.inv(x.T @ x)
+    assert np.abs(found.values - exact).max() < 0.3 * np.sqrt(spread.diagonal().max())
+    assert np.sqrt(found.curvature.diagonal()) == pytest.approx(np.sqrt(spread.diagonal()), rel=0.08)
+    assert np.sqrt(found.covariance.diagonal()) == pytest.approx(np.sqrt(spread.diagonal()), rel=0.25)
+    assert found.settled
+
+
+def test_intervals_cover_the_truth():
+    """In 90 to 98 of 100 of 200 problems, for each number."""
+    inside = []
+    for seed in range(200):
+        found = solved(*problem(seed, 500))
+        inside.append(np.abs(found.values - TRUE) <= found.quantile * np.sqrt(found.covariance.diagonal()))
+    assert ((np.mean(inside, axis=0) >= 0.90) & (np.mean(inside, axis=0) <= 0.98)).all()
+
+
+def test_what_was_known_before_weighs_as_a_measurement():
+    """Of a prior as sharp as the data the estimate lies in the middle."""
+    inputs, measured = problem(3, 2000)
+    vague = solved(inputs, measured)
+    prior = np.sqrt(vague.curvature.diagonal())
+    start = vague.values + prior
+    found = solved(inputs, measured, prior, start)
+    assert found.values == pytest.approx(vague.values + 0.5 * prior, abs=0.1 * prior.max())
+    assert found.curvature.diagonal() == pytest.approx(0.5 * prior**2, rel=0.05)
+
+
+def test_outliers_hardly_count():
+    inputs, measured = problem(4)
+    clean = solved(inputs, measured)
+    spoilt = measured.copy()
+    spoilt[::50] += 300.0
+    assert np.abs(solved(inputs, spoilt).values - clean.values).max() < 0.2
+    plain = np.linalg.lstsq(inputs, spoilt, rcond=None)[0]
+    assert np.abs(plain - TRUE).max() > 0.2
+
+
+def test_rows_that_are_not_used_do_not_count():
+    inputs, measured = problem(5)
+    used = np.ones(len(measured), dtype=bool)
+    used[300:400] = False
+    spoilt = measured.copy()
+    spoilt[300:400] += 1e3 * np.sin(np.arange(100.0))
+    assert solved(inputs, spoilt, used=[used]).values == pytest.approx(solved(inputs, measured, used=[used]).values)
+
+
+def test_block_scores_are_those_of_fits_without_each_block():
+    """Of ordinary least squares: A s_b is by how much the estimate moves without the block b."""
+    rng = np.random.default_rng(6)
+    slope, error = rng.normal(size=(80, 1, 2)), rng.normal(size=(80, 1))
+    flat = slope[:, 0]
+    curvature = np.linalg.inv(flat.T @ flat)
+    best = -curvature @ flat.T @ error[:, 0]
+    left = error + (flat @ best)[:, None]
+    scores = block_scores(slope, left, curvature, 10)
+    kept = np.ones(80, dtype=bool)
+    kept[10:20] = False
+    without = -np.linalg.lstsq(flat[kept], error[kept, 0], rcond=None)[0]
+    assert curvature @ scores[1] == pytest.approx(without - best, abs=1e-9)
+
+
+def test_a_level_of_a_stretch_is_no_noise_that_hardly_changes():
+    """Each stretch is centred before its filter is sought: a pole of 0.5 is found beside two levels far apart."""
+    inputs, measured = problem(7, 4000, pole=0.5)
+
+    def errors(numbers):
+        rest = (measured - inputs @ numbers)[:, None]
+        return [rest[:2000] - 20.0, rest[2000:] + 20.0]
+
+    found = fit_prediction(errors, TRUE, np.array([1e-6, 1e-6]), STEPS, 25)
+    assert len(found.noise.weights) == 4000 - 2 * ORDER
+    assert found.noise.filters[0].sum() == pytest.approx(0.5, abs=0.08)

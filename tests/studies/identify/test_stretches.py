@@ -1,0 +1,148 @@
+"""Stretches of a measured flight: commands held, sensors averaged alike, gaps and coasting motors left out."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+
+import skyarm
+from skyarm.flight_data.flight_data import Channel, FlightData
+from skyarm.studies.identify.stretches import stretches_of
+
+VEHICLE = skyarm.load_vehicle("hummingbird")
+HOVER = (9.81 * VEHICLE.mass / 4.0 / VEHICLE.rotors[0].thrust_coefficient) ** 0.5
+RATE = 500.0
+
+
+def channel(time, values):
+    return Channel(time=time, values=np.asarray(values, dtype=float), source="made")
+
+
+def flight(seconds=6.0, *, commands=None, kind="rotor_speed_commands", **more):
+    time = 3.0 + np.arange(round(seconds * RATE) + 1) / RATE
+    told = np.full((len(time), 4), HOVER) if commands is None else commands(time)
+    gyro = np.stack([np.sin(time), 2.0 * np.sin(time), 3.0 * np.sin(time)], axis=1)
+    channels = {
+        "gyro": channel(time, gyro),
+        "accelerometer": channel(time, gyro + np.array([0.0, 0.0, 9.81])),
+        kind: channel(time, told),
+    }
+    return FlightData(name="made", file="made.csv", channels=channels | {k: make(time) for k, make in more.items()})
+
+
+def test_periods_follow_the_lag_and_commands_a_finer_clock():
+    """18.75 ms on the mean: 2.5 periods of it are 7.5 ms, four samples of 2 ms."""
+    (stretch,) = stretches_of(flight(), VEHICLE)
+    assert stretch.period == pytest.approx(0.008)
+    assert (stretch.samples, stretch.fine, stretch.width) == (4, 4, 5)
+    assert stretch.start == pytest.approx(3.5)
+    assert stretch.commands == pytest.approx(HOVER)
+    assert stretch.commands.shape == (stretch.size * 4, 4)
+    assert stretch.rate.shape == (stretch.size + 1, 3)
+    assert stretch.used.all()
+    (short,) = stretches_of(flight(), VEHICLE, period=0.002, sections=[(4.0, 6.0)])
+    assert (short.samples, short.width, short.start) == (1, 1, 4.0)
+    instants = 4.0 + 0.002 * np.arange(short.size + 1)
+    assert short.rate[:, 1] == pytest.approx(2.0 * np.sin(instants), abs=1e-5)
+    assert short.specific_force[:, 2] == pytest.approx(9.81 + 3.0 * np.sin(instants[:-1] + 0.001), abs=1e-4)
+
+
+def test_a_command_holds_from_its_own_instant_on():
+    def step(time):
+        return np.where(time < 5.0, HOVER, 1.1 * HOVER)[:, None].repeat(4, axis=1)
+
+    (stretch,) = stretches_of(flight(commands=step), VEHICLE, period=0.01)
+    when = stretch.start + 0.002 * np.arange(len(stretch.commands))
+    assert when[np.argmax(stretch.commands[:, 0] > HOVER * 1.05)] == pytest.approx(5.0, abs=1e-6)
+
+
+def test_signals_are_shares_of_the_full_speed_and_a_coasting_motor_does_not_count():
+    def signals(time):
+        share = np.full((len(time), 4), HOVER / VEHICLE.rotors[0].max_speed)
+        share[(time > 5.0) & (time < 5.1), 2] = 0.05
+        return share
+
+    (stretch,) = stretches_of(flight(commands=signals, kind="rotor_commands"), VEHICLE)
+    assert np.median(stretch.commands) == pytest.approx(HOVER)
+    at = stretch.start + stretch.period * np.arange(stretch.size)
+    lost = at[~stretch.used]
+    assert lost[0] == pytest.approx(5.0, abs=0.01)
+    assert lost[-1] == pytest.approx(5.1 + 3.0 * 0.025, abs=0.015)
+    (every,) = stretches_of(flight(commands=signals, kind="rotor_commands"), VEHICLE, coasting=0.0)
+    assert every.used.all()
+
+
+def test_what_does_not_fly_and_gaps_cut():
+    def landed(time):
+        return np.where((time > 4.0) & (time < 8.0), HOVER, 0.0)[:, None].repeat(4, axis=1)
+
+    (stretch,) = stretches_of(flight(commands=landed), VEHICLE)
+    assert stretch.start == pytest.approx(4.5, abs=0.1)
+    assert stretch.start + stretch.seconds == pytest.approx(7.5, abs=0.1)
+    whole = flight()
+    gyro = whole["gyro"]
+    kept = (gyro.time < 5.5) | (gyro.time > 5.7)
+    cut = whole.with_channels({"gyro": Channel(time=gyro.time[kept], values=gyro.values[kept], source="made")})
+    assert [round(each.start, 1) for each in stretches_of(cut, VEHICLE)] == [3.5, 5.7]
+
+
+def test_speed_in_base_axes_and_voltage():
+    """Turned by a quarter about the vertical: what flies along the world's x flies along the base's -y."""
+    turn = np.array([0.5**0.5, 0.0, 0.0, 0.5**0.5])
+
+    def attitude(time):
+        signs = np.where(np.arange(len(time)) % 2, -1.0, 1.0)
+        return channel(time, signs[:, None] * turn)
+
+    held = flight(
+        quaternion=attitude,
+        velocity=lambda time: channel(time, np.tile([2.0, 0.0, 0.0], (len(time), 1))),
+        voltage=lambda time: channel(time, np.full((len(time), 1), 11.1)),
+    )
+    (stretch,) = stretches_of(held, VEHICLE, full_voltage=12.0)
+    assert stretch.velocity == pytest.approx(np.tile([0.0, -2.0, 0.0], (stretch.size, 1)))
+    assert stretch.voltage == pytest.approx(11.1 / 12.0)
+    (plain,) = stretches_of(held, VEHICLE)
+    assert (plain.voltage == 1.0).all()
+
+
+def test_joints_come_from_their_positions():
+    arm = skyarm.load_vehicle("hummingbird_arm2_rotors")
+
+    def swing(time):
+        return channel(time, np.stack([np.sin(5.0 * time), np.cos(5.0 * time)], axis=1))
+
+    told = {"joint_efforts": lambda time: channel(time, np.full((len(time), 2), 0.1))}
+    (stretch,) = stretches_of(flight(joint_positions=swing, **told), arm, period=0.002)
+    at = stretch.start + 0.002 * np.arange(stretch.size + 1)
+    assert stretch.joint_rates[1:-1, 0] == pytest.approx(5.0 * np.cos(5.0 * at[1:-1]), abs=2e-3)
+    assert stretch.efforts.shape == (stretch.size * stretch.fine, 2)
+    assert (stretch.efforts == 0.1).all()
+
+
+ENDLESS = tuple(dataclasses.replace(rotor, max_speed=float("inf")) for rotor in VEHICLE.rotors)
+
+
+def of_commands(rotors, speed):
+    return flight(commands=lambda time: np.full((len(time), rotors), speed))
+
+
+@pytest.mark.parametrize(
+    ("made", "vehicle", "message"),
+    [
+        (of_commands(3, HOVER), VEHICLE, "made: made: 3 rotors, vehicle 'hummingbird' has 4"),
+        (of_commands(4, 0.0), VEHICLE, "made: no stretch of 1 s in the air without a gap"),
+        (
+            flight(kind="rotor_commands"),
+            dataclasses.replace(VEHICLE, rotors=ENDLESS),
+            "rotors.max_speed = inf: must be finite, the speed of the full signal of rotor_commands",
+        ),
+        (flight(), skyarm.load_vehicle("hummingbird_arm2_rotors"), "made: joint_positions: is not in this flight"),
+    ],
+)  # fmt: skip
+def test_flights_that_do_not_fit_are_refused_in_one_line(made, vehicle, message):
+    with pytest.raises(ValueError, match=f"^{re.escape(message)}[^\n]*$"):
+        stretches_of(made, vehicle)
