@@ -6,13 +6,14 @@ import itertools
 import random
 import socket
 import struct
+import time
 from collections.abc import Callable, Iterator
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from skyarm.links.autopilots import betaflight_process
+from skyarm.links.autopilots import betaflight, betaflight_process
 from skyarm.links.autopilots.autopilot import Goal, Instant, LinkError
 from skyarm.links.autopilots.betaflight import Betaflight, BetaflightLink
 from skyarm.links.autopilots.betaflight_process import LONGEST_ANSWER, VERSION_ANSWER, await_boot, set_up
@@ -105,6 +106,30 @@ def test_fuzzed_motors_end_as_one_line_or_are_passed_over(link: BetaflightLink, 
     assert min(refused, taken) > packets // 5
     assert link.facts["answered"] - taken in (0, 1)  # the very first one
     assert link.facts["bad_frames"] > packets // 5
+
+
+def test_an_answer_of_a_busy_machine_is_waited_for(link: BetaflightLink) -> None:
+    """Two states at once make Betaflight's clock leap, and it disarms."""
+
+    class Slow:
+        type, wait = socket.SOCK_DGRAM, 0.0
+
+        def settimeout(self, seconds: float) -> None:
+            self.wait = seconds
+
+        def setblocking(self, blocks: bool) -> None:
+            self.wait = 0.0
+
+        def recvfrom(self, size: int) -> tuple[bytes, str]:
+            if not self.wait:
+                raise BlockingIOError
+            if self.wait < 0.05:
+                raise TimeoutError
+            return MOTORS.pack(4, *(1000.0,) * 16), "peer"
+
+    link._motors, link._sent = Slow(), time.monotonic()  # type: ignore[assignment]
+    assert link._read()
+    assert betaflight.ANSWER < betaflight_process.HALT  # at which the program would be halted
 
 
 def answers(rng: random.Random) -> bytes:

@@ -119,8 +119,9 @@ ON, OFF = 2000, 1000
 POWER_ON = 6.0
 """s after which it is asked to arm: Betaflight calibrates its gyro and does not arm before 5 s."""
 
-ANSWER = 0.02
-"""s by the wall clock that an answer is waited for; simulated time stands still meanwhile."""
+ANSWER = 0.1
+"""s by the wall clock that an answer is waited for; simulated time stands still meanwhile. A busy machine keeps the
+program waiting for longer than a period: two states that it then reads at once would make its clock leap."""
 
 RECENT, MUCH_LATE = 500, 0.1
 """States whose lateness is looked at when Betaflight disarms, and s of it that are named as the likely cause: without
