@@ -1,0 +1,154 @@
+"""Offsets of clocks, planted in motions made here, are found with intervals that cover them."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from skyarm.flight_data.clocks import align, clock_offset, join_flights
+from skyarm.flight_data.flight_data import Channel, FlightData
+from skyarm.flight_data.raw_tables import attitude_at, turn_vectors
+
+LENGTH, FINE = 30.0, 2000
+
+
+@cache
+def motion(seed: int) -> tuple[np.ndarray, ...]:
+    """Times, rates, attitudes, positions, velocities and specific forces of a drawn motion of up to 3 Hz."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(round(LENGTH * FINE) + 1) / FINE
+
+    def wave(size: float) -> tuple[np.ndarray, np.ndarray]:
+        value, slope = np.zeros((time.size, 3)), np.zeros((time.size, 3))
+        for pulse in 2 * np.pi * rng.uniform(0.2, 3.0, 12):
+            angle = pulse * time[:, None] + rng.uniform(0, 2 * np.pi, 3)
+            value, slope = value + size * np.sin(angle), slope + size * pulse * np.cos(angle)
+        return value, slope
+
+    rate, _ = wave(0.15)
+    velocity, acceleration = wave(0.1)
+    position = np.cumsum(velocity, axis=0) / FINE - 0.5 * velocity / FINE  # by trapezes
+    turn = np.zeros((time.size, 4))
+    turn[0, 0] = 1.0
+    for k in range(time.size - 1):
+        w = 0.5 * (rate[k] + rate[k + 1])
+        half = 0.5 * float(np.sqrt(w @ w)) / FINE
+        x, y, z = w * (np.sin(half) / (2 * half) / FINE)
+        c, (q0, q1, q2, q3) = np.cos(half), turn[k]
+        turn[k + 1] = (
+            c * q0 - x * q1 - y * q2 - z * q3,
+            c * q1 + x * q0 + z * q2 - y * q3,
+            c * q2 + y * q0 - z * q1 + x * q3,
+            c * q3 + z * q0 + y * q1 - x * q2,
+        )
+    force = turn_vectors(turn * [1, -1, -1, -1], acceleration + np.array([0.0, 0.0, 9.81]))
+    return time, rate, turn, position, velocity, force
+
+
+def flight(seed: int, offset: float = 0.0, drift: float = 0.0, noise: float = 1.0, motions: int = 4) -> FlightData:
+    """A gyro and an accelerometer of 500 Hz, and a motion capture of 100 Hz whose clock is behind by the offset."""
+    time, rate, turn, position, velocity, force = motion(seed % motions)
+    rng = np.random.default_rng(1000 + seed)
+    fast, slow = slice(0, None, FINE // 500), slice(FINE, -FINE, FINE // 100)
+
+    def channel(rows: slice, values: np.ndarray, sigma: float, stamp: np.ndarray) -> Channel:
+        return Channel(time=stamp, values=values[rows] + noise * sigma * rng.normal(size=values[rows].shape), source="")
+
+    middle = 0.5 * (time[slow][0] + time[slow][-1])
+    stamps = (time[slow] - offset + drift * middle) / (1.0 + drift)
+    attitude = Channel(time=time[slow], values=turn[slow], source="")
+    tilted = attitude_at(attitude, time[slow]) + noise * 5e-4 * rng.normal(size=(time[slow].size, 4))
+    return FlightData(
+        name="drawn",
+        file="",
+        channels={
+            "gyro": channel(fast, rate, 0.05, time[fast]),
+            "accelerometer": channel(fast, force, 0.3, time[fast]),
+            "position": channel(slow, position, 2e-4, stamps),
+            "velocity": channel(slow, velocity, 0.01, stamps),
+            "quaternion": Channel(time=stamps, values=tilted, source=""),
+        },
+    )
+
+
+@pytest.mark.parametrize("stream", ["quaternion", "velocity", "position"])
+@pytest.mark.parametrize(("offset", "drift"), [(0.123, 0.0), (-0.4567, 2e-4), (0.003, -1e-3)])
+def test_a_planted_offset_and_drift_are_found(stream: str, offset: float, drift: float) -> None:
+    found = clock_offset(flight(1, offset, drift, noise=0.0), stream)
+    assert found.offset == pytest.approx(offset + drift * (found.middle - 0.5 * LENGTH), abs=2e-4)
+    assert found.drift == pytest.approx(drift, abs=2e-5)
+    assert found.correlation > 0.99
+    assert found.wander < 2e-3
+
+
+@pytest.mark.parametrize("stream", ["quaternion", "velocity"])
+def test_intervals_cover_the_truth(stream: str) -> None:
+    rng = np.random.default_rng(5)
+    hits = []
+    for seed in range(24):
+        offset, drift = rng.uniform(-1.0, 1.0), rng.uniform(-5e-4, 5e-4)
+        found = clock_offset(flight(seed, offset, drift), stream)
+        true = offset + drift * (found.middle - 0.5 * LENGTH)
+        hits += [abs(found.offset - true) < found.offset_error, abs(found.drift - drift) < found.drift_error]
+        assert found.offset_error < 3e-3
+    assert np.mean(hits) >= 0.85
+
+
+def test_a_landing_does_not_decide() -> None:
+    good = flight(2, 0.05)
+    hit = good["accelerometer"].values.copy()
+    hit[3000:3010] += 200.0
+    channels = {"accelerometer": Channel(time=good["accelerometer"].time, values=hit, source="")}
+    found = clock_offset(good.with_channels(channels), "velocity")
+    assert found.offset == pytest.approx(0.05, abs=2e-3)
+
+
+def test_aligned_streams_have_the_clock_of_the_reference_and_a_note() -> None:
+    given = flight(3, 0.2, 1e-4)
+    found = clock_offset(given)
+    assert (found.reference, found.stream) == ("gyro", "quaternion")
+    moved = align(given, found, ["quaternion", "position", "velocity"])
+    again = clock_offset(moved, "velocity")
+    assert abs(again.offset) < 2 * again.offset_error + found.offset_error
+    assert found.offset == pytest.approx(0.2, abs=1e-3)
+    assert moved.notes[-1].startswith("quaternion, position, velocity: moved to the clock of gyro: offset +")
+
+
+def test_two_files_of_one_flight_are_join_flights() -> None:
+    both = flight(1, 25.0)
+    onboard = FlightData(name="card", file="", channels={k: both[k] for k in ("gyro", "accelerometer")})
+    camera = FlightData(name="mocap", file="", channels={k: both[k] for k in ("position", "quaternion")})
+    found = join_flights(onboard, camera)
+    assert set(found) == {"gyro", "accelerometer", "position", "quaternion"}
+    assert abs(clock_offset(found).offset) < 2e-3
+    assert "mocap, moved to the clock of gyro: offset +" in found.notes[-1]
+
+
+def test_a_motion_that_does_not_show_the_offset_is_refused() -> None:
+    given = flight(1)
+    still = np.zeros_like(given["gyro"].values) + 0.05 * np.random.default_rng(1).normal(
+        size=(given["gyro"].time.size, 3)
+    )
+    quiet = given.with_channels({"gyro": Channel(time=given["gyro"].time, values=still, source="")})
+    with pytest.raises(ValueError, match=r"clock of quaternion: correlation with gyro = "):
+        clock_offset(quiet, "quaternion")
+    time = given["gyro"].time
+    wave = np.stack([np.sin(2 * np.pi * 1.0 * time), np.zeros_like(time), np.zeros_like(time)], axis=1)
+    half = 0.5 * (1.0 - np.cos(2 * np.pi * time[::5])) / (2 * np.pi)
+    turn = np.stack([np.cos(half), np.sin(half), 0 * half, 0 * half], axis=1)
+    periodic = FlightData(
+        name="wave",
+        file="",
+        channels={
+            "gyro": Channel(time=time, values=wave, source=""),
+            "quaternion": Channel(time=time[::5], values=turn, source=""),
+        },
+    )
+    with pytest.raises(ValueError, match="fit equally well: must be a motion that does not repeat itself"):
+        clock_offset(periodic)
+    with pytest.raises(ValueError, match="clocks: must hold gyro and quaternion or"):
+        clock_offset(FlightData(name="a", file="", channels={"gyro": given["gyro"]}))
+    with pytest.raises(ValueError, match="stream = 'yaw': must be one of"):
+        clock_offset(given, "yaw")
