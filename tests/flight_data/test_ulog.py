@@ -172,7 +172,7 @@ def test_a_mapping_takes_any_topic_and_instance(tmp_path: Path) -> None:
         '[rotor_commands]\ntopic = "actuator_outputs[1]"\ncolumns = ["output[1]"]\nlow = 1000\nhigh = 2000\n'
     )
     rows = [combined(1_500_000), outputs(1_500_000, 1, 2), outputs(1_500_000, 1, 1750, instance=1)]
-    flight = load_flight(written(tmp_path, packed(rows)))
+    flight = load_flight(written(tmp_path, packed(rows)), tmp_path / "columns.toml")
     np.testing.assert_allclose(flight["rotor_commands"].values, [[0.75]])
     assert "gyro" in flight
 

@@ -92,13 +92,14 @@ def read_crazyflie(path: Path, columns: Columns | None) -> FlightData:
     unit = 1e-3 if version == 1 else 1e-6
     stamps = [int(found["time"][0]) for found in rows.values()]
     origin = min(stamps, default=0)
-    tables = {
-        events[number].name: Table(
-            columns={name: found[f"v{k}"].astype(float) for k, name in enumerate(events[number].variables)},
-            time=np.multiply(found["time"].astype(np.int64) - origin, unit, dtype=float),
-        )
-        for number, found in rows.items()
-    }
+    with np.errstate(invalid="ignore"):  # NaNs of a damaged file that signal
+        tables = {
+            events[number].name: Table(
+                columns={name: found[f"v{k}"].astype(float) for k, name in enumerate(events[number].variables)},
+                time=(found["time"].astype(float) - origin) * unit,
+            )
+            for number, found in rows.items()
+        }
     facts: dict[str, str | float] = {"vehicle": "Crazyflie", "version of the file": float(version)}
     return flight_of(path, tables, USUAL, columns, origin=origin * unit, facts=facts, notes=notes)
 

@@ -148,13 +148,13 @@ class FlightFormat:
         read: (path, columns or None) -> flight.
         suffixes: endings of its files, without dot.
         begins: first bytes of its files, of which any decides before a suffix does.
-        mapped: ``columns.toml`` beside a file is read for it.
+        mapped: its files define no quantities, so that ``columns.toml`` beside a file is read for it.
     """
 
     read: Callable[[Path, Columns | None], FlightData]
     suffixes: tuple[str, ...] = ()
     begins: tuple[bytes, ...] = ()
-    mapped: bool = True
+    mapped: bool = False
 
 
 BAG_FOLDER = "db3"
@@ -169,8 +169,8 @@ def load_flight(path: PathLike, columns: PathLike | Columns | None = None, *, ki
 
     Args:
         path: of the file, or of the folder of a ROS 2 bag.
-        columns: mapping from topics or columns to quantities, or the path of one; in its place ``columns.toml``
-            beside the flight, and then the names that the format itself defines.
+        columns: mapping from topics or columns to quantities, or the path of one, whose quantities replace those
+            that the format itself defines; for a table of text ``columns.toml`` beside it if left out.
         kind: registered name of the format; by first bytes and suffix of the file if left out.
 
     Raises:

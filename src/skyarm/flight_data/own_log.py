@@ -138,4 +138,4 @@ def _reading(log: Log, name: str, field: str, source: Source, array: Array) -> C
     return Channel(time=time[kept], values=array[rows[kept]], source=f"{name}.{field}")
 
 
-OWN_LOG = FlightFormat(read_own_log, suffixes=("npz",), begins=(b"PK\x03\x04",), mapped=False)
+OWN_LOG = FlightFormat(read_own_log, suffixes=("npz",), begins=(b"PK\x03\x04",))

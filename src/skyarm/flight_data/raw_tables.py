@@ -21,6 +21,9 @@ Array: TypeAlias = npt.NDArray[np.float64]
 RISING = 0.5
 """Least share of the rows of a table whose times must rise."""
 
+SMALLEST, LARGEST = 1e-6, 1e6
+"""Bounds of the largest number of a quaternion in a file, which need not be of unit length."""
+
 UNUSED = 200
 """Names of unused columns that a flight lists at most."""
 
@@ -120,6 +123,8 @@ def _fastest(tables: Mapping[str, Table], signals: Sequence[Signal]) -> list[Sig
         table = tables.get(signal.topic) if signal.topic else _first_with(tables, signal.columns)
         if table is None or not table.time.size or any(table.column(each) is None for each in signal.columns):
             continue
+        if signal.time and table.column(signal.time) is None:
+            continue
         if not np.isfinite(_numbers_of(table, signal.columns[0])).any():
             continue
         span = float(np.nanmax(table.time) - np.nanmin(table.time))
@@ -166,7 +171,8 @@ def _channel(
         values = _in_si(name, signal, np.stack([_numbers_of(table, each) for each in signal.columns], axis=1))
     whole = np.isfinite(values).all(axis=1) & np.isfinite(time)
     if name == "quaternion":
-        whole &= np.linalg.norm(np.where(np.isfinite(values), values, 0.0), axis=1) > 1e-6
+        size = np.abs(np.where(np.isfinite(values), values, 0.0)).max(axis=1)
+        whole &= (size > SMALLEST) & (size < LARGEST)
     if not whole.all():
         lost = int((~whole).sum())
         notes.append(f"{name}: {lost} of {whole.size} rows are without numbers and are left out.")

@@ -108,8 +108,7 @@ def read_bag(path: Path, columns: Columns | None) -> FlightData:
         ValueError: one line: rosbags is missing, it is no bag, or a damaged one. OSError: it cannot be read.
     """
     if path.is_file() and is_own_mcap(path):
-        beside = columns is not None and Path(columns.file).parent == path.parent
-        return read_own_log(path, None if beside else columns)
+        return read_own_log(path, columns)
     try:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore

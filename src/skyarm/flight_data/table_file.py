@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -27,14 +27,11 @@ def read_table(path: Path, columns: Columns | None) -> FlightData:
         ValueError: one line: it is no table, it has no mapping, or the mapping does not fit. OSError: it cannot be
             read.
     """
-    try:
-        text = path.read_bytes().decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise ValueError(f"byte {error.start} = {error.object[error.start]:#04x}: must be UTF-8 text") from None
-    head, _, body = text.lstrip("\r\n").partition("\n")
+    text = path.read_bytes().decode("utf-8-sig", "replace")
+    head, _, body = text.replace("\r\n", "\n").replace("\r", "\n").lstrip("\n").partition("\n")
     separator = max(SEPARATORS, key=head.count)
-    names = [name.strip() for name in next(csv.reader([head.rstrip("\r")], delimiter=separator), [])]
-    if not any(names) or "\0" in head:
+    names = [name.strip() for name in next(_cells(head, separator), [])]
+    if not any(names) or "\0" in head or "\ufffd" in head:
         raise ValueError(f"head = {shown(head[:60])}: must be the names of the columns")
     if columns is None:
         raise ValueError(f"columns: are missing; a columns.toml must map these: {comma_list(names)}")
@@ -104,7 +101,7 @@ def _row_by_row(
 ) -> npt.NDArray[np.float64]:
     """Numbers of the rows of a table with empty cells, quotes or damage, which is named in the notes."""
     rows, short, wrong = list[list[float]](), 0, 0
-    for cells in csv.reader(io.StringIO(body.replace("\0", "")), delimiter=separator):
+    for cells in _cells(body, separator):
         if not any(cell.strip() for cell in cells):
             continue
         short += len(cells) != width
@@ -124,4 +121,16 @@ def _row_by_row(
     return np.array(rows, dtype=float).reshape(len(rows), len(places))
 
 
-TABLE = FlightFormat(read_table, suffixes=("csv", "tsv", "txt"))
+def _cells(text: str, separator: str) -> Iterator[list[str]]:
+    """Yield the cells of each row of a text.
+
+    Raises:
+        ValueError: one line: a quote without end, or a cell of very many letters.
+    """
+    try:
+        yield from csv.reader(io.StringIO(text.replace("\0", "")), delimiter=separator)
+    except csv.Error as error:
+        raise ValueError(f"cells: must be of a table of text ({error})") from None
+
+
+TABLE = FlightFormat(read_table, suffixes=("csv", "tsv", "txt"), mapped=True)

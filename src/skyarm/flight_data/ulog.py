@@ -113,8 +113,8 @@ def _table(name: str, instance: int, rows: Mapping[str, Array], start: int) -> t
         if ((late >= 0.0) & (late <= LATEST)).all():
             stamps = given["timestamp_sample"]
     time = (stamps - start) * SECOND
-    if "accelerometer_timestamp_relative" in given:
-        after = given["accelerometer_timestamp_relative"] * SECOND
+    if name == "sensor_combined":
+        after = given.get("accelerometer_timestamp_relative", np.zeros_like(time)) * SECOND
         given["accelerometer_time"] = np.where(np.abs(after) <= LATEST, time + after, np.nan)
     return f"{name}[{instance}]" if instance else name, Table(columns=given, time=time)
 

@@ -54,6 +54,12 @@ TYPES: Mapping[str, str] = {
 }
 """Type of a field -> its type in NumPy."""
 
+BEGINNING = re.compile(rb"[FIPADOS]")
+"""Types of the messages with which reading goes on behind a damaged one."""
+
+DECLARATION, KEY = re.compile(rb"\w+:\w"), re.compile(rb".\w+(?:\[\d+\])? \w", re.DOTALL)
+"""Beginnings of the bodies of a format, and of a parameter or text."""
+
 FIELD = re.compile(r"([A-Za-z_]\w*)(?:\[(\d{1,5})\])? ([A-Za-z_]\w*)")
 """Type, number and name of a field in the text of a format."""
 
@@ -139,9 +145,9 @@ class _File:
         for (name, instance), (topic, bodies) in self.kept.items():
             if bodies:
                 table = np.frombuffer(b"".join(bodies), topic.row)
-                self.found.rows[name, instance] = {
-                    each: table[f"f{k}"].astype(float) for k, each in enumerate(topic.fields)
-                }
+                with np.errstate(invalid="ignore"):  # NaNs of a damaged file that signal
+                    numbers = {each: table[f"f{k}"].astype(float) for k, each in enumerate(topic.fields)}
+                self.found.rows[name, instance] = numbers
         return self.found
 
     def _messages(self) -> Iterator[tuple[int, bytes]]:
@@ -186,18 +192,25 @@ class _File:
         return len(head) < 3 or (head[2] in LETTERS and place + 3 + (head[0] | head[1] << 8) > len(self.data))
 
     def _next_whole(self, place: int) -> int:
-        """Place of the next row of a topic from where several messages are whole; 0 if there is none."""
-        at = self.data.find(b"D", place + 2)
-        while at >= 0:
-            end = start = at - 2
+        """Place from where several messages are whole; 0 if there is none."""
+        for found in BEGINNING.finditer(self.data, place + 2):
+            end = start = found.start() - 2
             for _ in range(IN_A_ROW):
-                end = self._end(end)
+                end = self._end(end) if self._is_likely(end) else 0
                 if not end or end == len(self.data):
                     break
             if end:
                 return start
-            at = self.data.find(b"D", at + 1)
         return 0
+
+    def _is_likely(self, place: int) -> bool:
+        """True if the body of the message at a place begins as those of its type do."""
+        letter, body = self.data[place + 2 : place + 3], self.data[place + 3 : place + 128]
+        if letter == b"F":
+            return DECLARATION.match(body) is not None
+        if letter == b"A":
+            return body[3:4].isalpha()
+        return letter not in (b"I", b"P") or KEY.match(body) is not None
 
     def _flags(self, body: bytes) -> None:
         """Read the flags: data of kinds that are not known, and places of data that were appended."""
