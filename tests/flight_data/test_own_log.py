@@ -42,6 +42,14 @@ def test_readings_are_the_true_state_at_the_times_at_which_they_were_taken(kind:
     assert flight.notes == ("velocity: are true values, as no sensor of the flight reads them.",)
 
 
+def test_a_reading_that_arrives_late_has_the_time_at_which_it_was_taken(tmp_path: Path) -> None:
+    quiet = {f"sensors__imu__{name}": {"sigma": 0.0} for name in ("gyro", "accelerometer")}
+    log = run(estimated(duration=0.5, sensors__imu__latency=0.01, **quiet))
+    gyro = load_flight(skyarm.save_log(log, tmp_path / "flight.npz"))["gyro"]
+    assert gyro.time.size == log.time.size - 2
+    np.testing.assert_allclose(gyro.values, log.rate[np.rint(gyro.time * 200).astype(int)], atol=1e-12)
+
+
 def test_without_sensors_the_true_state_is_read_and_said_to_be_true(tmp_path: Path) -> None:
     log = flown()
     flight = load_flight(skyarm.save_log(log, tmp_path / "flight.npz"))

@@ -115,7 +115,7 @@ def test_the_rate_before_the_filter_is_taken_unless_the_other_is_faster(tmp_path
     def rates(every: int) -> list[tuple[str, tuple[float, ...]]]:
         rows = [combined(1_000_000 + 4000 * k) for k in range(1, 50)]
         filtered = [
-            ("vehicle_angular_velocity", (1_000_300 + 4000 * k, 1_000_000 + 4000 * k, 7, 7, 7))
+            ("vehicle_angular_velocity", (1_000_100 + 4000 * k + 4 * k % 7 * 100, 1_000_000 + 4000 * k, 7, 7, 7))
             for k in np.arange(1, 50, 1 / every)
         ]
         return sorted(rows + [(name, tuple(map(int, values))) for name, values in filtered], key=lambda row: row[1][0])

@@ -130,8 +130,7 @@ def _reading(log: Log, name: str, field: str, source: Source, array: Array) -> C
         rows = np.arange(source.late, log.time.size, source.every)
         time = log.time[rows] - source.late * period
     else:
-        rows = np.flatnonzero(np.concatenate([[True], np.diff(stamps.ravel()) > 0.0]))
-        time = stamps.ravel()[rows]
+        rows, time = np.arange(log.time.size), stamps.ravel()
     finite = np.isfinite(array[rows]).all(axis=1) & np.isfinite(time)
     rows, time = rows[finite], time[finite]
     kept = rising_rows(time)
