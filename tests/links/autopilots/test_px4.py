@@ -204,6 +204,17 @@ def test_a_program_that_is_none_ends_as_a_result(tmp_path: Path) -> None:
     assert "PX4 ended while it started" in session.log.info["cause"]
 
 
+def test_px4_opens_the_onboard_link_only(tmp_path: Path) -> None:
+    """Its start script takes the first script of links in the path, and its own folder comes last."""
+    program = make_program(tmp_path)
+    (tmp_path / "etc" / "px4-rc.mavlink").write_text("mavlink start -u 18570\n", "utf-8")
+    program.write_text('#!/bin/sh\nmavlink() { echo "$@"; }\nPATH="$PATH:$6"\n. px4-rc.mavlink\n', "utf-8")
+    number = free_instance()
+    session = open_session(scenario_of(tmp_path, program=str(program), instance=number, patience=2.0))
+    links = f"start -u {14580 + number} -o {14540 + number} -m onboard -r 4000000"
+    assert session.log.info["cause"] == f"PX4 ended while it started ({links})"
+
+
 STREAM, DATAGRAM = socket.SOCK_STREAM, socket.SOCK_DGRAM
 
 

@@ -9,6 +9,7 @@ system is 1 + instance.
 from __future__ import annotations
 
 import contextlib
+import os
 import socket
 import time
 from collections.abc import Mapping
@@ -71,6 +72,10 @@ REPLIES = 10.0
 
 SETTLED = 5
 """s of valid estimates after which PX4's local origin is known and it is asked to arm."""
+
+LINKS = "px4-rc.mavlink"
+"""Script that PX4's start script runs for its MAVLink links, the first of that name in ``PATH``. PX4's own opens four
+UDP ports to every interface, and PX4 obeys whoever sends there; ours opens the onboard one only."""
 
 BABBLE = 4096
 """Bytes that are no MAVLink after which the other side is taken for another program."""
@@ -173,6 +178,9 @@ class PX4Link(ProgramLink):
             environment = {f"PX4_PARAM_{name}": f"{value:.9g}" for name, value in parameters.items()}
             environment["PX4_SIM_MODEL"] = "none_iris"
             folder = self._make_folder()
+            ours, theirs = ports.onboard.getsockname()[1], ports.partner[1]
+            (folder / LINKS).write_text(f"mavlink start -u {theirs} -o {ours} -m onboard -r 4000000\n", "ascii")
+            environment["PATH"] = os.pathsep.join((os.environ.get("PATH", os.defpath), str(folder)))
             command = [str(program), "-d", "-i", str(ports.instance), "-w", str(folder), str(etc)]
             self._launch(command, folder, environment, without="PX4_")
             self._tcp = self._accept(ports.listener)
