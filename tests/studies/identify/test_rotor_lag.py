@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from functools import partial
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -10,33 +13,36 @@ from skyarm.studies.identify.rotor_lag import delay_commands, lag_response, movi
 PERIOD, UP, DOWN = 0.002, 0.02, 0.05
 
 
-def test_the_lag_is_that_of_an_integrator():
+@pytest.mark.parametrize("delay", [0.0, 0.0007, 0.0033, -0.0013])
+def test_the_lag_is_that_of_an_integrator(delay):
     """Another time constant up than down; over more than one of the stretches that are followed side by side."""
     integrate = pytest.importorskip("scipy.integrate")
-    targets = np.random.default_rng(1).uniform(100.0, 900.0, (700, 1)).repeat(1, axis=0)
-    targets[::7] = 900.0
-    means, ends = lag_response(targets, PERIOD, UP, DOWN)
-    value, area = targets[0], 0.0
-    for k, target in enumerate(targets):
+    commands = np.random.default_rng(1).uniform(100.0, 900.0, 600)
+    means, squares, ends = (rows[:, 0] for rows in lag_response(commands[:, None], PERIOD, delay, UP, DOWN))
 
-        def slope(_, y, target=target):
-            off = target[0] - y[0]
-            return [off / (UP if off > 0.0 else DOWN), y[0]]
+    def of_span(t, _, y):
+        target = commands[int(np.clip(np.floor((t - delay) / PERIOD), 0, len(commands) - 1))]
+        return [(target - y[0]) / (UP if target > y[0] else DOWN), y[0], y[0] ** 2]
 
-        found = integrate.solve_ivp(slope, (0.0, PERIOD), [value[0], 0.0], rtol=1e-9, atol=1e-9)
-        value, area = found.y[:1, -1], found.y[1, -1]
-        assert ends[k, 0] == pytest.approx(value[0], abs=0.0025 * 800.0)
-        assert means[k, 0] == pytest.approx(area / PERIOD, abs=0.0025 * 800.0)
-    assert np.abs(ends[200:250, 0] - _followed(targets)[200:250]).max() < 1e-3
-
-
-def _followed(targets):
-    value, ends = targets[0, 0], []
-    for target in targets[:, 0]:
-        tau = UP if target > value else DOWN
-        value = target + (value - target) * np.exp(-PERIOD / tau)
-        ends.append(value)
-    return np.array(ends)
+    value = commands[0]
+    for k in range(len(commands)):
+        # from jump to jump of the command
+        late = (delay / PERIOD - np.floor(delay / PERIOD)) * PERIOD
+        times = [k * PERIOD, *([k * PERIOD + late] if late else []), (k + 1) * PERIOD]
+        state = [value, 0.0, 0.0]
+        for first, last in pairwise(times):
+            middle = 0.5 * (first + last)
+            found = integrate.solve_ivp(partial(of_span, middle), (first, last), state, rtol=1e-8, atol=1e-9)
+            state = found.y[:, -1].tolist()
+        value = state[0]
+        if k % 9 == 0 or k > 590:
+            # what is forgotten of the past of a stretch is a share of exp(-6)
+            assert ends[k] == pytest.approx(state[0], abs=0.0025 * 800.0)
+            assert means[k] == pytest.approx(state[1] / PERIOD, abs=0.0025 * 800.0)
+            assert squares[k] == pytest.approx(state[2] / PERIOD, rel=0.005)
+        if 150 <= k < 250:
+            # before the second stretch begins, nothing is
+            assert (means[k], squares[k]) == pytest.approx((state[1] / PERIOD, state[2] / PERIOD), rel=1e-6)
 
 
 def test_a_dead_time_shifts_held_commands_by_parts_of_a_period():

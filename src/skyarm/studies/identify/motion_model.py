@@ -112,19 +112,23 @@ class RotorSeries:
     """Rotors over the periods of a stretch, a list over the rotors.
 
     Attributes:
-        speeds: rad/s, means. changes: rad/s^2, means. gains: mean thrusts over those of the mean speeds.
+        speeds: rad/s, means.
+        changes: rad/s^2, means.
+        gains: mean thrusts over those of the mean speeds.
+        sampled_gains: the same of thrusts at the instants of the samples, which an accelerometer meets.
     """
 
     speeds: list[Array]
     changes: list[Array]
     gains: list[Array]
+    sampled_gains: list[Array]
 
 
 @dataclass(slots=True, eq=False)
 class Memo:
     """Rotor series of one stretch that were computed last: most candidates of a search share them."""
 
-    held: dict[tuple[object, ...], tuple[Array, Array]] = field(default_factory=dict)
+    held: dict[tuple[object, ...], tuple[Array, Array, Array]] = field(default_factory=dict)
     series: dict[tuple[object, ...], RotorSeries] = field(default_factory=dict)
 
     def rotors(self, vehicle: Vehicle, delay: float, stretch: Stretch) -> RotorSeries:
@@ -147,7 +151,7 @@ MEMORY = 6
 """Series that a memo keeps."""
 
 
-def _forget(memo: dict[tuple[object, ...], tuple[Array, Array]] | dict[tuple[object, ...], RotorSeries]) -> None:
+def _forget(memo: dict[tuple[object, ...], tuple[Array, Array, Array]] | dict[tuple[object, ...], RotorSeries]) -> None:
     if len(memo) >= MEMORY:
         memo.pop(next(iter(memo)))
 
@@ -173,11 +177,7 @@ def predict(
     turning = (memo or Memo()).rotors(vehicle, about.delay, stretch)
     scale = stretch.voltage**about.sag * (1.0 + about.drift * stretch.period * np.arange(stretch.size))
     velocity = Vec3(*stretch.velocity.T)
-    applied = rotor_forces(vehicle.rotors, turning.speeds, velocity, w, [gain * scale for gain in turning.gains])
-    applied = Force(
-        applied.torque + _spin_torque(vehicle, turning, w) + Vec3(*about.torque),
-        applied.force + _air_drag(vehicle, velocity),
-    )
+    beside = Force(_spin_torque(vehicle, turning, w) + Vec3(*about.torque), _air_drag(vehicle, velocity))
     told = delay_commands(stretch.efforts, stretch.period / stretch.fine, about.joint_delay)
     torques = stretch.means(told)
     efforts = [
@@ -186,14 +186,20 @@ def predict(
         - link.joint.coulomb * np.tanh(x / link.joint.coulomb_rate)
         for link, torque, x in zip(vehicle.links, torques.T, qd, strict=True)
     ]
-    if all(driven):
+    given = np.diff(stretch.joint_rates, axis=0) / stretch.period
+
+    def accelerations(gains: Sequence[Array]) -> tuple[Vec3, Vec3, Sequence[Array]]:
+        pushed = rotor_forces(vehicle.rotors, turning.speeds, velocity, w, [gain * scale for gain in gains])
+        applied = Force(pushed.torque + beside.torque, pushed.force + beside.force)
+        if not all(driven):
+            return _with_given_joints(vehicle, q, w, qd, applied, efforts, driven, given)
         base, moved = forward_dynamics(vehicle, q, w, qd, applied, efforts)
-        linear, angular, rows = base.linear, base.angular, [np.asarray(each) for each in moved]
-    else:
-        given = np.diff(stretch.joint_rates, axis=0) / stretch.period
-        linear, angular, rows = _with_given_joints(vehicle, q, w, qd, applied, efforts, driven, given)
+        return base.linear, base.angular, [np.asarray(each) for each in moved]
+
+    _, angular, rows = accelerations(turning.gains)
+    linear, turned, _ = accelerations(turning.sampled_gains)
     place = Vec3(*about.place)
-    felt = linear + angular.cross(place) + w.cross(w.cross(place)) + Vec3(*about.offset)
+    felt = linear + turned.cross(place) + w.cross(w.cross(place)) + Vec3(*about.offset)
     zero = np.zeros(stretch.size)
     found: Array = np.stack([zero + each for each in (*felt, *angular, *rows)], axis=1)
     if about.accelerometer_delay:
@@ -215,28 +221,32 @@ def prediction_errors(
     return np.concatenate([stretch.specific_force - foretold[:, :3], summed - summed.mean(axis=0)], axis=1)
 
 
-def _speeds(vehicle: Vehicle, delay: float, stretch: Stretch) -> tuple[Array, Array]:
-    """Rotor speeds (N * fine, rotors), rad/s: means over and values after each fine period."""
+def _speeds(vehicle: Vehicle, delay: float, stretch: Stretch) -> tuple[Array, Array, Array]:
+    """Rotor speeds (N * fine, rotors): means and mean squares over each fine period and values at its end."""
     fine = stretch.period / stretch.fine
     limits = np.array([float(rotor.max_speed) for rotor in vehicle.rotors])
-    held = np.minimum(delay_commands(stretch.commands, fine, delay), limits)
+    held = np.minimum(stretch.commands, limits)
     lags = [(float(rotor.time_constant_up), float(rotor.time_constant_down)) for rotor in vehicle.rotors]
     if len(set(lags)) == 1:
-        return lag_response(held, fine, *lags[0])
-    columns = [lag_response(held[:, i : i + 1], fine, *each) for i, each in enumerate(lags)]
-    return np.concatenate([rows for rows, _ in columns], axis=1), np.concatenate([ends for _, ends in columns], axis=1)
+        return lag_response(held, fine, delay, *lags[0])
+    columns = [lag_response(held[:, i : i + 1], fine, delay, *each) for i, each in enumerate(lags)]
+    means, squares, ends = (np.concatenate(each, axis=1) for each in zip(*columns, strict=True))
+    return means, squares, ends
 
 
-def _series(vehicle: Vehicle, rows: Array, ends: Array, stretch: Stretch) -> RotorSeries:
+def _series(vehicle: Vehicle, means: Array, squares: Array, ends: Array, stretch: Stretch) -> RotorSeries:
     """Rotor series of the stretch's periods from those of its fine periods."""
-    found = RotorSeries([], [], [])
-    for rotor, row, end in zip(vehicle.rotors, rows.T, ends.T, strict=True):
-        mean, pushed = stretch.means(row), stretch.means(push(rotor, row))
-        last = moving_mean(end[stretch.fine // stretch.samples - 1 :: stretch.fine // stretch.samples], stretch.width)
-        last = last[stretch.samples - 1 :: stretch.samples]
+    found, finer = RotorSeries([], [], [], []), stretch.fine // stretch.samples
+    for i, rotor in enumerate(vehicle.rotors):
+        mean = stretch.means(means[:, i])
+        sampled = ends[finer - 1 :: finer, i]
+        last = moving_mean(sampled, stretch.width)[stretch.samples - 1 :: stretch.samples]
+        pushed = push(rotor, np.concatenate([sampled[:1], sampled]))
+        least = np.maximum(push(rotor, mean), 1e-12)
         found.speeds.append(mean)
         found.changes.append(np.diff(last, prepend=last[:1]) / stretch.period)
-        found.gains.append(pushed / np.maximum(push(rotor, mean), 1e-12))
+        found.gains.append(stretch.means(push(rotor, np.sqrt(squares[:, i]))) / least)
+        found.sampled_gains.append(stretch.means(np.repeat(middle(pushed), finer)) / least)
     return found
 
 

@@ -112,7 +112,7 @@ def fit_prediction(
     settled = False
     for turn in range(TURNS):
         before = values
-        trust, cost = 1e-3, _cost(noise.apply(found), (values - start) / prior)
+        trust, cost = 0.0, _cost(noise.apply(found), (values - start) / prior)
         for step in range(STEPS if turn else FIRST):
             if told is not None:
                 told(f"turn {turn + 1} of at most {TURNS}, step {step + 1}")
@@ -163,7 +163,7 @@ def _step(
         below = _cost(noise.apply(there), (trial - start) / prior)
         if below < cost:
             return trial, there, below, trust * 0.1
-        trust = max(trust, 1e-6) * 10.0
+        trust = max(trust, 1e-5) * 10.0
     return values, errors(values), cost, trust
 
 

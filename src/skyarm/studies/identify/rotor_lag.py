@@ -35,36 +35,46 @@ def delay_commands(commands: Array, period: float, delay: float) -> Array:
     return mixed
 
 
-def lag_response(targets: Array, period: float, up: float, down: float) -> tuple[Array, Array]:
-    """Means over and values after each period of a first-order lag with another time constant up than down.
+def lag_response(commands: Array, period: float, delay: float, up: float, down: float) -> tuple[Array, Array, Array]:
+    """Response of a first-order lag, with another time constant up than down, to held commands after a dead time.
 
     Args:
-        targets: (N, rotors), each held for one period. The lag has settled at the first.
-        period: s, at most a few times shorter than the time constants.
+        commands: (N, rotors), each held for one period. The lag has settled at the first.
+        period: s.
+        delay: s, whole periods or not; below 0 of commands that are stamped late.
         up: s, time constant towards a larger value.
         down: s, time constant towards a smaller one.
 
     Returns:
-        Both (N, rotors), exact for held targets.
+        Means and mean squares over each period and values at its end, each (N, rotors); exact.
     """
+    whole = math.floor(delay / period)
+    late = delay - whole * period
     size = max(1, round(STRETCH / period))
     before = math.ceil(FORGOTTEN * max(up, down) / period)
-    starts = np.arange(0, len(targets), size)
-    places = np.clip(starts[None, :] - before + np.arange(before + size)[:, None], 0, len(targets) - 1)
-    value = targets[places[0]]
-    found = np.empty((2, size, *value.shape))
-    decays = math.exp(-period / up), math.exp(-period / down)
-    means = up / period * (1.0 - decays[0]), down / period * (1.0 - decays[1])
-    for k, place in enumerate(places):
-        target = targets[place]
-        off = value - target
-        falling = off > 0.0
-        value = target + off * np.where(falling, decays[1], decays[0])
+    starts = np.arange(0, len(commands), size)
+    places = starts[None, :] - before - whole + np.arange(before + size)[:, None]
+    older, newer = (commands[np.clip(places - back, 0, len(commands) - 1)] for back in (1, 0))
+    spans = [(span, targets) for span, targets in ((late, older), (period - late, newer)) if span > 1e-9 * period]
+    decays = [(math.exp(-span / up), math.exp(-span / down)) for span, _ in spans]
+    value = older[0]
+    found = np.empty((3, size, *value.shape))
+    for k in range(before + size):
+        mean, square = np.zeros_like(value), np.zeros_like(value)
+        for (span, targets), (rising, falling) in zip(spans, decays, strict=True):
+            target = targets[k]
+            off = value - target
+            above = off > 0.0
+            decay = np.where(above, falling, rising)
+            if k >= before:
+                away = off * np.where(above, down, up) * (1.0 - decay)
+                mean += target * span + away
+                square += target * (target * span + 2.0 * away) + 0.5 * off * away * (1.0 + decay)
+            value = target + off * decay
         if k >= before:
-            found[0, k - before] = target + off * np.where(falling, means[1], means[0])
-            found[1, k - before] = value
-    joined = found.transpose(0, 2, 1, 3).reshape(2, -1, targets.shape[1])[:, : len(targets)]
-    return joined[0], joined[1]
+            found[:, k - before] = mean / period, square / period, value
+    joined = found.transpose(0, 2, 1, 3).reshape(3, -1, commands.shape[1])[:, : len(commands)]
+    return joined[0], joined[1], joined[2]
 
 
 def moving_mean(rows: Array, width: int) -> Array:
