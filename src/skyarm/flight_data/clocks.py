@@ -48,6 +48,9 @@ MEMORY = 1.0
 CLIPPED, HUBER = 4.0, 2.0
 """Robust standard deviations beyond which a signal is cut off in the search, and residuals weigh less in the fit."""
 
+SHOCK = 8.0
+"""Robust standard deviations of signal or slope beyond which a row is left out of the fit."""
+
 PARTS = 4
 """Parts of the flight whose own offsets are compared."""
 
@@ -264,6 +267,13 @@ def _scale(values: Array) -> Array:
     return found
 
 
+def _is_usual(values: Array) -> npt.NDArray[np.bool_]:
+    """Rows without a shock, which would have most of the leverage on a fit."""
+    distance = np.abs(values - np.median(values, axis=0)) / _scale(values)
+    found: npt.NDArray[np.bool_] = distance.max(axis=1, initial=0.0) < SHOCK
+    return found
+
+
 def _clip(values: Array) -> Array:
     """Signal without its medians, cut off at some robust standard deviations."""
     limit = CLIPPED * _scale(values)
@@ -330,6 +340,8 @@ def _refine(
         inside = _inside(reference, means, means.time + found[0] + found[1] * (means.time - middle))
         time, given = means.time[inside] - middle, means.values[inside]
         fitted, slope = mean(means.time[inside] + found[0] + found[1] * time)
+        usual = _is_usual(fitted) & _is_usual(slope) & _is_usual(given)
+        time, given, fitted, slope = time[usual], given[usual], fitted[usual], slope[usual]
         count, axes = fitted.shape
         jacobian = np.zeros((count, axes, 2 + 2 * axes))
         jacobian[:, :, 0], jacobian[:, :, 1] = slope, slope * time[:, None]
