@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -113,3 +114,24 @@ def test_damaged_transcripts_end_in_one_line(tmp_path: Path) -> None:
             assert "\n" not in str(error)
         else:
             pytest.fail("four messages of three")
+
+
+def test_a_full_disk_is_named_with_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    words = rf"^controller\.transcript = '{tmp_path}/t.gz': must be a file .* \(No space left on device\)$"
+    tape = Tape(str(tmp_path / "t.gz"))
+    tape.send("simulator", b"one", lambda data: None)
+    monkeypatch.setattr(gzip.GzipFile, "write", full)
+    with pytest.raises(TranscriptError, match=words):
+        tape.send("simulator", b"two", lambda data: None)
+    tape.close()
+    monkeypatch.undo()
+    tape = Tape(str(tmp_path / "t.gz"))
+    tape.send("simulator", b"one", lambda data: None)
+    assert tape._file is not None
+    monkeypatch.setattr(tape._file, "fileobj", SimpleNamespace(write=full))
+    with pytest.raises(TranscriptError, match=words):
+        tape.close()
+    tape.close()

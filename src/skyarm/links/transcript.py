@@ -7,6 +7,7 @@ then name and message.
 
 from __future__ import annotations
 
+import contextlib
 import gzip
 import io
 import itertools
@@ -104,18 +105,30 @@ class Tape:
         return data
 
     def close(self) -> None:
-        """Complete the transcript's file; a second call does nothing."""
-        if self._file is not None:
-            self._file.close()
-        self._file = self._path = None
+        """Complete the transcript's file; a second call does nothing.
+
+        Raises:
+            TranscriptError: it cannot be written, as on a full disk.
+        """
+        file, path, self._file, self._path = self._file, self._path, None, None
+        if file is not None and path is not None:
+            with _writing(path):
+                file.close()
 
     def _write(self, what: bytes, channel: str, data: bytes) -> None:
-        if self._path is not None:
-            if self._file is None:
-                self._file = _begin(self._path)
-                if self._name:
-                    self._file.write(_pack(0.0, SENT, AUTOPILOT, self._name.encode()))
-            self._file.write(_pack(self.time, what, channel, data))
+        if self._path is None:
+            return
+        try:
+            with _writing(self._path):
+                if self._file is None:
+                    self._file = _begin(self._path)
+                    if self._name:
+                        self._file.write(_pack(0.0, SENT, AUTOPILOT, self._name.encode()))
+                self._file.write(_pack(self.time, what, channel, data))
+        except TranscriptError:
+            with contextlib.suppress(TranscriptError):
+                self.close()
+            raise
 
     def _next(self, what: bytes, channel: str) -> bytes:
         """Next message of the transcript that is played, which must be of this direction and channel."""
@@ -176,15 +189,21 @@ def _is_transcript(path: Path) -> bool:
 
 def _begin(path: Path) -> gzip.GzipFile:
     """Open a transcript's file and write its beginning, so that one that is cut off is a transcript still."""
+    file = gzip.GzipFile(path, "wb", compresslevel=6, mtime=0)
+    file.write(MAGIC)
+    file.flush()
+    return file
+
+
+@contextlib.contextmanager
+def _writing(path: Path) -> Iterator[None]:
+    """Context manager in which a file that cannot be written is a TranscriptError with its name."""
     try:
-        file = gzip.GzipFile(path, "wb", compresslevel=6, mtime=0)
-        file.write(MAGIC)
-        file.flush()
+        yield
     except OSError as error:
         raise TranscriptError(
             f"controller.transcript = {shown(str(path))}: must be a file that can be written ({error.strerror})"
         ) from None
-    return file
 
 
 def rows_of(path: Path) -> Iterator[Row]:

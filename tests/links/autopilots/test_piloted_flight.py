@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
+import socket
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -41,7 +43,7 @@ from skyarm.links.autopilots.flight import (
     take_off_scenario,
 )
 from skyarm.links.autopilots.px4 import make_px4
-from skyarm.links.transcript import Tape
+from skyarm.links.transcript import Tape, TranscriptError
 from skyarm.records.plain import plain
 from skyarm.records.restore import restore
 from skyarm.reference import hover
@@ -260,6 +262,12 @@ def test_each_link_takes_what_it_says_from_the_model(tmp_path: Path, monkeypatch
     assert told == [vehicle] * 3
 
 
+def test_a_log_flown_again_leaves_its_transcript_alone(tmp_path: Path) -> None:
+    scenario = scenario_of(tmp_path, transcript=str(tmp_path / "a.tape"))
+    assert scenario.controller.par.autopilot.transcript == str(tmp_path / "a.tape")
+    assert restore(plain(scenario.controller)).par.autopilot.transcript == ""
+
+
 def test_no_file_names_a_program_to_start(tmp_path: Path) -> None:
     scenario = scenario_of(tmp_path, program="/bin/true")
     assert scenario.controller.par.autopilot.program == "/bin/true"
@@ -438,6 +446,31 @@ def test_a_program_outside_gets_the_measured_joints_and_its_set_points_move_the_
     for before, row in zip(measured, told[1:], strict=False):
         assert row[1:] == tuple(map(float, (*before.joints, *before.joint_rates)))
     assert (np.array([row[1:3] for row in told[1:]]) != log.joints[:9]).all()
+
+
+def test_a_taken_joint_port_is_found_before_the_program_starts(
+    resting: Callable[..., PilotedSession], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Resting, "connect", lambda *_: pytest.fail("started"))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        monkeypatch.setattr(Resting, "outside_ports", (0, taken.getsockname()[1]))
+        with pytest.raises(ScenarioError, match=r"UDP port \d+ of the joints: must be free"):
+            resting(outside=True)
+
+
+def test_a_transcript_that_cannot_be_completed_keeps_the_flight(
+    resting: Callable[..., PilotedSession], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full() -> None:
+        raise TranscriptError("disk full")
+
+    session = resting()
+    monkeypatch.setattr(session._tape, "close", full)
+    session._closer.detach()
+    session._closer = partial(flight._close, session._link, session._tape)  # type: ignore[arg-type, assignment]
+    log = session.run()
+    assert (log.status, log.info["cause"], len(log.time)) == ("autopilot", "disk full", 10)
 
 
 def test_a_plant_with_other_rotors_than_the_model_is_refused(tmp_path: Path) -> None:

@@ -122,7 +122,7 @@ class Autopilot(ABC):
         climb: height of the flight's start above the stand from which the vehicle takes off.
         patience: longest silence of the program.
         preparation: longest time from power-on to hover at the flight's start, simulated.
-        transcript: file that the exchanged bytes are written to; empty for none.
+        transcript: file that the exchanged bytes are written to; empty for none, as in a log that is flown again.
         replayed: file of an earlier transcript that answers in the program's place; empty for the program.
         outside: the flight is real time, the autopilot holds the start, and a program outside commands base and arm.
     """
@@ -132,7 +132,7 @@ class Autopilot(ABC):
     climb: Annotated[float, Unit("m", "above the launch stand", low=0.2, high=100.0)] = 0.5
     patience: Patience = 20.0
     preparation: Preparation = 120.0
-    transcript: str = ""
+    transcript: str = field(default="", metadata={"restored": False})
     replayed: str = ""
     outside: bool = False
 

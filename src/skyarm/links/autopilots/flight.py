@@ -227,19 +227,21 @@ class PilotedSession(Session):
         self._tape = Tape(self._autopilot.transcript, self._autopilot.replayed, self._autopilot.name)
         self._seconds, self._prepared = 0.0, 0.0
         self._link: Link | None = None
-        self._joint_server: JointServer | None = None
+        self._joint_port: JointServer | None = None
+        self._joint_server: JointServer | None = None  # the port from the hand-over on
         self._wall, self._late = 0.0, 0
         self._state: list[float] = []  # true, at the last exchange
         self._arm: list[float] = []  # measured, the last period's: a program outside gets what an encoder reads
         super().__init__(take_off_scenario(planned), machine_code=machine_code)
         self._begin_flight()
         try:
+            self._open_joint_port()
             self._connect(planned)
             if self._take_off(progress):
                 state = self.state
                 super().__init__(planned.with_words(initial=state), paths, machine_code=machine_code)
                 self._begin_flight()
-                self._open_joint_port()
+                self._joint_server, self._wall = self._joint_port, time.monotonic()
                 if progress is not None:
                     progress(self._prepared, self._prepared)
         except BaseException:
@@ -256,15 +258,18 @@ class PilotedSession(Session):
         self._closer = weakref.finalize(self, _close, self._link, self._tape)
 
     def _open_joint_port(self) -> None:
-        """Open the port of the joints for a program outside; the flight is in real time from here."""
+        """Open the port of the joints for a program outside.
+
+        Raises:
+            ScenarioError: it is taken.
+        """
         autopilot = self._autopilot
         if not autopilot.outside:
             return
         try:
-            self._joint_server = JointServer(autopilot.outside_ports[1], self.scenario.plant.vehicle.n)
+            self._joint_port = JointServer(autopilot.outside_ports[1], self.scenario.plant.vehicle.n)
         except JointPortError as error:
             raise ScenarioError(str(error)) from None
-        self._wall = time.monotonic()
 
     def _keep_pace(self) -> None:
         """Wait until the wall clock is as far as the flight; time that was lost is not caught up."""
@@ -413,12 +418,15 @@ class PilotedSession(Session):
 
     def close(self) -> None:
         """End the autopilot's program; a second call does nothing."""
-        if self._joint_server is not None:
-            self._joint_server.close()
-        if self._link is None:
-            self._tape.close()
-        else:
-            self._closer()
+        if self._joint_port is not None:
+            self._joint_port.close()
+        try:
+            if self._link is None:
+                self._tape.close()
+            else:
+                self._closer()
+        except TranscriptError as error:  # what was flown is kept
+            self._engine.ended = self.ended or Ended(ENDED, str(error), self.time)
 
 
 def _close(link: Link, tape: Tape) -> None:
