@@ -139,6 +139,27 @@ def test_stated_parameters_are_asked_for_once_a_second_until_they_have_come() ->
     assert not sent
 
 
+def test_many_stated_parameters_are_asked_for_few_at_a_time_with_patience_from_the_last_answer() -> None:
+    names = [f"P{k}" for k in range(20)]
+    vehicle, sent = stating(*((name, 1.0) for name in names))
+    for k in range(12):  # 0.5 s each, 6 s in all
+        assert vehicle.has_parameters(0.5 * k, 1.0) is False
+        assert len(sent) <= 8
+        for name in [m["param_id"] for m in sent][:4] if k % 2 == 0 else []:
+            say(vehicle, "PARAM_VALUE", param_id=name, param_value=1.0, param_type=9)
+        sent.clear()
+        if len(vehicle.parameters) == 20:
+            break
+    assert vehicle.has_parameters(6.0, 1.0) is True
+    vehicle, sent = stating(*((name, 1.0) for name in names))
+    assert vehicle.has_parameters(0.0, 1.0) is False
+    for message in sent:
+        say(vehicle, "PARAM_VALUE", param_id=message["param_id"], param_value=1.0, param_type=9)
+    sent.clear()
+    assert vehicle.has_parameters(0.01, 1.0) is False
+    assert [m["param_id"] for m in sent] == names[8:16]  # at once
+
+
 def test_without_stated_parameters_nothing_is_asked() -> None:
     vehicle, sent = stating()
     assert vehicle.has_parameters(0.0, 5.0) is True

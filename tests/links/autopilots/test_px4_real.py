@@ -73,7 +73,7 @@ def test_a_recorded_flight_is_flown_again_to_the_bit_without_px4(tmp_path: Path)
 
 def test_a_parameter_that_px4_does_not_have_ends_the_flight(tmp_path: Path) -> None:
     session = open_session(scenario_of(tmp_path, parameters={"NO_SUCH_PARAM": 1.0}))
-    assert session.log.info["cause"] == "controller.parameters.NO_SUCH_PARAM: PX4 has no such parameter"
+    assert session.log.info["cause"] == "controller.parameters.NO_SUCH_PARAM = 1: must be a parameter that PX4 knows"
 
 
 def test_closing_the_session_ends_px4(tmp_path: Path) -> None:

@@ -68,8 +68,8 @@ AGAIN = 2
 ESTIMATES, CONSTANT_POSITION = 0b111111, 0b10000000
 """Flags of valid attitude, velocity and position, and of an estimator that takes the position as constant."""
 
-REPLY = 1.0
-"""s after which a parameter that ArduPilot was asked for, and did not tell, is one that it does not know."""
+REPLY = 3.0
+"""s of silence after which a parameter that ArduPilot was asked for is one that it does not know."""
 
 ASK, REQUEST = 0.5, 5.0
 """s until ArduPilot is asked again: for its mode and arming, and for messages and to take off."""

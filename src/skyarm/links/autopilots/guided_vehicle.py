@@ -20,6 +20,9 @@ POSITION_MASK = 0b100_000_000_000
 REPLY = 1.0
 """s after which a parameter that was requested and has not come is requested again."""
 
+FEW = 8
+"""Parameters that are requested at a time: ArduPilot drops what its queue of requests has no place for."""
+
 ABSENCE = 3.0
 """s out of the mode for set points from outside, in flight, after which the flight is over."""
 
@@ -54,6 +57,7 @@ class GuidedVehicle(MavlinkVehicle):
         self.away, self._absent = 0, 0.0
         self._differences: list[tuple[float, ...]] = []
         self._unread, self._begun, self._requested_at = dict(stated), math.inf, -math.inf
+        self._requested: set[str] = set()
 
     def tell(self, name: str, **fields: Any) -> None:
         """Send a message.
@@ -95,13 +99,14 @@ class GuidedVehicle(MavlinkVehicle):
         )  # fmt: skip
 
     def has_parameters(self, time: float, patience: float) -> bool:
-        """True once it has sent the user's parameters, as they are stated; they are requested until then.
+        """True once it has sent the user's parameters, as they are stated; until then some are requested at a time.
 
         Raises:
-            LinkError: it has another value, or does not send one within ``patience`` s.
+            LinkError: it has another value, or sends none of those requested within ``patience`` s.
         """
         title = self.numbers.title
         for name in self._unread.keys() & self.parameters.keys():
+            self._begun = time
             stated, value = self._unread.pop(name), self.parameters[name]
             if not math.isclose(value, stated, rel_tol=1e-5, abs_tol=1e-6):
                 raise LinkError(
@@ -113,9 +118,9 @@ class GuidedVehicle(MavlinkVehicle):
         if time - self._begun > patience:
             name, stated = next(iter(self._unread.items()))
             raise LinkError(f"controller.parameters.{name} = {stated:g}: must be a parameter that {title} knows")
-        if time - self._requested_at >= REPLY:
-            self._requested_at = time
-            for name in self._unread:
+        if time - self._requested_at >= REPLY or not self._requested & self._unread.keys():
+            self._requested_at, self._requested = time, {*list(self._unread)[:FEW]}
+            for name in list(self._unread)[:FEW]:
                 self.request_parameter(name)
         return False
 
