@@ -65,4 +65,5 @@ def outside_command(scenario: str, planned: Scenario) -> str:
     mavlink, joints = record.outside_ports
     law = " --controller LAW" if autopilot_of(load_scenario(scenario).controller) is not None else ""
     address = f"--link mavlink://127.0.0.1:{mavlink} --joints udp://127.0.0.1:{joints}"
-    return f"skyarm fly {shlex.quote(scenario)}{law} {address}{record.outside_options(planned.plant.vehicle)}"
+    vehicle = innermost(planned.controller.par).model.vehicle
+    return f"skyarm fly {shlex.quote(scenario)}{law} {address}{record.outside_options(vehicle)}"

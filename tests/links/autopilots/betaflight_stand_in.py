@@ -38,6 +38,9 @@ def set_up(peer, way):
             with SAVED.open("ab") as file:
                 file.write(line + b"\n")
             wrong = b"###ERROR IN set: INVALID NAME: nonsense###\r\n" if b"nonsense" in line else b""
+            words = line.split()
+            if not wrong and words[0] == b"set":  # a fraction is cut off
+                wrong = words[1] + b" set to " + words[3].partition(b".")[0] + b"\r\n"
             peer.sendall(line + b"\r\n" + wrong + b"\r\n# ")
 
 

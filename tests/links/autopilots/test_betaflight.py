@@ -324,6 +324,8 @@ def test_refused_setting_is_named(tmp_path, ports):
     log = flown(scenario_with(stand_in(tmp_path), parameters={"nonsense": 1.0}))
     assert "Betaflight refuses 'set nonsense = 1'" in log.info["cause"]
     assert all_free()
+    log = flown(scenario_with(stand_in(tmp_path), parameters={"p_roll": 45.7}))
+    assert log.info["cause"] == "Betaflight refuses 'set p_roll = 45.7': must be what it takes, '45'"
 
 
 @pytest.mark.parametrize(("kind", "port"), GUARDED_PORTS)
@@ -384,8 +386,14 @@ def test_motors_are_signals_from_zero_to_one_and_disarmed_ones_end_the_flight():
     link.following = True
     with pytest.raises(LinkError, match=r"Betaflight disarmed in flight$"):
         link._take(MOTORS.pack(4, *(1000.0,) * 4, *(0.0,) * 12))
-    link._late, link._armed = [0.34, *[0.001] * 400], True
-    with pytest.raises(LinkError, match=r"in flight: states were up to 0\.34 s late, the machine is too busy$"):
+    link._late, link._armed = [0.34] * 400, True  # late by little delays that were never made up
+    with pytest.raises(LinkError, match=r"Betaflight disarmed in flight$"):
+        link._take(MOTORS.pack(4, *(1000.0,) * 4, *(0.0,) * 12))
+    link._tape.plays, link._armed = False, True
+    for pause in (0.0, 0.002, 0.34, 0.002):
+        time.sleep(pause)
+        link._pace()
+    with pytest.raises(LinkError, match=r"in flight: states were up to 0\.3[45] s apart, the machine is too busy$"):
         link._take(MOTORS.pack(4, *(1000.0,) * 4, *(0.0,) * 12))
 
 

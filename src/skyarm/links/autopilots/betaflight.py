@@ -17,6 +17,7 @@ import contextlib
 import math
 import socket
 import time
+from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -123,8 +124,8 @@ ANSWER = 0.1
 """s by the wall clock that an answer is waited for; simulated time stands still meanwhile. A busy machine keeps the
 program waiting for longer than a period: two states that it then reads at once would make its clock leap."""
 
-RECENT, MUCH_LATE = 500, 0.1
-"""States whose lateness is looked at when Betaflight disarms, and s of it that are named as the likely cause: without
+RECENT, FAR_APART = 500, 0.1
+"""States that are looked at when Betaflight disarms, and s between two that are named as the likely cause: without
 radio for some tenths of a second it is in failsafe."""
 
 RISE = 0.4
@@ -149,6 +150,7 @@ class BetaflightLink(ProgramLink):
         self._states = self._answered = self._bad = 0
         self._silent_since, self._sent, self._begun = 0.0, 0.0, 0.0
         self._late: list[float] = []
+        self._apart: deque[float] = deque(maxlen=RECENT)
         self._waits: list[float] = []
         self._guard: Guard | None = None
         self._motors: socket.socket | None = None
@@ -262,9 +264,9 @@ class BetaflightLink(ProgramLink):
         if armed and not self._armed:
             self._armed_at = self._tape.time
         if self.following and not armed:
-            late = max(self._late[-RECENT:], default=0.0)
-            busy = f": states were up to {late:.2g} s late, the machine is too busy"
-            raise LinkError(f"Betaflight disarmed in flight{busy if late > MUCH_LATE else self._ending}")
+            apart = max(self._apart, default=0.0)
+            busy = f": states were up to {apart:.2g} s apart, the machine is too busy"
+            raise LinkError(f"Betaflight disarmed in flight{busy if apart > FAR_APART else self._ending}")
         self._armed = armed
 
     def _pace(self) -> None:
@@ -281,7 +283,8 @@ class BetaflightLink(ProgramLink):
         at = max(due, self._sent + CATCH_UP * self._period)
         if at > now:
             time.sleep(at - now)
-        self._sent = time.monotonic()
+        before, self._sent = self._sent, time.monotonic()
+        self._apart.append(self._sent - before if before else 0.0)
         self._late.append(self._sent - due)
 
     def _write_radio(self, data: bytes) -> None:

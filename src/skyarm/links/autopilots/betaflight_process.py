@@ -6,6 +6,7 @@ import contextlib
 import importlib.util
 import math
 import os
+import re
 import signal
 import socket
 import threading
@@ -27,6 +28,9 @@ GUARDED_PORTS = (
 
 VERSION_REQUEST, VERSION_ANSWER = b"$M<\x00\x01\x01", b"$M>"
 """MSP's request for its version, which any Betaflight answers, and the head of an answer."""
+
+TAKEN = re.compile(r" set to (\S+)")
+"""Value in the answer to a setting: that of a fraction or a long number is cut off."""
 
 LONGEST_ANSWER = 1 << 16
 """Bytes that the command line prints at most before its next prompt."""
@@ -167,7 +171,7 @@ def set_up(child: Child, lines: Sequence[str], patience: float) -> None:
     """Give lines to the command line and save them, which ends the program.
 
     Raises:
-        LinkError: a line is refused, or the program does not answer.
+        LinkError: a line is refused or taken otherwise, or the program does not answer.
     """
     with connect_console(child, patience) as console:
         time.sleep(0.2)
@@ -176,6 +180,9 @@ def set_up(child: Child, lines: Sequence[str], patience: float) -> None:
             answer = _ask(console, line.encode("ascii") + b"\n", patience)
             if "###" in answer or "nvalid" in answer:
                 raise LinkError(f"Betaflight refuses {line!r}: {shown(' '.join(answer.split()))}")
+            taken = TAKEN.search(answer)
+            if line.startswith("set ") and taken is not None and taken[1] != line.split()[-1]:
+                raise LinkError(f"Betaflight refuses {line!r}: must be what it takes, {shown(taken[1])}")
         with contextlib.suppress(OSError):  # one that is gone is seen below
             console.sendall(b"save\n")
         until = time.monotonic() + patience
