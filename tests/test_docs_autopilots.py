@@ -44,8 +44,10 @@ def test_every_autopilot_is_a_column_with_its_variable() -> None:
 def test_options_and_defaults_of_the_page_are_those_of_the_autopilot(name: str) -> None:
     options, table = set(AUTOPILOTS[name].options()), rows("| option of `[controller]` |")
     taken = inspect.signature(AUTOPILOTS[name].function()).parameters
+    for option, row in table.items():
+        said = re.search(r", of (\w+)", row[0])
+        assert (option in options) == (said is None or said[1].lower() == name), option
     assert options <= set(table)
-    assert set(table) - options <= ({"instance", "outside"} if name != "px4" else set())
     # a default of one autopilot alone is named after a semicolon
     for option in options & {"climb", "preparation", "patience", "instance"}:
         usual, *own = re.split("[;,] ", table[option][2])

@@ -43,15 +43,15 @@ def fly(
     world: Annotated[
         str, typer.Option(help="here: it begins where the vehicle is; local: the autopilot's frame")
     ] = "here",
-    leash: Annotated[float, typer.Option(help="m from the reference after which it ends")] = 1.5,
+    leash: Annotated[float, typer.Option(help="m off the reference at which it ends")] = 1.5,
     patience: Annotated[float, typer.Option(help="s to wait for a vehicle that hovers")] = 60.0,
     duration: Annotated[float | None, typer.Option(help="seconds, in place of the file's")] = None,
     out: Annotated[str, typer.Option("--out", help="folder for the results")] = "out/fly",
 ) -> None:
     """Fly through an autopilot, by a law that runs here.
 
-    The vehicle must be armed and hover; it is asked to hold its place at the end, and when anything is silent. Exit
-    code 3 if the flight ended before its time.
+    The vehicle must be armed and hover; at the end, and when anything is silent, it is asked to hold its place. Exit
+    code 3 if it ended early.
     """
     require_not_another(scenario, "scenario")
     planned = load_scenario(scenario, controller=controller, duration=duration)
