@@ -12,13 +12,19 @@ import pytest
 
 from commanded import refused, skyarm
 from skyarm.cli import run_command
-from skyarm.cli.autopilot_option import outside_command, with_typed_options
+from skyarm.cli.autopilot_option import load_under_autopilot, outside_command, with_typed_options
 from skyarm.cli.output import bar
 from skyarm.control.controller import autopilot_of
 from skyarm.log.flight_log import Log
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.loop import run, run_until_interrupted
+
+OWN = (
+    'schema = 1\nname = "own"\nduration = 1.0\n[plant]\nvehicle = "hummingbird"\n[controller]\nautopilot = "px4"\n'
+    '[reference]\nbase = { kind = "hover", position = [0.0, 0.0, 1.0] }\n'
+)
+"""Scenario of a file that has an autopilot."""
 
 PREPARED = {"name": "px4", "prepared_s": 19.0}
 
@@ -42,13 +48,28 @@ def test_options_behind_the_colon_are_those_of_the_record() -> None:
     assert autopilot_of(found.controller) == dataclasses.replace(
         autopilot_of(scenario.controller), outside=True, instance=3, climb=1.5, transcript="a.tape"
     )
+    tables = 'px4:parameters={MPC_XY_P=1.2,A=1},joint_gains={stiffness=[20,20],damping=[5,5]},transcript="a,b",climb=2'
+    par = with_typed_options(scenario, tables).controller.par
+    assert par.autopilot.parameters == (("MPC_XY_P", 1.2), ("A", 1))
+    assert (par.joint_gains.stiffness, par.autopilot.transcript, par.autopilot.climb) == ((20.0, 20.0), "a,b", 2.0)
+
+
+def test_a_file_keeps_the_options_of_its_own_autopilot(tmp_path: Path) -> None:
+    file = tmp_path / "own.toml"
+    file.write_text(OWN.replace('"px4"', '"px4"\nclimb = 1.0\nparameters = { MPC_XY_P = 1.2 }'), "utf-8")
+    record = autopilot_of(load_under_autopilot(str(file), "px4:patience=10", None).controller)
+    assert (record.climb, record.parameters, record.patience) == (1.0, (("MPC_XY_P", 1.2),), 10.0)
+    record = autopilot_of(load_under_autopilot(str(file), "ardupilot", None).controller)
+    assert (record.name, record.climb) == ("ardupilot", 0.5)
 
 
 @pytest.mark.parametrize(
     ("typed", "words"),
     [
         ("px5:outside", "--autopilot = 'px5:outside': did you mean 'px4'"),
-        ("px4:model=3", "model = 3: autopilot 'px4' has no such option; it has program"),
+        ("px4:program=3", "program = 3: autopilot 'px4' has no such option; it has parameters, climb"),
+        ("px4:climb=1,climb=2", "climb = '2': must be given once"),
+        ("px4:climb=" + "[" * 3000, "controller.autopilot.climb = '[[["),
         ("px4:instance=x", "controller.autopilot.instance = 'x': must be a whole number"),
         ("px4:climb=0", "controller.autopilot.climb = 0.0: must be at least 0.2"),
     ],
@@ -62,11 +83,7 @@ def test_the_command_of_the_program_outside_names_a_law_where_the_file_has_none(
     command = "skyarm fly {} --link mavlink://127.0.0.1:14542 --joints udp://127.0.0.1:14642"
     assert outside_command("case3", scenario) == command.format("case3")
     file = tmp_path / "own.toml"
-    file.write_text(
-        'schema = 1\nname = "own"\nduration = 1.0\n[plant]\nvehicle = "hummingbird"\n[controller]\nautopilot = "px4"\n'
-        '[reference]\nbase = { kind = "hover", position = [0.0, 0.0, 1.0] }\n',
-        "utf-8",
-    )
+    file.write_text(OWN, "utf-8")
     assert outside_command(str(file), scenario) == command.format(f"{file} --controller LAW")
     assert outside_command("case3", load_scenario("case3")) == ""
     other = with_typed_options(load_scenario("case3", controller="ardupilot"), "ardupilot:outside")
@@ -143,6 +160,8 @@ def test_the_studio_checks_its_folder_first_and_makes_none(tmp_path: Path) -> No
     refused(skyarm("studio", "--out", str(file / "out")), "output folder = ", "must be writable")
     refused(skyarm("studio", "absent.toml", "--port", "0", "--out", str(tmp_path / "new")), "absent.toml")
     assert not (tmp_path / "new").exists()
+    refused(skyarm("studio", "absent.toml", "--port", "0", "--out", str(tmp_path / "a" / "b" / "c")), "absent.toml")
+    assert not (tmp_path / "a").exists()
 
 
 def skyarm_log(folder: Path) -> Log:

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import re
 import shlex
 import tomllib
 from typing import Any
 
-from skyarm.control.catalogue import AUTOPILOTS, entry_of, make_controller, no_option
+from skyarm.control.actuator_layer import plain_model
+from skyarm.control.catalogue import AUTOPILOTS, entry_of, no_option
 from skyarm.control.controller import autopilot_of, innermost, with_innermost
 from skyarm.records.files import must_be_one_of, shown
+from skyarm.records.files.fields import Fields
+from skyarm.scenario.controller_table import PYTHON_ONLY, by_words
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario
 
@@ -28,33 +33,70 @@ def autopilot_name(typed: str, controller: str | None) -> str:
     return name
 
 
+def load_under_autopilot(source: str, typed: str, controller: str | None, **words: Any) -> Scenario:
+    """Load a scenario under an autopilot: with a file's own options where the file has the same one.
+
+    Raises:
+        ValueError: an autopilot, an option or a value that cannot be, or a scenario that cannot be loaded.
+    """
+    name = autopilot_name(typed, controller)
+    same = False
+    with contextlib.suppress(ValueError):  # the scenario's own law may not load where another stands in its place
+        own = autopilot_of(load_scenario(source, **words).controller)
+        same = own is not None and own.name == name
+    return with_typed_options(load_scenario(source, controller=None if same else name, **words), typed)
+
+
 def with_typed_options(planned: Scenario, typed: str) -> Scenario:
-    """Scenario whose autopilot has the options behind the colon: ``px4:outside,instance=3``.
+    """Scenario whose autopilot has the options behind the colon, as of a file: ``px4:outside,instance=3``.
 
     Raises:
         ValueError: an option that the autopilot does not have, or a value that it cannot be.
     """
     name, _, words = typed.partition(":")
-    options = dict(_option(word) for word in words.split(",") if word)
+    options = _options(words, typed)
     if not options:
         return planned
-    allowed = entry_of(name).options()
+    allowed = [option for option in entry_of(name).options() if option not in PYTHON_ONLY]
     for option, value in options.items():
         if option not in allowed:
             raise ValueError(f"--autopilot = {shown(typed)}: {option} = {shown(value)}: {no_option(name, allowed)}")
     controller, par = planned.controller, innermost(planned.controller.par)
-    record = autopilot_of(make_controller(name, par.model, **options))
-    left = with_innermost(controller.par, dataclasses.replace(par, autopilot=record))
-    return planned.with_words(controller=dataclasses.replace(controller, par=left))
+    table = Fields({"autopilot": name, **options}, "controller")
+    made = innermost(by_words(table, plain_model(controller.par.model), {}).par)
+    given = {option: getattr(made.autopilot, option) for option in options if option != "joint_gains"}
+    gains = made.joint_gains if "joint_gains" in options else par.joint_gains
+    own = dataclasses.replace(par, autopilot=dataclasses.replace(par.autopilot, **given), joint_gains=gains)
+    return planned.with_words(controller=dataclasses.replace(controller, par=with_innermost(controller.par, own)))
 
 
-def _option(word: str) -> tuple[str, Any]:
-    """Name and value of an option; the value is one of TOML, or else text, and true where none stands."""
-    name, given, value = word.partition("=")
-    try:
-        return name, tomllib.loads(f"value = {value}")["value"] if given else True
-    except tomllib.TOMLDecodeError:
-        return name, value
+def _options(words: str, typed: str) -> dict[str, Any]:
+    """Names and values between commas that stand in no text and no brackets; a value is one of TOML, or else text.
+
+    Raises:
+        ValueError: an option that is given twice.
+    """
+    pieces, depth = [""], 0
+    for part in re.findall(r'"[^"]*"|\'[^\']*\'|.', words, re.DOTALL):
+        depth += (part in "[{") - (part in "]}")
+        if part == "," and not depth:
+            pieces.append("")
+        else:
+            pieces[-1] += part
+    found: dict[str, Any] = {}
+    for name, given, text in (piece.partition("=") for piece in pieces if piece):
+        if name in found:
+            raise ValueError(f"--autopilot = {shown(typed)}: {name} = {shown(text)}: must be given once")
+        found[name] = _value(text) if given else True
+    return found
+
+
+def _value(text: str) -> Any:
+    """Value of TOML, or the text itself where it is none."""
+    with contextlib.suppress(tomllib.TOMLDecodeError, RecursionError):
+        if len(table := tomllib.loads(f"value = {text}")) == 1:
+            return table["value"]
+    return text
 
 
 def outside_command(scenario: str, planned: Scenario) -> str:
@@ -65,5 +107,5 @@ def outside_command(scenario: str, planned: Scenario) -> str:
     mavlink, joints = record.outside_ports
     law = " --controller LAW" if autopilot_of(load_scenario(scenario).controller) is not None else ""
     address = f"--link mavlink://127.0.0.1:{mavlink} --joints udp://127.0.0.1:{joints}"
-    vehicle = innermost(planned.controller.par).model.vehicle
+    vehicle = planned.controller.par.model.vehicle
     return f"skyarm fly {shlex.quote(scenario)}{law} {address}{record.outside_options(vehicle)}"

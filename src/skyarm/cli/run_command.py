@@ -17,7 +17,7 @@ import typer
 from rich.console import RenderableType
 
 from skyarm.cli.arguments import name_completion, require_left_out, require_not_another
-from skyarm.cli.autopilot_option import autopilot_name, outside_command, with_typed_options
+from skyarm.cli.autopilot_option import load_under_autopilot, outside_command
 from skyarm.cli.lines import NOT_COMPLETED, say, say_suspicious
 from skyarm.cli.output import Advance, bar, give, heading, say_cause, shown_number, table_of, tell
 from skyarm.control.controller import autopilot_of
@@ -102,11 +102,10 @@ def run(
     if ros is None:
         require_left_out(context, ["--pace"], " without --ros")
     require_not_another(scenario, "scenario")
-    if autopilot is not None:
-        controller = autopilot_name(autopilot, controller)
-    planned = load_scenario(scenario, plant=plant, controller=controller, seed=seed, duration=duration)
-    if autopilot is not None:
-        planned = with_typed_options(planned, autopilot)
+    if autopilot is None:
+        planned = load_scenario(scenario, plant=plant, controller=controller, seed=seed, duration=duration)
+    else:
+        planned = load_under_autopilot(scenario, autopilot, controller, plant=plant, seed=seed, duration=duration)
     hint = outside_command(scenario, planned)
     folder = Path(out)
     files = log_files(logs) if logs else [folder / f"{planned.name}{suffix}" for suffix in (".npz", ".csv")]
