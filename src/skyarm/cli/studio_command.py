@@ -9,6 +9,7 @@ import threading
 import webbrowser
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -45,10 +46,10 @@ def studio(
     """
     if not 0 <= port <= 65535:
         raise StudioError(f"--port = {port}: must be from 0 to 65535")
-    new = not os.path.lexists(out)
+    made = [each for each in (Path(out), *Path(out).parents) if not os.path.lexists(each)]
     folder = require_writable(out)
-    if new:  # it comes with the first flight that is saved
-        folder.rmdir()
+    for each in made:  # they come with the first flight that is saved
+        each.rmdir()
     require_viser()
     listening = listening_socket(port)
     try:
