@@ -28,20 +28,20 @@ def fly(
         str, typer.Option(metavar="URL", help="mavlink://HOST:PORT waits; mavlink-out://HOST:PORT calls; dds://DOMAIN")
     ],
     joints: Annotated[
-        str | None, typer.Option(metavar="URL", help="udp://HOST:PORT, dynamixel:DEVICE?ids=1,2 or FILE.py:make")
+        str | None, typer.Option(metavar="URL", help="udp://HOST:PORT, dynamixel:DEVICE?ids=1,2, FILE.py:make")
     ] = None,
     controller: Annotated[
         str | None,
         typer.Option(
-            help="in place of the file's: a preset, a law or FILE.py:make",
+            help="in place of the file's: preset, law or FILE.py:make",
             autocompletion=name_completion("controller"),
         ),
     ] = None,
     rate_bandwidth: Annotated[
-        str | None, typer.Option(metavar="X,Y,Z", help="rad/s, of the autopilot's rate loop; PX4's is read from it")
+        str | None, typer.Option(metavar="X,Y,Z", help="rad/s, of the rate loop of an autopilot but PX4")
     ] = None,
     world: Annotated[
-        str, typer.Option(help="here: it begins where the vehicle is; local: the autopilot's frame")
+        str, typer.Option(help="here (begin at the vehicle), or local")
     ] = "here",
     leash: Annotated[float, typer.Option(help="m off the reference at which it ends")] = 1.5,
     patience: Annotated[float, typer.Option(help="s to wait for a vehicle that hovers")] = 60.0,
