@@ -199,4 +199,5 @@ class StandIn:
                 self.modes.append("offboard" if wants else "hold")
             if self.mute:
                 return
-            self._send("COMMAND_ACK", command=176, result=0 if taken else 1)
+            who = {"target_system": m.system, "target_component": m.component}
+            self._send("COMMAND_ACK", command=176, result=0 if taken else 1, **who)

@@ -292,14 +292,33 @@ def test_a_heartbeats_mode_is_recognised():
     assert ardupilot.is_hold(17)
 
 
+OURS = {"command": 176, "target_system": 3, "target_component": 191}
+
+
 def test_an_answer_to_the_mode_says_whether_it_was_taken(link, peer):
     peer.heartbeat()
-    peer.say("COMMAND_ACK", command=511, result=0)
+    link.request_outside()
+    peer.say("COMMAND_ACK", **OURS | {"command": 511}, result=0)
     assert not link.accepted
-    peer.say("COMMAND_ACK", command=176, result=1)
+    peer.say("COMMAND_ACK", **OURS, result=1)
     assert (link.accepted, link.refused) == (False, 1)
-    peer.say("COMMAND_ACK", command=176, result=0)
+    peer.say("COMMAND_ACK", **OURS, result=0)
     assert link.accepted
+
+
+@pytest.mark.parametrize("other", [{"target_system": 255}, {"target_component": 190}, {"target_component": 0}])
+def test_an_answer_to_another_program_is_none_to_us(link, peer, other):
+    """A ground station asks for modes, too."""
+    peer.heartbeat()
+    link.request_outside()
+    peer.say("COMMAND_ACK", **OURS | other, result=0)
+    assert not link.accepted
+
+
+def test_an_answer_before_the_request_is_none(link, peer):
+    peer.heartbeat()
+    peer.say("COMMAND_ACK", **OURS, result=0)
+    assert not link.accepted
 
 
 def test_the_round_trip_is_timed_by_its_answer_only(link, peer):

@@ -12,8 +12,8 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
-from skyarm.algebra import Vec3
 from skyarm.links.mavlink_vehicle import MODES, PX4_NUMBER, SET_MODE
+from skyarm.links.outside.estimates import COMPONENT, Estimates
 from skyarm.links.outside.motor_commands import MotorCommand, SetPoint
 from skyarm.links.outside.offboard_link import OffboardError
 from skyarm.links.outside.px4_topics import (
@@ -32,15 +32,18 @@ from skyarm.links.outside.px4_topics import (
     OFFBOARD_BIT,
     OUT,
 )  # fmt: skip
-from skyarm.links.outside.state_frames import AutopilotState, is_whole, to_our_attitude, to_our_axes
+from skyarm.links.outside.state_frames import AutopilotState, to_our_attitude, to_our_axes
 from skyarm.links.ros.message_types import MessageError, decode
 from skyarm.links.ros.node import RosError
 from skyarm.links.ros.ros2_node import MOST_DOMAIN, Ros2Node
 from skyarm.log.ros.messages import encode
 from skyarm.records.files import shown
 
-FORM = re.compile(r"dds://(\d{1,3})((?:/\w+)*)/?")
+FORM = re.compile(r"dds://(\d{1,3})((?:/[A-Za-z_]\w*)*)/?", re.ASCII)
 """Domain, and the namespace of PX4's topics."""
+
+OURS = 1, COMPONENT
+"""Our numbers of system and component."""
 
 NED, FRD, BODY = 1, 2, 3
 """Frames of an odometry: north, east, down; the same from another heading; the base's axes, of velocities only."""
@@ -76,7 +79,7 @@ def parse_domain(url: str) -> tuple[int, str]:
     return int(match[1]), match[2]
 
 
-class DdsLink:
+class DdsLink(Estimates):
     """PX4 behind an agent of uXRCE-DDS, in the place of MAVLink.
 
     Args:
@@ -84,22 +87,24 @@ class DdsLink:
     """
 
     def __init__(self, url: str) -> None:
+        super().__init__()
         domain, self._space = parse_domain(url)
         try:
             self._node = Ros2Node(domain, DEFINITIONS)
         except RosError as error:
             raise OffboardError(f"--link = {shown(url)}: {error}") from None
-        for topic, kind in OUT.items():
-            self._node.subscribe(self._space + topic, kind)
-        for topic, kind in IN.items():
-            self._node.advertise(self._space + topic, kind)
+        try:
+            for topic, kind in OUT.items():
+                self._node.subscribe(self._space + topic, kind)
+            for topic, kind in IN.items():
+                self._node.advertise(self._space + topic, kind)
+        except BaseException:
+            self._node.close()
+            raise
         self.modes: ModeBits | None = None
-        self.state: AutopilotState | None = None
-        self.fresh, self.armed, self.landed, self.accepted = False, False, True, False
-        self.heard = self.beaten = -math.inf
-        self.mode, self.said, self.refused, self.lost = 0, "", 0, 0
+        self.armed, self.beaten = False, -math.inf
+        self.mode, self.said, self.lost = 0, "", 0
         self.round_trips: tuple[float, ...] = ()
-        self._force: Vec3 | None = None
         self._readers = {
             INERTIAL: self._hear_inertial, ODOMETRY: self._hear_odometry, MODE: self._hear_mode,
             LANDED: self._hear_landed, ANSWER: self._hear_answer, f"{ANSWER}_v1": self._hear_answer,
@@ -122,13 +127,6 @@ class DdsLink:
                     continue
                 reader(message)
 
-    def take(self) -> AutopilotState | None:
-        """Newest estimate if it has come since the last call."""
-        if not self.fresh:
-            return None
-        self.fresh = False
-        return self.state
-
     def beat(self) -> None:
         """Nothing: each set point shows that this side is alive."""
 
@@ -145,7 +143,7 @@ class DdsLink:
 
     def request_outside(self) -> None:
         """Request the mode that takes set points from outside; ``accepted`` is True once it does."""
-        self.accepted, self.refused = False, 0
+        self._await_answer()
         self._set_mode(*MODES[PX4_NUMBER].outside)
 
     def request_hold(self) -> None:
@@ -171,7 +169,7 @@ class DdsLink:
     def _set_mode(self, main: int, sub: int) -> None:
         self._send(
             COMMAND, timestamp=self._stamp(), param1=1.0, param2=float(main), param3=float(sub), command=SET_MODE,
-            source_system=1, from_external=1,
+            source_system=OURS[0], source_component=OURS[1], from_external=1,
         )  # fmt: skip
 
     def _send(self, topic: str, **values: Any) -> None:
@@ -186,15 +184,13 @@ class DdsLink:
         self.landed = bool(m["landed"])
 
     def _hear_answer(self, m: dict[str, Any]) -> None:
-        if m["command"] == SET_MODE:
-            self.accepted, self.refused = m["result"] == 0, m["result"]
+        self._take_answer(m["command"], m["result"], (m["target_system"], m["target_component"]), OURS)
 
     def _hear_inertial(self, m: dict[str, Any]) -> None:
-        force = to_our_axes(*m["accelerometer_m_s2"])
-        self._force = force if all(map(math.isfinite, force)) else self._force
+        self._keep_force(to_our_axes(*m["accelerometer_m_s2"]))
 
     def _hear_odometry(self, m: dict[str, Any]) -> None:
-        """Keep an estimate of finite numbers that is newer than the last."""
+        """Keep an estimate in a frame that is known."""
         frame, quaternion = m["velocity_frame"], to_our_attitude(*m["q"])
         velocity = to_our_axes(*m["velocity"])
         if frame == BODY:
@@ -203,7 +199,5 @@ class DdsLink:
             time=1e-6 * m["timestamp_sample"], position=to_our_axes(*m["position"]), quaternion=quaternion,
             velocity=velocity, rate=to_our_axes(*m["angular_velocity"]), specific_force=self._force,
         )  # fmt: skip
-        known = m["pose_frame"] in (NED, FRD) and frame in (m["pose_frame"], BODY)
-        if not (known and is_whole(state)) or (self.state is not None and state.time <= self.state.time):
-            return
-        self.state, self.fresh, self.heard = state, True, time.monotonic()
+        if m["pose_frame"] in (NED, FRD) and frame in (m["pose_frame"], BODY):
+            self._keep(state)

@@ -19,15 +19,13 @@ from urllib.parse import urlsplit
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.links import mavlink
-from skyarm.links.mavlink_vehicle import MODES, ONBOARD_COMPUTER, SET_MODE, MavlinkVehicle
+from skyarm.links.mavlink_vehicle import MODES, ONBOARD_COMPUTER, MavlinkVehicle
+from skyarm.links.outside.estimates import COMPONENT, Estimates
 from skyarm.links.outside.motor_commands import SetPoint
 from skyarm.links.outside.rate_commands import RateCommand
-from skyarm.links.outside.state_frames import AutopilotState, is_whole, to_our_attitude, to_our_axes
+from skyarm.links.outside.state_frames import AutopilotState, to_our_attitude, to_our_axes
 from skyarm.links.sockets import drain
 from skyarm.records.files import shown
-
-COMPONENT = 191
-"""MAVLink's component number of an onboard computer."""
 
 NO_ATTITUDE = 128
 """Set point without attitude: rates and thrust count."""
@@ -115,7 +113,7 @@ def _open_socket(url: str, patience: float) -> tuple[socket.socket, tuple[str, i
             raise OffboardError(f"--link = {shown(url)}: {error.strerror or error}") from None
 
 
-class OffboardLink(MavlinkVehicle):
+class OffboardLink(Estimates, MavlinkVehicle):
     """MAVLink over UDP to one autopilot.
 
     Args:
@@ -124,23 +122,15 @@ class OffboardLink(MavlinkVehicle):
         patience: s to wait for a port that another program has, such as a simulator until it hands over.
 
     Attributes:
-        state: newest estimate, None before the first; ``fresh`` is True until :meth:`take` has returned it.
-        heard: s of the wall clock of the newest state.
-        landed: by the newest message.
-        refused: result of a refused command.
         round_trips: s, of time synchronisation, the newest.
     """
 
     def __init__(self, url: str, patience: float = 0.0) -> None:
-        super().__init__(MODES, self._carry, sender=(0, COMPONENT), role=ONBOARD_COMPUTER, datagrams=True)
+        Estimates.__init__(self)
+        MavlinkVehicle.__init__(self, MODES, self._carry, sender=(0, COMPONENT), role=ONBOARD_COMPUTER, datagrams=True)
         self._socket, self._partner = _open_socket(url, patience)
         self._calls = self._partner is not None
-        self.state: AutopilotState | None = None
-        self.fresh, self.landed = False, True
-        self.heard = -math.inf
-        self.accepted, self.refused = False, 0
         self.round_trips: deque[float] = deque(maxlen=MOST_TIMES)
-        self._force: Vec3 | None = None
         self._place: Place | None = None
         self._odometry = self._attitude = -math.inf
 
@@ -168,13 +158,6 @@ class OffboardLink(MavlinkVehicle):
                 if not known and self.modes is not None:
                     self._partner = sender
 
-    def take(self) -> AutopilotState | None:
-        """Newest estimate if it has come since the last call."""
-        if not self.fresh:
-            return None
-        self.fresh = False
-        return self.state
-
     def beat(self) -> None:
         """Send a heartbeat of an onboard computer, and a time synchronisation."""
         super().beat()
@@ -189,7 +172,7 @@ class OffboardLink(MavlinkVehicle):
 
     def request_outside(self) -> None:
         """Request the mode that takes set points from outside; ``accepted`` is True once it does."""
-        self.accepted, self.refused = False, 0
+        self._await_answer()
         super().request_outside()
 
     def send(self, command: SetPoint) -> None:
@@ -238,26 +221,24 @@ class OffboardLink(MavlinkVehicle):
         self._take_state(self._place, 1e-3 * m["time_boot_ms"], quaternion, rate)
 
     def _take_state(self, place: Place, at: float, quaternion: Quaternion, rate: Vec3) -> None:
-        """Keep an estimate of finite numbers that is newer than the last; its place is not older than ``OLD``."""
+        """Keep an estimate whose place is not older than ``OLD``."""
         ahead = at - place.time
         state = AutopilotState(
             time=at, position=place.position + place.velocity * ahead, quaternion=quaternion, velocity=place.velocity,
             rate=rate, specific_force=self._force,
         )  # fmt: skip
-        if not is_whole(state) or abs(ahead) > OLD or (self.state is not None and at <= self.state.time):
-            return
-        self.state, self.fresh, self.heard = state, True, time.monotonic()
+        if abs(ahead) <= OLD:
+            self._keep(state)
 
     def _hear_inertial(self, m: mavlink.Message) -> None:
-        force = to_our_axes(m["xacc"], m["yacc"], m["zacc"])
-        self._force = force if all(map(math.isfinite, force)) else self._force
+        self._keep_force(to_our_axes(m["xacc"], m["yacc"], m["zacc"]))
 
     def _hear_extended(self, m: mavlink.Message) -> None:
         self.landed = m["landed_state"] == LANDED
 
     def _hear_answer(self, m: mavlink.Message) -> None:
-        if m["command"] == SET_MODE:
-            self.accepted, self.refused = m["result"] == 0, m["result"]
+        to = m["target_system"], m["target_component"]
+        self._take_answer(m["command"], m["result"], to, (self.system, COMPONENT))
 
     def _hear_time(self, m: mavlink.Message) -> None:
         if m["tc1"] and m["ts1"]:
