@@ -15,7 +15,7 @@ import pytest
 from links.outside.stand_in import StandIn, free_port
 from skyarm import load_scenario
 from skyarm.links.outside import offboard
-from skyarm.links.outside.joint_port import JointServer, NoJoints, UdpJoints
+from skyarm.links.outside.joint_port import JointPortError, JointReading, JointServer, NoJoints, UdpJoints
 from skyarm.links.outside.offboard import OffboardFlight, OffboardSettings, require_outside
 from skyarm.links.outside.offboard_link import OffboardError, OffboardLink
 from skyarm.links.outside.outside_law import OutsideLaw
@@ -238,6 +238,7 @@ def test_a_vehicle_that_cannot_be_taken_over_is_left_alone(scenario, state, word
     ("autopilot", "wide", "numbers", "words"),
     [
         (12, None, {"MC_YAW_TQ_CUTOFF": 2.0}, "PX4's MC_YAW_TQ_CUTOFF = 2: must be 0 or at least 8 Hz"),
+        (12, (18.0, 18.0, 6.0), {"MC_YAW_TQ_CUTOFF": 2.0}, "PX4's MC_YAW_TQ_CUTOFF = 2: must be 0 or at least 8 Hz"),
         (3, (18.0, 18.0, 6.0), {"ATC_RAT_YAW_FLTE": 2.5}, "ArduPilot's ATC_RAT_YAW_FLTE = 2.5: must be 0 or at"),
         (3, None, {}, "--rate-bandwidth: must be given for ArduPilot"),
     ],
@@ -246,6 +247,12 @@ def test_an_autopilot_whose_rate_loop_cannot_be_inverted_is_left_alone(scenario,
     settings = dataclasses.replace(SETTINGS, rate_bandwidth=wide)
     with pytest.raises(OffboardError, match=words):
         flown(scenario(), settings, autopilot=autopilot, numbers={"GUID_OPTIONS": 8.0, **numbers})
+
+
+def test_a_port_that_reads_another_number_of_joints_is_named(scenario, monkeypatch):
+    monkeypatch.setattr(NoJoints, "read", lambda self: JointReading(0.0, (0.1,), ()))
+    with pytest.raises(JointPortError, match="--joints: 1 angles and 0 rates: must be 0 of each"):
+        flown(scenario())
 
 
 def test_collections_and_scheduling_are_as_before_after_a_flight():

@@ -321,6 +321,19 @@ def test_an_answer_before_the_request_is_none(link, peer):
     assert not link.accepted
 
 
+def test_lost_frames_are_the_autopilots_from_the_request_on(link, peer):
+    """A simulator's frames, which the autopilot forwards, are numbered by others."""
+    peer.heartbeat()
+    peer.sequence += 5
+    peer.heartbeat()
+    link.request_outside()
+    assert link.lost == 0
+    for skipped, component, found in ((3, 1, 3), (0, 51, 3), (7, 51, 3)):
+        peer.sequence += skipped
+        peer.say("HEARTBEAT", component=component, autopilot=12)
+        assert link.lost == found
+
+
 def test_the_round_trip_is_timed_by_its_answer_only(link, peer):
     peer.heartbeat()
     link.beat()

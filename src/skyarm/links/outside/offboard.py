@@ -22,7 +22,7 @@ from skyarm.control.controller import autopilot_of
 from skyarm.links.outside.autopilot_link import AutopilotLink
 from skyarm.links.outside.dds_link import DdsLink
 from skyarm.links.outside.flight_record import FlightRecord, percentiles
-from skyarm.links.outside.joint_port import JointLink, JointReading
+from skyarm.links.outside.joint_port import JointLink, JointPortError, JointReading
 from skyarm.links.outside.motor_commands import MotorSettings, require_full_thrust
 from skyarm.links.outside.offboard_link import OffboardError
 from skyarm.links.outside.outside_law import LoopSettings, OutsideLaw
@@ -230,6 +230,10 @@ class OffboardFlight:
             link.beat()
         reading = self._arm.read()
         if reading is not None:
+            count = self._scenario.controller.par.model.vehicle.n
+            sizes = len(reading.joints), len(reading.joint_rates)
+            if sizes != (count, count):
+                raise JointPortError(f"--joints: {sizes[0]} angles and {sizes[1]} rates: must be {count} of each")
             self._joints, self._joints_heard = reading, now
 
     def _until(self, seconds: float, ready: Callable[[], bool], words: str) -> None:

@@ -129,6 +129,7 @@ class OffboardLink(Estimates, MavlinkVehicle):
         Estimates.__init__(self)
         MavlinkVehicle.__init__(self, MODES, self._carry, sender=(0, COMPONENT), role=ONBOARD_COMPUTER, datagrams=True)
         self._socket, self._partner = _open_socket(url, patience)
+        self._lost_before = 0
         self._calls = self._partner is not None
         self.round_trips: deque[float] = deque(maxlen=MOST_TIMES)
         self._place: Place | None = None
@@ -136,8 +137,8 @@ class OffboardLink(Estimates, MavlinkVehicle):
 
     @property
     def lost(self) -> int:
-        """Frames of the autopilot that did not arrive."""
-        return self.parser.lost
+        """Frames of the autopilot that did not arrive since the newest request for the mode of set points."""
+        return self.parser.lost_by_sender.get((self.system, 1), 0) - self._lost_before
 
     @property
     def has_autopilot(self) -> bool:
@@ -173,6 +174,7 @@ class OffboardLink(Estimates, MavlinkVehicle):
     def request_outside(self) -> None:
         """Request the mode that takes set points from outside; ``accepted`` is True once it does."""
         self._await_answer()
+        self._lost_before += self.lost
         super().request_outside()
 
     def send(self, command: SetPoint) -> None:

@@ -105,18 +105,19 @@ def _rate_loop(reader: ParameterReader, vehicle: Vehicle, wide: Three | None) ->
     """
     title = reader.modes.title
     px4 = title == "PX4"
-    if px4 and wide is not None:
-        return IdealRateLoop(bandwidth=wide)
     if wide is None and not px4:
         raise OffboardError(f"--rate-bandwidth: must be given for {title}, whose rate loop is not known")
-    read, name = (NAMES, YAW_FILTER) if px4 else (ANGLE_GAINS, ANGLE_FILTER)
-    parameters = reader.read([*read, name])
+    gains, name = (NAMES, YAW_FILTER) if px4 else (ANGLE_GAINS, ANGLE_FILTER)
+    given = px4 and wide is not None  # then gains do not count
+    parameters = reader.read([name] if given else [*gains, name])
     cutoff = parameters[name]
     if not (cutoff == 0.0 or cutoff >= LEAST_CUTOFF):
         raise OffboardError(
             f"--link: {title}'s {name} = {cutoff:g}: must be 0 or at least {LEAST_CUTOFF:g} Hz, so that yaw does not "
             "oscillate behind the filter"
         )
+    if wide is not None and px4:
+        return IdealRateLoop(bandwidth=wide)
     if wide is not None:
         x, y, z = (parameters[each] for each in ANGLE_GAINS)
         return GuidedRateLoop(bandwidth=wide, gain=(x, y, z))
