@@ -40,9 +40,7 @@ def fly(
     rate_bandwidth: Annotated[
         str | None, typer.Option(metavar="X,Y,Z", help="rad/s, of the rate loop of an autopilot but PX4")
     ] = None,
-    world: Annotated[
-        str, typer.Option(help="here (begin at the vehicle), or local")
-    ] = "here",
+    world: Annotated[str, typer.Option(help="here (begin at the vehicle), or local")] = "here",
     leash: Annotated[float, typer.Option(help="m off the reference at which it ends")] = 1.5,
     patience: Annotated[float, typer.Option(help="s to wait for a vehicle that hovers")] = 60.0,
     duration: Annotated[float | None, typer.Option(help="seconds, in place of the file's")] = None,

@@ -8,7 +8,7 @@ on the left side, so that no number is diluted by it (as those of a fit of inver
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
@@ -22,6 +22,7 @@ from skyarm.studies.identify.rotor_lag import delay_commands, lag_response, movi
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Array: TypeAlias = npt.NDArray[np.float64]
+Rows: TypeAlias = slice | npt.NDArray[np.int_]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -123,6 +124,11 @@ class RotorSeries:
     gains: list[Array]
     sampled_gains: list[Array]
 
+    def at(self, place: Rows) -> RotorSeries:
+        """Series of some periods."""
+        every = (self.speeds, self.changes, self.gains, self.sampled_gains)
+        return RotorSeries(*([each[place] for each in row] for row in every))
+
 
 @dataclass(slots=True, eq=False)
 class Memo:
@@ -172,30 +178,10 @@ def predict(
         (N, 6 + driven joints): specific force (m/s^2), angular acceleration (rad/s^2), base axes, and the accelerations
         of the driven joints.
     """
-    rate, joints, joint_rates = (middle(rows) for rows in (stretch.rate, stretch.joints, stretch.joint_rates))
-    w, qd, q = Vec3(*rate.T), tuple(joint_rates.T), tuple(joints.T)
-    turning = (memo or Memo()).rotors(vehicle, about.delay, stretch)
-    scale = stretch.voltage**about.sag * (1.0 + about.drift * stretch.period * np.arange(stretch.size))
-    velocity = Vec3(*stretch.velocity.T)
-    beside = Force(_spin_torque(vehicle, turning, w) + Vec3(*about.torque), _air_drag(vehicle, velocity))
-    told = delay_commands(stretch.efforts, stretch.period / stretch.fine, about.joint_delay)
-    torques = stretch.means(told)
-    efforts = [
-        np.clip(torque, -float(link.joint.effort_limit), float(link.joint.effort_limit))
-        - link.joint.damping * x
-        - link.joint.coulomb * np.tanh(x / link.joint.coulomb_rate)
-        for link, torque, x in zip(vehicle.links, torques.T, qd, strict=True)
-    ]
-    given = np.diff(stretch.joint_rates, axis=0) / stretch.period
-
-    def accelerations(gains: Sequence[Array]) -> tuple[Vec3, Vec3, Sequence[Array]]:
-        pushed = rotor_forces(vehicle.rotors, turning.speeds, velocity, w, [gain * scale for gain in gains])
-        applied = Force(pushed.torque + beside.torque, pushed.force + beside.force)
-        if not all(driven):
-            return _with_given_joints(vehicle, q, w, qd, applied, efforts, driven, given)
-        base, moved = forward_dynamics(vehicle, q, w, qd, applied, efforts)
-        return base.linear, base.angular, [np.asarray(each) for each in moved]
-
+    turning, w = (memo or Memo()).rotors(vehicle, about.delay, stretch), Vec3(*middle(stretch.rate).T)
+    accelerations = _acceleration_under(
+        vehicle, about, stretch, turning, slice(None), w, Vec3(*stretch.velocity.T), driven
+    )
     _, angular, rows = accelerations(turning.gains)
     linear, turned, _ = accelerations(turning.sampled_gains)
     place = Vec3(*about.place)
@@ -205,6 +191,63 @@ def predict(
     if about.accelerometer_delay:
         found[:, :3] = _later(found[:, :3], about.accelerometer_delay / stretch.period)
     return found
+
+
+def base_acceleration(
+    vehicle: Vehicle, about: Surroundings, stretch: Stretch, place: Rows, rate: Vec3, velocity: Vec3, memo: Memo
+) -> tuple[Vec3, Vec3]:
+    """Proper and angular acceleration of the base, base axes, in some periods at any rate and velocity.
+
+    Args:
+        vehicle: rigid bodies and rotors.
+        about: delays and offsets.
+        stretch: commands, and the joints' motion, which is given.
+        place: (K,) numbers of the periods.
+        rate: of the base, base axes, rad/s, each (K,).
+        velocity: against the air, base axes, m/s, each (K,).
+        memo: of this stretch.
+    """
+    turning = memo.rotors(vehicle, about.delay, stretch).at(place)
+    driven = (False,) * vehicle.n
+    linear, angular, _ = _acceleration_under(vehicle, about, stretch, turning, place, rate, velocity, driven)(
+        turning.gains
+    )
+    return linear, angular
+
+
+def _acceleration_under(
+    vehicle: Vehicle,
+    about: Surroundings,
+    stretch: Stretch,
+    turning: RotorSeries,
+    place: Rows,
+    w: Vec3,
+    velocity: Vec3,
+    driven: Sequence[bool],
+) -> Callable[[Sequence[Array]], tuple[Vec3, Vec3, Sequence[Array]]]:
+    """Function from the rotors' gains to the accelerations of base and driven joints in some periods."""
+    q, qd = (tuple(middle(rows)[place].T) for rows in (stretch.joints, stretch.joint_rates))
+    scale = (stretch.voltage**about.sag * (1.0 + about.drift * stretch.period * np.arange(stretch.size)))[place]
+    beside = Force(_spin_torque(vehicle, turning, w) + Vec3(*about.torque), _air_drag(vehicle, velocity))
+    told = delay_commands(stretch.efforts, stretch.period / stretch.fine, about.joint_delay)
+    torques = stretch.means(told)[place]
+    efforts = [
+        np.clip(torque, -float(link.joint.effort_limit), float(link.joint.effort_limit))
+        - link.joint.damping * x
+        - link.joint.coulomb * np.tanh(x / link.joint.coulomb_rate)
+        for link, torque, x in zip(vehicle.links, torques.T, qd, strict=True)
+    ]
+    given = (np.diff(stretch.joint_rates, axis=0) / stretch.period)[place]
+
+    def accelerations(gains: Sequence[Array]) -> tuple[Vec3, Vec3, Sequence[Array]]:
+        pushed = rotor_forces(vehicle.rotors, turning.speeds, velocity, w, [gain * scale for gain in gains])
+        applied = Force(pushed.torque + beside.torque, pushed.force + beside.force)
+        if not all(driven):
+            return _with_given_joints(vehicle, q, w, qd, applied, efforts, driven, given)
+        base, moved = forward_dynamics(vehicle, q, w, qd, applied, efforts)
+        return base.linear, base.angular, [np.asarray(each) for each in moved]
+
+    return accelerations
 
 
 def prediction_errors(

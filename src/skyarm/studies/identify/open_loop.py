@@ -133,9 +133,7 @@ def hold(stretch: Stretch, poses: Poses, begins: Sequence[int], seconds: float) 
     return _moved(now, np.zeros((len(rows), 3)), np.zeros((len(rows), 3)), seconds)
 
 
-def errors_of(
-    motion: Motion, stretch: Stretch, poses: Poses, rows: Sequence[int]
-) -> tuple[Array, Array, Array, Array]:
+def errors_of(motion: Motion, stretch: Stretch, poses: Poses, rows: Sequence[int]) -> tuple[Array, Array, Array, Array]:
     """Distances (K,) of states from those measured at some instants: position, velocity, attitude (rad), rate."""
     place = np.asarray(rows, dtype=int)
     position, velocity, rate = (
