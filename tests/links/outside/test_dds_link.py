@@ -145,6 +145,13 @@ def test_rotors_without_a_highest_speed_have_no_share(scenario):
         require_full_thrust(dataclasses.replace(vehicle, rotors=rotors))
 
 
+def test_more_rotors_than_a_set_point_has_motors_are_refused(scenario):
+    vehicle = scenario().plant.vehicle
+    rotors = tuple(dataclasses.replace(vehicle.rotors[0], name=f"r{i}") for i in range(13))
+    with pytest.raises(RecordError, match="model.vehicle.rotors = 13: must be at most 12"):
+        require_full_thrust(dataclasses.replace(vehicle, rotors=rotors))
+
+
 def test_shares_are_those_of_thrust(scenario):
     """Half the speed is a quarter of the thrust; more than the highest speed is 1."""
     model = scenario().controller.par.model

@@ -27,7 +27,7 @@ def record(ticks):
             law=Command(rotor_speeds=(100.0 + tick,) * 4, efforts=(float(tick), 0.0)),
         )
         seen = dataclasses.replace(blank, position=Vec3(float(tick), 0.0, 1.0))
-        found.add(tick, 5.0 + tick, seen, given)
+        found.add(tick, seen, given)
     return found
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.links.autopilots.angle_control import Attitude
 from skyarm.links.autopilots.autopilot import Numbers
-from skyarm.links.autopilots.effectiveness import Array, inertias, unit_wrenches
+from skyarm.links.autopilots.effectiveness import Array, inertias, turning_inertia, unit_wrenches
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -107,13 +107,13 @@ def vehicle_loops(vehicle: Vehicle, gravity: float) -> tuple[Array, dict[str, in
     torques = np.abs(np.diag((shares(vehicle) * hover_slope(vehicle, gravity)) @ mix))[1:]
     slowest = max(float(rotor.time_constant_up) for rotor in vehicle.rotors)
     fast = min(QUICKEST_RATE, 0.4 / max(slowest, 1e-3))
-    limp, locked = inertias(vehicle)
+    (_, locked), turning = inertias(vehicle), turning_inertia(vehicle)
     found: dict[str, int] = {}
     angle = fast
     for i, (name, wanted, boost) in enumerate(
         (("roll", fast, 1.0), ("pitch", fast, 1.0), ("yaw", min(QUICKEST_YAW, fast), 2.5))
     ):
-        inertia = math.sqrt(limp[i] * locked[i])
+        inertia = turning[i]
         slow = wanted * inertia / locked[i]
         gain = wanted * inertia / torques[i] * 1e3 * math.pi / 180.0  # thousandths per deg/s
         grow = max(gain / UNITS["P"] / 200.0, 1.0)

@@ -38,28 +38,23 @@ class FlightRecord:
 
     Attributes:
         first: autopilot's time at the take-over, s.
-        ticks: number of the period of each row. stamps: autopilot's time of its measurement, s.
+        ticks: number of the period of each row.
         states: position, quaternion, velocity, rate, joints, joint rates. commands: rotor speeds, joint setpoints.
-        rates: set points sent, rad/s and thrust.
         computing: s from the arrival of a measurement to its set point.
     """
 
     first: float = 0.0
     ticks: list[int] = field(default_factory=list)
-    stamps: list[float] = field(default_factory=list)
     states: list[tuple[float, ...]] = field(default_factory=list)
     commands: list[tuple[float, ...]] = field(default_factory=list)
-    rates: list[tuple[float, ...]] = field(default_factory=list)
     computing: list[float] = field(default_factory=list)
 
-    def add(self, tick: int, stamp: float, seen: Measurement, given: OutsideCommand) -> None:
+    def add(self, tick: int, seen: Measurement, given: OutsideCommand) -> None:
         """Add the row of a period."""
         self.ticks.append(tick)
-        self.stamps.append(stamp)
         moving = (seen.position, seen.quaternion, seen.velocity, seen.rate, seen.joints, seen.joint_rates)
         self.states.append(tuple(leaves((*moving, given.law.rotor_speeds))))
         self.commands.append(tuple(leaves(given.law)))
-        self.rates.append(tuple(leaves(given.base)))
 
     def log(self, scenario: Scenario, ended: Ended | None, facts: dict[str, Any]) -> Log:
         """Log of the flight, as ``skyarm run`` writes one; a missed period has the row before it, or else the first.

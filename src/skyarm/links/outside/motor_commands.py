@@ -15,6 +15,7 @@ from skyarm.algebra.scalars import Scalar, clip
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.rotor import push
+from skyarm.links.outside.px4_topics import MOST_MOTORS
 from skyarm.links.outside.rate_commands import RateCommand
 from skyarm.records.coerce import refuse
 from skyarm.records.units import Unit
@@ -55,11 +56,13 @@ class MotorSettings:
 
 
 def require_full_thrust(vehicle: Vehicle) -> None:
-    """Refuse rotors without a highest speed, and so without a highest thrust.
+    """Refuse rotors without a highest speed, and so without a highest thrust, or more than a set point has motors.
 
     Raises:
-        RecordError: a rotor whose ``max_speed`` is infinite.
+        RecordError: a rotor whose ``max_speed`` is infinite, or too many of them.
     """
+    if len(vehicle.rotors) > MOST_MOTORS:
+        refuse("model.vehicle.rotors", len(vehicle.rotors), f"must be at most {MOST_MOTORS}, for motor set points")
     for i, rotor in enumerate(vehicle.rotors):
         if not math.isfinite(rotor.max_speed):
             refuse(f"model.vehicle.rotors[{i}].max_speed", rotor.max_speed, "must be finite, for motor set points")

@@ -378,7 +378,7 @@ class OffboardFlight:
             return
         self._arm.send([float(each) for each in found.law.efforts], state.time)
         record.computing.append(time.monotonic() - link.heard)
-        record.add(tick, state.time, measured, found)
+        record.add(tick, measured, found)
 
     def _measurement(self, state: AutopilotState, arm: JointReading, tick: int) -> Measurement:
         measured = self._frame.measurement(state, arm, tick / self._rate, self._gravity)
