@@ -148,10 +148,16 @@ def errors_of(motion: Motion, stretch: Stretch, poses: Poses, rows: Sequence[int
     return position, velocity, 2.0 * np.arccos(np.minimum(same, 1.0)), rate
 
 
-def begins_of(stretch: Stretch, periods: int, apart: float = APART) -> list[int]:
-    """Instants that predictions over some periods begin at, of which every period counts."""
-    step = max(1, round(apart / stretch.period))
-    return [k for k in range(0, stretch.size - periods + 1, step) if stretch.used[k : k + periods].all()]
+FORGOTTEN = 8.0
+"""Time constants after a stretch's begin until its rotors' speeds follow from the commands in it."""
+
+
+def begins_of(stretch: Stretch, periods: int, vehicle: Vehicle, about: Surroundings) -> list[int]:
+    """Instants that predictions over some periods begin at: rotor speeds are known there, and every period counts."""
+    lags = [float(lag) for each in vehicle.rotors for lag in (each.time_constant_up, each.time_constant_down)]
+    first = math.ceil((about.delay + FORGOTTEN * max(lags, default=0.0)) / stretch.period)
+    step = max(1, round(APART / stretch.period))
+    return [k for k in range(first, stretch.size - periods + 1, step) if stretch.used[k : k + periods].all()]
 
 
 def mean_errors(pieces: Sequence[tuple[Array, Array, Array, Array]], horizon: float) -> HorizonErrors:
@@ -185,7 +191,7 @@ def predict_flights(
         model, held = [], []
         for stretch, poses in flights:
             periods = max(1, round(horizon / stretch.period))
-            begins = begins_of(stretch, periods)
+            begins = begins_of(stretch, periods, vehicle, about)
             if not begins:
                 continue
             ends = [k + periods for k in begins]

@@ -1,0 +1,96 @@
+"""Open-loop predictions against the simulator's own flight, and against what geometry says of holding."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from test_motion_model import ABOUT, PERIOD, stretch_of, vehicle
+
+import skyarm
+from skyarm.scenario.scenario_record import Delays, Rates
+from skyarm.studies.identify.motion_model import Surroundings
+from skyarm.studies.identify.open_loop import (
+    Poses,
+    begins_of,
+    errors_of,
+    hold,
+    predict_ahead,
+    predict_flights,
+)
+from skyarm.studies.tune.excitation import of_vehicle, unseen_motion
+
+HALF = round(0.5 / PERIOD)
+
+
+@pytest.fixture(scope="module")
+def flown():
+    """Stretch and poses of three seconds, without noise."""
+    plant = vehicle()
+    base = of_vehicle(skyarm.load_vehicle("hummingbird_arm2_rotors"))
+    scenario = dataclasses.replace(
+        base,
+        plant=dataclasses.replace(base.plant, vehicle=plant),
+        rates=Rates(physics=1000, control=500, reference=50),
+        reference=unseen_motion(plant),
+        duration=3.0,
+        delays=Delays(command=ABOUT.delay),
+    )
+    log = skyarm.run(scenario)
+    return stretch_of(log), Poses(position=log.position, quaternion=log.quaternion, velocity=log.velocity)
+
+
+def test_the_true_vehicle_foretells_the_flight(flown):
+    ((model, held),) = predict_flights(vehicle(), ABOUT, [flown], [0.5])
+    assert model.begins == held.begins == len(begins_of(flown[0], HALF, vehicle(), ABOUT))
+    for name in ("position", "velocity", "attitude", "rate"):
+        assert getattr(model, name) < 1e-3 * getattr(held, name), name
+
+
+def test_another_vehicle_or_delay_foretells_it_worse(flown):
+    heavy = dataclasses.replace(vehicle().base, mass=1.1 * float(vehicle().base.mass))
+    late = dataclasses.replace(ABOUT, delay=ABOUT.delay + 0.004)
+    ((true, _),) = predict_flights(vehicle(), ABOUT, [flown], [0.5])
+    ((heavier, _),) = predict_flights(dataclasses.replace(vehicle(), base=heavy), ABOUT, [flown], [0.5])
+    ((later, _),) = predict_flights(vehicle(), late, [flown], [0.5])
+    assert heavier.position > 5.0 * true.position
+    assert later.attitude > 5.0 * true.attitude
+
+
+def test_over_one_period_the_error_is_that_of_the_midpoint_rule(flown):
+    stretch, poses = flown
+    begins = begins_of(stretch, 1, vehicle(), ABOUT)
+    after = [k + 1 for k in begins]
+    last = predict_ahead(vehicle(), ABOUT, stretch, poses, begins, 1)[-1]
+    moved = np.linalg.norm(poses.position[after] - poses.position[begins], axis=1)
+    assert (errors_of(last, stretch, poses, after)[0] < 5e-5 * moved.max()).all()
+
+
+def test_many_begins_equal_one_at_a_time(flown):
+    stretch, poses = flown
+    together = predict_ahead(vehicle(), ABOUT, stretch, poses, [10, 300, 700], 50)[-1]
+    for i, begin in enumerate((10, 300, 700)):
+        alone = predict_ahead(vehicle(), ABOUT, stretch, poses, [begin], 50)[-1]
+        np.testing.assert_allclose(together.position[i], alone.position[0], rtol=0, atol=1e-12)
+        np.testing.assert_allclose(together.quaternion[i], alone.quaternion[0], rtol=0, atol=1e-12)
+
+
+def test_holding_goes_on_straight_and_turns_evenly(flown):
+    stretch, poses = flown
+    held = hold(stretch, poses, [100], 0.5)
+    np.testing.assert_allclose(held.position[0], poses.position[100] + 0.5 * poses.velocity[100])
+    np.testing.assert_array_equal(held.rate[0], stretch.rate[100])
+    turned = abs(float(held.quaternion[0] @ poses.quaternion[100]))
+    assert 2.0 * math.acos(min(turned, 1.0)) == pytest.approx(0.5 * np.linalg.norm(stretch.rate[100]), rel=1e-6)
+
+
+def test_rows_that_do_not_count_are_in_no_horizon(flown):
+    stretch, _ = flown
+    used = np.ones(stretch.size, dtype=bool)
+    used[500] = False
+    begins = begins_of(dataclasses.replace(stretch, used=used), HALF, vehicle(), ABOUT)
+    assert begins
+    assert not any(k <= 500 < k + HALF for k in begins)
+    assert predict_flights(vehicle(), Surroundings(), [(stretch, flown[1])], [60.0])[0][0].begins == 0
