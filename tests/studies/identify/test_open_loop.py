@@ -83,7 +83,9 @@ def test_holding_goes_on_straight_and_turns_evenly(flown):
     np.testing.assert_allclose(held.position[0], poses.position[100] + 0.5 * poses.velocity[100])
     np.testing.assert_array_equal(held.rate[0], stretch.rate[100])
     turned = abs(float(held.quaternion[0] @ poses.quaternion[100]))
-    assert 2.0 * math.acos(min(turned, 1.0)) == pytest.approx(0.5 * np.linalg.norm(stretch.rate[100]), rel=1e-6)
+    half = 0.5 * np.linalg.norm(stretch.rate[100])
+    assert 2.0 * math.acos(min(turned, 1.0)) == pytest.approx(half, rel=1e-6)
+    assert errors_of(held, stretch, poses, [100])[2][0] == pytest.approx(half, rel=1e-6)
 
 
 def test_rows_that_do_not_count_are_in_no_horizon(flown):
