@@ -106,6 +106,15 @@ def test_planted_numbers_are_found(found, name, within):
     assert number.start == pytest.approx(getattr(record, name.rpartition(".")[2]))
 
 
+def test_no_interval_is_narrower_than_sampling_leaves(found):
+    """0.2 % of what is positive, 0.02 of the period of 10 ms for times."""
+    for number in found.numbers:
+        if number.unit == "s":
+            assert number.high - number.value >= 0.0002
+        elif number.name.startswith(("rotors.thrust", "rotors.moment", "base.inertia.xx")):
+            assert number.high / number.value >= 1.002
+
+
 def test_the_centre_of_mass_and_the_delay_are_found(found):
     assert found["base.com.x"].value == pytest.approx(0.004, abs=0.0005)
     assert found["delay"].value == pytest.approx(DELAY, abs=0.0002)

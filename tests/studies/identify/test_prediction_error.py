@@ -102,13 +102,15 @@ def test_block_scores_are_those_of_fits_without_each_block():
     assert curvature @ scores[1] == pytest.approx(without - best, abs=1e-9)
 
 
-def test_a_level_of_a_stretch_is_no_noise_that_hardly_changes():
-    """Each stretch is centred before its filter is sought: a pole of 0.5 is found beside two levels far apart."""
+@pytest.mark.parametrize("slope", [0.0, 100.0])
+def test_a_level_or_slope_of_a_stretch_is_no_noise_that_hardly_changes(slope):
+    """Each stretch is levelled before its filter is sought: a pole of 0.5 is found beside two levels far apart."""
     inputs, measured = problem(7, 4000, pole=0.5)
 
     def errors(numbers):
         rest = (measured - inputs @ numbers)[:, None]
-        return [rest[:2000] - 20.0, rest[2000:] + 20.0]
+        slow = slope * np.linspace(-1.0, 1.0, 2000)[:, None]
+        return [rest[:2000] - 20.0 + slow, rest[2000:] + 20.0 - slow]
 
     found = fit_prediction(errors, TRUE, np.array([1e-6, 1e-6]), STEPS, 25)
     assert len(found.noise.weights) == 4000 - 2 * ORDER

@@ -26,6 +26,12 @@ SHOWN = 0.5
 BLOCK = 0.5
 """s, of a block of scores."""
 
+SHARE, INSTANT, SPREAD = 2e-3, 0.02, 1e-2
+"""Of a positive number, of a period (for times) and of what is known before (for others): what sampling leaves.
+
+No half of an interval is smaller, whatever the noise: planted vehicles with little noise are found to half of it.
+"""
+
 LEAST = 20
 """Periods of the shortest stretch, in orders of the whitening filter."""
 
@@ -158,7 +164,7 @@ def identify_vehicle(
         told,
     )
     scale = _scale(found, unknowns, reported_of(every), known)
-    numbers, correlation = _identified_numbers(found, scale, prior)
+    numbers, correlation = _identified_numbers(found, scale, prior, stretches[0].period)
     inside = {each.name for each in unknowns if each.in_vehicle}
     replaced = [all(part in inside or part in known for part in each.parts) for each in scale.told]
     before = scale.rows**2 @ prior**2
@@ -244,14 +250,16 @@ def _scale(
     return Scale(kept, values, starts, positive, rows)
 
 
-def _identified_numbers(found: PredictionFit, scale: Scale, prior: Array) -> tuple[tuple[IdentifiedNumber, ...], Array]:
+def _identified_numbers(
+    found: PredictionFit, scale: Scale, prior: Array, period: float
+) -> tuple[tuple[IdentifiedNumber, ...], Array]:
     """Numbers with intervals, and the correlations of their errors."""
     covariance = scale.rows @ found.covariance @ scale.rows.T
     before = scale.rows**2 @ prior**2
     after = np.maximum(np.diag(covariance), np.diag(scale.rows @ found.curvature @ scale.rows.T))
     after = np.minimum(after, before)  # what the data blur is known as before
     shares = 1.0 - after / before
-    halves = found.quantile * np.sqrt(after)
+    halves = np.hypot(found.quantile * np.sqrt(after), _sampling(scale, np.sqrt(before), period))
     numbers = []
     for k, each in enumerate(scale.told):
         value, half = float(scale.values[k]), float(halves[k])
@@ -270,6 +278,14 @@ def _identified_numbers(found: PredictionFit, scale: Scale, prior: Array) -> tup
         )
     deviations = np.sqrt(np.diag(covariance))
     return tuple(numbers), covariance / np.outer(deviations, deviations)
+
+
+def _sampling(scale: Scale, spread: Array, period: float) -> Array:
+    """Least halves of the intervals."""
+    times = np.array([each.unit == "s" for each in scale.told])
+    least = np.where(scale.positive, SHARE, np.where(times, INSTANT * period, SPREAD * spread))
+    late = INSTANT * period / np.where(times & scale.positive, scale.values, np.inf)
+    return np.asarray(np.hypot(least, late))
 
 
 def condition_on_start(

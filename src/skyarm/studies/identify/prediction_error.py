@@ -196,8 +196,11 @@ def _filter(series: Sequence[Array], weights: Array) -> Array:
         rows = len(each) - ORDER
         weight = weights[at : at + rows]
         at += rows
-        # a constant error must not look like noise that hardly changes
-        left = each - float(weight**2 @ each[ORDER:]) / max(float(weight @ weight), 1e-300)
+        # a constant error, or one that grows steadily, must not look like noise that hardly changes
+        lines = np.stack([np.ones(len(each)), np.linspace(-1.0, 1.0, len(each))], axis=1)
+        weighted = lines[ORDER:] * weight[:, None]
+        height = np.linalg.lstsq(weighted, each[ORDER:] * weight, rcond=None)[0]
+        left = each - lines @ height
         past = np.stack([left[ORDER - 1 - i : len(left) - 1 - i] for i in range(ORDER)], axis=1) * weight[:, None]
         square += past.T @ past
         right += past.T @ (left[ORDER:] * weight)
