@@ -130,6 +130,24 @@ def of_commands(rotors, speed):
     return flight(commands=lambda time: np.full((len(time), rotors), speed))
 
 
+def test_late_rates_of_joints_are_left_for_those_of_their_positions():
+    """Differences to the sample before are half a sample late; measured rates are taken as they are."""
+    arm = skyarm.load_vehicle("hummingbird_arm2_rotors")
+
+    def swing(time):
+        return np.stack([np.sin(9.0 * time), np.cos(7.0 * time)], axis=1)
+
+    def of_rates(rates):
+        made = flight(joint_positions=lambda t: channel(t, swing(t)), joint_rates=lambda t: channel(t, rates(t)))
+        return stretches_of(made, arm, period=0.002)[0]
+
+    late = of_rates(lambda t: (swing(t) - swing(t - 1.0 / RATE)) * RATE)
+    at = late.start + 0.002 * np.arange(late.size + 1)
+    assert late.joint_rates[1:-1, 0] == pytest.approx(9.0 * np.cos(9.0 * at[1:-1]), abs=5e-3)
+    measured = of_rates(lambda t: np.stack([9.0 * np.cos(9.0 * t), -7.0 * np.sin(7.0 * t)], axis=1) + 0.01)
+    assert measured.joint_rates[1:-1, 0] == pytest.approx(9.0 * np.cos(9.0 * at[1:-1]) + 0.01, abs=1e-4)
+
+
 @pytest.mark.parametrize(
     ("made", "vehicle", "message"),
     [

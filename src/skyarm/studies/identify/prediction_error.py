@@ -23,10 +23,10 @@ Array: TypeAlias = npt.NDArray[np.float64]
 ORDER = 8
 """Of the whitening filter."""
 
-TURNS, FIRST, STEPS = 10, 5, 2
+TURNS, FIRST, STEPS = 16, 5, 2
 """Most turns of filter and numbers; most steps of the search in the first and in each other."""
 
-SETTLED = 0.1
+SETTLED = 0.25
 """Standard deviations: a turn that moves every number by less is the last."""
 
 GAINED = 0.1

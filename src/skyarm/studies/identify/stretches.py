@@ -114,6 +114,15 @@ def _air_velocity(flight: FlightData, time: Array) -> Array:
     return to_base(q / np.linalg.norm(q, axis=1, keepdims=True), v)
 
 
+def _is_late(measured: Array, central: Array) -> bool:
+    """True if measured joint rates look like differences to the sample before, half a sample late.
+
+    They would act at another time than the joints' positions say, and everything would be fitted to that.
+    """
+    late = 0.5 * (central[1:] + central[:-1])
+    return bool(np.std(measured[1:] - late) < np.std(measured[1:] - central[1:]))
+
+
 def _coasting(stretch: Stretch, start: Vehicle, share: float, recovered: float) -> Mask:
     """Periods (N,) in or after which a motor coasts, for so many seconds."""
     limits = np.array([float(each.max_speed) for each in start.rotors])
@@ -213,7 +222,9 @@ def _stretch(
             raise ValueError(
                 f"{flight.name}: joint_positions: {joints.shape[1]} columns, vehicle '{start.name}' has {n}"
             )
-        rates = at("joint_rates") if "joint_rates" in flight else np.asarray(np.gradient(joints, step, axis=0))
+        rates = np.asarray(np.gradient(joints, step, axis=0))
+        if "joint_rates" in flight and not _is_late(at("joint_rates"), rates):
+            rates = at("joint_rates")
     moved = n and "joint_efforts" in flight
     voltage = np.ones(periods)
     if full_voltage > 0.0 and "voltage" in flight:
