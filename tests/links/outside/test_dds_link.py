@@ -148,7 +148,7 @@ def test_rotors_without_a_highest_speed_have_no_share(scenario):
 def test_more_rotors_than_a_set_point_has_motors_are_refused(scenario):
     vehicle = scenario().plant.vehicle
     rotors = tuple(dataclasses.replace(vehicle.rotors[0], name=f"r{i}") for i in range(13))
-    with pytest.raises(RecordError, match="model.vehicle.rotors = 13: must be at most 12"):
+    with pytest.raises(RecordError, match=r"model\.vehicle\.rotors = 13: must be at most 12"):
         require_full_thrust(dataclasses.replace(vehicle, rotors=rotors))
 
 
