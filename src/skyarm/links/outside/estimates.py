@@ -14,7 +14,7 @@ COMPONENT = 191
 
 
 class Estimates:
-    """Part of a link that keeps what the autopilot says of its state and of the mode.
+    """Part of a link that keeps the autopilot's newest state and its answer to the request for a mode.
 
     Attributes:
         state: newest estimate, None before the first; ``fresh`` is True until :meth:`take` has returned it.

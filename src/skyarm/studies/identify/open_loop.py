@@ -107,13 +107,13 @@ def predict_ahead(
             return world, np.stack([each + np.zeros(len(place)) for each in angular], axis=1)
 
         first = slopes(now, rows + k)
-        middle = _moved(now, *first, 0.5 * h)
-        now = _moved(now, *slopes(middle, rows + k), h, middle)
+        middle = _advance(now, *first, 0.5 * h)
+        now = _advance(now, *slopes(middle, rows + k), h, middle)
         found.append(now)
     return found
 
 
-def _moved(now: Motion, acceleration: Array, turning: Array, seconds: float, middle: Motion | None = None) -> Motion:
+def _advance(now: Motion, acceleration: Array, turning: Array, seconds: float, middle: Motion | None = None) -> Motion:
     """State after some time, at the velocities of the middle if they are known."""
     velocity, rate = (now.velocity, now.rate) if middle is None else (middle.velocity, middle.rate)
     turn = Quaternion.of_rotation_vector(Vec3(*(rate.T * seconds)))
@@ -130,7 +130,7 @@ def hold(stretch: Stretch, poses: Poses, begins: Sequence[int], seconds: float) 
     """Motion of the base whose velocity and rate stay as they are."""
     rows = np.asarray(begins, dtype=int)
     now = Motion(poses.position[rows], poses.quaternion[rows], poses.velocity[rows], stretch.rate[rows])
-    return _moved(now, np.zeros((len(rows), 3)), np.zeros((len(rows), 3)), seconds)
+    return _advance(now, np.zeros((len(rows), 3)), np.zeros((len(rows), 3)), seconds)
 
 
 def errors_of(motion: Motion, stretch: Stretch, poses: Poses, rows: Sequence[int]) -> tuple[Array, Array, Array, Array]:
