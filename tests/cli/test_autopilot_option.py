@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 
@@ -139,6 +139,17 @@ def flown_for(seconds: float) -> Callable[..., tuple[Log, BaseException | None]]
     return fly
 
 
+@pytest.fixture
+def signals_kept() -> Iterator[None]:
+    """A command that was ended by a signal ignores signals from then on: this process is one of other tests, too."""
+    held = {each: signal.getsignal(each) for each in signal.valid_signals()}
+    yield
+    for each, handler in held.items():
+        if handler is not None and signal.getsignal(each) != handler:
+            signal.signal(each, handler)
+
+
+@pytest.mark.usefixtures("signals_kept")
 def test_ctrl_c_keeps_the_log_of_what_an_autopilot_has_flown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(run_command, "run_until_interrupted", flown_for(1.0))
     monkeypatch.setattr(run_command, "bar", partial(bar, pause=0.0))
