@@ -83,6 +83,7 @@ def test_a_planted_offset_and_drift_are_found(stream: str, offset: float, drift:
     assert found.wander < 2e-3
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("stream", ["quaternion", "velocity"])
 def test_intervals_cover_the_truth(stream: str) -> None:
     rng = np.random.default_rng(5)

@@ -70,6 +70,7 @@ def test_it_flies_in_real_time_with_a_free_onboard_port_and_set_points_move_its_
         assert readings[-1].time > readings[0].time > 1.0
 
 
+@pytest.mark.thorough
 def test_motors_that_another_program_commands_are_answered_seldom(tmp_path: Path) -> None:
     """PX4 then answers new commands only: time goes on without it, after one halt."""
     with begun(tmp_path, fault="seldom:12", instance=free_instance(), duration=3.0, outside=True) as session:

@@ -32,7 +32,7 @@ from cyclonedds.topic import Topic
 
 from skyarm.links.ros.ros2_node import Ros2Node, _bind_to_loopback
 
-DOMAIN = 97
+DOMAIN = 2 + 2 * (os.getpid() % 48)
 
 NUMBERS = "std_msgs/Float64MultiArray"
 

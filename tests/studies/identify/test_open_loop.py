@@ -52,9 +52,9 @@ def test_the_true_vehicle_foretells_the_flight(flown):
 def test_another_vehicle_or_delay_foretells_it_worse(flown):
     heavy = dataclasses.replace(vehicle().base, mass=1.1 * float(vehicle().base.mass))
     late = dataclasses.replace(ABOUT, delay=ABOUT.delay + 0.004)
-    ((true, _),) = predict_flights(vehicle(), ABOUT, [flown], [0.5])
-    ((heavier, _),) = predict_flights(dataclasses.replace(vehicle(), base=heavy), ABOUT, [flown], [0.5])
-    ((later, _),) = predict_flights(vehicle(), late, [flown], [0.5])
+    ((true, _),) = predict_flights(vehicle(), ABOUT, [flown], [0.2])
+    ((heavier, _),) = predict_flights(dataclasses.replace(vehicle(), base=heavy), ABOUT, [flown], [0.2])
+    ((later, _),) = predict_flights(vehicle(), late, [flown], [0.2])
     assert heavier.position > 5.0 * true.position
     assert later.attitude > 5.0 * true.attitude
 
