@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from skyarm.studies.identify.whitened_fit import _jackknife_scores
+from skyarm.studies.identify.whitened_fit import jackknife_scores
 
 
 @pytest.mark.parametrize("rows", [1, 3])
@@ -15,7 +15,7 @@ def test_scores_of_a_block_are_those_of_a_fit_without_it(rows):
     flat, wanted = slope.reshape(-1, 4), error.ravel()
     found = np.linalg.lstsq(flat, wanted, rcond=None)[0]
     curvature = np.linalg.inv(flat.T @ flat)
-    scores = _jackknife_scores(slope, (wanted - flat @ found).reshape(80, rows), curvature, blocks)
+    scores = jackknife_scores(slope, (wanted - flat @ found).reshape(80, rows), curvature, blocks)
     part = np.repeat(np.arange(blocks), 10 * rows)
     for b in range(blocks):
         inside = part == b

@@ -45,21 +45,27 @@ def stretch_of(log):
     )
 
 
-@pytest.fixture(scope="module")
-def flown():
-    """Two seconds that begin away from the reference, so that everything swings."""
+def log_of(duration, **changes):
+    """Flight of the vehicle on a path that begins away from the reference, so that everything swings."""
     plant = vehicle()
     base = of_vehicle(skyarm.load_vehicle("hummingbird_arm2_rotors"))
-    scenario = dataclasses.replace(
-        base,
-        plant=dataclasses.replace(base.plant, vehicle=plant),
-        rates=Rates(physics=1000, control=500, reference=50),
-        reference=unseen_motion(plant),
-        duration=6.0,
-        noise=SensorNoise(position=0.002, rate=0.02, joints=0.002),
-        delays=Delays(command=DELAY),
+    return skyarm.run(
+        dataclasses.replace(
+            base,
+            plant=dataclasses.replace(base.plant, vehicle=plant),
+            rates=Rates(physics=1000, control=500, reference=50),
+            reference=unseen_motion(plant),
+            duration=duration,
+            delays=Delays(command=DELAY),
+            **changes,
+        )
     )
-    return stretch_of(skyarm.run(scenario))
+
+
+@pytest.fixture(scope="module")
+def flown():
+    """Six seconds with a law that gets noisy states."""
+    return stretch_of(log_of(6.0, noise=SensorNoise(position=0.002, rate=0.02, joints=0.002)))
 
 
 ABOUT = Surroundings(delay=DELAY, joint_delay=DELAY)

@@ -7,10 +7,8 @@ import math
 
 import numpy as np
 import pytest
-from test_motion_model import ABOUT, PERIOD, stretch_of, vehicle
+from test_motion_model import ABOUT, PERIOD, log_of, stretch_of, vehicle
 
-import skyarm
-from skyarm.scenario.scenario_record import Delays, Rates
 from skyarm.studies.identify.motion_model import Surroundings
 from skyarm.studies.identify.open_loop import (
     Poses,
@@ -20,7 +18,6 @@ from skyarm.studies.identify.open_loop import (
     predict_ahead,
     predict_flights,
 )
-from skyarm.studies.tune.excitation import of_vehicle, unseen_motion
 
 HALF = round(0.5 / PERIOD)
 
@@ -28,17 +25,7 @@ HALF = round(0.5 / PERIOD)
 @pytest.fixture(scope="module")
 def flown():
     """Stretch and poses of three seconds, without noise."""
-    plant = vehicle()
-    base = of_vehicle(skyarm.load_vehicle("hummingbird_arm2_rotors"))
-    scenario = dataclasses.replace(
-        base,
-        plant=dataclasses.replace(base.plant, vehicle=plant),
-        rates=Rates(physics=1000, control=500, reference=50),
-        reference=unseen_motion(plant),
-        duration=3.0,
-        delays=Delays(command=ABOUT.delay),
-    )
-    log = skyarm.run(scenario)
+    log = log_of(3.0)
     return stretch_of(log), Poses(position=log.position, quaternion=log.quaternion, velocity=log.velocity)
 
 

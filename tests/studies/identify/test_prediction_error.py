@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skyarm.studies.identify.prediction_error import ORDER, block_scores, fit_prediction
+from skyarm.studies.identify.prediction_error import ORDER, fit_prediction
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
 
@@ -85,21 +85,6 @@ def test_rows_that_are_not_used_do_not_count():
     spoilt = measured.copy()
     spoilt[300:400] += 1e3 * np.sin(np.arange(100.0))
     assert solved(inputs, spoilt, used=[used]).values == pytest.approx(solved(inputs, measured, used=[used]).values)
-
-
-def test_block_scores_are_those_of_fits_without_each_block():
-    """Of ordinary least squares: A s_b is by how much the estimate moves without the block b."""
-    rng = np.random.default_rng(6)
-    slope, error = rng.normal(size=(80, 1, 2)), rng.normal(size=(80, 1))
-    flat = slope[:, 0]
-    curvature = np.linalg.inv(flat.T @ flat)
-    best = -curvature @ flat.T @ error[:, 0]
-    left = error + (flat @ best)[:, None]
-    scores = block_scores(slope, left, curvature, 10)
-    kept = np.ones(80, dtype=bool)
-    kept[10:20] = False
-    without = -np.linalg.lstsq(flat[kept], error[kept, 0], rcond=None)[0]
-    assert curvature @ scores[1] == pytest.approx(without - best, abs=1e-9)
 
 
 @pytest.mark.parametrize("slope", [0.0, 100.0])

@@ -226,18 +226,12 @@ def _acceleration_under(
     driven: Sequence[bool],
 ) -> Callable[[Sequence[Array]], tuple[Vec3, Vec3, Sequence[Array]]]:
     """Function from the rotors' gains to the accelerations of base and driven joints in some periods."""
-    q, qd = (tuple(middle(rows)[place].T) for rows in (stretch.joints, stretch.joint_rates))
-    scale = (stretch.voltage**about.sag * (1.0 + about.drift * stretch.period * np.arange(stretch.size)))[place]
+    q, qd = (tuple((0.5 * (rows[1:][place] + rows[:-1][place])).T) for rows in (stretch.joints, stretch.joint_rates))
+    since = stretch.period * np.arange(stretch.size)[place]
+    scale = stretch.voltage[place] ** about.sag * (1.0 + about.drift * since)
     beside = Force(_spin_torque(vehicle, turning, w) + Vec3(*about.torque), _air_drag(vehicle, velocity))
-    told = delay_commands(stretch.efforts, stretch.period / stretch.fine, about.joint_delay)
-    torques = stretch.means(told)[place]
-    efforts = [
-        np.clip(torque, -float(link.joint.effort_limit), float(link.joint.effort_limit))
-        - link.joint.damping * x
-        - link.joint.coulomb * np.tanh(x / link.joint.coulomb_rate)
-        for link, torque, x in zip(vehicle.links, torques.T, qd, strict=True)
-    ]
-    given = (np.diff(stretch.joint_rates, axis=0) / stretch.period)[place]
+    efforts = _joint_efforts(vehicle, about, stretch, place, qd) if any(driven) else [0.0 * x for x in qd]
+    given = (stretch.joint_rates[1:][place] - stretch.joint_rates[:-1][place]) / stretch.period
 
     def accelerations(gains: Sequence[Array]) -> tuple[Vec3, Vec3, Sequence[Array]]:
         pushed = rotor_forces(vehicle.rotors, turning.speeds, velocity, w, [gain * scale for gain in gains])
@@ -248,6 +242,19 @@ def _acceleration_under(
         return base.linear, base.angular, [np.asarray(each) for each in moved]
 
     return accelerations
+
+
+def _joint_efforts(
+    vehicle: Vehicle, about: Surroundings, stretch: Stretch, place: Rows, joint_rates: Sequence[Array]
+) -> list[Array]:
+    """Joint torques or forces after dead time and limit, less friction, in some periods."""
+    late = delay_commands(stretch.efforts, stretch.period / stretch.fine, about.joint_delay)
+    return [
+        np.clip(torque, -float(link.joint.effort_limit), float(link.joint.effort_limit))
+        - link.joint.damping * x
+        - link.joint.coulomb * np.tanh(x / link.joint.coulomb_rate)
+        for link, torque, x in zip(vehicle.links, stretch.means(late)[place].T, joint_rates, strict=True)
+    ]
 
 
 def prediction_errors(

@@ -60,8 +60,8 @@ class HorizonErrors:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Motion:
-    """States of several predictions at one instant, each (K, ...): as of :class:`Poses`, and rates in base axes."""
+class BaseStates:
+    """States of the base of several predictions at one instant, each (K, ...): as of :class:`Poses`, and rates in base axes."""
 
     position: Array
     quaternion: Array
@@ -77,8 +77,8 @@ def predict_ahead(
     begins: Sequence[int],
     periods: int,
     gravity: float = 9.81,
-) -> list[Motion]:
-    """Motion of the base from measured states on, for a number of periods.
+) -> list[BaseStates]:
+    """BaseStates of the base from measured states on, for a number of periods.
 
     Args:
         vehicle: rigid bodies and rotors.
@@ -94,11 +94,11 @@ def predict_ahead(
     """
     memo, h = Memo(), stretch.period
     rows = np.asarray(begins, dtype=int)
-    now = Motion(poses.position[rows], poses.quaternion[rows], poses.velocity[rows], stretch.rate[rows])
+    now = BaseStates(poses.position[rows], poses.quaternion[rows], poses.velocity[rows], stretch.rate[rows])
     found = [now]
     for k in range(periods):
 
-        def slopes(at: Motion, place: npt.NDArray[np.int_]) -> tuple[Array, Array]:
+        def slopes(at: BaseStates, place: npt.NDArray[np.int_]) -> tuple[Array, Array]:
             R = Quaternion(*at.quaternion.T).rotation()
             speed = R.apply_T(Vec3(*at.velocity.T))
             linear, angular = base_acceleration(vehicle, about, stretch, place, Vec3(*at.rate.T), speed, memo)
@@ -113,12 +113,14 @@ def predict_ahead(
     return found
 
 
-def _advance(now: Motion, acceleration: Array, turning: Array, seconds: float, middle: Motion | None = None) -> Motion:
+def _advance(
+    now: BaseStates, acceleration: Array, turning: Array, seconds: float, middle: BaseStates | None = None
+) -> BaseStates:
     """State after some time, at the velocities of the middle if they are known."""
     velocity, rate = (now.velocity, now.rate) if middle is None else (middle.velocity, middle.rate)
     turn = Quaternion.of_rotation_vector(Vec3(*(rate.T * seconds)))
     turned = Quaternion(*now.quaternion.T) * turn
-    return Motion(
+    return BaseStates(
         now.position + velocity * seconds,
         np.stack([each + np.zeros(len(rate)) for each in turned.normalized()], axis=1),
         now.velocity + acceleration * seconds,
@@ -126,14 +128,16 @@ def _advance(now: Motion, acceleration: Array, turning: Array, seconds: float, m
     )
 
 
-def hold(stretch: Stretch, poses: Poses, begins: Sequence[int], seconds: float) -> Motion:
-    """Motion of the base whose velocity and rate stay as they are."""
+def hold(stretch: Stretch, poses: Poses, begins: Sequence[int], seconds: float) -> BaseStates:
+    """BaseStates of the base whose velocity and rate stay as they are."""
     rows = np.asarray(begins, dtype=int)
-    now = Motion(poses.position[rows], poses.quaternion[rows], poses.velocity[rows], stretch.rate[rows])
+    now = BaseStates(poses.position[rows], poses.quaternion[rows], poses.velocity[rows], stretch.rate[rows])
     return _advance(now, np.zeros((len(rows), 3)), np.zeros((len(rows), 3)), seconds)
 
 
-def errors_of(motion: Motion, stretch: Stretch, poses: Poses, rows: Sequence[int]) -> tuple[Array, Array, Array, Array]:
+def errors_of(
+    motion: BaseStates, stretch: Stretch, poses: Poses, rows: Sequence[int]
+) -> tuple[Array, Array, Array, Array]:
     """Distances (K,) of states from those measured at some instants: position, velocity, attitude (rad), rate."""
     place = np.asarray(rows, dtype=int)
     position, velocity, rate = (

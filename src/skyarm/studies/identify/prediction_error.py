@@ -16,7 +16,7 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.studies.identify.whitened_fit import scipy_parts
+from skyarm.studies.identify.whitened_fit import FEWEST, jackknife_scores, scipy_parts
 
 Array: TypeAlias = npt.NDArray[np.float64]
 
@@ -34,9 +34,6 @@ GAINED = 0.1
 
 OUTLIER = 3.0
 """Standard deviations beyond which an error counts by its size only, not by its square."""
-
-FEWEST = 8
-"""Least number of blocks of scores."""
 
 Errors: TypeAlias = Callable[[Array], Sequence[Array]]
 """numbers (P,) -> for each stretch (N, rows): what the prediction leaves."""
@@ -132,7 +129,9 @@ def fit_prediction(
     flat, slope = _slopes(errors, values, noise.apply(found), steps, noise)
     curvature = np.asarray(np.linalg.inv(slope.T @ slope + known))
     rows = len(noise.scales)
-    scores = block_scores(slope.reshape(-1, rows, len(values)), flat.reshape(-1, rows), curvature, block)
+    white = flat.reshape(-1, rows)
+    blocks = max(FEWEST, len(white) // max(block, 1))
+    scores = jackknife_scores(slope.reshape(-1, rows, len(values)), white, curvature, blocks)
     inner = scores.T @ scores * (len(scores) - 1) / len(scores) + known
     return PredictionFit(
         values=values,
@@ -233,21 +232,3 @@ def _slopes(errors: Errors, values: Array, white: Array, steps: Array, noise: Wh
         moved[i] += step
         slope[:, i] = (noise.apply(errors(moved)).ravel() - flat) / step
     return flat, slope
-
-
-def block_scores(slope: Array, error: Array, curvature: Array, block: int) -> Array:
-    """Block jackknife scores (blocks, P): each block by the errors of a fit without it.
-
-    Args:
-        slope: (N, rows, P) of the whitened errors.
-        error: (N, rows).
-        curvature: (P, P) inverse of the information.
-        block: rows of a block.
-    """
-    blocks = max(FEWEST, len(error) // max(block, 1))
-    found = []
-    for block_slope, rest in zip(np.array_split(slope, blocks), np.array_split(error, blocks), strict=True):
-        s = block_slope.reshape(-1, block_slope.shape[-1])
-        left = np.eye(len(curvature)) - s.T @ s @ curvature
-        found.append(np.linalg.lstsq(left, s.T @ rest.ravel(), rcond=None)[0])
-    return np.array(found)

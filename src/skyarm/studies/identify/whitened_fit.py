@@ -127,7 +127,7 @@ def fit(
     flat, slope = around(values)
     error = flat.reshape(-1, rows)
     curvature = np.asarray(np.linalg.pinv(slope.T @ slope), dtype=float)
-    sums = _jackknife_scores(slope.reshape(*error.shape, -1), error, curvature, blocks)
+    sums = jackknife_scores(slope.reshape(*error.shape, -1), error, curvature, blocks)
     covariance = curvature @ (sums.T @ sums) @ curvature * (blocks - 1) / blocks
     edge = 0.01 * (bounds[1] - bounds[0])
     unexplained = float((error**2).sum() / max((_white(nothing, filters, scales) ** 2).sum(), 1e-300))
@@ -140,12 +140,18 @@ def fit(
     )
 
 
-def _jackknife_scores(slope: Array, error: Array, curvature: Array, blocks: int) -> Array:
+def jackknife_scores(slope: Array, error: Array, curvature: Array, blocks: int) -> Array:
     """Block jackknife scores (blocks, parameters): each block by residuals of the fit without it.
 
     A fit comes closest to the blocks that tell most, so that their own residuals are too small: of the block b,
     with G_b = S_b^T S_b of its slopes and A the inverse of the whole, (I - G_b A)^-1 S_b^T e_b is the score of what
     the other blocks foretell (Bell and McCaffrey 2002).
+
+    Args:
+        slope: (N, rows, P) of the whitened errors.
+        error: (N, rows), whitened.
+        curvature: (P, P) inverse of the information.
+        blocks: their number.
     """
     found = []
     for block, rest in zip(np.array_split(slope, blocks), np.array_split(error, blocks), strict=True):
