@@ -61,7 +61,7 @@ class HorizonErrors:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BaseStates:
-    """States of the base of several predictions at one instant, each (K, ...): as of :class:`Poses`, and rates in base axes."""
+    """States of the base in several predictions at one instant, each (K, ...): as of :class:`Poses`, base rates."""
 
     position: Array
     quaternion: Array
