@@ -252,7 +252,7 @@ def _joint_efforts(
     return [
         np.clip(torque, -float(link.joint.effort_limit), float(link.joint.effort_limit))
         - link.joint.damping * x
-        - link.joint.coulomb * np.tanh(x / link.joint.coulomb_rate)
+        - link.joint.coulomb * np.tanh(x / float(link.joint.coulomb_rate))
         for link, torque, x in zip(vehicle.links, stretch.means(late)[place].T, joint_rates, strict=True)
     ]
 
