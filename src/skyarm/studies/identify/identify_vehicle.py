@@ -73,7 +73,7 @@ class Identified:
         correlation: (numbers, numbers) of their errors.
         vehicle: the start vehicle with what the flights show; the rest is the start's, and what is shown fits to it.
         surroundings: delays, places and offsets.
-        explained: row -> share of its variance that the model foretells, one step ahead, 0 to 1.
+        explained: row -> share of its variance that the model predicts one step ahead, 0 to 1.
         deviation: row -> standard deviation of the errors of one step ahead.
         settled: whether the search came to rest.
         seconds: of flight that counted.
@@ -110,7 +110,7 @@ def identify_vehicle(
     velocity: bool | None = None,
     voltage: bool | None = None,
     known: Mapping[str, float] | None = None,
-    told: Callable[[str], None] | None = None,
+    progress: Callable[[str], None] | None = None,
 ) -> Identified:
     """Identify the parameters of a vehicle from measured flights.
 
@@ -122,7 +122,7 @@ def identify_vehicle(
         velocity: whether the stretches hold it; by default, if it is not 0.
         voltage: whether the stretches hold it; by default, if it varies.
         known: numbers that are not searched, by name.
-        told: called with the progress.
+        progress: called with one line a step of the search.
 
     Raises:
         ValueError: one line: flights that do not fit the vehicle, or nothing to identify, or SciPy is missing.
@@ -161,12 +161,12 @@ def identify_vehicle(
         np.array([each.step for each in unknowns]),
         round(BLOCK / stretches[0].period),
         [each.used for each in stretches],
-        told,
+        progress,
     )
     scale = _scale(found, unknowns, reported_of(every), known)
     numbers, correlation = _identified_numbers(found, scale, prior, stretches[0].period)
     inside = {each.name for each in unknowns if each.in_vehicle}
-    replaced = [all(part in inside or part in known for part in each.parts) for each in scale.told]
+    replaced = [all(part in inside or part in known for part in each.parts) for each in scale.reported]
     before = scale.rows**2 @ prior**2
     values = condition_on_start(found.values, found.curvature, scale.rows, scale.off, before, replaced)
     rows = ["specific_force.x", "specific_force.y", "specific_force.z", "rate.x", "rate.y", "rate.z"]
@@ -191,9 +191,9 @@ def _check(stretches: Sequence[Stretch], start: Vehicle) -> None:
         raise ValueError("stretches: must be one or more")
     for each in stretches:
         at = f"{each.name}, from {each.start:g} s"
-        told, rotors = each.commands.shape[1], len(start.rotors)
-        if told != rotors:
-            raise ValueError(f"{at}: rotor commands: there are {told}, vehicle '{start.name}' has {rotors} rotors")
+        commands, rotors = each.commands.shape[1], len(start.rotors)
+        if commands != rotors:
+            raise ValueError(f"{at}: rotor commands: there are {commands}, vehicle '{start.name}' has {rotors} rotors")
         if each.joints.shape[1] != start.n:
             raise ValueError(f"{at}: joints: there are {each.joints.shape[1]}, vehicle '{start.name}' has {start.n}")
         if each.size < LEAST * ORDER:
@@ -207,15 +207,15 @@ def _check(stretches: Sequence[Stretch], start: Vehicle) -> None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scale:
-    """Numbers to tell, linear in what is searched near the estimate; of positive ones the logarithms.
+    """Linearisation of the reported numbers at the estimate; of positive ones their logarithms.
 
     Attributes:
-        told: which numbers.
+        reported: which numbers.
         values, starts: found, and before. positive: of each, whether its logarithm is meant.
-        rows: (told, searched) slopes.
+        rows: (reported, searched) slopes.
     """
 
-    told: list[Reported]
+    reported: list[Reported]
     values: Array
     starts: Array
     positive: npt.NDArray[np.bool_]
@@ -231,7 +231,7 @@ class Scale:
 def _scale(
     found: PredictionFit, unknowns: Sequence[Unknown], reported: Sequence[Reported], known: Mapping[str, float]
 ) -> Scale:
-    """Numbers to tell in terms of those that were searched."""
+    """Linearise the reported numbers in the searched ones."""
     place = {each.name: i for i, each in enumerate(unknowns)}
     kept = [each for each in reported if any(part in place for part in each.parts)]
     values, starts, positive = np.zeros(len(kept)), np.zeros(len(kept)), np.zeros(len(kept), dtype=bool)
@@ -261,7 +261,7 @@ def _identified_numbers(
     shares = 1.0 - after / before
     halves = np.hypot(found.quantile * np.sqrt(after), _sampling(scale, np.sqrt(before), period))
     numbers = []
-    for k, each in enumerate(scale.told):
+    for k, each in enumerate(scale.reported):
         value, half = float(scale.values[k]), float(halves[k])
         low, high = (value * np.exp(-half), value * np.exp(half)) if scale.positive[k] else (value - half, value + half)
         numbers.append(
@@ -282,7 +282,7 @@ def _identified_numbers(
 
 def _sampling(scale: Scale, spread: Array, period: float) -> Array:
     """Least halves of the intervals."""
-    times = np.array([each.unit == "s" for each in scale.told])
+    times = np.array([each.unit == "s" for each in scale.reported])
     least = np.where(scale.positive, SHARE, np.where(times, INSTANT * period, SPREAD * spread))
     late = INSTANT * period / np.where(times & scale.positive, scale.values, np.inf)
     return np.asarray(np.hypot(least, late))

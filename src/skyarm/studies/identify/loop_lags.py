@@ -114,7 +114,7 @@ def lag_tables(found: LoopLags, measured: float = 0.0) -> str:
             "[delays]",
             f"command = {round(rotors.delay.value / PHYSICS_STEP) * PHYSICS_STEP:.3f}  {_from(rotors.delay)}",
             "",
-            "# what a law may be told, as an option of its law: centroidal, and others",
+            "# what a law may be given, as an option of its law: centroidal, and others",
             f"# controller.delay = {periods * found.period:.6g}",
             f"# controller.delay_periods = {periods}",
             "",
@@ -164,7 +164,7 @@ CLEAR, WIDEST = 0.02, 0.01
 s: else the flight does not tell."""
 
 APART = 0.004
-"""Half of an interval of the delay alone, s, beyond which it cannot be told from the lag."""
+"""Half of an interval of the delay alone, s, beyond which it cannot be separated from the lag."""
 
 STIRRING = 1e-5
 """Of the size of commands, least change from one control period to the next."""
@@ -192,14 +192,16 @@ def loop_lags(log: Log, vehicle: Vehicle, gravity: float = 9.81) -> LoopLags:
         if not np.isfinite(getattr(log, name)).all():
             raise ValueError(f"{name}: must be finite throughout the flight")
     motion = model_forces(vehicle, log, gravity)
-    told = setpoints_of(log.info)
+    setpoints = setpoints_of(log.info)
     names = [link.joint.name for link in vehicle.links]
-    left_out = {name: f"its drive takes a setpoint, {told[name] or 'of its own'}" for name in names if name in told}
+    left_out = {
+        name: f"its drive takes a setpoint, {setpoints[name] or 'of its own'}" for name in names if name in setpoints
+    }
     return LoopLags(
         period=motion.period,
         seconds=float(log.time[-1] - log.time[0]),
         rotors=rotor_lag(vehicle, log, motion) if rotors else None,
-        joints=tuple(joint_lag(name, log, motion, i) for i, name in enumerate(names) if name not in told),
+        joints=tuple(joint_lag(name, log, motion, i) for i, name in enumerate(names) if name not in setpoints),
         left_out=left_out,
     )
 

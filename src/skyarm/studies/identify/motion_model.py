@@ -1,4 +1,4 @@
-"""Specific force, angular and joint accelerations of a vehicle as its commands foretell them, period by period.
+"""Specific force, angular and joint accelerations of a vehicle predicted from its commands, period by period.
 
 Rotor commands pass a dead time, the rotors' lag and their thrust curve; joint torques pass a dead time. The forward
 dynamics of the articulated body, at measured rates and joint angles, gives the accelerations. No state is integrated:
@@ -171,7 +171,7 @@ def predict(
         vehicle: rigid bodies and rotors.
         about: delays, places, offsets.
         stretch: commands and measured motion.
-        driven: for each joint, whether its torque is commanded; of the others, whose motion is given, none is foretold.
+        driven: for each joint, whether its torque is commanded. The motion of the other joints is given.
         memo: of this stretch.
 
     Returns:
@@ -264,11 +264,11 @@ def prediction_errors(
 
     Noise of a measured rate is white in the sums, and slow disturbances are slow.
     """
-    foretold = predict(vehicle, about, stretch, driven, memo)
+    predicted = predict(vehicle, about, stretch, driven, memo)
     moving = [i for i, each in enumerate(driven) if each]
     rates = np.concatenate([stretch.rate, stretch.joint_rates[:, moving]], axis=1)
-    summed = rates[1:] - rates[:1] - np.cumsum(foretold[:, 3:], axis=0) * stretch.period
-    return np.concatenate([stretch.specific_force - foretold[:, :3], summed - summed.mean(axis=0)], axis=1)
+    summed = rates[1:] - rates[:1] - np.cumsum(predicted[:, 3:], axis=0) * stretch.period
+    return np.concatenate([stretch.specific_force - predicted[:, :3], summed - summed.mean(axis=0)], axis=1)
 
 
 def _speeds(vehicle: Vehicle, delay: float, stretch: Stretch) -> tuple[Array, Array, Array]:

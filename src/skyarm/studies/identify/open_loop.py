@@ -22,7 +22,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 Array: TypeAlias = npt.NDArray[np.float64]
 
 HORIZONS = (0.01, 0.1, 0.5, 1.0)
-"""s, of which the errors are told."""
+"""s, of the reported errors."""
 
 APART = 0.1
 """s from begin to begin."""

@@ -1,4 +1,4 @@
-"""Prediction-error fit: numbers under which a model foretells measured series best, with intervals.
+"""Prediction-error fit: parameters of a model from measured series, with intervals.
 
 Each row of the errors is whitened by an autoregressive filter found from its own errors, in turns with the numbers
 (generalised least squares, Clarke 1967; Ljung, System Identification, 1999, 7.2 and 13.4): the likelihood of a model
@@ -88,7 +88,7 @@ def fit_prediction(
     steps: Array,
     block: int,
     used: Sequence[npt.NDArray[np.bool_]] = (),
-    told: Callable[[str], None] | None = None,
+    progress: Callable[[str], None] | None = None,
 ) -> PredictionFit:
     """Fit numbers by whitened least squares with a normal prior around the start.
 
@@ -99,7 +99,7 @@ def fit_prediction(
         steps: (P,) of the differences.
         block: rows of a block of scores.
         used: of each stretch (N,), which rows count; all by default.
-        told: called with the progress.
+        progress: called with one line a step of the search.
     """
     _, student = scipy_parts()
     values, known = start.copy(), np.diag(prior**-2.0)
@@ -111,8 +111,8 @@ def fit_prediction(
         before = values
         trust, cost = 0.0, _cost(noise.apply(found), (values - start) / prior)
         for step in range(STEPS if turn else FIRST):
-            if told is not None:
-                told(f"turn {turn + 1} of at most {TURNS}, step {step + 1}")
+            if progress is not None:
+                progress(f"turn {turn + 1} of at most {TURNS}, step {step + 1}")
             flat, slope = _slopes(errors, values, noise.apply(found), steps, noise)
             information = slope.T @ slope + known
             uphill = slope.T @ flat + known @ (values - start)

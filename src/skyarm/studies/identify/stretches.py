@@ -33,7 +33,7 @@ COASTING = 0.1
 """Of the full signal: below, a motor coasts and does not obey its lag."""
 
 RECOVERED = 3.0
-"""Time constants after coasting until a rotor's speed is foretold again."""
+"""Time constants after coasting until a rotor's speed is predictable again."""
 
 AIRBORNE, SETTLING = 0.5, 0.5
 """Of the weight, thrust beyond which a vehicle flies; s, over which it is averaged and that are left out beside it."""
@@ -66,11 +66,11 @@ def stretches_of(
         ValueError: one line: a quantity is missing or does not fit the vehicle, or no stretch is long enough.
     """
     gyro = flight["gyro"]
-    told = _commands(flight, start)
-    if told.values.shape[1] != len(start.rotors):
-        count = told.values.shape[1]
+    commands = _commands(flight, start)
+    if commands.values.shape[1] != len(start.rotors):
+        count = commands.values.shape[1]
         raise ValueError(
-            f"{flight.name}: {told.source}: {count} rotors, vehicle '{start.name}' has {len(start.rotors)}"
+            f"{flight.name}: {commands.source}: {count} rotors, vehicle '{start.name}' has {len(start.rotors)}"
         )
     lags = [float(getattr(each, name)) for each in start.rotors for name in ("time_constant_up", "time_constant_down")]
     usual = float(np.median(np.diff(gyro.time)))
@@ -80,10 +80,10 @@ def stretches_of(
     if coasting is None:
         coasting = -1.0 if "rotor_speed_commands" in flight else COASTING
     longest, found = max(GAP, 1.5 * whole) * usual, list[Stretch]()
-    for begin, end in sections or _flying(told, start):
+    for begin, end in sections or _flying(commands, start):
         for first, last in _without_gaps(gyro, max(begin, _begin(flight)), min(end, _end(flight)), longest):
             if last - first >= SHORTEST:
-                stretch = _stretch(flight, start, told, first, last, step, whole, finer, full_voltage)
+                stretch = _stretch(flight, start, commands, first, last, step, whole, finer, full_voltage)
                 used = ~_coasting(stretch, start, coasting, RECOVERED * max(lags))
                 found.append(dataclasses.replace(stretch, used=used))
     if not found:
@@ -148,11 +148,11 @@ def _end(flight: FlightData) -> float:
     return min(float(each.time[-1]) for each in _needed(flight))
 
 
-def _flying(told: Channel, start: Vehicle) -> list[tuple[float, float]]:
+def _flying(commands: Channel, start: Vehicle) -> list[tuple[float, float]]:
     """Spans of time (s) in which the start vehicle's rotors lift a good part of its weight."""
     step = 0.02
-    time = np.arange(told.time[0], told.time[-1], step)
-    speeds = told.values[np.searchsorted(told.time, time, side="right") - 1]
+    time = np.arange(commands.time[0], commands.time[-1], step)
+    speeds = commands.values[np.searchsorted(commands.time, time, side="right") - 1]
     thrust = sum(
         float(r.thrust_coefficient) * np.asarray(push(r, w)) for r, w in zip(start.rotors, speeds.T, strict=True)
     )
@@ -175,7 +175,7 @@ def _without_gaps(gyro: Channel, begin: float, end: float, longest: float) -> li
 def _stretch(
     flight: FlightData,
     start: Vehicle,
-    told: Channel,
+    commands: Channel,
     first: float,
     last: float,
     step: float,
@@ -188,7 +188,7 @@ def _stretch(
     Args:
         flight: that is measured.
         start: vehicle.
-        told: commanded speeds.
+        commands: commanded speeds.
         first: s.
         last: s.
         step: s, from sample to sample.
@@ -238,7 +238,7 @@ def _stretch(
         period=step * samples,
         samples=samples,
         fine=samples * finer,
-        commands=hold(told),
+        commands=hold(commands),
         rate=moving_mean(at("gyro"), width)[::samples],
         specific_force=means(moving_mean(at("accelerometer"), width)),
         joints=moving_mean(joints, width)[::samples],

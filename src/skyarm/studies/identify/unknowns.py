@@ -68,7 +68,7 @@ class Reported:
     """Reported number: one unknown, or the sum of some whose logarithms are searched.
 
     Attributes:
-        name, unit: as told.
+        name, unit: as reported.
         parts: names of the unknowns that it is the sum of.
     """
 
@@ -179,18 +179,18 @@ def _of_surroundings(arm: float, weight: float, voltage: bool, driven: bool) -> 
 
 def reported_of(unknowns: Sequence[Unknown]) -> list[Reported]:
     """Reported numbers: those to identify, and the sums that a vehicle file holds in place of some."""
-    rises, told = rises_of_thrust(), list[Reported]()
+    rises, found = rises_of_thrust(), list[Reported]()
     for each in unknowns:
         if each.name in rises:
             k = rises.index(each.name)
-            told.append(Reported(name=f"rotors.thrust_at_{100 * KNOTS[k]:g}_percent", unit="N", parts=rises[: k + 1]))
+            found.append(Reported(name=f"rotors.thrust_at_{100 * KNOTS[k]:g}_percent", unit="N", parts=rises[: k + 1]))
         elif each.name.startswith("base.second_moment."):
             axis = each.name[-1]
             parts = tuple(f"base.second_moment.{other}" for other in "xyz" if other != axis)
-            told.append(Reported(name=f"base.inertia.{axis}{axis}", unit="kg m^2", parts=parts))
+            found.append(Reported(name=f"base.inertia.{axis}{axis}", unit="kg m^2", parts=parts))
         else:
-            told.append(Reported(name=each.name, unit=each.unit, parts=(each.name,)))
-    return told
+            found.append(Reported(name=each.name, unit=each.unit, parts=(each.name,)))
+    return found
 
 
 def second_moments(base: Body) -> tuple[float, float, float]:

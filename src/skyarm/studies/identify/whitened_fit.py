@@ -145,7 +145,7 @@ def jackknife_scores(slope: Array, error: Array, curvature: Array, blocks: int) 
 
     A fit comes closest to the blocks that tell most, so that their own residuals are too small: of the block b,
     with G_b = S_b^T S_b of its slopes and A the inverse of the whole, (I - G_b A)^-1 S_b^T e_b is the score of what
-    the other blocks foretell (Bell and McCaffrey 2002).
+    the other blocks predict (Bell and McCaffrey 2002).
 
     Args:
         slope: (N, rows, P) of the whitened errors.
