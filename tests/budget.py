@@ -3,6 +3,8 @@
     pytest -m "not attack and not digests and not site" --junitxml=all.xml    # nothing else beside it on the machine
     python tests/budget.py all.xml --seconds 300
 
+A report of some files chooses among their cases only, and leaves what the table says of others.
+
 A case is nightly, as if it were marked ``thorough``, if it is slow and another case of its function, or of its file, is
 left. What ``ALWAYS`` names is left whatever it takes. The limit is of both cores together.
 """
@@ -90,7 +92,9 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=300.0, help="of all processes together")
     given = parser.parse_args()
     times = measured(given.report)
-    table = written(times, chosen(times, given.seconds))
+    before = json.loads(BUDGET.read_text("utf-8"))
+    kept = {file: each for file, each in before.items() if (BUDGET.parents[1] / file).is_file()}
+    table = dict(sorted({**kept, **written(times, chosen(times, given.seconds))}.items()))
     BUDGET.write_text(json.dumps(table, indent=1) + "\n", "utf-8")
     total = sum(each["seconds"] for each in table.values())
     print(
