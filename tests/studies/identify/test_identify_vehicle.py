@@ -17,6 +17,7 @@ from skyarm.sensing.channel import Channel as Errors
 from skyarm.sensing.sensor_kinds import Imu
 from skyarm.studies.identify.identified_parts import vehicle_with
 from skyarm.studies.identify.identify_vehicle import NOT_SHOWN, condition_on_start, identify_vehicle
+from skyarm.studies.identify.information import expected_numbers
 from skyarm.studies.identify.motion_model import Stretch
 from skyarm.studies.identify.stretches import stretches_of
 from skyarm.studies.identify.unknowns import reported_of, second_moments, unknowns_of
@@ -143,6 +144,36 @@ def test_what_a_flight_does_not_show_is_said_and_stays(flight, found):
     for number in (*found.numbers, *held.numbers):
         assert number.low < number.value < number.high
         assert bool(number.reason) == (number.data_share < 0.5)
+
+
+def test_the_accuracy_that_a_flight_allows_is_expected_before_the_search(flight, found):
+    """Excited are the numbers that the search finds, within half and twice their intervals, but for a few."""
+    expected = expected_numbers(stretches_of(flight, START), START)
+    assert [each.name for each in expected] == [each.name for each in found.numbers]
+    agreed = [a.is_excited == b.is_known for a, b in zip(expected, found.numbers, strict=True)]
+    assert np.mean(agreed) > 0.95
+    ratios = [2.0 * a.half_width / (b.high - b.low) for a, b in zip(expected, found.numbers, strict=True)]
+    assert 0.7 < np.median(ratios) < 1.6
+    inertia = next(each for each in expected if each.name == "base.inertia.xx")
+    assert inertia.start == pytest.approx(START.base.inertia.xx)
+    assert inertia.title == "roll inertia"
+    assert inertia.verdict == f"excited (± {100.0 * inertia.half_width / inertia.start:.2g} %)"
+
+
+def test_hover_shows_thrust_and_no_inertia(flight):
+    """Even commands and a body that only trembles by the sensors' noise."""
+    (stretch,) = stretches_of(flight.section(2.0, 6.0), START)
+    noise, hover = np.random.default_rng(1), np.sqrt(9.81 * START.mass / 4.0 / START.rotors[0].thrust_coefficient)
+    still = dataclasses.replace(
+        stretch,
+        commands=np.full_like(stretch.commands, hover),
+        rate=noise.normal(scale=NOISE, size=stretch.rate.shape),
+        specific_force=noise.normal([0.0, 0.0, 9.81], 10.0 * NOISE, stretch.specific_force.shape),
+    )
+    expected = {each.name: each for each in expected_numbers([still], START)}
+    assert expected["rotors.thrust_coefficient"].verdict.startswith("excited (± ")
+    for name in ("base.inertia.xx", "base.inertia.yy", "base.inertia.zz", "rotors.time_constant_up", "delay"):
+        assert expected[name].verdict == "not in this flight"
 
 
 def test_correlations_are_told(found):

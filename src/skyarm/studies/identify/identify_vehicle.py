@@ -127,51 +127,18 @@ def identify_vehicle(
     Raises:
         ValueError: one line: flights that do not fit the vehicle, or nothing to identify, or SciPy is missing.
     """
-    _check(stretches, start)
-    if driven is None:
-        driven = [any(bool(np.any(each.efforts[:, i])) for each in stretches) for i in range(start.n)]
-    if velocity is None:
-        velocity = any(bool(np.any(each.velocity)) for each in stretches)
-    if voltage is None:
-        voltage = any(bool(np.ptp(each.voltage) > 0.0) for each in stretches)
-    known = dict(known or {})
-    every = unknowns_of(start, curve=curve, velocity=velocity, voltage=voltage, driven=driven)
-    for name in known:
-        if name not in {each.name for each in every}:
-            raise ValueError(f"known.{name}: must be one of {', '.join(each.name for each in every)}")
-    unknowns = [each for each in every if each.name not in known]
-    memos = [Memo() for _ in stretches]
-
-    def numbers_of(searched: Array) -> dict[str, float]:
-        return {**known, **{each.name: each.value(x) for each, x in zip(unknowns, searched.tolist(), strict=True)}}
-
-    def errors(searched: Array) -> list[Array]:
-        numbers = numbers_of(searched)
-        vehicle, about = vehicle_with(start, numbers), surroundings_with(numbers)
-        return [
-            prediction_errors(vehicle, about, each, driven, memo) for each, memo in zip(stretches, memos, strict=True)
-        ]
-
-    begin = np.array([each.begin for each in unknowns])
-    prior = np.array([each.spread for each in unknowns])
-    found = fit_prediction(
-        errors,
-        begin,
-        prior,
-        np.array([each.step for each in unknowns]),
-        round(BLOCK / stretches[0].period),
-        [each.used for each in stretches],
-        progress,
-    )
-    scale = _scale(found, unknowns, reported_of(every), known)
-    numbers, correlation = _identified_numbers(found, scale, prior, stretches[0].period)
-    inside = {each.name for each in unknowns if each.in_vehicle}
-    replaced = [all(part in inside or part in known for part in each.parts) for each in scale.reported]
-    before = scale.rows**2 @ prior**2
+    search = search_of(stretches, start, curve=curve, driven=driven, velocity=velocity, voltage=voltage, known=known)
+    found = fit_prediction(search.errors, search.begin, search.prior, search.steps, search.block, search.used, progress)
+    scale = _scale(found, search)
+    numbers, correlation = _identified_numbers(found, scale, search.prior, stretches[0].period)
+    inside = {each.name for each in search.unknowns if each.in_vehicle}
+    replaced = [all(part in inside or part in search.known for part in each.parts) for each in scale.reported]
+    before = scale.rows**2 @ search.prior**2
     values = condition_on_start(found.values, found.curvature, scale.rows, scale.off, before, replaced)
+    driven = search.driven
     rows = ["specific_force.x", "specific_force.y", "specific_force.z", "rate.x", "rate.y", "rate.z"]
     rows += [f"{link.joint.name}.rate" for link, moves in zip(start.links, driven, strict=True) if moves]
-    plain = numbers_of(values)
+    plain = search.numbers(values)
     return Identified(
         numbers=numbers,
         correlation=correlation,
@@ -183,6 +150,102 @@ def identify_vehicle(
         seconds=sum(float(each.used.sum()) * each.period for each in stretches),
         searched=plain,
     )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Search:
+    """Numbers that flights may show, and the errors of the model's prediction as a function of them.
+
+    Attributes:
+        unknowns: searched numbers, P of them. reported: numbers that an estimate of them gives.
+        known: numbers that are not searched, by name. driven: of each joint, whether its torque is commanded.
+        errors: searched values (P,) -> of each stretch (N, rows).
+        block: periods of a block of scores. used: of each stretch (N,), which periods count.
+    """
+
+    unknowns: Sequence[Unknown]
+    reported: Sequence[Reported]
+    known: Mapping[str, float]
+    driven: Sequence[bool]
+    errors: Callable[[Array], list[Array]]
+    block: int
+    used: Sequence[npt.NDArray[np.bool_]]
+
+    @property
+    def begin(self) -> Array:
+        """Values (P,) of the start vehicle, on the scale of the search."""
+        return np.array([each.begin for each in self.unknowns])
+
+    @property
+    def prior(self) -> Array:
+        """Standard deviations (P,) of what is known before."""
+        return np.array([each.spread for each in self.unknowns])
+
+    @property
+    def steps(self) -> Array:
+        """Differences (P,) for slopes."""
+        return np.array([each.step for each in self.unknowns])
+
+    def numbers(self, searched: Array) -> dict[str, float]:
+        """Numbers by name from searched values (P,), with those that are not searched."""
+        return _numbers_of(self.unknowns, self.known, searched)
+
+
+def search_of(
+    stretches: Sequence[Stretch],
+    start: Vehicle,
+    *,
+    curve: bool = False,
+    driven: Sequence[bool] | None = None,
+    velocity: bool | None = None,
+    voltage: bool | None = None,
+    known: Mapping[str, float] | None = None,
+) -> Search:
+    """Search for the numbers of a vehicle in measured flights; the arguments are those of :func:`identify_vehicle`.
+
+    Raises:
+        ValueError: one line: flights that do not fit the vehicle, or nothing to identify.
+    """
+    _check(stretches, start)
+    moved = [any(bool(np.any(each.efforts[:, i])) for each in stretches) for i in range(start.n)]
+    driven = moved if driven is None else driven
+    if velocity is None:
+        velocity = any(bool(np.any(each.velocity)) for each in stretches)
+    if voltage is None:
+        voltage = any(bool(np.ptp(each.voltage) > 0.0) for each in stretches)
+    fixed = dict(known or {})
+    every = unknowns_of(start, curve=curve, velocity=velocity, voltage=voltage, driven=driven)
+    for name in fixed:
+        if name not in {each.name for each in every}:
+            raise ValueError(f"known.{name}: must be one of {', '.join(each.name for each in every)}")
+    unknowns = [each for each in every if each.name not in fixed]
+    memos = [Memo() for _ in stretches]
+
+    def errors(searched: Array) -> list[Array]:
+        numbers = _numbers_of(unknowns, fixed, searched)
+        vehicle, about = vehicle_with(start, numbers), surroundings_with(numbers)
+        return [
+            prediction_errors(vehicle, about, each, driven, memo) for each, memo in zip(stretches, memos, strict=True)
+        ]
+
+    return Search(
+        unknowns=unknowns,
+        reported=reported_of(every),
+        known=fixed,
+        driven=driven,
+        errors=errors,
+        block=round(BLOCK / stretches[0].period),
+        used=[each.used for each in stretches],
+    )
+
+
+def _numbers_of(unknowns: Sequence[Unknown], known: Mapping[str, float], searched: Array) -> dict[str, float]:
+    return {**known, **{each.name: each.value(x) for each, x in zip(unknowns, searched.tolist(), strict=True)}}
+
+
+def intervals_at(found: PredictionFit, search: Search, period: float) -> tuple[IdentifiedNumber, ...]:
+    """Numbers with their intervals at an estimate, from flights of some period (s)."""
+    return _identified_numbers(found, _scale(found, search), search.prior, period)[0]
 
 
 def _check(stretches: Sequence[Stretch], start: Vehicle) -> None:
@@ -228,12 +291,11 @@ class Scale:
         return np.where(self.positive, np.log(ratio), self.starts - self.values)
 
 
-def _scale(
-    found: PredictionFit, unknowns: Sequence[Unknown], reported: Sequence[Reported], known: Mapping[str, float]
-) -> Scale:
+def _scale(found: PredictionFit, search: Search) -> Scale:
     """Linearise the reported numbers in the searched ones."""
+    unknowns, known = search.unknowns, search.known
     place = {each.name: i for i, each in enumerate(unknowns)}
-    kept = [each for each in reported if any(part in place for part in each.parts)]
+    kept = [each for each in search.reported if any(part in place for part in each.parts)]
     values, starts, positive = np.zeros(len(kept)), np.zeros(len(kept)), np.zeros(len(kept), dtype=bool)
     rows = np.zeros((len(kept), len(unknowns)))
     for k, each in enumerate(kept):

@@ -101,7 +101,7 @@ def fit_prediction(
         used: of each stretch (N,), which rows count; all by default.
         progress: called with one line a step of the search.
     """
-    _, student = scipy_parts()
+    scipy_parts()
     values, known = start.copy(), np.diag(prior**-2.0)
     found = errors(values)
     counted = _counted_rows(found, used)
@@ -113,7 +113,7 @@ def fit_prediction(
         for step in range(STEPS if turn else FIRST):
             if progress is not None:
                 progress(f"turn {turn + 1} of at most {TURNS}, step {step + 1}")
-            flat, slope = _slopes(errors, values, noise.apply(found), steps, noise)
+            flat, slope = _whitened(noise, found, _differences(errors, values, found, steps))
             information = slope.T @ slope + known
             uphill = slope.T @ flat + known @ (values - start)
             trial, there, below, trust = _step(errors, noise, values, start, prior, information, uphill, trust, cost)
@@ -126,7 +126,68 @@ def fit_prediction(
         if turn > 0 and moved.max() < SETTLED:
             settled = True
             break
-    flat, slope = _slopes(errors, values, noise.apply(found), steps, noise)
+    flat, slope = _whitened(noise, found, _differences(errors, values, found, steps))
+    return _fit_at(values, found, noise, flat, slope, prior, block, settled=settled)
+
+
+def expected_fit(
+    errors: Errors,
+    start: Array,
+    prior: Array,
+    steps: Array,
+    block: int,
+    used: Sequence[npt.NDArray[np.bool_]] = (),
+) -> PredictionFit:
+    """Fit of the errors' linear model at the start: which accuracy a search may reach, at the cost of one step of it.
+
+    Args:
+        errors: of a prediction.
+        start: (P,) numbers that the errors are linearised at, and the prior's mean.
+        prior: (P,) standard deviations of what is known before.
+        steps: (P,) of the differences.
+        block: rows of a block of scores.
+        used: of each stretch (N,), which rows count; all by default.
+    """
+    scipy_parts()
+    values, known = start.copy(), np.diag(prior**-2.0)
+    first = errors(values)
+    raw = _differences(errors, values, first, steps)
+    found, weights = first, None
+    counted = _counted_rows(first, used)
+    settled = False
+    for _ in range(TURNS):
+        noise = _noise(found, counted, weights)
+        flat, slope = _whitened(noise, found, raw)
+        information = slope.T @ slope + known
+        change = np.linalg.solve(information, slope.T @ flat + known @ (values - start))
+        values = values - change
+        found = [
+            each + np.tensordot(values - start, part, axes=1)
+            for each, part in zip(first, (np.stack(rows) for rows in zip(*raw, strict=True)), strict=True)
+        ]
+        weights = noise.weights
+        if (np.abs(change) < SETTLED * np.sqrt(np.diag(np.linalg.inv(information)))).all():
+            settled = True
+            break
+    noise = _noise(found, counted, weights)
+    flat, slope = _whitened(noise, found, raw)
+    return _fit_at(values, found, noise, flat, slope, prior, block, settled=settled)
+
+
+def _fit_at(
+    values: Array,
+    found: Sequence[Array],
+    noise: Whitening,
+    flat: Array,
+    slope: Array,
+    prior: Array,
+    block: int,
+    *,
+    settled: bool,
+) -> PredictionFit:
+    """Fit that rests at some numbers, with the covariance by whitened errors and slopes there."""
+    _, student = scipy_parts()
+    known = np.diag(prior**-2.0)
     curvature = np.asarray(np.linalg.inv(slope.T @ slope + known))
     rows = len(noise.scales)
     white = flat.reshape(-1, rows)
@@ -223,12 +284,20 @@ def _cost(white: Array, off: Array) -> float:
     return float((white**2).sum() + (off**2).sum())
 
 
-def _slopes(errors: Errors, values: Array, white: Array, steps: Array, noise: Whitening) -> tuple[Array, Array]:
-    """Whitened, weighted errors as one column, and their slopes by forward differences."""
-    flat = white.ravel()
-    slope = np.empty((len(flat), len(values)))
+def _differences(errors: Errors, values: Array, found: Sequence[Array], steps: Array) -> list[list[Array]]:
+    """Slopes of the errors by forward differences: for each number, for each stretch (N, rows)."""
+    slopes = []
     for i, step in enumerate(steps):
         moved = values.copy()
         moved[i] += step
-        slope[:, i] = (noise.apply(errors(moved)).ravel() - flat) / step
+        slopes.append([(after - before) / step for after, before in zip(errors(moved), found, strict=True)])
+    return slopes
+
+
+def _whitened(noise: Whitening, found: Sequence[Array], slopes: Sequence[Sequence[Array]]) -> tuple[Array, Array]:
+    """Whitened, weighted errors as one column, and their slopes (all rows, numbers)."""
+    flat = noise.apply(found).ravel()
+    slope = np.empty((len(flat), len(slopes)))
+    for i, each in enumerate(slopes):
+        slope[:, i] = noise.apply(each).ravel()
     return flat, slope

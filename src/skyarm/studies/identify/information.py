@@ -1,0 +1,127 @@
+"""Information of a measured flight: how accurately an identification could find each number of a vehicle.
+
+The prediction's errors are linearised at the start vehicle; the linear fit's noise, scores and information, with what
+is known before, give the interval that the whole search would give (Fisher information; Ljung, System Identification,
+1999, 13.3). A number whose interval the flight hardly narrows is not excited.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from skyarm.studies.identify.identify_vehicle import SHOWN, intervals_at, search_of
+from skyarm.studies.identify.motion_model import Stretch
+from skyarm.studies.identify.prediction_error import expected_fit
+from skyarm.vehicle.vehicle_records import Vehicle
+
+NOT_EXCITED = "not in this flight"
+"""Words for a number of which a flight gives less than half of the information."""
+
+TITLES: Mapping[str, str] = {
+    "rotors.thrust_coefficient": "thrust coefficient",
+    "rotors.moment_coefficient": "torque over thrust of a rotor",
+    "rotors.time_constant_up": "time constant of a rotor, rising",
+    "rotors.time_constant_down": "time constant of a rotor, falling",
+    "rotors.inertia": "inertia of a rotor",
+    "rotors.drag_coefficient": "rotor drag",
+    "drag.area.x": "body drag along x",
+    "drag.area.y": "body drag along y",
+    "drag.area.z": "body drag along z",
+    "base.inertia.xx": "roll inertia",
+    "base.inertia.yy": "pitch inertia",
+    "base.inertia.zz": "yaw inertia",
+    "base.inertia.xy": "product of inertia xy",
+    "base.inertia.xz": "product of inertia xz",
+    "base.inertia.yz": "product of inertia yz",
+    "base.com.x": "centre of mass along x",
+    "base.com.y": "centre of mass along y",
+    "base.com.z": "centre of mass along z",
+    "delay": "dead time of the rotor commands",
+    "joint_delay": "dead time of the joint torques",
+    "accelerometer_delay": "delay of the accelerometer behind the gyro",
+    "sag": "exponent of the thrust over the voltage",
+    "drift": "drift of the thrust",
+    **{f"place.{axis}": f"place of the IMU along {axis}" for axis in "xyz"},
+    **{f"offset.{axis}": f"offset of the accelerometer along {axis}" for axis in "xyz"},
+    **{f"torque.{axis}": f"constant torque about {axis}" for axis in "xyz"},
+}
+"""Name of a number -> words."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ExpectedNumber:
+    """Accuracy that a flight allows for a number of a vehicle.
+
+    Attributes:
+        name: as a vehicle file has it, or of the surroundings.
+        unit: SI.
+        start: value of the start vehicle.
+        half_width: of the expected 95 % interval, in the unit.
+        relative: of a positive number, the same over the number; else 0.
+        data_share: share of its information that the flight gives, 0 to 1.
+    """
+
+    name: str
+    unit: str
+    start: float
+    half_width: float
+    relative: float
+    data_share: float
+
+    @property
+    def is_excited(self) -> bool:
+        """True if the flight gives at least half of the information."""
+        return self.data_share >= SHOWN
+
+    @property
+    def title(self) -> str:
+        """Number in words."""
+        return TITLES.get(self.name, self.name)
+
+    @property
+    def verdict(self) -> str:
+        """Words: excited, with the expected accuracy, or not in this flight."""
+        if not self.is_excited:
+            return NOT_EXCITED
+        width = f"{100.0 * self.relative:.2g} %" if self.relative else f"{self.half_width:.2g} {self.unit}".rstrip()
+        return f"excited (± {width})"
+
+
+def expected_numbers(
+    stretches: Sequence[Stretch],
+    start: Vehicle,
+    *,
+    curve: bool = False,
+    driven: Sequence[bool] | None = None,
+    velocity: bool | None = None,
+    voltage: bool | None = None,
+    known: Mapping[str, float] | None = None,
+) -> tuple[ExpectedNumber, ...]:
+    """Accuracy that flights allow for each number of a vehicle, without the search for the numbers.
+
+    It takes about as long as one step of :func:`skyarm.studies.identify.identify_vehicle.identify_vehicle`, whose
+    arguments these are.
+
+    Raises:
+        ValueError: one line: flights that do not fit the vehicle, or nothing to identify, or SciPy is missing.
+    """
+    search = search_of(stretches, start, curve=curve, driven=driven, velocity=velocity, voltage=voltage, known=known)
+    fit = expected_fit(search.errors, search.begin, search.prior, search.steps, search.block, search.used)
+    logarithmic = {each.name for each in search.unknowns if each.positive}
+    positive = {each.name for each in search.reported if logarithmic.intersection(each.parts)}
+    found = []
+    for each in intervals_at(fit, search, stretches[0].period):
+        share = 0.5 * math.log(each.high / each.low) if each.name in positive else 0.0
+        found.append(
+            ExpectedNumber(
+                name=each.name,
+                unit=each.unit,
+                start=each.start,
+                half_width=share * each.start if share else 0.5 * (each.high - each.low),
+                relative=share,
+                data_share=each.data_share,
+            )
+        )
+    return tuple(found)
