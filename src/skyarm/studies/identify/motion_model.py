@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -182,8 +182,8 @@ def predict(
     accelerations = _acceleration_under(
         vehicle, about, stretch, turning, slice(None), w, Vec3(*stretch.velocity.T), driven
     )
-    _, angular, rows = accelerations(turning.gains)
-    linear, turned, _ = accelerations(turning.sampled_gains)
+    both = accelerations([np.stack(each) for each in zip(turning.gains, turning.sampled_gains, strict=True)])
+    (_, angular, rows), (linear, turned, _) = ([_row(each, i) for each in both] for i in range(2))
     place = Vec3(*about.place)
     felt = linear + turned.cross(place) + w.cross(w.cross(place)) + Vec3(*about.offset)
     zero = np.zeros(stretch.size)
@@ -191,6 +191,12 @@ def predict(
     if about.accelerometer_delay:
         found[:, :3] = _later(found[:, :3], about.accelerometer_delay / stretch.period)
     return found
+
+
+def _row(found: Vec3 | Sequence[Array], i: int) -> Any:
+    """Accelerations under the gains of one row."""
+    rows = [each[i] if np.ndim(each) > 1 else each for each in found]
+    return Vec3(*rows) if isinstance(found, Vec3) else rows
 
 
 def base_acceleration(
@@ -225,7 +231,7 @@ def _acceleration_under(
     velocity: Vec3,
     driven: Sequence[bool],
 ) -> Callable[[Sequence[Array]], tuple[Vec3, Vec3, Sequence[Array]]]:
-    """Function from the rotors' gains to the accelerations of base and driven joints in some periods."""
+    """Function from the rotors' gains, (..., K) each, to the accelerations of base and driven joints in K periods."""
     q, qd = (tuple((0.5 * (rows[1:][place] + rows[:-1][place])).T) for rows in (stretch.joints, stretch.joint_rates))
     since = stretch.period * np.arange(stretch.size)[place]
     scale = stretch.voltage[place] ** about.sag * (1.0 + about.drift * since)
@@ -336,8 +342,8 @@ def _with_given_joints(
     M = mass_matrix(vehicle, Mat3.identity(), joints)
     zero = np.zeros(size)
     left = np.stack([np.stack([zero + M[i][j] for j in free], axis=-1) for i in free], axis=-2)
-    found = np.linalg.solve(left, np.stack([zero + right[i] for i in free], axis=-1)[..., None])[..., 0]
-    rows = list(found.T)
+    found = np.linalg.solve(left, np.stack(np.broadcast_arrays(*(zero + right[i] for i in free)), axis=-1)[..., None])
+    rows = list(np.moveaxis(found[..., 0], -1, 0))
     return Vec3(*rows[:3]), Vec3(*rows[3:6]), rows[6:]
 
 

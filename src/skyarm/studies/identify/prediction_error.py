@@ -35,6 +35,9 @@ GAINED = 0.1
 OUTLIER = 3.0
 """Standard deviations beyond which an error counts by its size only, not by its square."""
 
+STALE = 2.0
+"""Standard deviations that a number may move before the slopes, which cost most of a fit, are taken anew."""
+
 Errors: TypeAlias = Callable[[Array], Sequence[Array]]
 """numbers (P,) -> for each stretch (N, rows): what the prediction leaves."""
 
@@ -107,21 +110,25 @@ def fit_prediction(
     counted = _counted_rows(found, used)
     noise = _noise(found, counted, None)
     settled = False
+    slopes, taken_at, deviation = _differences(errors, values, found, steps), values, np.zeros(len(values))
     for turn in range(TURNS):
         before = values
         trust, cost = 0.0, _cost(noise.apply(found), (values - start) / prior)
         for step in range(STEPS if turn else FIRST):
             if progress is not None:
                 progress(f"turn {turn + 1} of at most {TURNS}, step {step + 1}")
-            flat, slope = _whitened(noise, found, _differences(errors, values, found, steps))
+            if (np.abs(values - taken_at) > STALE * deviation).any():
+                slopes, taken_at = _differences(errors, values, found, steps), values
+            flat, slope = _whitened(noise, found, slopes)
             information = slope.T @ slope + known
+            deviation = np.sqrt(np.diag(np.linalg.inv(information)))
             uphill = slope.T @ flat + known @ (values - start)
             trial, there, below, trust = _step(errors, noise, values, start, prior, information, uphill, trust, cost)
             gained = cost - below
             values, found, cost = trial, there, below
             if gained < GAINED:
                 break
-        moved = np.abs(values - before) / np.sqrt(np.diag(np.linalg.inv(information)))
+        moved = np.abs(values - before) / deviation
         noise = _noise(found, counted, noise.weights)
         if turn > 0 and moved.max() < SETTLED:
             settled = True
