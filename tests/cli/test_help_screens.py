@@ -34,7 +34,7 @@ def test_the_help_of_a_command_is_one_screen_that_begins_with_its_sentence(comma
         (("run", "case3", "--seed", "x"), "--seed = 'x': must be a valid integer; see 'skyarm run --help'"),
         (("run", "case3", "--duration=a"), "--duration = 'a': must be a valid number; see 'skyarm run --help'"),
         (("run", "case3", "--seed"), "Option '--seed' requires an argument; see 'skyarm run --help'"),
-        (("identify", "a.csv"), "flight = 'a.csv': cannot be read back: suffix 'csv': must be one of npz, mcap"),
+        (("identify", "a.csv"), "flight = 'a.csv': no such file"),
     ],
 )
 def test_wrong_words_are_shown_with_what_is_allowed(words: tuple[str, ...], line: str) -> None:

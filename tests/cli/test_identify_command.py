@@ -55,7 +55,7 @@ def test_a_flight_says_its_delay_and_the_lines_to_paste():
 
 def test_a_log_of_another_program_needs_a_vehicle_and_is_told_what_its_delay_is():
     refused(skyarm("identify", "other.npz"), "--vehicle: is missing; the log does not say which vehicle flew")
-    done = skyarm("identify", "other.npz", "--vehicle", "hummingbird")
+    done = skyarm("identify", "other.npz", "--lags", "--vehicle", "hummingbird")
     assert "shows the sum of both only" in done.out
     assert "The log holds the true state" not in done.out
 
@@ -79,13 +79,15 @@ def test_a_flight_that_does_not_tell_ends_with_3():
     ("words", "message"),
     [
         (("none.npz",), "flight = 'none.npz': no such file"),
-        (("late.txt",), "flight = 'late.txt': suffix 'txt'"),
+        (("late.txt",), "flight = 'late.txt': no such file"),
         (("late.npz", "--begin", "1", "--end", "0.5"), "--end = 0.5: must be after --begin = 1"),
         (("late.npz", "--begin", "9"), "--begin = 9: nothing of the flight is left, whose times are 0 to"),
         (("late.npz", "--end", "0.5"), "time: 0.5 s are too short"),
-        (("late.npz", "--vehicle", "pelican_arm2"), "joints: the log has 0, vehicle 'pelican_arm2' 2"),
-        (("late.npz", "--vehicle", "tilted_hexarotor"), "rotor_commands: the log has 4"),
+        (("late.npz", "--lags", "--vehicle", "pelican_arm2"), "joints: the log has 0, vehicle 'pelican_arm2' 2"),
+        (("late.npz", "--lags", "--vehicle", "tilted_hexarotor"), "rotor_commands: the log has 4"),
         (("late.npz", "--gravity", "nan"), "--gravity = nan"),
+        (("late.npz", "--curve"), "--curve: must be left out without --vehicle, and with --lags"),
+        (("late.npz", "other.npz", "--lags"), "flights = 2: must be one with --lags"),
     ],
 )
 def test_what_cannot_be_is_one_line(words, message):

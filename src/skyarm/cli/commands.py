@@ -41,7 +41,7 @@ GROUPS: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "export": ("export_command:export", "Write a log, a law as C, or a vehicle as MJCF."),
     },
     "Laws and studies": {
-        "identify": ("identify_command:identify", "Identify delays and lags of a vehicle from a log."),
+        "identify": ("identify_command:identify", "Identify a vehicle, or delays and lags, from flights."),
         "margins": ("margins_command:margins", "Linearise the closed loop: eigenvalues, margins."),
         "tune": ("tune_command:tune", "Tune a law's gains for a vehicle; write the Pareto front."),
         "compare": ("compare_command:compare", "Compare laws on a suite of trials, or on a scenario."),

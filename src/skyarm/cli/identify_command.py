@@ -1,142 +1,188 @@
-"""Command ``skyarm identify``: delays and lags of a vehicle from a flight log."""
+"""Command ``skyarm identify``: a vehicle from its measured flights, or delays and lags from a log."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import typer
 
+from skyarm.cli.identified_report import IDENTIFIED, VEHICLE, document_of, report_lines
+from skyarm.cli.lag_report import identify_lags
 from skyarm.cli.lines import NOT_COMPLETED, say
-from skyarm.cli.output import aligned_lines, bar, give, heading, plain, tell
-from skyarm.log.flight_log import Log, rows_of
-from skyarm.log.flown_scenario import written_part
-from skyarm.log.formats import load_log, require_readable
-from skyarm.records.files import number, output_file, printable, shown, taken_back, unreadable, write_atomically
-from skyarm.studies.identify.loop_lags import Estimated, Lag, LoopLags, lag_tables, loop_lags
+from skyarm.cli.output import Advance, bar, give, plain, tell, write_json
+from skyarm.flight_data.flight_data import FlightData, load_flight
+from skyarm.flight_data.own_log import is_own_mcap
+from skyarm.log.formats import require_readable
+from skyarm.records.files import (
+    number,
+    require_replaceable,
+    require_writable,
+    shown,
+    taken_back,
+    unreadable,
+    write_atomically,
+)
+from skyarm.records.registry import RegistryError
+from skyarm.studies.identify.identified_file import identified_file
+from skyarm.studies.identify.identify_vehicle import identify_vehicle
+from skyarm.studies.identify.stretches import stretches_of_flights
+from skyarm.studies.identify.unknowns import second_moments_of
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle
 
+TOTAL, VOLTAGE = "mass", "voltage"
+"""Known numbers that are none of the search: kg, of the whole vehicle; V, at which the start's thrust holds."""
+
+MOMENTS = ("base.inertia.xx", "base.inertia.yy", "base.inertia.zz")
+"""Known numbers that must be given together, as the search is for sums of them."""
+
 
 def identify(
-    flight: Annotated[str, typer.Argument(help="the log of a flight: .npz or .mcap")],
-    vehicle: Annotated[str | None, typer.Option(help="a vehicle; the one that the log's law believes in")] = None,
+    flights: Annotated[list[str], typer.Argument(metavar="FLIGHT...", help="logs of any format that is read")],
+    vehicle: Annotated[str | None, typer.Option(help="start: a file or name, as data sheet and drawing say")] = None,
+    columns: Annotated[str | None, typer.Option(metavar="FILE", help="what the columns of the flights mean")] = None,
+    known: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=VALUE", help="mass=0.034, voltage=4.2, a number of the table; repeat"),
+    ] = None,
+    curve: Annotated[bool, typer.Option("--curve", help="a thrust curve in place of one coefficient")] = False,
+    begin: Annotated[float | None, typer.Option(help="s, of the part of each flight that counts")] = None,
+    end: Annotated[float | None, typer.Option(help="s, of the part of each flight that counts")] = None,
+    lags: Annotated[bool, typer.Option("--lags", help="delays and lags of one log alone")] = False,
     gravity: Annotated[float | None, typer.Option(help="m/s^2; the log's, or 9.81")] = None,
-    begin: Annotated[float | None, typer.Option(help="s, of the part that is looked at")] = None,
-    end: Annotated[float | None, typer.Option(help="s, of the part that is looked at")] = None,
-    out: Annotated[str | None, typer.Option("--out", "-o", metavar="FILE", help="write the TOML lines there")] = None,
+    out: Annotated[
+        str | None, typer.Option("--out", "-o", help="folder of the vehicle file and all numbers; with --lags a file")
+    ] = None,
 ) -> None:
-    """Identify delays and lags of a vehicle from a log.
+    """Identify a vehicle, or delays and lags, from flights.
 
-    How late the rotors follow their commands, how late the joints: dead times and time constants, each with the
-    interval of 95 %, and the TOML lines to paste. Exit code 3 if the flight does not tell, as a calm hover.
+    Delays and lags: of one log of skyarm, without --vehicle. Exit code 3: the flights do not tell.
     """
-    require_readable(flight, "flight")
-    reason = unreadable(Path(flight))
-    if reason:
-        raise ValueError(f"flight = {shown(flight)}: {reason}")
-    with taken_back(*(() if out is None else (Path(out).parent,))):
-        _identify(flight, vehicle, gravity, begin, end, out)
-
-
-def _identify(
-    flight: str, vehicle: str | None, gravity: float | None, begin: float | None, end: float | None, out: str | None
-) -> None:
-    """Identify delays and lags of a readable flight log, print them and write the TOML lines."""
-    written = None if out is None else output_file(out, "--out")
-    log = _part(load_log(flight), begin, end)
-    believed, felt, stated = _nominal_model(log, vehicle, gravity)
-    with bar(f"{Path(flight).name}: delays and lags"):
-        found = loop_lags(log, believed, felt)
-    lags = [*([found.rotors] if found.rotors else []), *found.joints]
-    tables = lag_tables(found, measured=stated["measurement"] or 0.0)
-    tell(
-        heading(f"{Path(flight).name}: {found.seconds:g} s, vehicle {believed.name}"),
-        *aligned_lines([HEADS, *map(_row, lags)]),
-        *_notes(found, lags, stated),
-    )
-    if tables:
-        tell(f"\n{tables}")
-    if written is not None and tables:
-        write_atomically(written, tables.encode())
-    known = any(each.is_known for each in lags)
-    give(
-        plain(found),
-        vehicle=believed.name,
-        stated=stated,
-        tables=tables,
-        file=written if tables else None,
-    )
-    if not known:
-        say("the flight does not tell: fly with more motion, or longer")
+    if lags or (vehicle is None and len(flights) == 1 and _is_own_log(Path(flights[0]))):
+        without = {"--columns": columns, "--known": known, "--curve": curve or None}
+        for option, value in without.items():
+            if value is not None:
+                raise ValueError(f"{option}: must be left out without --vehicle, and with --lags")
+        if len(flights) > 1:
+            raise ValueError(f"flights = {len(flights)}: must be one with --lags")
+        identify_lags(flights[0], vehicle, gravity, begin, end, out)
+        return
+    for flight in flights:
+        reason = "" if Path(flight).is_dir() else unreadable(Path(flight))
+        if reason:
+            raise ValueError(f"flight = {shown(flight)}: {reason}")
+    if vehicle is None:
+        raise ValueError("--vehicle: is missing: must be the vehicle as its data sheet and drawing say")
+    start, given = known_numbers(load_vehicle(vehicle), known or ())
+    full, sections = given.pop(VOLTAGE, 0.0), _sections(begin, end)
+    folder = None if out is None else Path(out)
+    with taken_back(*(() if folder is None else (folder,))), bar(f"identify {start.name}") as advance:
+        if folder is not None:
+            require_writable(folder)
+            require_replaceable(folder / VEHICLE, folder / IDENTIFIED)
+        read = _read(flights, columns, advance)
+        advance(last="cut into stretches")
+        stretches = stretches_of_flights(read, start, full_voltage=full, sections=sections)
+        found = identify_vehicle(
+            [each for part in stretches for each in part],
+            start,
+            curve=curve,
+            known=given,
+            progress=lambda words: advance(last=words),
+        )
+        document = document_of(found, start, read, given)
+        text = identified_file(found, start, [Path(each.file).name for each in read], given)
+    tell(*report_lines(found, start, read))
+    shows = any(each.is_known for each in found.numbers)
+    written = dict[str, Path]()
+    if folder is not None and shows:
+        written["vehicle"] = write_atomically(folder / VEHICLE, text.encode())
+        written["numbers"] = write_json(folder / IDENTIFIED, document)
+        tell(f"written: {', '.join(map(str, written.values()))}", f"next: skyarm check {written['vehicle']}")
+    give(plain(document), files=written)
+    if not found.settled:
+        say(
+            "the search did not settle: do not rely on these numbers; give known ones (--known) or fly with more motion"
+        )
+    if not shows:
+        say("the flights show none of these numbers: fly with more motion, or longer")
+    if not (found.settled and shows):
         raise typer.Exit(NOT_COMPLETED)
 
 
-HEADS = ("", "delay and lag", "delay", "up", "down", "over believed", "explained")
+def _is_own_log(path: Path) -> bool:
+    """True for the log of a simulated flight, by its name and, of an MCAP file, its content."""
+    if path.suffix == ".mcap" and path.is_file():
+        return is_own_mcap(path)
+    try:
+        require_readable(path)
+    except RegistryError:
+        return False
+    return True
 
 
-def _part(log: Log, begin: float | None, end: float | None) -> Log:
-    """Return the part of a log between two times, s."""
-    for option, value in (("--begin", begin), ("--end", end)):
-        if value is not None:
-            number(value, option, low=0.0)
-    low, high = 0.0 if begin is None else begin, math.inf if end is None else end
-    if not low < high:
-        raise ValueError(f"--end = {end:g}: must be after --begin = {low:g}")
+def _sections(begin: float | None, end: float | None) -> tuple[tuple[float, float], ...]:
+    """Part of each flight that counts, s; none for all in which the vehicle flies."""
     if begin is None and end is None:
-        return log
-    inside = np.flatnonzero((log.time >= low) & (log.time <= high))
-    if not len(inside):
-        told = "--end" if begin is None else "--begin"
-        value, first, last = high if begin is None else low, float(log.time[0]), float(log.time[-1])
-        raise ValueError(f"{told} = {value:g}: nothing of the flight is left, whose times are {first:g} to {last:g} s")
-    return rows_of(log, slice(int(inside[0]), int(inside[-1]) + 1))
+        return ()
+    low = 0.0 if begin is None else number(begin, "--begin", low=0.0)
+    high = math.inf if end is None else number(end, "--end", low=0.0)
+    if not low < high:
+        raise ValueError(f"--end = {high:g}: must be after --begin = {low:g}")
+    return ((low, high),)
 
 
-def _nominal_model(
-    log: Log, vehicle: str | None, gravity: float | None
-) -> tuple[Vehicle, float, dict[str, float | None]]:
-    """Return vehicle, gravity and the stated delays (s) against which delays and lags are identified."""
-    record = log.info.get("scenario_record")
-    delays = written_part(log.info, "agent", "delays") or {}
-    stated = {name: float(delays[name]) if name in delays else None for name in ("command", "measurement")}
-    felt = 9.81 if gravity is None else number(gravity, "--gravity", low=0.0)
-    if vehicle is not None:
-        return load_vehicle(vehicle), felt, stated
-    if not record:
-        raise ValueError("--vehicle: is missing; the log does not say which vehicle flew")
-    model = log.scenario.controller.par.model
-    return model.vehicle, float(model.gravity) if gravity is None else felt, stated
+def _read(files: Sequence[str], columns: str | None, advance: Advance) -> list[FlightData]:
+    """Read all flights; their names differ."""
+    found = list[FlightData]()
+    for i, file in enumerate(files):
+        advance(i, len(files), f"read {Path(file).name}")
+        found.append(load_flight(file, columns))
+    advance()
+    return found
 
 
-def _row(lag: Lag) -> tuple[str, ...]:
-    if not lag.is_known:
-        return (lag.name, "not known", "", "", "", "", f"{lag.explained:.0%}")
-    factors = " ".join(f"{each:.2f}" for each in dict.fromkeys(lag.factor) if not math.isnan(each))
-    cells = (_cell(each) for each in (lag.together, lag.delay, lag.up, lag.down))
-    return (lag.name, *cells, factors or "-", f"{lag.explained:.0%}")
+def known_numbers(start: Vehicle, words: Sequence[str]) -> tuple[Vehicle, dict[str, float]]:
+    """Start vehicle and numbers by name of the unknown, from words such as ``mass=0.034``.
 
+    The total mass becomes that of the start vehicle, by its base. The three moments of inertia of the base become the
+    second moments of mass that are searched.
 
-def _cell(found: Estimated) -> str:
-    """Format an identified time in milliseconds with its 95 % confidence interval."""
-    return f"{1e3 * found.value:.1f} ({1e3 * found.low:.1f}-{1e3 * found.high:.1f})"
-
-
-def _notes(found: LoopLags, lags: list[Lag], stated: dict[str, float | None]) -> list[str]:
-    """Notes on how to read the identified delays and lags."""
-    lines = ["ms, with the interval of 95 %; 'delay and lag': both together, as a small swing meets them."]
-    lines += [f"{each.name}: not known: {each.reason}" for each in lags if not each.is_known]
-    lines += [f"{name}: not asked: {reason}" for name, reason in found.left_out.items()]
-    vague = [each.name for each in lags if each.is_known and not each.apart and each.together.low > 0.0]
-    if vague:
-        who = ", ".join(vague)
-        lines.append(f"{who}: delay and lag cannot be told apart in this flight; trust what they are together")
-    if stated["command"] is None:
-        lines.append("The delay runs from a command to the logged rates: if the log holds them as they were received,")
-        lines.append("their age is in it, and what passes through the loop shows the sum of both only.")
-    else:
-        told = ", ".join(f"{name} {1e3 * (value or 0.0):g} ms" for name, value in stated.items())
-        lines.append(f"The log holds the true state: delays are of commands alone. The scenario states: {told}.")
-    return [printable(line) for line in lines]
+    Raises:
+        ValueError: one line with the option, the value and what is allowed.
+    """
+    given = dict[str, float]()
+    for each in words:
+        name, equals, text = (part.strip() for part in each.partition("="))
+        if not (name and equals and text):
+            raise ValueError(f"--known = {shown(each)}: must be NAME=VALUE, such as mass=0.034")
+        if name in given:
+            raise ValueError(f"--known {name}: must be given once")
+        try:
+            value = float(text)
+        except ValueError:
+            raise ValueError(f"--known {name} = {shown(text)}: must be a number") from None
+        given[name] = number(value, f"--known {name}")
+    total = given.pop(TOTAL, None)
+    if total is not None:
+        carried = float(start.mass) - float(start.base.mass)
+        number(total - carried, f"--known {TOTAL}, less {carried:g} kg of the links", low=0.0, strict=True)
+        start = dataclasses.replace(start, base=dataclasses.replace(start.base, mass=total - carried))
+    if VOLTAGE in given:
+        number(given[VOLTAGE], f"--known {VOLTAGE}", low=0.0, strict=True)
+    stated = [name for name in MOMENTS if name in given]
+    if stated:
+        missing = [name for name in MOMENTS if name not in given]
+        if missing:
+            raise ValueError(f"--known {missing[0]}: is missing: {', '.join(MOMENTS)} must be given together")
+        moments = [number(given.pop(name), f"--known {name}", low=0.0, strict=True) for name in MOMENTS]
+        for name, axis, moment, second in zip(MOMENTS, "xyz", moments, second_moments_of(*moments), strict=True):
+            if not second > 0.0:
+                others = sum(moments) - moment
+                raise ValueError(f"--known {name} = {moment:g}: must be below the sum of the other two, {others:g}")
+            given[f"base.second_moment.{axis}"] = second
+    return start, given

@@ -193,7 +193,7 @@ def test_a_known_number_is_not_searched(flight):
     assert "delay" not in [each.name for each in found.numbers]
     assert found.surroundings.delay == DELAY
     assert found.vehicle.rotors[0].time_constant_up == 0.018
-    with pytest.raises(ValueError, match=r"^known.dealy: must be one of .*delay"):
+    with pytest.raises(ValueError, match=r"^known.dealy: did you mean 'delay'. must be one of .*"):
         identify_vehicle(flown, START, known={"dealy": 0.0})
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TypeAlias
@@ -9,6 +10,7 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.records.files import must_be_one_of, number
 from skyarm.studies.identify.identified_parts import surroundings_with, vehicle_with
 from skyarm.studies.identify.motion_model import Memo, Stretch, Surroundings, prediction_errors
 from skyarm.studies.identify.prediction_error import ORDER, PredictionFit, fit_prediction
@@ -215,9 +217,11 @@ def search_of(
         voltage = any(bool(np.ptp(each.voltage) > 0.0) for each in stretches)
     fixed = dict(known or {})
     every = unknowns_of(start, curve=curve, velocity=velocity, voltage=voltage, driven=driven)
-    for name in fixed:
-        if name not in {each.name for each in every}:
-            raise ValueError(f"known.{name}: must be one of {', '.join(each.name for each in every)}")
+    positive = {each.name: each.positive for each in every}
+    for name, value in fixed.items():
+        if name not in positive:
+            raise ValueError(f"known.{name}: {must_be_one_of(positive, name)}")
+        number(value, f"known.{name}", low=0.0 if positive[name] else -math.inf, strict=positive[name])
     unknowns = [each for each in every if each.name not in fixed]
     memos = [Memo() for _ in stretches]
 

@@ -41,6 +41,9 @@ AIRBORNE, SETTLING = 0.5, 0.5
 SHORTEST = 1.0
 """s, of a stretch."""
 
+SAME = 1e-9
+"""Relative difference of periods that is rounding."""
+
 
 def stretches_of(
     flight: FlightData,
@@ -88,6 +91,33 @@ def stretches_of(
                 found.append(dataclasses.replace(stretch, used=used))
     if not found:
         raise ValueError(f"{flight.name}: no stretch of {SHORTEST:g} s in the air without a gap")
+    return found
+
+
+def stretches_of_flights(
+    flights: Sequence[FlightData],
+    start: Vehicle,
+    *,
+    full_voltage: float = 0.0,
+    sections: Sequence[tuple[float, float]] = (),
+) -> list[list[Stretch]]:
+    """Cut several measured flights into stretches of one period, the longest of those that suit each flight.
+
+    Args:
+        flights: as of :func:`stretches_of`.
+        start: vehicle with what is known before.
+        full_voltage: V, of the rotors' data; 0 leaves the battery's voltage out.
+        sections: (begin, end), s, of each flight that count; by default all in which the vehicle flies.
+
+    Raises:
+        ValueError: one line: a flight lacks a quantity, does not fit the vehicle or has no stretch long enough.
+    """
+    found = [stretches_of(each, start, full_voltage=full_voltage, sections=sections) for each in flights]
+    longest = max(each.period for stretches in found for each in stretches)
+    for i, flight in enumerate(flights):
+        if any(abs(each.period - longest) > SAME * longest for each in found[i]):
+            found[i] = stretches_of(flight, start, period=longest, full_voltage=full_voltage, sections=sections)
+        found[i] = [dataclasses.replace(each, period=longest) for each in found[i]]
     return found
 
 

@@ -196,9 +196,15 @@ def reported_of(unknowns: Sequence[Unknown]) -> list[Reported]:
 def second_moments(base: Body) -> tuple[float, float, float]:
     """Second moments of mass along x, y, z, kg m^2, whose sums by two are the moments of inertia; all above 0."""
     xx, yy, zz = (float(getattr(base.inertia, axis)) for axis in ("xx", "yy", "zz"))
+    least = max(0.01 * (xx + yy + zz), 1e-12)
+    x, y, z = second_moments_of(xx, yy, zz)
+    return max(x, least), max(y, least), max(z, least)
+
+
+def second_moments_of(xx: float, yy: float, zz: float) -> tuple[float, float, float]:
+    """Second moments of mass along x, y, z from the moments of inertia, kg m^2; below 0 if no body has these."""
     half = 0.5 * (xx + yy + zz)
-    least = max(0.02 * half, 1e-12)
-    return max(half - xx, least), max(half - yy, least), max(half - zz, least)
+    return half - xx, half - yy, half - zz
 
 
 def rises_of_thrust() -> tuple[str, ...]:

@@ -1,0 +1,101 @@
+"""Vehicle file of identified numbers: the whole vehicle, with value, interval and flights beside what is identified."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+from skyarm.studies.identify.identify_vehicle import Identified, IdentifiedNumber
+from skyarm.studies.identify.motion_model import Surroundings
+from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle.vehicle_text import vehicle_text
+
+AXES = ("x", "y", "z", "xx", "yy", "zz", "xy", "xz", "yz")
+"""Last parts of names of numbers that are entries of one field."""
+
+CURVE = "rotors.thrust_table"
+"""Field of a thrust curve."""
+
+SUFFIX = "_identified"
+"""Behind the name of the start vehicle."""
+
+
+def identified_file(found: Identified, start: Vehicle, flights: Sequence[str], known: Mapping[str, float]) -> str:
+    """TOML text of the identified vehicle.
+
+    Args:
+        found: vehicle and numbers.
+        start: vehicle before, whose sources are kept for what is not identified.
+        flights: names of the files that the numbers come from.
+        known: numbers that were given, by name.
+    """
+    comments, sources = dict[str, str](), dict(start.sources)
+    at = f"identified from {', '.join(flights)} ({found.seconds:.3g} s)"
+    for field, numbers in _by_field(found).items():
+        comments[field] = "\n".join(_words(each) for each in numbers)
+        if any(each.is_known for each in numbers):
+            sources[field.replace("rotors.", "rotor_defaults.", 1)] = at
+    if float(found.vehicle.base.mass) != float(start.base.mass):
+        comments["base.mass"] = "what the links leave of the total mass, which is given"
+    for name in known:
+        field = _field(name)
+        comments[field] = "\n".join([*comments.get(field, "").splitlines(), f"given: {name} = {known[name]:.6g}"])
+    named = start.name if start.name.endswith(SUFFIX) else f"{start.name}{SUFFIX}"
+    whole = dataclasses.replace(found.vehicle, name=named, sources=tuple(sources.items()))
+    return vehicle_text(whole, _head(found, start, flights), comments)
+
+
+def _head(found: Identified, start: Vehicle, flights: Sequence[str]) -> list[str]:
+    """Lines at the beginning of the file."""
+    about = found.surroundings
+    lines = [
+        f"Identified by skyarm from {len(flights)} flight{'s' if len(flights) > 1 else ''}, {found.seconds:.3g} s:",
+        *(f"  {each}" for each in flights),
+        f"Start vehicle: {start.name}. Behind each number its 95 % interval; what the flights do not show is the",
+        "start's, and what they show is fitted to it. The total mass is given: flights show forces per mass only.",
+    ]
+    if not found.settled:
+        lines.append("THE SEARCH DID NOT SETTLE: neither numbers nor intervals can be relied on.")
+    around = {each.name: each for each in found.numbers if is_around(each.name) and each.is_known}
+    if around:
+        lines.append("Not part of a vehicle, but of its computer, sensors and battery:")
+        lines += [f"  {name} = {_value(each)}" for name, each in around.items()]
+    if "delay" in around:
+        lines.append(f"In a scenario: [delays] command = {max(about.delay, 0.0):.4g}")
+    return lines
+
+
+def is_around(name: str) -> bool:
+    """True for a number of computer, sensors, battery or air, which is not part of a vehicle."""
+    return name.partition(".")[0] in {each.name for each in dataclasses.fields(Surroundings)}
+
+
+def _by_field(found: Identified) -> dict[str, list[IdentifiedNumber]]:
+    """Numbers of the vehicle by the field of its file that holds them."""
+    fields: dict[str, list[IdentifiedNumber]] = {}
+    for each in found.numbers:
+        if not is_around(each.name):
+            fields.setdefault(_field(each.name), []).append(each)
+    return fields
+
+
+def _field(name: str) -> str:
+    """Field of a vehicle file that holds a number."""
+    if name.startswith(("rotors.thrust_at_", "rotors.rise_to_")):
+        return CURVE
+    if name.startswith("base.second_moment."):
+        return "base.inertia"
+    head, _, last = name.rpartition(".")
+    return head if last in AXES else name
+
+
+def _words(number: IdentifiedNumber) -> str:
+    """Short words for one number in a comment."""
+    last = number.name.rpartition(".")[2]
+    entry = f"{last}: " if last in AXES or number.name.startswith("rotors.thrust_at_") else ""
+    return f"{entry}{_value(number) if number.is_known else number.reason}"
+
+
+def _value(number: IdentifiedNumber) -> str:
+    unit = f" {number.unit}" if number.unit else ""
+    return f"{number.value:.4g} ({number.low:.4g} to {number.high:.4g}){unit}, start {number.start:.4g}"

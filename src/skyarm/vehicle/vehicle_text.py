@@ -1,0 +1,228 @@
+"""Text of a vehicle as a TOML file, which :func:`skyarm.load_vehicle` reads back (docs/vehicle_files.md)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, fields
+from typing import Any
+
+from skyarm.algebra import Mat3, Vec3
+from skyarm.records.files import shown
+from skyarm.records.files.toml import toml_key, toml_value
+from skyarm.records.leaves import field_names
+from skyarm.records.registry.registrations import name_of
+from skyarm.vehicle.check import VehicleError
+from skyarm.vehicle.linkage import BASE, Body, Follower, Joint, Link
+from skyarm.vehicle.thrust_table import ThrustTable
+from skyarm.vehicle.vehicle_records import Frame, MountedDrive, Rotor, Vehicle
+
+Table = dict[str, Any]
+
+Notes = Mapping[str, str]
+"""Dotted path of a field, with the names of links and without those of rotors -> comment behind it, or, of several
+lines, above it."""
+
+
+def vehicle_text(vehicle: Vehicle, head: Sequence[str] = (), notes: Notes | None = None) -> str:
+    """TOML text of a vehicle file that holds the whole vehicle and refers to no other file.
+
+    Numbers are written in full: the vehicle that is read back differs by the rounding of rotations and of scaled
+    thrust tables only. Meshes for pictures, which a vehicle file cannot name, are left out.
+
+    Args:
+        vehicle: of concrete numbers.
+        head: lines of a comment at the beginning.
+        notes: comments behind fields, such as ``base.inertia``, ``links.upper.mass``, ``rotors.time_constant_up``.
+
+    Raises:
+        VehicleError: one line: a joint has a drive that is not registered, so that no file can name it.
+    """
+    notes = notes or {}
+    top: Table = {"schema": 1, "name": vehicle.name}
+    if vehicle.title:
+        top["title"] = vehicle.title
+    if vehicle.end_effector:
+        top["end_effector"] = vehicle.end_effector
+    if vehicle.followers:
+        top["mimic"] = "couple"
+    lines = [*(f"# {line}".rstrip() for line in head), *_lines(top, "", notes)]
+    lines += _section("[base]", _body(vehicle.base), "base", notes)
+    names = [link.name for link in vehicle.moving]
+    of_follower = {each.name: each for each in vehicle.followers}
+    for link in vehicle.moving:
+        at = f"links.{link.name}"
+        parent = {"name": link.name, "parent": "base" if link.parent == BASE else names[link.parent]}
+        lines += _section("[[links]]", {**parent, **_body(link.body)}, at, notes)
+        joint = _joint(link.joint)
+        if link.name in of_follower:
+            joint["mimic"] = _mimic(of_follower[link.name], vehicle.links)
+        lines += _section("[links.joint]", joint, f"{at}.joint", notes)[1:]
+    for frame in vehicle.frames:
+        lines += _section("[[frames]]", _frame(frame, names), f"frames.{frame.name}", notes)
+    lines += _of_rotors(vehicle.rotors, notes)
+    if any(float(area) for area in vehicle.drag.area) or "drag.area" in notes:
+        drag = {"area": _three(vehicle.drag.area), "air_density": float(vehicle.drag.air_density)}
+        lines += _section("[drag]", drag, "drag", notes)
+    for drive in vehicle.drives:
+        lines += _section(f"[drives.{toml_key(drive.name)}]", _drive(drive), f"drives.{drive.name}", notes)
+    if vehicle.battery is not None:
+        lines += _section("[battery]", _record(vehicle.battery), "battery", notes)
+    if vehicle.sources:
+        lines += _section("[sources]", dict(vehicle.sources), "sources", notes)
+    return "\n".join(lines) + "\n"
+
+
+def _section(head: str, table: Table, at: str, notes: Notes) -> list[str]:
+    """Lines of one table, after an empty line."""
+    return ["", head, *_lines(table, at, notes)]
+
+
+def _lines(table: Table, at: str, notes: Notes) -> list[str]:
+    """Lines of the entries of a table, each with its comment."""
+    found = []
+    for name, value in table.items():
+        note = notes.get(f"{at}.{name}", "").split("\n")
+        found += [f"# {line}" for line in note if len(note) > 1]
+        found.append(
+            f"{toml_key(name)} = {toml_value(value)}" + (f"  # {note[0]}" if note[0] and len(note) == 1 else "")
+        )
+    return found
+
+
+def _of_rotors(rotors: Sequence[Rotor], notes: Notes) -> list[str]:
+    """Lines of the rotors, with what all of them share in one table."""
+    tables = [_rotor(each) for each in rotors]
+    shared = {name: value for name, value in (tables[0] if tables else {}).items() if name not in PLACED}
+    shared = {name: value for name, value in shared.items() if all(each.get(name) == value for each in tables)}
+    lines = _section("[rotor_defaults]", shared, "rotors", notes) if shared else []
+    for rotor, table in zip(rotors, tables, strict=True):
+        own = {name: value for name, value in table.items() if name not in shared}
+        lines += _section("[[rotors]]", {"name": rotor.name, **own}, "rotors", notes)
+    return lines
+
+
+PLACED = ("position", "direction")
+"""Fields that every rotor states itself."""
+
+
+def _rotor(rotor: Rotor) -> Table:
+    table: Table = {"position": _three(rotor.position), "direction": "ccw" if rotor.direction > 0 else "cw"}
+    table |= _other_than_default(rotor, ("axis",))
+    follows: tuple[str, ...] = ()
+    if rotor.table is not None:
+        table["thrust_table"] = _thrust_table(rotor, rotor.table)
+        follows = ("thrust_coefficient", "moment_coefficient") if rotor.table.torque else ("thrust_coefficient",)
+    numbers = ("thrust_coefficient", "moment_coefficient", "drag_coefficient", "rolling_moment_coefficient")
+    more = ("time_constant_up", "time_constant_down", "inertia")
+    table |= {name: float(getattr(rotor, name)) for name in (*numbers, *more) if name not in follows}
+    table |= _other_than_default(rotor, ("max_speed",))
+    if rotor.table is not None and not math.isfinite(float(rotor.max_speed)):
+        table["max_speed"] = math.inf  # else it would be the last speed of the table
+    if rotor.tilt is not None:
+        table["tilt"] = {"axis": _three(rotor.tilt.axis), **_record(rotor.tilt, ("axis",))}
+    return table
+
+
+def _thrust_table(rotor: Rotor, table: ThrustTable) -> Table:
+    """Columns of a thrust table times what the rotor's coefficients are over those of the table."""
+    thrust = float(rotor.thrust_coefficient) / float(table.thrust_coefficient)
+    found: Table = {"speed": [float(each) for each in table.speed]}
+    found["thrust"] = [float(each) * thrust for each in table.thrust]
+    if table.torque:
+        torque = thrust * float(rotor.moment_coefficient) / float(table.moment_coefficient)
+        found["torque"] = [float(each) * torque for each in table.torque]
+        found["moment_coefficient"] = float(rotor.moment_coefficient)
+    if table.current:
+        found["current"] = [float(each) for each in table.current]
+    return {**found, "thrust_coefficient": float(rotor.thrust_coefficient)}
+
+
+def _body(body: Body) -> Table:
+    entries = [float(each) for each in body.inertia.entries]
+    inertia = entries if any(entries[3:]) else entries[:3]
+    found: Table = {"mass": float(body.mass), "com": _three(body.com), "inertia": inertia}
+    return {**found, "planar": True} if body.planar else found
+
+
+def _joint(joint: Joint) -> Table:
+    found: Table = {"name": joint.name, "kind": joint.kind, "axis": _three(joint.axis)}
+    if any(float(each) for each in joint.position):
+        found["position"] = _three(joint.position)
+    found |= _orientation(joint.rotation)
+    found |= _other_than_default(joint, ("lower", "upper", "effort_limit"))
+    found |= {name: float(getattr(joint, name)) for name in ("damping", "coulomb", "coulomb_rate", "armature")}
+    # stated even where it is 0: a limited joint without would be given a stop by the reader
+    return {**found, "stop_stiffness": float(joint.stop_stiffness), **_other_than_default(joint, ("stop_damping",))}
+
+
+def _mimic(follower: Follower, links: Sequence[Link]) -> Table:
+    leader = links[follower.leader].joint.name
+    return {"joint": leader, "ratio": float(follower.ratio), "offset": float(follower.offset)}
+
+
+def _frame(frame: Frame, names: Sequence[str]) -> Table:
+    link = "base" if frame.link == BASE else names[frame.link]
+    return {"name": frame.name, "link": link, "position": _three(frame.position), **_orientation(frame.rotation)}
+
+
+def _drive(drive: MountedDrive) -> Table:
+    kind = name_of("drive", type(drive.drive))
+    if kind is None:
+        raise VehicleError(
+            f"drives.{drive.name} = {shown(type(drive.drive).__name__)}: must be registered to be written"
+        )
+    return {"kind": kind, **_record(drive.drive)}
+
+
+def _record(record: Any, left_out: Sequence[str] = ()) -> Table:
+    """Fields of a dataclass as values of a table, without those that are as by default."""
+    return _other_than_default(
+        record, [each.name for each in fields(record) if each.init and each.name not in left_out]
+    )
+
+
+def _other_than_default(record: Any, names: Sequence[str]) -> Table:
+    """Some fields of a dataclass as values of a table, without those that are as by default."""
+    found: Table = {}
+    for each in fields(record):
+        if each.name in names:
+            value = getattr(record, each.name)
+            if value is None or (each.default is not MISSING and value == each.default):
+                continue
+            found[each.name] = _value(value)
+    return found
+
+
+def _value(value: Any) -> Any:
+    if isinstance(value, (str, bool, int, float)):
+        return value
+    if isinstance(value, Vec3):
+        return _three(value)
+    if isinstance(value, (tuple, list)):
+        return [_value(each) for each in value]
+    return _record(value) if field_names(type(value)) is not None else float(value)
+
+
+def _three(vector: Vec3) -> list[float]:
+    return [float(each) for each in vector]
+
+
+def _orientation(rotation: Mat3) -> Table:
+    """Orientation as a unit quaternion; nothing for aligned axes.
+
+    Source: Shepperd 1978, Quaternion from rotation matrix: by the largest of the four components.
+    """
+    R = [[float(each) for each in row] for row in rotation.rows]
+    if R == [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]:
+        return {}
+    a, b, c = R[2][1] - R[1][2], R[0][2] - R[2][0], R[1][0] - R[0][1]
+    d, e, f = R[1][0] + R[0][1], R[0][2] + R[2][0], R[2][1] + R[1][2]
+    w, x, y, z = (
+        1.0 + sign[0] * R[0][0] + sign[1] * R[1][1] + sign[2] * R[2][2]
+        for sign in ((1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1))
+    )
+    rows = ([w, a, b, c], [a, x, d, e], [b, d, y, f], [c, e, f, z])
+    row = rows[max(range(4), key=lambda k: rows[k][k])]
+    length = math.hypot(*row)
+    return {"quaternion_wxyz": [each / length for each in row]}

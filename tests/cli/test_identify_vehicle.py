@@ -1,0 +1,194 @@
+"""``skyarm identify FLIGHT --vehicle START``: from files to numbers, a vehicle file that flies, and one-line errors."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import skyarm as library
+from commanded import refused, skyarm
+from skyarm.cli.identified_report import correlated_pairs
+from skyarm.cli.identify_command import known_numbers
+from skyarm.log.formats import save_log
+from skyarm.reference import Constant, Sum, Trajectory
+from skyarm.scenario.scenario_file import scenario_from
+from skyarm.studies.identify.identified_file import identified_file
+from skyarm.studies.identify.identify_vehicle import Identified, IdentifiedNumber
+from skyarm.studies.identify.motion_model import Surroundings
+from skyarm.studies.identify.unknowns import second_moments
+from skyarm.studies.tune.excitation import sine_from_rest
+from skyarm.vehicle.vehicle_text import vehicle_text
+
+pytest.importorskip("scipy", reason="needs the extra 'identify'")
+
+START = library.load_vehicle("hummingbird")
+FACTOR = 1.1
+
+
+@pytest.fixture(scope="module")
+def flights(tmp_path_factory):
+    """A flight of a vehicle whose rotors lift a tenth more than the start vehicle's."""
+    folder: Path = tmp_path_factory.mktemp("flights")
+    stronger = tuple(
+        dataclasses.replace(each, thrust_coefficient=FACTOR * each.thrust_coefficient) for each in START.rotors
+    )
+    (folder / "truth.toml").write_text(vehicle_text(dataclasses.replace(START, rotors=stronger)))
+    document = {
+        "schema": 1,
+        "name": "swings",
+        "duration": 3.4,
+        "plant": {"vehicle": str(folder / "truth.toml")},
+        "controller": {"preset": "rotors_sim_hummingbird"},
+        "delays": {"command": 0.004},
+        "sensors": {"imu": {"kind": "imu"}},
+        "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 5.0]}},
+    }
+    path = Trajectory(
+        x=sine_from_rest(0.3, 0.6, 0.0),
+        y=sine_from_rest(0.3, 0.8, 2.0),
+        z=Sum((Constant(5.0), sine_from_rest(0.2, 1.1, 1.0))),
+        yaw=sine_from_rest(0.5, 0.7, 1.0),
+    )
+    log = library.run(dataclasses.replace(scenario_from(document), reference=path))
+    save_log(log, folder / "swings.npz")
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def here(flights, monkeypatch):
+    monkeypatch.chdir(flights)
+
+
+@pytest.fixture(scope="module")
+def identified(flights):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(flights)
+        return skyarm("identify", "swings.npz", "--vehicle", "hummingbird", "--out", "found")
+
+
+def test_a_flight_gives_numbers_with_intervals_and_a_vehicle_file(identified):
+    assert (identified.code, identified.err) == (0, "")
+    document = json.loads(Path("found/identified.json").read_text())
+    numbers = {each["name"]: each for each in document["numbers"]}
+    thrust, true = numbers["rotors.thrust_coefficient"], FACTOR * START.rotors[0].thrust_coefficient
+    assert thrust["low"] < true < thrust["high"]
+    assert thrust["value"] == pytest.approx(true, rel=0.01)
+    for each in numbers.values():
+        shown = [each[name] is not None for name in ("value", "low", "high")]
+        assert shown == [each["reason"] == ""] * 3
+        line = next(line for line in identified.out.splitlines() if line.startswith(f"{each['name']} "))
+        assert ("not in this data" in line) != (" to " in line)
+    assert np.shape(document["correlation"]) == (len(numbers), len(numbers))
+
+
+def test_the_vehicle_file_flies(identified):
+    found = library.load_vehicle("found/vehicle.toml")
+    assert (found.name, found.mass) == ("hummingbird_identified", START.mass)
+    thrust = found.rotors[0].thrust_coefficient
+    assert thrust == pytest.approx(FACTOR * START.rotors[0].thrust_coefficient, rel=0.01)
+    assert dict(found.sources)["rotor_defaults.thrust_coefficient"].startswith("identified from swings.npz (")
+    text = Path("found/vehicle.toml").read_text()
+    assert f"thrust_coefficient = {thrust!r}  # {thrust:.4g} (" in text
+    Path("fly.toml").write_text(
+        'schema = 1\nname = "fly"\nduration = 0.3\n[plant]\nvehicle = "found/vehicle.toml"\n[controller]\n'
+        'preset = "rotors_sim_hummingbird"\n[reference]\nbase = { kind = "hover", position = [0.0, 0.0, 1.0] }\n'
+    )
+    assert skyarm("run", "fly.toml").code == 0
+
+
+def number(name, value, **more):
+    return IdentifiedNumber(
+        name=name, unit="m", **{"low": 0.9, "high": 1.1, "start": 2.0, "data_share": 0.9} | more, value=value
+    )
+
+
+def found_with(*numbers, settled=True, correlation=None):
+    return Identified(
+        numbers=numbers,
+        correlation=np.eye(len(numbers)) if correlation is None else np.array(correlation),
+        vehicle=START,
+        surroundings=Surroundings(delay=0.006),
+        explained={},
+        deviation={},
+        settled=settled,
+        seconds=3.0,
+    )
+
+
+def test_strong_correlations_are_named_where_a_number_is_shown():
+    rows = [[1.0, -0.95, 0.2], [-0.95, 1.0, 0.99], [0.2, 0.99, 1.0]]
+    unknown = {"reason": "not in this data"}
+    found = found_with(number("a", 1.0), number("b", 1.0), number("c", 1.0, **unknown), correlation=rows)
+    assert correlated_pairs(found) == [("b", "c", 0.99), ("a", "b", -0.95)]
+    hidden = found_with(number("a", 1.0, **unknown), number("b", 1.0, **unknown), number("c", 1.0), correlation=rows)
+    assert correlated_pairs(hidden) == [("b", "c", 0.99)]
+
+
+def test_the_file_says_what_is_not_shown_what_was_given_and_that_a_search_did_not_settle():
+    numbers = number("base.com.x", 1.0), number("base.com.z", 1.0, reason="not in this data"), number("delay", 0.006)
+    text = identified_file(found_with(*numbers, settled=False), START, ["a.csv", "b.csv"], {"rotors.inertia": 0.0})
+    assert "# x: 1 (0.9 to 1.1) m, start 2\n# z: not in this data\n" in text
+    assert "# THE SEARCH DID NOT SETTLE" in text
+    assert "# In a scenario: [delays] command = 0.006\n" in text
+    assert tomllib.loads(text)["sources"]["base.com"] == "identified from a.csv, b.csv (3 s)"
+    assert "DID NOT SETTLE" not in identified_file(found_with(*numbers), START, ["a.csv"], {})
+
+
+def test_known_numbers_are_words_of_the_vehicle_file():
+    inertia = ["base.inertia.xx = 0.01", "base.inertia.yy=0.012", "base.inertia.zz=0.02"]
+    start, known = known_numbers(START, ["mass=1.5", *inertia])
+    assert start.mass == pytest.approx(1.5)
+    assert start.base.inertia == START.base.inertia
+    x, y, z = (known[f"base.second_moment.{axis}"] for axis in "xyz")
+    np.testing.assert_allclose((y + z, x + z, x + y), (0.01, 0.012, 0.02))
+    arm = library.load_vehicle("hummingbird_arm2_rotors")
+    heavier, _ = known_numbers(arm, ["mass=2.0"])
+    assert heavier.mass == pytest.approx(2.0)
+    assert heavier.links == arm.links
+    assert second_moments(START.base) == pytest.approx((0.006, 0.006, 0.001))
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("none.csv", "--vehicle", "hummingbird"), "flight = 'none.csv': no such file"),
+        (("swings.npz", "none.csv", "--vehicle", "hummingbird"), "flight = 'none.csv': no such file"),
+        (("truth.toml",), "--vehicle: is missing: must be the vehicle as its data sheet"),
+        (("truth.toml", "--vehicle", "hummingbird"), "format 'toml' is unknown"),
+        (("swings.npz", "--vehicle", "hummingburd"), "vehicle = 'hummingburd': did you mean 'hummingbird'"),
+        (("swings.npz", "--vehicle", "tilted_hexarotor"), "rotor_commands: 4 rotors, vehicle 'tilted_hexarotor' has 6"),
+        (("swings.npz", "--vehicle", "hummingbird", "--known", "mass"), "--known = 'mass': must be NAME=VALUE"),
+        (("swings.npz", "--vehicle", "hummingbird", "--known", "mass=x"), "--known mass = 'x': must be a number"),
+        (("swings.npz", "--vehicle", "hummingbird", "--known", "mass=-1"), "--known mass"),
+        (("swings.npz", "--vehicle", "hummingbird", "--known", "dealy=0"), "known.dealy: did you mean 'delay'?"),
+        (
+            ("swings.npz", "--vehicle", "hummingbird", "--known", "rotors.time_constant_up=0"),
+            "known.rotors.time_constant_up = 0.0: must be above 0",
+        ),
+        (
+            ("swings.npz", "--vehicle", "hummingbird", "--known", "base.inertia.xx=0.01"),
+            "--known base.inertia.yy: is missing: base.inertia.xx, base.inertia.yy, base.inertia.zz must be given",
+        ),
+        (
+            ("swings.npz", "--vehicle", "hummingbird", "--begin", "2", "--end", "1"),
+            "--end = 1: must be after --begin = 2",
+        ),
+        (("swings.npz", "--vehicle", "hummingbird", "--begin", "9"), "swings: no stretch of 1 s in the air"),
+        (("swings.npz", "--vehicle", "hummingbird", "--known", "voltage=0"), "--known voltage = 0.0: must be above 0"),
+        (("swings.npz", "--vehicle", "hummingbird", "--columns", "none.toml"), "none.toml"),
+    ],
+)
+def test_what_cannot_be_is_one_line_and_leaves_no_folder(words, message):
+    refused(skyarm("identify", *words, "--out", "new/inner"), message)
+    assert not Path("new").exists()
+
+
+def test_an_inertia_that_no_body_has_is_refused():
+    words = [f"base.inertia.{axis}={value}" for axis, value in (("xx", 0.01), ("yy", 0.01), ("zz", 0.03))]
+    with pytest.raises(ValueError, match=r"^--known base\.inertia\.zz = 0\.03: must be below .* 0\.02$"):
+        known_numbers(START, words)
