@@ -166,7 +166,7 @@ def _means(flight: FlightData, name: str) -> tuple[_Means, Array]:
         raise ValueError(f"{flight.name}: {name}: {channel.time.size} rows: must be of a longer flight")
     width = float(np.median(np.diff(time)))
     if name == "quaternion":
-        steps, order = _rotation_steps(values), 1
+        steps, order = rotation_steps(values), 1
         at, even = 0.5 * (time[1:] + time[:-1]), np.abs(np.diff(time) - width) < 0.2 * width
         return _Means(at[even], (steps / np.diff(time)[:, None])[even], width, order), time
     gravity = np.array([0.0, 0.0, 9.81])
@@ -182,7 +182,7 @@ def _means(flight: FlightData, name: str) -> tuple[_Means, Array]:
     return _Means(at[even], turn_vectors(back, force)[even], width, order), time
 
 
-def _rotation_steps(quaternions: Array) -> Array:
+def rotation_steps(quaternions: Array) -> Array:
     """Rotation vectors (N - 1, 3), base axes, from each attitude to the next."""
     w, v = quaternions[:, :1], quaternions[:, 1:]
     real = w[:-1] * w[1:] + np.sum(v[:-1] * v[1:], axis=1, keepdims=True)

@@ -69,7 +69,7 @@ def stretches_of(
         ValueError: one line: a quantity is missing or does not fit the vehicle, or no stretch is long enough.
     """
     gyro = flight["gyro"]
-    commands = _commands(flight, start)
+    commands = commanded_speeds(flight, start)
     if commands.values.shape[1] != len(start.rotors):
         count = commands.values.shape[1]
         raise ValueError(
@@ -83,7 +83,7 @@ def stretches_of(
     if coasting is None:
         coasting = -1.0 if "rotor_speed_commands" in flight else COASTING
     longest, found = max(GAP, 1.5 * whole) * usual, list[Stretch]()
-    for begin, end in sections or _flying(commands, start):
+    for begin, end in sections or flying_spans(commands, start):
         for first, last in _without_gaps(gyro, max(begin, _begin(flight)), min(end, _end(flight)), longest):
             if last - first >= SHORTEST:
                 stretch = _stretch(flight, start, commands, first, last, step, whole, finer, full_voltage)
@@ -121,7 +121,7 @@ def stretches_of_flights(
     return found
 
 
-def _commands(flight: FlightData, start: Vehicle) -> Channel:
+def commanded_speeds(flight: FlightData, start: Vehicle) -> Channel:
     """Commanded rotor speeds, rad/s, from speeds or from shares of the full signal."""
     if "rotor_speed_commands" in flight:
         return flight["rotor_speed_commands"]
@@ -178,7 +178,7 @@ def _end(flight: FlightData) -> float:
     return min(float(each.time[-1]) for each in _needed(flight))
 
 
-def _flying(commands: Channel, start: Vehicle) -> list[tuple[float, float]]:
+def flying_spans(commands: Channel, start: Vehicle) -> list[tuple[float, float]]:
     """Spans of time (s) in which the start vehicle's rotors lift a good part of its weight."""
     step = 0.02
     time = np.arange(commands.time[0], commands.time[-1], step)

@@ -1,0 +1,449 @@
+"""Faults of a measured flight, each with its channel, the finding and the remedy.
+
+Channels are checked one by one (gaps, repeated and frozen samples, saturation, units) and against each other (see
+:mod:`skyarm.studies.identify.data_compatibility`): a law that fails names the axes, the rotors, the attitude or the
+clock by the change after which every law holds.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.dynamics.actuators.rotor import push
+from skyarm.flight_data.flight_data import Channel, FlightData
+from skyarm.flight_data.quantities import GRAVITY, QUANTITIES
+from skyarm.records.files.messages import one_line
+from skyarm.studies.identify.fault_isolation import incompatible_channels
+from skyarm.studies.identify.stretches import SHORTEST, commanded_speeds, flying_spans
+from skyarm.vehicle.vehicle_records import Vehicle
+
+Array: TypeAlias = npt.NDArray[np.float64]
+
+REFUSED, WARNED = "refused", "warned"
+"""Severities: an identification from such a flight would give wrong numbers; it gives worse ones."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Fault:
+    """Fault of a measured flight.
+
+    Attributes:
+        severity: REFUSED or WARNED.
+        file: of the flight.
+        channel: quantity, or what the fault is about.
+        finding: what is wrong, with its numbers.
+        remedy: what to do.
+    """
+
+    severity: str
+    file: str
+    channel: str
+    finding: str
+    remedy: str
+
+    @property
+    def words(self) -> str:
+        """The fault as one line: file, channel, finding and remedy."""
+        return one_line(f"{self.file}: {self.channel}: {self.finding}; {self.remedy}")
+
+
+Found: TypeAlias = tuple[str, str, str, str]
+"""Severity, channel, finding, remedy."""
+
+NEEDED = ("gyro", "accelerometer")
+"""Channels without which nothing is identified, beside the rotors' commands."""
+
+SENSORS = ("gyro", "accelerometer", "quaternion", "position", "velocity", "rotor_speeds", "joint_positions")
+"""Channels whose noise or motion never repeats a row for long."""
+
+
+def find_faults(flight: FlightData, start: Vehicle) -> tuple[Fault, ...]:
+    """Faults of a measured flight, the refused first.
+
+    Args:
+        flight: measured.
+        start: vehicle that its numbers will be identified for: rotors, joints and data sheet.
+    """
+    found = list(_all_faults(flight, start))
+    faults = [
+        Fault(severity=severity, file=flight.file, channel=channel, finding=finding, remedy=remedy)
+        for severity, channel, finding, remedy in dict.fromkeys(found)
+    ]
+    return tuple(sorted(faults, key=lambda each: each.severity != REFUSED))
+
+
+def require_sound_flight(flight: FlightData, start: Vehicle) -> tuple[Fault, ...]:
+    """Faults of a flight that numbers can still be identified from.
+
+    Raises:
+        ValueError: one line: the first fault for which the flight is refused.
+    """
+    faults = find_faults(flight, start)
+    if faults and faults[0].severity == REFUSED:
+        raise ValueError(faults[0].words)
+    return faults
+
+
+def _all_faults(flight: FlightData, start: Vehicle) -> Iterator[Found]:
+    """Yield the faults of a flight, from those that hide others on."""
+    yield from _lost_rows(flight)
+    missing = list(_missing(flight, start))
+    units = list(_wrong_units(flight, start))
+    yield from missing
+    yield from units
+    if missing:
+        return
+    spans = flying_spans(commanded_speeds(flight, start), start)
+    if not any(channel in ("rotor_commands", "rotor_speed_commands") for _, channel, _, _ in units):
+        off_the_ground = list(_thrust_faults(flight, start, spans))
+        yield from off_the_ground
+        if off_the_ground:
+            return
+    if not spans:
+        return
+    inside = flight.section(spans[0][0], spans[-1][1])
+    fast = list(_impossible_rates(inside))
+    yield from fast
+    yield from _clock_faults(flight, inside)
+    still = list(_still_channels(inside, spans))
+    yield from still
+    if {channel for _, channel, _, _ in (*still, *units, *fast)} & {"gyro", "rotor_commands", "rotor_speed_commands"}:
+        return
+    for channel, finding, remedy, severe in incompatible_channels(inside, start):
+        yield REFUSED if severe else WARNED, channel, finding, remedy
+
+
+LOST = re.compile(r"^(?P<channel>\w+): (?P<count>\d+) of (?P<all>\d+) rows (?P<words>.*)$")
+"""Note of a reader on rows that it left out."""
+
+
+def _lost_rows(flight: FlightData) -> Iterator[Found]:
+    """Yield the rows and cells that the reader found damaged."""
+    for note in flight.notes:
+        lost = LOST.match(note)
+        if lost is None:
+            continue
+        share = int(lost["count"]) / max(1, int(lost["all"]))
+        severity = REFUSED if share > 0.2 else WARNED
+        finding = f"{lost['count']} of {lost['all']} rows {lost['words'].rstrip('.')}"
+        yield severity, lost["channel"], finding, "check how the file was written, or cut the flight before it"
+
+
+def _missing(flight: FlightData, start: Vehicle) -> Iterator[Found]:
+    """Yield the channels that are not there or have not the columns of the vehicle."""
+    told = [name for name in ("rotor_speed_commands", "rotor_commands") if name in flight]
+    for name in NEEDED:
+        if name not in flight:
+            yield REFUSED, name, "is not in this flight", "log it, or map its columns"
+    if not told:
+        yield REFUSED, "rotor_commands", "are not in this flight", "log them, or map their columns"
+    rotors, joints = len(start.rotors), start.n
+    for name in told[:1]:
+        held = flight[name].values.shape[1]
+        if held != rotors:
+            yield REFUSED, name, f"{held} rotors, vehicle '{start.name}' has {rotors}", "take the vehicle that flew"
+    for name in ("joint_positions", "joint_commands", "joint_efforts", "joint_rates"):
+        if name in flight and flight[name].values.shape[1] != joints:
+            held = flight[name].values.shape[1]
+            yield REFUSED, name, f"{held} joints, vehicle '{start.name}' has {joints}", "take the vehicle that flew"
+    if joints and "joint_positions" not in flight:
+        yield REFUSED, "joint_positions", "are not in this flight", "log them: the arm moves the centre of mass"
+
+
+FORCES = {"g": 1.0 / GRAVITY, "mg": 1e3 / GRAVITY, "cm/s^2": 100.0, "mm/s^2": 1e3}
+"""Unit of an accelerometer -> its number for 1 m/s^2."""
+
+FULL = {"percent": 100.0, "a byte": 255.0, "a pulse width from 1000 to 2000 us": 2000.0, "a word of 16 bit": 65535.0}
+"""Number of the full signal -> what it is."""
+
+SPIKES = 0.01
+"""Of the rows with numbers outside 0 to 1: fewer are spikes, more spoil the flight."""
+
+
+def _wrong_units(flight: FlightData, start: Vehicle) -> Iterator[Found]:
+    """Yield the channels whose size no flight has."""
+    if "accelerometer" in flight:
+        size = float(np.median(np.linalg.norm(flight["accelerometer"].values, axis=1)))
+        if not 0.5 < size / GRAVITY < 2.0:
+            finding = f"is {size:.3g} on the median, of which gravity alone is {GRAVITY:.3g} m/s^2"
+            for unit, scale in FORCES.items():
+                if 0.5 < size / (GRAVITY * scale) < 2.0:
+                    finding += f": it looks like {unit}"
+            yield REFUSED, "accelerometer", finding, "state its unit in columns.toml"
+    if "rotor_commands" in flight and "rotor_speed_commands" not in flight:
+        yield from _wrong_shares(flight["rotor_commands"].values)
+    if "voltage" in flight:
+        volts = float(np.median(flight["voltage"].values))
+        if not 1.0 < volts < 100.0:
+            unit = ": it looks like mV" if 1e3 < volts < 1e5 else ""
+            yield REFUSED, "voltage", f"is {volts:.4g} V on the median{unit}", "state its unit in columns.toml"
+    yield from _wrong_scales(flight)
+    yield from _wrong_joints(flight, start)
+
+
+def _wrong_shares(share: Array) -> Iterator[Found]:
+    """Yield commands that are no shares of the full signal."""
+    outside = ((share < -0.05) | (share > 1.05)).any(axis=1)
+    low, usual, top = (float(each) for each in np.quantile(share, (0.005, 0.5, 0.995)))
+    if not outside.any():
+        return
+    span = f"{100.0 * outside.mean():.2g} % of the rows are outside 0 to 1, from {share.min():.4g} to {share.max():.4g}"
+    for name, full in FULL.items():
+        if low > -0.05 * full and 0.05 < usual / full < 1.0 and top <= 1.05 * full and usual > 1.5:
+            finding = f"are {usual:.4g} on the median, and a share of the full signal is 0 to 1: they look like {name}"
+            yield REFUSED, "rotor_commands", finding, "state low and high in columns.toml"
+            return
+    severity = REFUSED if outside.mean() > SPIKES else WARNED
+    yield severity, "rotor_commands", f"{span}: they are damaged", "cut the flight to sections without such rows"
+
+
+DEGREES = 180.0 / np.pi
+
+
+def _wrong_joints(flight: FlightData, start: Vehicle) -> Iterator[Found]:
+    """Yield the joints' positions that no joint of the vehicle reaches."""
+    turns = [link.joint.turns for link in start.links]
+    for name in ("joint_positions", "joint_commands"):
+        if name not in flight or flight[name].values.shape[1] != start.n or not any(turns):
+            continue
+        rows = np.abs(flight[name].values[:, turns])
+        top = float(np.quantile(rows, 0.95))
+        if top > 2.0 * np.pi:
+            yield (
+                REFUSED,
+                name,
+                f"reach {top:.3g} rad, more than a turn: they look like degrees",
+                "state their unit in columns.toml",
+            )
+
+
+PAIRS = (("velocity", "position"), ("joint_rates", "joint_positions"))
+"""A channel, and the one that it is the derivative of."""
+
+SCALES = {
+    DEGREES: "deg/s",
+    1e3: "mm/s",
+    100.0: "cm/s",
+    1.0 / DEGREES: "rad/s of deg",
+    1e-3: "m/s of mm",
+    1e-2: "m/s of cm",
+}
+"""Factor of a rate over the derivative of its position -> unit of both."""
+
+
+def _wrong_scales(flight: FlightData) -> Iterator[Found]:
+    """Yield rates that are a multiple of the derivative of their positions."""
+    for rate, place in PAIRS:
+        if rate not in flight or place not in flight:
+            continue
+        positions, rates = flight[place], flight[rate]
+        if positions.values.shape[1] != rates.values.shape[1] or positions.time.size < 100:
+            continue
+        every = max(1, round(0.1 * positions.rate))
+        time, rows = positions.time[::every], positions.values[::every]
+        slope = np.diff(rows, axis=0) / np.diff(time)[:, None]
+        middle = 0.5 * (time[1:] + time[:-1])
+        given = np.stack([np.interp(middle, rates.time, column) for column in rates.values.T], axis=1)
+        sizes = [float(np.median(np.abs(each - np.median(each, axis=0)))) for each in (given, slope)]
+        if min(sizes) <= 0.0:
+            continue
+        factor = sizes[0] / sizes[1]
+        for scale, unit in SCALES.items():
+            if abs(np.log(factor / scale)) < np.log(2.0):
+                finding = f"are {factor:.3g} times the slope of {place}: they look like {unit}"
+                yield REFUSED, rate, finding, "state the units of both in columns.toml"
+                break
+
+
+WEIGHTS = (0.4, 2.5)
+"""Mean thrust over the weight that a wrong thrust curve explains."""
+
+MOVING = 0.05
+"""rad/s, deviation of the gyro of a vehicle that flies."""
+
+SPEED_UNITS = {"rpm": 30.0 / np.pi, "Hz": 0.5 / np.pi, "rad/s of a motor behind a gear, or of poles": 7.0}
+
+
+def _thrust_faults(flight: FlightData, start: Vehicle, spans: Sequence[tuple[float, float]]) -> Iterator[Found]:
+    """Yield: it never flew, or its commands do not bear the vehicle's weight."""
+    speeds = commanded_speeds(flight, start)
+    name = "rotor_speed_commands" if "rotor_speed_commands" in flight else "rotor_commands"
+    gyro = flight["gyro"]
+    weight = GRAVITY * float(start.mass)
+
+    def thrusts(rows: Array) -> Array:
+        pairs = zip(start.rotors, rows.T, strict=True)
+        return np.asarray(sum(float(r.thrust_coefficient) * np.asarray(push(r, np.abs(w))) for r, w in pairs))
+
+    moving = float(np.median(np.std(_pieces(gyro), axis=1).max(axis=1))) if gyro.time.size else 0.0
+    turning = speeds.values[np.median(np.abs(speeds.values), axis=1) > 0.0]
+    share = float(np.median(thrusts(turning))) / weight if len(turning) else 0.0
+    if not spans and (moving < MOVING or share < 1e-3):
+        finding = f"lift {share:.2g} of the weight at most on the median: the flight never took off"
+        yield REFUSED, name, finding, "take a log of a flight"
+        return
+    aloft = thrusts(np.concatenate([speeds.section(*each).values for each in spans])) if spans else np.array([share])
+    share = float(np.median(aloft)) / weight if spans else share
+    if not WEIGHTS[0] < share < WEIGHTS[1]:
+        finding = f"lift {share:.3g} times the weight of '{start.name}' ({float(start.mass):.3g} kg) in the air"
+        remedy = "check mass, thrust curve and units of the commands"
+        if name == "rotor_speed_commands":
+            for unit, scale in SPEED_UNITS.items():
+                if 0.6 < share / scale**2 < 1.6:
+                    finding += f": they look like {unit}"
+        yield REFUSED, name, finding, remedy
+        return
+    if "position" in flight and moving < MOVING:
+        place = flight["position"]
+        if float(np.ptp(place.values, axis=0).max()) < 0.02:
+            yield REFUSED, "position", "stays within 0.02 m: the flight never took off", "take a log of a flight"
+            return
+    airborne = sum(b - a for a, b in spans)
+    if airborne < SHORTEST:
+        yield REFUSED, "flight", f"{airborne:.2g} s in the air: too short, or cut off", "take a flight of 10 s or more"
+
+
+TUMBLING = 2.5
+"""rad, root mean square of what the gyro's x or y sums up to in half a second: more is no flight of a multirotor."""
+
+
+def _impossible_rates(flight: FlightData) -> Iterator[Found]:
+    """Yield a gyro by which the vehicle would tumble all the time."""
+    if "quaternion" in flight or flight["gyro"].time.size < 100:
+        return  # the attitude tells its unit
+    turned = 0.5 * _pieces(flight["gyro"]).mean(axis=1)[:, :2]
+    size = float(np.sqrt((turned**2).mean(axis=0)).max())
+    if size > TUMBLING:
+        finding = f"turns by {size:.3g} rad in half a second throughout the flight: it looks like deg/s"
+        yield REFUSED, "gyro", finding, "state its unit in columns.toml"
+
+
+def _pieces(channel: Channel) -> Array:
+    """Samples in pieces of half a second (pieces, samples, k), without the rest."""
+    size = max(2, round(0.5 * channel.rate))
+    count = max(1, channel.time.size // size)
+    rows = channel.values[: count * size]
+    return np.asarray(rows.reshape(count, -1, rows.shape[1]))
+
+
+GAP, HELD_GAP = 0.1, 0.5
+"""Shortest gap of a sensor and of a held command, s, that is reported."""
+
+DROPPED = 0.03
+"""Least share of missing samples that is reported."""
+
+EARLY = 1.0
+"""s, by which a needed channel may end before the flight."""
+
+
+def _clock_faults(flight: FlightData, inside: FlightData) -> Iterator[Found]:
+    """Yield gaps, missing samples, and channels that end early."""
+    gaps: dict[str, list[tuple[float, float]]] = {}
+    for name in inside:
+        time, held = inside[name].time, QUANTITIES[name].held
+        if time.size < 20:
+            continue
+        steps, usual = np.diff(time), float(np.median(np.diff(time)))
+        wide = steps > max(HELD_GAP if held else GAP, (20.0 if held else 5.0) * usual)
+        gaps[name] = [(float(time[i]), float(steps[i])) for i in np.flatnonzero(wide)]
+        lost = float(np.maximum(np.round(steps[~wide] / usual) - 1.0, 0.0).sum())
+        if not held and lost > DROPPED * time.size:
+            finding = f"{100.0 * lost / (time.size + lost):.2g} % of the samples are missing, at {1.0 / usual:.4g} Hz"
+            yield WARNED, name, finding, "log fewer channels, or at a lower rate"
+    every = [name for name in gaps if name in (*NEEDED, "rotor_commands", "rotor_speed_commands")]
+    common = [
+        (when, long)
+        for when, long in gaps.get("gyro", [])
+        if all(any(abs(when - w) < GAP for w, _ in gaps[name]) for name in every)
+    ]
+    for when, long in common[:3]:
+        yield (
+            WARNED,
+            "time",
+            f"jumps by {long:.3g} s at {when:.4g} s in all channels",
+            "the stretches before and after it are taken apart",
+        )
+    for name, rows in gaps.items():
+        alone = [(when, long) for when, long in rows if not any(abs(when - w) < GAP for w, _ in common)]
+        if not alone:
+            continue
+        when, long = max(alone, key=lambda each: each[1])
+        count = f"{len(alone)} gaps, the longest" if len(alone) > 1 else "a gap"
+        needed = name in ("accelerometer", "rotor_commands", "rotor_speed_commands", "joint_positions")
+        finding = f"{count} of {long:.3g} s at {when:.4g} s: samples are missing"
+        yield REFUSED if needed and long > HELD_GAP else WARNED, name, finding, "cut the flight to sections without it"
+    ends = {name: flight[name].time[-1] for name in flight if flight[name].time.size}
+    for name in every:
+        rest = flight.end - float(ends[name])
+        if rest > max(EARLY, 0.05 * flight.duration):
+            yield WARNED, name, f"ends {rest:.3g} s before the flight: it is cut off", "the rest is not used"
+
+
+FROZEN = 0.3
+"""s, run of equal rows in the air that no sensor has."""
+
+REPEATED = 0.3
+"""Least share of rows that repeat the one before, of a channel that was sampled up."""
+
+AT_LIMIT = 5
+"""Fewest samples at the same largest or smallest number of a saturated axis, in runs of three or more."""
+
+
+def _still_channels(flight: FlightData, spans: Sequence[tuple[float, float]]) -> Iterator[Found]:
+    """Yield channels that freeze, repeat rows or saturate in the air."""
+    for name in SENSORS:
+        if name not in flight or flight[name].time.size < 100:
+            continue
+        channel = flight[name]
+        same = channel.values[1:] == channel.values[:-1]
+        aloft = np.zeros(len(same), dtype=bool)
+        for begin, end in spans:
+            aloft |= (channel.time[1:] > begin) & (channel.time[1:] <= end)
+        whole = same.all(axis=1) & aloft
+        long, when = _longest_run(whole, channel.time)
+        needed = name in (*NEEDED, "joint_positions")
+        if long > FROZEN:
+            finding = f"is frozen for {long:.3g} s at {when:.4g} s"
+            yield REFUSED if needed else WARNED, name, finding, "cut the flight to sections without it"
+            continue
+        if needed:
+            for axis, column in zip("xyz", (same & aloft[:, None]).T, strict=False):
+                long, when = _longest_run(column, channel.time)
+                if long > 3.0 * FROZEN:
+                    finding = f"axis {axis} is frozen for {long:.3g} s at {when:.4g} s"
+                    yield REFUSED, name, finding, "cut the flight to sections without it"
+        share = float(whole.sum()) / max(1, int(aloft.sum()))
+        if share > REPEATED and needed:
+            finding = f"{100.0 * share:.2g} % of the rows repeat the one before, so that its rate is "
+            finding += f"{channel.rate * (1.0 - share):.3g} Hz rather than {channel.rate:.3g} Hz"
+            yield WARNED, name, finding, "remove repeated rows"
+        if name in NEEDED:
+            yield from _saturated(name, channel, whole)
+
+
+def _saturated(name: str, channel: Channel, repeated: npt.NDArray[np.bool_]) -> Iterator[Found]:
+    """Yield axes that stay at their largest or smallest number while the others go on."""
+    rows = channel.values[1:][~repeated]
+    for axis, column in zip("xyz", rows.T, strict=True):
+        for limit in (column.max(), column.min()):
+            at = (column == limit).astype(int)
+            runs = np.convolve(at, np.ones(3, dtype=int), "valid") == 3
+            if at.sum() >= AT_LIMIT and runs.sum() >= 2 and abs(limit - np.median(column)) > np.std(column):
+                finding = f"axis {axis} is saturated at {limit:.4g} in {int(at.sum())} samples"
+                yield WARNED, name, finding, "cut the flight to gentler sections, or widen the sensor's range"
+
+
+def _longest_run(rows: npt.NDArray[np.bool_], time: Array) -> tuple[float, float]:
+    """Longest time (s) over which rows (N - 1,) of steps between times (N,) are all true, and its begin."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], rows, [False]]).astype(int))).reshape(-1, 2)
+    if not len(edges):
+        return 0.0, 0.0
+    spans = time[edges[:, 1]] - time[edges[:, 0]]
+    best = int(np.argmax(spans))
+    return float(spans[best]), float(time[edges[best, 0]])

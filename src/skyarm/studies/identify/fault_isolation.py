@@ -1,0 +1,328 @@
+"""Isolation of faults of axes, rotors, attitudes and clocks: the change after which all laws between channels hold.
+
+A law fails if the channels as they are explain little of what a linear map of them explains. Candidates are signed
+permutations of the axes, other readings of the quaternion, other orders of the rotors, and a turned frame. Of channels
+that disagree, the one is named that a third channel contradicts, too (structured residuals: J. Gertler, Fault Detection
+and Diagnosis in Engineering Systems, 1998).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import permutations
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.flight_data.clocks import clock_offset
+from skyarm.flight_data.flight_data import Channel, FlightData
+from skyarm.studies.identify.data_compatibility import (
+    Law,
+    best_turn,
+    force_law,
+    joint_law,
+    rate_law,
+    rotor_law,
+    rotor_orders,
+    signed_permutations,
+    tilt_law,
+)
+from skyarm.studies.identify.stretches import commanded_speeds
+from skyarm.vehicle.vehicle_records import Rotor, Vehicle
+
+Array: TypeAlias = npt.NDArray[np.float64]
+Incompatible: TypeAlias = tuple[str, str, str, bool]
+"""Channel, finding, remedy, and whether it spoils the numbers."""
+
+FAILS, HOLDS = 0.6, 0.8
+"""Scores below which a law fails, and from which on a candidate is believed."""
+
+LATE = 0.05
+"""s, lag of a channel that is reported."""
+
+ROTORS = "rotor commands"
+"""Name of the channel, whichever it is."""
+
+MAP = "map its columns, their signs or its frame in columns.toml"
+
+READINGS: Mapping[str, Callable[[Array], Array]] = {
+    "turns the other way: it looks inverse, from world to base": lambda q: q * [1.0, -1.0, -1.0, -1.0],
+    "looks like x, y, z, w read as w, x, y, z": lambda q: q[:, [3, 0, 1, 2]],
+    "looks like w, x, y, z read as x, y, z, w": lambda q: q[:, [1, 2, 3, 0]],
+}
+"""Words -> quaternion that was meant, from the one that was read."""
+
+
+def incompatible_channels(flight: FlightData, start: Vehicle) -> Iterator[Incompatible]:
+    """Yield the channels of a flight in the air that do not fit to the others or to the vehicle."""
+    gyro = flight["gyro"]
+    speeds = commanded_speeds(flight, start)
+    joints = flight["joint_positions"] if start.n else None
+    turning = rotor_law(gyro, speeds, start, joints)
+    rates = rate_law(gyro, flight["quaternion"]) if "quaternion" in flight else None
+    upside = _upside(flight["accelerometer"])
+    rotors_hold = turning is None or _holds(turning)
+    if rates is not None and not _holds(rates):
+        yield from _rates_and_attitude(flight, rates, turning, upside)
+    elif turning is not None and not rotors_hold:
+        yield from _rotors_and_rates(turning, rates, start, upside)
+    elif upside:
+        yield "accelerometer", upside, MAP, True
+    else:
+        if rates is not None:
+            yield from _scale_of_rates(rates)
+        if turning is not None:
+            yield from _turned_rotors(turning)
+        yield from _tilt_and_velocity(flight)
+        yield from _forces(flight)
+    yield from _late_channels(flight, rates, turning)
+    yield from _joint_order(flight, start)
+
+
+def _holds(law: Law, axes: Array | None = None) -> bool:
+    return law.score(law.nominal, axes) >= FAILS
+
+
+def _upside(accelerometer: Channel) -> str:
+    """Words for an accelerometer that does not measure the thrust along z; empty if it does."""
+    mean = accelerometer.values.mean(axis=0)
+    along = mean / max(float(np.linalg.norm(mean)), 1e-9)
+    if along[2] > 0.5:
+        return ""
+    k = int(np.argmax(np.abs(along)))
+    axis = ("-" if along[k] < 0.0 else "") + "xyz"[k]
+    return f"measures the thrust along {axis} rather than z, {mean[k]:.3g} m/s^2 on the mean"
+
+
+FORWARD_RIGHT_DOWN = np.diag([1.0, -1.0, -1.0])
+
+
+def _axes_words(mapping: Array) -> str:
+    """Words for the axes that a signed permutation puts right: of each true axis the one that was read."""
+    size = len(mapping)
+    names = "xyz"[:size]
+    changed = [i for i in range(size) if mapping[i, i] != 1.0]
+    moved = [i for i in changed if mapping[i, i] == 0.0]
+    if not moved:
+        which = " and ".join(names[i] for i in changed)
+        said = f"the sign of {which} looks turned" if len(changed) == 1 else f"the signs of {which} look turned"
+        if size == 3 and changed == [1, 2]:
+            said += ", as of forward, right, down (FRD) read as forward, left, up"
+        return said
+    read = ", ".join(
+        ("-" if mapping[i].sum() < 0.0 else "") + names[int(np.argmax(np.abs(mapping[i])))] for i in range(size)
+    )
+    if len(moved) == 2 and all(mapping[i].sum() > 0.0 for i in range(size)):
+        return f"{names[moved[0]]} and {names[moved[1]]} look swapped"
+    return f"the axes look swapped or turned: {read} stand for {', '.join(names)}"
+
+
+def _best_axes(law: Law, *others: Law) -> tuple[Array, float]:
+    """Signed permutation of the inputs of a law that explains it best, and its score; the smallest change first."""
+    best, top = np.eye(len(law.nominal)), -1.0
+    for each in signed_permutations(len(law.nominal)):
+        score = min([law.score(each @ law.nominal), *(other.score(other.nominal, each) for other in others)])
+        if score > top + 0.02:
+            best, top = each, score
+    return best, top
+
+
+def _rates_and_attitude(flight: FlightData, rates: Law, turning: Law | None, upside: str) -> Iterator[Incompatible]:
+    """Yield the culprit of a gyro and an attitude that do not fit."""
+    axes, score = _best_axes(rates)
+    seen = turning is not None and bool(turning.visible.any())
+    gyro_fits = turning is not None and seen and _holds(turning)
+    repaired = turning is not None and seen and turning.score(turning.nominal, axes) >= HOLDS
+    reading = _best_reading(flight, rates)
+    if reading and (gyro_fits or not repaired):
+        yield "quaternion", reading, "state order or inverse in columns.toml", True
+    elif score >= HOLDS and not gyro_fits:
+        beside = f", and the accelerometer {upside}" if upside else ""
+        yield "gyro", _axes_words(axes) + " against the quaternion" + beside, MAP, True
+    elif score >= HOLDS:
+        finding = f"does not fit to the gyro: {_axes_words(axes)} against it"
+        yield "quaternion", finding, "state frame, order and world in columns.toml", True
+    else:
+        finding = f"does not fit to the gyro: correlation {float(rates.shares(rates.nominal).mean()):.2f}"
+        yield "quaternion", finding, "state frame, order and world in columns.toml", True
+
+
+def _best_reading(flight: FlightData, rates: Law) -> str:
+    """Words for the reading of the quaternion that fits to the gyro and to the velocity; empty if none does."""
+    gyro, attitude = flight["gyro"], flight["quaternion"]
+    found, best = "", rates.score(rates.nominal) + 0.2
+    for words, meant in READINGS.items():
+        other = Channel(time=attitude.time, values=meant(attitude.values), source=attitude.source)
+        law = rate_law(gyro, other)
+        score = law.score(law.nominal) if law is not None else 0.0
+        tilt = tilt_law(other, flight["velocity"]) if "velocity" in flight else None
+        if tilt is not None:
+            score = min(score, tilt.score(tilt.nominal))
+        if score > max(best, HOLDS):
+            found, best = words, score
+    return found
+
+
+def _rotors_and_rates(turning: Law, rates: Law | None, start: Vehicle, upside: str) -> Iterator[Incompatible]:
+    """Yield the culprit of rotors and rates that do not fit: the rotors, or the gyro if no attitude confirms it."""
+    confirmed = rates is not None and bool(rates.visible.any())
+    orders = rotor_orders(len(start.rotors))
+    scores = [turning.score(turning.nominal[:, list(each)]) for each in orders]
+    best = int(np.argmax(scores))
+    order, order_score = orders[best], scores[best]
+    axes = list(signed_permutations())
+    axes_scores = [turning.score(turning.nominal, each) for each in axes]
+    k = int(np.argmax(np.array(axes_scores) - 0.01 * np.arange(len(axes)) / len(axes)))
+    angle, angle_score = best_turn(turning)
+    if upside and axes_scores[k] >= HOLDS:
+        yield "gyro", f"{_axes_words(axes[k])} against the rotors, and the accelerometer {upside}", MAP, True
+    elif not confirmed and axes_scores[k] >= max(HOLDS, order_score - 0.02):
+        also = f", or {_order_words(order, start.rotors)}" if order_score >= axes_scores[k] - 0.1 else ""
+        yield "gyro", _axes_words(axes[k]) + f" against the rotors{also}", MAP, True
+    elif order_score >= HOLDS and order_score >= angle_score - 0.02:
+        finding = f"{_order_words(order, start.rotors)} against the rotation that they cause"
+        yield ROTORS, finding, "order the columns as the vehicle's rotors", True
+    elif angle_score >= HOLDS:
+        yield turned_words(angle)
+    else:
+        finding = f"do not turn vehicle '{start.name}' as measured: correlation {turning.score(turning.nominal):.2f}"
+        yield ROTORS, finding, "check order, signs and places of the rotors", True
+
+
+TURNED, BETTER = 25.0, 0.1
+"""deg, turn of the rotors about z that is reported, and what its score must gain."""
+
+
+def _turned_rotors(turning: Law) -> Iterator[Incompatible]:
+    """Yield rotors that stand turned about z against the vehicle file, by less than makes a law fail."""
+    angle, score = best_turn(turning)
+    if abs(np.degrees(angle)) >= TURNED and score > turning.score(turning.nominal) + BETTER:
+        yield turned_words(angle)
+
+
+def turned_words(angle: float) -> Incompatible:
+    """Finding of rotors that turn the vehicle as if it stood at an angle (rad) to them."""
+    finding = f"turn the vehicle as if it stood {np.degrees(angle):.0f} deg about z from its rotors' places"
+    return ROTORS, finding, "turn the rotors of the vehicle file, or the IMU's axes", True
+
+
+def _order_words(order: Sequence[int], rotors: Sequence[Rotor]) -> str:
+    """Words for an order of the columns: the places at which each rotor of the vehicle stands."""
+    count = len(order)
+    moved = [i for i in range(count) if order[i] != i]
+    mirrored = [_mirror_image(i, rotors) for i in range(count)]
+    if list(order) == mirrored:
+        return "the rotors look mirrored, left for right"
+    if list(order) == list(range(count))[::-1]:
+        return "the order of the rotors looks reversed"
+    if len(moved) == 2:
+        return f"rotors {moved[0] + 1} and {moved[1] + 1} look exchanged"
+    back = list(np.argsort(order) + 1)
+    return f"the rotors look ordered {', '.join(str(each) for each in back)}"
+
+
+def _mirror_image(i: int, rotors: Sequence[Rotor]) -> int:
+    """Number of the rotor that stands where another one's mirror image across the plane of symmetry would."""
+    x, y = float(rotors[i].position.x), float(rotors[i].position.y)
+    off = [np.hypot(float(each.position.x) - x, float(each.position.y) + y) for each in rotors]
+    return int(np.argmin(off))
+
+
+RATE_UNITS = {"deg/s": 180.0 / np.pi, "mrad/s": 1e3, "rad/s read as deg/s": np.pi / 180.0, "rad/s read as mrad/s": 1e-3}
+
+
+def _scale_of_rates(rates: Law) -> Iterator[Incompatible]:
+    """Yield a gyro in another unit."""
+    seen = rates.visible
+    if not seen.any():
+        return
+    scale = 1.0 / float(np.median(rates.gains[seen]))
+    if 0.5 < scale < 2.0:
+        return
+    looks = next((f": it looks like {unit}" for unit, s in RATE_UNITS.items() if 0.5 < scale / s < 2.0), "")
+    yield "gyro", f"is {scale:.3g} times the rate of the attitude{looks}", "state its unit in columns.toml", True
+
+
+def _tilt_and_velocity(flight: FlightData) -> Iterator[Incompatible]:
+    """Yield an attitude whose tilt does not accelerate the vehicle as its velocity says."""
+    if "velocity" not in flight or "quaternion" not in flight:
+        return
+    law = tilt_law(flight["quaternion"], flight["velocity"])
+    if law is None or _holds(law):
+        return
+    axes, score = _best_axes(law)
+    words = f"{_axes_words(axes)} against the tilt" if score >= HOLDS else "does not follow the tilt of the attitude"
+    yield "velocity", words, "state world of velocity and quaternion in columns.toml", True
+
+
+def _forces(flight: FlightData) -> Iterator[Incompatible]:
+    """Yield an accelerometer whose axes differ from those of the attitude."""
+    if "velocity" not in flight or "quaternion" not in flight:
+        return
+    law = force_law(flight["accelerometer"], flight["quaternion"], flight["velocity"])
+    if law is None or _holds(law):
+        return
+    axes, score = _best_axes(law)
+    if score >= HOLDS:
+        yield "accelerometer", f"{_axes_words(axes)} against velocity and attitude", MAP, True
+
+
+def _late_channels(flight: FlightData, rates: Law | None, turning: Law | None) -> Iterator[Incompatible]:
+    """Yield channels whose clocks are apart."""
+    if rates is not None and rates.visible.any() and abs(rates.lag) > 0.5 * LATE:
+        try:
+            found = clock_offset(flight, "quaternion")
+        except ValueError:  # the motion does not show it
+            found = None
+        if found is not None and abs(found.offset) - found.offset_error > LATE:
+            way = "late" if found.offset < 0.0 else "early"
+            finding = f"is {1e3 * abs(found.offset):.0f} ± {1e3 * found.offset_error:.0f} ms {way} against the gyro"
+            yield "quaternion", finding, "align their clocks (skyarm.flight_data.clocks.align)", False
+    if turning is not None and turning.visible.any() and abs(turning.lag) > LATE:
+        ms = 1e3 * turning.lag
+        words = "act {:.0f} ms late, beside the rotors' lag" if ms > 0.0 else "are {:.0f} ms behind the rotation"
+        yield ROTORS, words.format(abs(ms)), "check the clock of commands and gyro", True
+
+
+MOST = 4
+"""Joints of which all orders are tried."""
+
+
+def _joint_order(flight: FlightData, start: Vehicle) -> Iterator[Incompatible]:
+    """Yield joints whose positions follow the commands of others, or against their own."""
+    if "joint_commands" not in flight or "joint_positions" not in flight or not start.n:
+        return
+    law = joint_law(flight["joint_commands"], flight["joint_positions"])
+    if law is None or _holds(law):
+        return
+    for words in joint_words(law, start):
+        yield "joint_positions", words, "order the columns as the vehicle's joints, and check their signs", True
+
+
+def joint_words(law: Law, start: Vehicle) -> Iterator[str]:
+    """Yield words for the exchange or sign of joints that explains a law between joints."""
+    count = start.n
+    names = [link.joint.name for link in start.links]
+    if count <= MOST:
+        orders = list(permutations(range(count)))
+    else:
+        orders = [each for each in rotor_orders(count) if sum(a != b for a, b in enumerate(each)) <= 2]
+    best, top = None, -1.0
+    for order in orders:
+        mapping = law.nominal[list(order)]
+        shares = law.shares(mapping)
+        signs = np.where(shares < 0.0, -1.0, 1.0)
+        score = float(np.abs(shares)[law.visible].mean())
+        if score > top + 0.05:
+            best, top = (order, signs), score
+    if best is None or top < HOLDS:
+        yield "do not follow their commands"
+        return
+    order, signs = best
+    moved = [names[i] for i in range(count) if order[i] != i]
+    turned = [names[i] for i in range(count) if signs[i] < 0.0 and law.visible[i]]
+    if moved:
+        yield f"{' and '.join(moved)} look swapped"
+    if turned:
+        yield f"the sign of {' and '.join(turned)} looks turned"

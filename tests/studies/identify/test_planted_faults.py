@@ -1,0 +1,317 @@
+"""Faults that are planted in a sound flight are named, each by its channel and finding; a sound flight has none."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+
+import skyarm
+from planted_vehicles import NOMINAL, fly_planted
+from skyarm.flight_data.flight_data import Channel
+from skyarm.studies.identify.data_faults import REFUSED, WARNED, find_faults, require_sound_flight
+
+SEED, SECONDS = 0, 14.0
+START = NOMINAL
+
+
+@pytest.fixture(scope="module")
+def sound():
+    """A vehicle with an arm under noise, its battery's voltage and its joints' commanded positions."""
+    flight = fly_planted(SEED, SECONDS)[2]
+    joints, speeds = flight["joint_positions"], flight["rotor_speed_commands"]
+    late = Channel(time=joints.time - 0.02, values=joints.values, source="made")
+    volts = Channel(time=speeds.time, values=np.full((speeds.time.size, 1), 11.7), source="made")
+    made = flight.with_channels({"joint_commands": late, "voltage": volts})
+    return dataclasses.replace(made, file="flight.csv")
+
+
+def change(flight, name, values=None, time=None):
+    """The flight with other values or times of a channel."""
+    channel = flight[name]
+    values = channel.values if values is None else values(channel.values)
+    time = channel.time if time is None else time(channel.time)
+    return flight.with_channels({name: Channel(time=time, values=values, source=channel.source)})
+
+
+def keep(flight, rows, *names):
+    """The flight with some rows of channels, by their times."""
+    found = flight
+    for name in names or tuple(flight):
+        channel = flight[name]
+        kept = rows(channel.time)
+        found = found.with_channels(
+            {name: Channel(time=channel.time[kept], values=channel.values[kept], source=channel.source)}
+        )
+    return found
+
+
+def axes(name, mapping):
+    return lambda flight: change(flight, name, lambda rows: rows @ np.array(mapping, dtype=float).T)
+
+
+def scaled(name, factor):
+    return lambda flight: change(flight, name, lambda rows: factor * rows)
+
+
+def order(name, *places):
+    return lambda flight: change(flight, name, lambda rows: rows[:, list(places)])
+
+
+def late(name, seconds):
+    return lambda flight: change(flight, name, time=lambda time: time + seconds)
+
+
+def shares(flight, factor=1.0, base=0.0):
+    """Commands as shares of the full signal in some unit."""
+    speeds = flight["rotor_speed_commands"]
+    top = np.array([each.max_speed for each in START.rotors])
+    made = Channel(time=speeds.time, values=base + factor * speeds.values / top, source="made")
+    rest = {name: flight[name] for name in flight if name != "rotor_speed_commands"}
+    return dataclasses.replace(flight, channels={**rest, "rotor_commands": made})
+
+
+def frozen(name, column=slice(None)):
+    def values(rows):
+        rows = rows.copy()
+        rows[len(rows) // 2 :, column] = rows[len(rows) // 2, column]
+        return rows
+
+    return lambda flight: change(flight, name, values)
+
+
+def saturated(name, column):
+    def values(rows):
+        rows = rows.copy()
+        rows[:, column] = np.minimum(rows[:, column], np.quantile(rows[:, column], 0.95))
+        return rows
+
+    return lambda flight: change(flight, name, values)
+
+
+def repeated(flight):
+    """Every second row of the gyro holds the one before."""
+    return change(flight, "gyro", lambda rows: rows[np.arange(len(rows)) // 2 * 2])
+
+
+def forward_right_down(flight):
+    """Every channel in the axes forward, right, down, which are said to be forward, left, up."""
+    for name in ("gyro", "accelerometer"):
+        flight = axes(name, np.diag([1.0, -1.0, -1.0]))(flight)
+    return change(flight, "quaternion", lambda q: np.stack([-q[:, 1], q[:, 0], q[:, 3], -q[:, 2]], axis=1))
+
+
+def turned(flight):
+    """The base axes of all sensors turned by 45 degrees about z."""
+    c = 0.5**0.5
+    for name in ("gyro", "accelerometer"):
+        flight = axes(name, [[c, c, 0], [-c, c, 0], [0, 0, 1]])(flight)
+    half = np.cos(np.pi / 8), np.sin(np.pi / 8)
+
+    def right(q):
+        w, x, y, z = q.T
+        a, b = half
+        return np.stack([w * a - z * b, x * a + y * b, y * a - x * b, z * a + w * b], axis=1)
+
+    return change(flight, "quaternion", right)
+
+
+def noted(words):
+    return lambda flight: flight.with_channels({}, words)
+
+
+def on_the_ground(flight):
+    """The motors turn, and nothing moves."""
+    noise = np.random.default_rng(0)
+    flight = change(flight, "rotor_speed_commands", lambda rows: 0.1 * rows)
+    flight = change(flight, "gyro", lambda rows: noise.normal(scale=0.003, size=rows.shape))
+    return change(flight, "accelerometer", lambda rows: noise.normal([0.0, 0.0, 9.81], 0.02, rows.shape))
+
+
+def without(*names):
+    return lambda flight: dataclasses.replace(
+        flight, channels={name: flight[name] for name in flight if name not in names}
+    )
+
+
+def gone(begin, end, *names):
+    return lambda flight: keep(flight, lambda time: (time < begin) | (time > end), *names)
+
+
+def dropped(flight):
+    draw = np.random.default_rng(1)
+    return keep(flight, lambda time: draw.uniform(size=time.size) > 0.15, "gyro", "accelerometer")
+
+
+SWAP_XY, SWAP_YZ = [[0, 1, 0], [1, 0, 0], [0, 0, 1]], [[1, 0, 0], [0, 0, 1], [0, 1, 0]]
+FLIP = {axis: np.diag([-1.0 if axis == each else 1.0 for each in "xyz"]) for axis in "xyz"}
+ONLY_RATES = without("quaternion", "position", "velocity")
+
+
+def then(*changes):
+    def made(flight):
+        for each in changes:
+            flight = each(flight)
+        return flight
+
+    return made
+
+
+PLANTED = {
+    # the file
+    "cut off": (lambda f: f.section(0.0, 0.7), REFUSED, "flight: .* s in the air: too short, or cut off"),
+    "gyro cut off": (gone(9.0, 99.0, "gyro"), WARNED, "gyro: ends .* s before the flight: it is cut off"),
+    "time jump": (gone(5.0, 7.0), WARNED, "time: jumps by 2.* s at 4.995 s in all channels"),
+    "repeated stamps": (
+        noted("gyro: 700 of 2000 rows are left out, as their times do not rise."),
+        REFUSED,
+        "gyro: 700 of 2000 rows are left out, as their times do not rise",
+    ),
+    "numbers that are none": (
+        noted("accelerometer: 12 of 2000 rows are without numbers and are left out."),
+        WARNED,
+        "accelerometer: 12 of 2000 rows are without numbers",
+    ),
+    "dropped samples": (dropped, WARNED, r"gyro: 1\d % of the samples are missing"),
+    "commands missing": (
+        gone(4.0, 6.0, "rotor_speed_commands"),
+        REFUSED,
+        "rotor_speed_commands: a gap of 2.* s at 3.995 s: samples are missing",
+    ),
+    "no accelerometer": (without("accelerometer"), REFUSED, "accelerometer: is not in this flight"),
+    "never took off": (on_the_ground, REFUSED, "rotor_speed_commands: .*: the flight never took off"),
+    # one channel
+    "frozen gyro": (frozen("gyro"), REFUSED, "gyro: is frozen for .* s"),
+    "frozen axis": (frozen("gyro", 1), REFUSED, "gyro: axis y is frozen for .* s"),
+    "frozen position": (frozen("position"), WARNED, "position: is frozen for .* s"),
+    "saturated gyro": (saturated("gyro", 0), WARNED, "gyro: axis x is saturated at"),
+    "saturated accelerometer": (
+        saturated("accelerometer", 2),
+        WARNED,
+        "accelerometer: axis z is saturated at 1",
+    ),
+    "rows repeated": (repeated, WARNED, r"gyro: [45]\d % of the rows repeat the one before"),
+    # units
+    "gyro in deg/s": (scaled("gyro", 57.29578), REFUSED, "gyro: .* it looks like deg/s"),
+    "gyro in deg/s without attitude": (
+        then(ONLY_RATES, scaled("gyro", 57.29578)),
+        REFUSED,
+        "gyro: .* it looks like deg/s",
+    ),
+    "accelerometer in g": (scaled("accelerometer", 1 / 9.80665), REFUSED, "accelerometer: .* it looks like g"),
+    "commands of 16 bit": (lambda f: shares(f, 65535.0), REFUSED, "rotor_commands: .* look like a word of 16 bit"),
+    "commands as pulses": (lambda f: shares(f, 1000.0, 1000.0), REFUSED, "rotor_commands: .* look like a pulse width"),
+    "speeds in rpm": (scaled("rotor_speed_commands", 9.5493), REFUSED, "rotor_speed_commands: .* look like rpm"),
+    "voltage in mV": (scaled("voltage", 1e3), REFUSED, "voltage: .* it looks like mV"),
+    "joints in degrees": (scaled("joint_positions", 57.29578), REFUSED, "joint_positions: .* look like degrees"),
+    "joint rates in deg/s": (scaled("joint_rates", 57.29578), REFUSED, "joint_rates: .* look like deg/s"),
+    "velocity in mm/s": (scaled("velocity", 1e3), REFUSED, "velocity: .* look like mm/s"),
+    # axes
+    "gyro x and y": (axes("gyro", SWAP_XY), REFUSED, "gyro: x and y look swapped"),
+    "gyro y and z": (axes("gyro", SWAP_YZ), REFUSED, "gyro: y and z look swapped"),
+    "gyro x turned": (axes("gyro", FLIP["x"]), REFUSED, "gyro: the sign of x looks turned"),
+    "gyro y turned": (axes("gyro", FLIP["y"]), REFUSED, "gyro: the sign of y looks turned"),
+    "gyro z turned": (axes("gyro", FLIP["z"]), REFUSED, "gyro: the sign of z looks turned"),
+    "gyro x and y without attitude": (
+        then(ONLY_RATES, axes("gyro", SWAP_XY)),
+        REFUSED,
+        "gyro: x and y look swapped against the rotors",
+    ),
+    "gyro FRD": (
+        axes("gyro", np.diag([1.0, -1.0, -1.0])),
+        REFUSED,
+        "gyro: the signs of y and z look turned, as of forward, right, down",
+    ),
+    "all FRD": (forward_right_down, REFUSED, "gyro: .*forward, right, down.*accelerometer .* along -z"),
+    "accelerometer upside down": (
+        axes("accelerometer", FLIP["z"]),
+        REFUSED,
+        "accelerometer: measures the thrust along -z rather than z",
+    ),
+    "accelerometer y and z": (
+        axes("accelerometer", SWAP_YZ),
+        REFUSED,
+        "accelerometer: measures the thrust along y rather than z",
+    ),
+    "axes turned": (turned, REFUSED, r"rotor commands: .* as if it stood -?45 deg about z from its rotors' places"),
+    "velocity in north, east, down": (
+        axes("velocity", np.diag([1.0, -1.0, -1.0])),
+        REFUSED,
+        "velocity: the sign of y looks turned against the tilt",
+    ),
+    # attitude
+    "quaternion x, y, z, w": (order("quaternion", 1, 2, 3, 0), REFUSED, "quaternion: looks like x, y, z, w read as w"),
+    "quaternion w first": (order("quaternion", 3, 0, 1, 2), REFUSED, "quaternion: looks like w, x, y, z read as x"),
+    "quaternion inverse": (
+        axes("quaternion", np.diag([1.0, -1.0, -1.0, -1.0])),
+        REFUSED,
+        "quaternion: turns the other way: it looks inverse",
+    ),
+    "quaternion late": (late("quaternion", 0.08), WARNED, "quaternion: is (79|80|81) ± . ms late against the gyro"),
+    # rotors
+    "rotors exchanged": (
+        order("rotor_speed_commands", 2, 1, 0, 3),
+        REFUSED,
+        "rotor commands: rotors 1 and 3 look exchanged",
+    ),
+    "rotors reversed": (
+        order("rotor_speed_commands", 3, 2, 1, 0),
+        REFUSED,
+        "rotor commands: the order of the rotors looks reversed",
+    ),
+    "rotors mirrored": (
+        order("rotor_speed_commands", 0, 3, 2, 1),
+        REFUSED,
+        "rotor commands: the rotors look mirrored, left for right",
+    ),
+    "rotors of another order": (
+        order("rotor_speed_commands", 1, 2, 3, 0),
+        REFUSED,
+        "rotor commands: the rotors look ordered 4, 1, 2, 3",
+    ),
+    "commands early": (late("rotor_speed_commands", -0.08), REFUSED, "rotor commands: act .* ms late"),
+    # joints
+    "joints exchanged": (order("joint_positions", 1, 0), REFUSED, "joint_positions: .* look swapped"),
+    "joint turned": (
+        axes("joint_positions", np.diag([1.0, -1.0])),
+        REFUSED,
+        "joint_positions: the sign of .* looks turned",
+    ),
+}  # fmt: skip
+
+
+def test_a_sound_flight_has_no_fault(sound):
+    assert find_faults(sound, START) == ()
+    assert find_faults(ONLY_RATES(sound), START) == ()
+    assert find_faults(shares(sound), START) == ()
+    assert require_sound_flight(sound, START) == ()
+
+
+@pytest.mark.parametrize("name", PLANTED)
+def test_a_planted_fault_is_named(sound, name):
+    plant, severity, words = PLANTED[name]
+    faults = find_faults(plant(sound), START)
+    told = "\n".join(each.words for each in faults)
+    named = [each for each in faults if re.fullmatch(f"flight.csv: {words}.*; .+", each.words)]
+    assert named, told or "no fault"
+    assert named[0].severity == severity
+    if severity == REFUSED:
+        with pytest.raises(ValueError, match=r"^flight.csv: [^\n]+$"):
+            require_sound_flight(plant(sound), START)
+
+
+@pytest.mark.parametrize(
+    ("start", "words"),
+    [
+        (skyarm.load_vehicle("hexarotor_arm6"), "4 rotors, vehicle 'hexarotor_arm6' has 6"),
+        (skyarm.load_vehicle("hummingbird"), "2 joints, vehicle 'hummingbird' has 0"),
+        (
+            dataclasses.replace(START, base=dataclasses.replace(START.base, mass=3.5 * START.base.mass)),
+            "lift 0.3.* times the weight of 'hummingbird_arm2_rotors'",
+        ),
+    ],
+)  # fmt: skip
+def test_another_vehicle_is_named(sound, start, words):
+    assert re.search(words, "\n".join(each.words for each in find_faults(sound, start)))
