@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import csv
 import dataclasses
 import json
+import re
 import tomllib
 from pathlib import Path
 
@@ -14,14 +16,18 @@ import skyarm as library
 from commanded import refused, skyarm
 from skyarm.cli.identified_report import correlated_pairs
 from skyarm.cli.identify_command import known_numbers
+from skyarm.log.flight_log import rows_of
 from skyarm.log.formats import save_log
 from skyarm.reference import Constant, Sum, Trajectory
-from skyarm.scenario.scenario_file import scenario_from
+from skyarm.scenario.scenario_record import Delays, NamedSensor
+from skyarm.sensing.channel import Channel as Errors
+from skyarm.sensing.sensor_kinds import Imu
+from skyarm.studies.identify.held_out import CURVE
 from skyarm.studies.identify.identified_file import identified_file
 from skyarm.studies.identify.identify_vehicle import Identified, IdentifiedNumber
 from skyarm.studies.identify.motion_model import Surroundings
 from skyarm.studies.identify.unknowns import second_moments
-from skyarm.studies.tune.excitation import sine_from_rest
+from skyarm.studies.tune.excitation import of_vehicle, sine_from_rest
 from skyarm.vehicle.vehicle_text import vehicle_text
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
@@ -38,24 +44,22 @@ def flights(tmp_path_factory):
         dataclasses.replace(each, thrust_coefficient=FACTOR * each.thrust_coefficient) for each in START.rotors
     )
     (folder / "truth.toml").write_text(vehicle_text(dataclasses.replace(START, rotors=stronger)))
-    document = {
-        "schema": 1,
-        "name": "swings",
-        "duration": 3.4,
-        "plant": {"vehicle": str(folder / "truth.toml")},
-        "controller": {"preset": "rotors_sim_hummingbird"},
-        "delays": {"command": 0.004},
-        "sensors": {"imu": {"kind": "imu"}},
-        "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 5.0]}},
-    }
     path = Trajectory(
         x=sine_from_rest(0.3, 0.6, 0.0),
         y=sine_from_rest(0.3, 0.8, 2.0),
         z=Sum((Constant(5.0), sine_from_rest(0.2, 1.1, 1.0))),
         yaw=sine_from_rest(0.5, 0.7, 1.0),
     )
-    log = library.run(dataclasses.replace(scenario_from(document), reference=path))
-    save_log(log, folder / "swings.npz")
+    base, imu = of_vehicle(START), NamedSensor(name="imu", sensor=Imu(gyro=Errors(), accelerometer=Errors()))
+    plant = dataclasses.replace(base.plant, vehicle=library.load_vehicle(folder / "truth.toml"))
+    delays = Delays(measurement=0.005, command=0.004)
+    log = library.run(
+        dataclasses.replace(base, plant=plant, reference=path, duration=6.4, delays=delays, sensors=(imu,))
+    )
+    assert log.status == "completed"
+    half = int(np.searchsorted(log.time, 3.4))
+    save_log(rows_of(log, slice(0, half)), folder / "swings.npz")
+    save_log(rows_of(log, slice(half, None)), folder / "aside.npz")
     return folder
 
 
@@ -68,7 +72,8 @@ def here(flights, monkeypatch):
 def identified(flights):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(flights)
-        return skyarm("identify", "swings.npz", "--vehicle", "hummingbird", "--out", "found")
+        words = ("swings.npz", "--vehicle", "hummingbird", "--held-out", "aside.npz", "--out", "found")
+        return skyarm("identify", *words)
 
 
 def test_a_flight_gives_numbers_with_intervals_and_a_vehicle_file(identified):
@@ -99,6 +104,24 @@ def test_the_vehicle_file_flies(identified):
         'preset = "rotors_sim_hummingbird"\n[reference]\nbase = { kind = "hover", position = [0.0, 0.0, 1.0] }\n'
     )
     assert skyarm("run", "fly.toml").code == 0
+
+
+def test_held_out_flights_are_predicted_better_than_by_the_start_vehicle_and_by_holding(identified):
+    rows = list(csv.DictReader(Path("found/prediction.csv").read_text().splitlines()))
+    at = {(row["horizon_s"], row["predictor"]): row for row in rows}
+    assert len(rows) == 3 * len(CURVE)
+    for horizon in ("0.1", "0.5", "1"):
+        for column in ("position_m", "attitude_rad"):
+            model, start, hold = (float(at[horizon, each][column]) for each in ("identified", "start vehicle", "hold"))
+            assert model < 0.5 * hold, (horizon, column)
+            assert column == "attitude_rad" or model < 0.1 * start, (horizon, column)
+    assert re.search(r"^0\.5 s +identified +\S+ m +\S+ m/s +\S+ rad +\S+ rad/s +\d+$", identified.out, re.MULTILINE)
+    found = json.loads(Path("found/identified.json").read_text())["held_out"]
+    steps = {name: each["specific_force"] for name, each in found["one_step"].items()}
+    assert steps["identified"] < 0.2 * steps["start vehicle"]
+    assert steps["identified"] < 0.2 * steps["hold"]
+    assert (found["flights"], found["has_poses"]) == (["aside"], True)
+    assert Path("found/prediction.png").read_bytes().startswith(b"\x89PNG")
 
 
 def number(name, value, **more):
@@ -158,6 +181,11 @@ def test_known_numbers_are_words_of_the_vehicle_file():
     [
         (("none.csv", "--vehicle", "hummingbird"), "flight = 'none.csv': no such file"),
         (("swings.npz", "none.csv", "--vehicle", "hummingbird"), "flight = 'none.csv': no such file"),
+        (
+            ("swings.npz", "--vehicle", "hummingbird", "--held-out", "./swings.npz"),
+            "--held-out = './swings.npz': must not be among the flights of the fit",
+        ),
+        (("swings.npz", "--vehicle", "hummingbird", "--held-out", "none.csv"), "flight = 'none.csv': no such file"),
         (("truth.toml",), "--vehicle: is missing: must be the vehicle as its data sheet"),
         (("truth.toml", "--vehicle", "hummingbird"), "format 'toml' is unknown"),
         (("swings.npz", "--vehicle", "hummingburd"), "vehicle = 'hummingburd': did you mean 'hummingbird'"),

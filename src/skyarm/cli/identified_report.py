@@ -1,8 +1,10 @@
-"""Report of an identified vehicle: table of numbers with intervals, correlations and explained shares."""
+"""Report of an identified vehicle: numbers with intervals, correlations, and errors of predicted held-out flights."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -11,21 +13,26 @@ from rich.console import RenderableType
 from skyarm.cli.output import aligned_lines, heading, shown_number
 from skyarm.flight_data.flight_data import FlightData
 from skyarm.records.files import printable
+from skyarm.studies.identify.held_out import HOLD, IDENTIFIED, START, HeldOut, table_horizons
 from skyarm.studies.identify.identify_vehicle import Identified, IdentifiedNumber
+from skyarm.studies.identify.open_loop import HorizonErrors
 from skyarm.vehicle.vehicle_records import Vehicle
 
-VEHICLE, IDENTIFIED = "vehicle.toml", "identified.json"
-"""Names of the file of the vehicle and of that of all numbers."""
+VEHICLE, NUMBERS, TABLE, FIGURE = "vehicle.toml", "identified.json", "prediction.csv", "prediction.png"
+"""Names of the file of the vehicle, of all numbers, and of the errors of predictions."""
 
 CLOSE, MOST = 0.9, 12
 """Correlation from which two numbers are named; lines of them at most."""
+
+LISTED = 4
+"""Flights that a heading names."""
 
 HEADS = ("", "value", "95 % interval", "start", "unit")
 
 
 def report_lines(found: Identified, start: Vehicle, flights: Sequence[FlightData]) -> list[RenderableType]:
     """Heading, table and remarks of an identified vehicle."""
-    names = ", ".join(each.name for each in flights)
+    names = _few_names([each.name for each in flights])
     lines: list[RenderableType] = [heading(f"{start.name} from {names}: {found.seconds:.3g} s")]
     lines += aligned_lines([HEADS, *map(_row, found.numbers)])
     if not found.settled:
@@ -38,6 +45,68 @@ def report_lines(found: Identified, start: Vehicle, flights: Sequence[FlightData
         lines.append(f"and {len(pairs) - MOST} more pairs with a correlation beyond {CLOSE:g}")
     lines += [f"{each.name}: {note}" for each in flights for note in each.notes]
     return [printable(line) if isinstance(line, str) else line for line in lines]
+
+
+def prediction_lines(held_out: HeldOut) -> list[RenderableType]:
+    """Heading, table and remarks of the predictions of held-out flights."""
+    rows: list[tuple[str, ...]] = [("horizon", "position", "velocity", "attitude", "rate", "predictions")]
+    wide = max(map(len, held_out.errors))
+    for k in table_horizons(held_out):
+        for i, (name, errors) in enumerate(held_out.errors.items()):
+            each = errors[k]
+            cells = ((each.position, "m"), (each.velocity, "m/s"), (each.attitude, "rad"), (each.rate, "rad/s"))
+            words = [f"{shown_number(value)} {unit}" if math.isfinite(value) else "-" for value, unit in cells]
+            first = "" if i else f"{each.horizon:g} s"
+            rows.append((f"{first:<7} {name:<{wide}}", *words, str(each.begins)))
+    lines: list[RenderableType] = [
+        heading(f"{_few_names(held_out.flights)}, held out: predicted from the commands alone")
+    ]
+    lines += aligned_lines(rows)
+    force, turning = (
+        ", ".join(f"{name} {shown_number(getattr(each, field))}" for name, each in held_out.one_step.items())
+        for field in ("specific_force", "angular_acceleration")
+    )
+    lines.append(f"one step of {1e3 * held_out.period:.3g} ms: specific force, m/s^2: {force}")
+    lines.append(f"one step of {1e3 * held_out.period:.3g} ms: angular acceleration, rad/s^2: {turning}")
+    lines.append("Root mean squares; one step of 'hold': the spread of what is measured about its mean.")
+    return [*lines, *(printable(note) for note in held_out.notes)]
+
+
+def prediction_csv(held_out: HeldOut) -> str:
+    """Errors over each horizon as a table of text, a row for each horizon and predictor."""
+    names = [each.name for each in fields(HorizonErrors)][1:]
+    lines = [",".join(("horizon_s", "predictor", "predictions", *UNITS))]
+    for k, horizon in enumerate(held_out.horizons):
+        for name, errors in held_out.errors.items():
+            values = [getattr(errors[k], each) for each in names[1:]]
+            lines.append(",".join((f"{horizon:g}", name, str(errors[k].begins), *(f"{each:.6g}" for each in values))))
+    return "\n".join(lines) + "\n"
+
+
+UNITS = ("position_m", "velocity_m_s", "attitude_rad", "rate_rad_s")
+"""Columns of errors of the table of predictions, in the order of the fields."""
+
+
+LEGEND = {IDENTIFIED: "identified vehicle", START: "start vehicle", HOLD: "velocity and rate held"}
+"""Predictor -> its name in a figure."""
+
+
+def prediction_png(held_out: HeldOut) -> bytes:
+    """Figure of the errors of position and attitude over the horizon."""
+    from skyarm.view.figures.prediction_figure import PredictionCurve, prediction_figure
+    from skyarm.view.figures.style import DPI, image_bytes
+
+    curves = {
+        LEGEND[name]: PredictionCurve([each.position for each in errors], [each.attitude for each in errors])
+        for name, errors in held_out.errors.items()
+    }
+    return image_bytes(prediction_figure(held_out.horizons, curves), dpi=DPI)
+
+
+def _few_names(names: Sequence[str]) -> str:
+    """Names of a few flights, and how many more there are."""
+    more = len(names) - LISTED
+    return ", ".join(names[:LISTED]) + (f" and {more} more" if more > 0 else "")
 
 
 def _row(number: IdentifiedNumber) -> tuple[str, ...]:
@@ -58,7 +127,11 @@ def correlated_pairs(found: Identified) -> list[tuple[str, str, float]]:
 
 
 def document_of(
-    found: Identified, start: Vehicle, flights: Sequence[FlightData], known: Mapping[str, float]
+    found: Identified,
+    start: Vehicle,
+    flights: Sequence[FlightData],
+    known: Mapping[str, float],
+    held_out: HeldOut | None,
 ) -> dict[str, Any]:
     """All numbers of an identification, for JSON; a value that the flights do not show is null."""
     numbers = []
@@ -87,4 +160,4 @@ def document_of(
         "surroundings": found.surroundings,
         "explained": found.explained,
         "deviation": found.deviation,
-    }
+    } | ({} if held_out is None else {"held_out": held_out})

@@ -5,15 +5,26 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from skyarm.cli.identified_report import IDENTIFIED, VEHICLE, document_of, report_lines
+from skyarm.cli.identified_report import (
+    FIGURE,
+    NUMBERS,
+    TABLE,
+    VEHICLE,
+    document_of,
+    prediction_csv,
+    prediction_lines,
+    prediction_png,
+    report_lines,
+)
 from skyarm.cli.lag_report import identify_lags
 from skyarm.cli.lines import NOT_COMPLETED, say
-from skyarm.cli.output import Advance, bar, give, plain, tell, write_json
+from skyarm.cli.output import Advance, bar, give, json_text, plain, tell
 from skyarm.flight_data.flight_data import FlightData, load_flight
 from skyarm.flight_data.own_log import is_own_mcap
 from skyarm.log.formats import require_readable
@@ -27,6 +38,7 @@ from skyarm.records.files import (
     write_atomically,
 )
 from skyarm.records.registry import RegistryError
+from skyarm.studies.identify.held_out import held_out_period, predict_held_out
 from skyarm.studies.identify.identified_file import identified_file
 from skyarm.studies.identify.identify_vehicle import identify_vehicle
 from skyarm.studies.identify.stretches import stretches_of_flights
@@ -52,6 +64,9 @@ def identify(
     curve: Annotated[bool, typer.Option("--curve", help="a thrust curve in place of one coefficient")] = False,
     begin: Annotated[float | None, typer.Option(help="s, of the part of each flight that counts")] = None,
     end: Annotated[float | None, typer.Option(help="s, of the part of each flight that counts")] = None,
+    held_out: Annotated[
+        list[str] | None, typer.Option(metavar="FLIGHT", help="predicted and not fitted; repeat")
+    ] = None,
     lags: Annotated[bool, typer.Option("--lags", help="delays and lags of one log alone")] = False,
     gravity: Annotated[float | None, typer.Option(help="m/s^2; the log's, or 9.81")] = None,
     out: Annotated[
@@ -63,7 +78,7 @@ def identify(
     Delays and lags: of one log of skyarm, without --vehicle. Exit code 3: the flights do not tell.
     """
     if lags or (vehicle is None and len(flights) == 1 and _is_own_log(Path(flights[0]))):
-        without = {"--columns": columns, "--known": known, "--curve": curve or None}
+        without = {"--columns": columns, "--known": known, "--curve": curve or None, "--held-out": held_out}
         for option, value in without.items():
             if value is not None:
                 raise ValueError(f"{option}: must be left out without --vehicle, and with --lags")
@@ -71,43 +86,82 @@ def identify(
             raise ValueError(f"flights = {len(flights)}: must be one with --lags")
         identify_lags(flights[0], vehicle, gravity, begin, end, out)
         return
-    for flight in flights:
+    for flight in (*flights, *(held_out or ())):
         reason = "" if Path(flight).is_dir() else unreadable(Path(flight))
         if reason:
             raise ValueError(f"flight = {shown(flight)}: {reason}")
     if vehicle is None:
         raise ValueError("--vehicle: is missing: must be the vehicle as its data sheet and drawing say")
     start, given = known_numbers(load_vehicle(vehicle), known or ())
-    full, sections = given.pop(VOLTAGE, 0.0), _sections(begin, end)
-    folder = None if out is None else Path(out)
-    with taken_back(*(() if folder is None else (folder,))), bar(f"identify {start.name}") as advance:
+    felt = 9.81 if gravity is None else number(gravity, "--gravity", low=0.0)
+    work = Work(flights, held_out or (), columns, start, given, curve, _sections(begin, end), felt)
+    with taken_back(*(() if out is None else (out,))):
+        _identify_vehicle(work, None if out is None else Path(out))
+
+
+@dataclass(frozen=True, slots=True)
+class Work:
+    """Inputs of the identification of a vehicle.
+
+    Attributes:
+        flights: files. held_out: files of flights to predict. columns: mapping of their columns.
+        start: vehicle before. known: numbers that are not searched, and the voltage.
+        curve: identify a thrust curve. sections: parts of the flights that count, s. gravity: m/s^2.
+    """
+
+    flights: Sequence[str]
+    held_out: Sequence[str]
+    columns: str | None
+    start: Vehicle
+    known: dict[str, float]
+    curve: bool
+    sections: Sequence[tuple[float, float]]
+    gravity: float
+
+
+def _identify_vehicle(work: Work, folder: Path | None) -> None:
+    """Identify a vehicle from flights, predict those that were held out, print and write what was found."""
+    start, both = work.start, {Path(each).resolve() for each in work.flights}
+    for each in work.held_out:
+        if Path(each).resolve() in both:
+            raise ValueError(f"--held-out = {shown(each)}: must not be among the flights of the fit")
+    known = {name: value for name, value in work.known.items() if name != VOLTAGE}
+    full, held_out = work.known.get(VOLTAGE, 0.0), None
+    with bar(f"identify {start.name}") as advance:
         if folder is not None:
             require_writable(folder)
-            require_replaceable(folder / VEHICLE, folder / IDENTIFIED)
-        read = _read(flights, columns, advance)
+            require_replaceable(*(folder / name for name in (VEHICLE, NUMBERS, TABLE, FIGURE)))
+        read = _read([*work.flights, *work.held_out], work.columns, advance)
+        fitted, aside = read[: len(work.flights)], read[len(work.flights) :]
         advance(last="cut into stretches")
-        stretches = stretches_of_flights(read, start, full_voltage=full, sections=sections)
+        stretches = stretches_of_flights(fitted, start, full_voltage=full, sections=work.sections)
+        period = held_out_period(stretches[0][0].period)
+        unseen = stretches_of_flights(aside, start, period=period, full_voltage=full) if aside else []
         found = identify_vehicle(
             [each for part in stretches for each in part],
             start,
-            curve=curve,
-            known=given,
+            curve=work.curve,
+            known=known,
             progress=lambda words: advance(last=words),
         )
-        document = document_of(found, start, read, given)
-        text = identified_file(found, start, [Path(each.file).name for each in read], given)
-    tell(*report_lines(found, start, read))
-    shows = any(each.is_known for each in found.numbers)
-    written = dict[str, Path]()
+        if aside:
+            advance(last="predict the held-out flights")
+            pairs = list(zip(aside, unseen, strict=True))
+            held_out = predict_held_out(found, start, pairs, known=known, gravity=work.gravity)
+        document = document_of(found, start, fitted, known, held_out)
+        contents = {VEHICLE: identified_file(found, start, [Path(each.file).name for each in fitted], known).encode()}
+        contents[NUMBERS] = json_text(document).encode()
+        if held_out is not None:
+            contents |= {TABLE: prediction_csv(held_out).encode()}
+            contents |= {FIGURE: prediction_png(held_out)} if folder is not None and held_out.has_poses else {}
+    tell(*report_lines(found, start, fitted), *([] if held_out is None else prediction_lines(held_out)))
+    shows, written = any(each.is_known for each in found.numbers), list[Path]()
     if folder is not None and shows:
-        written["vehicle"] = write_atomically(folder / VEHICLE, text.encode())
-        written["numbers"] = write_json(folder / IDENTIFIED, document)
-        tell(f"written: {', '.join(map(str, written.values()))}", f"next: skyarm check {written['vehicle']}")
+        written = [write_atomically(folder / name, content) for name, content in contents.items()]
+        tell(f"written: {', '.join(map(str, written))}", f"next: skyarm check {folder / VEHICLE}")
     give(plain(document), files=written)
     if not found.settled:
-        say(
-            "the search did not settle: do not rely on these numbers; give known ones (--known) or fly with more motion"
-        )
+        say("the search did not settle: give known numbers (--known), or fly with more motion")
     if not shows:
         say("the flights show none of these numbers: fly with more motion, or longer")
     if not (found.settled and shows):

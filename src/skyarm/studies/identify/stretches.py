@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -98,6 +98,7 @@ def stretches_of_flights(
     flights: Sequence[FlightData],
     start: Vehicle,
     *,
+    period: float = 0.0,
     full_voltage: float = 0.0,
     sections: Sequence[tuple[float, float]] = (),
 ) -> list[list[Stretch]]:
@@ -106,17 +107,19 @@ def stretches_of_flights(
     Args:
         flights: as of :func:`stretches_of`.
         start: vehicle with what is known before.
+        period: s, in place of the longest one.
         full_voltage: V, of the rotors' data; 0 leaves the battery's voltage out.
         sections: (begin, end), s, of each flight that count; by default all in which the vehicle flies.
 
     Raises:
         ValueError: one line: a flight lacks a quantity, does not fit the vehicle or has no stretch long enough.
     """
-    found = [stretches_of(each, start, full_voltage=full_voltage, sections=sections) for each in flights]
-    longest = max(each.period for stretches in found for each in stretches)
+    options: dict[str, Any] = {"full_voltage": full_voltage, "sections": sections}
+    found = [stretches_of(each, start, period=period, **options) for each in flights]
+    longest = period or max(each.period for stretches in found for each in stretches)
     for i, flight in enumerate(flights):
         if any(abs(each.period - longest) > SAME * longest for each in found[i]):
-            found[i] = stretches_of(flight, start, period=longest, full_voltage=full_voltage, sections=sections)
+            found[i] = stretches_of(flight, start, period=longest, **options)
         found[i] = [dataclasses.replace(each, period=longest) for each in found[i]]
     return found
 
@@ -136,12 +139,18 @@ def commanded_speeds(flight: FlightData, start: Vehicle) -> Channel:
 
 def _air_velocity(flight: FlightData, time: Array) -> Array:
     """Velocity in base axes, m/s, in still air."""
-    velocity, attitude = flight["velocity"], flight["quaternion"]
+    velocity = flight["velocity"]
     v = np.stack([np.interp(time, velocity.time, column) for column in velocity.values.T], axis=1)
+    return to_base(attitude_at(flight, time), v)
+
+
+def attitude_at(flight: FlightData, time: Array) -> Array:
+    """Measured attitude (N, 4), w x y z, base to world, at given times (s), interpolated between its samples."""
+    attitude = flight["quaternion"]
     signs = np.where((attitude.values[1:] * attitude.values[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
     straight = attitude.values * np.cumprod(np.concatenate([[1.0], signs]))[:, None]
     q = np.stack([np.interp(time, attitude.time, column) for column in straight.T], axis=1)
-    return to_base(q / np.linalg.norm(q, axis=1, keepdims=True), v)
+    return np.asarray(q / np.linalg.norm(q, axis=1, keepdims=True))
 
 
 def _is_late(measured: Array, central: Array) -> bool:
