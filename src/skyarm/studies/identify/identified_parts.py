@@ -10,19 +10,23 @@ from typing import Any, TypeVar
 import numpy as np
 
 from skyarm.algebra import Sym3, Vec3
+from skyarm.dynamics.actuators.servo import PositionServo
 from skyarm.studies.identify.motion_model import Surroundings
 from skyarm.studies.identify.unknowns import KNOTS, rises_of_thrust, second_moments
-from skyarm.vehicle.linkage import Body, Link
+from skyarm.vehicle.linkage import Body, Joint, Link
 from skyarm.vehicle.thrust_table import ThrustTable
-from skyarm.vehicle.vehicle_records import Rotor, Vehicle
+from skyarm.vehicle.vehicle_records import MountedDrive, Rotor, Vehicle
 
-R = TypeVar("R", Rotor, Link, Body)
+R = TypeVar("R", Rotor, Link, Body, Joint, PositionServo, MountedDrive)
 
 SCALED = ("thrust_coefficient", "moment_coefficient", "time_constant_up", "time_constant_down")
 """Numbers of a rotor that are above 0: of each rotor in the proportion of the start vehicle."""
 
 FRICTIONS = ("damping", "coulomb", "armature")
 """Numbers of a joint that may be identified."""
+
+OF_SERVOS = ("stiffness", "damping", "integral", "latency", "speed_limit")
+"""Numbers of a joint's position servo that may be identified."""
 
 
 def vehicle_with(start: Vehicle, numbers: Mapping[str, float], *, checked: bool = False) -> Vehicle:
@@ -38,6 +42,7 @@ def vehicle_with(start: Vehicle, numbers: Mapping[str, float], *, checked: bool 
     """
     rotors = tuple(_rotor(start.rotors[0], each, numbers, checked) for each in start.rotors)
     links = tuple(_link(each, numbers, checked) for each in start.links)
+    drives = tuple(_drive(each, numbers, checked) for each in start.drives)
     carried = sum(float(link.body.mass) for link in links) - sum(float(link.body.mass) for link in start.links)
     base = _with_changes(
         start.base,
@@ -49,8 +54,8 @@ def vehicle_with(start: Vehicle, numbers: Mapping[str, float], *, checked: bool 
     areas = [numbers.get(f"drag.area.{axis}", getattr(start.drag.area, axis)) for axis in "xyz"]
     drag = dataclasses.replace(start.drag, area=Vec3(*(max(area, 0.0) for area in areas)))
     if checked:
-        return dataclasses.replace(start, base=base, rotors=rotors, links=links, drag=drag)
-    return start.with_checked(base=base, rotors=rotors, links=links, drag=drag)
+        return dataclasses.replace(start, base=base, rotors=rotors, links=links, drag=drag, drives=drives)
+    return start.with_checked(base=base, rotors=rotors, links=links, drag=drag, drives=drives)
 
 
 def _with_changes(record: R, checked: bool, **changes: Any) -> R:
@@ -90,7 +95,19 @@ def _link(link: Link, numbers: Mapping[str, float], checked: bool) -> Link:
         inertia=Sym3(*(getattr(body.inertia, each.name) * scale for each in fields(Sym3))),
     )
     frictions: dict[str, Any] = {k: numbers[at] for k in FRICTIONS if (at := f"{name}.joint.{k}") in numbers}
-    return _with_changes(link, checked, body=moved, joint=dataclasses.replace(link.joint, **frictions))
+    if checked and "coulomb" in frictions:
+        frictions["coulomb"] = max(frictions["coulomb"], 0.0)
+    return _with_changes(link, checked, body=moved, joint=_with_changes(link.joint, checked, **frictions))
+
+
+def _drive(mounted: MountedDrive, numbers: Mapping[str, float], checked: bool) -> MountedDrive:
+    """Drive of a joint with identified numbers."""
+    changes = {k: numbers[at] for k in OF_SERVOS if (at := f"drives.{mounted.name}.{k}") in numbers}
+    if not changes or not isinstance(mounted.drive, PositionServo):
+        return mounted
+    if checked:
+        changes["latency"] = max(changes.get("latency", float(mounted.drive.latency)), 0.0)
+    return _with_changes(mounted, checked, drive=_with_changes(mounted.drive, checked, **changes))
 
 
 def _table(first: Rotor, numbers: Mapping[str, float]) -> ThrustTable | None:

@@ -14,6 +14,7 @@ from skyarm.records.files import must_be_one_of, number
 from skyarm.studies.identify.identified_parts import surroundings_with, vehicle_with
 from skyarm.studies.identify.motion_model import Memo, Stretch, Surroundings, prediction_errors
 from skyarm.studies.identify.prediction_error import ORDER, PredictionFit, fit_prediction
+from skyarm.studies.identify.servo_response import with_servos
 from skyarm.studies.identify.unknowns import Reported, Unknown, reported_of, unknowns_of
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -111,6 +112,7 @@ def identify_vehicle(
     driven: Sequence[bool] | None = None,
     velocity: bool | None = None,
     voltage: bool | None = None,
+    servoed: Sequence[bool] | None = None,
     known: Mapping[str, float] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Identified:
@@ -123,13 +125,24 @@ def identify_vehicle(
         driven: of each joint, whether its torque is commanded; by default, if the stretches hold any torque of it.
         velocity: whether the stretches hold it; by default, if it is not 0.
         voltage: whether the stretches hold it; by default, if it varies.
+        servoed: of each joint, whether a position servo moves it; by default, if the stretches hold any setpoint of
+            it and no torque. A joint without a drive gets a servo of moderate gains to begin with.
         known: numbers that are not searched, by name.
         progress: called with one line a step of the search.
 
     Raises:
         ValueError: one line: flights that do not fit the vehicle, or nothing to identify, or SciPy is missing.
     """
-    search = search_of(stretches, start, curve=curve, driven=driven, velocity=velocity, voltage=voltage, known=known)
+    search = search_of(
+        stretches,
+        start,
+        curve=curve,
+        driven=driven,
+        velocity=velocity,
+        voltage=voltage,
+        servoed=servoed,
+        known=known,
+    )
     found = fit_prediction(search.errors, search.begin, search.prior, search.steps, search.block, search.used, progress)
     scale = _scale(found, search)
     numbers, correlation = _identified_numbers(found, scale, search.prior, stretches[0].period)
@@ -140,13 +153,14 @@ def identify_vehicle(
     driven = search.driven
     rows = ["specific_force.x", "specific_force.y", "specific_force.z", "rate.x", "rate.y", "rate.z"]
     rows += [f"{link.joint.name}.rate" for link, moves in zip(start.links, driven, strict=True) if moves]
+    rows += [f"{link.joint.name}.position" for link, moves in zip(start.links, search.servoed, strict=True) if moves]
     plain = search.numbers(values)
     return Identified(
         numbers=numbers,
         correlation=correlation,
-        vehicle=vehicle_with(start, plain, checked=True),
+        vehicle=vehicle_with(search.start, plain, checked=True),
         surroundings=surroundings_with(plain),
-        explained=dict(zip(rows, _explained_shares(found, stretches, driven).tolist(), strict=True)),
+        explained=dict(zip(rows, _explained_shares(found, stretches, driven, search.servoed).tolist(), strict=True)),
         deviation=dict(zip(rows, found.noise.scales.tolist(), strict=True)),
         settled=found.settled,
         seconds=sum(float(each.used.sum()) * each.period for each in stretches),
@@ -161,6 +175,7 @@ class Search:
     Attributes:
         unknowns: searched numbers, P of them. reported: numbers that an estimate of them gives.
         known: numbers that are not searched, by name. driven: of each joint, whether its torque is commanded.
+        servoed: of each joint, whether a position servo moves it. start: vehicle, with a servo on each of these.
         errors: searched values (P,) -> of each stretch (N, rows).
         block: periods of a block of scores. used: of each stretch (N,), which periods count.
     """
@@ -169,6 +184,8 @@ class Search:
     reported: Sequence[Reported]
     known: Mapping[str, float]
     driven: Sequence[bool]
+    servoed: Sequence[bool]
+    start: Vehicle
     errors: Callable[[Array], list[Array]]
     block: int
     used: Sequence[npt.NDArray[np.bool_]]
@@ -201,6 +218,7 @@ def search_of(
     driven: Sequence[bool] | None = None,
     velocity: bool | None = None,
     voltage: bool | None = None,
+    servoed: Sequence[bool] | None = None,
     known: Mapping[str, float] | None = None,
 ) -> Search:
     """Search for the numbers of a vehicle in measured flights; the arguments are those of :func:`identify_vehicle`.
@@ -211,12 +229,16 @@ def search_of(
     _check(stretches, start)
     moved = [any(bool(np.any(each.efforts[:, i])) for each in stretches) for i in range(start.n)]
     driven = moved if driven is None else driven
+    if servoed is None:
+        setpoints = [any(bool(np.any(each.setpoints[:, i])) for each in stretches) for i in range(start.n)]
+        servoed = [given and not torque for given, torque in zip(setpoints, driven, strict=True)]
+    start = with_servos(start, servoed)
     if velocity is None:
         velocity = any(bool(np.any(each.velocity)) for each in stretches)
     if voltage is None:
         voltage = any(bool(np.ptp(each.voltage) > 0.0) for each in stretches)
     fixed = dict(known or {})
-    every = unknowns_of(start, curve=curve, velocity=velocity, voltage=voltage, driven=driven)
+    every = unknowns_of(start, curve=curve, velocity=velocity, voltage=voltage, driven=driven, servoed=servoed)
     positive = {each.name: each.positive for each in every}
     for name, value in fixed.items():
         if name not in positive:
@@ -229,7 +251,8 @@ def search_of(
         numbers = _numbers_of(unknowns, fixed, searched)
         vehicle, about = vehicle_with(start, numbers), surroundings_with(numbers)
         return [
-            prediction_errors(vehicle, about, each, driven, memo) for each, memo in zip(stretches, memos, strict=True)
+            prediction_errors(vehicle, about, each, driven, memo, servoed)
+            for each, memo in zip(stretches, memos, strict=True)
         ]
 
     return Search(
@@ -237,6 +260,8 @@ def search_of(
         reported=reported_of(every),
         known=fixed,
         driven=driven,
+        servoed=servoed,
+        start=start,
         errors=errors,
         block=round(BLOCK / stretches[0].period),
         used=[each.used for each in stretches],
@@ -267,7 +292,17 @@ def _check(stretches: Sequence[Stretch], start: Vehicle) -> None:
             raise ValueError(f"{at}: {each.size} periods: must be at least {LEAST * ORDER}")
         if abs(each.period - stretches[0].period) > 1e-9:
             raise ValueError(f"{at}: period = {each.period:g} s: must be {stretches[0].period:g} s, as of the first")
-        for name in ("commands", "rate", "specific_force", "joints", "joint_rates", "efforts", "velocity", "voltage"):
+        for name in (
+            "commands",
+            "rate",
+            "specific_force",
+            "joints",
+            "joint_rates",
+            "efforts",
+            "setpoints",
+            "velocity",
+            "voltage",
+        ):
             if not np.isfinite(getattr(each, name)).all():
                 raise ValueError(f"{at}: {name}: must be finite throughout")
 
@@ -386,12 +421,14 @@ def condition_on_start(
     return values
 
 
-def _explained_shares(found: PredictionFit, stretches: Sequence[Stretch], driven: Sequence[bool]) -> Array:
+def _explained_shares(
+    found: PredictionFit, stretches: Sequence[Stretch], driven: Sequence[bool], servoed: Sequence[bool]
+) -> Array:
     """Share of each row's whitened variance that the commands explain."""
-    moving = [i for i, each in enumerate(driven) if each]
+    moving, turning = np.flatnonzero(driven), np.flatnonzero(servoed)
     nothing = []
     for each in stretches:
-        rates = np.concatenate([each.rate, each.joint_rates[:, moving]], axis=1)[1:]
+        rates = np.concatenate([each.rate, each.joint_rates[:, moving], each.joints[:, turning]], axis=1)[1:]
         whole = np.concatenate([each.specific_force, rates], axis=1)
         time = np.linspace(-1.0, 1.0, len(whole))[:, None]
         whole = whole - whole.mean(axis=0)

@@ -19,6 +19,7 @@ from skyarm.algebra import ZERO3, Force, Mat3, Motion, Vec3
 from skyarm.dynamics import forward_dynamics, inverse_dynamics, mass_matrix
 from skyarm.dynamics.actuators.rotor import push, rotor_forces
 from skyarm.studies.identify.rotor_lag import delay_commands, lag_response, moving_mean
+from skyarm.studies.identify.servo_response import Loops, joint_loads, loops_of, servo_response, servo_steps
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Array: TypeAlias = npt.NDArray[np.float64]
@@ -40,10 +41,14 @@ class Stretch:
         specific_force: (N, 3) m/s^2 at the inertial unit, base axes, mean of each period.
         joints, joint_rates: (N + 1, n).
         efforts: (N * fine, n) commanded joint torques, N m or N; of joints that are not driven by torque unused.
+        setpoints: (N * fine, n) commanded joint positions, rad or m; of joints without position servos unused.
         velocity: (N, 3) m/s against the air, base axes; zero where it is not known.
         voltage: (N,) V over that of the rotors' data; 1 where it is not known.
         width: samples that each measurement is a moving mean of; commands are averaged likewise.
         used: (N,) rows that count; all by default.
+        sampled_rate: (N * samples + 1, 3) rad/s as measured, for servo joints; by default between the instants.
+        sampled_force: (N * samples, 3) m/s^2 likewise.
+        sampled_joints: (N * samples + 1, n) likewise.
     """
 
     name: str
@@ -60,17 +65,33 @@ class Stretch:
     velocity: Array
     voltage: Array
     width: int = 1
+    setpoints: Array = field(default_factory=lambda: np.zeros((0, 0)))
     used: npt.NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    sampled_rate: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    sampled_force: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    sampled_joints: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     def __post_init__(self) -> None:
         if not self.used.size:
             object.__setattr__(self, "used", np.ones(self.size, dtype=bool))
+        if not self.setpoints.size:
+            object.__setattr__(self, "setpoints", np.zeros_like(self.efforts))
 
     def means(self, rows: Array) -> Array:
         """Means over each period (N, ...) of what is held for a part of it (N * fine, ...), as the sensors average."""
         sampled = rows.reshape(self.size * self.samples, self.fine // self.samples, *rows.shape[1:]).mean(axis=1)
         found: Array = moving_mean(sampled, self.width).reshape(self.size, self.samples, *rows.shape[1:]).mean(axis=1)
         return found
+
+    def samples_of_motion(self) -> tuple[Array, Array, Array]:
+        """Rate (N * samples + 1, 3), specific force (N * samples, 3) and joints (N * samples + 1, n) at each sample."""
+        if self.sampled_rate.size:
+            return self.sampled_rate, self.sampled_force, self.sampled_joints
+        at, known = np.arange(self.size * self.samples + 1), np.arange(self.size + 1) * self.samples
+        rate, joints = (
+            np.stack([np.interp(at, known, column) for column in rows.T], axis=1) for rows in (self.rate, self.joints)
+        )
+        return rate, np.repeat(self.specific_force, self.samples, axis=0), joints
 
     @property
     def size(self) -> int:
@@ -132,10 +153,13 @@ class RotorSeries:
 
 @dataclass(slots=True, eq=False)
 class Memo:
-    """Rotor series of one stretch that were computed last: most candidates of a search share them."""
+    """Series of rotors and servos of one stretch that were computed last: most candidates of a search share them."""
 
     held: dict[tuple[object, ...], tuple[Array, Array, Array]] = field(default_factory=dict)
     series: dict[tuple[object, ...], RotorSeries] = field(default_factory=dict)
+    loads: dict[tuple[object, ...], tuple[Array, Array]] = field(default_factory=dict)
+    responses: dict[tuple[object, ...], Array] = field(default_factory=dict)
+    steps: tuple[int, int] | None = None
 
     def rotors(self, vehicle: Vehicle, delay: float, stretch: Stretch) -> RotorSeries:
         """Rotor series of a vehicle after a dead time (s)."""
@@ -152,12 +176,30 @@ class Memo:
             self.series[curves] = _series(vehicle, *self.held[key], stretch)
         return self.series[curves]
 
+    def servos(self, vehicle: Vehicle, delay: float, stretch: Stretch, servoed: Sequence[bool]) -> Array:
+        """Positions (N + 1, servo joints) by the setpoints, after a dead time (s) before the servos' own."""
+        joints = [i for i, each in enumerate(servoed) if each]
+        key: tuple[object, ...] = (delay, vehicle.links, vehicle.drives)
+        if vehicle.links not in self.loads:
+            _forget(self.loads)
+            step = stretch.period / stretch.samples
+            self.loads[vehicle.links] = joint_loads(vehicle, joints, *stretch.samples_of_motion(), step)
+        if key not in self.responses:
+            _forget(self.responses)
+            inertia, load = self.loads[vehicle.links]
+            loops = loops_of(vehicle, joints)
+            if self.steps is None:
+                # those of the first candidate: with others a slope by differences would have a jump
+                self.steps = servo_steps(loops.frequency(inertia), stretch.samples, stretch.period / stretch.samples)
+            self.responses[key] = _servo_positions(loops, delay, stretch, joints, inertia, load, self.steps)
+        return self.responses[key]
+
 
 MEMORY = 6
 """Series that a memo keeps."""
 
 
-def _forget(memo: dict[tuple[object, ...], tuple[Array, Array, Array]] | dict[tuple[object, ...], RotorSeries]) -> None:
+def _forget(memo: dict[tuple[object, ...], Any]) -> None:
     if len(memo) >= MEMORY:
         memo.pop(next(iter(memo)))
 
@@ -264,17 +306,31 @@ def _joint_efforts(
 
 
 def prediction_errors(
-    vehicle: Vehicle, about: Surroundings, stretch: Stretch, driven: Sequence[bool] = (), memo: Memo | None = None
+    vehicle: Vehicle,
+    about: Surroundings,
+    stretch: Stretch,
+    driven: Sequence[bool] = (),
+    memo: Memo | None = None,
+    servoed: Sequence[bool] = (),
 ) -> Array:
-    """Measured less predicted series (N, 6 + driven joints): specific force, and rates summed up from accelerations.
+    """Measured less predicted series: specific force, rates summed up from accelerations, positions of servo joints.
 
-    Noise of a measured rate is white in the sums, and slow disturbances are slow.
+    Noise of a measured rate is white in the sums, and slow disturbances are slow. Sums and positions are without their
+    means: an encoder's zero is not the servo's.
+
+    Returns:
+        (N, 6 + driven joints + servo joints).
     """
     predicted = predict(vehicle, about, stretch, driven, memo)
     moving = [i for i, each in enumerate(driven) if each]
     rates = np.concatenate([stretch.rate, stretch.joint_rates[:, moving]], axis=1)
     summed = rates[1:] - rates[:1] - np.cumsum(predicted[:, 3:], axis=0) * stretch.period
-    return np.concatenate([stretch.specific_force - predicted[:, :3], summed - summed.mean(axis=0)], axis=1)
+    columns = [stretch.specific_force - predicted[:, :3], summed - summed.mean(axis=0)]
+    if any(servoed):
+        turned = (memo or Memo()).servos(vehicle, about.delay, stretch, servoed)
+        off = (stretch.joints[:, np.flatnonzero(servoed)] - turned)[1:]
+        columns.append(off - off[stretch.used].mean(axis=0))
+    return np.concatenate(columns, axis=1)
 
 
 def _speeds(vehicle: Vehicle, delay: float, stretch: Stretch) -> tuple[Array, Array, Array]:
@@ -304,6 +360,32 @@ def _series(vehicle: Vehicle, means: Array, squares: Array, ends: Array, stretch
         found.gains.append(stretch.means(push(rotor, np.sqrt(squares[:, i]))) / least)
         found.sampled_gains.append(stretch.means(np.repeat(middle(pushed), finer)) / least)
     return found
+
+
+def _servo_positions(
+    loops: Loops,
+    delay: float,
+    stretch: Stretch,
+    joints: Sequence[int],
+    inertia: Array,
+    load: Array,
+    steps: tuple[int, int],
+) -> Array:
+    """Positions (N + 1, servo joints) at the stretch's instants by the setpoints, averaged as the encoders' are."""
+    fine, finer, (many, inner) = stretch.period / stretch.fine, stretch.fine // stretch.samples, steps
+    step, turned = finer * fine, stretch.samples_of_motion()[2][:, joints]
+    late = [delay + float(each.latency) for each in loops.servos]
+    heard = [delay_commands(stretch.setpoints[:, [i]], fine, each)[:, 0] for i, each in zip(joints, late, strict=True)]
+    goals = np.stack(heard, axis=1).reshape(-1, finer, len(joints)).mean(axis=1)
+    goals, inertia, load = (rows.reshape(-1, many, *rows.shape[1:]).mean(axis=1) for rows in (goals, inertia, load))
+    # means over a step that are held for a step: both take h^2/24 of the curvature away from what varies in between
+    load[1:-1] -= np.diff(load, 2, axis=0) / 12.0
+    begins, rates = turned[:-1:many], np.gradient(turned, step, axis=0)[:-1:many]
+    found = servo_response(loops, goals, inertia, load, begins, rates, many * step, inner)
+    coarse = np.concatenate([turned[:1], found])
+    at, known = np.arange(len(turned)), np.arange(len(coarse)) * many
+    sampled = np.stack([np.interp(at, known, column) for column in coarse.T], axis=1)
+    return moving_mean(sampled, stretch.width)[:: stretch.samples]
 
 
 def _spin_torque(vehicle: Vehicle, turning: RotorSeries, rate: Vec3) -> Vec3:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.studies.identify.lagged_inputs import to_base
-from skyarm.studies.identify.motion_model import Stretch
+from skyarm.studies.identify.motion_model import Stretch, middle
 from skyarm.studies.identify.rotor_lag import moving_mean
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -264,7 +264,16 @@ def _stretch(
         rates = np.asarray(np.gradient(joints, step, axis=0))
         if "joint_rates" in flight and not _is_late(at("joint_rates"), rates):
             rates = at("joint_rates")
-    moved = n and "joint_efforts" in flight
+    still = np.zeros((periods * samples * finer, n))
+
+    def held_joints(name: str) -> Array:
+        if not n or name not in flight:
+            return still
+        if flight[name].values.shape[1] != n:
+            count = flight[name].values.shape[1]
+            raise ValueError(f"{flight.name}: {name}: {count} columns, vehicle '{start.name}' has {n}")
+        return hold(flight[name])
+
     voltage = np.ones(periods)
     if full_voltage > 0.0 and "voltage" in flight:
         voltage = means(at("voltage"))[:, 0] / full_voltage
@@ -282,8 +291,12 @@ def _stretch(
         specific_force=means(moving_mean(at("accelerometer"), width)),
         joints=moving_mean(joints, width)[::samples],
         joint_rates=moving_mean(rates, width)[::samples],
-        efforts=hold(flight["joint_efforts"]) if moved else np.zeros((periods * samples * finer, n)),
+        efforts=held_joints("joint_efforts"),
+        setpoints=held_joints("joint_commands"),
         velocity=velocity,
         voltage=voltage,
         width=width,
+        sampled_rate=at("gyro"),
+        sampled_force=middle(at("accelerometer")),
+        sampled_joints=joints,
     )

@@ -15,6 +15,7 @@ from itertools import pairwise
 
 from skyarm.algebra import Sym3
 from skyarm.algebra.scalars import Scalar
+from skyarm.studies.identify.servo_response import servo_of
 from skyarm.vehicle.linkage import Body, Link
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
@@ -23,6 +24,9 @@ KNOTS = (0.25, 0.5, 0.75, 1.0)
 
 USUAL_DELAY, DELAY_SPREAD = 0.005, 0.01
 """s, dead time that is expected, and standard deviation of what is known of it."""
+
+STICKING = 0.01
+"""rad or m, error in which a servo without dry friction on record is thought to stick at most."""
 
 WIND = 0.3
 """1/s, drag of the rotors over speed and mass of which a start without hub drag is thought capable."""
@@ -78,7 +82,13 @@ class Reported:
 
 
 def unknowns_of(
-    vehicle: Vehicle, *, curve: bool, velocity: bool, voltage: bool, driven: Sequence[bool]
+    vehicle: Vehicle,
+    *,
+    curve: bool,
+    velocity: bool,
+    voltage: bool,
+    driven: Sequence[bool],
+    servoed: Sequence[bool] = (),
 ) -> list[Unknown]:
     """Numbers to identify of a vehicle and its surroundings.
 
@@ -88,6 +98,7 @@ def unknowns_of(
         velocity: the flights hold it.
         voltage: the flights hold it.
         driven: of each joint, whether it is moved by known torques.
+        servoed: of each joint, whether a position servo moves it to known setpoints.
 
     Raises:
         ValueError: one line: a vehicle without rotors, or a curve of rotors without a highest speed.
@@ -105,6 +116,8 @@ def unknowns_of(
     found += [_any(f"base.com.{axis}", "m", getattr(vehicle.base.com, axis), 0.1 * arm) for axis in "xyz"]
     for link, moves in zip(vehicle.links, driven, strict=True):
         found += _of_link(link, moves)
+    for i, moves in enumerate(servoed):
+        found += _of_servo(vehicle, i) if moves else []
     found = [each for each in found if not each.positive or each.start > 0.0]
     around = _of_surroundings(arm, 9.81 * float(vehicle.mass), voltage, any(driven))
     return [*found, *(dataclasses.replace(each, in_vehicle=False) for each in around)]
@@ -162,6 +175,26 @@ def _of_link(link: Link, moves: bool) -> list[Unknown]:
             _above(f"{name}.joint.coulomb", unit, joint.coulomb, 0.7),
             _above(f"{name}.joint.armature", "kg m^2" if joint.turns else "kg", joint.armature, 0.7),
         ]
+    return found
+
+
+def _of_servo(vehicle: Vehicle, joint: int) -> list[Unknown]:
+    """Numbers of a position servo; its damping holds the joint's, which adds to it."""
+    servo, link = servo_of(vehicle, joint), vehicle.links[joint]
+    assert servo is not None
+    name, (angle, effort) = f"drives.{link.joint.name}", link.joint.units
+    # sticking within a hundredth of a radian is much for a servo that has none on record
+    usual = max(float(link.joint.coulomb), STICKING * float(servo.stiffness))
+    found = [
+        _above(f"{name}.stiffness", f"{effort}/{angle}", servo.stiffness, 0.7),
+        _above(f"{name}.damping", f"{effort} s/{angle}", servo.damping, 0.7),
+        _above(f"{name}.integral", f"{effort}/({angle} s)", servo.integral, 0.7),
+        _any(f"{name}.latency", "s", servo.latency, DELAY_SPREAD),
+        _any(f"links.{link.name}.joint.coulomb", effort, link.joint.coulomb, usual),
+        _above(f"links.{link.name}.joint.armature", "kg m^2" if link.joint.turns else "kg", link.joint.armature, 0.7),
+    ]
+    if math.isfinite(float(servo.speed_limit)):
+        found.append(_above(f"{name}.speed_limit", f"{angle}/s", servo.speed_limit, 0.7))
     return found
 
 
