@@ -189,7 +189,10 @@ def test_known_numbers_are_words_of_the_vehicle_file():
         (("truth.toml",), "--vehicle: is missing: must be the vehicle as its data sheet"),
         (("truth.toml", "--vehicle", "hummingbird"), "format 'toml' is unknown"),
         (("swings.npz", "--vehicle", "hummingburd"), "vehicle = 'hummingburd': did you mean 'hummingbird'"),
-        (("swings.npz", "--vehicle", "tilted_hexarotor"), "rotor_commands: 4 rotors, vehicle 'tilted_hexarotor' has 6"),
+        (
+            ("swings.npz", "--vehicle", "tilted_hexarotor"),
+            ": 4 rotors, vehicle 'tilted_hexarotor' has 6",
+        ),
         (("swings.npz", "--vehicle", "hummingbird", "--known", "mass"), "--known = 'mass': must be NAME=VALUE"),
         (("swings.npz", "--vehicle", "hummingbird", "--known", "mass=x"), "--known mass = 'x': must be a number"),
         (("swings.npz", "--vehicle", "hummingbird", "--known", "mass=-1"), "--known mass"),

@@ -38,6 +38,7 @@ from skyarm.records.files import (
     write_atomically,
 )
 from skyarm.records.registry import RegistryError
+from skyarm.studies.identify.data_faults import Fault, find_faults, implausible_numbers, require_no_refusal
 from skyarm.studies.identify.held_out import held_out_period, predict_held_out
 from skyarm.studies.identify.identified_file import identified_file
 from skyarm.studies.identify.identify_vehicle import identify_vehicle
@@ -67,6 +68,9 @@ def identify(
     held_out: Annotated[
         list[str] | None, typer.Option(metavar="FLIGHT", help="predicted and not fitted; repeat")
     ] = None,
+    despite_faults: Annotated[
+        bool, typer.Option("--despite-faults", help="only warn of faults for which a flight is refused")
+    ] = False,
     lags: Annotated[bool, typer.Option("--lags", help="delays and lags of one log alone")] = False,
     gravity: Annotated[float | None, typer.Option(help="m/s^2; the log's, or 9.81")] = None,
     out: Annotated[
@@ -79,6 +83,7 @@ def identify(
     """
     if lags or (vehicle is None and len(flights) == 1 and _is_own_log(Path(flights[0]))):
         without = {"--columns": columns, "--known": known, "--curve": curve or None, "--held-out": held_out}
+        without["--despite-faults"] = despite_faults or None
         for option, value in without.items():
             if value is not None:
                 raise ValueError(f"{option}: must be left out without --vehicle, and with --lags")
@@ -94,7 +99,7 @@ def identify(
         raise ValueError("--vehicle: is missing: must be the vehicle as its data sheet and drawing say")
     start, given = known_numbers(load_vehicle(vehicle), known or ())
     felt = 9.81 if gravity is None else number(gravity, "--gravity", low=0.0)
-    work = Work(flights, held_out or (), columns, start, given, curve, _sections(begin, end), felt)
+    work = Work(flights, held_out or (), columns, start, given, curve, _sections(begin, end), felt, despite_faults)
     with taken_back(*(() if out is None else (out,))):
         _identify_vehicle(work, None if out is None else Path(out))
 
@@ -107,6 +112,7 @@ class Work:
         flights: files. held_out: files of flights to predict. columns: mapping of their columns.
         start: vehicle before. known: numbers that are not searched, and the voltage.
         curve: identify a thrust curve. sections: parts of the flights that count, s. gravity: m/s^2.
+        only_warn: of faults for which a flight is refused.
     """
 
     flights: Sequence[str]
@@ -117,6 +123,7 @@ class Work:
     curve: bool
     sections: Sequence[tuple[float, float]]
     gravity: float
+    only_warn: bool
 
 
 def _identify_vehicle(work: Work, folder: Path | None) -> None:
@@ -133,6 +140,9 @@ def _identify_vehicle(work: Work, folder: Path | None) -> None:
             require_replaceable(*(folder / name for name in (VEHICLE, NUMBERS, TABLE, FIGURE)))
         read = _read([*work.flights, *work.held_out], work.columns, advance)
         fitted, aside = read[: len(work.flights)], read[len(work.flights) :]
+        advance(last="look for faults")
+        parts = [each.section(*part) for each in fitted for part in work.sections] if work.sections else fitted
+        _report_faults([fault for each in (*parts, *aside) for fault in find_faults(each, start)], work)
         advance(last="cut into stretches")
         stretches = stretches_of_flights(fitted, start, full_voltage=full, sections=work.sections)
         period = held_out_period(stretches[0][0].period)
@@ -144,6 +154,7 @@ def _identify_vehicle(work: Work, folder: Path | None) -> None:
             known=known,
             progress=lambda words: advance(last=words),
         )
+        _report_faults(implausible_numbers(found, fitted[0].file), work)
         if aside:
             advance(last="predict the held-out flights")
             pairs = list(zip(aside, unseen, strict=True))
@@ -198,6 +209,17 @@ def _read(files: Sequence[str], columns: str | None, advance: Advance) -> list[F
         found.append(load_flight(file, columns))
     advance()
     return found
+
+
+def _report_faults(faults: Sequence[Fault], work: Work) -> None:
+    """Print faults as warnings.
+
+    Raises:
+        ValueError: one line: a fault for which a flight is refused, if it is not only warned of.
+    """
+    require_no_refusal(() if work.only_warn else faults)
+    for fault in faults:
+        say(f"warning: {fault.words}")
 
 
 def known_numbers(start: Vehicle, words: Sequence[str]) -> tuple[Vehicle, dict[str, float]]:

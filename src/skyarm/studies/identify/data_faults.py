@@ -20,6 +20,7 @@ from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import GRAVITY, QUANTITIES
 from skyarm.records.files.messages import one_line
 from skyarm.studies.identify.fault_isolation import incompatible_channels
+from skyarm.studies.identify.identify_vehicle import Identified
 from skyarm.studies.identify.stretches import SHORTEST, commanded_speeds, flying_spans
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -78,20 +79,73 @@ def find_faults(flight: FlightData, start: Vehicle) -> tuple[Fault, ...]:
     return tuple(sorted(faults, key=lambda each: each.severity != REFUSED))
 
 
-def require_sound_flight(flight: FlightData, start: Vehicle) -> tuple[Fault, ...]:
-    """Faults of a flight that numbers can still be identified from.
+def require_no_refusal(faults: Sequence[Fault]) -> None:
+    """Check that there is no fault for which a flight is refused.
 
     Raises:
-        ValueError: one line: the first fault for which the flight is refused.
+        ValueError: one line: the first such fault.
     """
-    faults = find_faults(flight, start)
-    if faults and faults[0].severity == REFUSED:
-        raise ValueError(faults[0].words)
-    return faults
+    for fault in faults:
+        if fault.severity == REFUSED:
+            raise ValueError(fault.words)
+
+
+FAR, IMPOSSIBLE = 4.0, 8.0
+"""Times by which a number that a flight shows may be off the start before it is doubted; and a firm one is refused.
+
+Units that are mixed up are off by 9.55 (rpm), 9.81 (g) and more.
+"""
+
+FIRM = ("rotors.thrust_coefficient", "base.inertia.xx", "base.inertia.yy", "base.inertia.zz")
+"""Numbers that drawing and scale tell better than by a factor of 8."""
+
+DOUBTED = (*FIRM, "rotors.moment_coefficient", "rotors.time_constant_up", "rotors.time_constant_down")
+"""Numbers above 0 that are compared with those of the start."""
+
+LONGEST_DELAY = 0.06
+"""s, dead time of commands and delay of an accelerometer beyond which a clock is wrong rather than a loop slow."""
+
+BLIND = 0.02
+"""Share of the rotation's variance below which the commands explain nothing."""
+
+
+def implausible_numbers(found: Identified, file: str) -> tuple[Fault, ...]:
+    """Faults that show in the numbers only: far from the start vehicle, or of a model that explains nothing.
+
+    Args:
+        found: identified vehicle.
+        file: of the flight, for the messages.
+    """
+    return tuple(
+        Fault(severity=severity, file=file, channel=name, finding=finding, remedy=remedy)
+        for severity, name, finding, remedy in _implausible(found)
+    )
+
+
+def _implausible(found: Identified) -> Iterator[Found]:
+    """Yield the faults of identified numbers."""
+    shares = [share for row, share in found.explained.items() if row.startswith("rate.")]
+    if shares and max(shares) < BLIND:
+        finding = f"explain {100.0 * max(*shares, 0.0):.1g} % of the rotation"
+        yield REFUSED, "rotor commands", finding, "check their order, clock and units, and the vehicle"
+    for each in found.numbers:
+        if not each.is_known:
+            continue
+        if each.name in ("delay", "accelerometer_delay", "joint_delay") and abs(each.value) > LONGEST_DELAY:
+            finding = f"is {each.value:.3g} s, longer than any loop's"
+            yield REFUSED, each.name, finding, "check the clocks of commands and sensors"
+        elif each.name in DOUBTED and each.start > 0.0:
+            times = max(each.value / each.start, each.start / max(each.value, 1e-300))
+            if times > FAR:
+                finding = f"is {each.value:.4g} {each.unit}, {each.value / each.start:.3g} times the start vehicle's"
+                severity = REFUSED if times > IMPOSSIBLE and each.name in FIRM else WARNED
+                yield severity, each.name, finding, "check the channels' units, and mass and numbers of the vehicle"
 
 
 def _all_faults(flight: FlightData, start: Vehicle) -> Iterator[Found]:
     """Yield the faults of a flight, from those that hide others on."""
+    if any(not flight[name].time.size for name in flight):
+        return  # of a section without samples there is nothing to say
     yield from _lost_rows(flight)
     missing = list(_missing(flight, start))
     units = list(_wrong_units(flight, start))
@@ -424,10 +478,10 @@ def _still_channels(flight: FlightData, spans: Sequence[tuple[float, float]]) ->
             finding += f"{channel.rate * (1.0 - share):.3g} Hz rather than {channel.rate:.3g} Hz"
             yield WARNED, name, finding, "remove repeated rows"
         if name in NEEDED:
-            yield from _saturated(name, channel, whole)
+            yield from _saturation(name, channel, whole)
 
 
-def _saturated(name: str, channel: Channel, repeated: npt.NDArray[np.bool_]) -> Iterator[Found]:
+def _saturation(name: str, channel: Channel, repeated: npt.NDArray[np.bool_]) -> Iterator[Found]:
     """Yield axes that stay at their largest or smallest number while the others go on."""
     rows = channel.values[1:][~repeated]
     for axis, column in zip("xyz", rows.T, strict=True):

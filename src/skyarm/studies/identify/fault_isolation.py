@@ -245,7 +245,7 @@ def _scale_of_rates(rates: Law) -> Iterator[Incompatible]:
 
 
 def _tilt_and_velocity(flight: FlightData) -> Iterator[Incompatible]:
-    """Yield an attitude whose tilt does not accelerate the vehicle as its velocity says."""
+    """Yield an attitude whose tilt does not explain the change of its velocity."""
     if "velocity" not in flight or "quaternion" not in flight:
         return
     law = tilt_law(flight["quaternion"], flight["velocity"])

@@ -119,7 +119,7 @@ def fit_prediction(
                 progress(f"turn {turn + 1} of at most {TURNS}, step {step + 1}")
             if (np.abs(values - taken_at) > STALE * deviation).any():
                 slopes, taken_at = _differences(errors, values, found, steps), values
-            flat, slope = _whitened(noise, found, slopes)
+            flat, slope = _whitened_errors(noise, found, slopes)
             information = slope.T @ slope + known
             deviation = np.sqrt(np.diag(np.linalg.inv(information)))
             uphill = slope.T @ flat + known @ (values - start)
@@ -133,7 +133,7 @@ def fit_prediction(
         if turn > 0 and moved.max() < SETTLED:
             settled = True
             break
-    flat, slope = _whitened(noise, found, _differences(errors, values, found, steps))
+    flat, slope = _whitened_errors(noise, found, _differences(errors, values, found, steps))
     return _fit_at(values, found, noise, flat, slope, prior, block, settled=settled)
 
 
@@ -164,7 +164,7 @@ def expected_fit(
     settled = False
     for _ in range(TURNS):
         noise = _noise(found, counted, weights)
-        flat, slope = _whitened(noise, found, raw)
+        flat, slope = _whitened_errors(noise, found, raw)
         information = slope.T @ slope + known
         change = np.linalg.solve(information, slope.T @ flat + known @ (values - start))
         values = values - change
@@ -177,7 +177,7 @@ def expected_fit(
             settled = True
             break
     noise = _noise(found, counted, weights)
-    flat, slope = _whitened(noise, found, raw)
+    flat, slope = _whitened_errors(noise, found, raw)
     return _fit_at(values, found, noise, flat, slope, prior, block, settled=settled)
 
 
@@ -301,7 +301,9 @@ def _differences(errors: Errors, values: Array, found: Sequence[Array], steps: A
     return slopes
 
 
-def _whitened(noise: Whitening, found: Sequence[Array], slopes: Sequence[Sequence[Array]]) -> tuple[Array, Array]:
+def _whitened_errors(
+    noise: Whitening, found: Sequence[Array], slopes: Sequence[Sequence[Array]]
+) -> tuple[Array, Array]:
     """Whitened, weighted errors as one column, and their slopes (all rows, numbers)."""
     flat = noise.apply(found).ravel()
     slope = np.empty((len(flat), len(slopes)))
