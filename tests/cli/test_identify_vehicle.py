@@ -14,8 +14,10 @@ import pytest
 
 import skyarm as library
 from commanded import refused, skyarm
+from skyarm.cli import identify_command
 from skyarm.cli.identified_report import correlated_pairs
 from skyarm.cli.identify_command import known_numbers
+from skyarm.cli.tune_command import wanted_of
 from skyarm.log.flight_log import rows_of
 from skyarm.log.formats import save_log
 from skyarm.reference import Constant, Sum, Trajectory
@@ -77,7 +79,9 @@ def identified(flights):
 
 
 def test_a_flight_gives_numbers_with_intervals_and_a_vehicle_file(identified):
-    assert (identified.code, identified.err) == (0, "")
+    assert identified.code == 0
+    progress = [line for line in identified.err.splitlines() if line.startswith("skyarm: identify hummingbird: ")]
+    assert identified.err.splitlines() == progress
     document = json.loads(Path("found/identified.json").read_text())
     numbers = {each["name"]: each for each in document["numbers"]}
     thrust, true = numbers["rotors.thrust_coefficient"], FACTOR * START.rotors[0].thrust_coefficient
@@ -104,6 +108,8 @@ def test_the_vehicle_file_flies(identified):
         'preset = "rotors_sim_hummingbird"\n[reference]\nbase = { kind = "hover", position = [0.0, 0.0, 1.0] }\n'
     )
     assert skyarm("run", "fly.toml").code == 0
+    assert skyarm("check", "found/vehicle.toml").out.endswith("can fly: no fault, 0 warnings\n")
+    assert wanted_of("found/vehicle.toml", None).scenario.plant.vehicle == found
 
 
 def test_held_out_flights_are_predicted_better_than_by_the_start_vehicle_and_by_holding(identified):
@@ -141,6 +147,39 @@ def found_with(*numbers, settled=True, correlation=None):
         settled=settled,
         seconds=3.0,
     )
+
+
+@pytest.fixture
+def instead(monkeypatch):
+    """Function that puts a result in place of the search's."""
+    return lambda found: monkeypatch.setattr(identify_command, "identify_vehicle", lambda *_, **__: found)
+
+
+def test_the_json_document_holds_numbers_with_intervals_and_no_value_without(instead):
+    hidden = number("base.com.z", 0.1, reason="not in this data")
+    instead(found_with(number("delay", 0.006), hidden))
+    done = skyarm("identify", "swings.npz", "--vehicle", "hummingbird", "--json", "--known", "mass=0.8")
+    document = json.loads(done.out)
+    assert (done.code, document["command"], document["start"]) == (0, "identify", "hummingbird")
+    shown, unknown = document["numbers"]
+    assert (shown["value"], shown["low"], shown["high"], shown["reason"]) == (0.006, 0.9, 1.1, "")
+    assert (unknown["value"], unknown["low"], unknown["high"], unknown["reason"]) == (None, None, None, hidden.reason)
+    assert (document["files"], document["settled"], document["faults"]) == ([], True, [])
+
+
+@pytest.mark.parametrize(
+    ("numbers", "settled", "words"),
+    [
+        ((number("delay", 0.006),), False, "the search did not settle"),
+        ((number("delay", 0.006, reason="not in this data"),), True, "the flights show none of these numbers"),
+    ],
+)
+def test_an_uncertain_result_ends_with_3(instead, numbers, settled, words, tmp_path):
+    instead(found_with(*numbers, settled=settled))
+    done = skyarm("identify", "swings.npz", "--vehicle", "hummingbird", "--out", str(tmp_path / "new"))
+    assert (done.code, words in done.err) == (3, True)
+    assert ("did not settle" in done.out) is not settled
+    assert (tmp_path / "new" / "vehicle.toml").exists() is not settled
 
 
 def test_strong_correlations_are_named_where_a_number_is_shown():
@@ -209,7 +248,11 @@ def test_known_numbers_are_words_of_the_vehicle_file():
             ("swings.npz", "--vehicle", "hummingbird", "--begin", "2", "--end", "1"),
             "--end = 1: must be after --begin = 2",
         ),
-        (("swings.npz", "--vehicle", "hummingbird", "--begin", "9"), "swings: no stretch of 1 s in the air"),
+        (
+            ("swings.npz", "--vehicle", "hummingbird", "--begin", "9"),
+            "--begin = 9: must be below 3.395 s, the end of swings",
+        ),
+        (("swings.npz", "--vehicle", "hummingbird", "--begin", "2.6"), "0 s in the air: too short"),
         (("swings.npz", "--vehicle", "hummingbird", "--known", "voltage=0"), "--known voltage = 0.0: must be above 0"),
         (("swings.npz", "--vehicle", "hummingbird", "--columns", "none.toml"), "none.toml"),
     ],

@@ -13,6 +13,7 @@ from rich.console import RenderableType
 from skyarm.cli.output import aligned_lines, heading, shown_number
 from skyarm.flight_data.flight_data import FlightData
 from skyarm.records.files import printable
+from skyarm.studies.identify.data_faults import Fault
 from skyarm.studies.identify.held_out import HOLD, IDENTIFIED, START, HeldOut, table_horizons
 from skyarm.studies.identify.identify_vehicle import Identified, IdentifiedNumber
 from skyarm.studies.identify.open_loop import HorizonErrors
@@ -131,6 +132,7 @@ def document_of(
     start: Vehicle,
     flights: Sequence[FlightData],
     known: Mapping[str, float],
+    faults: Sequence[Fault],
     held_out: HeldOut | None,
 ) -> dict[str, Any]:
     """All numbers of an identification, for JSON; a value that the flights do not show is null."""
@@ -152,6 +154,7 @@ def document_of(
     return {
         "start": start.name,
         "flights": [{"name": each.name, "file": each.file, "notes": each.notes} for each in flights],
+        "faults": [{"severity": each.severity, "text": each.words} for each in faults],
         "seconds": found.seconds,
         "settled": found.settled,
         "numbers": numbers,

@@ -141,8 +141,9 @@ def _identify_vehicle(work: Work, folder: Path | None) -> None:
         read = _read([*work.flights, *work.held_out], work.columns, advance)
         fitted, aside = read[: len(work.flights)], read[len(work.flights) :]
         advance(last="look for faults")
-        parts = [each.section(*part) for each in fitted for part in work.sections] if work.sections else fitted
-        _report_faults([fault for each in (*parts, *aside) for fault in find_faults(each, start)], work)
+        parts = [_part(each, work.sections) for each in fitted]
+        faults = [fault for each in (*parts, *aside) for fault in find_faults(each, start)]
+        _report_faults(faults, work)
         advance(last="cut into stretches")
         stretches = stretches_of_flights(fitted, start, full_voltage=full, sections=work.sections)
         period = held_out_period(stretches[0][0].period)
@@ -154,12 +155,13 @@ def _identify_vehicle(work: Work, folder: Path | None) -> None:
             known=known,
             progress=lambda words: advance(last=words),
         )
-        _report_faults(implausible_numbers(found, fitted[0].file), work)
+        implausible = implausible_numbers(found, fitted[0].file)
+        _report_faults(implausible, work)
         if aside:
             advance(last="predict the held-out flights")
             pairs = list(zip(aside, unseen, strict=True))
             held_out = predict_held_out(found, start, pairs, known=known, gravity=work.gravity)
-        document = document_of(found, start, fitted, known, held_out)
+        document = document_of(found, start, fitted, known, [*faults, *implausible], held_out)
         contents = {VEHICLE: identified_file(found, start, [Path(each.file).name for each in fitted], known).encode()}
         contents[NUMBERS] = json_text(document).encode()
         if held_out is not None:
@@ -220,6 +222,18 @@ def _report_faults(faults: Sequence[Fault], work: Work) -> None:
     require_no_refusal(() if work.only_warn else faults)
     for fault in faults:
         say(f"warning: {fault.words}")
+
+
+def _part(flight: FlightData, sections: Sequence[tuple[float, float]]) -> FlightData:
+    """Part of a flight that counts."""
+    if not sections:
+        return flight
+    ((begin, end),) = sections
+    if begin >= flight.end:
+        raise ValueError(f"--begin = {begin:g}: must be below {flight.end:g} s, the end of {flight.name}")
+    if end <= flight.start:
+        raise ValueError(f"--end = {end:g}: must be above {flight.start:g} s, the begin of {flight.name}")
+    return flight.section(begin, end)
 
 
 def known_numbers(start: Vehicle, words: Sequence[str]) -> tuple[Vehicle, dict[str, float]]:
