@@ -139,7 +139,7 @@ def held_out_period(period: float) -> float:
 
 
 def no_poses(flight: FlightData) -> str:
-    """Why a flight has no poses; empty if it has."""
+    """Reason for which a flight has no poses; empty if it has."""
     if "quaternion" in flight and ("position" in flight or "velocity" in flight):
         return ""
     missing = "quaternion" if "quaternion" not in flight else "position"
@@ -147,7 +147,7 @@ def no_poses(flight: FlightData) -> str:
 
 
 def _notes_on_poses(flight: FlightData) -> list[str]:
-    """How poses that are not measured whole are made."""
+    """Notes on poses that are not measured whole."""
     if "velocity" not in flight:
         return [f"the velocity is the slope of the position over {WINDOW:g} s"]
     return [] if "position" in flight else ["the position is the sum of the velocity"]
