@@ -1,9 +1,10 @@
-"""Command ``skyarm show``: list the library, or show a vehicle's numbers with their units."""
+"""Command ``skyarm show``: the library, a vehicle's numbers with their units, or the channels of a flight."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -33,16 +34,17 @@ from skyarm.scenario.unlikely_numbers import unlikely_in_vehicle
 from skyarm.studies.sweep.study_file import LIBRARY as STUDIES
 from skyarm.studies.sweep.study_file import list_studies
 from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
+from skyarm.vehicle.vehicle_files import RIGID, list_vehicles, load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
 def show(
     context: typer.Context,
-    vehicle: Annotated[
+    shown: Annotated[
         str | None,
         typer.Argument(
-            help="a vehicle file (.toml, .urdf, .xml) or the name of a shipped one; the library if left out",
+            metavar="[VEHICLE|FLIGHT]",
+            help="a vehicle file (.toml, .urdf, .xml), the name of a shipped one, or a log; the library if left out",
             autocompletion=name_completion("vehicle"),
         ),
     ] = None,
@@ -50,32 +52,53 @@ def show(
     drawing: Annotated[
         str | None, typer.Option(metavar="FILE", help="draw it there (.png, .svg, .pdf) instead, all labelled")
     ] = None,
+    vehicle: Annotated[
+        str | None, typer.Option(help="of a flight: the start of an identification, whose numbers it may excite")
+    ] = None,
+    columns: Annotated[str | None, typer.Option(metavar="FILE", help="of a flight: what its columns mean")] = None,
 ) -> None:
-    """List what ships, or show a vehicle.
+    """List what ships, or show a vehicle or a flight.
 
     Without a vehicle: names and titles of vehicles, scenarios, studies and controllers. Of a vehicle: mass, centre of
     mass, hover speed and thrust margin, arm reach, static joint torques of a level base; limits of the joints,
     inertias, motor constants, all with units; sources of the numbers. With --drawing its frames, joints with their
     positive directions, rotors with the sense in which they turn, and lengths, as a picture.
+
+    Of a measured flight: channels, rates, gaps and clock; with --vehicle its faults, and of each number of the vehicle
+    whether the flight excites it.
     """
-    if vehicle is None:
-        require_left_out(context, ["--gravity", "--drawing"], " without a vehicle")
+    if shown is None:
+        require_left_out(context, ["--gravity", "--drawing", "--vehicle", "--columns"], " without a vehicle or flight")
         return _show_library()
+    if _is_flight(shown):
+        from skyarm.cli.flight_page import show_flight
+
+        require_left_out(context, ["--gravity", "--drawing"], " of a flight")
+        return show_flight(shown, columns, vehicle)
+    require_left_out(context, ["--vehicle", "--columns"], " of a vehicle")
     number(gravity, "--gravity", low=0.0, strict=True)
-    require_not_another(vehicle, "vehicle")
+    require_not_another(shown, "vehicle")
     if drawing is not None:
         require_left_out(context, ["--gravity"], " beside --drawing, which shows no numbers of it")
-        return _draw(vehicle, drawing)
-    loaded = load_vehicle(vehicle)
+        return _draw(shown, drawing)
+    loaded = load_vehicle(shown)
     try:
         with bar(f"{loaded.name}: reach and static efforts"):
             known = vehicle_facts(loaded, gravity)
     except AllocationError as error:
-        raise ValueError(f"{vehicle}: rotors = {error}") from None
+        raise ValueError(f"{shown}: rotors = {error}") from None
     say_unlikely(loaded.name, unlikely_in_vehicle(loaded))
     give(known)
     for part in _sheet(loaded, known) if not is_document_wanted() else ():
         tell(part, "")
+
+
+def _is_flight(name: str) -> bool:
+    """True for the path of a file or folder that is no model of a vehicle."""
+    path = Path(name)
+    if not name or path.suffix in (".toml", ".xacro", *RIGID) or name in list_vehicles():
+        return False
+    return path.is_file() or path.is_dir()
 
 
 def _draw(name: str, file: str) -> None:

@@ -180,7 +180,8 @@ def load_flight(path: PathLike, columns: PathLike | Columns | None = None, *, ki
     reason = unreadable(file)
     if reason and not file.is_dir():
         raise ValueError(f"{at}: {reason}")
-    form = _format(file, kind, at)
+    named = kind or format_name(path)
+    form = _checked(named, find("flight_format", named, "kind" if kind else ""))
     if columns is None and form.mapped and (beside := file.parent / COLUMNS_FILE).is_file():
         columns = beside
     found = columns if columns is None or isinstance(columns, Columns) else read_columns(columns)
@@ -192,22 +193,25 @@ def load_flight(path: PathLike, columns: PathLike | Columns | None = None, *, ki
         raise ValueError(one_line(f"{at}: {error}")) from None
 
 
-def _format(file: Path, kind: str, at: str) -> FlightFormat:
-    """File format of a flight: by name, else by the first bytes, else by the suffix; a user's before the library's."""
-    if kind:
-        return _checked(kind, find("flight_format", kind, "kind"))
+def format_name(path: PathLike) -> str:
+    """Name of a flight's format: by its first bytes, else by its suffix; a user's before the library's.
+
+    Raises:
+        ValueError: one line: a format that is not known.
+    """
+    file, at = Path(path), f"flight = {shown(os.fspath(path))}"
     folder, head = file.is_dir(), b""
     if not folder:
         with file.open("rb") as stream:
             head = stream.read(64)
     formats = {name: _checked(name, find("flight_format", name)) for name in reversed(names("flight_format"))}
-    for each in formats.values():
+    for name, each in formats.items():
         if any(head.startswith(first) for first in each.begins):
-            return each
+            return name
     suffix = file.suffix.removeprefix(".").lower() if not folder else BAG_FOLDER
-    for each in formats.values():
+    for name, each in formats.items():
         if suffix in each.suffixes:
-            return each
+            return name
     allowed = ", ".join(f"{name} ({', '.join(formats[name].suffixes) or 'no suffix'})" for name in reversed(formats))
     raise ValueError(f"{at}: format {suffix or 'without suffix'!r} is unknown: must be one of {allowed}")
 

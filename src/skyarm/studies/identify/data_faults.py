@@ -207,7 +207,7 @@ def _missing(flight: FlightData, start: Vehicle) -> Iterator[Found]:
             held = flight[name].values.shape[1]
             yield REFUSED, name, f"{held} joints, vehicle '{start.name}' has {joints}", "take the vehicle that flew"
     if joints and "joint_positions" not in flight:
-        yield REFUSED, "joint_positions", "are not in this flight", "log them: the arm moves the centre of mass"
+        yield REFUSED, "joint_positions", "are not in this flight", "log them: they move its mass"
 
 
 FORCES = {"g": 1.0 / GRAVITY, "mg": 1e3 / GRAVITY, "cm/s^2": 100.0, "mm/s^2": 1e3}
@@ -396,18 +396,32 @@ EARLY = 1.0
 """s, by which a needed channel may end before the flight."""
 
 
+FEWEST = 20
+"""Samples of a channel whose usual rate is known."""
+
+
+def channel_gaps(name: str, channel: Channel) -> list[tuple[float, float]]:
+    """Gaps of a channel of some quantity: begin and length, s."""
+    time, held = channel.time, QUANTITIES[name].held
+    if time.size < FEWEST:
+        return []
+    steps = np.diff(time)
+    usual = float(np.median(steps))
+    wide = np.flatnonzero(steps > max(HELD_GAP if held else GAP, (20.0 if held else 5.0) * usual))
+    return [(float(time[i]), float(steps[i])) for i in wide]
+
+
 def _clock_faults(flight: FlightData, inside: FlightData) -> Iterator[Found]:
     """Yield gaps, missing samples, and channels that end early."""
     gaps: dict[str, list[tuple[float, float]]] = {}
     for name in inside:
-        time, held = inside[name].time, QUANTITIES[name].held
-        if time.size < 20:
+        gaps[name] = channel_gaps(name, inside[name])
+        time = inside[name].time
+        if QUANTITIES[name].held or time.size < FEWEST:
             continue
         steps, usual = np.diff(time), float(np.median(np.diff(time)))
-        wide = steps > max(HELD_GAP if held else GAP, (20.0 if held else 5.0) * usual)
-        gaps[name] = [(float(time[i]), float(steps[i])) for i in np.flatnonzero(wide)]
-        lost = float(np.maximum(np.round(steps[~wide] / usual) - 1.0, 0.0).sum())
-        if not held and lost > DROPPED * time.size:
+        lost = float(np.maximum(np.round(steps[steps < GAP] / usual) - 1.0, 0.0).sum())
+        if lost > DROPPED * time.size:
             finding = f"{100.0 * lost / (time.size + lost):.2g} % of the samples are missing, at {1.0 / usual:.4g} Hz"
             yield WARNED, name, finding, "log fewer channels, or at a lower rate"
     every = [name for name in gaps if name in (*NEEDED, "rotor_commands", "rotor_speed_commands")]
