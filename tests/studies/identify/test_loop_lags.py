@@ -11,7 +11,7 @@ import pytest
 import skyarm
 from planted_lags import lagging_drives, with_slower_motors
 from skyarm.scenario.scenario_record import first_state
-from skyarm.studies.identify.lagged_inputs import Followed, Needed, model_forces, to_base, wrench_of_pushes
+from skyarm.studies.identify.lagged_inputs import Needed, model_forces, to_base, wrench_of_pushes
 from skyarm.studies.identify.loop_lags import (
     Estimated,
     LoopLags,
@@ -20,6 +20,7 @@ from skyarm.studies.identify.loop_lags import (
     loop_lags,
     rotor_lag,
 )
+from skyarm.studies.identify.rotor_lag import lag_response
 from skyarm.studies.tune.excitation import of_vehicle, tuning_flight
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
@@ -141,9 +142,8 @@ def test_means_of_a_lag_are_those_of_small_steps():
     rng = np.random.default_rng(0)
     commands = 500.0 + 100.0 * rng.standard_normal((121, 1))
     delay, up, down, step = 0.0122, 0.01, 0.03, 1e-5
-    got = Followed.of(commands, PERIOD, 0.08, 0.04).means(
-        PERIOD, np.array([delay]), np.array([[up]]), np.array([[down]]), squared=True
-    )[0, :, 0]
+    candidates = np.array([0.0, delay]), np.array([[0.02], [up]]), np.array([[down]])
+    got = lag_response(commands[:-1], PERIOD, *candidates)[1][1, :, 0]
     value, squares = commands[0, 0], np.zeros(120)
     per = round(PERIOD / step)
     for k in range(120 * per):

@@ -1,16 +1,12 @@
 """Regression models for lag identification: forces from the logged motion and from lagged commands.
 
-Needed forces follow from the model's inverse dynamics. Rotors and joint drives make means over control periods of
-logged commands, for many delays and lags at once. A log is cut into stretches that are followed side by side, each from
-some time before its begin: of a rotor's past, exp(-t / time constant) is left. The time that a log takes grows with a
-stretch's length, not with its own.
+Needed forces follow from the model's inverse dynamics; those that lagged commands give, from the rotors' geometry.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -111,93 +107,8 @@ def to_base(quaternion: Array, vectors: Array) -> Array:
     return found
 
 
-STRETCH = 0.25
-"""s, of a stretch."""
-
-FORGOTTEN = 5.0
-"""Time constants that are followed before a stretch: of what was before, 0.7 % is left."""
-
 USUAL = 0.02
 """s: unit of the time constants of rotors that are believed to have none."""
-
-
-@dataclass(frozen=True, slots=True)
-class Followed:
-    """Logged commands cut into overlapping time blocks, to simulate actuator lag in parallel.
-
-    Attributes:
-        commands: (steps + 2, stretches, columns) commands of the periods of each stretch, shifted by nothing.
-        before: periods of a stretch that are not counted. periods: of the log. longest: periods of delay that fit.
-    """
-
-    commands: Array
-    before: int
-    periods: int
-    longest: int
-
-    @classmethod
-    def of(cls, commands: Array, period: float, longest: float, slowest: float) -> Followed:
-        """Cut logged commands (N, actuators), one per control period, into overlapping time blocks.
-
-        Args:
-            commands: as sent; the first one is assumed to hold before the log begins.
-            period: control period, s.
-            longest: longest delay to be evaluated, s.
-            slowest: largest time constant to be evaluated, s.
-        """
-        periods = len(commands) - 1
-        late, before = int(longest / period) + 2, round(FORGOTTEN * slowest / period)
-        size = max(1, min(round(STRETCH / period), periods))
-        starts = np.arange(0, periods, size)
-        places = starts[None, :] - before - late + np.arange(late + before + size)[:, None]
-        return cls(commands[np.clip(places, 0, periods)], before, periods, late)
-
-    def in_periods(self, means: Array) -> Array:
-        """Join means over time blocks (steps, candidates, blocks, actuators) into a series over the whole log."""
-        kept = means[self.before :]
-        joined = kept.transpose(1, 2, 0, 3).reshape(kept.shape[1], -1, kept.shape[3])
-        return joined[:, : self.periods]
-
-    def means(self, period: float, delay: Array, up: Array, down: Array, *, squared: bool) -> Array:
-        """Mean actuator response per control period to the commands after dead time and first-order lag.
-
-        The approach to a held command is monotonic: one time constant holds for it, and its mean is exact.
-
-        Args:
-            period: control period, s.
-            delay: (candidates,) s of dead time, from 0 to the longest.
-            up: (candidates, columns) time constants, s, toward a larger value.
-            down: the same toward a smaller one.
-            squared: the mean of the square, as of a rotor's speed.
-
-        Returns:
-            (candidates, periods, columns).
-        """
-        whole = np.floor(delay / period + 1e-9).astype(int)
-        late = np.maximum(delay - whole * period, 0.0)[:, None, None]
-        spans = late, period - late
-        ups, downs = up[:, None, :], down[:, None, :]
-        decays = [[np.exp(-span / np.maximum(tau, 1e-6)) for tau in (ups, downs)] for span in spans]
-        value = self.commands[self.longest - 1 - whole]  # (candidates, stretches, columns)
-        steps, even = len(self.commands) - self.longest, up is down
-        found = np.empty((steps, *value.shape))
-        for k in range(steps):
-            total: Any = 0.0
-            for back, span, (rising, falling) in zip((1, 0), spans, decays, strict=True):
-                target = self.commands[self.longest + k - whole - back]
-                off = value - target
-                tau, decay = ups, rising
-                if not even:
-                    above = off > 0.0
-                    tau, decay = np.where(above, downs, ups), np.where(above, falling, rising)
-                away = off * tau * (1.0 - decay)
-                if squared:
-                    total = total + target * (target * span + 2.0 * away) + 0.5 * off * away * (1.0 + decay)
-                else:
-                    total = total + target * span + away
-                value = target + off * decay
-            found[k] = total / period
-        return self.in_periods(found)
 
 
 def believed_lags(rotors: Sequence[Rotor]) -> tuple[Array, Array]:

@@ -24,13 +24,13 @@ from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import setpoints_of
 from skyarm.records.files.toml import toml_key
 from skyarm.studies.identify.lagged_inputs import (
-    Followed,
     Needed,
     believed_lags,
     model_forces,
     pushes_of,
     wrench_of_pushes,
 )
+from skyarm.studies.identify.rotor_lag import lag_response
 from skyarm.studies.identify.whitened_fit import Fit, blocks_of, fit
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -149,9 +149,6 @@ LONGEST = 0.08
 LOWEST_FACTOR, HIGHEST_FACTOR = 0.1, 8.0
 """Time constants that are looked for, over what is believed."""
 
-SLOWER = 4.0
-"""Times what is believed, of motors whose past is wholly followed."""
-
 LEAST_LAG, MOST_LAG = 5e-4, 0.2
 """s, time constants of a joint drive that are looked for."""
 
@@ -213,15 +210,13 @@ def rotor_lag(vehicle: Vehicle, log: Log, motion: Needed) -> Lag:
     commands = np.clip(log.rotor_commands, 0.0, limits)
     if not _vary_enough(commands):
         return _unknown_lag("rotors", "the commands hardly change")
-    slowest = SLOWER * float(max(up.max(), down.max()))
-    followed, matrix = Followed.of(commands, motion.period, LONGEST, slowest), wrench_of_pushes(vehicle.rotors)
+    matrix = wrench_of_pushes(vehicle.rotors)
     rows = [i for i in range(6) if np.abs(matrix[i]).max() > 1e-9 * np.abs(matrix).max()]
 
     def predict(numbers: Array) -> Array:
         factors = np.exp(numbers[:, 1:3])
-        squares = followed.means(
-            motion.period, numbers[:, 0], factors[:, :1] * up, factors[:, 1:2] * down, squared=True
-        )
+        lags = factors[:, :1] * up, factors[:, 1:2] * down
+        _, squares, _ = lag_response(commands[:-1], motion.period, numbers[:, 0], *lags)
         return np.asarray(pushes_of(vehicle.rotors, squares) @ matrix[rows].T)
 
     found = _fit(
@@ -245,12 +240,11 @@ def joint_lag(name: str, log: Log, motion: Needed, joint: int) -> Lag:
     commands = log.efforts[:, joint : joint + 1]
     if not _vary_enough(commands):
         return _unknown_lag(name, "the commands hardly change")
-    followed = Followed.of(commands, motion.period, LONGEST, 0.5 * MOST_LAG)
     rate = motion.joint_rates[:, joint : joint + 1]
 
     def predict(numbers: Array) -> Array:
         tau = np.exp(numbers[:, 1:2])
-        return followed.means(motion.period, numbers[:, 0], tau, tau, squared=False)
+        return lag_response(commands[:-1], motion.period, numbers[:, 0], tau, tau)[0]
 
     scale = float(np.std(motion.efforts[:, joint])) / max(float(np.std(rate)), 1e-9)
     found = _fit(

@@ -16,6 +16,7 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.studies.identify.autoregression import ar_coefficients, innovations
 from skyarm.studies.identify.whitened_fit import FEWEST, jackknife_scores, scipy_parts
 
 Array: TypeAlias = npt.NDArray[np.float64]
@@ -247,44 +248,13 @@ def _noise(found: Sequence[Array], counted: npt.NDArray[np.bool_], weights: Arra
     """Whitening filters, standard deviations and Huber's weights from the errors."""
     rows = found[0].shape[1]
     before = counted[:, None] * np.ones((1, rows)) if weights is None else weights
-    filters = np.array([_filter([each[:, i] for each in found], before[:, i]) for i in range(rows)])
+    filters = np.array([ar_coefficients([each[:, i] for each in found], ORDER, before[:, i]) for i in range(rows)])
     white = innovations(found, filters)
     kept = white[counted]
     scales = 1.4826 * np.median(np.abs(kept - np.median(kept, axis=0)), axis=0) + 1e-300
     size = np.abs(white / scales)
     huber = np.sqrt(np.minimum(1.0, OUTLIER / np.maximum(size, 1e-9)))
     return Whitening(filters, scales, huber * counted[:, None])
-
-
-def _filter(series: Sequence[Array], weights: Array) -> Array:
-    """Coefficients (ORDER,) of an autoregressive model of some series of one kind, by weighted least squares."""
-    square, right, at = np.zeros((ORDER, ORDER)), np.zeros(ORDER), 0
-    for each in series:
-        rows = len(each) - ORDER
-        weight = weights[at : at + rows]
-        at += rows
-        # a constant error, or one that grows steadily, must not look like noise that hardly changes
-        lines = np.stack([np.ones(len(each)), np.linspace(-1.0, 1.0, len(each))], axis=1)
-        weighted = lines[ORDER:] * weight[:, None]
-        height = np.linalg.lstsq(weighted, each[ORDER:] * weight, rcond=None)[0]
-        left = each - lines @ height
-        past = np.stack([left[ORDER - 1 - i : len(left) - 1 - i] for i in range(ORDER)], axis=1) * weight[:, None]
-        square += past.T @ past
-        right += past.T @ (left[ORDER:] * weight)
-    square = square + (1e-10 * np.trace(square) + 1e-300) * np.eye(ORDER)
-    found: Array = np.linalg.solve(square, right)
-    return found
-
-
-def innovations(found: Sequence[Array], filters: Array) -> Array:
-    """Errors of one step ahead (all, rows) of autoregressive models, of all stretches one after the other."""
-    pieces = []
-    for each in found:
-        left = each[ORDER:].copy()
-        for k in range(ORDER):
-            left -= filters[:, k] * each[ORDER - 1 - k : len(each) - 1 - k]
-        pieces.append(left)
-    return np.concatenate(pieces)
 
 
 def _cost(white: Array, off: Array) -> float:

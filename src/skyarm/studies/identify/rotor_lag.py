@@ -1,4 +1,4 @@
-"""Rotor speeds from commands: dead time, first-order lag up and down, many stretches at once."""
+"""First-order lag with dead time, up and down: its response to held commands, many stretches at once."""
 
 from __future__ import annotations
 
@@ -35,46 +35,51 @@ def delay_commands(commands: Array, period: float, delay: float) -> Array:
     return mixed
 
 
-def lag_response(commands: Array, period: float, delay: float, up: float, down: float) -> tuple[Array, Array, Array]:
+def lag_response(
+    commands: Array, period: float, delay: float | Array, up: float | Array, down: float | Array
+) -> tuple[Array, Array, Array]:
     """Response of a first-order lag, with another time constant up than down, to held commands after a dead time.
 
     Args:
         commands: (N, rotors), each held for one period. The lag has settled at the first.
         period: s.
-        delay: s, whole periods or not; below 0 of commands that are stamped late.
-        up: s, time constant towards a larger value.
-        down: s, time constant towards a smaller one.
+        delay: s, whole periods or not; below 0 of commands that are stamped late. Or (C,) of some candidates.
+        up: s, time constant towards a larger value; or (C or 1, rotors or 1).
+        down: s, time constant towards a smaller one; likewise.
 
     Returns:
-        Means and mean squares over each period and values at its end, each (N, rotors); exact.
+        Means and mean squares over each period and values at its end, each (N, rotors), or (C, N, rotors); exact.
     """
-    whole = math.floor(delay / period)
-    late = delay - whole * period
+    delays = np.atleast_1d(np.asarray(delay, dtype=float))
+    rises, falls = (np.atleast_2d(np.asarray(each, dtype=float))[:, None, :] for each in (up, down))
+    whole = np.floor(delays / period).astype(int)
+    late = (delays - whole * period)[:, None, None]
     size = max(1, round(STRETCH / period))
-    before = math.ceil(FORGOTTEN * max(up, down) / period)
+    before = math.ceil(FORGOTTEN * float(max(rises.max(), falls.max())) / period)
     starts = np.arange(0, len(commands), size)
-    places = starts[None, :] - before - whole + np.arange(before + size)[:, None]
-    older, newer = (commands[np.clip(places - back, 0, len(commands) - 1)] for back in (1, 0))
-    spans = [(span, targets) for span, targets in ((late, older), (period - late, newer)) if span > 1e-9 * period]
-    decays = [(math.exp(-span / up), math.exp(-span / down)) for span, _ in spans]
-    value = older[0]
+    places = starts[None, None, :] - before - whole[None, :, None] + np.arange(before + size)[:, None, None]
+    spans = [(1, late), (0, period - late)] if late.max() > 1e-9 * period else [(0, period - late)]
+    parts = [(back, span, np.exp(-span / rises), np.exp(-span / falls)) for back, span in spans]
+    last, even = len(commands) - 1, up is down
+    value = commands[np.clip(places[0] - 1, 0, last)]
     found = np.empty((3, size, *value.shape))
     for k in range(before + size):
         mean, square = np.zeros_like(value), np.zeros_like(value)
-        for (span, targets), (rising, falling) in zip(spans, decays, strict=True):
-            target = targets[k]
+        for back, span, rising, falling in parts:
+            target = commands[np.clip(places[k] - back, 0, last)]
             off = value - target
             above = off > 0.0
-            decay = np.where(above, falling, rising)
+            decay = rising if even else np.where(above, falling, rising)
             if k >= before:
-                away = off * np.where(above, down, up) * (1.0 - decay)
+                away = off * (rises if even else np.where(above, falls, rises)) * (1.0 - decay)
                 mean += target * span + away
                 square += target * (target * span + 2.0 * away) + 0.5 * off * away * (1.0 + decay)
             value = target + off * decay
         if k >= before:
             found[:, k - before] = mean / period, square / period, value
-    joined = found.transpose(0, 2, 1, 3).reshape(3, -1, commands.shape[1])[:, : len(commands)]
-    return joined[0], joined[1], joined[2]
+    joined = found.transpose(0, 2, 3, 1, 4).reshape(3, len(delays), -1, commands.shape[1])[:, :, : len(commands)]
+    series = joined if np.ndim(delay) else joined[:, 0]
+    return series[0], series[1], series[2]
 
 
 def moving_mean(rows: Array, width: int) -> Array:

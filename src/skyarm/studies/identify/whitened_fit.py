@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.records.files.packages import needs_extra
+from skyarm.studies.identify.autoregression import ar_coefficients, innovations
 
 Array = npt.NDArray[np.float64]
 
@@ -88,7 +89,7 @@ def fit(
     """
     least_squares, student = scipy_parts()
     rows = len(size)
-    filters, scales = [np.array([0.9])] * rows, RIDGE * size + 1e-300
+    filters, scales = np.eye(1, ORDER) * np.full((rows, 1), 0.9), RIDGE * size + 1e-300
     # of a spread that every start has in common
     first = np.stack([_white(each, filters, np.ones(rows)) for each in left(starts)])
     scales = np.maximum(scales, first.std(axis=1).min(axis=0))
@@ -122,7 +123,7 @@ def fit(
         begin = np.clip(values, bounds[0] + inside, bounds[1] - inside)
         values = least_squares(lambda x: once(x)[0], begin, jac=lambda x: once(x)[1], max_nfev=30, **search).x
         rest = left(values[None, :])[0]
-        filters = [_filter(column, RIDGE * s) for column, s in zip(rest.T, size, strict=True)]
+        filters = np.array([ar_coefficients([x], ORDER, None, RIDGE * s) for x, s in zip(rest.T, size, strict=True)])
         scales = np.maximum(_white(rest, filters, np.ones(rows)).std(axis=0), RIDGE * size + 1e-300)
     flat, slope = around(values)
     error = flat.reshape(-1, rows)
@@ -166,20 +167,8 @@ def blocks_of(seconds: float) -> int:
     return max(FEWEST, int(seconds / BLOCK))
 
 
-def _filter(left: Array, ridge: float) -> Array:
-    """Coefficients of an autoregressive noise model of a fit's residual (N,)."""
-    centred = left - left.mean()
-    past = np.stack([centred[ORDER - 1 - i : len(centred) - 1 - i] for i in range(ORDER)], axis=1)
-    square = past.T @ past + len(past) * ridge**2 * np.eye(ORDER)
-    return np.asarray(np.linalg.solve(square, past.T @ centred[ORDER:]))
-
-
-def _white(left: Array, filters: Sequence[Array], scales: Array) -> Array:
+def _white(left: Array, filters: Array, scales: Array) -> Array:
     """Whitened residual (N - order, rows): prediction error of an autoregressive model over its standard deviation."""
-    found = left[ORDER:].copy()
-    for i, coefficients in enumerate(filters):
-        for k, c in enumerate(coefficients):
-            found[:, i] -= c * left[ORDER - 1 - k : len(left) - 1 - k, i]
-    found -= found.mean(axis=0)
-    whitened: Array = found / scales
+    found = innovations([left], filters)
+    whitened: Array = (found - found.mean(axis=0)) / scales
     return whitened
