@@ -225,7 +225,7 @@ def test_a_flight_that_ends_early_is_a_result_with_its_cause(tmp_path: Path) -> 
     assert result.err == ""
     assert result.code == 3, "a script that flies must notice"
     assert Log.load_npz(tmp_path / "out" / "run" / "low.npz").status == "ground"
-    assert re.search(r"(?s)Exit\s+code\s+3\s+if\s+the\s+flight\s+ended", succeeded(typed("run", "--help")))
+    assert re.search(r"(?s)Exit\s+code\s+3:\s+ended\s+early", succeeded(typed("run", "--help")))
 
 
 def test_a_reader_that_leaves_is_no_error() -> None:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from added_components import registry_kept
 from commanded import refused, skyarm
 from skyarm.cli import margins_command
 from skyarm.cli.output import bar
@@ -88,7 +89,8 @@ def test_margins_say_which_weather_of_ones_own_they_leave_out(folder: Path) -> N
     (folder / "gusty.toml").write_text(SHORT + air + wind)
     plugin = ("--plugin", str(Path(__file__).parents[2] / "examples" / "own_wind.py"))
     options = ("--instants", "0", "--out", "m.json", "--html", "m.html")
-    ended = skyarm("margins", "gusty.toml", *plugin, *options)
+    with registry_kept():
+        ended = skyarm("margins", "gusty.toml", *plugin, *options)
     assert ended.code == 0, ended.err
     named = ["environment.wind.turbulence", "environment.air[0] = Gusty"]
     said = f"disturbances are left out: {', '.join(named)}"

@@ -29,6 +29,7 @@ class Unit:
         infinite: the field may be infinite.
         folds: an exact zero of a plain list is structure and folds away, as one of a file.
         rule: coercion in place of that of the field's type.
+        fixed: equal in all episodes and throughout a flight: it shapes the program.
         usual: size beyond which a number is allowed and probably in another unit; two for a unit "rad or m".
     """
 
@@ -40,6 +41,7 @@ class Unit:
     infinite: bool = False
     folds: bool = False
     rule: Callable[[str, Any], Any] | None = None
+    fixed: bool = False
     usual: float | tuple[float, float] = math.inf
 
     @property

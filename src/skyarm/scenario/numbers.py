@@ -119,6 +119,8 @@ def number_at(scenario: Scenario, path: str) -> float:
     found = part(_with_start(scenario) if kind == "initial" else scenario, places[0])
     if isinstance(found, bool) or not isinstance(found, (int, float)):
         raise ScenarioError(f"path = {path!r}: must lead to a number, not to {type(found).__name__}")
+    if kind != "initial" and _declared(scenario, places[0]).fixed:
+        raise ScenarioError(f"path = {path!r}: must be equal in all episodes and throughout a flight")
     return float(found)
 
 

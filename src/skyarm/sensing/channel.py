@@ -224,7 +224,7 @@ class ChannelMemory:
     own: Any = ()
 
 
-SampleRate = Annotated[float, Unit("Hz", "readings a second, 0: one each control period", low=0.0)]
+SampleRate = Annotated[float, Unit("Hz", "readings a second, 0: one each control period", low=0.0, fixed=True)]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -239,7 +239,7 @@ class ChannelSensor(Sensor):
     """
 
     frequency: SampleRate = 0.0
-    latency: Annotated[float, Unit("s", "age of a reading when it arrives", low=0.0)] = 0.0
+    latency: Annotated[float, Unit("s", "age of a reading when it arrives", low=0.0, fixed=True)] = 0.0
     dropouts: Dropouts = Dropouts()
 
     def __post_init__(self) -> None:

@@ -341,7 +341,7 @@ def test_the_guide_s_example_compiles_and_its_operation_counts_are_current(tmp_p
     )
     object_file(example.replace("static", prototypes + "static", 1), tmp_path, ("-O2", *CAREFUL), name="user")
     rows = re.findall(r"^\| `(\w+)` on `(\w+)` \| (\d+) \| (\d+) \|", guide, re.MULTILINE)
-    assert len(rows) >= 4
+    assert len(rows) >= 2
     for name, vehicle, operations, parameters in rows:
         exported = export_c(built(vehicle, name), name="law", period=0.005)
         # a formula may be sharpened without a new table; another order of size is worth one

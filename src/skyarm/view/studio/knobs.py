@@ -114,18 +114,27 @@ def _paths(scenario: Scenario) -> Iterator[tuple[str, str]]:
         yield from _all_below("reference", {f"reference.{word}": getattr(scenario.reference, word) for word in SIGNALS})
     blowing = {"wind": scenario.wind, "air": scenario.air, "forces": scenario.forces}
     yield from _all_below("wind and forces", {f"environment.{word}": blowing[word] for word in blowing})
-    yield from _all_below("sensors", {"sensors": scenario.noise})
+    if not scenario.has_estimator:
+        yield from _all_below("sensors", {"sensors": scenario.noise})
     for each in scenario.sensors:
         where = f"sensors.{each.name}"
-        # an absolute encoder has its step by its bits, and one that differences its positions reads no rates
-        unread = [f"{where}.joints.resolution"] if hasattr(each.sensor, "bits") else []
-        unread += [f"{where}.rate."] if getattr(each.sensor, "rates", "") == "difference" else []
+        # an encoder that differences its positions reads no rates
+        unread = f"{where}.rate." if getattr(each.sensor, "rates", "") == "difference" else " "
         found = _all_below("sensors", {where: each.sensor})
-        yield from (row for row in found if not row[1].startswith(tuple(unread)))
+        # what is structurally absent (an int) has no random numbers: to add it would change those of all others
+        yield from (
+            row for row in found if not row[1].startswith(unread) and isinstance(_exact(scenario, row[1]), float)
+        )
     yield from _all_below("faults", {"environment.faults": scenario.faults})
     loads = (f"payloads.{i}.mass" for i in range(len(scenario.payloads)))
     yield from (("payload", path) for path in ("plant.payload.mass", "model.payload.mass", *loads))
     yield "delay", "delays.command"
+
+
+def _exact(scenario: Scenario, path: str) -> object:
+    """Parameter at a path as its record holds it; None if it cannot vary."""
+    places = _places(scenario, path)
+    return part(scenario, places[0]) if places else None
 
 
 def _all_below(group: str, records: Mapping[str, object]) -> Iterator[tuple[str, str]]:
