@@ -132,9 +132,9 @@ thorough: $(VENV)/.thorough
 attack: $(VENV)/.test
 	$(BIN)/pytest -m attack tests/attacks
 
-# nmpc rounds as BLAS does, which chooses its code by the processor: the one that the digests were taken with
+# nmpc rounds as BLAS and NumPy do, which choose their code by the processor: those that the digests were taken with
 digests: $(VENV)/.test
-	OPENBLAS_CORETYPE=Haswell $(BIN)/pytest -m digests tests/simulate/test_flight_digests.py
+	OPENBLAS_CORETYPE=Haswell NPY_DISABLE_CPU_FEATURES="X86_V4 AVX512_ICL AVX512_SPR" $(BIN)/pytest -m digests tests/simulate/test_flight_digests.py
 
 mutants: $(VENV)/.test
 	$(BIN)/python tests/mutation/mutants.py reach --workers $(WORKERS)
