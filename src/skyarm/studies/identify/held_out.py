@@ -210,7 +210,7 @@ def one_step_errors(stretches: Sequence[Stretch], vehicle: Vehicle, about: Surro
 
 
 def spread_of(stretches: Sequence[Stretch]) -> OneStep:
-    """Standard deviations of the measured accelerations: errors of a predictor that knows their mean alone."""
+    """Standard deviations of the measured accelerations: errors of a prediction by their mean."""
     pieces = [_accelerations(each)[each.used] for each in stretches]
     mean = np.concatenate(pieces).mean(axis=0)
     return _root_mean_square([each - mean for each in pieces])
