@@ -27,6 +27,7 @@ if TYPE_CHECKING:
         mass_matrix,
         momentum,
     )
+    from skyarm.flight_data.flight_data import load_flight
     from skyarm.log.flight_log import Log
     from skyarm.log.formats import LogFormat, load_log, save_log
     from skyarm.log.metrics.metric import Metric
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
     from skyarm.simulate.loop import replay, run
     from skyarm.simulate.session import Session
     from skyarm.simulate.user_code import check_law
+    from skyarm.studies.identify.identify_flights import identify_flights
     from skyarm.studies.stability.along import margins
     from skyarm.studies.stability.hover_delay import hover_delay
     from skyarm.studies.sweep.runner import fly_sweep
@@ -109,6 +111,7 @@ _ROOMS = {
     "skyarm.view.figures.flight_plot": ("plot",),
     "skyarm.view.figures.study_figures": ("plot_sweep",),
     "skyarm.view.figures.vehicle_drawing": ("vehicle_drawing",),
+    "skyarm.flight_data.flight_data": ("load_flight",),
     "skyarm.log.flight_log": ("Log",),
     "skyarm.log.formats": ("LogFormat", "load_log", "save_log"),
     "skyarm.log.metrics.metric": ("Metric",),
@@ -139,6 +142,7 @@ _ROOMS = {
     "skyarm.simulate.loop": ("replay", "run"),
     "skyarm.simulate.session": ("Session",),
     "skyarm.simulate.user_code": ("check_law",),
+    "skyarm.studies.identify.identify_flights": ("identify_flights",),
     "skyarm.studies.stability.along": ("margins",),
     "skyarm.studies.stability.hover_delay": ("hover_delay",),
     "skyarm.studies.sweep.runner": ("fly_sweep",),
@@ -217,11 +221,13 @@ __all__ = [
     "govern",
     "hover",
     "hover_delay",
+    "identify_flights",
     "inverse_dynamics",
     "list_scenarios",
     "list_studies",
     "list_vehicles",
     "load_controller",
+    "load_flight",
     "load_log",
     "load_plugin",
     "load_scenario",

@@ -24,6 +24,7 @@ from skyarm.reference import Constant, Sum, Trajectory
 from skyarm.scenario.scenario_record import Delays, NamedSensor
 from skyarm.sensing.channel import Channel as Errors
 from skyarm.sensing.sensor_kinds import Imu
+from skyarm.studies.identify import identify_flights
 from skyarm.studies.identify.held_out import CURVE
 from skyarm.studies.identify.identified_file import identified_file
 from skyarm.studies.identify.identify_vehicle import Identified, IdentifiedNumber
@@ -36,6 +37,10 @@ pytest.importorskip("scipy", reason="needs the extra 'identify'")
 
 START = library.load_vehicle("hummingbird")
 FACTOR = 1.1
+
+AXES = [f"{name}.{axis}=0" for name in ("place", "torque", "offset", "drag.area") for axis in "xyz"]
+KNOWN = (*AXES, "base.inertia.xy=0", "base.inertia.xz=0", "base.inertia.yz=0", "rotors.inertia=0", "drift=0")
+"""Numbers that are not searched, so that the search is short."""
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +80,7 @@ def identified(flights):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(flights)
         words = ("swings.npz", "--vehicle", "hummingbird", "--held-out", "aside.npz", "--out", "found")
-        return skyarm("identify", *words)
+        return skyarm("identify", *words, *(word for each in KNOWN for word in ("--known", each)))
 
 
 def test_a_flight_gives_numbers_with_intervals_and_a_vehicle_file(identified):
@@ -93,6 +98,8 @@ def test_a_flight_gives_numbers_with_intervals_and_a_vehicle_file(identified):
         line = next(line for line in identified.out.splitlines() if line.startswith(f"{each['name']} "))
         assert ("not in this data" in line) != (" to " in line)
     assert np.shape(document["correlation"]) == (len(numbers), len(numbers))
+    assert document["known"]["torque.x"] == 0.0
+    assert not {"torque.x", "drift"} & numbers.keys()
 
 
 def test_the_vehicle_file_flies(identified):
@@ -128,6 +135,22 @@ def test_held_out_flights_are_predicted_better_than_by_the_start_vehicle_and_by_
     assert steps["identified"] < 0.2 * steps["hold"]
     assert (found["flights"], found["has_poses"]) == (["aside"], True)
     assert Path("found/prediction.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_flights_are_identified_in_python_as_well(monkeypatch):
+    given = []
+    monkeypatch.setattr(identify_flights, "identify_vehicle", lambda *a, **k: given.append((a, k)) or found_with())
+    monkeypatch.setattr(identify_flights, "implausible_numbers", lambda *_: ())
+    flight = library.load_flight("swings.npz")
+    library.identify_flights([flight], START, known={"delay": 0.004}, sections=((0.5, 2.9),))
+    ((stretches, start), options), *_ = given
+    assert (start, options["known"]) == (START, {"delay": 0.004})
+    assert [each.seconds for each in stretches] == pytest.approx([2.4])
+    blind = dataclasses.replace(flight, channels={name: flight[name] for name in flight if name != "accelerometer"})
+    with pytest.raises(ValueError, match=r"^swings\.npz: accelerometer: is not in this flight"):
+        library.identify_flights([blind], START)
+    with pytest.warns(UserWarning, match=r"^swings\.npz: acc"), pytest.raises(ValueError, match="accelerometer"):
+        library.identify_flights([blind], START, despite_faults=True)
 
 
 def number(name, value, **more):

@@ -316,6 +316,11 @@ True
 >>> skyarm.hover_delay(scenario).enough  # doctest: +SKIP
 True
 
+## identify_flights
+>>> found = skyarm.identify_flights([skyarm.load_flight("flight.ulg")], vehicle)  # doctest: +SKIP
+>>> found["rotors.time_constant_up"].is_known  # doctest: +SKIP
+True
+
 ## inverse_dynamics
 >>> skyarm.inverse_dynamics(vehicle, *pose, rates, [0] * 8).shape  # N, N m; dual of [v_W, w_B, joint rates]
 (8,)
@@ -334,6 +339,10 @@ True
 
 ## load_controller
 >>> skyarm.load_controller("tuned.toml", skyarm.Model(vehicle=vehicle))  # doctest: +SKIP
+
+## load_flight
+>>> flight = skyarm.load_flight("flight.ulg")  # doctest: +SKIP
+>>> flight["gyro"].rate, list(flight)  # doctest: +SKIP
 
 ## load_log
 >>> log = skyarm.load_log("out/run/case3.npz")  # doctest: +SKIP

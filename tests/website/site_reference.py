@@ -20,8 +20,9 @@ ROOMS = {
     "plant": "Plants",
     "simulate": "Flying",
     "log": "Logs and metrics",
+    "flight_data": "Measured flights",
     "view": "Pictures",
-    "studies": "Sweeps and margins",
+    "studies": "Sweeps, margins and identification",
     "paper": "The paper",
     "records": "Adding to the library",
 }
