@@ -36,9 +36,9 @@ def by_small_steps(servo, joint, setpoints, load, q, bound=math.inf):
         return inverse @ (given - friction - load), np.where(given == effort, goal - q, 0.0)
 
     for target, torque in zip(setpoints, load, strict=True):
-        most = servo.speed_limit * STEP
-        goal = goal + np.minimum(np.maximum(target - goal, -most), most)
+        most = servo.speed_limit * fine
         for _ in range(16):
+            goal = goal + np.minimum(np.maximum(target - goal, -most), most)
             a, e = rates(q, v, goal, total, torque)
             a, e = rates(q + 0.5 * fine * v, v + 0.5 * fine * a, goal, total + 0.5 * fine * e, torque)
             q, v, total = q + fine * (v + 0.5 * fine * a), v + fine * a, total + fine * e
@@ -70,7 +70,7 @@ def test_two_coupled_joints_move_as_by_small_steps(servo, joint, bound):
     known = np.concatenate([begin[None, :], exact[:-1]])
     found = servo_response(
         Loops((servo, servo), (joint, joint)),
-        setpoints,
+        np.repeat(setpoints[:, None], 4, axis=1),
         np.broadcast_to(INERTIA, (len(time), 2, 2)),
         load,
         known,
@@ -84,7 +84,7 @@ def test_two_coupled_joints_move_as_by_small_steps(servo, joint, bound):
 def test_a_state_is_forgotten_after_some_time_constants():
     """A measured angle that is wrong at the begin of a part hardly shows in it."""
     loops = Loops((PositionServo(stiffness=6.0, damping=0.2, inertia=1e-3),), (Joint(name="a"),))
-    many = (np.zeros((400, 1)), np.full((400, 1, 1), 2e-3), np.zeros((400, 1)))
+    many = (np.zeros((400, 2, 1)), np.full((400, 1, 1), 2e-3), np.zeros((400, 1)))
     found = servo_response(loops, *many, np.full((400, 1), 0.1), np.zeros((400, 1)), STEP)
     assert found[0, 0] > 0.05
     # the second part begins 0.5 s later

@@ -144,4 +144,5 @@ def surroundings_with(numbers: Mapping[str, float]) -> Surroundings:
         torque=three("torque"),
         sag=numbers.get("sag", 0.0),
         drift=numbers.get("drift", 0.0),
+        setpoint_hold=numbers.get("setpoint_hold", 0.5),
     )

@@ -117,6 +117,8 @@ class Surroundings:
         torque: N m, constant, base axes.
         sag: thrust over that of the curve is the relative voltage to this power.
         drift: 1/s, relative change of the thrust.
+        setpoint_hold: share of a sample's period that servos average their setpoints over; where a servo's own loop is
+            slow, as in skyarm's plants, 1.
     """
 
     delay: float = 0.0
@@ -127,6 +129,7 @@ class Surroundings:
     torque: tuple[float, float, float] = (0.0, 0.0, 0.0)
     sag: float = 0.0
     drift: float = 0.0
+    setpoint_hold: float = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -176,10 +179,10 @@ class Memo:
             self.series[curves] = _series(vehicle, *self.held[key], stretch)
         return self.series[curves]
 
-    def servos(self, vehicle: Vehicle, delay: float, stretch: Stretch, servoed: Sequence[bool]) -> Array:
-        """Positions (N + 1, servo joints) by the setpoints, after a dead time (s) before the servos' own."""
+    def servos(self, vehicle: Vehicle, about: Surroundings, stretch: Stretch, servoed: Sequence[bool]) -> Array:
+        """Positions (N + 1, servo joints) by the setpoints."""
         joints = [i for i, each in enumerate(servoed) if each]
-        key: tuple[object, ...] = (delay, vehicle.links, vehicle.drives)
+        key: tuple[object, ...] = (about.delay, about.setpoint_hold, vehicle.links, vehicle.drives)
         if vehicle.links not in self.loads:
             _forget(self.loads)
             step = stretch.period / stretch.samples
@@ -190,8 +193,9 @@ class Memo:
             loops = loops_of(vehicle, joints)
             if self.steps is None:
                 # those of the first candidate: with others a slope by differences would have a jump
-                self.steps = servo_steps(loops.frequency(inertia), stretch.samples, stretch.period / stretch.samples)
-            self.responses[key] = _servo_positions(loops, delay, stretch, joints, inertia, load, self.steps)
+                finer, step = stretch.fine // stretch.samples, stretch.period / stretch.samples
+                self.steps = servo_steps(loops.frequency(inertia), stretch.samples, finer, step)
+            self.responses[key] = _servo_positions(loops, about, stretch, joints, inertia, load, self.steps)
         return self.responses[key]
 
 
@@ -327,7 +331,7 @@ def prediction_errors(
     summed = rates[1:] - rates[:1] - np.cumsum(predicted[:, 3:], axis=0) * stretch.period
     columns = [stretch.specific_force - predicted[:, :3], summed - summed.mean(axis=0)]
     if any(servoed):
-        turned = (memo or Memo()).servos(vehicle, about.delay, stretch, servoed)
+        turned = (memo or Memo()).servos(vehicle, about, stretch, servoed)
         off = (stretch.joints[:, np.flatnonzero(servoed)] - turned)[1:]
         columns.append(off - off[stretch.used].mean(axis=0))
     return np.concatenate(columns, axis=1)
@@ -364,7 +368,7 @@ def _series(vehicle: Vehicle, means: Array, squares: Array, ends: Array, stretch
 
 def _servo_positions(
     loops: Loops,
-    delay: float,
+    about: Surroundings,
     stretch: Stretch,
     joints: Sequence[int],
     inertia: Array,
@@ -372,16 +376,19 @@ def _servo_positions(
     steps: tuple[int, int],
 ) -> Array:
     """Positions (N + 1, servo joints) at the stretch's instants by the setpoints, averaged as the encoders' are."""
-    fine, finer, (many, inner) = stretch.period / stretch.fine, stretch.fine // stretch.samples, steps
-    step, turned = finer * fine, stretch.samples_of_motion()[2][:, joints]
-    late = [delay + float(each.latency) for each in loops.servos]
-    heard = [delay_commands(stretch.setpoints[:, [i]], fine, each)[:, 0] for i, each in zip(joints, late, strict=True)]
-    goals = np.stack(heard, axis=1).reshape(-1, finer, len(joints)).mean(axis=1)
-    goals, inertia, load = (rows.reshape(-1, many, *rows.shape[1:]).mean(axis=1) for rows in (goals, inertia, load))
+    step, turned, (many, inner) = stretch.period / stretch.samples, stretch.samples_of_motion()[2][:, joints], steps
+    times = max(1, many * inner * stretch.samples // stretch.fine)
+    late = [about.delay + float(each.latency) for each in loops.servos]
+    commands = np.repeat(stretch.setpoints[:, joints], times, axis=0)
+    grid = stretch.period / stretch.fine / times
+    heard = np.stack([delay_commands(a[:, None], grid, b)[:, 0] for a, b in zip(commands.T, late, strict=True)], axis=1)
+    goals = heard.reshape((len(turned) - 1) // many, inner, -1, len(joints)).mean(axis=2)
+    goals = goals + about.setpoint_hold * (goals.mean(axis=1, keepdims=True) - goals)
+    inertia, load = (rows.reshape(-1, many, *rows.shape[1:]).mean(axis=1) for rows in (inertia, load))
     # means over a step that are held for a step: both take h^2/24 of the curvature away from what varies in between
     load[1:-1] -= np.diff(load, 2, axis=0) / 12.0
     begins, rates = turned[:-1:many], np.gradient(turned, step, axis=0)[:-1:many]
-    found = servo_response(loops, goals, inertia, load, begins, rates, many * step, inner)
+    found = servo_response(loops, goals, inertia, load, begins, rates, many * step)
     coarse = np.concatenate([turned[:1], found])
     at, known = np.arange(len(turned)), np.arange(len(coarse)) * many
     sampled = np.stack([np.interp(at, known, column) for column in coarse.T], axis=1)

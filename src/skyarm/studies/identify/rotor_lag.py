@@ -61,12 +61,14 @@ def lag_response(
     spans = [(1, late), (0, period - late)] if late.max() > 1e-9 * period else [(0, period - late)]
     parts = [(back, span, np.exp(-span / rises), np.exp(-span / falls)) for back, span in spans]
     last, even = len(commands) - 1, up is down
+    # of one candidate all at once, which is faster; of many that would take too much memory
+    at_once = [commands[np.clip(places - back, 0, last)] if len(delays) == 1 else None for back, *_ in parts]
     value = commands[np.clip(places[0] - 1, 0, last)]
     found = np.empty((3, size, *value.shape))
     for k in range(before + size):
         mean, square = np.zeros_like(value), np.zeros_like(value)
-        for back, span, rising, falling in parts:
-            target = commands[np.clip(places[k] - back, 0, last)]
+        for (back, span, rising, falling), table in zip(parts, at_once, strict=True):
+            target = commands[np.clip(places[k] - back, 0, last)] if table is None else table[k]
             off = value - target
             above = off > 0.0
             decay = rising if even else np.where(above, falling, rising)

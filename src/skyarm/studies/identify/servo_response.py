@@ -37,6 +37,9 @@ LONGEST = 1.0
 STEP = 0.1
 """Time steps times the loop's natural frequency; the trapezoidal rule then errs by 0.08 % of the frequency."""
 
+LEAST = 3
+"""Time steps within a sample at least: a dead time falls anywhere within it."""
+
 UNKNOWN = 20.0
 """rad/s, natural frequency that a servo of an unknown make is thought to have, critically damped."""
 
@@ -151,11 +154,15 @@ def loops_of(vehicle: Vehicle, servoed: Sequence[int]) -> Loops:
     return Loops(tuple(each for each in servos if each is not None), tuple(vehicle.links[i].joint for i in servoed))
 
 
-def servo_steps(frequency: float, samples: int, step: float) -> tuple[int, int]:
-    """Samples (of some, s apart) that are taken together, and time steps within them, for loops of a frequency."""
+def servo_steps(frequency: float, samples: int, finer: int, step: float) -> tuple[int, int]:
+    """Samples (of some, s apart) that are taken together, and time steps within them, for loops of a frequency.
+
+    Commands that come in some parts of a sample are not averaged over more than a time step.
+    """
     most = max(1.0, STEP / (step * frequency))
     many = max(each for each in range(1, samples + 1) if samples % each == 0 and each <= most)
-    return many, math.ceil(many * step * frequency / STEP)
+    inner = math.ceil(many * step * frequency / STEP)
+    return (many, inner) if many > 1 else (1, finer * math.ceil(max(inner, LEAST) / finer))
 
 
 def servo_response(
@@ -166,7 +173,6 @@ def servo_response(
     joints: Array,
     rates: Array,
     step: float,
-    inner: int = 0,
 ) -> Array:
     """Positions of joints at the end of each step, by their setpoints; parts of the series begin as measured.
 
@@ -174,28 +180,28 @@ def servo_response(
 
     Args:
         loops: of n joints.
-        setpoints: (N, n) rad or m after dead time, means over each step.
+        setpoints: (N, inner, n) rad or m after dead time, means over each of the time steps within a step.
         inertia: (N, n, n) mass matrices.
         load: (N, n) N m or N.
         joints: (N, n) measured at the begin of each step: initial states.
         rates: (N, n) likewise.
         step: s.
-        inner: time steps within each; by default as many as the loops' frequencies require.
 
     Returns:
         (N, n) rad or m.
     """
     K, D, Ki, limits = (loops.row("servos", name) for name in ("stiffness", "damping", "integral", "speed_limit"))
     viscous, dry, bend = (loops.row("joints", name) for name in ("damping", "coulomb", "coulomb_rate"))
-    inner = inner or math.ceil(step * loops.frequency(inertia) / STEP)
     size, before = max(1, round(STRETCH / step)), math.ceil(loops.memory(inertia) / step)
-    count, dt = len(setpoints), step / inner
+    count, inner = setpoints.shape[:2]
+    dt = step / inner
     places = np.arange(0, count, size)[None, :] - before + np.arange(before + size)[:, None]
     first = np.clip(places[0], 0, count - 1)
     q, v = joints[first], rates[first]
-    goals = np.stack([_follow(a, b) for a, b in zip(setpoints.T, limits * step, strict=True)], axis=1)
+    flat = setpoints.reshape(count * inner, -1)
+    goals = np.stack([_follow(a, b) for a, b in zip(flat.T, limits * dt, strict=True)], axis=1).reshape(setpoints.shape)
     # a measured state does not show the integral: it is such that the joint moves evenly
-    held = load[first] + D * v - K * (goals[first] - q)
+    held = load[first] + D * v - K * (goals[first, 0] - q)
     total = np.where(Ki > 0.0, held / np.where(Ki > 0.0, Ki, 1.0), 0.0)
     # of a motor that is far from its limits they are not looked at
     safe = loops.least_bound(2.0 * float(np.abs(rates).max(initial=0.0)))
@@ -203,8 +209,8 @@ def servo_response(
     for k in range(before + size):
         at = np.clip(places[k], 0, count - 1)
         flown = (places[k] >= 0)[:, None]
-        goal, M, pull, begin = goals[at], (2.0 / dt) * inertia[at], load[at], (q, v, total)
-        for _ in range(inner):
+        M, pull, begin = (2.0 / dt) * inertia[at], load[at], (q, v, total)
+        for goal in goals[at].swapaxes(0, 1):
             carried = (M @ v[..., None])[..., 0] - pull
             spring, damped = K * (goal - q) + Ki * total, D + viscous + 0.5 * dt * K
             for _ in range(2 if dry.any() else 1):

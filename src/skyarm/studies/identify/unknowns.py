@@ -120,6 +120,7 @@ def unknowns_of(
         found += _of_servo(vehicle, i) if moves else []
     found = [each for each in found if not each.positive or each.start > 0.0]
     around = _of_surroundings(arm, 9.81 * float(vehicle.mass), voltage, any(driven))
+    around += [_any("setpoint_hold", "", 0.5, 0.5)] if any(servoed) else []
     return [*found, *(dataclasses.replace(each, in_vehicle=False) for each in around)]
 
 
