@@ -9,39 +9,20 @@ from pathlib import Path
 import pytest
 
 from commanded import refused, skyarm
+from logged_vehicles import CRAZYFLIE_LOG, TREFOIL_LOG, crazyflie
+from skyarm.vehicle.vehicle_text import vehicle_text
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
-
-FLIGHTS = Path(__file__).parents[1] / "data" / "flights"
-TREFOIL = FLIGHTS / "nanobench" / "B9_trefoil_medium_rep4_from_20_to_23_s.csv"
-CRAZYFLIE = """schema = 1
-name = "crazyflie"
-title = "Crazyflie 2.1 by its data sheet"
-[base]
-mass = 0.032
-inertia = [1.6e-5, 1.6e-5, 2.9e-5]
-[rotor_defaults]
-thrust_coefficient = 2.9e-8
-moment_coefficient = 0.006
-time_constant_up = 0.03
-time_constant_down = 0.04
-max_speed = 2500.0
-"""
-PLACES = (("m1", 1, -1, "ccw"), ("m2", -1, -1, "cw"), ("m3", -1, 1, "ccw"), ("m4", 1, 1, "cw"))
 
 
 @pytest.fixture(autouse=True)
 def here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    rotors = "".join(
-        f'[[rotors]]\nname = "{name}"\nposition = [{0.0325 * x}, {0.0325 * y}, 0.0]\ndirection = "{way}"\n'
-        for name, x, y, way in PLACES
-    )
-    Path("crazyflie.toml").write_text(CRAZYFLIE + rotors)
+    Path("crazyflie.toml").write_text(vehicle_text(crazyflie()))
 
 
 def test_a_log_without_suffix_is_a_flight():
-    shown = skyarm("show", str(FLIGHTS / "crazyflie" / "log15_from_20_to_23_s"), columns=200)
+    shown = skyarm("show", str(CRAZYFLIE_LOG), columns=200)
     assert shown.code == 0
     text = shown.out
     assert "log15_from_20_to_23_s: crazyflie, 2.999 s" in text
@@ -50,7 +31,7 @@ def test_a_log_without_suffix_is_a_flight():
 
 
 def test_a_page_of_a_table_as_json():
-    page = json.loads(skyarm("show", str(TREFOIL), "--json").out)
+    page = json.loads(skyarm("show", str(TREFOIL_LOG), "--json").out)
     channels = {each["quantity"]: each for each in page["channels"]}
     assert (page["format"], page["duration_s"]) == ("csv", pytest.approx(2.99, rel=1e-3))
     assert channels["gyro"]["rate_hz"] == pytest.approx(100.0, rel=1e-3)
@@ -61,14 +42,14 @@ def test_a_page_of_a_table_as_json():
 
 
 def test_a_vehicle_s_numbers_are_excited_or_not_in_this_flight():
-    words = ("show", str(TREFOIL), "--vehicle", "crazyflie.toml")
+    words = ("show", str(TREFOIL_LOG), "--vehicle", "crazyflie.toml")
     text = skyarm(*words, columns=200).out
     assert re.search(r"^roll inertia: +excited \(± \d+ %\) +base\.inertia\.xx$", text, re.MULTILINE)
     assert re.search(r"^body drag along x: +not in this flight +drag\.area\.x$", text, re.MULTILINE)
 
 
 def test_of_a_flight_with_a_fault_no_excitation_is_shown():
-    page = json.loads(skyarm("show", str(TREFOIL), "--vehicle", "crazyflie_arm1", "--json").out)
+    page = json.loads(skyarm("show", str(TREFOIL_LOG), "--vehicle", "crazyflie_arm1", "--json").out)
     assert page["faults"][0]["severity"] == "refused"
     assert page["faults"][0]["words"].endswith("joint_positions: are not in this flight; log them: they move its mass")
     assert page["excitation"] == []
@@ -77,7 +58,7 @@ def test_of_a_flight_with_a_fault_no_excitation_is_shown():
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("show", str(TREFOIL), "--gravity", "9.8"), "--gravity: must be left out of a flight"),
+        (("show", str(TREFOIL_LOG), "--gravity", "9.8"), "--gravity: must be left out of a flight"),
         (("show", "crazyflie.toml", "--vehicle", "hummingbird"), "--vehicle: must be left out of a vehicle"),
         (("show", "--columns", "c.toml"), "--columns: must be left out without a vehicle or flight"),
         (("show", "none.csv"), "none.csv"),

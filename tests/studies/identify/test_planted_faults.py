@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import skyarm
+from logged_vehicles import CRAZYFLIE_LOG, IRIS_LOG, TREFOIL_LOG, crazyflie, iris, logged
 from planted_vehicles import NOMINAL, fly_planted
 from skyarm.flight_data.flight_data import Channel
 from skyarm.studies.identify.data_faults import (
@@ -85,6 +86,18 @@ def frozen(name, column=slice(None)):
     def values(rows):
         rows = rows.copy()
         rows[len(rows) // 2 :, column] = rows[len(rows) // 2, column]
+        return rows
+
+    return lambda flight: change(flight, name, values)
+
+
+def stuck(name):
+    """A channel that holds one value for two seconds."""
+
+    def values(rows):
+        rows = rows.copy()
+        middle = len(rows) // 2
+        rows[middle : middle + round(2.0 * len(rows) / SECONDS)] = rows[middle]
         return rows
 
     return lambda flight: change(flight, name, values)
@@ -249,6 +262,7 @@ PLANTED = {
         REFUSED,
         "velocity: the sign of y looks turned against the tilt",
     ),
+    "position x and y": (axes("position", SWAP_XY), WARNED, "position: x and y look swapped against the velocity"),
     # attitude
     "quaternion x, y, z, w": (order("quaternion", 1, 2, 3, 0), REFUSED, "quaternion: looks like x, y, z, w read as w"),
     "quaternion w first": (order("quaternion", 3, 0, 1, 2), REFUSED, "quaternion: looks like w, x, y, z read as x"),
@@ -280,10 +294,40 @@ PLANTED = {
         "rotor commands: the rotors look ordered 4, 1, 2, 3",
     ),
     "commands early": (late("rotor_speed_commands", -0.08), REFUSED, "rotor commands: act .* ms late"),
+    "commands stuck": (
+        stuck("rotor_speed_commands"),
+        REFUSED,
+        "rotor_speed_commands: do not change for 1.99 s at 7 s: they are missing there",
+    ),
     # joints
-    "joints exchanged": (order("joint_positions", 1, 0), REFUSED, "joint_positions: .* look swapped"),
+    "joints exchanged": (
+        then(order("joint_positions", 1, 0), order("joint_rates", 1, 0)),
+        REFUSED,
+        "joint_positions: .* look swapped against the commands",
+    ),
+    "joints exchanged, of efforts": (
+        then(
+            without("joint_commands"), order("joint_positions", 1, 0), order("joint_rates", 1, 0)
+        ),
+        REFUSED,
+        "joint_positions: .* look swapped against the efforts",
+    ),
+    "joint turned, of efforts": (
+        then(
+            without("joint_commands"),
+            axes("joint_positions", np.diag([1.0, -1.0])),
+            axes("joint_rates", np.diag([1.0, -1.0])),
+        ),
+        REFUSED,
+        "joint_positions: the sign of .* looks turned against the efforts",
+    ),
+    "joint rates turned": (
+        axes("joint_rates", np.diag([-1.0, 1.0])),
+        REFUSED,
+        "joint_rates: the sign of .* looks turned against the slopes of joint_positions",
+    ),
     "joint turned": (
-        axes("joint_positions", np.diag([1.0, -1.0])),
+        then(without("joint_rates"), axes("joint_positions", np.diag([1.0, -1.0]))),
         REFUSED,
         "joint_positions: the sign of .* looks turned",
     ),
@@ -294,9 +338,30 @@ def test_a_sound_flight_has_no_fault(sound):
     assert find_faults(sound, START) == ()
     assert find_faults(ONLY_RATES(sound), START) == ()
     assert find_faults(shares(sound), START) == ()
+    assert find_faults(without("joint_commands")(sound), START) == ()
 
 
-@pytest.mark.parametrize("name", PLANTED)
+ORDINARY = (
+    "cut off, time jump, repeated stamps, numbers that are none, dropped samples, commands missing, never took off, "
+    "frozen gyro, saturated gyro, rows repeated, gyro in deg/s, accelerometer in g, commands of 16 bit, speeds in rpm, "
+    "voltage in mV, joints in degrees, gyro x and y, gyro x turned, all FRD, axes turned, quaternion x, y, z, w, "
+    "quaternion inverse, quaternion late, rotors reversed, rotors mirrored, commands early, joints exchanged"
+)
+"""Faults that every run of the tests plants; the others wait for the nightly run."""
+
+
+def planted(names):
+    """Cases of faults; those beyond the ordinary ones are thorough."""
+    return [
+        each if re.search(rf"(^|, ){re.escape(each)}(,|$)", ORDINARY) else pytest.param(each, marks=THOROUGH)
+        for each in names
+    ]
+
+
+THOROUGH = pytest.mark.thorough
+
+
+@pytest.mark.parametrize("name", planted(PLANTED))
 def test_a_planted_fault_is_named(sound, name):
     plant, severity, words = PLANTED[name]
     faults = find_faults(plant(sound), START)
@@ -307,6 +372,76 @@ def test_a_planted_fault_is_named(sound, name):
     if severity == REFUSED:
         with pytest.raises(ValueError, match=r"^flight.csv: [^\n]+$"):
             require_no_refusal(faults)
+
+
+GYRO_AND_ROTORS = [
+    "frozen gyro",
+    "frozen axis",
+    "rows repeated",
+    "gyro in deg/s without attitude",
+    "accelerometer in g",
+    "commands of 16 bit",
+    "commands as pulses",
+    "gyro x and y without attitude",
+    "accelerometer upside down",
+    "accelerometer y and z",
+    "cut off",
+    "dropped samples",
+    "no accelerometer",
+    "saturated gyro",
+]
+ATTITUDE = [
+    "gyro in deg/s",
+    "accelerometer in g",
+    "gyro x and y",
+    "gyro y and z",
+    "gyro x turned",
+    "gyro y turned",
+    "gyro z turned",
+    "gyro FRD",
+    "quaternion inverse",
+    "accelerometer upside down",
+    "frozen gyro",
+    "rows repeated",
+    "cut off",
+]
+
+
+def test_published_flights_have_no_fault():
+    assert find_faults(logged(CRAZYFLIE_LOG), crazyflie()) == ()
+    assert find_faults(logged(TREFOIL_LOG), crazyflie()) == ()
+    assert find_faults(logged(IRIS_LOG), iris()) == ()
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    ("path", "start", "name"),
+    [(CRAZYFLIE_LOG, crazyflie(), name) for name in GYRO_AND_ROTORS] + [(IRIS_LOG, iris(), name) for name in ATTITUDE],
+)
+def test_a_fault_planted_in_a_published_flight_is_named(path, start, name):
+    plant, severity, words = PLANTED[name]
+    flight = logged(path)
+    if "rotor_commands" in flight and name.startswith("commands"):
+        factor, base = (65535.0, 0.0) if "16" in name else (1000.0, 1000.0)
+        wrong = change(flight, "rotor_commands", lambda rows: base + factor * rows)
+    else:
+        wrong = plant(flight)
+    told = [each for each in find_faults(wrong, start) if re.fullmatch(f"flight.csv: {words}.*; .+", each.words)]
+    assert told, "\n".join(each.words for each in find_faults(wrong, start))
+    assert told[0].severity == severity
+
+
+@pytest.mark.parametrize(
+    ("places", "words"),
+    [
+        ((1, 0, 2, 3), "rotors 1 and 2 look exchanged"),
+        ((3, 2, 1, 0), "the order of the rotors looks reversed|mirrored, left for right"),
+        ((2, 3, 0, 1), "the rotors look ordered 3, 4, 1, 2"),
+    ],
+)  # fmt: skip
+def test_rotors_of_a_published_flight_in_another_order_are_named(places, words):
+    wrong = order("rotor_commands", *places)(logged(CRAZYFLIE_LOG))
+    assert re.search(words, "\n".join(each.words for each in find_faults(wrong, crazyflie())))
 
 
 @pytest.mark.parametrize(

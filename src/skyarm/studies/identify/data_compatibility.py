@@ -21,15 +21,16 @@ from skyarm.flight_data.clocks import rotation_steps
 from skyarm.flight_data.flight_data import Channel
 from skyarm.flight_data.raw_tables import turn_vectors
 from skyarm.studies.identify.lagged_inputs import wrench_of_pushes
+from skyarm.studies.identify.motion_model import Stretch, Surroundings, predict
 from skyarm.studies.identify.rotor_lag import lag_response, moving_mean
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Array: TypeAlias = npt.NDArray[np.float64]
 
-ROWS = 100
+ROWS = 40
 """Fewest rows of a comparison."""
 
-VISIBLE, CERTAIN = 0.35, 60.0
+VISIBLE, CERTAIN = 0.15, 30.0
 """Least multiple correlation of a row that is judged, and least of its square times the rows: noise gives about 5."""
 
 CLIPPED = 6.0
@@ -220,7 +221,7 @@ def joint_law(commands: Channel, positions: Channel) -> Law | None:
     """Rates of the joints' positions (measured) against those of the commanded ones (inputs)."""
     begin, end = max(commands.time[0], positions.time[0]), min(commands.time[-1], positions.time[-1])
     edges = np.arange(begin + LATEST, end - LATEST, VELOCITY_STEP)
-    if len(edges) < ROWS // 2:
+    if len(edges) < ROWS:
         return None
     mean, wanted = _means_of(positions.time, positions.values), _means_of(commands.time, commands.values)
     moved = np.diff(mean(edges[:-1], edges[1:]), axis=0)
@@ -229,6 +230,38 @@ def joint_law(commands: Channel, positions: Channel) -> Law | None:
         return np.diff(wanted(edges[:-1] - lag, edges[1:] - lag), axis=0), moved
 
     return _best(at, np.eye(positions.values.shape[1]))
+
+
+def slope_law(rates: Channel, positions: Channel) -> Law | None:
+    """Slopes of positions (measured) against the rates that should be their derivatives (inputs)."""
+    every = max(1, round(VELOCITY_STEP * positions.rate))
+    time, rows = positions.time[::every], positions.values[::every]
+    if len(time) < ROWS or rates.time.size < ROWS or rates.values.shape[1] != rows.shape[1]:
+        return None
+    slopes = np.diff(rows, axis=0) / np.diff(time)[:, None]
+    mean = _means_of(rates.time, rates.values)
+
+    def at(lag: float) -> tuple[Array, Array]:
+        inside = (time[:-1] - lag >= rates.time[0]) & (time[1:] - lag <= rates.time[-1])
+        return mean(time[:-1][inside] - lag, time[1:][inside] - lag), slopes[inside]
+
+    return _best(at, np.eye(rows.shape[1]))
+
+
+def effort_law(stretch: Stretch, vehicle: Vehicle) -> Law | None:
+    """Accelerations of the joints (measured) against those by the vehicle's dynamics under the efforts (inputs)."""
+    found = predict(vehicle, Surroundings(), stretch, (True,) * vehicle.n)[:, 6:]
+    moved = np.diff(stretch.joint_rates, axis=0) / stretch.period
+    every = max(1, round(ROTOR_STEP / stretch.period))
+    rows = len(moved) // every * every
+
+    def at(lag: float) -> tuple[Array, Array]:
+        late = max(0, round(lag / stretch.period))
+        pair = np.roll(found[:rows], late, axis=0), moved[:rows]
+        inputs, measured = (each.reshape(-1, every, vehicle.n).mean(axis=1) for each in pair)
+        return inputs, measured
+
+    return _best(at, np.eye(vehicle.n)) if rows >= ROWS * every else None
 
 
 def _best(at: Callable[[float], tuple[Array, Array]], nominal: Array) -> Law | None:

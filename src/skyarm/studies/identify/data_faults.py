@@ -21,7 +21,7 @@ from skyarm.flight_data.quantities import GRAVITY, QUANTITIES
 from skyarm.records.files.messages import one_line
 from skyarm.studies.identify.fault_isolation import incompatible_channels
 from skyarm.studies.identify.identify_vehicle import Identified
-from skyarm.studies.identify.stretches import SHORTEST, commanded_speeds, flying_spans
+from skyarm.studies.identify.stretches import SETTLING, SHORTEST, commanded_speeds, flying_spans
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Array: TypeAlias = npt.NDArray[np.float64]
@@ -161,11 +161,11 @@ def _all_faults(flight: FlightData, start: Vehicle) -> Iterator[Found]:
             return
     if not spans:
         return
-    inside = flight.section(spans[0][0], spans[-1][1])
+    inside = flight.section(spans[0][0] - SETTLING, spans[-1][1] + SETTLING)
     fast = list(_impossible_rates(inside))
     yield from fast
     yield from _clock_faults(flight, inside)
-    still = list(_still_channels(inside, spans))
+    still = [*_still_channels(inside, spans), *_stuck_commands(inside, spans)]
     yield from still
     if {channel for _, channel, _, _ in (*still, *units, *fast)} & {"gyro", "rotor_commands", "rotor_speed_commands"}:
         return
@@ -216,6 +216,9 @@ FORCES = {"g": 1.0 / GRAVITY, "mg": 1e3 / GRAVITY, "cm/s^2": 100.0, "mm/s^2": 1e
 FULL = {"percent": 100.0, "a byte": 255.0, "a pulse width from 1000 to 2000 us": 2000.0, "a word of 16 bit": 65535.0}
 """Number of the full signal -> what it is."""
 
+FASTEST = 100.0
+"""m/s that no multirotor flies on the median."""
+
 SPIKES = 0.01
 """Of the rows with numbers outside 0 to 1: fewer are spikes, more spoil the flight."""
 
@@ -237,6 +240,11 @@ def _wrong_units(flight: FlightData, start: Vehicle) -> Iterator[Found]:
         if not 1.0 < volts < 100.0:
             unit = ": it looks like mV" if 1e3 < volts < 1e5 else ""
             yield REFUSED, "voltage", f"is {volts:.4g} V on the median{unit}", "state its unit in columns.toml"
+    if "velocity" in flight:
+        speed = float(np.median(np.linalg.norm(flight["velocity"].values, axis=1)))
+        if speed > FASTEST:
+            finding = f"are {speed:.4g} m/s on the median: they look like mm/s"
+            yield REFUSED, "velocity", finding, "state its unit in columns.toml"
     yield from _wrong_scales(flight)
     yield from _wrong_joints(flight, start)
 
@@ -260,21 +268,20 @@ def _wrong_shares(share: Array) -> Iterator[Found]:
 DEGREES = 180.0 / np.pi
 
 
+TURNS = 4.0 * np.pi
+"""rad that an arm does not reach; one without stops may turn once."""
+
+
 def _wrong_joints(flight: FlightData, start: Vehicle) -> Iterator[Found]:
     """Yield the joints' positions that no joint of the vehicle reaches."""
     turns = [link.joint.turns for link in start.links]
     for name in ("joint_positions", "joint_commands"):
         if name not in flight or flight[name].values.shape[1] != start.n or not any(turns):
             continue
-        rows = np.abs(flight[name].values[:, turns])
-        top = float(np.quantile(rows, 0.95))
-        if top > 2.0 * np.pi:
-            yield (
-                REFUSED,
-                name,
-                f"reach {top:.3g} rad, more than a turn: they look like degrees",
-                "state their unit in columns.toml",
-            )
+        top = float(np.quantile(np.abs(flight[name].values[:, turns]), 0.95))
+        if top > TURNS:
+            finding = f"reach {top:.3g} rad, more than two turns: they look like degrees"
+            yield REFUSED, name, finding, "state their unit in columns.toml"
 
 
 PAIRS = (("velocity", "position"), ("joint_rates", "joint_positions"))
@@ -470,9 +477,7 @@ def _still_channels(flight: FlightData, spans: Sequence[tuple[float, float]]) ->
             continue
         channel = flight[name]
         same = channel.values[1:] == channel.values[:-1]
-        aloft = np.zeros(len(same), dtype=bool)
-        for begin, end in spans:
-            aloft |= (channel.time[1:] > begin) & (channel.time[1:] <= end)
+        aloft = _inside(channel, spans)
         whole = same.all(axis=1) & aloft
         long, when = _longest_run(whole, channel.time)
         needed = name in (*NEEDED, "joint_positions")
@@ -493,6 +498,32 @@ def _still_channels(flight: FlightData, spans: Sequence[tuple[float, float]]) ->
             yield WARNED, name, finding, "remove repeated rows"
         if name in NEEDED:
             yield from _saturation(name, channel, whole)
+
+
+def _inside(channel: Channel, spans: Sequence[tuple[float, float]]) -> npt.NDArray[np.bool_]:
+    """Steps (N - 1,) of a channel that end within spans of time (s)."""
+    found = np.zeros(max(0, channel.time.size - 1), dtype=bool)
+    for begin, end in spans:
+        found |= (channel.time[1:] > begin) & (channel.time[1:] <= end)
+    return found
+
+
+STUCK, BUSY = 1.0, 0.5
+"""s, run of equal commands in the air of a channel of which so many rows change."""
+
+
+def _stuck_commands(flight: FlightData, spans: Sequence[tuple[float, float]]) -> Iterator[Found]:
+    """Yield commands that stop in the air although they usually change."""
+    for name in ("rotor_commands", "rotor_speed_commands", "joint_efforts"):
+        if name not in flight or flight[name].time.size < FEWEST:
+            continue
+        channel = flight[name]
+        same = (channel.values[1:] == channel.values[:-1]).all(axis=1)
+        inside = _inside(channel, spans)
+        long, when = _longest_run(same & inside, channel.time)
+        if long > STUCK and float(np.mean(~same[inside])) > BUSY:
+            finding = f"do not change for {long:.3g} s at {when:.4g} s: they are missing there"
+            yield REFUSED, name, finding, "cut the flight to sections without it"
 
 
 def _saturation(name: str, channel: Channel, repeated: npt.NDArray[np.bool_]) -> Iterator[Found]:

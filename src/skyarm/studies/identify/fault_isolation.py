@@ -8,6 +8,7 @@ and Diagnosis in Engineering Systems, 1998).
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import permutations
 from typing import TypeAlias
@@ -20,15 +21,17 @@ from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.studies.identify.data_compatibility import (
     Law,
     best_turn,
+    effort_law,
     force_law,
     joint_law,
     rate_law,
     rotor_law,
     rotor_orders,
     signed_permutations,
+    slope_law,
     tilt_law,
 )
-from skyarm.studies.identify.stretches import commanded_speeds
+from skyarm.studies.identify.stretches import commanded_speeds, stretches_of
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 Array: TypeAlias = npt.NDArray[np.float64]
@@ -174,9 +177,16 @@ def _rotors_and_rates(turning: Law, rates: Law | None, start: Vehicle, upside: s
     axes = list(signed_permutations())
     axes_scores = [turning.score(turning.nominal, each) for each in axes]
     k = int(np.argmax(np.array(axes_scores) - 0.01 * np.arange(len(axes)) / len(axes)))
+    down = next(i for i, each in enumerate(axes) if np.array_equal(each, FORWARD_RIGHT_DOWN))
+    if upside and axes_scores[down] >= HOLDS:
+        k = down
     angle, angle_score = best_turn(turning)
     if upside and axes_scores[k] >= HOLDS:
         yield "gyro", f"{_axes_words(axes[k])} against the rotors, and the accelerometer {upside}", MAP, True
+    elif not confirmed and order_score >= max(HOLDS, axes_scores[k] - 0.05) and not _is_simple(axes[k]):
+        also = f", or of the gyro {_axes_words(axes[k])}" if axes_scores[k] >= order_score - 0.1 else ""
+        finding = f"{_order_words(order, start.rotors)} against the rotation that they cause{also}"
+        yield ROTORS, finding, "order the columns as the vehicle's rotors", True
     elif not confirmed and axes_scores[k] >= max(HOLDS, order_score - 0.02):
         also = f", or {_order_words(order, start.rotors)}" if order_score >= axes_scores[k] - 0.1 else ""
         yield "gyro", _axes_words(axes[k]) + f" against the rotors{also}", MAP, True
@@ -188,6 +198,11 @@ def _rotors_and_rates(turning: Law, rates: Law | None, start: Vehicle, upside: s
     else:
         finding = f"do not turn vehicle '{start.name}' as measured: correlation {turning.score(turning.nominal):.2f}"
         yield ROTORS, finding, "check order, signs and places of the rotors", True
+
+
+def _is_simple(mapping: Array) -> bool:
+    """True for one turned sign, or an exchange of two axes: mistakes of a mapping of columns."""
+    return int((np.diag(mapping) != 1.0).sum()) == 1 or bool((mapping >= 0.0).all())
 
 
 TURNED, BETTER = 25.0, 0.1
@@ -250,10 +265,23 @@ def _tilt_and_velocity(flight: FlightData) -> Iterator[Incompatible]:
         return
     law = tilt_law(flight["quaternion"], flight["velocity"])
     if law is None or _holds(law):
+        yield from _position_and_velocity(flight)
         return
     axes, score = _best_axes(law)
     words = f"{_axes_words(axes)} against the tilt" if score >= HOLDS else "does not follow the tilt of the attitude"
     yield "velocity", words, "state world of velocity and quaternion in columns.toml", True
+
+
+def _position_and_velocity(flight: FlightData) -> Iterator[Incompatible]:
+    """Yield a position whose slopes are not the velocity."""
+    if "position" not in flight:
+        return
+    law = slope_law(flight["velocity"], flight["position"])
+    if law is None or _holds(law):
+        return
+    axes, score = _best_axes(law)
+    words = f"{_axes_words(axes)} against the velocity" if score >= HOLDS else "its slopes are not the velocity"
+    yield "position", words, "state world of position and velocity in columns.toml", False
 
 
 def _forces(flight: FlightData) -> Iterator[Incompatible]:
@@ -285,44 +313,87 @@ def _late_channels(flight: FlightData, rates: Law | None, turning: Law | None) -
         yield ROTORS, words.format(abs(ms)), "check the clock of commands and gyro", True
 
 
-MOST = 4
+MOST = 3
 """Joints of which all orders are tried."""
 
 
 def _joint_order(flight: FlightData, start: Vehicle) -> Iterator[Incompatible]:
-    """Yield joints whose positions follow the commands of others, or against their own."""
-    if "joint_commands" not in flight or "joint_positions" not in flight or not start.n:
+    """Yield joints whose positions follow the commands or efforts of others, or against their own."""
+    if not start.n:
         return
-    law = joint_law(flight["joint_commands"], flight["joint_positions"])
+    remedy = "order the columns as the vehicle's joints, and check their signs"
+    positions = flight["joint_positions"]
+    if "joint_rates" in flight:
+        slopes = slope_law(flight["joint_rates"], positions)
+        if slopes is not None and not _holds(slopes):
+            for words in joint_words(slopes, start):
+                yield "joint_rates", f"{words} against the slopes of joint_positions", remedy, True
+            return
+    if "joint_commands" in flight:
+        law = joint_law(flight["joint_commands"], positions)
+        if law is not None and not _holds(law):
+            for words in joint_words(law, start):
+                yield "joint_positions", f"{words} against the commands", remedy, True
+    elif "joint_efforts" in flight:
+        for words in _words_of_efforts(flight, start):
+            yield "joint_positions", f"{words} against the efforts", remedy, True
+
+
+ENOUGH = 10.0
+"""s, of a flight whose efforts are compared with the joints' motion."""
+
+
+def _words_of_efforts(flight: FlightData, start: Vehicle) -> Iterator[str]:
+    """Yield words for the order and signs of the joints under which the efforts explain their accelerations."""
+    begin = flight["joint_efforts"].time[0]
+    try:
+        stretch = max(stretches_of(flight.section(begin, begin + ENOUGH), start), key=lambda each: each.size)
+    except ValueError:  # of a flight that cannot be cut the fit says so
+        return
+    law = effort_law(stretch, start)
     if law is None or _holds(law):
         return
-    for words in joint_words(law, start):
-        yield "joint_positions", words, "order the columns as the vehicle's joints, and check their signs", True
-
-
-def joint_words(law: Law, start: Vehicle) -> Iterator[str]:
-    """Yield words for the exchange or sign of joints that explains a law between joints."""
     count = start.n
     names = [link.joint.name for link in start.links]
+    best, top = "do not follow", HOLDS
+    for order in _joint_orders(count):
+        for turned in (), *((i,) for i in range(count)), tuple(range(count)):
+            signs = np.where(np.isin(np.arange(count), turned), -1.0, 1.0)
+            rows = {name: getattr(stretch, name)[:, list(order)] * signs for name in ("joints", "joint_rates")}
+            law = effort_law(dataclasses.replace(stretch, **rows), start)
+            score = 0.0 if law is None or not law.visible.any() else law.score(law.nominal)
+            if score > top + 0.02:
+                best, top = " and ".join(_joint_changes(order, signs, names)), score
+    yield best
+
+
+def _joint_orders(count: int) -> Sequence[tuple[int, ...]]:
+    """Orders of joints that are tried: all of a few, else exchanges of two."""
     if count <= MOST:
-        orders = list(permutations(range(count)))
-    else:
-        orders = [each for each in rotor_orders(count) if sum(a != b for a, b in enumerate(each)) <= 2]
-    best, top = None, -1.0
-    for order in orders:
-        mapping = law.nominal[list(order)]
-        shares = law.shares(mapping)
-        signs = np.where(shares < 0.0, -1.0, 1.0)
-        score = float(np.abs(shares)[law.visible].mean())
-        if score > top + 0.05:
-            best, top = (order, signs), score
-    if best is None or top < HOLDS:
-        yield "do not follow their commands"
-        return
-    order, signs = best
-    moved = [names[i] for i in range(count) if order[i] != i]
-    turned = [names[i] for i in range(count) if signs[i] < 0.0 and law.visible[i]]
+        return list(permutations(range(count)))
+    return [each for each in rotor_orders(count) if sum(a != b for a, b in enumerate(each)) <= 2]
+
+
+def _joint_changes(order: Sequence[int], signs: Array, names: Sequence[str]) -> Iterator[str]:
+    """Yield words for an exchange and for turned signs of joints."""
+    moved = [names[i] for i in range(len(names)) if order[i] != i]
+    turned = [names[i] for i in range(len(names)) if signs[i] < 0.0]
     if moved:
         yield f"{' and '.join(moved)} look swapped"
     if turned:
         yield f"the sign of {' and '.join(turned)} looks turned"
+
+
+def joint_words(law: Law, start: Vehicle) -> Iterator[str]:
+    """Yield words for the exchange or sign of joints that explains a law between joints."""
+    best, top = None, -1.0
+    for order in _joint_orders(start.n):
+        shares = law.shares(law.nominal[list(order)])
+        signs = np.where((shares < 0.0) & law.visible, -1.0, 1.0)
+        score = float(np.abs(shares)[law.visible].mean())
+        if score > top + 0.05:
+            best, top = (order, signs), score
+    if best is None or top < HOLDS:
+        yield "do not follow"
+    else:
+        yield from _joint_changes(*best, [link.joint.name for link in start.links])
