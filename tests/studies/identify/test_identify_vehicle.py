@@ -16,7 +16,7 @@ from skyarm.scenario.scenario_record import Delays, NamedSensor
 from skyarm.sensing.channel import Channel as Errors
 from skyarm.sensing.sensor_kinds import Imu
 from skyarm.studies.identify.identified_parts import vehicle_with
-from skyarm.studies.identify.identify_vehicle import NOT_SHOWN, condition_on_start, identify_vehicle
+from skyarm.studies.identify.identify_vehicle import NOT_SHOWN, condition_on_start, identify_vehicle, search_of
 from skyarm.studies.identify.information import expected_numbers
 from skyarm.studies.identify.motion_model import Stretch
 from skyarm.studies.identify.stretches import stretches_of
@@ -276,3 +276,27 @@ def test_links_trade_mass_with_the_base():
     assert made.links[1].body.inertia.xx == pytest.approx(1.5 * arm.links[1].body.inertia.xx)
     assert made.links[0].joint.damping == 0.002
     assert vehicle_with(arm, {}).base.mass == pytest.approx(arm.base.mass)
+
+
+def test_drag_acts_at_a_height_of_its_own_on_request():
+    words = {"curve": False, "voltage": False, "driven": ()}
+    names = [each.name for each in unknowns_of(START, velocity=True, drag_height=True, **words)]
+    assert "rotors.drag_height" in names
+    assert "rotors.drag_height" not in [each.name for each in unknowns_of(START, velocity=True, **words)]
+    assert "rotors.drag_height" not in [
+        each.name for each in unknowns_of(START, velocity=False, drag_height=True, **words)
+    ]
+    made = vehicle_with(START, {"rotors.drag_height": 0.02}, checked=True)
+    for before, after in zip(START.rotors, made.rotors, strict=True):
+        assert after.position.z == pytest.approx(before.position.z + 0.02)
+        assert (after.position.x, after.position.y) == (before.position.x, before.position.y)
+
+
+def test_periods_of_other_clocks_may_differ_a_little(flight):
+    """0.5 % is a clock, 5 % is another period."""
+    stretches = stretches_of(flight.section(2.0, 6.0), START)
+    (first,) = stretches
+    near = dataclasses.replace(first, period=1.005 * first.period)
+    assert search_of([first, near], START).begin.size
+    with pytest.raises(ValueError, match=r"period = 0\.0105 s: must be 0\.01 s, as of the first"):
+        search_of([first, dataclasses.replace(first, period=1.05 * first.period)], START)

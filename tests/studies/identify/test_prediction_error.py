@@ -100,3 +100,26 @@ def test_a_level_or_slope_of_a_stretch_is_no_noise_that_hardly_changes(slope):
     found = fit_prediction(errors, TRUE, np.array([1e-6, 1e-6]), STEPS, 25)
     assert len(found.noise.weights) == 4000 - 2 * ORDER
     assert found.noise.filters[0].sum() == pytest.approx(0.5, abs=0.08)
+
+
+def test_ramps_that_differ_from_stretch_to_stretch_cost_nothing():
+    """Sums of an input beside a ramp of each stretch's own, none on the mean: the gain is found with levels only."""
+    rng = np.random.default_rng(5)
+    inputs = [np.cumsum(coloured(rng, 600, 0.8)) for _ in range(4)]
+    ramps = [slope * np.arange(600.0) for slope in (-5.0, 4.0, -3.0, 4.0)]
+    noise = [np.cumsum(coloured(rng, 600, 0.5)) for _ in range(4)]
+
+    def errors(numbers):
+        rows = zip(inputs, ramps, noise, strict=True)
+        return [((1.5 - numbers[0]) * each + ramp + left)[:, None] for each, ramp, left in rows]
+
+    def found(levels):
+        return fit_prediction(errors, np.array([0.5]), VAGUE[:1], STEPS[:1], 25, levels=levels)
+
+    levelled, plain = found([0]), found([])
+    assert levelled.values[0] == pytest.approx(1.5, abs=0.06)
+    assert levelled.covariance[0, 0] < 0.05 * plain.covariance[0, 0]
+    # of one stretch alone the level counts, as that of the numbers' own drift does
+    one = fit_prediction(lambda x: errors(x)[:1], np.array([0.5]), VAGUE[:1], STEPS[:1], 25, levels=[0])
+    same = fit_prediction(lambda x: errors(x)[:1], np.array([0.5]), VAGUE[:1], STEPS[:1], 25)
+    assert one.values[0] == same.values[0]

@@ -12,7 +12,7 @@ import numpy as np
 from skyarm.algebra import Sym3, Vec3
 from skyarm.dynamics.actuators.servo import PositionServo
 from skyarm.studies.identify.motion_model import Surroundings
-from skyarm.studies.identify.unknowns import KNOTS, rises_of_thrust, second_moments
+from skyarm.studies.identify.unknowns import DRAG_HEIGHT, KNOTS, rises_of_thrust, second_moments
 from skyarm.vehicle.linkage import Body, Joint, Link
 from skyarm.vehicle.thrust_table import ThrustTable
 from skyarm.vehicle.vehicle_records import MountedDrive, Rotor, Vehicle
@@ -77,6 +77,9 @@ def _rotor(first: Rotor, rotor: Rotor, numbers: Mapping[str, float], checked: bo
     for name in ("inertia", "drag_coefficient"):
         if f"rotors.{name}" in numbers:
             changes[name] = max(numbers[f"rotors.{name}"], 0.0) if checked else numbers[f"rotors.{name}"]
+    if DRAG_HEIGHT in numbers:
+        x, y, z = rotor.position
+        changes["position"] = Vec3(x, y, z + numbers[DRAG_HEIGHT])
     table = _table(first, numbers)
     if table is not None:
         changes |= {"table": table, "thrust_coefficient": table.thrust_coefficient}

@@ -35,6 +35,12 @@ SHARE, INSTANT, SPREAD = 2e-3, 0.02, 1e-2
 No half of an interval is smaller, whatever the noise: planted vehicles with little noise are found to half of it.
 """
 
+RATES = (3, 4, 5)
+"""Rows of the base's rates: trim torques differ from flight to flight, by the battery's place and by propellers."""
+
+UNEVEN = 0.01
+"""Of a period: what the periods of flights may be off each other; clocks of files differ."""
+
 LEAST = 20
 """Periods of the shortest stretch, in orders of the whitening filter."""
 
@@ -114,6 +120,7 @@ def identify_vehicle(
     voltage: bool | None = None,
     servoed: Sequence[bool] | None = None,
     known: Mapping[str, float] | None = None,
+    drag_height: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> Identified:
     """Identify the parameters of a vehicle from measured flights.
@@ -128,6 +135,8 @@ def identify_vehicle(
         servoed: of each joint, whether a position servo moves it; by default, if the stretches hold any setpoint of
             it and no torque. A joint without a drive gets a servo of moderate gains to begin with.
         known: numbers that are not searched, by name.
+        drag_height: the rotors' hub drag acts at a height of its own, which is then identified beside the centre of
+            mass; needs the velocity.
         progress: called with one line a step of the search.
 
     Raises:
@@ -142,8 +151,11 @@ def identify_vehicle(
         voltage=voltage,
         servoed=servoed,
         known=known,
+        drag_height=drag_height,
     )
-    found = fit_prediction(search.errors, search.begin, search.prior, search.steps, search.block, search.used, progress)
+    found = fit_prediction(
+        search.errors, search.begin, search.prior, search.steps, search.block, search.used, progress, RATES
+    )
     scale = _scale(found, search)
     numbers, correlation = _identified_numbers(found, scale, search.prior, stretches[0].period)
     inside = {each.name for each in search.unknowns if each.in_vehicle}
@@ -220,6 +232,7 @@ def search_of(
     voltage: bool | None = None,
     servoed: Sequence[bool] | None = None,
     known: Mapping[str, float] | None = None,
+    drag_height: bool = False,
 ) -> Search:
     """Search for the numbers of a vehicle in measured flights; the arguments are those of :func:`identify_vehicle`.
 
@@ -238,7 +251,15 @@ def search_of(
     if voltage is None:
         voltage = any(bool(np.ptp(each.voltage) > 0.0) for each in stretches)
     fixed = dict(known or {})
-    every = unknowns_of(start, curve=curve, velocity=velocity, voltage=voltage, driven=driven, servoed=servoed)
+    every = unknowns_of(
+        start,
+        curve=curve,
+        velocity=velocity,
+        voltage=voltage,
+        driven=driven,
+        servoed=servoed,
+        drag_height=drag_height,
+    )
     positive = {each.name: each.positive for each in every}
     for name, value in fixed.items():
         if name not in positive:
@@ -290,7 +311,7 @@ def _check(stretches: Sequence[Stretch], start: Vehicle) -> None:
             raise ValueError(f"{at}: joints: there are {each.joints.shape[1]}, vehicle '{start.name}' has {start.n}")
         if each.size < LEAST * ORDER:
             raise ValueError(f"{at}: {each.size} periods: must be at least {LEAST * ORDER}")
-        if abs(each.period - stretches[0].period) > 1e-9:
+        if abs(each.period - stretches[0].period) > UNEVEN * stretches[0].period:
             raise ValueError(f"{at}: period = {each.period:g} s: must be {stretches[0].period:g} s, as of the first")
         for name in (
             "commands",

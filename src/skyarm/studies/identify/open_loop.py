@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.studies.identify.disturbances import SETTLED, DisturbanceModel, begin_at, unexplained_sums
 from skyarm.studies.identify.motion_model import Memo, Stretch, Surroundings, base_acceleration
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -77,6 +78,7 @@ def predict_ahead(
     begins: Sequence[int],
     periods: int,
     gravity: float = 9.81,
+    disturbances: DisturbanceModel | None = None,
 ) -> list[BaseStates]:
     """BaseStates of the base from measured states on, for a number of periods.
 
@@ -88,6 +90,7 @@ def predict_ahead(
         begins: (K,) numbers of the instants that predictions begin at.
         periods: of the horizon; each begin must have as many after it.
         gravity: m/s^2.
+        disturbances: model of what the commands do not explain, estimated from the stretch until each begin.
 
     Returns:
         States after 0, 1, ... periods.
@@ -95,16 +98,23 @@ def predict_ahead(
     memo, h = Memo(), stretch.period
     rows = np.asarray(begins, dtype=int)
     now = BaseStates(poses.position[rows], poses.quaternion[rows], poses.velocity[rows], stretch.rate[rows])
+    pushed = np.zeros((len(rows), 6, 2))
+    if disturbances is not None:
+        sums = unexplained_sums(vehicle, about, stretch, poses, gravity)
+        velocity, rate, pushed = begin_at(disturbances, sums, stretch, poses, rows)
+        now = replace(now, velocity=velocity, rate=rate)
     found = [now]
     for k in range(periods):
+        beside = np.zeros((len(rows), 6)) if disturbances is None else disturbances.ahead(pushed, h, k)
 
-        def slopes(at: BaseStates, place: npt.NDArray[np.int_]) -> tuple[Array, Array]:
+        def slopes(at: BaseStates, place: npt.NDArray[np.int_], beside: Array = beside) -> tuple[Array, Array]:
             R = Quaternion(*at.quaternion.T).rotation()
             speed = R.apply_T(Vec3(*at.velocity.T))
             linear, angular = base_acceleration(vehicle, about, stretch, place, Vec3(*at.rate.T), speed, memo)
-            world = np.stack([each + np.zeros(len(place)) for each in R.apply(linear)], axis=1)
+            force = R.apply(linear + Vec3(*beside[:, :3].T))
+            world = np.stack([each + np.zeros(len(place)) for each in force], axis=1)
             world[:, 2] -= gravity
-            return world, np.stack([each + np.zeros(len(place)) for each in angular], axis=1)
+            return world, np.stack([each + np.zeros(len(place)) for each in angular], axis=1) + beside[:, 3:]
 
         first = slopes(now, rows + k)
         middle = _advance(now, *first, 0.5 * h)
@@ -136,7 +146,7 @@ def hold(stretch: Stretch, poses: Poses, begins: Sequence[int], seconds: float) 
 
 
 def errors_of(
-    motion: BaseStates, stretch: Stretch, poses: Poses, rows: Sequence[int]
+    motion: BaseStates, stretch: Stretch, poses: Poses, rows: Sequence[int] | npt.NDArray[np.int_]
 ) -> tuple[Array, Array, Array, Array]:
     """Distances (K,) of states from those measured at some instants: position, velocity, attitude (rad), rate."""
     place = np.asarray(rows, dtype=int)
@@ -156,10 +166,10 @@ FORGOTTEN = 8.0
 """Time constants after a stretch's begin until its rotors' speeds follow from the commands in it."""
 
 
-def begins_of(stretch: Stretch, periods: int, vehicle: Vehicle, about: Surroundings) -> list[int]:
+def begins_of(stretch: Stretch, periods: int, vehicle: Vehicle, about: Surroundings, after: float = 0.0) -> list[int]:
     """Instants that predictions over some periods begin at: rotor speeds are known there, and every period counts."""
     lags = [float(lag) for each in vehicle.rotors for lag in (each.time_constant_up, each.time_constant_down)]
-    first = math.ceil((about.delay + FORGOTTEN * max(lags, default=0.0)) / stretch.period)
+    first = math.ceil(max(after, about.delay + FORGOTTEN * max(lags, default=0.0)) / stretch.period)
     step = max(1, round(APART / stretch.period))
     return [k for k in range(first, stretch.size - periods + 1, step) if stretch.used[k : k + periods].all()]
 
@@ -184,23 +194,131 @@ def predict_flights(
     flights: Sequence[tuple[Stretch, Poses]],
     horizons: Sequence[float] = HORIZONS,
     gravity: float = 9.81,
+    disturbances: DisturbanceModel | None = None,
+    weights: Sequence[Weights] | None = None,
 ) -> list[tuple[HorizonErrors, HorizonErrors]]:
     """Errors of a vehicle's model and of holding over several horizons (s), on flights that no fit has seen.
+
+    Args:
+        vehicle: rigid bodies and rotors.
+        about: delays and offsets.
+        flights: stretches with the poses measured at their instants.
+        horizons: s.
+        gravity: m/s^2.
+        disturbances: model of what the commands do not explain.
+        weights: of the model's prediction over each horizon; the whole of it by default.
 
     Returns:
         For each horizon the errors of the model, and those of holding; of a horizon below a period those of one.
     """
     found = []
-    for horizon in horizons:
+    for i, horizon in enumerate(horizons):
         model, held = [], []
         for stretch, poses in flights:
-            periods = max(1, round(horizon / stretch.period))
-            begins = begins_of(stretch, periods, vehicle, about)
-            if not begins:
+            ends, last, going, rest = _ends_of(vehicle, about, stretch, poses, horizon, gravity, disturbances)
+            if not len(ends):
                 continue
-            ends = [k + periods for k in begins]
-            last = predict_ahead(vehicle, about, stretch, poses, begins, periods, gravity)[-1]
+            if weights is not None:
+                last = weights[i].mix(last, going, rest)
             model.append(errors_of(last, stretch, poses, ends))
-            held.append(errors_of(hold(stretch, poses, begins, periods * stretch.period), stretch, poses, ends))
+            held.append(errors_of(going, stretch, poses, ends))
         found.append((mean_errors(model, horizon), mean_errors(held, horizon)))
     return found
+
+
+def rotations(first: Array, second: Array) -> Array:
+    """Rotation vectors (K, 3), base axes, from attitudes to others, the shorter way."""
+    turn = Quaternion(*(first * [1.0, -1.0, -1.0, -1.0]).T) * Quaternion(*second.T)
+    rows = np.stack([each + np.zeros(len(first)) for each in turn], axis=1)
+    rows = rows * np.where(rows[:, :1] < 0.0, -1.0, 1.0)
+    size = np.linalg.norm(rows[:, 1:], axis=1, keepdims=True)
+    found: Array = rows[:, 1:] * np.where(
+        size > 1e-9, 2.0 * np.arctan2(size, rows[:, :1]) / np.maximum(size, 1e-300), 2.0
+    )
+    return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Weights:
+    """Shares of a prediction over one horizon, of each axis, in place of which holding stands.
+
+    Attributes:
+        position, velocity: (3,) world axes, of what the model's prediction is off holding.
+        attitude, rate: (2, 3) base axes, of that, and of what an attitude that stays, without a rate, is off holding.
+    """
+
+    position: Array
+    velocity: Array
+    attitude: Array
+    rate: Array
+
+    def mix(self, model: BaseStates, held: BaseStates, rest: BaseStates) -> BaseStates:
+        """Weighted prediction of the base's states."""
+        off_model, off_rest = (rotations(held.quaternion, each.quaternion) for each in (model, rest))
+        turn = Quaternion.of_rotation_vector(Vec3(*(self.attitude[0] * off_model + self.attitude[1] * off_rest).T))
+        turned = Quaternion(*held.quaternion.T) * turn
+        return BaseStates(
+            held.position + self.position * (model.position - held.position),
+            np.stack([each + np.zeros(len(held.rate)) for each in turned.normalized()], axis=1),
+            held.velocity + self.velocity * (model.velocity - held.velocity),
+            held.rate + self.rate[0] * (model.rate - held.rate) - self.rate[1] * held.rate,
+        )
+
+
+def fit_weights(
+    vehicle: Vehicle,
+    about: Surroundings,
+    flights: Sequence[tuple[Stretch, Poses]],
+    horizons: Sequence[float] = HORIZONS,
+    gravity: float = 9.81,
+    disturbances: DisturbanceModel | None = None,
+) -> list[Weights]:
+    """Shares of the model, of holding and of rest with the least error (Bates and Granger 1969), for each horizon.
+
+    A controller keeps a vehicle where a model alone, from a state that is known a little wrong, departs from it; the
+    longer the horizon, the less of the model's prediction counts. Flights must be those of the fit, not the predicted.
+    """
+    found = []
+    for horizon in horizons:
+        rows: list[list[tuple[Array, Array]]] = [[], [], [], []]
+        for stretch, poses in flights:
+            ends, model, held, rest = _ends_of(vehicle, about, stretch, poses, horizon, gravity, disturbances)
+            if not len(ends):
+                continue
+            goals = (model.quaternion, rest.quaternion, poses.quaternion[ends])
+            turns = [rotations(held.quaternion, each) for each in goals]
+            rows[0].append((np.stack([model.position - held.position]), poses.position[ends] - held.position))
+            rows[1].append((np.stack([model.velocity - held.velocity]), poses.velocity[ends] - held.velocity))
+            rows[2].append((np.stack(turns[:2]), turns[2]))
+            rows[3].append((np.stack([model.rate - held.rate, -held.rate]), stretch.rate[ends] - held.rate))
+        position, velocity, attitude, rate = (_shares(each) for each in rows)
+        found.append(Weights(position[0], velocity[0], attitude, rate))
+    return found
+
+
+def _shares(rows: Sequence[tuple[Array, Array]]) -> Array:
+    """Shares (parts, 3) of parts (parts, K, 3) whose sum is nearest to what was measured (K, 3), of each axis."""
+    parts = np.concatenate([each for each, _ in rows], axis=1)
+    wanted = np.concatenate([each for _, each in rows])
+    found: Array = np.stack([np.linalg.lstsq(parts[:, :, i].T, wanted[:, i], rcond=None)[0] for i in range(3)], axis=1)
+    return found
+
+
+def _ends_of(
+    vehicle: Vehicle,
+    about: Surroundings,
+    stretch: Stretch,
+    poses: Poses,
+    horizon: float,
+    gravity: float,
+    disturbances: DisturbanceModel | None,
+) -> tuple[npt.NDArray[np.int_], BaseStates, BaseStates, BaseStates]:
+    """Instants a horizon (s) after each begin, the model's prediction there, holding, and holding without turning."""
+    periods = max(1, round(horizon / stretch.period))
+    begins = begins_of(stretch, periods, vehicle, about, 0.0 if disturbances is None else SETTLED)
+    held = hold(stretch, poses, begins, periods * stretch.period)
+    rest = replace(held, quaternion=poses.quaternion[begins], rate=0.0 * held.rate) if begins else held
+    if not begins:
+        return np.zeros(0, dtype=int), held, held, rest
+    model = predict_ahead(vehicle, about, stretch, poses, begins, periods, gravity, disturbances)[-1]
+    return np.array(begins) + periods, model, held, rest

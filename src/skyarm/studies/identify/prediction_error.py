@@ -51,15 +51,17 @@ class Whitening:
         filters: (rows, ORDER) autoregressive coefficients.
         scales: (rows,) standard deviations of the errors of one step ahead.
         weights: (all, rows) square roots of the weights; 0 where an error does not count.
+        levels: rows whose errors of one step ahead have a mean of their own in each stretch.
     """
 
     filters: Array
     scales: Array
     weights: Array
+    levels: Sequence[int] = ()
 
     def apply(self, errors: Sequence[Array]) -> Array:
         """Whitened and weighted errors (all, rows) of all stretches, one after the other."""
-        return innovations(errors, self.filters) / self.scales * self.weights
+        return _levelled(errors, self.filters, self.weights, self.levels) / self.scales * self.weights
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,6 +95,7 @@ def fit_prediction(
     block: int,
     used: Sequence[npt.NDArray[np.bool_]] = (),
     progress: Callable[[str], None] | None = None,
+    levels: Sequence[int] = (),
 ) -> PredictionFit:
     """Fit numbers by whitened least squares with a normal prior around the start.
 
@@ -104,12 +107,14 @@ def fit_prediction(
         block: rows of a block of scores.
         used: of each stretch (N,), which rows count; all by default.
         progress: called with one line a step of the search.
+        levels: rows whose slow drift differs from stretch to stretch: the mean of their whitened errors counts of all
+            stretches together only.
     """
     scipy_parts()
     values, known = start.copy(), np.diag(prior**-2.0)
     found = errors(values)
     counted = _counted_rows(found, used)
-    noise = _noise(found, counted, None)
+    noise = _noise(found, counted, None, levels)
     settled = False
     slopes, taken_at, deviation = _differences(errors, values, found, steps), values, np.zeros(len(values))
     for turn in range(TURNS):
@@ -130,7 +135,7 @@ def fit_prediction(
             if gained < GAINED:
                 break
         moved = np.abs(values - before) / deviation
-        noise = _noise(found, counted, noise.weights)
+        noise = _noise(found, counted, noise.weights, levels)
         if turn > 0 and moved.max() < SETTLED:
             settled = True
             break
@@ -145,6 +150,7 @@ def expected_fit(
     steps: Array,
     block: int,
     used: Sequence[npt.NDArray[np.bool_]] = (),
+    levels: Sequence[int] = (),
 ) -> PredictionFit:
     """Fit of the errors' linear model at the start: which accuracy a search may reach, at the cost of one step of it.
 
@@ -155,6 +161,7 @@ def expected_fit(
         steps: (P,) of the differences.
         block: rows of a block of scores.
         used: of each stretch (N,), which rows count; all by default.
+        levels: rows whose slow drift differs from stretch to stretch.
     """
     scipy_parts()
     values, known = start.copy(), np.diag(prior**-2.0)
@@ -164,7 +171,7 @@ def expected_fit(
     counted = _counted_rows(first, used)
     settled = False
     for _ in range(TURNS):
-        noise = _noise(found, counted, weights)
+        noise = _noise(found, counted, weights, levels)
         flat, slope = _whitened_errors(noise, found, raw)
         information = slope.T @ slope + known
         change = np.linalg.solve(information, slope.T @ flat + known @ (values - start))
@@ -177,7 +184,7 @@ def expected_fit(
         if (np.abs(change) < SETTLED * np.sqrt(np.diag(np.linalg.inv(information)))).all():
             settled = True
             break
-    noise = _noise(found, counted, weights)
+    noise = _noise(found, counted, weights, levels)
     flat, slope = _whitened_errors(noise, found, raw)
     return _fit_at(values, found, noise, flat, slope, prior, block, settled=settled)
 
@@ -244,17 +251,43 @@ def _counted_rows(found: Sequence[Array], used: Sequence[npt.NDArray[np.bool_]])
     return np.concatenate(rows)
 
 
-def _noise(found: Sequence[Array], counted: npt.NDArray[np.bool_], weights: Array | None) -> Whitening:
+def _noise(
+    found: Sequence[Array], counted: npt.NDArray[np.bool_], weights: Array | None, levels: Sequence[int]
+) -> Whitening:
     """Whitening filters, standard deviations and Huber's weights from the errors."""
     rows = found[0].shape[1]
     before = counted[:, None] * np.ones((1, rows)) if weights is None else weights
     filters = np.array([ar_coefficients([each[:, i] for each in found], ORDER, before[:, i]) for i in range(rows)])
-    white = innovations(found, filters)
+    white = _levelled(found, filters, before, levels)
     kept = white[counted]
     scales = 1.4826 * np.median(np.abs(kept - np.median(kept, axis=0)), axis=0) + 1e-300
     size = np.abs(white / scales)
     huber = np.sqrt(np.minimum(1.0, OUTLIER / np.maximum(size, 1e-9)))
-    return Whitening(filters, scales, huber * counted[:, None])
+    return Whitening(filters, scales, huber * counted[:, None], levels)
+
+
+def _levelled(found: Sequence[Array], filters: Array, weights: Array, levels: Sequence[int]) -> Array:
+    """Errors of one step ahead, some rows without the straight line of each stretch, but with the mean of all of them.
+
+    A constant torque of its own in each stretch makes a ramp of a summed rate, and a filter whose coefficients do not
+    add up to just 1 leaves a line of it. It thus costs nothing, as an unknown without any prior would.
+    """
+    white, rows = innovations(found, filters), list(levels)
+    if len(found) == 1 or not rows:
+        return white
+    counts = weights[:, rows] ** 2
+    whole = (counts * white[:, rows]).sum(axis=0) / np.maximum(counts.sum(axis=0), 1e-300)
+    begin = 0
+    for each in found:
+        place = slice(begin, begin + len(each) - ORDER)
+        begin = place.stop
+        time, w, e = np.linspace(-1.0, 1.0, place.stop - place.start)[:, None], counts[place], white[place, rows]
+        total, first, second = w.sum(axis=0), (w * time).sum(axis=0), (w * time**2).sum(axis=0)
+        size = np.maximum(total * second - first**2, 1e-300)
+        sums, moments = (w * e).sum(axis=0), (w * time * e).sum(axis=0)
+        level, slope = (second * sums - first * moments) / size, (total * moments - first * sums) / size
+        white[place, rows] -= level + slope * time - whole
+    return white
 
 
 def _cost(white: Array, off: Array) -> float:

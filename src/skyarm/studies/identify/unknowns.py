@@ -28,6 +28,11 @@ USUAL_DELAY, DELAY_SPREAD = 0.005, 0.01
 STICKING = 0.01
 """rad or m, error in which a servo without dry friction on record is thought to stick at most."""
 
+DRAG_HEIGHT = "rotors.drag_height"
+"""Height of the hub drag's point above the hubs of the start vehicle: blades flap, which tilts thrust and adds a moment
+(Mahony, Kumar, Corke 2012), so that a force that acts above the hubs stands for both.
+"""
+
 WIND = 0.3
 """1/s, drag of the rotors over speed and mass of which a start without hub drag is thought capable."""
 
@@ -89,6 +94,7 @@ def unknowns_of(
     voltage: bool,
     driven: Sequence[bool],
     servoed: Sequence[bool] = (),
+    drag_height: bool = False,
 ) -> list[Unknown]:
     """Numbers to identify of a vehicle and its surroundings.
 
@@ -99,6 +105,7 @@ def unknowns_of(
         voltage: the flights hold it.
         driven: of each joint, whether it is moved by known torques.
         servoed: of each joint, whether a position servo moves it to known setpoints.
+        drag_height: the rotors' hub drag acts at a height of its own, if the flights hold the velocity.
 
     Raises:
         ValueError: one line: a vehicle without rotors, or a curve of rotors without a highest speed.
@@ -109,6 +116,8 @@ def unknowns_of(
     found = _of_rotors(vehicle, curve)
     if velocity:
         found += _of_drag(vehicle, arm)
+        if drag_height:
+            found.append(_any(DRAG_HEIGHT, "m", 0.0, arm))
     moments = second_moments(vehicle.base)
     found += [_above(f"base.second_moment.{k}", "kg m^2", m, 0.5) for k, m in zip("xyz", moments, strict=True)]
     for axis in ("xy", "xz", "yz"):
