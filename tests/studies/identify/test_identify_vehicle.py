@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +17,13 @@ from skyarm.scenario.scenario_record import Delays, NamedSensor
 from skyarm.sensing.channel import Channel as Errors
 from skyarm.sensing.sensor_kinds import Imu
 from skyarm.studies.identify.identified_parts import vehicle_with
-from skyarm.studies.identify.identify_vehicle import NOT_SHOWN, condition_on_start, identify_vehicle, search_of
+from skyarm.studies.identify.identify_vehicle import (
+    NOT_SHOWN,
+    _explained_shares,
+    condition_on_start,
+    identify_vehicle,
+    search_of,
+)
 from skyarm.studies.identify.information import expected_numbers
 from skyarm.studies.identify.motion_model import Stretch
 from skyarm.studies.identify.stretches import stretches_of
@@ -300,3 +307,29 @@ def test_periods_of_other_clocks_may_differ_a_little(flight):
     assert search_of([first, near], START).begin.size
     with pytest.raises(ValueError, match=r"period = 0\.0105 s: must be 0\.01 s, as of the first"):
         search_of([first, dataclasses.replace(first, period=1.05 * first.period)], START)
+
+
+def test_every_row_of_a_stretch_counts_unless_it_is_said():
+    assert short().used.tolist() == [True] * 200
+
+
+def test_a_rate_that_grows_evenly_explains_nothing():
+    """Of a straight line and noise, of which the model leaves the noise: a constant torque explains the line."""
+    rate = np.random.default_rng(2).normal(size=(201, 3))
+    lined = short(rate=rate + 100.0 * np.linspace(-1.0, 1.0, 201)[:, None], specific_force=rate[1:])
+    noise = SimpleNamespace(apply=np.concatenate)
+    left = rate[1:] - rate[1:].mean(axis=0)
+    fit = SimpleNamespace(noise=noise, errors=[np.concatenate([left, left], axis=1)])
+    assert _explained_shares(fit, [lined], (), ()) == pytest.approx(0.0, abs=0.03)
+
+
+def test_what_is_known_before_follows_the_vehicle_s_size():
+    """A torque of a tenth of the weight at the arm's length, and a drag that takes 0.3 of the speed a second."""
+    spreads = {
+        each.name: each.spread for each in unknowns_of(START, curve=False, velocity=True, voltage=False, driven=())
+    }
+    rotor, arm = START.rotors[0], 0.17
+    assert spreads["torque.x"] == pytest.approx(0.1 * 9.81 * START.mass * arm)
+    assert spreads["torque.z"] == pytest.approx(0.1 * spreads["torque.x"])
+    hover = np.sqrt(9.81 * START.mass / 4.0 / rotor.thrust_coefficient)
+    assert spreads["rotors.drag_coefficient"] == pytest.approx(0.3 * START.mass / (4.0 * hover))

@@ -83,3 +83,20 @@ def test_rows_that_do_not_count_are_in_no_horizon(flown):
     assert begins
     assert not any(k <= 500 < k + HALF for k in begins)
     assert predict_flights(vehicle(), Surroundings(), [(stretch, flown[1])], [60.0])[0][0].begins == 0
+
+
+def test_predictions_begin_a_tenth_of_a_second_apart_once_rotor_speeds_are_known(flown):
+    """Dead time 6 ms and eight of the longest time constants; periods of 2 ms."""
+    longest = max(max(r.time_constant_up, r.time_constant_down) for r in vehicle().rotors)
+    late = dataclasses.replace(ABOUT, delay=0.0065)
+    begins = begins_of(flown[0], HALF, vehicle(), late)
+    assert begins[0] * PERIOD >= 0.0065 + 8.0 * longest > (begins[0] - 1) * PERIOD
+    assert set(np.diff(begins)) == {50}
+    assert begins[-1] + HALF <= flown[0].size < begins[-1] + 50 + HALF
+
+
+def test_an_attitude_and_its_negative_are_one(flown):
+    stretch, poses = flown
+    held = hold(stretch, poses, [100, 200], 0.0)
+    turned = dataclasses.replace(held, quaternion=-held.quaternion)
+    assert errors_of(turned, stretch, poses, [100, 200])[2] == pytest.approx([0.0, 0.0], abs=1e-6)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skyarm.studies.identify.prediction_error import ORDER, fit_prediction
+from skyarm.studies.identify import prediction_error
+from skyarm.studies.identify.prediction_error import ORDER, _step, fit_prediction
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
 
@@ -123,3 +124,26 @@ def test_ramps_that_differ_from_stretch_to_stretch_cost_nothing():
     one = fit_prediction(lambda x: errors(x)[:1], np.array([0.5]), VAGUE[:1], STEPS[:1], 25, levels=[0])
     same = fit_prediction(lambda x: errors(x)[:1], np.array([0.5]), VAGUE[:1], STEPS[:1], 25)
     assert one.values[0] == same.values[0]
+
+
+def test_a_search_that_is_cut_off_has_not_settled(monkeypatch):
+    """One turn of filter and numbers never shows that another would move them no more."""
+    monkeypatch.setattr(prediction_error, "TURNS", 1)
+    assert not solved(*problem(8)).settled
+
+
+def test_a_step_that_is_never_better_is_damped_until_it_is_given_up():
+    """Eight times, each ten times as much from 1e-5 on; the numbers stay."""
+    values, found = np.array([1.0]), [np.zeros((3, 1))]
+    costs = iter(range(9))
+    kept, there, cost, trust = _step(
+        lambda numbers: [numbers[None, :]], lambda *_: float(next(costs)), values, found, np.eye(1), np.ones(1), 0.0
+    )
+    assert kept is values
+    assert there is found
+    assert (cost, trust) == (0.0, pytest.approx(1e-5 * 10.0**8))
+    better = iter((2.0, 1.0))
+    moved, *_, trust = _step(lambda x: [x], lambda *_: next(better), values, found, np.eye(1), np.ones(1), 1.0)
+    # half of the undamped step of 1
+    assert moved == pytest.approx([0.5])
+    assert trust == pytest.approx(0.1)

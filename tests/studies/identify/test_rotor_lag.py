@@ -59,3 +59,17 @@ def test_a_moving_mean_is_a_convolution_inside():
     assert moving_mean(rows, 5)[2:-2, 1] == pytest.approx(np.convolve(rows[:, 1], np.ones(5) / 5.0, "valid"))
     assert moving_mean(rows, 5)[0] == pytest.approx(rows[:3].mean(axis=0))
     assert moving_mean(rows, 1) is rows
+
+
+def test_candidates_and_rotors_have_lags_of_their_own():
+    """Two candidates of two rotors at once are those one at a time; even over periods longer than a stretch."""
+    commands = np.random.default_rng(3).uniform(100.0, 900.0, (300, 2))
+    delays, ups, downs = np.array([0.0007, 0.004]), np.array([[0.01, 0.03], [0.02, 0.05]]), np.array([[0.02, 0.04]])
+    found = lag_response(commands, PERIOD, delays, ups, downs)
+    for c in range(2):
+        for i in range(2):
+            one = lag_response(commands[:, [i]], PERIOD, delays[c], ups[c, i], downs[0, i])
+            for many, alone in zip(found, one, strict=True):
+                assert many[c, :, i] == pytest.approx(alone[:, 0], rel=5e-3)
+    rested = lag_response(np.full((3, 1), 7.0), 2.0, 0.0, UP, DOWN)
+    assert [each.ravel().tolist() for each in rested] == [[7.0] * 3, [49.0] * 3, [7.0] * 3]

@@ -134,7 +134,7 @@ def test_numbers_of_a_servo_are_put_into_the_vehicle():
 
 
 def of_the_servo(name):
-    return name.startswith("drives.") or name.endswith((".coulomb", ".armature"))
+    return name.startswith("drives.") or name.endswith((".coulomb", ".armature", "setpoint_hold"))
 
 
 @cache
@@ -157,7 +157,7 @@ def test_a_planted_servo_is_found_on_a_bench():
     found = identified(numbers, 1, start, duration=3.0)
     # no setpoint moves as fast
     assert found[f"drives.{name}.speed_limit"].reason == NOT_SHOWN
-    assert {each.name for each in found.numbers} == {*numbers, f"drives.{name}.speed_limit"}
+    assert {each.name for each in found.numbers} == {*numbers, f"drives.{name}.speed_limit", "setpoint_hold"}
     for each, truth in numbers.items():
         number = found[each]
         assert number.is_known

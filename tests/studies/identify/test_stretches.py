@@ -164,3 +164,30 @@ def test_late_rates_of_joints_are_left_for_those_of_their_positions():
 def test_flights_that_do_not_fit_are_refused_in_one_line(made, vehicle, message):
     with pytest.raises(ValueError, match=f"^{re.escape(message)}[^\n]*$"):
         stretches_of(made, vehicle)
+
+
+def test_commands_are_finer_than_slow_samples():
+    """Of motors of 12.5 ms up: 2.5 ms at most, a quarter of the 10 ms from sample to sample."""
+    slow = flight()
+    thinned = {
+        name: Channel(time=each.time[::5], values=each.values[::5], source="made")
+        for name, each in slow.channels.items()
+    }
+    (stretch,) = stretches_of(dataclasses.replace(slow, channels=thinned), VEHICLE)
+    assert min(VEHICLE.rotors[0].time_constant_up, VEHICLE.rotors[0].time_constant_down) == 0.0125
+    assert stretch.fine == 4 * stretch.samples
+
+
+def test_a_velocity_keeps_its_size_between_attitudes_that_are_far_apart():
+    """A coarse attitude that turns by 1.2 rad a sample: of what lies in between only the direction is rough."""
+
+    def turning(time):
+        coarse = time[::50]
+        half = 6.0 * (coarse - coarse[0])
+        return channel(coarse, np.stack([np.cos(half), np.sin(half), 0.0 * half, 0.0 * half], axis=1))
+
+    def moving(time):
+        return channel(time, np.tile([0.0, 3.0, 4.0], (len(time), 1)))
+
+    (stretch,) = stretches_of(flight(velocity=moving, quaternion=turning), VEHICLE, period=0.002)
+    assert np.linalg.norm(stretch.velocity, axis=1) == pytest.approx(5.0, rel=2e-3)

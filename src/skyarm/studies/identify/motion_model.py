@@ -199,6 +199,8 @@ class Memo:
         return self.responses[key]
 
 
+WAYS = ("up", "down")
+
 MEMORY = 6
 """Series that a memo keeps."""
 
@@ -342,12 +344,8 @@ def _speeds(vehicle: Vehicle, delay: float, stretch: Stretch) -> tuple[Array, Ar
     fine = stretch.period / stretch.fine
     limits = np.array([float(rotor.max_speed) for rotor in vehicle.rotors])
     held = np.minimum(stretch.commands, limits)
-    lags = [(float(rotor.time_constant_up), float(rotor.time_constant_down)) for rotor in vehicle.rotors]
-    if len(set(lags)) == 1:
-        return lag_response(held, fine, delay, *lags[0])
-    columns = [lag_response(held[:, i : i + 1], fine, delay, *each) for i, each in enumerate(lags)]
-    means, squares, ends = (np.concatenate(each, axis=1) for each in zip(*columns, strict=True))
-    return means, squares, ends
+    up, down = (np.array([float(getattr(each, f"time_constant_{way}")) for each in vehicle.rotors]) for way in WAYS)
+    return lag_response(held, fine, delay, up, down)
 
 
 def _series(vehicle: Vehicle, means: Array, squares: Array, ends: Array, stretch: Stretch) -> RotorSeries:

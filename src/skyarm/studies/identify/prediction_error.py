@@ -119,7 +119,11 @@ def fit_prediction(
     slopes, taken_at, deviation = _differences(errors, values, found, steps), values, np.zeros(len(values))
     for turn in range(TURNS):
         before = values
-        trust, cost = 0.0, _cost(noise.apply(found), (values - start) / prior)
+
+        def cost_of(values: Array, found: Sequence[Array], noise: Whitening = noise) -> float:
+            return float((noise.apply(found) ** 2).sum() + (((values - start) / prior) ** 2).sum())
+
+        trust, cost = 0.0, cost_of(values, found)
         for step in range(STEPS if turn else FIRST):
             if progress is not None:
                 progress(f"turn {turn + 1} of at most {TURNS}, step {step + 1}")
@@ -129,7 +133,7 @@ def fit_prediction(
             information = slope.T @ slope + known
             deviation = np.sqrt(np.diag(np.linalg.inv(information)))
             uphill = slope.T @ flat + known @ (values - start)
-            trial, there, below, trust = _step(errors, noise, values, start, prior, information, uphill, trust, cost)
+            trial, there, below, trust = _step(errors, cost_of, values, found, information, uphill, trust)
             gained = cost - below
             values, found, cost = trial, there, below
             if gained < GAINED:
@@ -222,24 +226,23 @@ def _fit_at(
 
 def _step(
     errors: Errors,
-    noise: Whitening,
+    cost_of: Callable[[Array, Sequence[Array]], float],
     values: Array,
-    start: Array,
-    prior: Array,
+    found: Sequence[Array],
     information: Array,
     uphill: Array,
     trust: float,
-    cost: float,
 ) -> tuple[Array, Sequence[Array], float, float]:
     """Step of Levenberg and Marquardt: numbers, errors, sum of squares, and the damping of the next; none is worse."""
+    cost = cost_of(values, found)
     for _ in range(8):
         trial = values - np.linalg.solve(information + trust * np.diag(np.diag(information)), uphill)
         there = errors(trial)
-        below = _cost(noise.apply(there), (trial - start) / prior)
+        below = cost_of(trial, there)
         if below < cost:
             return trial, there, below, trust * 0.1
         trust = max(trust, 1e-5) * 10.0
-    return values, errors(values), cost, trust
+    return values, found, cost, trust
 
 
 def _counted_rows(found: Sequence[Array], used: Sequence[npt.NDArray[np.bool_]]) -> npt.NDArray[np.bool_]:
@@ -288,10 +291,6 @@ def _levelled(found: Sequence[Array], filters: Array, weights: Array, levels: Se
         level, slope = (second * sums - first * moments) / size, (total * moments - first * sums) / size
         white[place, rows] -= level + slope * time - whole
     return white
-
-
-def _cost(white: Array, off: Array) -> float:
-    return float((white**2).sum() + (off**2).sum())
 
 
 def _differences(errors: Errors, values: Array, found: Sequence[Array], steps: Array) -> list[list[Array]]:
