@@ -163,6 +163,8 @@ def test_the_accuracy_that_a_flight_allows_is_expected_before_the_search(flight,
     assert 0.7 < np.median(ratios) < 1.6
     inertia = next(each for each in expected if each.name == "base.inertia.xx")
     assert inertia.start == pytest.approx(START.base.inertia.xx)
+    same = found["base.inertia.xx"]
+    assert 0.7 < inertia.relative / (0.5 * np.log(same.high / same.low)) < 3.0
     assert inertia.title == "roll inertia"
     assert inertia.verdict == f"excited (± {100.0 * inertia.half_width / inertia.start:.2g} %)"
 

@@ -240,6 +240,11 @@ PLANTED = {
         REFUSED,
         "gyro: x and y look swapped against the rotors",
     ),
+    "gyro turned without attitude": (
+        then(ONLY_RATES, axes("gyro", [[0, 1, 0], [0, 0, 1], [1, 0, 0]])),
+        REFUSED,
+        "gyro: the axes look swapped or turned: z, x, y stand for x, y, z against the rotors",
+    ),
     "gyro FRD": (
         axes("gyro", np.diag([1.0, -1.0, -1.0])),
         REFUSED,
@@ -344,7 +349,8 @@ def test_a_sound_flight_has_no_fault(sound):
 ORDINARY = (
     "cut off, time jump, repeated stamps, numbers that are none, dropped samples, commands missing, never took off, "
     "frozen gyro, saturated gyro, rows repeated, gyro in deg/s, accelerometer in g, commands of 16 bit, speeds in rpm, "
-    "voltage in mV, joints in degrees, gyro x and y, gyro x turned, all FRD, axes turned, quaternion x, y, z, w, "
+    "voltage in mV, joints in degrees, gyro x and y, gyro x turned, all FRD, gyro turned without attitude, "
+    "axes turned, quaternion x, y, z, w, "
     "quaternion inverse, quaternion late, rotors reversed, rotors mirrored, commands early, joints exchanged"
 )
 """Faults that every run of the tests plants; the others wait for the nightly run."""

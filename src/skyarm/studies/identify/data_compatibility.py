@@ -30,8 +30,12 @@ Array: TypeAlias = npt.NDArray[np.float64]
 ROWS = 40
 """Fewest rows of a comparison."""
 
-VISIBLE, CERTAIN = 0.15, 30.0
-"""Least multiple correlation of a row that is judged, and least of its square times the rows: noise gives about 5."""
+VISIBLE, FAINT, PLAIN = 0.35, 0.15, 0.6
+"""Least multiple correlation of a row that is judged; of rotors, whose rotation drowns in noise; and of rates
+and positions, which follow each other."""
+
+CERTAIN = 30.0
+"""Least square of the multiple correlation times the rows: noise gives about 5."""
 
 CLIPPED = 6.0
 """Robust standard deviations at which both signals are cut off, so that a shock does not decide."""
@@ -60,6 +64,7 @@ class Law:
         nominal: (k, m) map from the inputs to the measured signal if nothing is wrong.
         explained: (k,) multiple correlation of each row of the measured signal with all inputs.
         lag: s, of the measured signal behind the inputs.
+        least: multiple correlation from which on a row is judged.
     """
 
     rows: int
@@ -69,11 +74,12 @@ class Law:
     nominal: Array
     explained: Array
     lag: float
+    least: float = VISIBLE
 
     @property
     def visible(self) -> npt.NDArray[np.bool_]:
         """Rows (k,) that the inputs explain well enough to judge a map by them."""
-        return (self.explained >= VISIBLE) & (self.explained**2 * self.rows >= CERTAIN)
+        return (self.explained >= self.least) & (self.explained**2 * self.rows >= CERTAIN)
 
     def shares(self, mapping: Array, axes: Array | None = None) -> Array:
         """Correlation of each row with that of a map, over the multiple correlation; 1 of the best, -1 of its opposite.
@@ -199,7 +205,7 @@ def rotor_law(gyro: Channel, speeds: Channel, vehicle: Vehicle, joints: Channel 
         return np.diff(push_mean(edges[:-1] - lag, edges[1:] - lag), axis=0)[used], changes[used]
 
     resting = np.zeros(vehicle.n) if joints is None else np.median(joints.values, axis=0)
-    return _best(at, turning_of(vehicle, resting)) if used.sum() >= ROWS else None
+    return _best(at, turning_of(vehicle, resting), FAINT) if used.sum() >= ROWS else None
 
 
 def rotor_pushes(speeds: Channel, vehicle: Vehicle, time: Array) -> Array:
@@ -229,7 +235,7 @@ def joint_law(commands: Channel, positions: Channel) -> Law | None:
     def at(lag: float) -> tuple[Array, Array]:
         return np.diff(wanted(edges[:-1] - lag, edges[1:] - lag), axis=0), moved
 
-    return _best(at, np.eye(positions.values.shape[1]))
+    return _best(at, np.eye(positions.values.shape[1]), PLAIN)
 
 
 def slope_law(rates: Channel, positions: Channel) -> Law | None:
@@ -245,7 +251,7 @@ def slope_law(rates: Channel, positions: Channel) -> Law | None:
         inside = (time[:-1] - lag >= rates.time[0]) & (time[1:] - lag <= rates.time[-1])
         return mean(time[:-1][inside] - lag, time[1:][inside] - lag), slopes[inside]
 
-    return _best(at, np.eye(rows.shape[1]))
+    return _best(at, np.eye(rows.shape[1]), PLAIN)
 
 
 def effort_law(stretch: Stretch, vehicle: Vehicle) -> Law | None:
@@ -264,7 +270,7 @@ def effort_law(stretch: Stretch, vehicle: Vehicle) -> Law | None:
     return _best(at, np.eye(vehicle.n)) if rows >= ROWS * every else None
 
 
-def _best(at: Callable[[float], tuple[Array, Array]], nominal: Array) -> Law | None:
+def _best(at: Callable[[float], tuple[Array, Array]], nominal: Array, least: float = VISIBLE) -> Law | None:
     """Law at the lag of the largest multiple correlation; None if fewer rows than needed are left."""
     limits: list[tuple[Array, Array]] = []
     found: dict[int, Law] = {}
@@ -280,7 +286,7 @@ def _best(at: Callable[[float], tuple[Array, Array]], nominal: Array) -> Law | N
             inputs, measured = inputs - inputs.mean(axis=0), measured - measured.mean(axis=0)
             square, mixed, own = inputs.T @ inputs, inputs.T @ measured, (measured**2).sum(axis=0)
             explained = _multiple_correlation(square, mixed, own)
-            found[step] = Law(len(inputs), square, mixed, own, nominal, explained, step * LAG_STEP)
+            found[step] = Law(len(inputs), square, mixed, own, nominal, explained, step * LAG_STEP, least)
         if not found:
             return None
         # of equal ones the smallest lag

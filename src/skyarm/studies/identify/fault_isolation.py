@@ -331,12 +331,22 @@ def _joint_order(flight: FlightData, start: Vehicle) -> Iterator[Incompatible]:
             return
     if "joint_commands" in flight:
         law = joint_law(flight["joint_commands"], positions)
-        if law is not None and not _holds(law):
+        if law is not None and not _holds(law) and _follows(law):
             for words in joint_words(law, start):
                 yield "joint_positions", f"{words} against the commands", remedy, True
     elif "joint_efforts" in flight:
         for words in _words_of_efforts(flight, start):
             yield "joint_positions", f"{words} against the efforts", remedy, True
+
+
+FOLLOWED = 0.4
+"""Least size of the joints' motion over that of their commands; a law may use setpoints of a servo as torques."""
+
+
+def _follows(law: Law) -> bool:
+    """True if the joints that move go about as far as commanded."""
+    gains = law.gains[law.visible]
+    return bool(((gains > FOLLOWED) & (gains < 1.0 / FOLLOWED)).all())
 
 
 ENOUGH = 10.0
