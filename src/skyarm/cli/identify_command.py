@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from skyarm.cli.design_report import identify_design
 from skyarm.cli.identified_report import (
     FIGURE,
     NUMBERS,
@@ -55,7 +56,9 @@ MOMENTS = ("base.inertia.xx", "base.inertia.yy", "base.inertia.zz")
 
 
 def identify(
-    flights: Annotated[list[str], typer.Argument(metavar="FLIGHT...", help="logs of any format that is read")],
+    flights: Annotated[
+        list[str] | None, typer.Argument(metavar="FLIGHT...", help="logs of any format that is read")
+    ] = None,
     vehicle: Annotated[str | None, typer.Option(help="start: a file or name, as data sheet and drawing say")] = None,
     columns: Annotated[str | None, typer.Option(metavar="FILE", help="what the columns of the flights mean")] = None,
     known: Annotated[
@@ -73,14 +76,43 @@ def identify(
     ] = False,
     lags: Annotated[bool, typer.Option("--lags", help="delays and lags of one log alone")] = False,
     gravity: Annotated[float | None, typer.Option(help="m/s^2; the log's, or 9.81")] = None,
+    design: Annotated[
+        str | None,
+        typer.Option(metavar="VEHICLE", help="design a flight within --box, --clear (m), --tilt (deg), --seconds"),
+    ] = None,
+    box: Annotated[float | None, typer.Option(help="m, edge of the cube of the base; 1.5", hidden=True)] = None,
+    tilt: Annotated[float | None, typer.Option(help="deg, at most; 25", hidden=True)] = None,
+    seconds: Annotated[float | None, typer.Option(help="s, of the flight; 60", hidden=True)] = None,
+    clear: Annotated[float | None, typer.Option(help="m, of the arm; 0.1", hidden=True)] = None,
     out: Annotated[
-        str | None, typer.Option("--out", "-o", help="folder of the vehicle file and all numbers; with --lags a file")
+        str | None,
+        typer.Option("--out", "-o", help="folder of the vehicle file and all numbers; with --lags and --design a file"),
     ] = None,
 ) -> None:
-    """Identify a vehicle, or delays and lags, from flights.
-
-    Delays and lags: of one log of skyarm, without --vehicle. Exit code 3: the flights do not tell.
-    """
+    """Identify a vehicle, or delays and lags, from flights."""
+    # exit code 3: the flights do not tell
+    _require_together(design, {"--box": box, "--tilt": tilt, "--seconds": seconds, "--clear": clear})
+    if design is not None:
+        without_design: dict[str, object] = {
+            "FLIGHT": flights,
+            "--vehicle": vehicle,
+            "--columns": columns,
+            "--known": known,
+            "--curve": curve,
+            "--begin": begin,
+            "--end": end,
+            "--held-out": held_out,
+            "--despite-faults": despite_faults,
+            "--lags": lags,
+            "--gravity": gravity,
+        }
+        for option, found in without_design.items():
+            if found not in (None, False):
+                raise ValueError(f"{option}: must be left out with --design")
+        identify_design(design, box, tilt, seconds, clear, out)
+        return
+    if not flights:
+        raise ValueError("FLIGHT: is missing: must be one log or more, or --design VEHICLE")
     if lags or (vehicle is None and len(flights) == 1 and _is_own_log(Path(flights[0]))):
         without = {"--columns": columns, "--known": known, "--curve": curve or None, "--held-out": held_out}
         without["--despite-faults"] = despite_faults or None
@@ -102,6 +134,13 @@ def identify(
     work = Work(flights, held_out or (), columns, start, given, curve, _sections(begin, end), felt, despite_faults)
     with taken_back(*(() if out is None else (out,))):
         _identify_vehicle(work, None if out is None else Path(out))
+
+
+def _require_together(design: str | None, options: Mapping[str, float | None]) -> None:
+    """Raise an error in one line for an option of a design without ``--design``."""
+    for option, value in options.items():
+        if design is None and value is not None:
+            raise ValueError(f"{option}: must be left out without --design")
 
 
 @dataclass(frozen=True, slots=True)

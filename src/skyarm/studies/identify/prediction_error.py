@@ -116,7 +116,7 @@ def fit_prediction(
     counted = _counted_rows(found, used)
     noise = _noise(found, counted, None, levels)
     settled = False
-    slopes, taken_at, deviation = _differences(errors, values, found, steps), values, np.zeros(len(values))
+    slopes, taken_at, deviation = error_slopes(errors, values, found, steps), values, np.zeros(len(values))
     for turn in range(TURNS):
         before = values
 
@@ -128,7 +128,7 @@ def fit_prediction(
             if progress is not None:
                 progress(f"turn {turn + 1} of at most {TURNS}, step {step + 1}")
             if (np.abs(values - taken_at) > STALE * deviation).any():
-                slopes, taken_at = _differences(errors, values, found, steps), values
+                slopes, taken_at = error_slopes(errors, values, found, steps), values
             flat, slope = _whitened_errors(noise, found, slopes)
             information = slope.T @ slope + known
             deviation = np.sqrt(np.diag(np.linalg.inv(information)))
@@ -143,7 +143,7 @@ def fit_prediction(
         if turn > 0 and moved.max() < SETTLED:
             settled = True
             break
-    flat, slope = _whitened_errors(noise, found, _differences(errors, values, found, steps))
+    flat, slope = _whitened_errors(noise, found, error_slopes(errors, values, found, steps))
     return _fit_at(values, found, noise, flat, slope, prior, block, settled=settled)
 
 
@@ -170,7 +170,7 @@ def expected_fit(
     scipy_parts()
     values, known = start.copy(), np.diag(prior**-2.0)
     first = errors(values)
-    raw = _differences(errors, values, first, steps)
+    raw = error_slopes(errors, values, first, steps)
     found, weights = first, None
     counted = _counted_rows(first, used)
     settled = False
@@ -293,7 +293,7 @@ def _levelled(found: Sequence[Array], filters: Array, weights: Array, levels: Se
     return white
 
 
-def _differences(errors: Errors, values: Array, found: Sequence[Array], steps: Array) -> list[list[Array]]:
+def error_slopes(errors: Errors, values: Array, found: Sequence[Array], steps: Array) -> list[list[Array]]:
     """Slopes of the errors by forward differences: for each number, for each stretch (N, rows)."""
     slopes = []
     for i, step in enumerate(steps):

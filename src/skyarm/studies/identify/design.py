@@ -1,0 +1,257 @@
+"""D-optimal excitation: segments of multisines within limits that show most of a vehicle's numbers.
+
+Segments from rest to rest are drawn within the limits without flying them: attitude, rotor speeds and joint efforts
+follow from inverse dynamics. Slopes of the prediction's errors, whitened by the noise of a simulated flight, give the
+information matrix of each, and matrices add up. Those segments are taken whose sum, with what is known before, leaves
+the least volume to the vehicle's numbers (D_s-optimality; Atkinson, Donev and Tobias 2007), by exchange (Fedorov 1972)
+with segments drawn near those that were taken.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.studies.identify.autoregression import innovations
+from skyarm.studies.identify.identify_vehicle import search_of
+from skyarm.studies.identify.motion_model import Stretch
+from skyarm.studies.identify.multisines import BASE_AXES, Axes, Segment, draw_segment, mutate_segment
+from skyarm.studies.identify.prediction_error import Whitening, error_slopes, expected_fit
+from skyarm.studies.identify.required_flight import RequiredFlight, arm_clearance, required_flight
+from skyarm.vehicle.vehicle_records import Vehicle
+
+Array: TypeAlias = npt.NDArray[np.float64]
+
+SEGMENT = 10.0
+"""s, of a segment, about: its ends at rest show nothing, and few segments leave no choice."""
+
+SLOWEST, FASTEST = 0.4, 0.8
+"""Of a rotor's speed in hover, and of its highest: with a fifth less thrust than believed it still has some to turn."""
+
+EFFORT = 0.6
+"""Of a joint's effort limit."""
+
+TRACKING = 0.85
+"""Of box and tilt: what the loop overshoots stays inside."""
+
+SHRUNK, PATIENCE = 0.85, 20
+"""Factor of the amplitudes of what breaks a limit, and turns of it before everything is shrunk."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class DesignLimits:
+    """Limits of a flight.
+
+    Attributes:
+        box: m, edge of the cube in which the base origin stays.
+        tilt: rad, of the base's upright axis against the vertical.
+        clear: m, of the arm from rotors, base origin and ground.
+        seconds: of flight.
+    """
+
+    box: float = 1.5
+    tilt: float = math.radians(25.0)
+    clear: float = 0.1
+    seconds: float = 60.0
+
+    def broken_by(self, vehicle: Vehicle, flight: RequiredFlight) -> Array:
+        """How much the motions of each axis (4 + n,), 0 to 1, are at fault for a limit that a flight breaks."""
+        found = np.zeros(BASE_AXES + vehicle.n)
+        if flight.tilt.max() > TRACKING * self.tilt:
+            found[:2] = 1.0
+        for k in _overloading(vehicle, flight):
+            *base, joints = _FAULT[k]
+            found = np.maximum(found, [*base, *([joints] * vehicle.n)])
+        limits = np.array([float(link.joint.effort_limit) for link in vehicle.links])
+        found[BASE_AXES:][(np.abs(flight.efforts) > EFFORT * limits).any(axis=0)] = 1.0
+        if arm_clearance(vehicle, flight.joints)[0].min() < self.clear:
+            found[BASE_AXES:] = 1.0
+        return found
+
+
+_FAULT = ((1.0, 1.0, 1.0, 0.0, 0.0), (0.3, 0.3, 0.0, 0.3, 1.0), (0.3, 0.3, 0.0, 0.3, 1.0), (0.0, 0.0, 0.0, 1.0, 0.3))
+"""Fault of x, y, z, heading and joints for too much force along z, and too much torque about x, y and z.
+
+An arm that swings needs more of the torques about x and y than a base that tilts slowly.
+"""
+
+
+def _overloading(vehicle: Vehicle, flight: RequiredFlight) -> list[int]:
+    """Components of the wrench (force along z, torques about x, y, z) that drive rotors out of their range."""
+    highest = np.array([float(each.max_speed) for each in vehicle.rotors])
+    rest = flight.speeds[:1]
+    above, below = flight.speeds > FASTEST * highest, flight.speeds < SLOWEST * rest
+    if not (above.any() or below.any()):
+        return []
+    off = (flight.shares - flight.shares[:, :1]) * np.where(above, 1.0, np.where(below, -1.0, 0.0))
+    worst = off.max(axis=(1, 2))
+    return [k for k, each in enumerate(worst.tolist()) if each >= 0.7 * worst.max()]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidate:
+    """Segment and its information matrix (P, P) on the scale of the search."""
+
+    segment: Segment
+    information: Array
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Measured:
+    """Clock and noise of a measured flight, after which segments are judged.
+
+    Attributes:
+        stretch: of the flight: its period, samples and moving means.
+        driven: of each joint, whether its torque is commanded.
+        noise: whitening of the errors.
+        prior: (P,) standard deviations of what is known before. in_vehicle: (P,) whether a number is the vehicle's.
+    """
+
+    stretch: Stretch
+    driven: Sequence[bool]
+    noise: Whitening
+    prior: Array
+    in_vehicle: npt.NDArray[np.bool_]
+
+
+def measured_noise(stretches: Sequence[Stretch], vehicle: Vehicle) -> Measured:
+    """Noise of a flight of a vehicle whose numbers are known nearly.
+
+    Raises:
+        ValueError: one line: a flight that does not fit the vehicle, or SciPy is missing.
+    """
+    search = search_of(stretches, vehicle, velocity=True)
+    fit = expected_fit(search.errors, search.begin, search.prior, search.steps, search.block, search.used)
+    inside = np.array([each.in_vehicle for each in search.unknowns])
+    longest = max(stretches, key=lambda each: each.size)
+    return Measured(stretch=longest, driven=search.driven, noise=fit.noise, prior=search.prior, in_vehicle=inside)
+
+
+def information_of(vehicle: Vehicle, stretch: Stretch, measured: Measured) -> Array:
+    """Information matrix (P, P) of a stretch on the numbers of a vehicle."""
+    search = search_of([stretch], vehicle, driven=measured.driven, velocity=True, voltage=False)
+    slopes = error_slopes(search.errors, search.begin, search.errors(search.begin), search.steps)
+    noise = measured.noise
+    white = [(innovations(each, noise.filters) / noise.scales).ravel() for each in slopes]
+    slope = np.stack(white, axis=1)
+    return np.asarray(slope.T @ slope)
+
+
+def fitted_segment(
+    vehicle: Vehicle, segment: Segment, axes: Axes, limits: DesignLimits, period: float
+) -> tuple[Segment, RequiredFlight] | None:
+    """Segment shrunk into the limits, and its flight; None if it stays outside them.
+
+    Args:
+        vehicle: that flies it.
+        segment: multisines.
+        axes: rests and ranges.
+        limits: of the flight.
+        period: s, of the instants at which the limits are looked at.
+    """
+    times = period * np.arange(round(segment.duration / period) + 1, dtype=float)
+    motion, factors = segment.motion(times), np.ones(len(axes.rest))
+    for turn in range(2 * PATIENCE):
+        moved = motion * factors[:, None]
+        moved[0] += axes.rest[:, None]
+        flight = required_flight(vehicle, moved, period)
+        broken = limits.broken_by(vehicle, flight)
+        if not broken.any():
+            return segment.scaled(factors), flight
+        # an arm alone may tilt a light base
+        factors *= SHRUNK ** np.maximum(broken, float(turn >= PATIENCE))
+    return None
+
+
+def volume_gain(information: Array, prior: Array, inside: npt.NDArray[np.bool_]) -> float:
+    """Logarithm of the volume that an information matrix leaves to numbers, over the square root, with sign turned.
+
+    Args:
+        information: (P, P) of the data.
+        prior: (P,) standard deviations of what is known before.
+        inside: (P,) numbers that count; the others are estimated beside them.
+    """
+    # on the prior's scale, so that rounding does not depend on units
+    whole = information * np.outer(prior, prior) + np.eye(len(prior))
+    outside = whole[np.ix_(~inside, ~inside)]
+    return float(np.linalg.slogdet(whole)[1] - np.linalg.slogdet(outside)[1])
+
+
+def design_segments(
+    vehicle: Vehicle,
+    measured: Measured,
+    axes: Axes,
+    limits: DesignLimits,
+    *,
+    candidates: int = 120,
+    seed: int = 0,
+    progress: Callable[[int, int, str], None] | None = None,
+) -> list[Segment]:
+    """Segments, one after the other, that show most of a vehicle's numbers.
+
+    Args:
+        vehicle: as it is believed to be.
+        measured: clock and noise.
+        axes: rests and ranges.
+        limits: of the flight.
+        candidates: segments that are tried; a third of them is drawn freely, the others near those taken.
+        seed: of the draws.
+        progress: called with (done, total, words).
+
+    Raises:
+        ValueError: one line: no segment stays in the limits.
+    """
+    draw = np.random.default_rng(seed)
+    count = max(1, round(limits.seconds / SEGMENT))
+    duration, stretch = limits.seconds / count, measured.stretch
+
+    def candidate(segment: Segment) -> Candidate | None:
+        found = fitted_segment(vehicle, segment, axes, limits, stretch.period)
+        if found is None:
+            return None
+        kept, flight = found
+        rows = flight.stretch(vehicle, stretch.samples, stretch.fine, stretch.width)
+        return Candidate(kept, information_of(vehicle, rows, measured))
+
+    def gain(each: Sequence[Candidate]) -> float:
+        whole = np.sum([one.information for one in each], axis=0)
+        return volume_gain(whole, measured.prior, measured.in_vehicle)
+
+    free = max(count + 2, candidates // 3)
+    pool: list[Candidate] = []
+    for i in range(free):
+        if progress is not None:
+            progress(i, candidates, "segments drawn")
+        found = candidate(draw_segment(axes, duration, draw))
+        pool += [found] if found is not None else []
+    if not pool:
+        raise ValueError(
+            f"box = {limits.box:g} m, tilt = {math.degrees(limits.tilt):g} deg, clear = {limits.clear:g} m: "
+            f"vehicle '{vehicle.name}' has no motion within these limits; widen one of them"
+        )
+    taken = _greedy(pool, count, gain)
+    best = gain(taken)
+    for i in range(free, candidates):
+        if progress is not None:
+            progress(i, candidates, f"segments, {best:.1f} nats")
+        found = candidate(mutate_segment(taken[int(draw.integers(count))].segment, axes, draw))
+        if found is None:
+            continue
+        gains = [gain([*taken[:k], found, *taken[k + 1 :]]) for k in range(count)]
+        if max(gains) > best:
+            best, k = max(gains), int(np.argmax(gains))
+            taken[k] = found
+    return [each.segment for each in taken]
+
+
+def _greedy(pool: Sequence[Candidate], count: int, gain: Callable[[Sequence[Candidate]], float]) -> list[Candidate]:
+    """Candidates taken one by one, each with the highest gain beside those taken."""
+    taken: list[Candidate] = []
+    for _ in range(count):
+        taken.append(max(pool, key=lambda each: gain([*taken, each])))
+    return taken

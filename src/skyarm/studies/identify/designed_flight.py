@@ -1,0 +1,240 @@
+"""Excitation flight of a vehicle as a scenario: designed, flown once in the closed loop, beside an undesigned one.
+
+The scenario's sensors have the noise of the comparison suite and the default inertial unit; expected intervals are
+those of :func:`skyarm.studies.identify.information.expected_numbers`, from simulated flights of the vehicle as it is
+believed to be.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.dynamics.workspace import reach
+from skyarm.flight_data.own_log import measured_flight
+from skyarm.log.flight_log import Log
+from skyarm.records.files.toml import toml_key, toml_value
+from skyarm.scenario.scenario_file import scenario_from
+from skyarm.simulate import run
+from skyarm.studies.compare.suite import DELAY, NOISE
+from skyarm.studies.identify.design import SHRUNK, DesignLimits, design_segments, measured_noise
+from skyarm.studies.identify.information import ExpectedNumber, expected_numbers
+from skyarm.studies.identify.multisines import BASE_AXES, Axes, Segment, axes_of, reference_table
+from skyarm.studies.identify.required_flight import arm_clearance
+from skyarm.studies.identify.stretches import stretches_of
+from skyarm.studies.tune.excitation import unseen_motion
+from skyarm.vehicle.vehicle_records import Vehicle
+
+Array: TypeAlias = npt.NDArray[np.float64]
+USUAL = DesignLimits()
+Progress: TypeAlias = Callable[[int, int, str], None]
+
+LAW = "centroidal_joint"
+"""Law that flies: it tracks base and joints, which are excited, and not the tip."""
+
+FLIGHTS = 8
+"""Most flights in the closed loop until one stays in the limits."""
+
+SATURATED = 0.002
+"""Largest share of commands at a rotor's limit."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Sharpened:
+    """Number of a vehicle with the half widths of the 95 % intervals to expect.
+
+    Attributes:
+        designed: of the designed flight. undesigned: of a flight of the same length along an undesigned path.
+    """
+
+    designed: ExpectedNumber
+    undesigned: ExpectedNumber
+
+    @property
+    def ratio(self) -> float:
+        """Half width after the undesigned flight over that after the designed one."""
+        return self.undesigned.half_width / self.designed.half_width
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class DesignedFlight:
+    """Designed excitation flight.
+
+    Attributes:
+        document: scenario, as tables of a scenario file.
+        numbers: what it shows of the vehicle.
+        tilt: rad, largest of the flight in the closed loop.
+        box: (3,) m, extent of the base's path. clearance: m, least of the arm; infinite without one.
+        saturated: share of commands at a rotor's limit.
+    """
+
+    document: Mapping[str, Any]
+    numbers: Sequence[Sharpened]
+    tilt: float
+    box: tuple[float, float, float]
+    clearance: float
+    saturated: float
+
+    def text(self) -> str:
+        """Scenario file."""
+        return scenario_text(self.document)
+
+
+def design_flight(
+    vehicle: Vehicle,
+    name: str,
+    limits: DesignLimits = USUAL,
+    *,
+    folder: str | os.PathLike[str] = "",
+    candidates: int = 200,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> DesignedFlight:
+    """Design the flight that shows most of a vehicle's numbers within limits, and fly it once.
+
+    Args:
+        vehicle: as it is believed to be.
+        name: of the library or path, as the scenario file names it.
+        limits: of the flight.
+        folder: where a path in the scenario file starts.
+        candidates: segments that are tried.
+        seed: of the draws and of the noise.
+        progress: called with (done, total, words).
+
+    Raises:
+        ValueError: one line: no flight stays in the limits, or SciPy is missing.
+    """
+    height = math.ceil(10.0 * (0.5 * limits.box + reach(vehicle) + limits.clear)) / 10.0
+    axes = axes_of(vehicle, limits.box, height)
+
+    def tell(done: int, words: str) -> None:
+        if progress is not None:
+            progress(done, candidates + 2, words)
+
+    def expected(log: Log) -> tuple[ExpectedNumber, ...]:
+        return expected_numbers(_stretches(log, vehicle), vehicle, velocity=True)
+
+    tell(0, "undesigned flight")
+    document = scenario_document(vehicle, name, [], axes, limits.seconds, seed)
+    hover = scenario_from(document, folder)
+    plain = run(hover.with_words(reference=unseen_motion(vehicle)))
+    if plain.info["status"] != "completed":
+        raise ValueError(f"vehicle '{vehicle.name}': the law {LAW} does not fly it ({plain.info['status']})")
+    measured = measured_noise(_stretches(plain, vehicle), vehicle)
+
+    def drawn(done: int, _: int, words: str) -> None:
+        tell(done + 1, words)
+
+    segments = design_segments(vehicle, measured, axes, limits, candidates=candidates, seed=seed, progress=drawn)
+    for flight in range(FLIGHTS):
+        tell(candidates + 1, f"flight {flight + 1} in the closed loop")
+        document = scenario_document(vehicle, name, segments, axes, limits.seconds, seed)
+        log = run(scenario_from(document, folder))
+        broken = broken_axes(log, vehicle, axes, limits)
+        if not broken.any():
+            break
+        segments = [each.scaled(np.where(broken, SHRUNK, 1.0)) for each in segments]
+    else:
+        raise ValueError(f"vehicle '{vehicle.name}': no flight stays in the limits; widen them")
+    tell(candidates + 2, "flown")
+    extent = np.ptp(log.position, axis=0)
+    pairs = zip(expected(log), expected(plain), strict=True)
+    return DesignedFlight(
+        document=document,
+        numbers=[Sharpened(designed=a, undesigned=b) for a, b in pairs],
+        tilt=float(_tilt(log).max()),
+        box=(float(extent[0]), float(extent[1]), float(extent[2])),
+        clearance=float(arm_clearance(vehicle, log.joints)[0].min()),
+        saturated=_saturated(log, vehicle),
+    )
+
+
+def _stretches(log: Log, vehicle: Vehicle) -> list[Any]:
+    return stretches_of(measured_flight(log, Path("designed.npz")), vehicle)
+
+
+def scenario_document(
+    vehicle: Vehicle, name: str, segments: Sequence[Segment], axes: Axes, seconds: float, seed: int
+) -> dict[str, Any]:
+    """Scenario in which a vehicle flies segments of multisines, as tables of a scenario file."""
+    sensors: dict[str, Any] = {k: v for k, v in dataclasses.asdict(NOISE).items() if v}
+    sensors["imu"] = {"kind": "imu"}
+    if vehicle.n:
+        sensors["encoders"] = {"kind": "encoders"}
+    return {
+        "schema": 1,
+        "name": f"identify_{vehicle.name}",
+        "title": "Excitation flight of `skyarm identify --design`",
+        "duration": seconds,
+        "seed": seed,
+        "plant": {"vehicle": name},
+        "controller": {"preset": LAW},
+        "delays": {"measurement": DELAY},
+        "sensors": sensors,
+        "reference": reference_table(segments, axes),
+    }
+
+
+def broken_axes(log: Log, vehicle: Vehicle, axes: Axes, limits: DesignLimits) -> npt.NDArray[np.bool_]:
+    """Axes (4 + n,) whose motions break a limit in a flight."""
+    found = np.zeros(len(axes.rest), dtype=bool)
+    if log.info["status"] != "completed" or _saturated(log, vehicle) > SATURATED:
+        found[:] = True
+    found[:3] |= np.abs(log.position - axes.rest[:3]).max(axis=0) > 0.5 * limits.box
+    found[:2] |= _tilt(log).max() > limits.tilt
+    low, high = (np.array([float(getattr(each.joint, end)) for each in vehicle.links]) for end in ("lower", "upper"))
+    found[BASE_AXES:] |= ((log.joints < low) | (log.joints > high)).any(axis=0)
+    found[BASE_AXES:] |= arm_clearance(vehicle, log.joints)[0].min() < limits.clear
+    return found
+
+
+def _tilt(log: Log) -> Array:
+    """Angle (N,) of the base's upright axis against the vertical, rad."""
+    x, y = log.quaternion[:, 1], log.quaternion[:, 2]
+    return np.asarray(np.arccos(np.clip(1.0 - 2.0 * (x**2 + y**2), -1.0, 1.0)))
+
+
+def _saturated(log: Log, vehicle: Vehicle) -> float:
+    """Share of commands at a rotor's upper limit."""
+    highest = np.array([float(each.max_speed) for each in vehicle.rotors])
+    return float((log.rotor_commands >= highest).mean())
+
+
+def scenario_text(document: Mapping[str, Any]) -> str:
+    """Text of a scenario file: a list's entries on lines of their own."""
+    lines = [f"{toml_key(k)} = {toml_value(v)}" for k, v in document.items() if not isinstance(v, Mapping)]
+    for name, table in document.items():
+        if isinstance(table, Mapping):
+            lines += _table_lines(name, table)
+    return "\n".join(lines) + "\n"
+
+
+def _table_lines(name: str, table: Mapping[str, Any]) -> list[str]:
+    """Lines of a table: plain values, then the tables in it that have no kind."""
+    inner = {k: v for k, v in table.items() if isinstance(v, Mapping) and any(isinstance(x, list) for x in v.values())}
+    lines = ["", f"[{name}]"]
+    for key, value in table.items():
+        if key not in inner:
+            lines += _value_lines(f"{toml_key(key)} = ", value, "")
+    for key, value in inner.items():
+        lines += _table_lines(f"{name}.{toml_key(key)}", value)
+    return lines
+
+
+def _value_lines(begin: str, value: Any, indent: str) -> list[str]:
+    """Lines of a value; the entries of a list that holds tables or lists stand below each other."""
+    if not isinstance(value, list) or not any(isinstance(each, (Mapping, list)) for each in value):
+        return [f"{indent}{begin}{toml_value(value)}"]
+    lines = [f"{indent}{begin}["]
+    for each in value:
+        inner = _value_lines("", each, indent + "    ")
+        lines += [*inner[:-1], inner[-1] + ","]
+    return [*lines, f"{indent}]"]

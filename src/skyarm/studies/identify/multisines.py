@@ -1,0 +1,193 @@
+"""Multisine excitation from rest to rest: sines of base, heading and joints under an envelope, as reference signals.
+
+A segment begins and ends at rest in the same place, so that segments follow each other in any order. Its sines have
+random phases (Pintelon and Schoukens, System Identification: A Frequency Domain Approach, 2012, 2.5): amplitude, lowest
+and highest frequency and the slope of the spectrum are drawn for each axis, and for each joint the angle about which
+it swings.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.reference.signal_tables import signal_from
+from skyarm.studies.tune.excitation import rest_and_size
+from skyarm.vehicle.linkage import Joint
+from skyarm.vehicle.vehicle_records import Vehicle
+
+Array: TypeAlias = npt.NDArray[np.float64]
+
+BASE_AXES = 4
+"""x, y, z and heading, before the joints."""
+
+SINES = 4
+"""Of an axis; more raise the crest factor and the length of the file, not the information."""
+
+EASING = 1.5
+"""s, of the envelope's rise and of its fall."""
+
+LOWEST, HIGHEST_BASE, HIGHEST_JOINTS = 0.15, 1.2, 2.5
+"""Hz, of the sines."""
+
+STRONGEST = 4.0
+"""m/s^2, highest acceleration of the base along an axis that is drawn: a tilt of 22 degrees."""
+
+STEEPEST = 2.0
+"""Amplitudes fall with at most this power of the frequency: equal accelerations."""
+
+HEADING, SWING, MARGIN = 1.2, 1.2, 0.05
+"""rad: swing at most of the heading, and of a joint without limits; share of a joint's range that it stays inside."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Segment:
+    """Multisines of all axes (x, y, z, heading, joints) under one envelope from rest to rest.
+
+    Attributes:
+        duration: s.
+        frequencies: (axes, SINES) Hz.
+        amplitudes: (axes, SINES) m or rad.
+        phases: (axes, SINES) rad.
+        offsets: (axes,) middle of the swing less the rest, m or rad.
+    """
+
+    duration: float
+    frequencies: Array
+    amplitudes: Array
+    phases: Array
+    offsets: Array
+
+    def scaled(self, factors: Array) -> Segment:
+        """Segment with the amplitudes and offsets of each axis times a factor (axes,)."""
+        amplitudes, offsets = self.amplitudes * factors[:, None], self.offsets * factors
+        return dataclasses.replace(self, amplitudes=amplitudes, offsets=offsets)
+
+    def table(self, axis: int) -> dict[str, Any]:
+        """Signal of an axis, as a table of a scenario file, on the segment's own clock."""
+        sines = [
+            {"kind": "sine", "amplitude": round(float(a), 5), "frequency_hz": round(float(f), 4), "phase": float(p)}
+            for a, f, p in zip(self.amplitudes[axis], self.frequencies[axis], self.phases[axis].round(3), strict=True)
+        ]
+        ramps = [
+            {"kind": "ramp", "start": start, "duration": EASING, "height": height, "shape": "quintic"}
+            for start, height in ((0.0, 1.0), (self.duration - EASING, -1.0))
+        ]
+        return {"kind": "product", "signal": [round(float(self.offsets[axis]), 5), *sines], "factor": ramps}
+
+    def motion(self, times: Array) -> Array:
+        """Value, first and second derivative of all axes (3, axes, N) at times (N,), s, less the rest."""
+        signals = [signal_from(self.table(axis), "segment") for axis in range(len(self.offsets))]
+        zero = np.zeros(len(times))
+        return np.stack([[zero + each for each in signal.derivatives(times)[:3]] for signal in signals], axis=1)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Axes:
+    """Rests and ranges of all axes.
+
+    Attributes:
+        rest: (axes,) m or rad. low, high: (axes,) ends of the range.
+        fastest: (axes,) Hz, highest frequency.
+    """
+
+    rest: Array
+    low: Array
+    high: Array
+    fastest: Array
+
+
+def axes_of(vehicle: Vehicle, box: float, height: float) -> Axes:
+    """Rests and ranges of the base's position and heading and of the joints.
+
+    Args:
+        vehicle: with the limits of its joints.
+        box: m, edge of the cube in which the base origin stays.
+        height: m, of its centre.
+    """
+    joints = [_range(each.joint, vehicle.n) for each in vehicle.links]
+    half, rest = 0.5 * box, np.array([0.0, 0.0, height, 0.0, *(each[0] for each in joints)])
+    low = np.array([-half, -half, height - half, -HEADING, *(each[1] for each in joints)])
+    high = np.array([half, half, height + half, HEADING, *(each[2] for each in joints)])
+    return Axes(rest, low, high, np.array([HIGHEST_BASE] * BASE_AXES + [HIGHEST_JOINTS] * vehicle.n))
+
+
+def _range(joint: Joint, joints: int) -> tuple[float, float, float]:
+    """Rest of a joint and the ends of its swing."""
+    rest, _ = rest_and_size(joint, joints)
+    low, high = float(joint.lower), float(joint.upper)
+    margin = MARGIN * (high - low) if math.isfinite(high - low) else 0.0
+    return rest, max(low + margin, rest - SWING), min(high - margin, rest + SWING)
+
+
+def draw_segment(axes: Axes, duration: float, draw: np.random.Generator) -> Segment:
+    """Random segment that stays in the ranges, each axis by itself."""
+    count = len(axes.rest)
+    slow, fast = np.log(LOWEST), np.log(axes.fastest)
+    ends = np.sort(slow + (fast - slow)[:, None] * draw.uniform(size=(count, 2)), axis=1)
+    share = (np.arange(SINES) + draw.uniform(size=(count, SINES))) / SINES
+    frequencies = np.exp(ends[:, :1] + (ends[:, 1:] - ends[:, :1]) * share)
+    steepness = STEEPEST * draw.uniform(size=(count, 1))
+    found = Segment(
+        duration=duration,
+        frequencies=frequencies,
+        amplitudes=frequencies**-steepness,
+        phases=draw.uniform(-math.pi, math.pi, size=(count, SINES)),
+        offsets=np.zeros(count),
+    )
+    middle = 0.5 * (axes.low + axes.high) - axes.rest
+    room = 0.5 * (axes.high - axes.low)
+    size = room * draw.uniform(0.1, 1.0, size=count)
+    offsets = middle + (room - size) * draw.uniform(-1.0, 1.0, size=count)
+    offsets[:BASE_AXES] = 0.0
+    return within(dataclasses.replace(found, offsets=offsets), axes, size)
+
+
+def mutate_segment(segment: Segment, axes: Axes, draw: np.random.Generator) -> Segment:
+    """Segment near another one: some axes drawn anew, the others a little louder or softer."""
+    other = draw_segment(axes, segment.duration, draw)
+    anew = draw.uniform(size=len(axes.rest)) < 2.0 / len(axes.rest)
+    kept = segment.scaled(draw.uniform(0.85, 1.3, size=len(axes.rest)))
+    found = dataclasses.replace(
+        segment,
+        frequencies=np.where(anew[:, None], other.frequencies, kept.frequencies),
+        amplitudes=np.where(anew[:, None], other.amplitudes, kept.amplitudes),
+        phases=np.where(anew[:, None], other.phases, kept.phases),
+        offsets=np.where(anew, other.offsets, kept.offsets),
+    )
+    return within(found, axes, None)
+
+
+def within(segment: Segment, axes: Axes, size: Array | None) -> Segment:
+    """Segment whose swings have a size (axes,), or as they are, and do not leave the ranges."""
+    times = np.arange(0.0, segment.duration, 0.02)
+    sines = 2.0 * math.pi * segment.frequencies[:, :, None] * times + segment.phases[:, :, None]
+    waves = segment.amplitudes[:, :, None] * np.sin(sines)
+    peak = np.abs(waves.sum(axis=1)).max(axis=1)
+    pulled = np.abs((waves * (2.0 * math.pi * segment.frequencies[:, :, None]) ** 2).sum(axis=1)).max(axis=1)
+    factor = np.ones(len(peak)) if size is None else size / peak
+    factor[:3] = np.minimum(factor[:3], STRONGEST / pulled[:3])
+    room = np.minimum(axes.high - axes.rest - segment.offsets, segment.offsets + axes.rest - axes.low)
+    factor = np.minimum(factor, np.maximum(room, 0.0) / peak)
+    return dataclasses.replace(segment, amplitudes=segment.amplitudes * factor[:, None])
+
+
+def reference_table(segments: Sequence[Segment], axes: Axes) -> dict[str, Any]:
+    """Table ``[reference]`` of a scenario file in which segments follow each other."""
+    signals: list[list[Any]] = []
+    for axis, rest in enumerate(axes.rest.tolist()):
+        pieces: list[Any] = [round(rest, 5)]
+        start = 0.0
+        for each in segments:
+            moved = {"kind": "shifted", "delay": start, "signal": each.table(axis)}
+            pieces.append({"kind": "windowed", "start": start, "stop": start + each.duration, "signal": moved})
+            start += each.duration
+        signals.append(pieces)
+    base = dict(zip("xyz", signals[:3], strict=True))
+    return {"yaw": signals[3], "joints": signals[BASE_AXES:], "base": {"kind": "signals", **base}}

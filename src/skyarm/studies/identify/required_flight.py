@@ -1,0 +1,218 @@
+"""Flight that a reference requires: attitude, rotor speeds and joint efforts without a closed loop.
+
+Base position, heading and joints are given; thrust acts along the base's upright axis and must carry the centre of
+mass, which gives the attitude (differential flatness; Mellinger and Kumar 2011), in turns with what the moving arm adds
+to that centre's acceleration. Inverse dynamics gives the wrench and the joints' efforts, and the allocation of thrust
+and torques the rotors' speeds. Air drag is left out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.algebra import Motion, Quaternion, Vec3
+from skyarm.dynamics import center_of_mass, inverse_dynamics
+from skyarm.dynamics.kinematics import link_poses
+from skyarm.dynamics.state import State
+from skyarm.studies.identify.lagged_inputs import wrench_of_pushes
+from skyarm.studies.identify.motion_model import Stretch, middle
+from skyarm.studies.identify.multisines import BASE_AXES
+from skyarm.studies.identify.unknowns import USUAL_DELAY
+from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.vehicle_records import Vehicle
+
+Array: TypeAlias = npt.NDArray[np.float64]
+
+TURNS = 4
+"""Of attitude and centre of mass: an arm moves the centre by a small part of what gravity asks of the attitude."""
+
+
+BLUR = 0.2
+"""s, of a window over the needed force: a loop does not follow the jumps of jerk where an envelope begins and ends."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class RequiredFlight:
+    """Flight that a reference requires, at N + 1 even instants.
+
+    Attributes:
+        period: s.
+        position, velocity: (N + 1, 3) m, m/s, of the base origin, world axes.
+        turned: (N + 1, 3, 3) base axes to world axes. rate: (N + 1, 3) rad/s, base axes.
+        speeds: (N + 1, rotors) rad/s; 0 where a thrust below 0 would be needed.
+        shares: (4, N + 1, rotors) of the speeds' squares for the force along z and the torques about x, y, z.
+        joints, joint_rates, efforts: (N + 1, n).
+    """
+
+    period: float
+    position: Array
+    velocity: Array
+    turned: Array
+    rate: Array
+    speeds: Array
+    shares: Array
+    joints: Array
+    joint_rates: Array
+    efforts: Array
+
+    @property
+    def tilt(self) -> Array:
+        """Angle of thrust against the vertical (N + 1,), rad."""
+        return np.asarray(np.arccos(np.clip(self.turned[:, 2, 2], -1.0, 1.0)))
+
+    def stretch(self, vehicle: Vehicle, samples: int, fine: int, width: int) -> Stretch:
+        """Stretch for identification, as sensors without noise would give it.
+
+        Args:
+            vehicle: whose rotors lag.
+            samples: of the sensors per period.
+            fine: commands per period.
+            width: samples of each moving mean.
+        """
+        size, step = len(self.rate) - 1, self.period / fine
+        ups, downs = (
+            np.array([float(getattr(each, name)) for each in vehicle.rotors])
+            for name in ("time_constant_up", "time_constant_down")
+        )
+        change = np.gradient(self.speeds, self.period, axis=0)
+        ahead = self.speeds + change * np.where(change > 0.0, ups, downs)
+        times, instants = self.period * np.arange(size + 1), step * (np.arange(size * fine) + 0.5)
+
+        def finer(rows: Array) -> Array:
+            found = [np.interp(instants + USUAL_DELAY, times, column) for column in rows.T]
+            return np.stack(found, axis=1) if found else np.zeros((len(instants), 0))
+
+        still = np.zeros((size, 3))
+        return Stretch(
+            name="required",
+            start=0.0,
+            period=self.period,
+            samples=samples,
+            fine=fine,
+            commands=finer(ahead),
+            rate=self.rate,
+            specific_force=still,
+            joints=self.joints,
+            joint_rates=self.joint_rates,
+            efforts=finer(self.efforts),
+            velocity=middle(np.einsum("kji,kj->ki", self.turned, self.velocity)),
+            voltage=np.ones(size),
+            width=width,
+        )
+
+
+def required_flight(vehicle: Vehicle, motion: Array, period: float, gravity: float = 9.81) -> RequiredFlight:
+    """Flight that a motion of base and joints requires.
+
+    Args:
+        vehicle: rigid bodies and rotors.
+        motion: (3, 4 + n, N + 1) value, first and second derivative of x, y, z, heading and joints.
+        period: s, between its instants.
+        gravity: m/s^2.
+    """
+    value, first, second = motion
+    n, size = vehicle.n, motion.shape[2]
+    q, qd, qdd = (tuple(each[BASE_AXES:]) for each in (value, first, second))
+    zero, one = np.zeros(size), np.ones(size)
+    still = State(
+        position=Vec3(zero, zero, zero),
+        quaternion=Quaternion(one, zero, zero, zero),
+        velocity=Vec3(zero, zero, zero),
+        rate=Vec3(zero, zero, zero),
+        joints=q,
+        joint_rates=tuple(zero for _ in range(n)),
+    )
+    com = np.stack([zero + each for each in center_of_mass(vehicle, still)], axis=1)
+    linear = second[:3].T + np.array([0.0, 0.0, gravity])
+    needed = linear
+    for _ in range(TURNS):
+        turned = _attitude(_smooth(needed, period), value[3])
+        moved = np.einsum("kij,kj->ki", turned, com)
+        needed = linear + np.gradient(np.gradient(moved, period, axis=0), period, axis=0)
+    skew = np.einsum("kji,kjl->kil", turned, np.gradient(turned, period, axis=0))
+    rate = np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=1)
+    felt = np.einsum("kji,kj->ki", turned, linear)
+    base = Motion(Vec3(*np.gradient(rate, period, axis=0).T), Vec3(*felt.T))
+    force, torques = inverse_dynamics(vehicle, q, Vec3(*rate.T), qd, base, qdd)
+    wrench = np.stack([zero + each for each in (force.force.z, *force.torque)], axis=1)
+    allocation = np.linalg.pinv(wrench_of_pushes(vehicle.rotors)[2:])
+    shares = wrench.T[:, :, None] * allocation.T[:, None, :]
+    friction = [
+        link.joint.damping * x + link.joint.coulomb * np.tanh(x / float(link.joint.coulomb_rate))
+        for link, x in zip(vehicle.links, qd, strict=True)
+    ]
+    efforts = [zero + a + b for a, b in zip(torques, friction, strict=True)]
+    return RequiredFlight(
+        period=period,
+        position=value[:3].T,
+        velocity=first[:3].T,
+        turned=turned,
+        rate=rate,
+        speeds=np.sqrt(np.maximum(shares.sum(axis=0), 0.0)),
+        shares=shares,
+        joints=value[BASE_AXES:].T,
+        joint_rates=first[BASE_AXES:].T,
+        efforts=np.stack(efforts, axis=1) if n else np.zeros((size, 0)),
+    )
+
+
+def _smooth(rows: Array, period: float) -> Array:
+    """Rows (N, 3) averaged under a Hann window; ends continue."""
+    half = max(1, round(0.5 * BLUR / period))
+    window = np.hanning(2 * half + 3)[1:-1]
+    padded = np.concatenate([np.repeat(rows[:1], half, axis=0), rows, np.repeat(rows[-1:], half, axis=0)])
+    return np.stack([np.convolve(column, window / window.sum(), "valid") for column in padded.T], axis=1)
+
+
+def _attitude(needed: Array, heading: Array) -> Array:
+    """Rotation (N, 3, 3), base to world axes, whose upright axis lies along a force (N, 3), with a heading (N,)."""
+    upright = needed / np.linalg.norm(needed, axis=1, keepdims=True)
+    ahead = np.stack([np.cos(heading), np.sin(heading), 0.0 * heading], axis=1)
+    left = np.cross(upright, ahead)
+    left /= np.linalg.norm(left, axis=1, keepdims=True)
+    return np.stack([np.cross(left, upright), left, upright], axis=2)
+
+
+def arm_clearance(vehicle: Vehicle, joints: Array) -> tuple[Array, Array]:
+    """Least distance of the arm's moving points from rotors and base origin, and their least height, m.
+
+    Points are tips of frames and origins of links on links. A rotor is a disc that reaches half way to the next one.
+
+    Args:
+        vehicle: rotors, links, frames.
+        joints: (N, n) rad or m.
+
+    Returns:
+        Distances (N,), infinite without an arm, and heights (N,) against the base origin, base axes.
+    """
+    size = len(joints)
+    poses = link_poses(vehicle, tuple(joints.T)) if vehicle.n else []
+    points = [poses[link].p for link, each in enumerate(vehicle.moving) if each.parent != BASE]
+    points += [poses[each.link].apply(each.position) for each in vehicle.frames if each.link != BASE]
+    distance, height = np.full(size, math.inf), np.zeros(size)
+    hubs = np.array([[float(c) for c in each.position] for each in vehicle.rotors])
+    axes = np.array([[float(c) for c in each.axis] for each in vehicle.rotors])
+    radius = _radius(hubs)
+    for each in points:
+        at = np.stack([np.zeros(size) + c for c in each], axis=1)
+        distance, height = np.minimum(distance, np.linalg.norm(at, axis=1)), np.minimum(height, at[:, 2])
+        for hub, axis in zip(hubs, axes, strict=True):
+            off = at - hub
+            along = off @ axis
+            beside = np.linalg.norm(off - along[:, None] * axis, axis=1)
+            distance = np.minimum(distance, np.hypot(along, np.maximum(beside - radius, 0.0)))
+    return distance, height
+
+
+def _radius(hubs: Array) -> float:
+    """Half of the least distance between rotor hubs (rotors, 3) that do not share an axis, m."""
+    apart: Sequence[float] = [
+        float(np.linalg.norm(a - b)) for i, a in enumerate(hubs) for b in hubs[:i] if np.hypot(*(a - b)[:2]) > 1e-3
+    ]
+    return 0.5 * min(apart, default=0.0)

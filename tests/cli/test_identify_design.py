@@ -1,0 +1,38 @@
+"""``skyarm identify --design VEHICLE``: options that do not belong together, and a scenario that flies."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from commanded import refused, skyarm
+
+pytest.importorskip("scipy", reason="needs the extra 'identify'")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--box", "1"), "--box: must be left out without --design"),
+        (("--design", "hummingbird", "flight.csv"), "FLIGHT: must be left out with --design"),
+        (("--design", "hummingbird", "--lags"), "--lags: must be left out with --design"),
+        (("--design", "hummingbird", "--tilt", "70"), "--tilt = 70: must be from 2 to 60"),
+        (("--design", "hummingbird", "--seconds", "5"), "--seconds = 5: must be from 10 to 600"),
+        (("--design", "hummingbird", "--box", "0"), "--box = 0.0: must be above 0"),
+        (("--design", "no_such_vehicle"), "no_such_vehicle"),
+        ((), "FLIGHT: is missing: must be one log or more, or --design VEHICLE"),
+    ],
+)
+def test_what_is_refused(words, message):
+    refused(skyarm("identify", *words), message)
+
+
+@pytest.mark.thorough
+def test_a_design_is_a_scenario_that_flies(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = skyarm("identify", "--design", "hummingbird", "--seconds", "20", "--box", "1", "-o", "excite.toml")
+    assert done.code == 0
+    assert "sharper by" in done.out
+    assert skyarm("run", "excite.toml", "-o", "flown.npz").code == 0
+    assert Path("flown.npz").exists()

@@ -1,0 +1,171 @@
+"""Excitation design: segments from rest to rest, the flight that they need, limits, and the choice of segments."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import tomllib
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import skyarm
+from skyarm.reference.reference_tables import trajectory_from
+from skyarm.scenario.scenario_file import scenario_from
+from skyarm.studies.identify.design import DesignLimits, fitted_segment, volume_gain
+from skyarm.studies.identify.designed_flight import broken_axes, design_flight, scenario_document, scenario_text
+from skyarm.studies.identify.multisines import axes_of, draw_segment, mutate_segment, reference_table
+from skyarm.studies.identify.required_flight import arm_clearance, required_flight
+
+VEHICLE = skyarm.load_vehicle("hummingbird_arm2_rotors")
+GRAVITY, PERIOD, LENGTH = 9.81, 0.01, 10.0
+TIMES = PERIOD * np.arange(1001)
+AXES = axes_of(VEHICLE, 1.5, 3.0)
+
+
+def still(**accelerations):
+    """Motion in the rest posture, with sines of the base in some axes: name -> (amplitude, rad/s)."""
+    motion = np.zeros((3, 6, len(TIMES)))
+    for name, (size, rate) in accelerations.items():
+        axis = ("x", "y", "z", "yaw", "first", "second").index(name)
+        wave = np.sin(rate * TIMES)
+        motion[:, axis] = size * wave, size * rate * np.cos(rate * TIMES), -size * rate**2 * wave
+    return motion
+
+
+def test_hover_needs_the_weight_and_no_torque():
+    flight = required_flight(VEHICLE, still(), PERIOD)
+    thrust = sum(r.thrust_coefficient * w**2 for r, w in zip(VEHICLE.rotors, flight.speeds[0], strict=True))
+    assert thrust == pytest.approx(GRAVITY * VEHICLE.mass, rel=1e-9)
+    assert np.abs(flight.efforts).max() < 1e-12
+    assert flight.tilt.max() == 0.0
+
+
+def test_thrust_tilts_towards_the_acceleration():
+    """By atan(a / g) against a slow sine, whose window and arm matter little; to +x the base pitches forward."""
+    flight = required_flight(VEHICLE, still(x=(2.0, 1.0)), PERIOD)
+    wanted = np.arctan2(-2.0 * np.sin(TIMES), GRAVITY)
+    found = np.arctan2(flight.turned[:, 0, 2], flight.turned[:, 2, 2])
+    middle = slice(100, -100)
+    assert np.abs(found - wanted)[middle].max() < 0.004
+    assert np.abs(flight.rate[middle, 1] - np.gradient(wanted, PERIOD)[middle]).max() < 0.01
+
+
+def test_a_fall_with_gravity_needs_no_thrust():
+    motion = still()
+    motion[2, 2] = -GRAVITY * (1.0 - 1e-6)
+    assert required_flight(VEHICLE, motion, PERIOD).speeds.max() < 1.0
+
+
+def test_segments_rest_at_their_ends_and_stay_in_their_ranges():
+    draw = np.random.default_rng(3)
+    segment = draw_segment(AXES, LENGTH, draw)
+    for each in (segment, mutate_segment(segment, AXES, draw)):
+        motion = each.motion(TIMES)
+        assert np.abs(motion[:, :, [0, -1]]).max() < 1e-9
+        value = motion[0] + AXES.rest[:, None]
+        assert (value >= AXES.low[:, None] - 1e-3).all()
+        assert (value <= AXES.high[:, None] + 1e-3).all()
+        assert np.ptp(value, axis=1).min() > 0.0
+
+
+def test_the_reference_is_that_of_the_segments():
+    """Read back from its table, each segment at its own time."""
+    draw = np.random.default_rng(4)
+    segments = [draw_segment(AXES, LENGTH, draw) for _ in range(2)]
+    path = trajectory_from(reference_table(segments, AXES), VEHICLE.n, "reference")
+    for t in (0.0, 4.321, 13.7, 19.999):
+        at = segments[int(t // LENGTH)].motion(np.array([t % LENGTH]))[:, :, 0]
+        found = path.at(t)
+        assert tuple(found.position) == pytest.approx(tuple(at[0, :3] + AXES.rest[:3]), abs=1e-9)
+        assert tuple(found.joint_rates) == pytest.approx(tuple(at[1, 4:]), abs=1e-9)
+
+
+def test_a_segment_is_shrunk_into_the_limits_and_no_further():
+    limits = DesignLimits()
+    draw = np.random.default_rng(5)
+    for _ in range(3):
+        segment = draw_segment(AXES, LENGTH, draw)
+        found, flight = fitted_segment(VEHICLE, segment, AXES, limits, PERIOD)
+        assert flight.tilt.max() <= limits.tilt
+        assert flight.speeds.max() < 0.8 * VEHICLE.rotors[0].max_speed + 1e-9
+        assert arm_clearance(VEHICLE, flight.joints)[0].min() >= limits.clear
+        assert limits.broken_by(VEHICLE, required_flight(VEHICLE, motion_of(segment), PERIOD)).any()
+        assert (np.abs(found.amplitudes) <= np.abs(segment.amplitudes) + 1e-12).all()
+    narrow = dataclasses.replace(limits, tilt=math.radians(12.0))
+    flat, _ = fitted_segment(VEHICLE, segment, AXES, narrow, PERIOD)
+    assert np.abs(flat.amplitudes[0]).max() < np.abs(found.amplitudes[0]).max()
+
+
+def motion_of(segment):
+    motion = segment.motion(TIMES)
+    motion[0] += AXES.rest[:, None]
+    return motion
+
+
+def test_the_arm_is_clear_by_its_nearest_point():
+    """Hanging: the elbow 0.15 m below the base; folded up: the tip in the base; ahead: the elbow in a rotor's disc."""
+    distance, height = arm_clearance(VEHICLE, np.array([[0.0, 0.0], [0.0, math.pi], [-0.5 * math.pi, 0.0]]))
+    assert distance == pytest.approx([0.15, 0.0, 0.01], abs=1e-9)
+    assert height == pytest.approx([-0.3, -0.15, 0.0], abs=1e-9)
+
+
+def test_the_gain_is_that_of_the_marginal_covariance():
+    """Of some numbers beside others, by the inverse of the whole information."""
+    rows = np.random.default_rng(6).normal(size=(30, 5))
+    prior, inside = np.array([1.0, 2.0, 0.5, 3.0, 1.0]), np.array([True, True, False, True, False])
+    before = np.diag(prior**2)[np.ix_(inside, inside)]
+    after = np.linalg.inv(rows.T @ rows + np.diag(prior**-2.0))[np.ix_(inside, inside)]
+    wanted = np.linalg.slogdet(before)[1] - np.linalg.slogdet(after)[1]
+    assert volume_gain(rows.T @ rows, prior, inside) == pytest.approx(wanted)
+
+
+def test_the_scenario_that_is_written_is_the_one_that_was_flown():
+    segments = [draw_segment(AXES, LENGTH, np.random.default_rng(7))]
+    document = scenario_document(VEHICLE, "hummingbird_arm2_rotors", segments, AXES, LENGTH, 1)
+    assert tomllib.loads(scenario_text(document)) == document
+    flown = scenario_from(document)
+    assert {each.name for each in flown.sensors} == {"imu", "encoders"}
+    assert flown.reference.at(4.2).position == trajectory_from(document["reference"], 2, "reference").at(4.2).position
+    assert flown.duration == LENGTH
+
+
+def flown_log(**arrays):
+    """Flight in hover at the axes' rest, with other columns."""
+    size = 5
+    rows = {
+        "position": np.tile(AXES.rest[:3], (size, 1)),
+        "quaternion": np.tile([1.0, 0.0, 0.0, 0.0], (size, 1)),
+        "joints": np.zeros((size, 2)),
+        "rotor_commands": np.full((size, 4), 500.0),
+    }
+    return SimpleNamespace(info={"status": "completed"}, **rows | arrays)
+
+
+def test_a_flight_beyond_a_limit_is_found_with_the_axes_at_fault():
+    def broken(**arrays):
+        return broken_axes(flown_log(**arrays), VEHICLE, AXES, DesignLimits()).tolist()
+
+    assert not any(broken())
+    assert broken(position=AXES.rest[:3] + np.array([[0.0, 0.76, 0.0]])) == [False, True, *[False] * 4]
+    leaning = np.array([[math.cos(0.23), math.sin(0.23), 0.0, 0.0]])  # 26 degrees
+    assert broken(quaternion=leaning) == [True, True, *[False] * 4]
+    assert broken(joints=np.array([[0.0, math.pi]])) == [*[False] * 4, True, True]
+    assert all(broken(rotor_commands=np.full((5, 4), 838.0)))
+
+
+@pytest.mark.thorough
+def test_a_designed_flight_stays_in_its_limits_and_is_sharper_than_an_undesigned_one():
+    """Flown from its file: moments of inertia at least twice as sharp, no number of the base worse by half."""
+    limits = DesignLimits(box=1.2, tilt=math.radians(20.0), seconds=40.0)
+    found = design_flight(VEHICLE, "hummingbird_arm2_rotors", limits, candidates=60)
+    flown = skyarm.run(scenario_from(tomllib.loads(found.text())))
+    assert flown.info["status"] == "completed"
+    assert np.ptp(flown.position, axis=0).max() <= 1.2
+    x, y = flown.quaternion[:, 1], flown.quaternion[:, 2]
+    assert np.arccos(1.0 - 2.0 * (x**2 + y**2)).max() <= limits.tilt
+    assert np.ptp(flown.position[[0, -1]], axis=0).max() < 0.05
+    sharper = {each.designed.name: each.ratio for each in found.numbers}
+    assert min(sharper[f"base.inertia.{axis}"] for axis in ("xx", "yy", "zz")) > 2.0
+    assert min(ratio for name, ratio in sharper.items() if name.startswith("base.")) > 0.67
