@@ -346,15 +346,30 @@ def turned_about_z(mapping: Array, angle: float) -> Array:
 
 
 def rotor_orders(count: int) -> Sequence[tuple[int, ...]]:
-    """Orders of rotors that are tried, the plain one first: all of up to six, of more exchanges, turns and mirrors."""
-    if count <= 6:
-        return list(permutations(range(count)))
+    """Orders of rotors that are tried: the plain one, exchanges, turns and mirrors, then all others of up to six."""
     plain = tuple(range(count))
-    found = [plain, plain[::-1]]
+    found = [plain]
     for i in range(count):
-        found += [plain[i:] + plain[:i], (plain[i:] + plain[:i])[::-1]]
         for k in range(i):
             order = list(plain)
             order[i], order[k] = order[k], order[i]
             found.append(tuple(order))
-    return list(dict.fromkeys(found))
+    for i in range(count):
+        found += [(plain[i:] + plain[:i])[::-1], plain[i:] + plain[:i]]
+    return list(dict.fromkeys([*found, *(permutations(plain) if count <= MOST else ())]))
+
+
+MOST = 6
+"""Rotors of which all orders are tried."""
+
+
+def best_order(law: Law) -> tuple[tuple[int, ...], float]:
+    """Order of the rotors that explains the rotation, and its score: the first of those that are hardly worse."""
+    orders = rotor_orders(law.nominal.shape[1])
+    scores = np.array([law.score(law.nominal[:, list(each)]) for each in orders])
+    k = int(np.argmax(scores > scores.max() - ALIKE))
+    return orders[k], float(scores[k])
+
+
+ALIKE = 0.03
+"""Difference of scores that tells nothing: an allocation uses fewer directions than there are rotors."""

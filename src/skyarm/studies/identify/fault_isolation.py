@@ -20,6 +20,7 @@ from skyarm.flight_data.clocks import clock_offset
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.studies.identify.data_compatibility import (
     Law,
+    best_order,
     best_turn,
     effort_law,
     force_law,
@@ -59,6 +60,14 @@ READINGS: Mapping[str, Callable[[Array], Array]] = {
 
 def incompatible_channels(flight: FlightData, start: Vehicle) -> Iterator[Incompatible]:
     """Yield the channels of a flight in the air that do not fit to the others or to the vehicle."""
+    found = list(_incompatible_motion(flight, start))
+    yield from found
+    if not any(severe for *_, severe in found):  # the joints' dynamics needs rotors and rates
+        yield from _joint_order(flight, start)
+
+
+def _incompatible_motion(flight: FlightData, start: Vehicle) -> Iterator[Incompatible]:
+    """Yield the channels of base and rotors that do not fit to the others or to the vehicle."""
     gyro = flight["gyro"]
     speeds = commanded_speeds(flight, start)
     joints = flight["joint_positions"] if start.n else None
@@ -76,11 +85,10 @@ def incompatible_channels(flight: FlightData, start: Vehicle) -> Iterator[Incomp
         if rates is not None:
             yield from _scale_of_rates(rates)
         if turning is not None:
-            yield from _turned_rotors(turning)
+            yield from _misplaced_rotors(turning, start.rotors)
         yield from _tilt_and_velocity(flight)
         yield from _forces(flight)
     yield from _late_channels(flight, rates, turning)
-    yield from _joint_order(flight, start)
 
 
 def _holds(law: Law, axes: Array | None = None) -> bool:
@@ -170,10 +178,7 @@ def _best_reading(flight: FlightData, rates: Law) -> str:
 def _rotors_and_rates(turning: Law, rates: Law | None, start: Vehicle, upside: str) -> Iterator[Incompatible]:
     """Yield the culprit of rotors and rates that do not fit: the rotors, or the gyro if no attitude confirms it."""
     confirmed = rates is not None and bool(rates.visible.any())
-    orders = rotor_orders(len(start.rotors))
-    scores = [turning.score(turning.nominal[:, list(each)]) for each in orders]
-    best = int(np.argmax(scores))
-    order, order_score = orders[best], scores[best]
+    order, order_score = best_order(turning)
     axes = list(signed_permutations())
     axes_scores = [turning.score(turning.nominal, each) for each in axes]
     k = int(np.argmax(np.array(axes_scores) - 0.01 * np.arange(len(axes)) / len(axes)))
@@ -206,14 +211,22 @@ def _is_simple(mapping: Array) -> bool:
 
 
 TURNED, BETTER = 25.0, 0.1
-"""deg, turn of the rotors about z that is reported, and what its score must gain."""
+"""deg, turn of the rotors about z that is reported; and what the score must gain by a turn or another order."""
+
+FEW = 4
+"""Rotors of which an exchange of any two makes the law fail."""
 
 
-def _turned_rotors(turning: Law) -> Iterator[Incompatible]:
-    """Yield rotors that stand turned about z against the vehicle file, by less than makes a law fail."""
+def _misplaced_rotors(turning: Law, rotors: Sequence[Rotor]) -> Iterator[Incompatible]:
+    """Yield rotors that stand turned about z or in another order, by less than makes a law fail."""
+    plain = turning.score(turning.nominal)
     angle, score = best_turn(turning)
-    if abs(np.degrees(angle)) >= TURNED and score > turning.score(turning.nominal) + BETTER:
+    order, order_score = best_order(turning)
+    if abs(np.degrees(angle)) >= TURNED and score > max(plain + BETTER, order_score):
         yield turned_words(angle)
+    elif order_score > max(plain + BETTER, HOLDS) and len(order) > FEW:
+        finding = f"{_order_words(order, rotors)} against the rotation that they cause"
+        yield ROTORS, finding, "order the columns as the vehicle's rotors", True
 
 
 def turned_words(angle: float) -> Incompatible:
