@@ -99,8 +99,8 @@ def workers(value: int) -> int:
     return value or cores
 
 
-def require_within(option: str, value: int, low: int, high: float = float("inf")) -> None:
-    """Raise an error if a whole number is out of its bounds.
+def require_within(option: str, value: float, low: float, high: float = float("inf")) -> None:
+    """Raise an error if a number is out of its bounds.
 
     Raises:
         ValueError: one line.

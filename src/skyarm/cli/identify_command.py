@@ -41,15 +41,15 @@ from skyarm.records.files import (
 from skyarm.records.registry import RegistryError
 from skyarm.studies.identify.data_faults import Fault, find_faults, implausible_numbers, require_no_refusal
 from skyarm.studies.identify.held_out import held_out_period, predict_held_out
-from skyarm.studies.identify.identified_file import identified_file
+from skyarm.studies.identify.identified_file import VOLTAGE, identified_file
 from skyarm.studies.identify.identify_vehicle import identify_vehicle
 from skyarm.studies.identify.stretches import stretches_of_flights
 from skyarm.studies.identify.unknowns import second_moments_of
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle
 
-TOTAL, VOLTAGE = "mass", "voltage"
-"""Known numbers that are none of the search: kg, of the whole vehicle; V, at which the start's thrust holds."""
+TOTAL = "mass"
+"""Known number that is none of the search: kg, of the whole vehicle."""
 
 MOMENTS = ("base.inertia.xx", "base.inertia.yy", "base.inertia.zz")
 """Known numbers that must be given together, as the search is for sums of them."""
@@ -200,7 +200,7 @@ def _identify_vehicle(work: Work, folder: Path | None) -> None:
             advance(last="predict the held-out flights")
             pairs = list(zip(aside, unseen, strict=True))
             held_out = predict_held_out(found, start, pairs, known=known, gravity=work.gravity)
-        document = document_of(found, start, fitted, known, [*faults, *implausible], held_out)
+        document = document_of(found, start, fitted, work.known, [*faults, *implausible], held_out)
         contents = {VEHICLE: identified_file(found, start, [Path(each.file).name for each in fitted], known).encode()}
         contents[NUMBERS] = json_text(document).encode()
         if held_out is not None:

@@ -1,20 +1,21 @@
-"""Command ``skyarm studio``: interactive simulation of a vehicle on a local web page."""
+"""Command ``skyarm studio``: interactive simulation, or replay of a measured flight, on a local web page."""
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import secrets
 import signal
 import threading
 import webbrowser
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from skyarm.cli.arguments import Scenario
+from skyarm.cli.arguments import name_completion, require_left_out, require_within
 from skyarm.cli.output import tell
 from skyarm.records.files import require_writable
 from skyarm.view.studio.server import (
@@ -27,11 +28,22 @@ from skyarm.view.studio.server import (
 )
 
 if TYPE_CHECKING:
-    from skyarm.view.studio.page import Page
+    from skyarm.view.studio.page_loop import PageLoop
+    from skyarm.view.studio.replay import Replay
+
+OF_SIMULATION, OF_REPLAY = ("--controller", "--out"), ("--horizon", "--delay", "--columns")
+"""Options without effect with and without ``--vehicle``."""
 
 
 def studio(
-    scenario: Scenario = "case2",
+    context: typer.Context,
+    scenario: Annotated[
+        str,
+        typer.Argument(
+            help="a scenario file or a shipped name; with --vehicle a measured flight",
+            autocompletion=name_completion("scenario"),
+        ),
+    ] = "case2",
     controller: Annotated[
         list[str] | None,
         typer.Option(metavar="LAW", help="in place of the file's; up to three: repeat"),
@@ -39,31 +51,99 @@ def studio(
     port: Annotated[int, typer.Option(help="of the page; 0 takes a free one")] = 8080,
     no_browser: Annotated[bool, typer.Option("--no-browser", help="print the address, open nothing")] = False,
     out: Annotated[str, typer.Option("--out", help="folder of saved flights")] = "out/studio",
+    vehicle: Annotated[
+        str | None,
+        typer.Option(
+            help="replay a measured flight next to this model under the recorded commands",
+            autocompletion=name_completion("vehicle"),
+        ),
+    ] = None,
+    horizon: Annotated[float, typer.Option(help="s, until the model is set back to the measured state")] = 1.0,
+    delay: Annotated[float | None, typer.Option(help="s, of the commands [as identified with the vehicle]")] = None,
+    columns: Annotated[
+        str | None, typer.Option(metavar="FILE", help="columns of the flight's file [columns.toml beside it]")
+    ] = None,
 ) -> None:
     """Fly live on a page: sliders, gusts, laws side by side.
 
-    The address that is printed bears a token. A flight is saved as a log that 'skyarm run' flies again.
+    The address that is printed bears a token. A flight is saved as a log that 'skyarm run' flies again. With --vehicle
+    a measured flight is a ghost next to the flight of the vehicle's model under the same commands.
     """
     if not 0 <= port <= 65535:
         raise StudioError(f"--port = {port}: must be from 0 to 65535")
+    if vehicle is not None:
+        require_left_out(context, OF_SIMULATION, " with --vehicle: no law flies in a replay")
+        replay = _replay(scenario, vehicle, horizon, delay, columns)
+
+        def replay_page(server: Any) -> PageLoop:
+            from skyarm.view.studio.replay_page import ReplayPage
+
+            return ReplayPage(server, replay)
+
+        _serve(port, no_browser, f"skyarm studio: {replay.title}", lambda: replay_page)
+        return
+    require_left_out(context, OF_REPLAY, " without --vehicle")
     made = [each for each in (Path(out), *Path(out).parents) if not os.path.lexists(each)]
     folder = require_writable(out)
     for each in made:  # they come with the first flight that is saved
         each.rmdir()
-    require_viser()
-    listening = listening_socket(port)
-    try:
+
+    def simulation() -> Callable[[Any], PageLoop]:
         from skyarm.view.studio.fleet import open_fleet
         from skyarm.view.studio.page import Page
 
         fleet = open_fleet(scenario, controller or [])
+        return lambda server: Page(server, fleet, controller or [None], folder)
+
+    _serve(port, no_browser, f"skyarm studio: {scenario}", simulation)
+
+
+def _replay(flight: str, vehicle: str, horizon: float, delay: float | None, columns: str | None) -> Replay:
+    """Read a flight and a vehicle, with what was identified together with it, and predict the flight."""
+    from skyarm.cli.identified_report import NUMBERS
+    from skyarm.flight_data.flight_data import load_flight
+    from skyarm.studies.identify.identified_file import read_surroundings
+    from skyarm.studies.identify.motion_model import Surroundings
+    from skyarm.studies.identify.open_loop_motion import OpenLoopFlight
+    from skyarm.vehicle.vehicle_files import load_vehicle
+    from skyarm.view.studio.replay import HORIZONS, Replay
+
+    low, high = HORIZONS
+    require_within("--horizon", horizon, low, high)
+    flown, model = load_flight(flight, columns), load_vehicle(vehicle)
+    about, full = Surroundings(delay=float(flown.facts.get("command_delay", 0.0))), 0.0
+    beside = Path(vehicle).parent / NUMBERS
+    if Path(vehicle).is_file() and beside.is_file():
+        about, full = read_surroundings(beside)
+        tell(f"delays and offsets: {beside}")
+    if delay is not None:
+        require_within("--delay", delay, 0.0, 1.0)
+        about = dataclasses.replace(about, delay=delay)
+    gravity = float(flown.facts.get("gravity", 9.81))
+    predicted = OpenLoopFlight(flown, model, about, gravity=gravity, full_voltage=full)
+    return Replay(flown.name, model, predicted.measured, predicted.over, horizon)
+
+
+def _serve(port: int, no_browser: bool, title: str, prepare: Callable[[], Callable[[Any], PageLoop]]) -> None:
+    """Serve a page until Ctrl-C.
+
+    Args:
+        port: of the page; 0 takes a free one.
+        no_browser: whether no browser is opened.
+        title: of the page.
+        prepare: called once the port is taken; returns the function that makes the page on a server.
+    """
+    require_viser()
+    listening = listening_socket(port)
+    try:
+        page_on = prepare()
         guard = Guard(int(listening.getsockname()[1]), secrets.token_hex(16))
-        server = open_server(listening, guard, f"skyarm studio: {scenario}")
+        server = open_server(listening, guard, title)
     except BaseException:
         listening.close()
         raise
     try:
-        page = Page(server, fleet, controller or [None], folder)
+        page = page_on(server)
         tell(f"studio: {guard.address()}")
         if not no_browser:
             threading.Thread(target=webbrowser.open, args=(guard.address(),), daemon=True).start()
@@ -75,13 +155,13 @@ def studio(
 
 
 @contextmanager
-def _ended_by(page: Page) -> Iterator[None]:
+def _ended_by(page: PageLoop) -> Iterator[None]:
     """Context manager in which Ctrl-C and SIGTERM end the studio's loop in an orderly way."""
-    usual = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    for number in usual:
-        signal.signal(number, lambda *_: page.stop())
+    usual = {each: signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM)}
+    for each in usual:
+        signal.signal(each, lambda *_: page.stop())
     try:
         yield
     finally:
-        for number, handler in usual.items():
-            signal.signal(number, handler)
+        for each, handler in usual.items():
+            signal.signal(each, handler)

@@ -11,7 +11,7 @@ import pytest
 import skyarm
 from skyarm.records.files import read_toml
 from skyarm.scenario.scenario_file import LIBRARY, list_scenarios
-from skyarm.view.studio.controls import _go_to_time
+from skyarm.view.studio.clock import Clock
 from skyarm.view.studio.fleet import (
     LONGEST,
     Fleet,
@@ -378,5 +378,5 @@ def test_a_payload_is_drawn_while_it_is_held() -> None:
 def test_the_slider_of_time_goes_back_and_no_further_than_was_flown(seconds: float, tick: int) -> None:
     gone: list[int] = []
     fleet = SimpleNamespace(rate=200, furthest=120, playing=True, go=gone.append)
-    _go_to_time(fleet, seconds)  # type: ignore[arg-type]
+    Clock.go_to_time(fleet, seconds)  # type: ignore[arg-type]
     assert (gone, fleet.playing) == ([tick], False)

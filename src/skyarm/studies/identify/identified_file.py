@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
+from skyarm.records.files import number, one_line, shown
 from skyarm.studies.identify.identify_vehicle import Identified, IdentifiedNumber
 from skyarm.studies.identify.motion_model import Surroundings
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -15,6 +19,9 @@ AXES = ("x", "y", "z", "xx", "yy", "zz", "xy", "xz", "yz")
 
 CURVE = "rotors.thrust_table"
 """Field of a thrust curve."""
+
+VOLTAGE = "voltage"
+"""Known number that is none of the search: V, at which the start's thrust holds."""
 
 SUFFIX = "_identified"
 """Behind the name of the start vehicle."""
@@ -63,6 +70,35 @@ def _head(found: Identified, start: Vehicle, flights: Sequence[str]) -> list[str
     if "delay" in around:
         lines.append(f"In a scenario: [delays] command = {max(about.delay, 0.0):.4g}")
     return lines
+
+
+def read_surroundings(file: Path) -> tuple[Surroundings, float]:
+    """Surroundings of an identification from the file of all its numbers, and the voltage of the rotors' data.
+
+    Returns:
+        Surroundings, and V; 0 V for an identification without the battery's voltage.
+
+    Raises:
+        ValueError: one line: the file holds no such numbers.
+    """
+    try:
+        document = json.loads(file.read_bytes())
+    except (OSError, ValueError, RecursionError) as error:
+        raise ValueError(one_line(f"{file}: must be a JSON file ({error})")) from None
+    table = document.get("surroundings") if isinstance(document, dict) else None
+    known = document.get("known") if isinstance(document, dict) else None
+    if not (isinstance(table, dict) and isinstance(known, dict)):
+        raise ValueError(f"{file}: must hold 'surroundings' and 'known', as 'skyarm identify' writes them")
+    found = dict[str, Any]()
+    for each in dataclasses.fields(Surroundings):
+        value, name = table.get(each.name, each.default), f"{file}: surroundings.{each.name}"
+        if not isinstance(each.default, tuple):
+            found[each.name] = number(value, name)
+        elif isinstance(value, (list, tuple)) and len(value) == len(each.default):
+            found[each.name] = tuple(number(entry, name) for entry in value)
+        else:
+            raise ValueError(f"{name} = {shown(value)}: must be {len(each.default)} numbers")
+    return Surroundings(**found), number(known.get(VOLTAGE, 0.0), f"{file}: known.{VOLTAGE}", low=0.0)
 
 
 def is_around(name: str) -> bool:

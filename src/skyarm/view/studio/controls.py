@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from skyarm.scenario.scenario_file import list_scenarios
-from skyarm.view.studio.fleet import BLOW, GUST, MOST, SPEEDS, Fleet, Flight, law_names
+from skyarm.view.studio.clock import SPEEDS, Clock
+from skyarm.view.studio.fleet import BLOW, GUST, MOST, Flight, law_names
 from skyarm.view.studio.knobs import Knob
 from skyarm.view.studio.picture import COLORS
-from skyarm.view.studio.sights import Sight
 
 if TYPE_CHECKING:
     from skyarm.view.studio.page import Page
@@ -23,11 +23,27 @@ NO_LAW = "none"
 NO_CASE = "choose"
 DIRECTIONS = {"+x": (1, 0, 0), "-x": (-1, 0, 0), "+y": (0, 1, 0), "-y": (0, -1, 0), "+z": (0, 0, 1), "-z": (0, 0, -1)}
 
-CLOCK: dict[str, Callable[[Fleet], None]] = {
-    "play / pause": lambda fleet: setattr(fleet, "playing", not fleet.playing),
-    "step": Fleet.step,
-    "reset": Fleet.reset,
+CLOCK: dict[str, Callable[[Clock], None]] = {
+    "play / pause": lambda clock: setattr(clock, "playing", not clock.playing),
+    "step": lambda clock: clock.step(),
+    "reset": lambda clock: clock.reset(),
 }
+
+
+def add_clock(gui: Any, do: Callable[[Callable[[Clock], None]], None], longest: float) -> Any:
+    """Add buttons, speed and time of a playback clock to a page; returns the slider of the time.
+
+    Args:
+        gui: of viser.
+        do: executes their commands.
+        longest: s, end of the slider.
+    """
+    on_user_input(gui.add_button_group("clock", tuple(CLOCK)), lambda value: do(CLOCK[value]))
+    speed = gui.add_dropdown("speed", [f"{speed:g}x" for speed in SPEEDS], initial_value="1x")
+    on_user_input(speed, lambda value: do(lambda clock: setattr(clock, "speed", float(value[:-1]))))
+    time = gui.add_slider("time (s)", 0.0, longest, 0.005, 0.0, hint="scrub back, and forward again")
+    on_user_input(time, lambda value: do(lambda clock: clock.go_to_time(value)))
+    return time
 
 
 class Controls:
@@ -41,11 +57,7 @@ class Controls:
 
     def __init__(self, gui: Any, page: Page, laws: list[str]) -> None:
         self.status = gui.add_markdown("Machine code is being made ...")
-        _on_user_input(gui.add_button_group("clock", tuple(CLOCK)), lambda value: page.do(CLOCK[value]))
-        speed = gui.add_dropdown("speed", [f"{speed:g}x" for speed in SPEEDS], initial_value="1x")
-        _on_user_input(speed, lambda value: page.do(lambda fleet: setattr(fleet, "speed", float(value[:-1]))))
-        self.time = gui.add_slider("time (s)", 0.0, 30.0, 0.005, 0.0, hint="scrub back, and forward again")
-        _on_user_input(self.time, lambda value: page.do(lambda fleet: _go_to_time(fleet, value)))
+        self.time = add_clock(gui, page.do, 30.0)
         direction = gui.add_dropdown("push towards", tuple(DIRECTIONS), initial_value="+x")
         pushes = {f"push ({BLOW[0] * BLOW[1]:g} N s)": BLOW, f"gust ({GUST[0]:g} N, {GUST[1]:g} s)": GUST}
 
@@ -53,7 +65,7 @@ class Controls:
             towards = DIRECTIONS[direction.value]
             page.do(lambda fleet: fleet.push(towards, *pushes[value]))
 
-        _on_user_input(gui.add_button_group("disturb", tuple(pushes)), push)
+        on_user_input(gui.add_button_group("disturb", tuple(pushes)), push)
         self.tabs = gui.add_tab_group()
         self.plots = self.tabs.add_tab("plots")
         with self.tabs.add_tab("scenario"):
@@ -62,26 +74,20 @@ class Controls:
                     self._law(gui, page, place, laws[place] if place < len(laws) else NO_LAW)
             with gui.add_folder("cases"):
                 menu = gui.add_dropdown("case", (NO_CASE, *list_scenarios()), initial_value=NO_CASE)
-                _on_user_input(menu, page.choose_case)
+                on_user_input(menu, page.choose_case)
                 save = gui.add_button("Save flights", hint="logs, with every change by hand at its control period")
-                _on_user_input(save, lambda _: page.save())
+                on_user_input(save, lambda _: page.save())
             box = gui.add_checkbox("follow", False, hint="the camera goes along with the first vehicle")
-            _on_user_input(box, page.follow)
+            on_user_input(box, page.follow)
 
     def _law(self, gui: Any, page: Page, place: int, first: str) -> None:
         """Create the menu that chooses one of up to three controllers."""
         names = dict.fromkeys([first, *law_names(), *([NO_LAW] if place else [])])
         menu = gui.add_dropdown(f"law {place + 1}", tuple(names), initial_value=first)
-        _on_user_input(menu, lambda value: page.choose_law(place, None if value == NO_LAW else value))
+        on_user_input(menu, lambda value: page.choose_law(place, None if value == NO_LAW else value))
 
 
-def _go_to_time(fleet: Fleet, time: float) -> None:
-    """Pause the simulation and go to a given time."""
-    fleet.playing = False
-    fleet.go(min(round(time * fleet.rate), fleet.furthest))
-
-
-def _on_user_input(handle: Any, work: Callable[[Any], None]) -> None:
+def on_user_input(handle: Any, work: Callable[[Any], None]) -> None:
     """Register a callback that is called when the user, not the program, changes an input."""
 
     async def used(event: Any) -> None:
@@ -114,7 +120,7 @@ class KnobPanel:
                     hint = ": ".join(filter(None, (knob.path, knob.declared.meaning)))
                     first = knob.clip(knob.value)
                     slider = gui.add_slider(knob.label, knob.low, knob.high, knob.step, first, hint=hint)
-                    _on_user_input(slider, lambda value, knob=knob: moved(knob.path, knob.clip(value)))  # type: ignore[misc]
+                    on_user_input(slider, lambda value, knob=knob: moved(knob.path, knob.clip(value)))  # type: ignore[misc]
                     self._sliders.append((knob, slider))
 
     def show(self, values: Mapping[str, float]) -> None:
@@ -136,7 +142,19 @@ LIMIT = "rgb(200, 40, 40)"
 
 Array = npt.NDArray[np.float64]
 
-Column = Callable[[Sight], float]
+Column = Callable[[Any], float]
+"""Number of an instant, such as a :class:`~skyarm.view.studio.sights.Sight`."""
+
+
+class Plotted(Protocol):
+    """Flight whose last instants, each with its time in s, are plotted."""
+
+    @property
+    def title(self) -> str:
+        """Name of the flight."""
+
+    def recent(self, seconds: float) -> Sequence[Any]:
+        """Instants of the last seconds."""
 
 
 class Chart:
@@ -150,7 +168,12 @@ class Chart:
     """
 
     def __init__(
-        self, gui: Any, title: str, flights: Sequence[Flight], columns: Mapping[str, Column], limit: float | None = None
+        self,
+        gui: Any,
+        title: str,
+        flights: Sequence[Plotted],
+        columns: Mapping[str, Column],
+        limit: float | None = None,
     ) -> None:
         self._flights, self._columns, self._limit = list(flights), list(columns.values()), limit
         series: list[dict[str, object]] = [{"label": "time (s)"}]
@@ -182,7 +205,7 @@ class Chart:
     def _data(self) -> tuple[Array, ...]:
         """Return the time axis and all curves of the plot, padded with NaN to one length."""
         rows = [flight.recent(SECONDS) for flight in self._flights]
-        longest = max(rows, key=len, default=[])
+        longest: Sequence[Any] = max(rows, key=len, default=[])
         times = [seen.time for seen in longest]
         if len(times) < 2:  # an axis needs two instants
             times = [times[0] if times else 0.0, (times[0] if times else 0.0) + 1e-3]

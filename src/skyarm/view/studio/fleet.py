@@ -20,6 +20,7 @@ from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.session import Session, Snapshot, open_session
 from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.view.studio.clock import Clock
 from skyarm.view.studio.knobs import LONGEST_DELAY, Knob, knobs_of
 from skyarm.view.studio.sights import Sight, goal_of, sight
 from skyarm.world import NO_WIND, Fault, ForceWind, Gust
@@ -28,11 +29,6 @@ from skyarm.world.scene.vehicle_shapes import Placed, place
 
 MOST = 3
 """Flights at once."""
-
-SPEEDS = (0.25, 0.5, 1.0, 2.0, 4.0)
-
-LONGEST_STRETCH = 0.25
-"""s of wall time that are caught up at most: after a pause of the machine the flight goes on from where it was."""
 
 GUST = (2.0, 3.0)
 """N and s of the gust button, those of the paper's Case 2."""
@@ -72,7 +68,7 @@ def adjustable(plain: Scenario) -> Scenario:
     )
 
 
-class Fleet:
+class Fleet(Clock):
     """Simultaneous flights of one scenario under different controllers, on one clock.
 
     Args:
@@ -83,6 +79,7 @@ class Fleet:
     """
 
     def __init__(self, source: str) -> None:
+        super().__init__()
         plain = load_scenario(source)
         self.source = source
         self.planned, self._duration = True, plain.duration
@@ -94,9 +91,6 @@ class Fleet:
         self.scenario = self.under(None)
         self.push_path = f"environment.forces.{len(self.scenario.forces) - 1}"
         self.flights: list[Flight] = []
-        self.tick, self.playing, self.speed = 0, True, 1.0
-        self.furthest = 0
-        self._due = 0.0
 
     def under(self, law: str | None) -> Scenario:
         """Load the scenario with a controller given by name; None keeps the scenario's own controller.
@@ -114,11 +108,6 @@ class Fleet:
     def rate(self) -> int:
         """Control rate, Hz."""
         return self.scenario.rates.control
-
-    @property
-    def time(self) -> float:
-        """Current simulation time, s."""
-        return self.tick / self.rate
 
     @property
     def steps(self) -> int:
@@ -190,35 +179,19 @@ class Fleet:
         gust = {**peak, "start": self.time, "duration": seconds}
         self.move({f"{self.push_path}.gust.{name}": value for name, value in gust.items()})
 
-    def advance(self, seconds: float) -> None:
-        """Simulate as much flight time as has passed on the wall clock, s, times the chosen speed."""
-        if not self.playing:
-            return
-        self._due += min(seconds, LONGEST_STRETCH) * self.speed * self.rate
-        ticks = int(self._due)
-        self._due -= ticks
-        self.go(self.tick + ticks)
-
     def go(self, tick: int) -> None:
         """Go forward or back to a given control period."""
-        self.tick = min(max(tick, 0), self.steps - 1)
+        super().go(tick)
         for flight in self.flights:
             flight.to(flight.tick_at(self.time))
-        self.furthest = max(self.furthest, self.tick)
         if self.flights and self.tick == self.steps - 1:
             self.playing = False
-
-    def step(self) -> None:
-        """Pause, and simulate one control period."""
-        self.playing = False
-        self.go(self.tick + 1)
 
     def reset(self) -> None:
         """Restart all flights and discard the user's changes."""
         for flight in self.flights:
             flight.begin()
-        self.tick = self.furthest = 0
-        self._due, self.playing = 0.0, True
+        super().reset()
 
     def save(self, folder: Path) -> str:
         """Write a log of each flight to new files; returns the commands that repeat the flights.

@@ -1,34 +1,22 @@
-"""Web page of the studio: the real-time loop between simulated flights and browser."""
+"""Web page of simulated flights: clock, sliders, plots and laws side by side."""
 
 from __future__ import annotations
 
-import threading
-import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from queue import Empty, SimpleQueue
 from typing import Any
 
 from skyarm.scenario.scenario_file import list_scenarios
-from skyarm.view.studio.controls import HERTZ, Chart, Controls, KnobPanel, charts, literal
+from skyarm.view.studio.controls import Chart, Controls, KnobPanel, charts, literal
 from skyarm.view.studio.fleet import Fleet, Flight
 from skyarm.view.studio.knobs import Knob
+from skyarm.view.studio.page_loop import PageLoop
 from skyarm.view.studio.picture import Picture
 
-FRAME = 1.0 / 60.0
-"""s between two pictures."""
 
-IDLE = 0.1
-"""s between two looks at the clock while no tab watches; the flight waits for one."""
-
-Work = Callable[[], None]
-
-
-class Page:
-    """Web page of the studio: runs simulated flights in real time and handles the user's inputs.
-
-    What a tab asks for is done by the thread that draws, between two pictures; machine code is made by another one.
+class Page(PageLoop):
+    """Web page of the studio that simulates flights in real time; machine code is made by a thread of its own.
 
     Args:
         server: of viser.
@@ -37,13 +25,11 @@ class Page:
     """
 
     def __init__(self, server: Any, fleet: Fleet, laws: Sequence[str | None], out: Path) -> None:
-        self._server, self._out = server, out
-        self._orders: SimpleQueue[Work] = SimpleQueue()
+        super().__init__(server)
+        self._out = out
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="machine code")
-        self._stopped = threading.Event()
         self._moves: dict[int | None, dict[str, float]] = {}
         self.fleet = fleet
-        self._words = ""
         self._making = 0
         self._turn = 0
         self._picture = Picture(server)
@@ -102,57 +88,27 @@ class Page:
         """Queue a parameter change of one flight, or of all flights if ``place`` is None."""
         self._orders.put(lambda: self._moves.setdefault(place, {}).__setitem__(path, value))
 
-    def stop(self) -> None:
-        """End the simulation loop."""
-        self._stopped.set()
-
     # the loop
 
-    def run(self) -> None:
-        """Simulate and draw until :meth:`stop`."""
-        last, slow = time.perf_counter(), 0.0
-        try:
-            while not self._stopped.is_set():
-                watched = bool(self._server.get_clients())
-                now = time.perf_counter()
-                self._handle_inputs()
-                # laws that are chosen together begin together
-                if watched and self.fleet.flights and not (self._making and not self.fleet.tick):
-                    self.fleet.advance(now - last)
-                with self._server.atomic():
-                    if watched:
-                        self._picture.draw(self.fleet.flights)
-                    if now - slow >= 1.0 / HERTZ:
-                        slow = now
-                        self._draw_slowly()
-                last = now
-                self._stopped.wait(max(0.0, (FRAME if watched else IDLE) - (time.perf_counter() - now)))
-        finally:
-            self._worker.shutdown(wait=False, cancel_futures=True)
-            self.fleet.close()
+    def _advance(self, seconds: float) -> None:
+        # laws that are chosen together begin together
+        if self.fleet.flights and not (self._making and not self.fleet.tick):
+            self.fleet.advance(seconds)
+
+    def _draw(self) -> None:
+        self._picture.draw(self.fleet.flights)
+
+    def _close(self) -> None:
+        self._worker.shutdown(wait=False, cancel_futures=True)
+        self.fleet.close()
 
     def _handle_inputs(self) -> None:
-        """Execute the queued inputs of the browser tabs; an invalid one is reported on the page."""
-        while True:
-            try:
-                order = self._orders.get_nowait()
-            except Empty:
-                break
-            self._try(order)
+        super()._handle_inputs()
         moves, self._moves = self._moves, {}
         if moves:
             self._picture.hurry()
         for place, values in moves.items():
             self._try(lambda values=values, place=place: self.fleet.move(values, place))  # type: ignore[misc]
-
-    def _try(self, work: Work) -> None:
-        try:
-            work()
-        except (ValueError, OSError) as error:
-            self._say(" ".join(str(error).split()))
-
-    def _say(self, words: str) -> None:
-        self._words = words
 
     # laws and scenarios
 

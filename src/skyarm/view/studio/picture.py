@@ -167,8 +167,8 @@ def _rotor_rotations(vehicle: Vehicle, state: State) -> dict[str, Array]:
     return {name: turn[0] for name, turn in rotor_turns(vehicle, angles).items()}
 
 
-class Picture:
-    """3D picture of all flights, drawn in a viser scene.
+class Stage:
+    """Light, ground and camera of a viser scene, whose contents may move so that the camera follows a vehicle.
 
     Args:
         server: of viser.
@@ -177,8 +177,6 @@ class Picture:
     def __init__(self, server: Any) -> None:
         self._server, self._scene = server, server.scene
         self.follow = False
-        self._flights: list[FlightNodes] = []
-        self._ghost: VehicleNodes | None = None
         self._frame = 0
         # shadows and a map of the surroundings take seconds a frame where no GPU draws
         self._scene.configure_default_lights(cast_shadow=False)
@@ -187,6 +185,29 @@ class Picture:
         self._stage = self._scene.add_frame(STAGE, show_axes=False)
         self._origin, self._moved = np.zeros(3), np.zeros(3)
         self._ground = self._scene.add_grid(f"{STAGE}/ground", width=12.0, height=12.0, cell_size=0.5)
+
+    def _follow(self, at: Array) -> None:
+        """Shift the whole scene so that a vehicle stays in place for the camera."""
+        moved = self._origin - at if self.follow else np.zeros(3)
+        if np.abs(moved - self._moved).max() > STILL:
+            self._stage.position = self._moved = moved
+
+    def hurry(self) -> None:
+        """Redraw everything in the next frame, also what is usually drawn at a lower rate."""
+        self._frame = -1
+
+
+class Picture(Stage):
+    """3D picture of all flights, drawn in a viser scene.
+
+    Args:
+        server: of viser.
+    """
+
+    def __init__(self, server: Any) -> None:
+        super().__init__(server)
+        self._flights: list[FlightNodes] = []
+        self._ghost: VehicleNodes | None = None
 
     def build(self, scenario: Scenario, titles: Sequence[str]) -> None:
         """Clear the scene and draw a vehicle for each flight at the scenario's initial state."""
@@ -226,13 +247,3 @@ class Picture:
     def _draw_ghost(self, goal: Placed) -> None:
         if self._ghost is not None:
             self._ghost.place(goal.rotations, goal.positions)
-
-    def _follow(self, at: Array) -> None:
-        """Shift the whole scene so that the first vehicle stays in place for the camera."""
-        moved = self._origin - at if self.follow else np.zeros(3)
-        if np.abs(moved - self._moved).max() > STILL:
-            self._stage.position = self._moved = moved
-
-    def hurry(self) -> None:
-        """Redraw everything in the next frame, also what is usually drawn at a lower rate."""
-        self._frame = -1

@@ -113,7 +113,7 @@ class VehicleNodes:
 
     def __init__(self, scene: Any, name: str, vehicle: Vehicle, paint: Paint, *, points: Sequence[Shape] = ()) -> None:
         # every body hangs on the base: what stands still against it need not be sent
-        self._base = MovingNode(scene.add_frame(name, show_axes=False))
+        self._base, self._visible = MovingNode(scene.add_frame(name, show_axes=False)), True
         scene.add_frame(f"{name}/{BASE}", show_axes=False)
         frames = [scene.add_frame(f"{name}/{body}", show_axes=False) for body in range(len(vehicle.moving))]
         self._links = [MovingNode(frame) for frame in frames]
@@ -138,6 +138,11 @@ class VehicleNodes:
         for name, turn in turns.items():
             disc, shape = self._discs[name]
             disc.put(np.array(shape.position), turn @ np.array(shape.rotation))
+
+    def show(self, visible: bool) -> None:
+        """Show or hide the vehicle."""
+        if visible != self._visible:
+            self._visible = self._base.node.visible = visible
 
     def color(self, paint: Paint) -> None:
         """Change the colours of the vehicle."""

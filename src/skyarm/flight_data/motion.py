@@ -1,0 +1,135 @@
+"""Motion of a vehicle over time: measured poses of base and joints, and predictions of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.flight_data.flight_data import FlightData
+from skyarm.vehicle.vehicle_records import Vehicle
+
+Array: TypeAlias = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Motion:
+    """Poses of the base and positions of the joints over time.
+
+    Attributes:
+        time: (N,) s, not falling; of two rows at one time the later one holds from there on.
+        position: (N, 3) m, world axes. quaternion: (N, 4) w x y z, base to world.
+        joints: (N, n) rad or m. Rows of NaN are times without a known pose.
+    """
+
+    time: Array
+    position: Array
+    quaternion: Array
+    joints: Array
+
+    def at(self, time: Array) -> Motion:
+        """Motion at given times (K,), s, linear between its rows; NaN outside of them."""
+        rows = np.clip(np.searchsorted(self.time, time, "right") - 1, 0, max(len(self.time) - 2, 0))
+        after = np.minimum(rows + 1, len(self.time) - 1)
+        step = self.time[after] - self.time[rows]
+        share = np.where(step > 0.0, (time - self.time[rows]) / np.where(step > 0.0, step, 1.0), 1.0)[:, None]
+        outside = (time < self.time[0]) | (time > self.time[-1])
+
+        def interpolate(values: Array) -> Array:
+            # the row itself at its own time, whatever follows it
+            mixed = np.where(share > 0.0, values[rows] + share * (values[after] - values[rows]), values[rows])
+            mixed[outside] = np.nan
+            return np.asarray(mixed)
+
+        turned = interpolate(_continuous(self.quaternion))
+        turned /= np.linalg.norm(turned, axis=1, keepdims=True)
+        return Motion(
+            time=time, position=interpolate(self.position), quaternion=turned, joints=interpolate(self.joints)
+        )
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class PredictedMotion:
+    """Predictions of a measured motion, set back to the measured state at the same instants.
+
+    Attributes:
+        model: of a vehicle's model under the recorded commands.
+        held: with the velocity and rate that were measured when it was set back.
+        begins: (K,) s, instants at which both are set back, rising.
+    """
+
+    model: Motion
+    held: Motion
+    begins: Array
+
+
+def join_motions(motions: Sequence[Motion]) -> Motion:
+    """One motion of several that follow each other, with no known pose between them."""
+    pieces = [each for motion in motions for each in (motion, _unknown_from(motion))]
+    return Motion(
+        time=np.concatenate([each.time for each in pieces]),
+        position=np.concatenate([each.position for each in pieces]),
+        quaternion=np.concatenate([each.quaternion for each in pieces]),
+        joints=np.concatenate([each.joints for each in pieces]),
+    )
+
+
+def distance_between(one: Motion, other: Motion) -> tuple[Array, Array]:
+    """Distance of the bases (K,), m, and angle of the rotation between them (K,), rad, of motions at the same times."""
+    apart = np.linalg.norm(one.position - other.position, axis=1)
+    same = np.abs((one.quaternion * other.quaternion).sum(axis=1))
+    return apart, 2.0 * np.arccos(np.minimum(same, 1.0))
+
+
+def measured_motion(flight: FlightData, vehicle: Vehicle) -> Motion:
+    """Measured motion of a vehicle in a flight, at the times of its positions.
+
+    Args:
+        flight: with position and quaternion, and joint positions of a vehicle with joints.
+        vehicle: whose joints they are.
+
+    Raises:
+        ValueError: one line: what is missing, or another number of joints than the vehicle has.
+    """
+    place, attitude = flight["position"], flight["quaternion"]
+    first, last = (attitude.time[0], attitude.time[-1]) if attitude.time.size else (np.inf, -np.inf)
+    time = place.time[(place.time >= first) & (place.time <= last)]
+    if len(time) < 2:
+        raise ValueError(f"{flight.name}: position and quaternion: must be measured at the same time")
+    turned = _columns_at(time, attitude.time, _continuous(attitude.values))
+    joints = np.zeros((len(time), 0))
+    if vehicle.n:
+        angles = flight["joint_positions"]
+        if angles.values.shape[1] != vehicle.n:
+            raise ValueError(
+                f"{flight.name}: joint_positions: {angles.values.shape[1]} columns, vehicle '{vehicle.name}' has "
+                f"{vehicle.n} joints"
+            )
+        joints = _columns_at(time, angles.time, angles.values)
+    return Motion(
+        time=time,
+        position=_columns_at(time, place.time, place.values),
+        quaternion=turned / np.linalg.norm(turned, axis=1, keepdims=True),
+        joints=joints,
+    )
+
+
+def _columns_at(time: Array, known: Array, values: Array) -> Array:
+    return np.stack([np.interp(time, known, column) for column in values.T], axis=1)
+
+
+def _continuous(quaternion: Array) -> Array:
+    """Quaternions (N, 4) with signs in which neighbours are close: halfway between q and -q there is no rotation."""
+    turns = np.where((quaternion[1:] * quaternion[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
+    signed: Array = quaternion * np.cumprod(np.concatenate([[1.0], turns]))[:, None]
+    return signed
+
+
+def _unknown_from(motion: Motion) -> Motion:
+    """One row of NaN at the end of a motion."""
+    nothing = (np.full((1, values.shape[1]), np.nan) for values in (motion.position, motion.quaternion, motion.joints))
+    position, quaternion, joints = nothing
+    return Motion(time=motion.time[-1:], position=position, quaternion=quaternion, joints=joints)

@@ -1,0 +1,67 @@
+"""Playback clock of the studio: play, pause, speed, single periods, and any earlier or later instant."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+LONGEST_STRETCH = 0.25
+"""s of wall time that are caught up at most: after a pause of the machine the flight goes on from where it was."""
+
+SPEEDS = (0.25, 0.5, 1.0, 2.0, 4.0)
+
+
+class Clock(ABC):
+    """Playback clock that counts periods.
+
+    Attributes:
+        tick: current period. furthest: latest one so far. playing: whether it runs. speed: times real time.
+    """
+
+    def __init__(self) -> None:
+        self.tick, self.playing, self.speed = 0, True, 1.0
+        self.furthest = 0
+        self._due = 0.0
+
+    @property
+    @abstractmethod
+    def rate(self) -> int:
+        """Periods per second, Hz."""
+
+    @property
+    @abstractmethod
+    def steps(self) -> int:
+        """Number of periods."""
+
+    @property
+    def time(self) -> float:
+        """Current time, s."""
+        return self.tick / self.rate
+
+    def advance(self, seconds: float) -> None:
+        """Go forward by as much time as has passed on the wall clock, s, times the chosen speed."""
+        if not self.playing:
+            return
+        self._due += min(seconds, LONGEST_STRETCH) * self.speed * self.rate
+        ticks = int(self._due)
+        self._due -= ticks
+        self.go(self.tick + ticks)
+
+    def go(self, tick: int) -> None:
+        """Go forward or back to a given period."""
+        self.tick = min(max(tick, 0), self.steps - 1)
+        self.furthest = max(self.furthest, self.tick)
+
+    def go_to_time(self, time: float) -> None:
+        """Pause, and go to a time, s, of those that have been shown already."""
+        self.playing = False
+        self.go(min(round(time * self.rate), self.furthest))
+
+    def step(self) -> None:
+        """Pause, and go forward by one period."""
+        self.playing = False
+        self.go(self.tick + 1)
+
+    def reset(self) -> None:
+        """Begin again."""
+        self.tick = self.furthest = 0
+        self._due, self.playing = 0.0, True

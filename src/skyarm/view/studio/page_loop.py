@@ -1,0 +1,92 @@
+"""Real-time loop between the flights of a studio's page and its browser tabs."""
+
+from __future__ import annotations
+
+import threading
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from queue import Empty, SimpleQueue
+from typing import Any
+
+from skyarm.view.studio.controls import HERTZ
+
+FRAME = 1.0 / 60.0
+"""s between two pictures."""
+
+IDLE = 0.1
+"""s between two looks at the clock while no tab watches; the flight waits for one."""
+
+Work = Callable[[], None]
+
+
+class PageLoop(ABC):
+    """Real-time loop of a page: what a tab requests is done by the thread that draws, between two pictures.
+
+    Args:
+        server: of viser.
+    """
+
+    def __init__(self, server: Any) -> None:
+        self._server = server
+        self._orders: SimpleQueue[Work] = SimpleQueue()
+        self._stopped = threading.Event()
+        self._words = ""
+
+    def stop(self) -> None:
+        """End the loop."""
+        self._stopped.set()
+
+    def run(self) -> None:
+        """Advance and draw until :meth:`stop`."""
+        last, slow = time.perf_counter(), 0.0
+        try:
+            while not self._stopped.is_set():
+                watched = bool(self._server.get_clients())
+                now = time.perf_counter()
+                self._handle_inputs()
+                if watched:
+                    self._advance(now - last)
+                with self._server.atomic():
+                    if watched:
+                        self._draw()
+                    if now - slow >= 1.0 / HERTZ:
+                        slow = now
+                        self._draw_slowly()
+                last = now
+                self._stopped.wait(max(0.0, (FRAME if watched else IDLE) - (time.perf_counter() - now)))
+        finally:
+            self._close()
+
+    @abstractmethod
+    def _advance(self, seconds: float) -> None:
+        """Go forward by as much as has passed on the wall clock, s."""
+
+    @abstractmethod
+    def _draw(self) -> None:
+        """Update the 3D picture."""
+
+    @abstractmethod
+    def _draw_slowly(self) -> None:
+        """Update plots, status text and clock, at a lower rate than the 3D picture."""
+
+    def _close(self) -> None:  # noqa: B027  a page without programs has nothing to end
+        """End what the page holds."""
+
+    def _handle_inputs(self) -> None:
+        """Execute the queued inputs of the browser tabs; an invalid one is reported on the page."""
+        while True:
+            try:
+                order = self._orders.get_nowait()
+            except Empty:
+                break
+            self._try(order)
+
+    def _try(self, work: Work) -> None:
+        try:
+            work()
+        except (ValueError, OSError) as error:
+            self._say(" ".join(str(error).split()))
+
+    def _say(self, words: str) -> None:
+        self._words = words

@@ -1,0 +1,152 @@
+"""Replay of a measured flight next to the motion that a vehicle's model predicts from the recorded commands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.flight_data.motion import Motion, PredictedMotion, distance_between
+from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.view.studio.clock import Clock
+
+Array = npt.NDArray[np.float64]
+
+RATE = 100
+"""Hz of the pictures that are stored: more than a screen shows at any speed."""
+
+SHOWN, CURVE = 20.0, 300
+"""Horizons that a plot shows, and points of its curves: fewer would not show each return to the measured state."""
+
+HORIZONS = (0.05, 5.0)
+"""s: shortest and longest horizon of the page's slider."""
+
+Predict = Callable[[float], PredictedMotion]
+"""Function from a horizon, s, to the motion that is set back to the measured state after each."""
+
+
+@dataclass(frozen=True, slots=True)
+class PredictionError:
+    """Distance of a prediction from the measured flight at one instant.
+
+    Attributes:
+        time: s from the begin of the flight.
+        position: m. attitude: rad. NaN where nothing is predicted.
+    """
+
+    time: float
+    position: float
+    attitude: float
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorCurves:
+    """Errors of one prediction of a replay, as its plots show them.
+
+    Attributes:
+        title: of the prediction. replay: that it is of. errors: (2, steps) position, m, and attitude, rad.
+    """
+
+    title: str
+    replay: Replay
+    errors: Callable[[], Array]
+
+    def recent(self, seconds: float) -> Sequence[PredictionError]:
+        """Errors of the last seconds, or of the last horizons where these are shorter."""
+        now, errors = self.replay.tick, self.errors()
+        count = round(min(seconds, SHOWN * self.replay.horizon) * RATE)
+        every = -(-count // CURVE)
+        # at multiples of the step, so that the curve stands still while it moves on
+        rows = range(-(-max(0, now - count) // every) * every, now + 1, every)
+        return [PredictionError(k / RATE, *errors[:, k].tolist()) for k in rows]
+
+
+class Replay(Clock):
+    """Measured flight and its prediction on a playback clock, all of which is known from the start.
+
+    Args:
+        title: of the flight.
+        vehicle: whose model predicts.
+        measured: motion of the flight, at least RATE's period long.
+        predict: the model's motion over any horizon.
+        horizon: s, first one.
+
+    Attributes:
+        predict: as given.
+        measured, model: (steps,) motions at the pictures, on the flight's own clock.
+        errors, held_errors: (2, steps) position, m, and attitude, rad, of the model, and of held velocity and rate.
+        age: (steps,) s since the model was set back to the measured state.
+    """
+
+    def __init__(self, title: str, vehicle: Vehicle, measured: Motion, predict: Predict, horizon: float) -> None:
+        super().__init__()
+        self.title, self.vehicle, self.predict = title, vehicle, predict
+        start, end = float(measured.time[0]), float(measured.time[-1])
+        # the last one may lie a rounding error behind the end
+        self._times = np.minimum(start + np.arange(int((end - start) * RATE + 1e-6) + 1) / RATE, end)
+        self.measured = measured.at(self._times)
+        self.furthest = self.steps - 1
+        self.show(self.predict(horizon), horizon)
+
+    @property
+    def rate(self) -> int:
+        """Pictures per second, Hz."""
+        return RATE
+
+    @property
+    def steps(self) -> int:
+        """Number of pictures."""
+        return len(self._times)
+
+    def show(self, found: PredictedMotion, horizon: float) -> None:
+        """Replace the prediction by one over another horizon, s."""
+        self.horizon, self.model = horizon, found.model.at(self._times)
+        held = found.held.at(self._times)
+        self.errors = np.stack(distance_between(self.model, self.measured))
+        self.held_errors = np.stack(distance_between(held, self.measured))
+        before = np.searchsorted(found.begins, self._times, "right") - 1
+        age = self._times - np.concatenate([found.begins, [np.nan]])[before]
+        self.age: Array = np.where(np.isfinite(self.errors[0]), age, np.nan)
+
+    @property
+    def curves(self) -> tuple[ErrorCurves, ErrorCurves]:
+        """Errors of the model, and of held velocity and rate, for plots."""
+        return ErrorCurves("model", self, lambda: self.errors), ErrorCurves("held", self, lambda: self.held_errors)
+
+    def trails(self, seconds: float) -> tuple[Array, Array]:
+        """Line segments (N, 2, 3), m, of the base in the last seconds: measured, and predicted between begins."""
+        rows = np.arange(max(0, self.tick - round(seconds * RATE)), self.tick + 1)
+        measured = _segments(self.measured.position[rows])
+        own = np.diff(self.age[rows]) > 0.0
+        return measured, _segments(self.model.position[rows])[own]
+
+    def advance(self, seconds: float) -> None:
+        """Go forward by as much time as has passed on the wall clock, s; from the end begin again."""
+        if self.playing and self.tick == self.steps - 1:
+            self.go(0)
+        super().advance(seconds)
+
+    def go(self, tick: int) -> None:
+        """Go to a given picture; playing ends with the last one."""
+        super().go(tick)
+        if self.tick == self.steps - 1:
+            self.playing = False
+
+    def reset(self) -> None:
+        """Begin again."""
+        super().reset()
+        self.furthest = self.steps - 1
+
+
+def _segments(places: Array) -> Array:
+    """Line segments (N - 1, 2, 3) between places (N, 3)."""
+    return np.stack([places[:-1], places[1:]], axis=1)
+
+
+def mean_error(errors: Array) -> tuple[float, float]:
+    """Root mean squares of errors (2, N) of position, m, and attitude, rad; NaN where nothing is predicted."""
+    known = errors[:, np.isfinite(errors).all(axis=0)]
+    position, attitude = np.sqrt((known**2).mean(axis=1)).tolist() if known.size else (np.nan, np.nan)
+    return position, attitude

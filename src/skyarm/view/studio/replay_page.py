@@ -1,0 +1,165 @@
+"""Web page of a measured flight: its vehicle as a ghost, and the model's flight under the same commands."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.view.studio.clock import Clock
+from skyarm.view.studio.controls import Chart, Column, add_clock, literal, on_user_input
+from skyarm.view.studio.page_loop import PageLoop
+from skyarm.view.studio.picture import COLORS, GHOST, SLOW, STAGE, TRAIL, VIEWS, Stage, tones_of
+from skyarm.view.studio.replay import HORIZONS, Replay, mean_error
+from skyarm.view.studio.scene_nodes import VehicleNodes
+from skyarm.world.scene.vehicle_shapes import longest_boom, place
+
+Array = npt.NDArray[np.float64]
+
+GHOST_OPACITY = 0.6
+"""Of the measured vehicle: more than that of a reference, since it is what flew."""
+
+USUAL_BOOM = 0.17
+"""m: boom of the vehicle that the first view of simulated flights is made for."""
+
+
+class ReplayPicture(Stage):
+    """3D picture of a replay: the measured vehicle as a ghost, the model's vehicle solid, and both trails.
+
+    Args:
+        server: of viser. replay: that is drawn.
+    """
+
+    def __init__(self, server: Any, replay: Replay) -> None:
+        super().__init__(server)
+        self.follow = True
+        scene, vehicle, size = self._scene, replay.vehicle, longest_boom(replay.vehicle) / USUAL_BOOM
+        self._ghost = VehicleNodes(scene, f"{STAGE}/measured", vehicle, tones_of(GHOST, GHOST_OPACITY))
+        self._model = VehicleNodes(scene, f"{STAGE}/model", vehicle, tones_of(COLORS[0]))
+        self._origin = replay.measured.position[0]
+        low, high = replay.measured.position.min(axis=0), replay.measured.position.max(axis=0)
+        # a viewer may leave out lines where the first ones are not seen: they span the flight
+        reached = np.array([[low, high]], dtype=np.float32)
+        self._trails = [
+            scene.add_line_segments(f"{STAGE}/{name}_trail", reached, color, thickness=0.004 * size)
+            for name, color in (("measured", GHOST), ("model", COLORS[0]))
+        ]
+        self._ground.width = self._ground.height = max(12.0, 2.0 * float(np.ceil((high - low)[:2].max())))
+        self._ground.position = (*np.round(0.5 * (low + high)[:2]), min(0.0, float(low[2])))
+        camera = server.initial_camera
+        # below the vehicle, which stands above the sheet of a phone and left of a wide screen's
+        camera.look_at = tuple(self._origin + size * np.array([0.12, 0.08, -0.28]))
+        camera.position = tuple(self._origin + size * VIEWS[0])
+
+    def draw(self, replay: Replay) -> None:
+        """Draw the replay at the current time."""
+        self._frame += 1
+        for nodes, motion in ((self._ghost, replay.measured), (self._model, replay.model)):
+            k = replay.tick
+            known = bool(np.isfinite(motion.position[k]).all())
+            nodes.show(known)
+            if known:
+                placed = place(replay.vehicle, motion.position[k], motion.quaternion[k], motion.joints[k])
+                nodes.place(placed.rotations, placed.positions)
+        self._follow(replay.measured.position[replay.tick])
+        if self._frame % SLOW == 0:
+            for node, segments in zip(self._trails, replay.trails(TRAIL), strict=True):
+                node.points = (segments if len(segments) else np.zeros((1, 2, 3))).astype(np.float32)
+
+
+class ReplayPage(PageLoop):
+    """Web page of a measured flight next to its model.
+
+    Args:
+        server: of viser. replay: that is shown.
+    """
+
+    def __init__(self, server: Any, replay: Replay) -> None:
+        super().__init__(server)
+        self.replay = replay
+        server.gui.configure_theme(show_logo=False, show_share_button=False)
+        self._picture = ReplayPicture(server, replay)
+        self._worker, self._predicting = ThreadPoolExecutor(max_workers=1, thread_name_prefix="prediction"), False
+        gui = server.gui
+        self._status = gui.add_markdown(self._text())
+        self._time = add_clock(gui, self.do, (replay.steps - 1) / replay.rate)
+        low, high = HORIZONS
+        first = min(max(replay.horizon, low), high)
+        hint = "the model is set back to the measured position, attitude, velocity and rate after this time"
+        horizon = gui.add_slider("set back every (s)", low, high, 0.05, first, hint=hint)
+        self._horizon = replay.horizon
+        on_user_input(horizon, lambda value: self._orders.put(lambda: setattr(self, "_horizon", value)))
+        follow = gui.add_checkbox("follow", True, hint="the camera goes along with the measured vehicle")
+        on_user_input(follow, lambda value: self._orders.put(lambda: setattr(self._picture, "follow", value)))
+        shown: dict[str, Column] = {
+            "position error (mm)": lambda seen: 1e3 * seen.position,
+            "attitude error (deg)": lambda seen: math.degrees(seen.attitude),
+        }
+        self._charts = [Chart(gui, f"{title}, orange: held", replay.curves, {"": get}) for title, get in shown.items()]
+
+    def do(self, work: Callable[[Clock], None]) -> None:
+        """Queue a function of the clock, to be called before the next frame."""
+        self._orders.put(lambda: work(self.replay))
+
+    def _handle_inputs(self) -> None:
+        super()._handle_inputs()
+        # of a slider that is moved meanwhile only the last place counts
+        if self._horizon != self.replay.horizon and not self._predicting:
+            self._predicting = True
+            self._worker.submit(self._predict, self._horizon)
+
+    def _predict(self, horizon: float) -> None:
+        """Predict over another horizon, s, which takes seconds, while the page plays on."""
+        found = self.replay.predict(horizon)
+
+        def show() -> None:
+            self._predicting = False
+            self.replay.show(found, horizon)
+            self._picture.hurry()
+
+        self._orders.put(show)
+
+    def _close(self) -> None:
+        self._worker.shutdown(wait=False, cancel_futures=True)
+
+    def _advance(self, seconds: float) -> None:
+        self.replay.advance(seconds)
+
+    def _draw(self) -> None:
+        self._picture.draw(self.replay)
+
+    def _draw_slowly(self) -> None:
+        for chart in self._charts:
+            chart.draw()
+        if self.replay.playing:
+            self._time.value = self.replay.time
+        self._status.content = self._text()
+
+    def _text(self) -> str:
+        """Status text of the page: clock, current errors, and those of the whole flight."""
+        replay = self.replay
+        clock = "at its end" if replay.tick == replay.steps - 1 else "playing" if replay.playing else "paused"
+        age = replay.age[replay.tick]
+        now = "no prediction here, near the ground, a gap or an end of the log"
+        if math.isfinite(age):
+            now = f"{_in_words(*replay.errors[:, replay.tick])}, {age:.2f} s after it was set back"
+        whole, held = mean_error(replay.errors), mean_error(replay.held_errors)
+        lines = [
+            f"**{literal(replay.title)}**",
+            f"{replay.time:.2f} s, {clock}, {replay.speed:g}x",
+            f"model {literal(replay.vehicle.name)}: {now}",
+            f"root mean square: {_in_words(*whole)}; with held velocity and rate: {_in_words(*held)}",
+            "Grey: measured. Blue: model under the recorded commands. An open loop drifts: it is set back to the "
+            f"measured state every {replay.horizon:g} s.",
+            *(["Predicting ..."] if self._predicting else []),
+        ]
+        return "\n\n".join([*lines, *([literal(self._words)] if self._words else [])])
+
+
+def _in_words(position: float, attitude: float) -> str:
+    """Errors of position (m) and attitude (rad) in words."""
+    return f"{1e3 * position:.3g} mm, {math.degrees(attitude):.3g} deg"
