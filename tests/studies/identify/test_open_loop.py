@@ -64,6 +64,22 @@ def test_many_begins_equal_one_at_a_time(flown):
         np.testing.assert_allclose(together.quaternion[i], alone.quaternion[0], rtol=0, atol=1e-12)
 
 
+def test_many_horizons_equal_one_at_a_time(flown):
+    stretch, poses = flown
+    used = np.ones(stretch.size, dtype=bool)
+    used[[400, 1200]] = False
+    gappy = dataclasses.replace(stretch, used=used)
+    together = predict_flights(vehicle(), ABOUT, [(gappy, poses)], [0.002, 0.05, 0.2])
+    for horizon, pair in zip((0.002, 0.05, 0.2), together, strict=True):
+        periods = round(horizon / PERIOD)
+        begins = begins_of(gappy, periods, vehicle(), ABOUT)
+        last = predict_ahead(vehicle(), ABOUT, gappy, poses, begins, periods)[-1]
+        position, _, attitude, _ = errors_of(last, gappy, poses, [k + periods for k in begins])
+        assert [each.begins for each in pair] == [len(begins)] * 2
+        assert pair[0].position == pytest.approx(math.sqrt((position**2).mean()), rel=1e-12)
+        assert pair[0].attitude == pytest.approx(math.sqrt((attitude**2).mean()), rel=1e-12)
+
+
 def test_holding_goes_on_straight_and_turns_evenly(flown):
     stretch, poses = flown
     held = hold(stretch, poses, [100], 0.5)

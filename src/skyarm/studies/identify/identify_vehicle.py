@@ -126,7 +126,7 @@ def identify_vehicle(
     """Identify the parameters of a vehicle from measured flights.
 
     Args:
-        stretches: of the flights.
+        stretches: of the flights; those below 160 periods do not count.
         start: vehicle with what is known before: data sheet, drawing.
         curve: find a thrust curve of its own in place of the start's times a factor.
         driven: of each joint, whether its torque is commanded; by default, if the stretches hold any torque of it.
@@ -142,6 +142,7 @@ def identify_vehicle(
     Raises:
         ValueError: one line: flights that do not fit the vehicle, or nothing to identify, or SciPy is missing.
     """
+    stretches = long_stretches(stretches)
     search = search_of(
         stretches,
         start,
@@ -239,6 +240,7 @@ def search_of(
     Raises:
         ValueError: one line: flights that do not fit the vehicle, or nothing to identify.
     """
+    stretches = long_stretches(stretches)
     _check(stretches, start)
     moved = [any(bool(np.any(each.efforts[:, i])) for each in stretches) for i in range(start.n)]
     driven = moved if driven is None else driven
@@ -298,6 +300,20 @@ def intervals_at(found: PredictionFit, search: Search, period: float) -> tuple[I
     return _identified_numbers(found, _scale(found, search), search.prior, period)[0]
 
 
+def long_stretches(stretches: Sequence[Stretch]) -> list[Stretch]:
+    """Stretches that are long enough for a whitening filter.
+
+    Raises:
+        ValueError: one line: there are some, and none is.
+    """
+    found = [each for each in stretches if each.size >= LEAST * ORDER]
+    if stretches and not found:
+        longest = max(stretches, key=lambda each: each.size)
+        at = f"{longest.name}, from {longest.start:g} s"
+        raise ValueError(f"{at}: {longest.size} periods: must be at least {LEAST * ORDER}")
+    return found
+
+
 def _check(stretches: Sequence[Stretch], start: Vehicle) -> None:
     """Raise an error in one line for flights that do not fit a vehicle."""
     if not stretches:
@@ -309,8 +325,6 @@ def _check(stretches: Sequence[Stretch], start: Vehicle) -> None:
             raise ValueError(f"{at}: rotor commands: there are {commands}, vehicle '{start.name}' has {rotors} rotors")
         if each.joints.shape[1] != start.n:
             raise ValueError(f"{at}: joints: there are {each.joints.shape[1]}, vehicle '{start.name}' has {start.n}")
-        if each.size < LEAST * ORDER:
-            raise ValueError(f"{at}: {each.size} periods: must be at least {LEAST * ORDER}")
         if abs(each.period - stretches[0].period) > UNEVEN * stretches[0].period:
             raise ValueError(f"{at}: period = {each.period:g} s: must be {stretches[0].period:g} s, as of the first")
         for name in (

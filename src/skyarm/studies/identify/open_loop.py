@@ -22,6 +22,9 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 Array: TypeAlias = npt.NDArray[np.float64]
 
+Errors: TypeAlias = tuple[Array, Array, Array, Array]
+"""Distances (K,) of positions, velocities, attitudes and rates."""
+
 HORIZONS = (0.01, 0.1, 0.5, 1.0)
 """s, of the reported errors."""
 
@@ -95,32 +98,66 @@ def predict_ahead(
     Returns:
         States after 0, 1, ... periods.
     """
-    memo, h = Memo(), stretch.period
-    rows = np.asarray(begins, dtype=int)
-    now = BaseStates(poses.position[rows], poses.quaternion[rows], poses.velocity[rows], stretch.rate[rows])
-    pushed = np.zeros((len(rows), 6, 2))
-    if disturbances is not None:
-        sums = unexplained_sums(vehicle, about, stretch, poses, gravity)
-        velocity, rate, pushed = begin_at(disturbances, sums, stretch, poses, rows)
-        now = replace(now, velocity=velocity, rate=rate)
-    found = [now]
+    now, pushed = _begin(vehicle, about, stretch, poses, np.asarray(begins, dtype=int), gravity, disturbances)
+    memo, found = Memo(), [now]
     for k in range(periods):
-        beside = np.zeros((len(rows), 6)) if disturbances is None else disturbances.ahead(pushed, h, k)
-
-        def slopes(at: BaseStates, place: npt.NDArray[np.int_], beside: Array = beside) -> tuple[Array, Array]:
-            R = Quaternion(*at.quaternion.T).rotation()
-            speed = R.apply_T(Vec3(*at.velocity.T))
-            linear, angular = base_acceleration(vehicle, about, stretch, place, Vec3(*at.rate.T), speed, memo)
-            force = R.apply(linear + Vec3(*beside[:, :3].T))
-            world = np.stack([each + np.zeros(len(place)) for each in force], axis=1)
-            world[:, 2] -= gravity
-            return world, np.stack([each + np.zeros(len(place)) for each in angular], axis=1) + beside[:, 3:]
-
-        first = slopes(now, rows + k)
-        middle = _advance(now, *first, 0.5 * h)
-        now = _advance(now, *slopes(middle, rows + k), h, middle)
-        found.append(now)
+        beside = np.zeros((len(begins), 6)) if disturbances is None else disturbances.ahead(pushed, stretch.period, k)
+        found.append(_next(vehicle, about, stretch, np.asarray(begins) + k, found[-1], beside, memo, gravity))
     return found
+
+
+def _begin(
+    vehicle: Vehicle,
+    about: Surroundings,
+    stretch: Stretch,
+    poses: Poses,
+    rows: npt.NDArray[np.int_],
+    gravity: float,
+    disturbances: DisturbanceModel | None,
+) -> tuple[BaseStates, Array]:
+    """States and disturbances (K, 6, 2) at some instants, from what is measured until then."""
+    now = BaseStates(poses.position[rows], poses.quaternion[rows], poses.velocity[rows], stretch.rate[rows])
+    if disturbances is None or not len(rows):
+        return now, np.zeros((len(rows), 6, 2))
+    sums = unexplained_sums(vehicle, about, stretch, poses, gravity)
+    velocity, rate, pushed = begin_at(disturbances, sums, stretch, poses, rows)
+    return replace(now, velocity=velocity, rate=rate), pushed
+
+
+def _next(
+    vehicle: Vehicle,
+    about: Surroundings,
+    stretch: Stretch,
+    place: npt.NDArray[np.int_],
+    now: BaseStates,
+    beside: Array,
+    memo: Memo,
+    gravity: float,
+) -> BaseStates:
+    """States at the ends of periods from those at their begins, by the midpoint rule.
+
+    Args:
+        vehicle: rigid bodies and rotors.
+        about: delays and offsets.
+        stretch: commands and joints.
+        place: (K,) numbers of the periods.
+        now: at their begins.
+        beside: (K, 6) accelerations that the commands do not explain, linear and angular, base axes.
+        memo: of this stretch.
+        gravity: m/s^2.
+    """
+
+    def slopes(at: BaseStates) -> tuple[Array, Array]:
+        R = Quaternion(*at.quaternion.T).rotation()
+        speed = R.apply_T(Vec3(*at.velocity.T))
+        linear, angular = base_acceleration(vehicle, about, stretch, place, Vec3(*at.rate.T), speed, memo)
+        force = R.apply(linear + Vec3(*beside[:, :3].T))
+        world = np.stack([each + np.zeros(len(place)) for each in force], axis=1)
+        world[:, 2] -= gravity
+        return world, np.stack([each + np.zeros(len(place)) for each in angular], axis=1) + beside[:, 3:]
+
+    middle = _advance(now, *slopes(now), 0.5 * stretch.period)
+    return _advance(now, *slopes(middle), stretch.period, middle)
 
 
 def _advance(
@@ -138,16 +175,14 @@ def _advance(
     )
 
 
-def hold(stretch: Stretch, poses: Poses, begins: Sequence[int], seconds: float) -> BaseStates:
+def hold(stretch: Stretch, poses: Poses, begins: Sequence[int] | npt.NDArray[np.int_], seconds: float) -> BaseStates:
     """BaseStates of the base whose velocity and rate stay as they are."""
     rows = np.asarray(begins, dtype=int)
     now = BaseStates(poses.position[rows], poses.quaternion[rows], poses.velocity[rows], stretch.rate[rows])
     return _advance(now, np.zeros((len(rows), 3)), np.zeros((len(rows), 3)), seconds)
 
 
-def errors_of(
-    motion: BaseStates, stretch: Stretch, poses: Poses, rows: Sequence[int] | npt.NDArray[np.int_]
-) -> tuple[Array, Array, Array, Array]:
+def errors_of(motion: BaseStates, stretch: Stretch, poses: Poses, rows: Sequence[int] | npt.NDArray[np.int_]) -> Errors:
     """Distances (K,) of states from those measured at some instants: position, velocity, attitude (rad), rate."""
     place = np.asarray(rows, dtype=int)
     position, velocity, rate = (
@@ -174,7 +209,7 @@ def begins_of(stretch: Stretch, periods: int, vehicle: Vehicle, about: Surroundi
     return [k for k in range(first, stretch.size - periods + 1, step) if stretch.used[k : k + periods].all()]
 
 
-def mean_errors(pieces: Sequence[tuple[Array, Array, Array, Array]], horizon: float) -> HorizonErrors:
+def mean_errors(pieces: Sequence[Errors], horizon: float) -> HorizonErrors:
     """Root mean squares over the predictions of several stretches."""
     columns = [np.concatenate(each) for each in zip(*pieces, strict=True)] if pieces else [np.zeros(0)] * 4
     squares = [math.sqrt(float((each**2).mean())) if each.size else math.nan for each in columns]
@@ -211,19 +246,14 @@ def predict_flights(
     Returns:
         For each horizon the errors of the model, and those of holding; of a horizon below a period those of one.
     """
-    found = []
-    for i, horizon in enumerate(horizons):
-        model, held = [], []
-        for stretch, poses in flights:
-            ends, last, going, rest = _ends_of(vehicle, about, stretch, poses, horizon, gravity, disturbances)
-            if not len(ends):
-                continue
-            if weights is not None:
-                last = weights[i].mix(last, going, rest)
-            model.append(errors_of(last, stretch, poses, ends))
-            held.append(errors_of(going, stretch, poses, ends))
-        found.append((mean_errors(model, horizon), mean_errors(held, horizon)))
-    return found
+    model: list[list[Errors]] = [[] for _ in horizons]
+    held: list[list[Errors]] = [[] for _ in horizons]
+    for stretch, poses in flights:
+        for i, each in _ends_of(vehicle, about, stretch, poses, horizons, gravity, disturbances).items():
+            last = each.model if weights is None else weights[i].mix(each.model, each.held, each.rest)
+            model[i].append(errors_of(last, stretch, poses, each.rows))
+            held[i].append(errors_of(each.held, stretch, poses, each.rows))
+    return [(mean_errors(model[i], horizon), mean_errors(held[i], horizon)) for i, horizon in enumerate(horizons)]
 
 
 def rotations(first: Array, second: Array) -> Array:
@@ -278,19 +308,18 @@ def fit_weights(
     A controller keeps a vehicle where a model alone, from a state that is known a little wrong, departs from it; the
     longer the horizon, the less of the model's prediction counts. Flights must be those of the fit, not the predicted.
     """
-    found = []
-    for horizon in horizons:
-        rows: list[list[tuple[Array, Array]]] = [[], [], [], []]
-        for stretch, poses in flights:
-            ends, model, held, rest = _ends_of(vehicle, about, stretch, poses, horizon, gravity, disturbances)
-            if not len(ends):
-                continue
-            goals = (model.quaternion, rest.quaternion, poses.quaternion[ends])
-            turns = [rotations(held.quaternion, each) for each in goals]
-            rows[0].append((np.stack([model.position - held.position]), poses.position[ends] - held.position))
-            rows[1].append((np.stack([model.velocity - held.velocity]), poses.velocity[ends] - held.velocity))
+    parts: list[list[list[tuple[Array, Array]]]] = [[[], [], [], []] for _ in horizons]
+    for stretch, poses in flights:
+        for i, each in _ends_of(vehicle, about, stretch, poses, horizons, gravity, disturbances).items():
+            model, held, rest, rows = each.model, each.held, each.rest, parts[i]
+            goals = (model.quaternion, rest.quaternion, poses.quaternion[each.rows])
+            turns = [rotations(held.quaternion, goal) for goal in goals]
+            rows[0].append((np.stack([model.position - held.position]), poses.position[each.rows] - held.position))
+            rows[1].append((np.stack([model.velocity - held.velocity]), poses.velocity[each.rows] - held.velocity))
             rows[2].append((np.stack(turns[:2]), turns[2]))
-            rows[3].append((np.stack([model.rate - held.rate, -held.rate]), stretch.rate[ends] - held.rate))
+            rows[3].append((np.stack([model.rate - held.rate, -held.rate]), stretch.rate[each.rows] - held.rate))
+    found = []
+    for rows in parts:
         position, velocity, attitude, rate = (_shares(each) for each in rows)
         found.append(Weights(position[0], velocity[0], attitude, rate))
     return found
@@ -304,21 +333,48 @@ def _shares(rows: Sequence[tuple[Array, Array]]) -> Array:
     return found
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Ends:
+    """Predictions a horizon after their begins.
+
+    Attributes:
+        rows: (K,) numbers of the instants there.
+        model, held, rest: states by the model, by holding, and by holding without turning.
+    """
+
+    rows: npt.NDArray[np.int_]
+    model: BaseStates
+    held: BaseStates
+    rest: BaseStates
+
+
 def _ends_of(
     vehicle: Vehicle,
     about: Surroundings,
     stretch: Stretch,
     poses: Poses,
-    horizon: float,
+    horizons: Sequence[float],
     gravity: float,
     disturbances: DisturbanceModel | None,
-) -> tuple[npt.NDArray[np.int_], BaseStates, BaseStates, BaseStates]:
-    """Instants a horizon (s) after each begin, the model's prediction there, holding, and holding without turning."""
-    periods = max(1, round(horizon / stretch.period))
-    begins = begins_of(stretch, periods, vehicle, about, 0.0 if disturbances is None else SETTLED)
-    held = hold(stretch, poses, begins, periods * stretch.period)
-    rest = replace(held, quaternion=poses.quaternion[begins], rate=0.0 * held.rate) if begins else held
-    if not begins:
-        return np.zeros(0, dtype=int), held, held, rest
-    model = predict_ahead(vehicle, about, stretch, poses, begins, periods, gravity, disturbances)[-1]
-    return np.array(begins) + periods, model, held, rest
+) -> dict[int, Ends]:
+    """Predictions of a stretch over horizons (s), by their number, in one pass; none for those that nothing begins at.
+
+    A prediction that ends, as a period does not count, is left out of the pass.
+    """
+    after, h = 0.0 if disturbances is None else SETTLED, stretch.period
+    ends = [max(1, round(horizon / h)) for horizon in horizons]
+    last = max((end for end in ends if begins_of(stretch, end, vehicle, about, after)), default=0)
+    rows = np.asarray(begins_of(stretch, 1, vehicle, about, after), dtype=int)
+    now, pushed = _begin(vehicle, about, stretch, poses, rows, gravity, disturbances)
+    memo, found = Memo(), dict[int, Ends]()
+    for k in range(last):
+        inside = (rows + k < stretch.size) & stretch.used[np.minimum(rows + k, stretch.size - 1)]
+        rows, pushed = rows[inside], pushed[inside]
+        now = BaseStates(now.position[inside], now.quaternion[inside], now.velocity[inside], now.rate[inside])
+        beside = np.zeros((len(rows), 6)) if disturbances is None else disturbances.ahead(pushed, h, k)
+        now = _next(vehicle, about, stretch, rows + k, now, beside, memo, gravity)
+        for i in (i for i, end in enumerate(ends) if end == k + 1):
+            held = hold(stretch, poses, rows, (k + 1) * h)
+            rest = replace(held, quaternion=poses.quaternion[rows], rate=0.0 * held.rate)
+            found[i] = Ends(rows + k + 1, now, held, rest)
+    return found
