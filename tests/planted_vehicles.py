@@ -55,9 +55,9 @@ def multisine(amplitude, low, high, count, seed):
     return Product(Sum(tuple(sines)), EASE)
 
 
-def fly_planted(seed, duration=60.0):
+def fly_planted(seed, duration=60.0, more=None):
     """A planted vehicle's numbers, the vehicle, and its flight as its sensors measured it."""
-    numbers = plant_numbers(seed)
+    numbers = plant_numbers(seed) | (more or {})
     vehicle = vehicle_with(NOMINAL, numbers, checked=True)
     base = of_vehicle(NOMINAL)
     joints = tuple(

@@ -22,7 +22,7 @@ R = TypeVar("R", Rotor, Link, Body, Joint, PositionServo, MountedDrive)
 SCALED = ("thrust_coefficient", "moment_coefficient", "time_constant_up", "time_constant_down")
 """Numbers of a rotor that are above 0: of each rotor in the proportion of the start vehicle."""
 
-FRICTIONS = ("damping", "coulomb", "armature")
+FRICTIONS = ("damping", "coulomb", "coulomb_rate", "armature")
 """Numbers of a joint that may be identified."""
 
 OF_SERVOS = ("stiffness", "damping", "integral", "latency", "speed_limit")

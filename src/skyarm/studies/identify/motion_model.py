@@ -8,6 +8,7 @@ on the left side, so that no number is diluted by it (as those of a fit of inver
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
@@ -49,6 +50,7 @@ class Stretch:
         sampled_rate: (N * samples + 1, 3) rad/s as measured, for servo joints; by default between the instants.
         sampled_force: (N * samples, 3) m/s^2 likewise.
         sampled_joints: (N * samples + 1, n) likewise.
+        rate_noise: (n,) standard deviation of the noise of a joint's mean rate of a period; 0 by default.
     """
 
     name: str
@@ -70,6 +72,7 @@ class Stretch:
     sampled_rate: Array = field(default_factory=lambda: np.zeros((0, 3)))
     sampled_force: Array = field(default_factory=lambda: np.zeros((0, 3)))
     sampled_joints: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    rate_noise: Array = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         if not self.used.size:
@@ -82,6 +85,17 @@ class Stretch:
         sampled = rows.reshape(self.size * self.samples, self.fine // self.samples, *rows.shape[1:]).mean(axis=1)
         found: Array = moving_mean(sampled, self.width).reshape(self.size, self.samples, *rows.shape[1:]).mean(axis=1)
         return found
+
+    @property
+    def rate_spread(self) -> Array:
+        """Standard deviation (N, n) of the joint rates about their means over each period: motion and noise.
+
+        The mean of a dry friction over it, given the measured mean of the rate, is what acts on the mean acceleration.
+        """
+        turning = np.diff(self.joint_rates, axis=0) / self.period
+        mean = self.width * self.period / self.samples if self.width > 1 else 0.0
+        noise = self.rate_noise if self.rate_noise.size else np.zeros(self.joints.shape[1])
+        return np.asarray(np.hypot(turning * math.hypot(self.period, mean) / math.sqrt(12.0), noise))
 
     def samples_of_motion(self) -> tuple[Array, Array, Array]:
         """Rate (N * samples + 1, 3), specific force (N * samples, 3) and joints (N * samples + 1, n) at each sample."""
@@ -201,6 +215,9 @@ class Memo:
 
 WAYS = ("up", "down")
 
+BLUR = math.sqrt(0.5 * math.pi)
+"""Standard deviations of a rate by which the bend of its tanh widens: E[sign] of a normal is near that tanh."""
+
 MEMORY = 6
 """Series that a memo keeps."""
 
@@ -302,12 +319,13 @@ def _joint_efforts(
     vehicle: Vehicle, about: Surroundings, stretch: Stretch, place: Rows, joint_rates: Sequence[Array]
 ) -> list[Array]:
     """Joint torques or forces after dead time and limit, less friction, in some periods."""
-    late = delay_commands(stretch.efforts, stretch.period / stretch.fine, about.joint_delay)
+    late = stretch.means(delay_commands(stretch.efforts, stretch.period / stretch.fine, about.joint_delay))
+    spread = stretch.rate_spread[place]
     return [
         np.clip(torque, -float(link.joint.effort_limit), float(link.joint.effort_limit))
         - link.joint.damping * x
-        - link.joint.coulomb * np.tanh(x / float(link.joint.coulomb_rate))
-        for link, torque, x in zip(vehicle.links, stretch.means(late)[place].T, joint_rates, strict=True)
+        - link.joint.coulomb * np.tanh(x / np.hypot(float(link.joint.coulomb_rate), BLUR * around))
+        for link, torque, x, around in zip(vehicle.links, late[place].T, joint_rates, spread.T, strict=True)
     ]
 
 

@@ -153,6 +153,28 @@ def attitude_at(flight: FlightData, time: Array) -> Array:
     return np.asarray(q / np.linalg.norm(q, axis=1, keepdims=True))
 
 
+def _impulse(width: int, samples: int) -> Array:
+    """One among zeros, longer than all that measurements are averaged over."""
+    return np.asarray(np.eye(1, 4 * (width + samples) + 1, 2 * (width + samples))[0])
+
+
+def _noise_of_means(rows: Array, response: Array, width: int, samples: int) -> Array:
+    """Standard deviation of the noise of a period's mean rate, from the white noise of samples (N, n).
+
+    Differences of the fourth order hold noise alone: a motion of 2 Hz at 200 Hz has 2e-5 of its size in them.
+
+    Args:
+        rows: positions or rates.
+        response: of a rate to an impulse in them.
+        width: samples of the moving mean.
+        samples: per period.
+    """
+    white = 1.4826 * np.median(np.abs(np.diff(rows, 4, axis=0)), axis=0) / math.sqrt(70.0)
+    smooth = moving_mean(response, width)
+    gain = math.sqrt(float(((0.5 * (smooth[samples:] + smooth[:-samples])) ** 2).sum()))
+    return np.asarray(white * gain)
+
+
 def _is_late(measured: Array, central: Array) -> bool:
     """True if measured joint rates look like differences to the sample before, half a sample late.
 
@@ -254,7 +276,7 @@ def _stretch(
         place = np.searchsorted(channel.time, instants, side="right") - 1
         return np.asarray(channel.values[np.maximum(place, 0)])
 
-    joints, rates = np.zeros((len(time), n)), np.zeros((len(time), n))
+    joints, rates, noise = np.zeros((len(time), n)), np.zeros((len(time), n)), np.zeros(n)
     if n:
         joints = at("joint_positions")
         if joints.shape[1] != n:
@@ -262,8 +284,10 @@ def _stretch(
                 f"{flight.name}: joint_positions: {joints.shape[1]} columns, vehicle '{start.name}' has {n}"
             )
         rates = np.asarray(np.gradient(joints, step, axis=0))
+        noise = _noise_of_means(joints, np.gradient(_impulse(width, samples), step), width, samples)
         if "joint_rates" in flight and not _is_late(at("joint_rates"), rates):
             rates = at("joint_rates")
+            noise = _noise_of_means(rates, _impulse(width, samples), width, samples)
     still = np.zeros((periods * samples * finer, n))
 
     def held_joints(name: str) -> Array:
@@ -299,4 +323,5 @@ def _stretch(
         sampled_rate=at("gyro"),
         sampled_force=middle(at("accelerometer")),
         sampled_joints=joints,
+        rate_noise=noise,
     )

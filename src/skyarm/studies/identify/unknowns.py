@@ -33,6 +33,9 @@ DRAG_HEIGHT = "rotors.drag_height"
 (Mahony, Kumar, Corke 2012), so that a force that acts above the hubs stands for both.
 """
 
+DRY = 0.1
+"""Of a link's weight at its reach, dry friction of which a joint without any on record is thought capable."""
+
 WIND = 0.3
 """1/s, drag of the rotors over speed and mass of which a start without hub drag is thought capable."""
 
@@ -179,10 +182,12 @@ def _of_link(link: Link, moves: bool) -> list[Unknown]:
     if any(float(getattr(body.inertia, each.name)) for each in fields(Sym3)):
         found.append(_above(f"{name}.inertia", "times", 1.0, 0.4))
     if moves:
-        unit = joint.units[1]
+        (angle, unit), weight = joint.units, 9.81 * float(body.mass) * (reach if joint.turns else 1.0)
+        friction = _above if float(joint.coulomb) else _any
         found += [
-            _above(f"{name}.joint.damping", f"{unit} s/{joint.units[0]}", joint.damping, 0.7),
-            _above(f"{name}.joint.coulomb", unit, joint.coulomb, 0.7),
+            _above(f"{name}.joint.damping", f"{unit} s/{angle}", joint.damping, 0.7),
+            friction(f"{name}.joint.coulomb", unit, joint.coulomb, 0.7 if float(joint.coulomb) else DRY * weight),
+            _above(f"{name}.joint.coulomb_rate", f"{angle}/s", joint.coulomb_rate if joint.coulomb else 0, 1.5),
             _above(f"{name}.joint.armature", "kg m^2" if joint.turns else "kg", joint.armature, 0.7),
         ]
     return found
@@ -201,6 +206,12 @@ def _of_servo(vehicle: Vehicle, joint: int) -> list[Unknown]:
         _above(f"{name}.integral", f"{effort}/({angle} s)", servo.integral, 0.7),
         _any(f"{name}.latency", "s", servo.latency, DELAY_SPREAD),
         _any(f"links.{link.name}.joint.coulomb", effort, link.joint.coulomb, usual),
+        _above(
+            f"links.{link.name}.joint.coulomb_rate",
+            f"{angle}/s",
+            link.joint.coulomb_rate if link.joint.coulomb else 0,
+            1.5,
+        ),
         _above(f"links.{link.name}.joint.armature", "kg m^2" if link.joint.turns else "kg", link.joint.armature, 0.7),
     ]
     if math.isfinite(float(servo.speed_limit)):
