@@ -1,8 +1,8 @@
 """Information of a measured flight: how accurately an identification could find each number of a vehicle.
 
-The prediction's errors are linearised at the start vehicle; the linear fit's noise, scores and information, with what
-is known before, give the interval that the whole search would give (Fisher information; Ljung, System Identification,
-1999, 13.3). A number whose interval the flight hardly narrows is not excited.
+The prediction's errors are linearised at the start vehicle, and again at the estimate from that. The linear fit's
+noise, scores and information, with what is known before, give the interval that the whole search would give (Fisher
+information; Ljung, System Identification, 1999, 13.3). A number whose interval a flight hardly narrows is not excited.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ def expected_numbers(
 ) -> tuple[ExpectedNumber, ...]:
     """Accuracy that flights allow for each number of a vehicle, without the search for the numbers.
 
-    It takes about as long as one step of :func:`skyarm.studies.identify.identify_vehicle.identify_vehicle`, whose
+    It takes about as long as two steps of :func:`skyarm.studies.identify.identify_vehicle.identify_vehicle`, whose
     arguments these are.
 
     Raises:

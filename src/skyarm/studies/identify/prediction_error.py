@@ -156,11 +156,14 @@ def expected_fit(
     used: Sequence[npt.NDArray[np.bool_]] = (),
     levels: Sequence[int] = (),
 ) -> PredictionFit:
-    """Fit of the errors' linear model at the start: which accuracy a search may reach, at the cost of one step of it.
+    """Fit of the errors' linear models at the start and at its estimate: the accuracy that a search may reach.
+
+    It costs two steps of the search. At the start alone, numbers whose effect is a product with one that starts at zero
+    would seem without effect: the height of the centre of mass, at which drag acts.
 
     Args:
         errors: of a prediction.
-        start: (P,) numbers that the errors are linearised at, and the prior's mean.
+        start: (P,) numbers that the errors are linearised at first, and the prior's mean.
         prior: (P,) standard deviations of what is known before.
         steps: (P,) of the differences.
         block: rows of a block of scores.
@@ -168,29 +171,67 @@ def expected_fit(
         levels: rows whose slow drift differs from stretch to stretch.
     """
     scipy_parts()
-    values, known = start.copy(), np.diag(prior**-2.0)
-    first = errors(values)
-    raw = error_slopes(errors, values, first, steps)
-    found, weights = first, None
+    first = errors(start)
     counted = _counted_rows(first, used)
-    settled = False
+    linear = LinearErrors(start, first, error_slopes(errors, start, first, steps))
+    values, noise, settled = _settle(linear, start, prior, counted, levels)
+    there = errors(values)
+    if (noise.apply(there) ** 2).sum() < (noise.apply(first) ** 2).sum():
+        linear = LinearErrors(values, there, _larger(error_slopes(errors, values, there, steps), linear.slopes))
+        values, noise, settled = _settle(linear, start, prior, counted, levels)
+    found = linear.at(values)
+    flat, slope = _whitened_errors(noise, found, linear.slopes)
+    return _fit_at(values, found, noise, flat, slope, prior, block, settled=settled)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LinearErrors:
+    """Errors of a prediction, linear in the numbers.
+
+    Attributes:
+        point: (P,) numbers. errors: of each stretch (N, rows) there. slopes: of each number, of each stretch (N, rows).
+    """
+
+    point: Array
+    errors: Sequence[Array]
+    slopes: Sequence[Sequence[Array]]
+
+    def at(self, values: Array) -> list[Array]:
+        """Errors at other numbers (P,)."""
+        off = values - self.point
+        parts = (np.stack(rows) for rows in zip(*self.slopes, strict=True))
+        return [each + np.tensordot(off, part, axes=1) for each, part in zip(self.errors, parts, strict=True)]
+
+
+VANISHED = 0.05
+"""Of the slope at the start: below, a number has passed a bound of the model, such as drag below zero."""
+
+
+def _larger(slopes: Sequence[Sequence[Array]], before: Sequence[Sequence[Array]]) -> list[Sequence[Array]]:
+    """Slopes of each number, those before where they have vanished."""
+
+    def size(rows: Sequence[Array]) -> float:
+        return float(sum((each**2).sum() for each in rows))
+
+    return [new if size(new) > VANISHED**2 * size(old) else old for new, old in zip(slopes, before, strict=True)]
+
+
+def _settle(
+    linear: LinearErrors, start: Array, prior: Array, counted: npt.NDArray[np.bool_], levels: Sequence[int]
+) -> tuple[Array, Whitening, bool]:
+    """Numbers and noise, in turns, under which a linear model is best; and whether they came to rest."""
+    values, known, weights, settled = linear.point, np.diag(prior**-2.0), None, False
     for _ in range(TURNS):
+        found = linear.at(values)
         noise = _noise(found, counted, weights, levels)
-        flat, slope = _whitened_errors(noise, found, raw)
+        flat, slope = _whitened_errors(noise, found, linear.slopes)
         information = slope.T @ slope + known
         change = np.linalg.solve(information, slope.T @ flat + known @ (values - start))
-        values = values - change
-        found = [
-            each + np.tensordot(values - start, part, axes=1)
-            for each, part in zip(first, (np.stack(rows) for rows in zip(*raw, strict=True)), strict=True)
-        ]
-        weights = noise.weights
-        if (np.abs(change) < SETTLED * np.sqrt(np.diag(np.linalg.inv(information)))).all():
-            settled = True
+        values, weights = values - change, noise.weights
+        settled = bool((np.abs(change) < SETTLED * np.sqrt(np.diag(np.linalg.inv(information)))).all())
+        if settled:
             break
-    noise = _noise(found, counted, weights, levels)
-    flat, slope = _whitened_errors(noise, found, raw)
-    return _fit_at(values, found, noise, flat, slope, prior, block, settled=settled)
+    return values, _noise(linear.at(values), counted, weights, levels), settled
 
 
 def _fit_at(
