@@ -49,6 +49,9 @@ STAGE = "/stage"
 VIEWS = tuple(np.array([x, y, 0.38]) for x, y in ((0.72, -0.85), (-0.72, -0.85), (-0.72, 0.85), (0.72, 0.85)))
 """m from the vehicle, from where a new tab may look at it."""
 
+LOOK_AT = np.array([0.12, 0.08, -0.28])
+"""m from the vehicle, where a new tab looks: the vehicle is left of a wide screen's panel and above a phone's."""
+
 
 def tones_of(color: Sequence[int], opacity: float = 1.0) -> Paint:
     """Make a function from a shape's role to a shade of one colour; rotors are transparent."""
@@ -230,7 +233,7 @@ class Picture(Stage):
         """Initial camera of a new tab: ahead and to the right, or where no surface hides the tip."""
         hidden = [hidden_share(scene.obstacles, placed.tip[None], view / np.linalg.norm(view)) for view in VIEWS]
         camera, at = self._server.initial_camera, placed.positions[0]
-        camera.look_at = tuple(at + np.array([0.12, 0.08, -0.06]))
+        camera.look_at = tuple(at + LOOK_AT)
         camera.position = tuple(at + VIEWS[int(np.argmin(hidden))])
 
     def draw(self, flights: Sequence[Flight]) -> None:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from skyarm.view.studio.clock import Clock
 from skyarm.view.studio.controls import Chart, Column, add_clock, literal, on_user_input
 from skyarm.view.studio.page_loop import PageLoop
-from skyarm.view.studio.picture import COLORS, GHOST, SLOW, STAGE, TRAIL, VIEWS, Stage, tones_of
+from skyarm.view.studio.picture import COLORS, GHOST, LOOK_AT, SLOW, STAGE, TRAIL, VIEWS, Stage, tones_of
 from skyarm.view.studio.replay import HORIZONS, Replay, mean_error
 from skyarm.view.studio.scene_nodes import VehicleNodes
 from skyarm.world.scene.vehicle_shapes import longest_boom, place
@@ -51,8 +51,7 @@ class ReplayPicture(Stage):
         self._ground.width = self._ground.height = max(12.0, 2.0 * float(np.ceil((high - low)[:2].max())))
         self._ground.position = (*np.round(0.5 * (low + high)[:2]), min(0.0, float(low[2])))
         camera = server.initial_camera
-        # below the vehicle, which stands above the sheet of a phone and left of a wide screen's
-        camera.look_at = tuple(self._origin + size * np.array([0.12, 0.08, -0.28]))
+        camera.look_at = tuple(self._origin + size * LOOK_AT)
         camera.position = tuple(self._origin + size * VIEWS[0])
 
     def draw(self, replay: Replay) -> None:
