@@ -122,7 +122,8 @@ def test_the_vehicle_file_flies(identified):
 def test_held_out_flights_are_predicted_better_than_by_the_start_vehicle_and_by_holding(identified):
     rows = list(csv.DictReader(Path("found/prediction.csv").read_text().splitlines()))
     at = {(row["horizon_s"], row["predictor"]): row for row in rows}
-    assert len(rows) == 3 * len(CURVE)
+    assert len(rows) == 4 * len(CURVE)
+    assert float(at["0.1", "with past"]["attitude_rad"]) < 0.5 * float(at["0.1", "hold"]["attitude_rad"])
     for horizon in ("0.1", "0.5", "1"):
         for column in ("position_m", "attitude_rad"):
             model, start, hold = (float(at[horizon, each][column]) for each in ("identified", "start vehicle", "hold"))

@@ -14,7 +14,7 @@ from skyarm.cli.output import aligned_lines, heading, shown_number
 from skyarm.flight_data.flight_data import FlightData
 from skyarm.records.files import printable
 from skyarm.studies.identify.data_faults import Fault
-from skyarm.studies.identify.held_out import HOLD, IDENTIFIED, START, HeldOut, table_horizons
+from skyarm.studies.identify.held_out import HOLD, IDENTIFIED, PAST, START, HeldOut, table_horizons
 from skyarm.studies.identify.identify_vehicle import Identified, IdentifiedNumber
 from skyarm.studies.identify.open_loop import HorizonErrors
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -88,7 +88,12 @@ UNITS = ("position_m", "velocity_m_s", "attitude_rad", "rate_rad_s")
 """Columns of errors of the table of predictions, in the order of the fields."""
 
 
-LEGEND = {IDENTIFIED: "identified vehicle", START: "start vehicle", HOLD: "velocity and rate held"}
+LEGEND = {
+    IDENTIFIED: "identified vehicle",
+    PAST: "with the flight's past",
+    START: "start vehicle",
+    HOLD: "velocity and rate held",
+}
 """Predictor -> its name in a figure."""
 
 

@@ -66,6 +66,9 @@ def identify(
         typer.Option(metavar="NAME=VALUE", help="mass=0.034, voltage=4.2, a number of the table; repeat"),
     ] = None,
     curve: Annotated[bool, typer.Option("--curve", help="a thrust curve in place of one coefficient")] = False,
+    drag_height: Annotated[
+        bool, typer.Option("--drag-height", help="hub drag acts at a height of its own; needs the velocity")
+    ] = False,
     begin: Annotated[float | None, typer.Option(help="s, of the part of each flight that counts")] = None,
     end: Annotated[float | None, typer.Option(help="s, of the part of each flight that counts")] = None,
     held_out: Annotated[
@@ -99,6 +102,7 @@ def identify(
             "--columns": columns,
             "--known": known,
             "--curve": curve,
+            "--drag-height": drag_height,
             "--begin": begin,
             "--end": end,
             "--held-out": held_out,
@@ -115,7 +119,7 @@ def identify(
         raise ValueError("FLIGHT: is missing: must be one log or more, or --design VEHICLE")
     if lags or (vehicle is None and len(flights) == 1 and _is_own_log(Path(flights[0]))):
         without = {"--columns": columns, "--known": known, "--curve": curve or None, "--held-out": held_out}
-        without["--despite-faults"] = despite_faults or None
+        without |= {"--despite-faults": despite_faults or None, "--drag-height": drag_height or None}
         for option, value in without.items():
             if value is not None:
                 raise ValueError(f"{option}: must be left out without --vehicle, and with --lags")
@@ -131,7 +135,9 @@ def identify(
         raise ValueError("--vehicle: is missing: must be the vehicle as its data sheet and drawing say")
     start, given = known_numbers(load_vehicle(vehicle), known or ())
     felt = 9.81 if gravity is None else number(gravity, "--gravity", low=0.0)
-    work = Work(flights, held_out or (), columns, start, given, curve, _sections(begin, end), felt, despite_faults)
+    work = Work(
+        flights, held_out or (), columns, start, given, curve, drag_height, _sections(begin, end), felt, despite_faults
+    )
     with taken_back(*(() if out is None else (out,))):
         _identify_vehicle(work, None if out is None else Path(out))
 
@@ -150,7 +156,8 @@ class Work:
     Attributes:
         flights: files. held_out: files of flights to predict. columns: mapping of their columns.
         start: vehicle before. known: numbers that are not searched, and the voltage.
-        curve: identify a thrust curve. sections: parts of the flights that count, s. gravity: m/s^2.
+        curve: identify a thrust curve. drag_height: identify the height of the hub drag.
+        sections: parts of the flights that count, s. gravity: m/s^2.
         only_warn: of faults for which a flight is refused.
     """
 
@@ -160,6 +167,7 @@ class Work:
     start: Vehicle
     known: dict[str, float]
     curve: bool
+    drag_height: bool
     sections: Sequence[tuple[float, float]]
     gravity: float
     only_warn: bool
@@ -191,6 +199,7 @@ def _identify_vehicle(work: Work, folder: Path | None) -> None:
             [each for part in stretches for each in part],
             start,
             curve=work.curve,
+            drag_height=work.drag_height,
             known=known,
             progress=lambda words: advance(last=words),
         )
@@ -199,7 +208,9 @@ def _identify_vehicle(work: Work, folder: Path | None) -> None:
         if aside:
             advance(last="predict the held-out flights")
             pairs = list(zip(aside, unseen, strict=True))
-            held_out = predict_held_out(found, start, pairs, known=known, gravity=work.gravity)
+            again = stretches_of_flights(fitted, start, period=period, full_voltage=full, sections=work.sections)
+            seen = list(zip(fitted, again, strict=True))
+            held_out = predict_held_out(found, start, pairs, seen=seen, known=known, gravity=work.gravity)
         document = document_of(found, start, fitted, work.known, [*faults, *implausible], held_out)
         contents = {VEHICLE: identified_file(found, start, [Path(each.file).name for each in fitted], known).encode()}
         contents[NUMBERS] = json_text(document).encode()

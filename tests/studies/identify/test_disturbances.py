@@ -12,6 +12,7 @@ from skyarm.studies.identify.disturbances import (
     AxisNoise,
     DisturbanceModel,
     begin_at,
+    characteristic,
     fit_disturbances,
     steady_spread,
     unexplained_sums,
@@ -55,6 +56,11 @@ def test_the_steady_covariance_solves_its_equation():
     again = step @ (spread - gain @ spread[:1]) @ step.T + noise
     np.testing.assert_allclose(again, spread, rtol=1e-8, atol=1e-12)
     assert (np.linalg.eigvalsh(spread) > 0.0).all()
+
+
+def test_the_characteristic_polynomial_is_that_of_the_eigenvalues():
+    rows = np.random.default_rng(0).normal(size=(3, 3))
+    np.testing.assert_allclose(characteristic(rows), np.poly(rows), atol=1e-12)
 
 
 def test_the_filter_finds_process_and_constant():

@@ -13,6 +13,7 @@ from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.studies.identify.held_out import (
     HOLD,
     IDENTIFIED,
+    PAST,
     START,
     held_out_period,
     one_step_errors,
@@ -122,3 +123,24 @@ def test_a_flight_that_is_too_short_is_refused(stretch):
     flight = flight_of(stretch, ("gyro",))
     with pytest.raises(ValueError, match=r"^made: no stretch is long enough for a prediction$"):
         predict_held_out(identified(), vehicle(), [(flight, [stretch])], horizons=(60.0,))
+
+
+@pytest.mark.thorough
+def test_the_past_of_a_flight_helps_where_the_model_lacks_a_torque():
+    """Fit and prediction on flights of the simulator; the model has a torque and a force too much."""
+    log = log_of(2.4)
+    whole = stretch_of(log)
+    time = whole.start + whole.period * np.arange(whole.size + 1)
+    channels = {name: channel(time, getattr(log, name)) for name in ("position", "velocity", "quaternion")}
+    flight = FlightData(name="made", file="made.csv", channels=channels)
+    wrong = dataclasses.replace(ABOUT, torque=(0.004, -0.003, 0.001))
+    found = dataclasses.replace(identified(), surroundings=wrong)
+    pairs = [(flight, [whole])]
+    plain = predict_held_out(found, vehicle(), pairs, horizons=(0.1,))
+    assert PAST not in plain.errors
+    after = predict_held_out(found, vehicle(), pairs, seen=pairs, horizons=(0.1,))
+    assert list(after.errors) == [IDENTIFIED, PAST, START, HOLD]
+    assert after.errors[PAST][0].attitude < 0.3 * plain.errors[IDENTIFIED][0].attitude
+    assert after.errors[PAST][0].attitude < 0.3 * after.errors[HOLD][0].attitude
+    rates_only = FlightData(name="made", file="made.csv", channels={"gyro": channel(time, log.rate)})
+    assert PAST not in predict_held_out(found, vehicle(), pairs, seen=[(rates_only, [whole])], horizons=(0.1,)).errors

@@ -291,6 +291,11 @@ def test_drag_acts_at_a_height_of_its_own_on_request():
     words = {"curve": False, "voltage": False, "driven": ()}
     names = [each.name for each in unknowns_of(START, velocity=True, drag_height=True, **words)]
     assert "rotors.drag_height" in names
+    # only the one above the other shows, unless an arm swings
+    assert "base.com.z" not in names
+    arm = skyarm.load_vehicle("hummingbird_arm2_rotors")
+    more = {**words, "driven": (True, True)}
+    assert "base.com.z" in [each.name for each in unknowns_of(arm, velocity=True, drag_height=True, **more)]
     assert "rotors.drag_height" not in [each.name for each in unknowns_of(START, velocity=True, **words)]
     assert "rotors.drag_height" not in [
         each.name for each in unknowns_of(START, velocity=False, drag_height=True, **words)

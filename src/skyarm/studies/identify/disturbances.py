@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -37,8 +37,10 @@ SETTLED = 1.0
 """s, of a stretch before the filter's innovations count."""
 
 
-RANGE, MOST = (-7.0, 7.0), 400
-"""Of the logarithms of noises over the size of what is measured, and most evaluations of the likelihood."""
+RANGE, MOST, FIRST = (-7.0, 7.0), 240, (0.1, 1.0)
+"""Logarithms of noises over the size of what is measured, most evaluations of the likelihood in a search, and s, time
+constants that searches begin with.
+"""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -176,23 +178,25 @@ def _largest_likelihood(series: Sequence[Array], h: float) -> AxisNoise:
         spread = steady_spread(step, noise, measured)
         variance = float(spread[0, 0] + measured)
         closed = step - (step @ spread[:, :1] / variance) @ np.array([[1.0, 0.0, 0.0]])
-        left = [lfilter(np.poly(step), np.poly(closed), each)[burnt:] for each in straight]
+        numerator, denominator = characteristic(step), characteristic(closed)
+        left = [lfilter(numerator, denominator, each)[burnt:] for each in straight]
         count = sum(len(each) for each in left)
         return 0.5 * count * math.log(variance) + 0.5 * sum(float(each @ each) for each in left) / variance
 
-    best = min(
-        (
-            minimize(
-                unlikeliness,
-                np.array([-1.0, -1.0, -1.0, math.log(seconds), -3.0]),
-                method="Nelder-Mead",
-                options={"maxfev": MOST, "xatol": 0.05, "fatol": 1.0, "adaptive": True},
-            )
-            for seconds in (0.1, 1.0)
-        ),
-        key=lambda found: float(found.fun),
-    )
+    def search(begin: Array, most: int) -> Any:
+        options = {"maxfev": most, "xatol": 0.05, "fatol": 1.0, "adaptive": True}
+        return minimize(unlikeliness, begin, method="Nelder-Mead", options=options)
+
+    begins = [search(np.array([-1.0, -1.0, -1.0, math.log(seconds), -3.0]), MOST // 2) for seconds in FIRST]
+    best = search(min(begins, key=lambda found: float(found.fun)).x, MOST)
     return noise_of(np.clip(best.x, *RANGE))
+
+
+def characteristic(matrix: Array) -> list[float]:
+    """Coefficients of the characteristic polynomial of a matrix (3, 3), the highest power first."""
+    (a, b, c), (d, e, f), (g, h, i) = matrix.tolist()
+    minors = a * e - b * d + a * i - c * g + e * i - f * h
+    return [1.0, -(a + e + i), minors, -(a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g))]
 
 
 def steady_spread(step: Array, noise: Array, measured: float) -> Array:

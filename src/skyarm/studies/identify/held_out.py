@@ -12,10 +12,18 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.flight_data.flight_data import Channel, FlightData
+from skyarm.studies.identify.disturbances import fit_disturbances
 from skyarm.studies.identify.identified_parts import surroundings_with
 from skyarm.studies.identify.identify_vehicle import Identified
 from skyarm.studies.identify.motion_model import Stretch, Surroundings, predict
-from skyarm.studies.identify.open_loop import FORGOTTEN, HORIZONS, HorizonErrors, Poses, predict_flights
+from skyarm.studies.identify.open_loop import (
+    FORGOTTEN,
+    HORIZONS,
+    HorizonErrors,
+    Poses,
+    fit_weights,
+    predict_flights,
+)
 from skyarm.studies.identify.stretches import attitude_at
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -30,11 +38,14 @@ CURVE = (SHORTEST, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.5, 0.7, 1.0)
 WINDOW, FEWEST = 0.1, 5
 """s and samples at least, over which the slope of a measured position is taken where no velocity is measured."""
 
-IDENTIFIED, START, HOLD = "identified", "start vehicle", "hold"
-"""Predictors."""
+IDENTIFIED, PAST, START, HOLD = "identified", "with past", "start vehicle", "hold"
+"""Predictors; with the past, what the commands do not explain is estimated from the flight until then."""
 
-ORDER = (IDENTIFIED, START, HOLD)
+ORDER = (IDENTIFIED, PAST, START, HOLD)
 """Of tables and figures."""
+
+LEARNT = 120.0
+"""s, of the flights of the fit at most, that show the noises of disturbances and how much of a prediction counts."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -77,18 +88,22 @@ def predict_held_out(
     start: Vehicle,
     flights: Sequence[tuple[FlightData, Sequence[Stretch]]],
     *,
+    seen: Sequence[tuple[FlightData, Sequence[Stretch]]] = (),
     known: Mapping[str, float] | None = None,
     horizons: Sequence[float] = CURVE,
     gravity: float = 9.81,
 ) -> HeldOut:
     """Predict flights from their commands by the identified vehicle, by the start vehicle and by holding.
 
-    The start vehicle flies with the delays and offsets that were thought of before the fit.
+    Where flights of the fit with poses are given, the identified vehicle predicts once more, with the disturbances that
+    it estimates from a flight's past, and weighted beside holding as those flights show is best. The start vehicle
+    flies with the delays and offsets that were thought of before the fit.
 
     Args:
         found: identified vehicle and surroundings.
         start: vehicle before.
         flights: with their stretches, of :func:`held_out_period`.
+        seen: flights of the fit, with stretches of the same period.
         known: numbers that were given, by name.
         horizons: s.
         gravity: m/s^2.
@@ -110,6 +125,12 @@ def predict_held_out(
         errors[name] = [model for model, _ in rows]
         if name == IDENTIFIED:
             errors[HOLD] = [held for _, held in rows]
+    if placed and (learnt := _learnt(seen)):
+        best = found.vehicle, found.surroundings
+        noises = fit_disturbances(*best, learnt, gravity)
+        weights = fit_weights(*best, learnt, horizons, gravity, noises)
+        rows = predict_flights(*best, placed, horizons, gravity, noises, weights)
+        errors[PAST] = [model for model, _ in rows]
     names = tuple(flight.name for flight, _ in flights)
     if not any(each.begins for each in errors[IDENTIFIED]):
         raise ValueError(f"{', '.join(names)}: no stretch is long enough for a prediction")
@@ -119,11 +140,28 @@ def predict_held_out(
         flights=names,
         period=every[0].period,
         horizons=tuple(horizons),
-        errors={name: errors[name] if placed else [_rate_only(each) for each in errors[name]] for name in ORDER},
+        errors={
+            name: errors[name] if placed else [_rate_only(each) for each in errors[name]]
+            for name in ORDER
+            if name in errors
+        },
         one_step=one_step,
         has_poses=bool(placed),
         notes=tuple(notes),
     )
+
+
+def _learnt(seen: Sequence[tuple[FlightData, Sequence[Stretch]]]) -> list[tuple[Stretch, Poses]]:
+    """Stretches and poses of the fit, from all flights in turn, as long as noises and weights need."""
+    queues = [[(flight, each) for each in stretches] for flight, stretches in seen if not no_poses(flight)]
+    found, seconds = list[tuple[Stretch, Poses]](), 0.0
+    while any(queues) and seconds < LEARNT:
+        for queue in (each for each in queues if each):
+            flight, stretch = queue.pop(0)
+            if seconds < LEARNT:
+                found.append((stretch, poses_of(flight, stretch)))
+                seconds += stretch.seconds
+    return found
 
 
 def _without_run_in(stretch: Stretch, start: Vehicle) -> Stretch:

@@ -307,6 +307,7 @@ def fit_weights(
 
     A controller keeps a vehicle where a model alone, from a state that is known a little wrong, departs from it; the
     longer the horizon, the less of the model's prediction counts. Flights must be those of the fit, not the predicted.
+    All of the model counts over a horizon that no stretch is long enough for.
     """
     parts: list[list[list[tuple[Array, Array]]]] = [[[], [], [], []] for _ in horizons]
     for stretch, poses in flights:
@@ -320,6 +321,10 @@ def fit_weights(
             rows[3].append((np.stack([model.rate - held.rate, -held.rate]), stretch.rate[each.rows] - held.rate))
     found = []
     for rows in parts:
+        if not rows[0]:
+            whole = np.stack([np.ones(3), np.zeros(3)])
+            found.append(Weights(whole[0], whole[0], whole, whole))
+            continue
         position, velocity, attitude, rate = (_shares(each) for each in rows)
         found.append(Weights(position[0], velocity[0], attitude, rate))
     return found

@@ -125,7 +125,9 @@ def unknowns_of(
     found += [_above(f"base.second_moment.{k}", "kg m^2", m, 0.5) for k, m in zip("xyz", moments, strict=True)]
     for axis in ("xy", "xz", "yz"):
         found.append(_any(f"base.inertia.{axis}", "kg m^2", getattr(vehicle.base.inertia, axis), 0.03 * sum(moments)))
-    found += [_any(f"base.com.{axis}", "m", getattr(vehicle.base.com, axis), 0.1 * arm) for axis in "xyz"]
+    # without an arm only the height of the drag above the centre of mass shows
+    heights = "xy" if drag_height and velocity and not vehicle.links else "xyz"
+    found += [_any(f"base.com.{axis}", "m", getattr(vehicle.base.com, axis), 0.1 * arm) for axis in heights]
     for link, moves in zip(vehicle.links, driven, strict=True):
         found += _of_link(link, moves)
     for i, moves in enumerate(servoed):
