@@ -133,7 +133,7 @@ def test_without_a_world_nothing_of_it_is_there() -> None:
     _, scene, camera = picture_of(scenario)
     assert not [name for name in scene.nodes if "world" in name or "touch" in name or "point" in name]
     assert scene.nodes["/stage/ground"].position[2] == 0.0
-    np.testing.assert_allclose(np.array(camera.position) - camera.look_at, VIEWS[0] - [0.12, 0.08, -0.06])
+    np.testing.assert_allclose(np.array(camera.position) - camera.look_at, VIEWS[0] - [0.12, 0.08, -0.28])
     plain = Session(scenario, machine_code=False)
     assert not sight(plain).contacts
     assert "contact force (N)" not in titles(plain)
