@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from skyarm.flight_data.clocks import _inside, _Means, align, clock_offset, join_flights
+from skyarm.flight_data.clocks import _inside, _Means, _robust, align, clock_offset, join_flights
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.raw_tables import attitude_at, turn_vectors
 
@@ -159,3 +159,11 @@ def test_a_motion_that_does_not_show_the_offset_is_refused() -> None:
         clock_offset(FlightData(name="a", file="", channels={"gyro": given["gyro"]}))
     with pytest.raises(ValueError, match="stream = 'yaw': must be one of"):
         clock_offset(given, "yaw")
+
+
+def test_residuals_weigh_less_beyond_two_standard_deviations() -> None:
+    noise = np.random.default_rng(6).normal(size=(4000, 3))
+    _, residual, weights = _robust(np.ones((4000, 3, 1)), noise)
+    size = np.abs(residual) / np.std(residual)
+    assert (weights[size < 1.9] == 1.0).all()
+    assert weights[size > 2.1] == pytest.approx(2.0 / size[size > 2.1], rel=0.05)

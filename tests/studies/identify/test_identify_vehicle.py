@@ -340,3 +340,20 @@ def test_what_is_known_before_follows_the_vehicle_s_size():
     assert spreads["torque.z"] == pytest.approx(0.1 * spreads["torque.x"])
     hover = np.sqrt(9.81 * START.mass / 4.0 / rotor.thrust_coefficient)
     assert spreads["rotors.drag_coefficient"] == pytest.approx(0.3 * START.mass / (4.0 * hover))
+
+
+def test_numbers_of_rotors_are_those_of_the_first_and_the_rest_of_a_vehicle_stays():
+    """The others keep their proportion to the first; no area is below none."""
+    arm = skyarm.load_vehicle("hummingbird_arm2_rotors")
+    strong = dataclasses.replace(arm.rotors[1], thrust_coefficient=2.0 * arm.rotors[0].thrust_coefficient)
+    mixed = dataclasses.replace(arm, rotors=(arm.rotors[0], strong, *arm.rotors[2:]))
+    made = vehicle_with(mixed, {"rotors.thrust_coefficient": 1e-5, "drag.area.x": 0.03, "drag.area.y": -0.01})
+    assert [each.thrust_coefficient for each in made.rotors] == pytest.approx([1e-5, 2e-5, 1e-5, 1e-5])
+    assert (made.drag.area.x, made.drag.area.y) == (0.03, 0.0)
+    assert [each.body for each in made.links] == [each.body for each in arm.links]
+
+
+def test_second_moments_of_a_plate_are_above_zero():
+    """Its thickness has 1 % of the sum of its moments of inertia."""
+    plate = dataclasses.replace(START.base, inertia=Sym3(xx=0.02, yy=0.01, zz=0.03))
+    assert second_moments(plate) == pytest.approx((0.01, 0.02, 0.01 * 0.06))

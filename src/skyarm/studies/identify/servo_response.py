@@ -142,10 +142,9 @@ class Loops:
 
     def least_bound(self, rate: float) -> float:
         """Effort (N m or N) that every motor gives in both directions at joint rates up to a given one (rad/s)."""
-        signs = np.array([[-1.0], [-1.0], [1.0], [1.0]]) * np.ones(len(self.servos))
-        return float(
-            np.abs(self.bounded(signs * math.inf, np.array([[-1.0], [1.0], [-1.0], [1.0]]) * rate * signs**2)).min()
-        )
+        most = np.full((4, len(self.servos)), math.inf) * np.array([[-1.0], [-1.0], [1.0], [1.0]])
+        fastest = np.full(most.shape, rate) * np.array([[-1.0], [1.0], [-1.0], [1.0]])
+        return float(np.abs(self.bounded(most, fastest)).min())
 
 
 def loops_of(vehicle: Vehicle, servoed: Sequence[int]) -> Loops:
