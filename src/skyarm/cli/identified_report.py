@@ -59,9 +59,7 @@ def prediction_lines(held_out: HeldOut) -> list[RenderableType]:
             words = [f"{shown_number(value)} {unit}" if math.isfinite(value) else "-" for value, unit in cells]
             first = "" if i else f"{each.horizon:g} s"
             rows.append((f"{first:<7} {name:<{wide}}", *words, str(each.begins)))
-    lines: list[RenderableType] = [
-        heading(f"{_few_names(held_out.flights)}, held out: predicted from the commands alone")
-    ]
+    lines: list[RenderableType] = [heading(f"held out: {_few_names(held_out.flights)}: errors of predictions")]
     lines += aligned_lines(rows)
     force, turning = (
         ", ".join(f"{name} {shown_number(getattr(each, field))}" for name, each in held_out.one_step.items())
@@ -69,7 +67,14 @@ def prediction_lines(held_out: HeldOut) -> list[RenderableType]:
     )
     lines.append(f"one step of {1e3 * held_out.period:.3g} ms: specific force, m/s^2: {force}")
     lines.append(f"one step of {1e3 * held_out.period:.3g} ms: angular acceleration, rad/s^2: {turning}")
-    lines.append("Root mean squares; one step of 'hold': the spread of what is measured about its mean.")
+    lines.append(f"Root mean squares; one step of '{HOLD}': the spread of what is measured about its mean.")
+    if PAST in held_out.errors:
+        lines.append(
+            f"'{IDENTIFIED}', '{START}': from the state and the commands. '{PAST}': disturbances estimated until"
+        )
+        lines.append(
+            "the begin go on, and the model counts beside holding as much as is best in the flights of the fit."
+        )
     return [*lines, *(printable(note) for note in held_out.notes)]
 
 
@@ -90,7 +95,7 @@ UNITS = ("position_m", "velocity_m_s", "attitude_rad", "rate_rad_s")
 
 LEGEND = {
     IDENTIFIED: "identified vehicle",
-    PAST: "with the flight's past",
+    PAST: "identified, with the flight's past",
     START: "start vehicle",
     HOLD: "velocity and rate held",
 }

@@ -12,8 +12,8 @@ from skyarm.view.figures.style import PAPER, Picture, Style, logarithmic
 PANEL, LEGEND = (3.58, 2.35), 0.3
 """in: size of a panel, height of the legend."""
 
-MARKERS = ("o", "s", "")
-"""Of the predictors in their order; the last, that needs no model, is a line alone."""
+MARKERS = ("o", "^", "s", "D")
+"""Of the predictors in their order but the last, which needs no model."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,8 @@ def prediction_figure(horizons: Sequence[float], curves: Mapping[str, Prediction
     handles = dict[str, Line2D]()
     for k, (name, curve) in enumerate(curves.items()):
         look = PAPER.desired if k == len(curves) - 1 and k > 0 else PAPER.look(k)
-        style: Style = {**look.line, "marker": MARKERS[min(k, len(MARKERS) - 1)], "markersize": 3.2}
+        marker = "" if k == len(curves) - 1 else MARKERS[k % len(MARKERS)]
+        style: Style = {**look.line, "marker": marker, "markersize": 3.2}
         for panel, values in zip(panels, (curve.position, curve.attitude), strict=True):
             (handles[name],) = panel.plot(horizons, values, **style)
     for panel, label, unit in zip(panels, ("Position error, RMS", "Attitude error, RMS"), ("m", "rad"), strict=True):
