@@ -158,7 +158,7 @@ def _largest_likelihood(series: Sequence[Array], h: float) -> AxisNoise:
     from scipy.optimize import minimize
     from scipy.signal import lfilter
 
-    straight = [_detrended(each) for each in series]
+    straight = [_without_line(each) for each in series]
     burnt = max(1, round(SETTLED / h))
     straight = [each for each in straight if len(each) > 2 * burnt] or straight
     burnt = min(burnt, min(len(each) for each in straight) // 2)
@@ -211,7 +211,7 @@ def steady_spread(step: Array, noise: Array, measured: float) -> Array:
     return h
 
 
-def _detrended(row: Array) -> Array:
+def _without_line(row: Array) -> Array:
     """Series (N,) without its straight line, which a constant makes."""
     lines = np.stack([np.ones(len(row)), np.linspace(-1.0, 1.0, len(row))], axis=1)
     found: Array = row - lines @ np.linalg.lstsq(lines, row, rcond=None)[0]

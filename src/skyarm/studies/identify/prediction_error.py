@@ -61,7 +61,7 @@ class Whitening:
 
     def apply(self, errors: Sequence[Array]) -> Array:
         """Whitened and weighted errors (all, rows) of all stretches, one after the other."""
-        return _levelled(errors, self.filters, self.weights, self.levels) / self.scales * self.weights
+        return _level_rows(errors, self.filters, self.weights, self.levels) / self.scales * self.weights
 
 
 @dataclass(frozen=True, slots=True)
@@ -302,7 +302,7 @@ def _noise(
     rows = found[0].shape[1]
     before = counted[:, None] * np.ones((1, rows)) if weights is None else weights
     filters = np.array([ar_coefficients([each[:, i] for each in found], ORDER, before[:, i]) for i in range(rows)])
-    white = _levelled(found, filters, before, levels)
+    white = _level_rows(found, filters, before, levels)
     kept = white[counted]
     scales = 1.4826 * np.median(np.abs(kept - np.median(kept, axis=0)), axis=0) + 1e-300
     size = np.abs(white / scales)
@@ -310,7 +310,7 @@ def _noise(
     return Whitening(filters, scales, huber * counted[:, None], levels)
 
 
-def _levelled(found: Sequence[Array], filters: Array, weights: Array, levels: Sequence[int]) -> Array:
+def _level_rows(found: Sequence[Array], filters: Array, weights: Array, levels: Sequence[int]) -> Array:
     """Errors of one step ahead, some rows without the straight line of each stretch, but with the mean of all of them.
 
     A constant torque of its own in each stretch makes a ramp of a summed rate, and a filter whose coefficients do not
