@@ -57,7 +57,8 @@ def flights(tmp_path_factory):
         z=Sum((Constant(5.0), sine_from_rest(0.2, 1.1, 1.0))),
         yaw=sine_from_rest(0.5, 0.7, 1.0),
     )
-    base, imu = of_vehicle(START), NamedSensor(name="imu", sensor=Imu(gyro=Errors(), accelerometer=Errors()))
+    noisy = Imu(gyro=Errors(sigma=0.003), accelerometer=Errors(sigma=0.03))
+    base, imu = of_vehicle(START), NamedSensor(name="imu", sensor=noisy)
     plant = dataclasses.replace(base.plant, vehicle=library.load_vehicle(folder / "truth.toml"))
     delays = Delays(measurement=0.005, command=0.004)
     log = library.run(
