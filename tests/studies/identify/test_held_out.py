@@ -140,6 +140,7 @@ def test_the_past_of_a_flight_helps_where_the_model_lacks_a_torque():
     assert PAST not in plain.errors
     after = predict_held_out(found, vehicle(), pairs, seen=pairs, horizons=(0.1,))
     assert list(after.errors) == [IDENTIFIED, PAST, START, HOLD]
+    assert len({errors[0].begins for errors in after.errors.values()}) == 1
     assert after.errors[PAST][0].attitude < 0.3 * plain.errors[IDENTIFIED][0].attitude
     assert after.errors[PAST][0].attitude < 0.3 * after.errors[HOLD][0].attitude
     rates_only = FlightData(name="made", file="made.csv", channels={"gyro": channel(time, log.rate)})

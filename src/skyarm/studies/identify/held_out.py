@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.flight_data.flight_data import Channel, FlightData
-from skyarm.studies.identify.disturbances import fit_disturbances
+from skyarm.studies.identify.disturbances import SETTLED, fit_disturbances
 from skyarm.studies.identify.identified_parts import surroundings_with
 from skyarm.studies.identify.identify_vehicle import Identified
 from skyarm.studies.identify.motion_model import Stretch, Surroundings, predict
@@ -120,12 +120,16 @@ def predict_held_out(
         notes += [f"{flight.name}: {each}" for each in ([note] if note else _notes_on_poses(flight))]
     pairs = {IDENTIFIED: (found.vehicle, found.surroundings), START: (start, before)}
     errors = dict[str, Sequence[HorizonErrors]]()
+    learnt = _learnt(seen) if placed else []
+    # all predictors from the same instants on, if there are any after the filter of the disturbances has settled
+    long = any(each.seconds > SETTLED + max(horizons) for each, _ in placed)
+    after = SETTLED if learnt and long else 0.0
     for name, (vehicle, about) in pairs.items():
-        rows = predict_flights(vehicle, about, placed or plain, horizons, gravity)
+        rows = predict_flights(vehicle, about, placed or plain, horizons, gravity, after=after)
         errors[name] = [model for model, _ in rows]
         if name == IDENTIFIED:
             errors[HOLD] = [held for _, held in rows]
-    if placed and (learnt := _learnt(seen)):
+    if learnt:
         best = found.vehicle, found.surroundings
         noises = fit_disturbances(*best, learnt, gravity)
         weights = fit_weights(*best, learnt, horizons, gravity, noises)

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.studies.identify.disturbances import SETTLED, DisturbanceModel, begin_at, unexplained_sums
 from skyarm.studies.identify.motion_model import Memo, Stretch, Surroundings, base_acceleration
+from skyarm.studies.identify.whitened_fit import scipy_parts
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Array: TypeAlias = npt.NDArray[np.float64]
@@ -231,6 +232,7 @@ def predict_flights(
     gravity: float = 9.81,
     disturbances: DisturbanceModel | None = None,
     weights: Sequence[Weights] | None = None,
+    after: float = 0.0,
 ) -> list[tuple[HorizonErrors, HorizonErrors]]:
     """Errors of a vehicle's model and of holding over several horizons (s), on flights that no fit has seen.
 
@@ -242,6 +244,7 @@ def predict_flights(
         gravity: m/s^2.
         disturbances: model of what the commands do not explain.
         weights: of the model's prediction over each horizon; the whole of it by default.
+        after: s, of each stretch before the first prediction.
 
     Returns:
         For each horizon the errors of the model, and those of holding; of a horizon below a period those of one.
@@ -249,7 +252,7 @@ def predict_flights(
     model: list[list[Errors]] = [[] for _ in horizons]
     held: list[list[Errors]] = [[] for _ in horizons]
     for stretch, poses in flights:
-        for i, each in _ends_of(vehicle, about, stretch, poses, horizons, gravity, disturbances).items():
+        for i, each in _ends_of(vehicle, about, stretch, poses, horizons, gravity, disturbances, after).items():
             last = each.model if weights is None else weights[i].mix(each.model, each.held, each.rest)
             model[i].append(errors_of(last, stretch, poses, each.rows))
             held[i].append(errors_of(each.held, stretch, poses, each.rows))
@@ -331,10 +334,16 @@ def fit_weights(
 
 
 def _shares(rows: Sequence[tuple[Array, Array]]) -> Array:
-    """Shares (parts, 3) of parts (parts, K, 3) whose sum is nearest to what was measured (K, 3), of each axis."""
+    """Shares (parts, 3), 0 to 1, of parts (parts, K, 3) whose sum is nearest to the measured (K, 3), of each axis."""
     parts = np.concatenate([each for each, _ in rows], axis=1)
     wanted = np.concatenate([each for _, each in rows])
-    found: Array = np.stack([np.linalg.lstsq(parts[:, :, i].T, wanted[:, i], rcond=None)[0] for i in range(3)], axis=1)
+    scipy_parts()
+    from scipy.optimize import lsq_linear
+
+    # over a few samples all parts are within the noise: beyond 0 to 1 they would only fit that
+    sizes = np.linalg.norm(parts, axis=1) + 1e-300
+    solved = [lsq_linear(parts[:, :, i].T / sizes[:, i], wanted[:, i], (0.0, sizes[:, i])) for i in range(3)]
+    found: Array = np.stack([each.x / sizes[:, i] for i, each in enumerate(solved)], axis=1)
     return found
 
 
@@ -361,12 +370,13 @@ def _ends_of(
     horizons: Sequence[float],
     gravity: float,
     disturbances: DisturbanceModel | None,
+    after: float = 0.0,
 ) -> dict[int, Ends]:
     """Predictions of a stretch over horizons (s), by their number, in one pass; none for those that nothing begins at.
 
     A prediction that ends, as a period does not count, is left out of the pass.
     """
-    after, h = 0.0 if disturbances is None else SETTLED, stretch.period
+    after, h = after if disturbances is None else max(after, SETTLED), stretch.period
     ends = [max(1, round(horizon / h)) for horizon in horizons]
     last = max((end for end in ends if begins_of(stretch, end, vehicle, about, after)), default=0)
     rows = np.asarray(begins_of(stretch, 1, vehicle, about, after), dtype=int)
