@@ -226,6 +226,13 @@ def test_the_file_says_what_is_not_shown_what_was_given_and_that_a_search_did_no
     assert "DID NOT SETTLE" not in identified_file(found_with(*numbers), START, ["a.csv"], {})
 
 
+def test_the_height_of_the_hub_drag_stands_beside_the_positions_of_the_rotors():
+    height = number("rotors.drag_height", 0.02)
+    text = identified_file(found_with(height), START, ["a.csv"], {})
+    assert text.count("]  # z, of the hub drag: 0.02 (0.9 to 1.1) m, start 2\ndirection = ") == 4
+    assert tomllib.loads(text)["sources"]["rotors.position"] == "identified from a.csv (3 s)"
+
+
 def test_known_numbers_are_words_of_the_vehicle_file():
     inertia = ["base.inertia.xx = 0.01", "base.inertia.yy=0.012", "base.inertia.zz=0.02"]
     start, known = known_numbers(START, ["mass=1.5", *inertia])

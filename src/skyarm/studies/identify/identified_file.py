@@ -11,6 +11,7 @@ from typing import Any
 from skyarm.records.files import number, one_line, shown
 from skyarm.studies.identify.identify_vehicle import Identified, IdentifiedNumber
 from skyarm.studies.identify.motion_model import Surroundings
+from skyarm.studies.identify.unknowns import DRAG_HEIGHT
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.vehicle.vehicle_text import vehicle_text
 
@@ -22,6 +23,9 @@ CURVE = "rotors.thrust_table"
 
 VOLTAGE = "voltage"
 """Known number that is none of the search: V, at which the start's thrust holds."""
+
+POSITION = "rotors.position"
+"""Field of the height at which hub drag acts."""
 
 SUFFIX = "_identified"
 """Behind the name of the start vehicle."""
@@ -41,7 +45,8 @@ def identified_file(found: Identified, start: Vehicle, flights: Sequence[str], k
     for field, numbers in _by_field(found).items():
         comments[field] = "\n".join(_words(each) for each in numbers)
         if any(each.is_known for each in numbers):
-            sources[field.replace("rotors.", "rotor_defaults.", 1)] = at
+            shared = field.startswith("rotors.") and field != POSITION
+            sources[field.replace("rotors.", "rotor_defaults.", 1) if shared else field] = at
     if float(found.vehicle.base.mass) != float(start.base.mass):
         comments["base.mass"] = "what the links leave of the total mass, which is given"
     for name in known:
@@ -119,6 +124,8 @@ def _field(name: str) -> str:
     """Field of a vehicle file that holds a number."""
     if name.startswith(("rotors.thrust_at_", "rotors.rise_to_")):
         return CURVE
+    if name == DRAG_HEIGHT:
+        return POSITION
     if name.startswith("base.second_moment."):
         return "base.inertia"
     head, _, last = name.rpartition(".")
@@ -129,6 +136,7 @@ def _words(number: IdentifiedNumber) -> str:
     """Short words for one number in a comment."""
     last = number.name.rpartition(".")[2]
     entry = f"{last}: " if last in AXES or number.name.startswith("rotors.thrust_at_") else ""
+    entry = "z, of the hub drag: " if number.name == DRAG_HEIGHT else entry
     return f"{entry}{_value(number) if number.is_known else number.reason}"
 
 
