@@ -27,7 +27,7 @@ from skyarm.records.registry.registrations import registrations
 
 GROUPS: Mapping[str, Mapping[str, tuple[str, str]]] = {
     "Vehicles": {
-        "show": ("show_command:show", "List what ships, or show a vehicle."),
+        "show": ("show_command:show", "List what ships, or show a vehicle or a flight."),
         "check": ("check_command:check", "Check whether a vehicle can fly, and why not."),
         "new": ("new_command:new", "Write starter files of a vehicle, scenario, law or study."),
     },

@@ -61,8 +61,7 @@ def show(
 
     Without a vehicle: names and titles of vehicles, scenarios, studies and controllers. Of a vehicle: mass, centre of
     mass, hover speed and thrust margin, arm reach, static joint torques of a level base; limits of the joints,
-    inertias, motor constants, all with units; sources of the numbers. With --drawing its frames, joints with their
-    positive directions, rotors with the sense in which they turn, and lengths, as a picture.
+    inertias, motor constants; sources of the numbers. With --drawing a picture with frames, senses and lengths.
 
     Of a measured flight: channels, rates, gaps and clock; with --vehicle its faults, and of each number of the vehicle
     whether the flight excites it.
