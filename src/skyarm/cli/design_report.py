@@ -45,8 +45,8 @@ def identify_design(
     """
     limits = DesignLimits(
         box=USUAL.box if box is None else number(box, "--box", low=0.0, strict=True),
-        tilt=USUAL.tilt if tilt is None else math.radians(_between(tilt, "--tilt", FLATTEST, STEEPEST)),
-        seconds=USUAL.seconds if seconds is None else _between(seconds, "--seconds", SEGMENT, LONGEST),
+        tilt=USUAL.tilt if tilt is None else math.radians(_within(tilt, "--tilt", FLATTEST, STEEPEST)),
+        seconds=USUAL.seconds if seconds is None else _within(seconds, "--seconds", SEGMENT, LONGEST),
         clear=USUAL.clear if clear is None else number(clear, "--clear", low=0.0),
     )
     start = load_vehicle(vehicle)
@@ -63,7 +63,7 @@ def identify_design(
         give(plain([_row(each) for each in found.numbers]), vehicle=start.name, file=written)
 
 
-def _between(value: float, option: str, low: float, high: float) -> float:
+def _within(value: float, option: str, low: float, high: float) -> float:
     """Number from a lowest to a highest one."""
     if not low <= number(value, option) <= high:
         raise ValueError(f"{option} = {value:g}: must be from {low:g} to {high:g}")

@@ -60,7 +60,7 @@ class DesignLimits:
     seconds: float = 60.0
 
     def broken_by(self, vehicle: Vehicle, flight: RequiredFlight) -> Array:
-        """How much the motions of each axis (4 + n,), 0 to 1, are at fault for a limit that a flight breaks."""
+        """Shares (4 + n,) of the axes, 0 to 1, in the breach of a limit by a flight."""
         found = np.zeros(BASE_AXES + vehicle.n)
         if flight.tilt.max() > TRACKING * self.tilt:
             found[:2] = 1.0
@@ -162,7 +162,7 @@ def fitted_segment(
         flight = required_flight(vehicle, moved, period)
         broken = limits.broken_by(vehicle, flight)
         if not broken.any():
-            return segment.scaled(factors), flight
+            return segment.scale(factors), flight
         # an arm alone may tilt a light base
         factors *= SHRUNK ** np.maximum(broken, float(turn >= PATIENCE))
     return None

@@ -119,7 +119,7 @@ def design_flight(
         if progress is not None:
             progress(done, candidates + 2, words)
 
-    def expected(log: Log) -> tuple[ExpectedNumber, ...]:
+    def accuracy(log: Log) -> tuple[ExpectedNumber, ...]:
         return expected_numbers(_stretches(log, vehicle), vehicle, velocity=True)
 
     tell(0, "undesigned flight")
@@ -141,19 +141,19 @@ def design_flight(
         broken = broken_axes(log, vehicle, axes, limits)
         if not broken.any():
             break
-        segments = [each.scaled(np.where(broken, SHRUNK, 1.0)) for each in segments]
+        segments = [each.scale(np.where(broken, SHRUNK, 1.0)) for each in segments]
     else:
         raise ValueError(f"vehicle '{vehicle.name}': no flight stays in the limits; widen them")
     tell(candidates + 2, "flown")
     extent = np.ptp(log.position, axis=0)
-    pairs = zip(expected(log), expected(plain), strict=True)
+    pairs = zip(accuracy(log), accuracy(plain), strict=True)
     return DesignedFlight(
         document=document,
         numbers=[Sharpened(designed=a, undesigned=b) for a, b in pairs],
         tilt=float(_tilt(log).max()),
         box=(float(extent[0]), float(extent[1]), float(extent[2])),
         clearance=float(arm_clearance(vehicle, log.joints)[0].min()),
-        saturated=_saturated(log, vehicle),
+        saturated=_saturated_share(log, vehicle),
     )
 
 
@@ -186,7 +186,7 @@ def scenario_document(
 def broken_axes(log: Log, vehicle: Vehicle, axes: Axes, limits: DesignLimits) -> npt.NDArray[np.bool_]:
     """Axes (4 + n,) whose motions break a limit in a flight."""
     found = np.zeros(len(axes.rest), dtype=bool)
-    if log.info["status"] != "completed" or _saturated(log, vehicle) > SATURATED:
+    if log.info["status"] != "completed" or _saturated_share(log, vehicle) > SATURATED:
         found[:] = True
     found[:3] |= np.abs(log.position - axes.rest[:3]).max(axis=0) > 0.5 * limits.box
     found[:2] |= _tilt(log).max() > limits.tilt
@@ -202,7 +202,7 @@ def _tilt(log: Log) -> Array:
     return np.asarray(np.arccos(np.clip(1.0 - 2.0 * (x**2 + y**2), -1.0, 1.0)))
 
 
-def _saturated(log: Log, vehicle: Vehicle) -> float:
+def _saturated_share(log: Log, vehicle: Vehicle) -> float:
     """Share of commands at a rotor's upper limit."""
     highest = np.array([float(each.max_speed) for each in vehicle.rotors])
     return float((log.rotor_commands >= highest).mean())

@@ -64,7 +64,7 @@ class Segment:
     phases: Array
     offsets: Array
 
-    def scaled(self, factors: Array) -> Segment:
+    def scale(self, factors: Array) -> Segment:
         """Segment with the amplitudes and offsets of each axis times a factor (axes,)."""
         amplitudes, offsets = self.amplitudes * factors[:, None], self.offsets * factors
         return dataclasses.replace(self, amplitudes=amplitudes, offsets=offsets)
@@ -153,7 +153,7 @@ def mutate_segment(segment: Segment, axes: Axes, draw: np.random.Generator) -> S
     """Segment near another one: some axes drawn anew, the others a little louder or softer."""
     other = draw_segment(axes, segment.duration, draw)
     anew = draw.uniform(size=len(axes.rest)) < 2.0 / len(axes.rest)
-    kept = segment.scaled(draw.uniform(0.85, 1.3, size=len(axes.rest)))
+    kept = segment.scale(draw.uniform(0.85, 1.3, size=len(axes.rest)))
     found = dataclasses.replace(
         segment,
         frequencies=np.where(anew[:, None], other.frequencies, kept.frequencies),

@@ -131,7 +131,7 @@ class Loops:
         times = 2.0 * most / D, D / K, np.where(slow > 0.0, 1.0 / np.maximum(slow, 1e-9), 0.0)
         return min(FORGOTTEN * float(np.max(times)), LONGEST)
 
-    def bounded(self, effort: Array, rate: Array) -> Array:
+    def bound(self, effort: Array, rate: Array) -> Array:
         """Efforts (..., joints) within what motor, supply and joint give."""
         found = np.empty_like(effort)
         for i, (servo, joint) in enumerate(zip(self.servos, self.joints, strict=True)):
@@ -144,7 +144,7 @@ class Loops:
         """Effort (N m or N) that every motor gives in both directions at joint rates up to a given one (rad/s)."""
         most = np.full((4, len(self.servos)), math.inf) * np.array([[-1.0], [-1.0], [1.0], [1.0]])
         fastest = np.full(most.shape, rate) * np.array([[-1.0], [1.0], [-1.0], [1.0]])
-        return float(np.abs(self.bounded(most, fastest)).min())
+        return float(np.abs(self.bound(most, fastest)).min())
 
 
 def loops_of(vehicle: Vehicle, servoed: Sequence[int]) -> Loops:
@@ -218,7 +218,7 @@ def servo_response(
             effort = spring - (D + 0.5 * dt * K) * mean
             grown = dt * (goal - q)
             if np.abs(effort).max() > safe:
-                given = loops.bounded(effort, mean)
+                given = loops.bound(effort, mean)
                 short = np.abs(given - effort) > 1e-12
                 mean = _solve(
                     M, eye, np.where(short, viscous, damped) + slope, carried + np.where(short, given, spring)
