@@ -10,7 +10,7 @@ import pytest
 
 import skyarm
 from skyarm.flight_data.flight_data import Channel, FlightData
-from skyarm.studies.identify.stretches import stretches_of
+from skyarm.studies.identify.stretches import _differences, stretches_of
 
 VEHICLE = skyarm.load_vehicle("hummingbird")
 HOVER = (9.81 * VEHICLE.mass / 4.0 / VEHICLE.rotors[0].thrust_coefficient) ** 0.5
@@ -191,3 +191,12 @@ def test_a_velocity_keeps_its_size_between_attitudes_that_are_far_apart():
 
     (stretch,) = stretches_of(flight(velocity=moving, quaternion=turning), VEHICLE, period=0.002)
     assert np.linalg.norm(stretch.velocity, axis=1) == pytest.approx(5.0, rel=2e-3)
+
+
+def test_rates_by_differences_are_those_of_a_fast_swing():
+    """Of 2 Hz at 200 Hz: to 1e-5 of its rate, where those of second order are 7e-4 below."""
+    time = 0.005 * np.arange(400)
+    rate = 4.0 * np.pi * np.cos(4.0 * np.pi * time)
+    found = _differences(np.sin(4.0 * np.pi * time)[:, None], 0.005)[:, 0]
+    assert np.abs(found - rate)[2:-2].max() < 1e-5 * rate.max()
+    assert np.abs(np.gradient(np.sin(4.0 * np.pi * time), 0.005) - rate)[2:-2].max() > 5e-4 * rate.max()

@@ -175,6 +175,16 @@ def _noise_of_means(rows: Array, response: Array, width: int, samples: int) -> A
     return np.asarray(white * gain)
 
 
+def _differences(rows: Array, step: float) -> Array:
+    """Rates of sampled rows (N, ...) by central differences of fourth order.
+
+    Those of second order are 0.07 % below a swing of 2 Hz at 200 Hz, coherent with all that the swing is to show.
+    """
+    found = np.asarray(np.gradient(rows, step, axis=0))
+    found[2:-2] = (8.0 * (rows[3:-1] - rows[1:-3]) - (rows[4:] - rows[:-4])) / (12.0 * step)
+    return found
+
+
 def _is_late(measured: Array, central: Array) -> bool:
     """True if measured joint rates look like differences to the sample before, half a sample late.
 
@@ -283,8 +293,8 @@ def _stretch(
             raise ValueError(
                 f"{flight.name}: joint_positions: {joints.shape[1]} columns, vehicle '{start.name}' has {n}"
             )
-        rates = np.asarray(np.gradient(joints, step, axis=0))
-        noise = _noise_of_means(joints, np.gradient(_impulse(width, samples), step), width, samples)
+        rates = _differences(joints, step)
+        noise = _noise_of_means(joints, _differences(_impulse(width, samples), step), width, samples)
         if "joint_rates" in flight and not _is_late(at("joint_rates"), rates):
             rates = at("joint_rates")
             noise = _noise_of_means(rates, _impulse(width, samples), width, samples)
