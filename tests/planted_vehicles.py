@@ -19,6 +19,7 @@ from skyarm.studies.tune.excitation import EASE, of_vehicle
 
 NOMINAL = skyarm.load_vehicle("hummingbird_arm2_rotors")
 OFF = 0.2
+DESIGNED = Path(__file__).parent / "data" / "designed_flight.toml"
 
 
 def plant_numbers(seed):
@@ -83,6 +84,23 @@ def fly_planted(seed, duration=60.0, more=None):
         )
     )
     return numbers, vehicle, measured_flight(log, Path(f"planted_{seed}.npz"))
+
+
+def fly_designed(seed):
+    """A planted vehicle's numbers, the vehicle, and its flight of a minute on the path designed for the nominal one."""
+    numbers = plant_numbers(seed)
+    vehicle = vehicle_with(NOMINAL, numbers, checked=True)
+    designed = skyarm.load_scenario(str(DESIGNED))
+    log = skyarm.run(
+        dataclasses.replace(
+            designed,
+            plant=dataclasses.replace(designed.plant, vehicle=vehicle),
+            delays=dataclasses.replace(designed.delays, command=numbers["delay"]),
+            seed=seed,
+        )
+    )
+    assert log.info["status"] == "completed"
+    return numbers, vehicle, measured_flight(log, Path(f"designed_{seed}.npz"))
 
 
 def weighed(vehicle):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planted_vehicles import fly_planted, weighed
+from planted_vehicles import fly_designed, fly_planted, weighed
 from skyarm.studies.identify.identify_vehicle import identify_vehicle
 from skyarm.studies.identify.information import expected_numbers
 from skyarm.studies.identify.stretches import stretches_of
@@ -26,13 +26,13 @@ def truth_of(name, numbers, vehicle):
 
 @pytest.mark.thorough
 def test_planted_vehicles_are_found_and_intervals_cover_them():
-    """Medians: inertia 2 %, centre of mass 2 mm, motor constants 3 %, link masses 6 %; 90 of 100 intervals cover.
+    """After the designed flight, medians: inertia 2 %, centre of mass 2 mm, motor constants 3 %, link masses 5 %.
 
-    Link masses were 5.1 % off (median of 12) after this flight, which is no designed one: that is asked for 5 %.
+    And 90 to 98 of 100 intervals cover.
     """
     inside, errors = [], {"inertia": [], "com": [], "time_constant": [], "mass": []}
     for seed in range(COUNT):
-        numbers, vehicle, flight = fly_planted(seed)
+        numbers, vehicle, flight = fly_designed(seed)
         start = weighed(vehicle)
         for number in identify_vehicle(stretches_of(flight, start), start).numbers:
             truth = truth_of(number.name, numbers, vehicle)
@@ -52,8 +52,8 @@ def test_planted_vehicles_are_found_and_intervals_cover_them():
     assert medians["inertia"] <= 0.02
     assert medians["com"] <= 0.002
     assert medians["time_constant"] <= 0.03
-    assert medians["mass"] <= 0.06
-    assert np.mean(inside) >= 0.90
+    assert medians["mass"] <= 0.05
+    assert 0.90 <= np.mean(inside) <= 0.98
 
 
 @pytest.mark.thorough

@@ -26,8 +26,8 @@ NOT_SHOWN = "not in this data"
 SHOWN = 0.5
 """Least share of a number's information that the flights must give."""
 
-BLOCK = 0.5
-"""s, of a block of scores."""
+BLOCK = 2.0
+"""s, of a block of scores: noise of measured rates, integrated in a joint's prediction, stays for longer than 0.5 s."""
 
 SHARE, INSTANT, SPREAD = 2e-3, 0.02, 1e-2
 """Of a positive number, of a period (for times) and of what is known before (for others): what sampling leaves.
