@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from commanded import refused, skyarm
@@ -34,5 +32,4 @@ def test_a_design_is_a_scenario_that_flies(tmp_path, monkeypatch):
     done = skyarm("identify", "--design", "hummingbird", "--seconds", "20", "--box", "1", "-o", "excite.toml")
     assert done.code == 0
     assert "sharper by" in done.out
-    assert skyarm("run", "excite.toml", "-o", "flown.npz").code == 0
-    assert Path("flown.npz").exists()
+    assert skyarm("run", "excite.toml").code == 0

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rich.console import RenderableType
 
-from skyarm.cli.output import aligned_lines, bar, give, heading, plain, tell
+from skyarm.cli.output import aligned_lines, bar, give, heading, tell
 from skyarm.records.files import number, output_file, taken_back, write_atomically
 from skyarm.studies.identify.design import SEGMENT, DesignLimits
 from skyarm.studies.identify.designed_flight import DesignedFlight, Sharpened, design_flight
@@ -60,7 +60,8 @@ def identify_design(
         if written is not None:
             write_atomically(written, found.text().encode())
             tell(f"written: {written}", f"next: skyarm run {written}")
-        give(plain([_row(each) for each in found.numbers]), vehicle=start.name, file=written)
+        numbers = [_row(each) for each in found.numbers]
+        give({"numbers": numbers}, vehicle=start.name, file=written)
 
 
 def _within(value: float, option: str, low: float, high: float) -> float:
