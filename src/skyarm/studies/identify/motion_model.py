@@ -338,12 +338,15 @@ def _joint_efforts(
 ) -> list[Array]:
     """Joint torques or forces after dead time and limit, less friction, in some periods."""
     late = stretch.means(delay_commands(stretch.efforts, stretch.period / stretch.fine, about.joint_delay))
-    spread = stretch.rate_spread[place]
+    # means of the ends have less noise than values in the middle, and a dry friction bends within it
+    spread, dry = stretch.rate_spread[place], middle(stretch.joint_rates)[place]
     return [
         np.clip(torque, -float(link.joint.effort_limit), float(link.joint.effort_limit))
         - link.joint.damping * x
-        - link.joint.coulomb * np.tanh(x / np.hypot(float(link.joint.coulomb_rate), BLUR * around))
-        for link, torque, x, around in zip(vehicle.links, late[place].T, joint_rates, spread.T, strict=True)
+        - link.joint.coulomb * np.tanh(mean / np.hypot(float(link.joint.coulomb_rate), BLUR * around))
+        for link, torque, x, mean, around in zip(
+            vehicle.links, late[place].T, joint_rates, dry.T, spread.T, strict=True
+        )
     ]
 
 
