@@ -48,6 +48,7 @@ TABLES = {
     ("actuators.md", "toml"): "tests/test_docs_actuators.py",
     ("pressing.md", "toml"): "tests/control/test_gripping.py",
     ("delays.md", "toml"): "tests/scenario/test_change_records.py",
+    ("identification.md", "toml"): "tests/flight_data/test_table_file.py",
     ("phases.md", "toml"): "tests/simulate/test_sensed_guards.py",
     ("sensors.md", "toml"): "tests/sensing/test_force_sensors.py",
     ("tip_and_tasks.md", "toml"): "tests/test_docs_of_tasks.py",
