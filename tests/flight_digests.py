@@ -20,10 +20,10 @@ from typing import Any
 import numpy as np
 
 import skyarm
-from skyarm.compile import leaves
 from skyarm.control.catalogue import LAWS, PRESETS, make_controller, suitable_options, tuned_factors
 from skyarm.control.model import Terms
 from skyarm.log.metrics.windows import Window, Windows
+from skyarm.records.leaves import leaves
 from skyarm.scenario.controller_table import loop_facts
 from skyarm.simulate.batch import Batch
 

@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 
 import skyarm
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.compile import leaves, rebuild
 from skyarm.control.catalogue import ACCELERATION, HUMMINGBIRD, TORQUE, Controller, make_controller
 from skyarm.control.model import Model
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 

@@ -7,10 +7,10 @@ import dataclasses
 import numpy as np
 
 from skyarm.algebra import Vec3
-from skyarm.compile import leaves
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import Truth, flat
 from skyarm.plant.surroundings import Surroundings, places_in
+from skyarm.records.leaves import leaves
 from standing_vehicles import GRAVITY, at_rest, limp
 
 BIRD = limp()

@@ -34,7 +34,6 @@ import numpy as np
 
 from skyarm.algebra import Mat3, Vec3
 from skyarm.algebra.scalars import data, mul
-from skyarm.compile import leaves
 from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.point_motion import PointMotion
@@ -45,7 +44,7 @@ from skyarm.plant.mujoco import QUIET
 from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.mujoco_model import LEAST, body_name, build_spec
 from skyarm.plant.surroundings import Surroundings, after_euler_step, before_euler_step, places_in, slopes_of
-from skyarm.records.leaves import field_names
+from skyarm.records.leaves import field_names, leaves
 from skyarm.vehicle.check import require_plant
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.contact.carrier import Carrier

@@ -7,10 +7,10 @@ import dataclasses
 import numpy as np
 
 from skyarm.algebra import Vec3
-from skyarm.compile import leaves, rebuild
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import Truth, flat
 from skyarm.plant.surroundings import Surroundings, places_in
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.scenario.scenario_record import trimmed_state
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.world.contact import Contact, ContactPoint, Material, Surface

@@ -11,12 +11,12 @@ import skyarm
 from flying_vehicles import steady_wind
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import cos, log, philox, sin, sqrt
-from skyarm.compile import leaves
 from skyarm.control.catalogue import preset
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.plant.interface import Truth
 from skyarm.plant.rigid_body import coupled_euler, coupled_rk4
+from skyarm.records.leaves import leaves
 from skyarm.reference import Constant, Reference, Sine, Trajectory
 from skyarm.sensing.measurement import Measurement
 

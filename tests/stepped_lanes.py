@@ -8,12 +8,12 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.compile import rebuild
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.lane_stepper import LaneStepper
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.dynamics import State
 from skyarm.records.files import shown
+from skyarm.records.leaves import rebuild
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, noise_key

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from skyarm.compile import leaves
 from skyarm.control.catalogue import LAWS
 from skyarm.control.laws.centroidal.presets import COMMON, ENTRIES, PERIODS, PRESETS, RANGES
+from skyarm.records.leaves import leaves
 from skyarm.scenario.controller_table import PYTHON_ONLY, WORDS, law_words
 from skyarm.scenario.scenario_file import scenario_from
 

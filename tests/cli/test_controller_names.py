@@ -11,7 +11,6 @@ import pytest
 import skyarm as library
 from commanded import refused, skyarm
 from skyarm.cli.output import write_json
-from skyarm.compile import leaves
 from skyarm.control.catalogue import (
     LAWS,
     PRESETS,
@@ -24,6 +23,7 @@ from skyarm.control.catalogue import (
 )
 from skyarm.control.laws.centroidal.presets import without_preset
 from skyarm.control.model import Model
+from skyarm.records.leaves import leaves
 from skyarm.simulate import Log
 
 MODEL = Model(vehicle=library.load_vehicle("hummingbird_arm2"))

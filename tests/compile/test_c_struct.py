@@ -8,8 +8,8 @@ from typing import Annotated
 import pytest
 
 from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3
-from skyarm.compile import leaves
 from skyarm.compile.c_source import Floats, comment, declaration, initialiser, make_struct
+from skyarm.records.leaves import leaves
 from skyarm.records.units import Unit
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from skyarm.algebra import Quaternion, Sym3, Vec3
-from skyarm.compile import leaves, rebuild, shaped_like
+from skyarm.records.leaves import leaves, rebuild, shaped_like
 from vehicles_random import random_vehicle
 
 

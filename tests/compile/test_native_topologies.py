@@ -15,7 +15,7 @@ PROGRAM = """
 import dataclasses, sys
 import numpy as np
 from skyarm.algebra import Force, Vec3
-from skyarm.compile import leaves
+from skyarm.records.leaves import leaves
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.program import trace_loop
 from skyarm.compile.llvm.kernel import Kernel, host_width

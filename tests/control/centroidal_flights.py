@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.compile import leaves, rebuild
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.log.tip_positions import level_tip, tip
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Delays, Scenario
 from skyarm.sensing.measurement import SensorNoise

@@ -12,7 +12,7 @@ import skyarm
 from flown import MODEL, G, cases, changed, hovering, stacked
 from flying_engines import jax_doubles
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.compile import leaves, rebuild, trace
+from skyarm.compile import trace
 from skyarm.control.catalogue import ControllerError, preset
 from skyarm.control.laws.centroidal import PRESETS, make_centroidal
 from skyarm.control.laws.centroidal.presets import periods_of
@@ -20,6 +20,7 @@ from skyarm.control.laws.centroidal.torques import TRIM
 from skyarm.control.model import Model
 from skyarm.control.onboard.export_c import export_c
 from skyarm.plant.interface import Truth
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.reference import hover
 from skyarm.reference.signals import Sine
 from skyarm.scenario.scenario_record import Scenario, first_state

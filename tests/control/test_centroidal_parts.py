@@ -273,7 +273,7 @@ def test_the_prediction_is_what_mujoco_does_in_that_time():
     found = predict(Model(vehicle=vehicle, gravity=9.8), flying(), command, none, 0.005)
     wind = steady_wind(push, Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0))
     plant = MujocoPlant(Truth(vehicle=vehicle, gravity=9.8), wind, "euler", 1e-5)
-    from skyarm.compile import leaves
+    from skyarm.records.leaves import leaves
 
     x = plant.advance(tuple(leaves(flying())), tuple(leaves(command)), tuple(leaves(wind)), 0.005)
     ours = np.array(leaves(found))

@@ -12,9 +12,9 @@ from euler_form import hybrid_computed_torque_euler
 from flown import ARM2, LAWS, MODEL, G, cases, changed, controller, hovering, pushes, raw_squares, step, unclipped, vec
 from rotors_node import message_quaternion
 from skyarm.algebra import Mat3, Quaternion, Vec3
-from skyarm.compile import leaves
 from skyarm.control.blocks.geometric import SMALL_SINE, desired_attitude
 from skyarm.control.model import Model
+from skyarm.records.leaves import leaves
 from skyarm.vehicle import Body
 
 NAN = math.nan

@@ -10,7 +10,6 @@ import pytest
 
 import skyarm
 from skyarm.algebra import Vec3
-from skyarm.compile import leaves
 from skyarm.control.catalogue import (
     HUMMINGBIRD,
     LAWS,
@@ -21,6 +20,7 @@ from skyarm.control.catalogue import (
     tuned_factors,
 )
 from skyarm.control.model import JointGains, Model, Terms
+from skyarm.records.leaves import leaves
 from skyarm.scenario.scenario_file import scenario_from
 
 MODEL = Model(vehicle=skyarm.load_vehicle("hummingbird_arm2"))

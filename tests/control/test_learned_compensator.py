@@ -17,7 +17,7 @@ from flown import ARM2, MODEL, cases, hovering, pushes
 from log_metrics import Errors
 from logs_synthetic import synthetic_log
 from skyarm.algebra import Vec3
-from skyarm.compile import leaves, trace
+from skyarm.compile import trace
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.program import trace_loop
@@ -39,6 +39,7 @@ from skyarm.control.model import Model
 from skyarm.control.onboard.export_c import export_c
 from skyarm.dynamics import array_front as arrays
 from skyarm.dynamics.actuators import Command
+from skyarm.records.leaves import leaves
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate.loop import run
 from skyarm.vehicle.vehicle_files import load_vehicle

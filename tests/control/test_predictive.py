@@ -13,7 +13,7 @@ from flying_engines import slopes
 from log_metrics import Errors
 from shared_programs import fly
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.compile import leaves, rebuild, trace
+from skyarm.compile import trace
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import ControllerError
@@ -42,6 +42,7 @@ from skyarm.control.model import Model
 from skyarm.control.onboard.export_c import export_c
 from skyarm.dynamics.actuators import Command, speed_after
 from skyarm.plant.interface import Truth
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import first_state

@@ -14,7 +14,6 @@ from test_predictive_memory import belief, drawn, goal_of, true_accelerations
 import skyarm
 from flown import MODEL, cases, vec
 from law_flights import scalars
-from skyarm.compile import leaves, rebuild
 from skyarm.control.blocks.force_control import InteractionGains
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.catalogue import make_controller
@@ -27,6 +26,7 @@ from skyarm.control.laws.predictive.prediction import Inputs
 from skyarm.control.laws.predictive.solver import examples
 from skyarm.control.laws.predictive.tip_contact import KEPT, TipContact, contact_goals, shift_ahead
 from skyarm.control.model import Model
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.scenario.controller_table import controller_by_name
 from skyarm.vehicle.vehicle_files import load_vehicle
 from vehicles_random import PinocchioTwin, RandomState

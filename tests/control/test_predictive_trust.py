@@ -9,7 +9,6 @@ import pytest
 
 from flown import ARM2, MODEL
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.compile import leaves, rebuild
 from skyarm.control.catalogue import make_controller
 from skyarm.control.laws.predictive import fallback, law, observer, preview
 from skyarm.control.laws.predictive.law import BEARABLE, bearable, engine_key, make_engine
@@ -18,6 +17,7 @@ from skyarm.control.laws.predictive.preview import shift
 from skyarm.control.laws.predictive.solver import NoPlanError, Plan, examples
 from skyarm.dynamics import frame_pose
 from skyarm.dynamics.actuators.hover import hover_trim
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 

@@ -13,7 +13,6 @@ from flying_engines import evaluate
 from law_parts import with_parts
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.algebra.scalars.taylor import Taylor
-from skyarm.compile import leaves, rebuild
 from skyarm.control.blocks import force_control as law
 from skyarm.control.blocks.disturbance_observer import disturbance
 from skyarm.control.blocks.force_control import InteractionGains, first_interaction, wanted_of
@@ -27,6 +26,7 @@ from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.kinematics import frame_pose
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import blank_measurement
 

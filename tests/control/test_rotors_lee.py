@@ -12,11 +12,12 @@ import skyarm
 from flown import G, cases, controller, step, vec
 from rotors_node import message_quaternion, rotors_sim_lee_command
 from skyarm.algebra import Vec3
-from skyarm.compile import leaves, trace
+from skyarm.compile import trace
 from skyarm.control.blocks.geometric import yaw_of
 from skyarm.control.catalogue import HUMMINGBIRD
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import mix
+from skyarm.records.leaves import leaves
 
 GOLDEN = json.loads((Path(__file__).parents[1] / "data" / "lee_golden.json").read_text(encoding="utf-8"))
 VEHICLE = skyarm.load_vehicle("hummingbird")

@@ -18,7 +18,6 @@ from law_parts import with_parts
 from shared_programs import fly
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import logical_and, where
-from skyarm.compile import leaves
 from skyarm.control.catalogue import LAWS, make_controller
 from skyarm.control.controller import all_applied, with_applied_command
 from skyarm.control.model import Model
@@ -26,6 +25,7 @@ from skyarm.control.safety import with_safety_layer
 from skyarm.control.safety.recovery import Confidence
 from skyarm.control.safety.safety_layer import arbitrate, govern, limit_command
 from skyarm.dynamics.actuators import Command
+from skyarm.records.leaves import leaves
 from skyarm.reference import Constant, Trajectory
 from skyarm.reference.signals import Ramp
 from skyarm.sensing.measurement import Measurement

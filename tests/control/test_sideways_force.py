@@ -15,7 +15,7 @@ from law_parts import step_of
 from sideways_program import array, largest, lopsided
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.algebra.scalars.taylor import Taylor
-from skyarm.compile import leaves, rebuild, trace
+from skyarm.compile import trace
 from skyarm.control.blocks.actuators import command_for, compensate_motor_lag
 from skyarm.control.blocks.attitude import Attitude
 from skyarm.control.blocks.prediction import Disturbance
@@ -36,6 +36,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import make_mixer
 from skyarm.dynamics.actuators.rotor import speed_after
 from skyarm.plant.interface import Truth
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.reference import hover
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario

@@ -11,13 +11,13 @@ pytest.importorskip("gymnasium", reason="needs the extra 'gym'")
 import gymnasium
 
 import skyarm
-from skyarm.compile import leaves
 from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.envs import ActionChange, ActionSize, Result, Sight, Spin, TipError, TipNear
 from skyarm.envs.env_program import EnvProgram
 from skyarm.envs.env_task import make_task
 from skyarm.envs.single_environment import Environment
 from skyarm.envs.vector_environment import VectorEnvironment
+from skyarm.records.leaves import leaves
 from skyarm.scenario.numbers import with_numbers
 from skyarm.studies.sweep.design import values
 from skyarm.studies.sweep.distributions import Uniform, distribution_from

@@ -8,7 +8,6 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from flying_vehicles import steady_wind
-from skyarm.compile import rebuild
 from skyarm.dynamics import kinetic_energy
 from skyarm.dynamics.actuators import stop_force
 from skyarm.plant.compiled import RigidBodyPlant, example_state
@@ -16,6 +15,7 @@ from skyarm.plant.interface import Truth, flat
 from skyarm.plant.joint_rate import STOP_STEP, joint_rate, stop_frequency
 from skyarm.plant.largest_step import INTEGRATORS
 from skyarm.plant.mujoco import MujocoPlant
+from skyarm.records.leaves import rebuild
 from skyarm.scenario.scenario_record import trimmed_state
 from skyarm.vehicle import VehicleError
 from skyarm.vehicle.linkage import Joint

@@ -57,7 +57,7 @@ def around(caught=(0.0, 0.0), held=(1.0, 1.0), stuck=None, n=6, rotors=6):
 
 
 def flat_of(record):
-    from skyarm.compile import leaves
+    from skyarm.records.leaves import leaves
 
     return tuple(map(float, leaves(record)))
 

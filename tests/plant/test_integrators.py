@@ -11,12 +11,12 @@ from independent_flight import Flight
 from flying_engines import jax_doubles
 from flying_vehicles import HOVER, WIND, hovering, hummingbird_arm, random_flyer, steady_wind, tumbling
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.compile import leaves
 from skyarm.dynamics.actuators import Command
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import Truth, flat
 from skyarm.plant.mujoco import MujocoPlant
 from skyarm.plant.rigid_body import coupled_euler, coupled_rk4
+from skyarm.records.leaves import leaves
 from vehicles_random import MujocoTwin, RandomState, random_vehicle
 
 G = 9.8

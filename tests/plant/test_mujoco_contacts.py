@@ -10,11 +10,11 @@ import pytest
 
 from free_scenes import Scene
 from skyarm.algebra import Vec3
-from skyarm.compile import leaves
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import Truth, flat
 from skyarm.plant.surroundings import Surroundings, places_in
+from skyarm.records.leaves import leaves
 from skyarm.reference import Sine
 from skyarm.world import SignalVector
 from skyarm.world.contact import Contact, ContactPoint, FreeObject, Gripper, Material, Mechanism, Surface

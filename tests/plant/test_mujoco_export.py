@@ -11,11 +11,11 @@ import pytest
 
 from flying_vehicles import HOVER, hovering, hummingbird_arm, random_flyer, steady_wind, tumbling
 from skyarm.algebra import Vec3
-from skyarm.compile import leaves
 from skyarm.plant.interface import Truth, flat
 from skyarm.plant.mujoco import MujocoPlant
 from skyarm.plant.mujoco_export import START, mjcf_text
 from skyarm.plant.mujoco_model import joint_addresses
+from skyarm.records.leaves import leaves
 from skyarm.vehicle import VehicleError
 from skyarm.vehicle.linkage import Follower
 from skyarm.vehicle.vehicle_files import load_vehicle

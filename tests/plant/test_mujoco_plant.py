@@ -11,10 +11,10 @@ import pytest
 
 from flying_vehicles import HOVER, WIND, hovering, hummingbird_arm, random_flyer, steady_wind, tumbling
 from skyarm.algebra import Mat3, Sym3, Vec3
-from skyarm.compile import leaves
 from skyarm.dynamics import array_front as arrays
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import Truth, flat, whole_steps
+from skyarm.records.leaves import leaves
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.linkage import BASE, Body, Joint, Link
 from skyarm.vehicle.vehicle_records import Frame, Vehicle

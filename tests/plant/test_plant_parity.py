@@ -11,7 +11,7 @@ import pytest
 from flying_vehicles import HOVER, WIND, hovering, hummingbird_arm, random_flyer, steady_wind, tumbling
 from skyarm import dynamics
 from skyarm.algebra import Force, Quaternion, Vec3
-from skyarm.compile import leaves, shaped_like, trace
+from skyarm.compile import trace
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.drive import TORQUE_DRIVE
@@ -22,6 +22,7 @@ from skyarm.plant.interface import Truth, flat
 from skyarm.plant.loads import applied_force, with_lag
 from skyarm.plant.mujoco import MujocoPlant
 from skyarm.plant.surroundings import Surroundings
+from skyarm.records.leaves import leaves, shaped_like
 from skyarm.vehicle.vehicle_files import load_vehicle
 from thorough import sampled
 

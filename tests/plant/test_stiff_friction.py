@@ -8,11 +8,11 @@ import pytest
 from independent_flight import Flight
 
 from flying_vehicles import steady_wind
-from skyarm.compile import leaves
 from skyarm.plant.compiled import RigidBodyPlant, example_command
 from skyarm.plant.interface import Truth, flat
 from skyarm.plant.joint_rate import friction_rate
 from skyarm.plant.mujoco import MujocoPlant
+from skyarm.records.leaves import leaves
 from skyarm.scenario.scenario_record import trimmed_state
 from skyarm.vehicle import VehicleError
 from skyarm.vehicle.vehicle_files import load_vehicle

@@ -11,7 +11,6 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from skyarm.algebra import Vec3
-from skyarm.compile import leaves
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.energy import kinetic_energy
 from skyarm.plant.compiled import RigidBodyPlant
@@ -19,6 +18,7 @@ from skyarm.plant.interface import Truth
 from skyarm.plant.largest_step import check_largest_step, lanes_step, largest_stable_step, verlet_step
 from skyarm.plant.rigid_body import coupled_rk4, coupled_verlet
 from skyarm.plant.surroundings import Surroundings
+from skyarm.records.leaves import leaves
 from skyarm.reference import Sine
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.world import Force, SignalVector

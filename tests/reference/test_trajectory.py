@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from skyarm.algebra import Vec3
-from skyarm.compile import leaves, trace
+from skyarm.compile import trace
+from skyarm.records.leaves import leaves
 from skyarm.reference import (
     Constant,
     Publisher,

@@ -3,8 +3,8 @@
 import dataclasses
 
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.compile import leaves
 from skyarm.dynamics import State
+from skyarm.records.leaves import leaves
 from skyarm.sensing.measurement import blank_measurement, measurement_of
 
 STATE = State(

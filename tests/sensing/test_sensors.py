@@ -7,7 +7,7 @@ import pytest
 
 from flying_vehicles import hummingbird_arm, tumbling
 from skyarm.algebra import Vec3
-from skyarm.compile import leaves
+from skyarm.records.leaves import leaves
 from skyarm.sensing.measurement import SensorNoise, measure, noise_count
 from vehicles_random import rotation_matrix
 

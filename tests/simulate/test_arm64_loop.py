@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from shared_programs import fly
-from skyarm.compile import leaves
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_loop import NAME, assembly
 from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.records.leaves import leaves
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.sensing.measurement import SensorNoise
 from skyarm.simulate.engine import EpisodeCode

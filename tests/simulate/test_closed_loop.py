@@ -14,11 +14,11 @@ import skyarm
 from simulate_flights import document
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars.philox import normal
-from skyarm.compile import leaves, rebuild
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.plant.rigid_body import accelerate, coupled_rk4
 from skyarm.plant.surroundings import Surroundings
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import first_state
 from skyarm.sensing.measurement import measure

@@ -14,9 +14,9 @@ from simulate_flights import document
 from skyarm import Batch, Session
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import where
-from skyarm.compile import leaves
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
+from skyarm.records.leaves import leaves
 from skyarm.scenario.endings import apart, lowest_point
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import first_state

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from simulate_flights import document
-from skyarm.compile import leaves
+from skyarm.records.leaves import leaves
 from skyarm.records.plain import digest, plain
 from skyarm.reference import Constant, Sine
 from skyarm.scenario.scenario_file import load_scenario, scenario_from

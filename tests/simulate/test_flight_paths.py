@@ -21,10 +21,10 @@ from simulate_flights import document
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import where
 from skyarm.algebra.scalars.philox import uniforms
-from skyarm.compile import leaves
 from skyarm.compile.machine_code import NoMachineCodeError, SlowFlightWarning
 from skyarm.dynamics.actuators import Command
 from skyarm.log import formats
+from skyarm.records.leaves import leaves
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import first_state
 from skyarm.simulate import Log, Scenario, draws, run

@@ -12,7 +12,6 @@ import pytest
 
 from added_components import Servo, SteadyWrench, same_logs, with_law
 from skyarm.algebra import Vec3
-from skyarm.compile import leaves
 from skyarm.compile.tracing.program import trace_loop
 from skyarm.dynamics.actuators import Command
 from skyarm.plant.compiled import RigidBodyPlant
@@ -20,6 +19,7 @@ from skyarm.plant.interface import flat
 from skyarm.plant.largest_step import divisions
 from skyarm.plant.mujoco import MujocoPlant
 from skyarm.plant.surroundings import Surroundings
+from skyarm.records.leaves import leaves
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import JointDrive, ScenarioError, trimmed_state

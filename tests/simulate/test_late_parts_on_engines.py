@@ -13,13 +13,13 @@ import pytest
 
 from flying_engines import ENGINES, evaluate
 from skyarm.algebra import Vec3
-from skyarm.compile import leaves, rebuild
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.program import Loop, trace_loop
 from skyarm.control.catalogue import make_controller
 from skyarm.dynamics.actuators import Command
 from skyarm.plant.compiled import Steps
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.sensing.measurement import measurement_of

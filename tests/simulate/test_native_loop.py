@@ -11,10 +11,10 @@ from shared_programs import fly, shared_programs
 from simulate_flights import document
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars.philox import normal
-from skyarm.compile import leaves
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.control.catalogue import LAWS
+from skyarm.records.leaves import leaves
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.simulate import Scenario, run
 from skyarm.simulate.engine import EpisodeCode

@@ -12,7 +12,7 @@ import pytest
 from added_components import Ceiling, same_logs
 from simulate_flights import document
 from skyarm.algebra import Vec3
-from skyarm.compile import leaves, rebuild
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.scenario.endings import Ending
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import load_scenario, scenario_from

@@ -13,8 +13,8 @@ import pytest
 import skyarm
 from flying_engines import ENGINES, evaluate
 from skyarm.algebra import Vec3
-from skyarm.compile import leaves, rebuild
 from skyarm.control.law_estimates import observed_push
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.reference.path_time import offset_reference
 from skyarm.reference.signals import Constant, Sum
 from skyarm.reference.splines import minimum_snap

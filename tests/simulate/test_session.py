@@ -13,8 +13,8 @@ from shared_programs import shared_programs
 from simulate_flights import document
 from skyarm import Session
 from skyarm.algebra import Vec3
-from skyarm.compile import leaves
 from skyarm.dynamics.actuators import Command
+from skyarm.records.leaves import leaves
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import JointDrive, NamedSensor

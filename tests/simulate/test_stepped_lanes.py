@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.compile import leaves
 from skyarm.compile.llvm import lane_stepper, shared_steps
 from skyarm.compile.llvm.lane_stepper import apart
+from skyarm.records.leaves import leaves
 from skyarm.world.environment_tables import wind_from
 from stepped_lanes import BatchSession
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.compile import leaves
 from skyarm.plant.loads import loaded_vehicle
 from skyarm.plant.rigid_body import after_impact
+from skyarm.records.leaves import leaves
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate.first_state import first_loop_state, first_surroundings

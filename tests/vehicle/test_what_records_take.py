@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from skyarm.algebra import Mat3, Sym3, Vec3
-from skyarm.compile import leaves, trace
+from skyarm.compile import trace
+from skyarm.records.leaves import leaves
 from skyarm.vehicle import Body, BodyDrag, Frame, Joint, Link, Rotor, Vehicle, VehicleError
 
 BODY: dict[str, Any] = {"mass": 1.0, "inertia": (0.01, 0.01, 0.01)}

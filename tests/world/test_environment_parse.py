@@ -6,7 +6,7 @@ import tomllib
 import pytest
 
 from skyarm.algebra import E_X
-from skyarm.compile import leaves
+from skyarm.records.leaves import leaves
 from skyarm.world import NO_WIND, ForceWind, Gust, MovingAir, wind_from
 from skyarm.world import environment_tables as module
 from skyarm.world.dryden import DrydenMemory

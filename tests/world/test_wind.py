@@ -5,11 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from skyarm.algebra import ZERO3, Mat3, Sym3, Vec3
-from skyarm.compile import leaves, trace
+from skyarm.algebra import Mat3, Sym3, Vec3
+from skyarm.compile import trace
 from skyarm.records.coerce import RecordError
-from skyarm.vehicle import Body, BodyDrag, Frame, Joint, Link, Vehicle
-from skyarm.world import NO_WIND, ForceWind, Gust, MovingAir, Payload, WindSample, body_drag
+from skyarm.records.leaves import leaves
+from skyarm.vehicle import Body, Frame, Joint, Link, Vehicle
+from skyarm.world import NO_WIND, ForceWind, Gust, MovingAir, Payload, WindSample
 from skyarm.world.dryden import Dryden, DrydenMemory
 from wind_samples import wind
 
@@ -108,31 +109,6 @@ def test_an_impossible_gust_is_refused(fields, message):
 def test_a_smooth_gust_of_force_is_refused():
     with pytest.raises(ValueError, match="'step' as in RotorS"):
         ForceWind(gust=Gust(peak=Vec3(1.0, 0, 0), duration=1.0, shape="one_minus_cosine"))
-
-
-def test_body_drag_by_hand():
-    par = BodyDrag(area=Vec3(0.01, 0.02, 0.05))
-    # |v| = 3: -1/2 1.225 3 = -1.8375, times area and component
-    force = body_drag(par, Vec3(2.0, -1.0, 2.0))
-    assert list(force) == pytest.approx([-1.8375 * 0.02, 1.8375 * 0.02, -1.8375 * 0.1], rel=1e-14)
-
-
-def test_body_drag_takes_power_out_in_every_direction():
-    par = BodyDrag(area=Vec3(0.01, 0.02, 0.05))
-    for v in np.random.default_rng(1).normal(size=(20, 3)).tolist():
-        assert body_drag(par, Vec3(*v)).dot(Vec3(*v)) < 0.0
-
-
-def test_body_drag_at_rest_is_zero_with_a_zero_slope():
-    par = BodyDrag(area=Vec3(0.01, 0.02, 0.05))
-    assert list(body_drag(par, Vec3(0.0, 0.0, 0.0))) == [0.0, 0.0, 0.0]
-    jax = pytest.importorskip("jax")
-    slope = jax.grad(lambda v: body_drag(par, Vec3(v, 0.0, 0.0)).x)(0.0)
-    assert abs(slope) < 1e-10  # N s/m, from the 1e-12 m/s under the root; NaN without it
-
-
-def test_no_drag_folds_away():
-    assert body_drag(BodyDrag(), Vec3(1.0, 2.0, 3.0)) == ZERO3
 
 
 def tip_vehicle():

@@ -139,7 +139,6 @@ def _law(
 ) -> None:
     """Export a control law as a C file."""
     from skyarm.control.onboard.export_c import export_c
-    from skyarm.sensing.estimate.error_state_filter import ErrorStateFilter
 
     asked = None if rate is None else number(rate, "--rate", low=0.0, strict=True)
     if asked is not None and not SLOWEST <= asked <= HIGHEST_RATE:
@@ -165,7 +164,7 @@ def _law(
                 raise ValueError(f"{option} = {value!r}: must be left out, scenario {controller!r} brings its own")
         planned = load_scenario(controller)
         chosen, title = planned.controller, planned.name
-        estimator = planned.estimator if isinstance(planned.estimator, ErrorStateFilter) else None
+        estimator = planned.estimator.on_board
         if any(change.of_law for change in planned.changes):
             note = f"; the law as {controller} begins, without its changes in flight"
         control_rate = asked or float(planned.rates.control)

@@ -2,6 +2,5 @@
 
 from skyarm.compile.tracing.program import Program, trace
 from skyarm.compile.tracing.tracer import Graph, Node, TracedBranchError
-from skyarm.records.leaves import leaves, rebuild, shaped_like
 
-__all__ = ["Graph", "Node", "Program", "TracedBranchError", "leaves", "rebuild", "shaped_like", "trace"]
+__all__ = ["Graph", "Node", "Program", "TracedBranchError", "trace"]

@@ -20,12 +20,11 @@ from typing import Any
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import mul
-from skyarm.compile import leaves, rebuild
 from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.law_checks import call_maker
 from skyarm.control.model import GeometricGains, JointGains, Model
 from skyarm.records.files import did_you_mean, must_be_one_of, nearest, shown
-from skyarm.records.leaves import part, replace_at
+from skyarm.records.leaves import leaves, part, rebuild, replace_at
 from skyarm.records.registry.plugins import law_of_file_key
 from skyarm.records.registry.registrations import Registration, registrations
 from skyarm.records.registry.shipped import TUNED

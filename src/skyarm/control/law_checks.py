@@ -20,7 +20,7 @@ import numpy as np
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar
-from skyarm.compile import Node, TracedBranchError, leaves, rebuild
+from skyarm.compile import Node, TracedBranchError
 from skyarm.compile.tracing.float_trial import OUTSIDE, PERIODS, compare_with_floats
 from skyarm.control.controller import Controller, ControllerError, Law
 from skyarm.control.model import Model
@@ -28,7 +28,7 @@ from skyarm.dynamics.actuators import Command
 from skyarm.records.coerce import RecordError
 from skyarm.records.files import shown
 from skyarm.records.files.user_code import own_code, place_of, place_of_error
-from skyarm.records.leaves import is_record, named_parts, pairs
+from skyarm.records.leaves import is_record, leaves, named_parts, pairs, rebuild
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 

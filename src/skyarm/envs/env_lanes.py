@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra.scalars.philox import uniforms
-from skyarm.compile import rebuild, trace
+from skyarm.compile import trace
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.lane_stepper import LaneStepper
 from skyarm.compile.llvm.llvm_text import Lanes
@@ -17,6 +17,7 @@ from skyarm.dynamics import State
 from skyarm.envs.env_program import EnvProgram
 from skyarm.envs.env_task import Task
 from skyarm.records.files import shown
+from skyarm.records.leaves import rebuild
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.check_endings import endings_of

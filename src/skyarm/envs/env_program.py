@@ -15,14 +15,13 @@ from typing import Any
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, absolute, clip, logical_and, where
-from skyarm.compile import leaves, rebuild
 from skyarm.compile.tracing.program import Loop, trace_loop
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators.tilting import with_rest
 from skyarm.envs.action_kinds import Turn
 from skyarm.envs.env_task import Task
 from skyarm.envs.observed_quantities import Result, Sight
-from skyarm.records.leaves import blend
+from skyarm.records.leaves import blend, leaves, rebuild
 from skyarm.reference import Reference
 from skyarm.scenario.endings import Divergence
 from skyarm.scenario.numbers import number_at, with_numbers

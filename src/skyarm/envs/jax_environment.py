@@ -14,13 +14,14 @@ from typing import Any
 import numpy as np
 
 from skyarm.algebra.scalars import Scalar
-from skyarm.compile import rebuild, trace
+from skyarm.compile import trace
 from skyarm.compile.machine_code import missing_extra
 from skyarm.dynamics import State
 from skyarm.envs.env_program import EnvProgram
 from skyarm.envs.env_task import Task
 from skyarm.envs.randomised_numbers import with_fixed
 from skyarm.records.files import shown
+from skyarm.records.leaves import rebuild
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate.check_endings import endings_of
 from skyarm.simulate.draws import STARTS, draw_plan

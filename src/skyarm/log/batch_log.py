@@ -10,11 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra.scalars import Scalar
-from skyarm.compile import leaves, rebuild
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.log.sensor_data import ESTIMATE
-from skyarm.records.leaves import mismatch
+from skyarm.records.leaves import leaves, mismatch, rebuild
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 

@@ -12,8 +12,8 @@ from skyarm.paper.inferred_settings import INFERRED, PREDICTED, measure_inferred
 from skyarm.paper.published import Record
 from skyarm.paper.variations import variation, variations
 from skyarm.simulate import Log
+from skyarm.simulate.workers import Progress
 from skyarm.simulate.workers import workers as spread
-from skyarm.studies.compare.run_suite import Progress
 
 Sensitivity = dict[str, dict[str, dict[str, dict[str, Metrics]]]]
 """group -> value -> case -> controller -> metrics."""

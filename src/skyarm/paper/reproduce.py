@@ -19,7 +19,7 @@ from skyarm.paper.report_tables import markdown_tables
 from skyarm.paper.report_text import LOOK, OVERVIEW
 from skyarm.records.files import require_replaceable, require_writable, write_atomically
 from skyarm.scenario.scenario_record import PLANTS
-from skyarm.studies.compare.run_suite import Progress
+from skyarm.simulate.workers import Progress
 from skyarm.view.figures.paper_figures import overview_figure, paper_figures
 from skyarm.view.figures.style import image_bytes
 from skyarm.view.pages import image

@@ -7,17 +7,17 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Protocol
 
 from skyarm.algebra.scalars import Scalar
-from skyarm.compile import leaves
 from skyarm.dynamics.state import State
 from skyarm.records import coerce
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.leaves import leaves
 from skyarm.records.registry import find
 from skyarm.records.units import Unit
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Flat = Sequence[float]
-"""Leaves of a record (:func:`skyarm.compile.leaves`): State, Command or Surroundings."""
+"""Leaves of a record (:func:`skyarm.records.leaves.leaves`): State, Command or Surroundings."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

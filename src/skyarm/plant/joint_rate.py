@@ -9,10 +9,10 @@ import math
 
 import numpy as np
 
-from skyarm.compile import leaves
 from skyarm.dynamics.array_front import Array, mass_matrix
 from skyarm.plant.largest_step import FRICTION_STEP
 from skyarm.records.coerce import concrete
+from skyarm.records.leaves import leaves
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.linkage import Joint
 from skyarm.vehicle.vehicle_records import Vehicle

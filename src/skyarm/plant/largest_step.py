@@ -6,12 +6,12 @@ import math
 from collections.abc import Iterable
 from typing import Any
 
-from skyarm.compile import leaves
 from skyarm.dynamics.actuators.drive import Drive
 from skyarm.plant.surroundings import Surroundings
 from skyarm.records import coerce
 from skyarm.records.coerce import concrete
 from skyarm.records.files import shown
+from skyarm.records.leaves import leaves
 from skyarm.world.component import MOST_STEPS
 
 INTEGRATORS = ("rk4", "euler", "rk4_staged")

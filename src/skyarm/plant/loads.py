@@ -11,11 +11,12 @@ from skyarm.algebra.scalars import Scalar, add, mul
 from skyarm.dynamics.actuators import Command, joint_force, rotor_forces, speeds_after, stop_force
 from skyarm.dynamics.actuators.rotor import spin_torque
 from skyarm.dynamics.actuators.tilting import angles_after, turn_rotors
+from skyarm.dynamics.body_drag import body_drag
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.plant.surroundings import Surroundings
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.world import Effectiveness, Wrench, body_drag
+from skyarm.world import Effectiveness, Wrench
 
 LOCKED = 1e12
 """kg m^2 or kg: inertia of a stuck joint's motion. A torque of 1 N m moves it by 5e-13 rad in a second, less than what

@@ -16,7 +16,6 @@ import mujoco
 import numpy as np
 
 from skyarm.algebra.scalars import Scalar
-from skyarm.compile import leaves
 from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.dynamics.actuators import Command
 from skyarm.plant.interface import Flat, Truth, number, whole_steps
@@ -35,6 +34,7 @@ from skyarm.plant.mujoco_loads import Coupling, Loads
 from skyarm.plant.mujoco_model import build_spec, joint_addresses
 from skyarm.plant.mujoco_stages import StagedRungeKutta
 from skyarm.plant.surroundings import Surroundings, after_euler_step, before_euler_step, places_in, slopes_of
+from skyarm.records.leaves import leaves
 from skyarm.vehicle.check import require_plant
 from skyarm.vehicle.vehicle_records import Vehicle
 

@@ -17,7 +17,6 @@ import numpy as np
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar, add, mul
-from skyarm.compile import leaves, rebuild
 from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.state import State
@@ -25,6 +24,7 @@ from skyarm.plant.interface import Truth, number
 from skyarm.plant.loads import with_lag
 from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.surroundings import Surroundings, places_in, slopes_of
+from skyarm.records.leaves import leaves, rebuild
 
 STAGES = (
     (1.0 / 2.0, 1.0 / 6.0, 0.0, 0.5),

@@ -8,11 +8,11 @@ from typing import Any
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar, data, logical_and
-from skyarm.compile import leaves
 from skyarm.dynamics.actuators.drive import TORQUE_DRIVE, Drive
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.plant.interface import Truth
+from skyarm.records.leaves import leaves
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Rotor
 from skyarm.world import Component, Effectiveness, WindSample, Wrench

@@ -19,6 +19,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
+import numpy as np
+import numpy.typing as npt
+
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar, cos, data, divide, logical_and, logical_or, sin, sqrt, where
 from skyarm.algebra.scalars.taylor import Taylor
@@ -30,6 +33,8 @@ from skyarm.records.units import Unit
 from skyarm.reference.signals import Constant, Signal
 from skyarm.vehicle.linkage import BASE, Joint
 from skyarm.vehicle.vehicle_records import Vehicle
+
+Array = npt.NDArray[np.float64]
 
 ORDER = 4
 """Derivatives of a reference."""
@@ -182,9 +187,10 @@ class TipPush:
         found = (*found, self.grip.derivatives(t)[0])
         return found if self.pivot is None else (*found, *self.pivot, *_unit(self.axis))
 
-    def across(self, away: Vec3, t: Scalar, tip: Vec3) -> Vec3:
-        """Tip position error (m) without the component along the contact normal, at time t (s)."""
-        return counted_error(away, self.at(t), tip)
+    def across(self, away: Array, t: Any, tip: Array) -> Array:
+        """Tip position error (..., 3), m, without the component along the contact normal, at times t (...), s."""
+        counted = counted_error(Vec3(*away.T), self.at(t), Vec3(*tip.T))
+        return np.stack(np.broadcast_arrays(*map(np.asarray, counted)), axis=-1).astype(float)
 
 
 def counted_error(away: Vec3, push: Sequence[Any], tip: Vec3) -> Vec3:

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, absolute, add, logical_and, minimum, sub
-from skyarm.compile import leaves
 from skyarm.dynamics import State, link_poses
 from skyarm.dynamics.actuators.tilting import turn_rotors
+from skyarm.records.leaves import leaves
 from skyarm.vehicle.linkage import BASE, Link
 from skyarm.vehicle.vehicle_records import Vehicle
 

@@ -16,11 +16,10 @@ from typing import Annotated, Any, ClassVar
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, add, data, divide, floor, logical_and, logical_or, minimum, mul, sqrt, where
 from skyarm.algebra.scalars.philox import normals
-from skyarm.compile import leaves, rebuild
 from skyarm.dynamics.state import State, example_state
 from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.field_rules import accept_fields
-from skyarm.records.leaves import blend
+from skyarm.records.leaves import blend, leaves, rebuild
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit, declared_fields
 from skyarm.reference.signal_tables import SignalList

@@ -10,10 +10,10 @@ from typing import Annotated, Any
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar, add, data, mul
 from skyarm.algebra.scalars.philox import normals
-from skyarm.compile import leaves
 from skyarm.dynamics import State
 from skyarm.dynamics.state import example_state
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.leaves import leaves
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.sensing.sensor import Sensor

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.compile import leaves, rebuild
 from skyarm.compile.llvm.kernel import host_width
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.dynamics import State
@@ -17,6 +16,7 @@ from skyarm.log.batch_log import BatchLog, batch_log
 from skyarm.log.metrics.metric_catalogue import metric_names, required_totals
 from skyarm.log.metrics.metric_catalogue import values as metric_values
 from skyarm.log.metrics.windows import Windows
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.scenario.in_flight import require_changes, stretches
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_record import Scenario, noise_key

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra.scalars import Scalar, logical_and, where
-from skyarm.compile import leaves, rebuild, trace
+from skyarm.compile import trace
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.array_evaluation import evaluate
@@ -19,6 +19,7 @@ from skyarm.compile.tracing.tracer import Node
 from skyarm.log.batch_log import Logged
 from skyarm.log.metrics.accumulate import Goal, Instant, Total, advance_totals, first_totals
 from skyarm.log.sensor_data import ESTIMATE, READINGS
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.reference import Reference
 from skyarm.scenario.in_flight import Overrides, overrides_at, sources
 from skyarm.scenario.numbers import number_at, with_numbers

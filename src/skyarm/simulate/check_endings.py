@@ -11,10 +11,10 @@ import numpy.typing as npt
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, logical_and
-from skyarm.compile import rebuild
 from skyarm.control.law_estimates import observed_push
 from skyarm.dynamics import State
 from skyarm.dynamics.state import example_state
+from skyarm.records.leaves import rebuild
 from skyarm.reference.trajectory import failure_words
 from skyarm.scenario.endings import BUILT_IN, PHASE_FAILED, Ending, not_finite
 from skyarm.scenario.numbers import with_numbers

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from skyarm.algebra.scalars import data
-from skyarm.compile import leaves, rebuild
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.dynamics.state import example_state
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.scenario.scenario_record import Scenario, first_state
 from skyarm.sensing.estimate.estimator import FULL_STATE
 from skyarm.sensing.measurement import blank_measurement

@@ -12,8 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra.scalars import Scalar
-from skyarm.compile import Program, leaves, rebuild, trace
+from skyarm.compile import Program, trace
 from skyarm.compile.tracing.array_evaluation import evaluate
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.reference import Publisher, Reference
 from skyarm.reference.path_time import by_flight_time
 from skyarm.scenario.scenario_record import Scenario

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra.scalars import Scalar
-from skyarm.compile import leaves, rebuild
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
-from skyarm.records.leaves import is_record, mismatch, parts
+from skyarm.records.leaves import is_record, leaves, mismatch, parts, rebuild
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 from skyarm.world import WindSample

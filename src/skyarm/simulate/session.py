@@ -16,6 +16,7 @@ from skyarm.control.controller import autopilot_of
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.log.flight_log import Log
+from skyarm.plant.surroundings import Surroundings, wind_at
 from skyarm.records.files import shown
 from skyarm.records.leaves import mismatch
 from skyarm.reference import Reference
@@ -31,6 +32,7 @@ from skyarm.simulate.engine import Engine, EpisodeCode
 from skyarm.simulate.lane_numbers import require_paths
 from skyarm.simulate.loop_state import LoopState
 from skyarm.simulate.reference_clock import is_other_reference
+from skyarm.world import WindSample
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,6 +218,13 @@ class Session:
         """Measurement that the control law receives in the next period."""
         self._require_running()
         return self._engine.measurement()
+
+    @property
+    def wind(self) -> WindSample:
+        """Air velocity (m/s) and outside force (N) at the base at the start of the next period, world axes."""
+        scenario, now = self.scenario, self.now
+        around = Surroundings(components=scenario.components, memories=now.components, time=self.time)
+        return wind_at(around, scenario.plant, now.state)
 
     @property
     def reference(self) -> Reference:

@@ -22,6 +22,9 @@ from skyarm.records.files.user_code import OwnCodeError, own_failure
 from skyarm.records.registry import RegistryError
 from skyarm.records.registry.plugins import Plugin, laws_of_files, load_again, loaded_plugins, register_law_of_file
 
+Progress = Callable[[int, int, str], object]
+"""Called with (pieces of work done, in all, the stage or the last of them)."""
+
 
 def pack(value: Any) -> bytes:
     """Serialise a value for a worker process; functions defined inside functions are supported.

@@ -1,4 +1,4 @@
-"""Surroundings of the vehicle: wind, gusts, turbulence, airframe drag, payloads, contact and faults."""
+"""Surroundings of the vehicle: wind, gusts, turbulence, payloads, contact and faults."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -16,14 +16,12 @@ from skyarm.world.wind import NO_WIND, ForceWind, MovingAir, Wind, WindSample
 if TYPE_CHECKING:
     from skyarm.world.aerodynamic_forces import GroundEffect, LinkDrag, RotorDrag
     from skyarm.world.disturbance_signals import AirSignals, Disturbance
-    from skyarm.world.drag import body_drag
     from skyarm.world.hanging_payload import HangingPayload
     from skyarm.world.signal_vector import ColouredNoise, SignalVector
 
 _LATER = {
     "aerodynamic_forces": ("GroundEffect", "LinkDrag", "RotorDrag"),
     "disturbance_signals": ("AirSignals", "Disturbance"),
-    "drag": ("body_drag",),
     "hanging_payload": ("HangingPayload",),
     "signal_vector": ("ColouredNoise", "SignalVector"),
 }
@@ -64,7 +62,6 @@ __all__ = [
     "Wind",
     "WindSample",
     "Wrench",
-    "body_drag",
     "effectiveness_at",
     "faults_from",
     "low_altitude",

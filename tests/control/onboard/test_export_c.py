@@ -19,7 +19,6 @@ from exported_law import Loaded, fill
 from flown import G, cases, changed, hovering, step
 from skyarm.algebra import Vec3
 from skyarm.cli.main import main
-from skyarm.compile import leaves, rebuild
 from skyarm.control.blocks.disturbance_observer import Observed
 from skyarm.control.catalogue import PRESETS, Controller, make_controller, preset
 from skyarm.control.laws.centroidal.law import CentroidalMemory
@@ -27,6 +26,7 @@ from skyarm.control.model import Model, Terms
 from skyarm.control.onboard.export_c import STRUCTS, Constants, _member, export_c
 from skyarm.control.safety import with_safety_layer
 from skyarm.dynamics.actuators import Command
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.units import units
 from thorough import sampled
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from skyarm import Session, load_scenario
-from skyarm.compile import leaves, rebuild
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command
 from skyarm.links.outside.outside_law import LoopSettings, OutsideLaw
 from skyarm.links.outside.rate_commands import IdealRateLoop
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.simulate.inputs import episode_inputs
 
 SETTINGS = LoopSettings(period=0.005, rate_loop=IdealRateLoop(bandwidth=(18.0, 18.0, 6.0)), full_thrust=20.0)

@@ -11,11 +11,11 @@ import numpy as np
 import numpy.typing as npt
 from bench_timing import Contender
 
-from skyarm.compile import leaves
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.program import Loop, trace_loop
 from skyarm.plant.compiled import Steps
+from skyarm.records.leaves import leaves
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.measurement import SensorNoise

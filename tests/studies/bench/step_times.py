@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.compile import leaves
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.lane_stepper import Stepper
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.program import trace_loop
+from skyarm.records.leaves import leaves
 from skyarm.scenario.scenario_record import Scenario, first_state
 from skyarm.sensing.measurement import measurement_of
 from skyarm.simulate.inputs import episode_inputs

@@ -11,8 +11,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from skyarm.algebra import Vec3
-from skyarm.compile import leaves
 from skyarm.control.catalogue import ACCELERATION, HUMMINGBIRD, make_controller
+from skyarm.records.leaves import leaves
 from skyarm.studies.compare.cells import Cell
 from skyarm.studies.compare.entrants import ENTRANTS
 from skyarm.studies.compare.suite import CASES, turn_wind

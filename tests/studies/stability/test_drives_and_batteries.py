@@ -10,8 +10,8 @@ import pytest
 from swinging_flights import hover, size
 
 import skyarm
-from skyarm.compile import leaves
 from skyarm.dynamics.actuators.servo import PositionServo
+from skyarm.records.leaves import leaves
 from skyarm.scenario.scenario_record import first_state
 from skyarm.simulate import run
 from skyarm.simulate.first_state import first_loop_state

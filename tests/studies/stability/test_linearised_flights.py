@@ -14,10 +14,10 @@ import skyarm
 from flying_engines import slopes
 from shared_programs import fly
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.compile import leaves, rebuild
 from skyarm.control.catalogue import make_controller
 from skyarm.control.model import Model
 from skyarm.plant.interface import Truth
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.reference import hover
 from skyarm.simulate import Delays, run
 from skyarm.simulate.first_state import first_loop_state

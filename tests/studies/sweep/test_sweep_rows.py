@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from log_metrics import Errors, calmness, constant_wind, gust, last, motion, tracking
-from skyarm.compile import leaves, rebuild
 from skyarm.log.metrics.windows import Windows
 from skyarm.plant.joint_rate import friction_rate
 from skyarm.plant.largest_step import FRICTION_STEP
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.scenario.endings import PHASE_FAILED, STATUSES
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import load_scenario, scenario_from

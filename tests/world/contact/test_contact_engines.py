@@ -10,8 +10,8 @@ import pytest
 
 from flying_engines import evaluate
 from skyarm.algebra import Vec3
-from skyarm.compile import leaves, rebuild
 from skyarm.dynamics.point_motion import PointMotion
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.reference import Sine
 from skyarm.vehicle.linkage import BASE
 from skyarm.world import SignalVector

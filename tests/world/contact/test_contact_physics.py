@@ -137,11 +137,12 @@ def pressed():
 def test_both_plants_apply_the_same_force(pressed):
     """The change of acceleration on ours times MuJoCo's mass matrix is what MuJoCo is pushed with: 1e-9 of 1000."""
     from mujoco_equations import Equations
-    from skyarm.compile import leaves, trace
+    from skyarm.compile import trace
     from skyarm.compile.tracing.array_evaluation import evaluate
     from skyarm.plant.interface import Truth
     from skyarm.plant.rigid_body import accelerate
     from skyarm.plant.surroundings import Surroundings
+    from skyarm.records.leaves import leaves
 
     bird, surfaces, points, start, numbers, bristles = pressed
     told = around(*surfaces, points=points)

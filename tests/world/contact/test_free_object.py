@@ -13,10 +13,10 @@ from scipy.spatial.transform import Rotation
 
 from free_scenes import AWAY, BIRD, Scene, energy, with_ground, with_object
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.compile import rebuild
 from skyarm.dynamics.energy import kinetic_energy
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.coerce import RecordError
+from skyarm.records.leaves import rebuild
 from skyarm.world.contact import Contact, ContactPoint, FreeObject, Material, Mechanism, Surface
 from skyarm.world.contact.free_object import uniform_moments
 from standing_vehicles import GRAVITY, at_rest, limp

@@ -11,10 +11,10 @@ import pytest
 from flying_engines import evaluate
 from free_scenes import BIRD, Scene, energy
 from skyarm.algebra import Mat3, Quaternion, Vec3
-from skyarm.compile import leaves, rebuild
 from skyarm.dynamics.energy import kinetic_energy
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.coerce import RecordError
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.reference import Ramp
 from skyarm.world.contact import Command, Contact, FreeObject, Gripper, Surface
 from skyarm.world.contact.gripper import Hold, _skin

@@ -9,10 +9,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from skyarm.algebra import Vec3
-from skyarm.compile import leaves, rebuild, trace
+from skyarm.compile import trace
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import Truth
 from skyarm.plant.surroundings import Surroundings
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.world.contact import Contact, ContactPoint, Detent, Mechanism, Surface
 from skyarm.world.contact.mechanism import MechanismMotion
 from standing_vehicles import at_rest, fall, limp

@@ -12,11 +12,11 @@ import pytest
 
 import skyarm
 from skyarm.algebra import Vec3
-from skyarm.compile import leaves, rebuild
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.log.log_columns import columns
 from skyarm.log.periods import contact_pairs
 from skyarm.plant.surroundings import Surroundings
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate.loop import run_in_python
 from skyarm.world.contact import Contact, Gripper, Mechanism

@@ -11,13 +11,13 @@ import pytest
 
 from free_scenes import BIRD, Scene
 from skyarm.algebra import Vec3
-from skyarm.compile import leaves, rebuild
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import Truth
 from skyarm.plant.largest_step import stated_step
 from skyarm.plant.mujoco import MujocoPlant
 from skyarm.plant.surroundings import Surroundings
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.simulate.lane_numbers import _stable_step
 from skyarm.world.contact import Contact, ContactPoint, FreeObject, Gripper, Material, Mechanism, Surface
 from skyarm.world.contact.material import euler_step_of

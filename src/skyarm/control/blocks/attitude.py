@@ -16,9 +16,9 @@ from typing import Annotated, Any
 from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, cos, divide, sin, sqrt
 from skyarm.algebra.scalars.taylor import Taylor, choose
-from skyarm.compile import leaves, rebuild
 from skyarm.control.blocks.geometric import attitude_error
 from skyarm.dynamics.kinematics import Pose, link_poses
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.units import Unit
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle

@@ -18,7 +18,7 @@ from functools import partial
 from typing import Annotated, Any
 
 from skyarm.algebra.scalars import Scalar
-from skyarm.compile import Program, leaves, trace
+from skyarm.compile import Program, trace
 from skyarm.compile.c_source import Floats, StepFile, Struct, Units, make_struct
 from skyarm.compile.tracing.float_trial import PERIODS
 from skyarm.control.controller import Controller, learns_load, presses, senses_force
@@ -28,7 +28,7 @@ from skyarm.control.vectored_layer import turns_rotors
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.drive import TORQUE_DRIVE, TorqueDrive
 from skyarm.dynamics.actuators.hover import hover_trim
-from skyarm.records.leaves import Place, parts
+from skyarm.records.leaves import Place, leaves, parts
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.estimate.error_state_filter import ErrorStateFilter

@@ -23,7 +23,6 @@ from skyarm.algebra.scalars import (
     sqrt,
     where,
 )
-from skyarm.compile import leaves
 from skyarm.control.blocks.common import joint_pd
 from skyarm.control.blocks.geometric import (
     angular_acceleration,
@@ -38,6 +37,7 @@ from skyarm.control.model import GeometricGains, JointGains, Model
 from skyarm.control.safety.limits import Limits
 from skyarm.dynamics.actuators import Command, Mixer, mix
 from skyarm.records.files import number, shown
+from skyarm.records.leaves import leaves
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement

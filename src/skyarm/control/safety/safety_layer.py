@@ -10,7 +10,6 @@ from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar, absolute, logical_or, where
-from skyarm.compile import leaves, rebuild
 from skyarm.control.blocks.geometric import yaw_of
 from skyarm.control.blocks.select import choose, choose_each
 from skyarm.control.controller import Controller, ControllerError, Law, with_applied_command
@@ -42,7 +41,7 @@ from skyarm.control.vectored_layer import law_inside, with_tilting
 from skyarm.dynamics.actuators import Command
 from skyarm.records.coerce import RecordError
 from skyarm.records.files import shown
-from skyarm.records.leaves import blend, parts
+from skyarm.records.leaves import blend, leaves, parts, rebuild
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.compile import leaves
 from skyarm.links.outside.outside_law import OutsideCommand
 from skyarm.log.flight_log import Log
+from skyarm.records.leaves import leaves
 from skyarm.scenario.scenario_record import Environment, Scenario
 from skyarm.sensing.estimate.estimator import PASS_THROUGH
 from skyarm.sensing.measurement import Measurement

@@ -17,7 +17,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Annotated, Any, NoReturn
 
-from skyarm.compile import leaves, rebuild
 from skyarm.control.controller import autopilot_of
 from skyarm.links.outside.autopilot_link import AutopilotLink
 from skyarm.links.outside.dds_link import DdsLink
@@ -32,6 +31,7 @@ from skyarm.links.outside.state_frames import AutopilotState, WorldFrame, with_r
 from skyarm.log.flight_log import Log
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import shown
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_record import Scenario, ScenarioError

@@ -12,7 +12,6 @@ import numpy as np
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar
-from skyarm.compile import leaves, rebuild
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.lane_stepper import Stepper
 from skyarm.compile.llvm.llvm_text import Lanes
@@ -25,6 +24,7 @@ from skyarm.dynamics.actuators import Command, speeds_after
 from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.links.outside.motor_commands import MotorSettings, SetPoint
 from skyarm.links.outside.rate_commands import RateCommand, RateLoop, rate_command, rotor_wrench
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement, blank_measurement

@@ -13,11 +13,11 @@ from typing import Any
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar, absolute, asin, atan2, clip, maximum, minimum, sqrt, where
-from skyarm.compile import leaves, rebuild
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.log.metrics import interaction
 from skyarm.log.metrics.metric import Metric
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.registry import RegistryError, find
 from skyarm.records.registry.class_signatures import class_mistake
 

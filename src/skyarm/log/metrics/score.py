@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.compile import leaves, rebuild, trace
+from skyarm.compile import trace
 from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
@@ -20,6 +20,7 @@ from skyarm.log.metrics.metric_catalogue import metric_names, required_totals, v
 from skyarm.log.metrics.windows import Window, Windows, windows_of
 from skyarm.log.sensor_data import COMPONENTS
 from skyarm.records.files import shown
+from skyarm.records.leaves import leaves, rebuild
 
 Array = npt.NDArray[Any]
 

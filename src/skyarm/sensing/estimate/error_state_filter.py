@@ -58,6 +58,11 @@ from skyarm.vehicle.vehicle_records import Vehicle
 class ErrorStateFilter(FilterNumbers):
     """Error-state Kalman filter of position, velocity, attitude and biases from inertial and aiding sensors."""
 
+    @property
+    def on_board(self) -> ErrorStateFilter:
+        """The filter itself, which an exported C file contains."""
+        return self
+
     def believing(self, vehicle: Vehicle, gravity: Scalar) -> ErrorStateFilter:
         """Filter that uses the given nominal vehicle and gravity (m/s^2) as its model."""
         return replace(self, vehicle=vehicle, gravity=gravity if self.gravity is None else self.gravity)

@@ -24,6 +24,11 @@ class Estimator:
 
     __slots__ = ()
 
+    @property
+    def on_board(self) -> Any:
+        """Estimator that an exported C file contains; None if the exported law receives the full state instead."""
+        return None
+
     def believing(self, vehicle: Vehicle, gravity: Scalar) -> Estimator:
         """Estimator that uses the given nominal vehicle and gravity (m/s^2) as its model.
 

@@ -22,10 +22,10 @@ from skyarm.algebra import ZERO3, Force, Vec3
 from skyarm.algebra.scalars import Scalar, add, data, exp, logical_and, maximum, sqrt, where
 from skyarm.dynamics.actuators import joint_force, stop_force
 from skyarm.dynamics.actuators.rotor import rotor_force
+from skyarm.dynamics.body_drag import body_drag
 from skyarm.records.units import Unit
 from skyarm.sensing.sensor_kinds import EncoderReading
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.world import body_drag
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

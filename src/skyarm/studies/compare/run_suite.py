@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import json
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import as_completed
 from importlib.util import find_spec
 from pathlib import Path
@@ -18,12 +18,9 @@ from typing import Any, Generic, TypeVar
 from skyarm.compile.llvm.kernel import require_machine_code
 from skyarm.records.files import require_writable, write_atomically
 from skyarm.records.registry.plugins import identities
-from skyarm.simulate.workers import workers
+from skyarm.simulate.workers import Progress, workers
 from skyarm.studies.compare.cells import Cell, Cells, Flights, fly
 from skyarm.view.pages import Report
-
-Progress = Callable[[int, int, str], None]
-"""Called with (cells done, cells in all, what was done last)."""
 
 DPI = 160
 PAGE = "report.html"

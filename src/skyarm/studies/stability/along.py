@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.compile import leaves
+from skyarm.records.leaves import leaves
 from skyarm.reference import Constant, Trajectory
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.engine import Engine, EpisodeCode

@@ -5,12 +5,13 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-from skyarm.compile import leaves, trace
+from skyarm.compile import trace
 from skyarm.control.controller import autopilot_of, innermost, part_of, with_innermost
 from skyarm.control.vectored_layer import turns_rotors
 from skyarm.dynamics.actuators.servo import PositionServo
 from skyarm.dynamics.state import State, example_state
 from skyarm.records.coerce import concrete
+from skyarm.records.leaves import leaves
 from skyarm.scenario.scenario_record import PERFECT_SENSORS, JointDrive, Scenario, ScenarioError
 from skyarm.simulate.loop_state import LoopState
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle

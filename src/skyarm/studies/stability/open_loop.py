@@ -23,7 +23,6 @@ import numpy.typing as npt
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import data
-from skyarm.compile import leaves, rebuild
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.lower import repeat
@@ -33,6 +32,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.plant.rigid_body import COUPLED_STEP, accelerate
 from skyarm.plant.surroundings import Surroundings
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.measurement import Measurement, measure, measurement_of, noise_count

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.compile import rebuild
 from skyarm.compile.llvm.kernel import host_width
 from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.records.leaves import rebuild
 from skyarm.scenario.in_flight import stretches
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.batch_leg import Leg, LegOptions

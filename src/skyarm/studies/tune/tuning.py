@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -21,6 +20,7 @@ import numpy.typing as npt
 
 from skyarm.records.files import versions
 from skyarm.scenario.scenario_record import Scenario
+from skyarm.simulate.workers import Progress
 from skyarm.studies.tune.candidate_flights import (
     WEIGHTS,
     CandidateFlights,
@@ -134,10 +134,6 @@ class Tuning:
     def meets(self) -> bool:
         """True if the selected gains meet all constraints."""
         return is_allowed(self.pick, self.required)
-
-
-Progress = Callable[[int, int, str], object]
-"""(flights done, flights in all, stage)."""
 
 
 class Tuner:

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.compile import leaves
 from skyarm.log.flight_log import Log
 from skyarm.records.files import must_be_one_of, shown
+from skyarm.records.leaves import leaves
 from skyarm.scenario.scenario_record import Scenario, first_state
 from skyarm.simulate.assemble_log import Piece, Samples, join_pieces
 from skyarm.simulate.inputs import EpisodeInputs, episode_inputs

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.algebra import Vec3
 from skyarm.log.flight_log import Log
 from skyarm.records.files import shown
 from skyarm.reference.tip_motion import TipPush
@@ -170,7 +169,7 @@ def _error(log: Log, push: TipPush | None) -> Array:
     """Tip error (N,), m; during a commanded push, only its part perpendicular to the surface normal."""
     away = log.tip - log.tip_reference
     if push is not None:
-        away = np.stack(list(push.across(Vec3(*away.T), log.time, Vec3(*log.tip.T))), axis=1)
+        away = push.across(away, log.time, log.tip)
     return np.asarray(np.linalg.norm(away, axis=1))
 
 

@@ -10,9 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.algebra import Vec3
 from skyarm.dynamics.point_motion import PointMotion
-from skyarm.plant.surroundings import Surroundings, wind_at
 from skyarm.reference import Reference
 from skyarm.simulate.session import Session
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -60,12 +58,11 @@ def sight(session: Session) -> Sight:
     scenario, now, time = session.scenario, session.now, session.time
     vehicle, state = scenario.plant.vehicle, now.state
     placed = place(vehicle, tuple(state.position), tuple(state.quaternion), state.joints)
-    around = Surroundings(components=scenario.components, memories=now.components, time=time)
-    outside = wind_at(around, scenario.plant, state)
+    outside = session.wind
     upward, away = float(placed.rotations[0, 2, 2]), placed.tip - goal_of(vehicle, scenario.reference.at(time)).tip
     push = getattr(scenario.reference, "push", None)
     if push is not None:
-        away = np.array(floats(push.across(Vec3(*map(float, away)), time, Vec3(*map(float, placed.tip)))))
+        away = push.across(away, time, placed.tip)
     return Sight(
         tick=session.tick,
         time=time,

@@ -31,7 +31,6 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import Vec3
-from skyarm.compile import leaves
 from skyarm.control.blocks.force_control import InteractionGains, InteractionMemory, require_thresholds
 from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.law_maker import checked_option, option_numbers
@@ -66,6 +65,7 @@ from skyarm.control.laws.predictive.tip_contact import TipContact, Touch, contac
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command, Mixer, make_mixer
 from skyarm.records.files import shown
+from skyarm.records.leaves import leaves
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement

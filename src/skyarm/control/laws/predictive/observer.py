@@ -20,7 +20,6 @@ import numpy.typing as npt
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, divide, mul
-from skyarm.compile import leaves
 from skyarm.control.blocks.filters import double_pole
 from skyarm.control.blocks.prediction import Disturbance, motor_speeds
 from skyarm.control.laws.predictive.prediction import Inputs, advance, motors, speeds_under
@@ -28,6 +27,7 @@ from skyarm.control.laws.predictive.solver import Compiled, examples
 from skyarm.control.model import Model
 from skyarm.dynamics import State, mass_matrix
 from skyarm.dynamics.actuators import Command, limited_effort
+from skyarm.records.leaves import leaves
 from skyarm.records.units import Unit
 from skyarm.sensing.measurement import Measurement, blank_measurement
 

@@ -16,12 +16,12 @@ import numpy as np
 from skyarm import dynamics
 from skyarm.algebra import Force, Mat3, Motion, Vec3, ldl_solve
 from skyarm.algebra.scalars import Scalar, divide, exp, maximum, minimum, where
-from skyarm.compile import leaves, rebuild
 from skyarm.control.blocks.prediction import Disturbance, acceleration_under
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import rotor_force
 from skyarm.dynamics.state import coordinate_acceleration
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.vehicle.vehicle_records import Rotor
 
 

@@ -17,7 +17,6 @@ import numpy.typing as npt
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import maximum, minimum
-from skyarm.compile import leaves, rebuild
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.program import trace_loop
@@ -26,6 +25,7 @@ from skyarm.control.laws.predictive.cost import Contact, Goal, Weights, input_re
 from skyarm.control.laws.predictive.prediction import Inputs
 from skyarm.control.model import Model
 from skyarm.dynamics import State
+from skyarm.records.leaves import leaves, rebuild
 
 Array = npt.NDArray[np.float64]
 

@@ -17,7 +17,6 @@ import numpy.typing as npt
 
 from skyarm.algebra import E_Z, Vec3, axis_rotation
 from skyarm.algebra.scalars import Scalar, minimum, where
-from skyarm.compile import leaves
 from skyarm.control.blocks.force_control import (
     InteractionGains,
     InteractionMemory,
@@ -30,6 +29,7 @@ from skyarm.control.laws.predictive.cost import tip_velocity
 from skyarm.control.laws.predictive.solver import Compiled, examples
 from skyarm.control.model import Model
 from skyarm.dynamics import frame_pose
+from skyarm.records.leaves import leaves
 
 Array = npt.NDArray[np.float64]
 
