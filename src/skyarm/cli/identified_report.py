@@ -17,6 +17,7 @@ from skyarm.studies.identify.data_faults import Fault
 from skyarm.studies.identify.held_out import HOLD, IDENTIFIED, PAST, START, HeldOut, table_horizons
 from skyarm.studies.identify.identify_vehicle import Identified, IdentifiedNumber
 from skyarm.studies.identify.open_loop import HorizonErrors
+from skyarm.studies.identify.stretches import period_note
 from skyarm.vehicle.vehicle_records import Vehicle
 
 VEHICLE, NUMBERS, TABLE, FIGURE = "vehicle.toml", "identified.json", "prediction.csv", "prediction.png"
@@ -45,6 +46,7 @@ def report_lines(found: Identified, start: Vehicle, flights: Sequence[FlightData
     if len(pairs) > MOST:
         lines.append(f"and {len(pairs) - MOST} more pairs with a correlation beyond {CLOSE:g}")
     lines += [f"{each.name}: {note}" for each in flights for note in each.notes]
+    lines += filter(None, (period_note(each, start) for each in flights))
     return [printable(line) if isinstance(line, str) else line for line in lines]
 
 
@@ -166,6 +168,7 @@ def document_of(
         "flights": [{"name": each.name, "file": each.file, "notes": each.notes} for each in flights],
         "faults": [{"severity": each.severity, "text": each.words} for each in faults],
         "seconds": found.seconds,
+        "period": found.period,
         "settled": found.settled,
         "numbers": numbers,
         "known": known,

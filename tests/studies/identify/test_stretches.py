@@ -10,7 +10,7 @@ import pytest
 
 import skyarm
 from skyarm.flight_data.flight_data import Channel, FlightData
-from skyarm.studies.identify.stretches import _differences, stretches_of
+from skyarm.studies.identify.stretches import _differences, period_note, stretches_of
 
 VEHICLE = skyarm.load_vehicle("hummingbird")
 HOVER = (9.81 * VEHICLE.mass / 4.0 / VEHICLE.rotors[0].thrust_coefficient) ** 0.5
@@ -57,6 +57,49 @@ def test_a_command_holds_from_its_own_instant_on():
     (stretch,) = stretches_of(flight(commands=step), VEHICLE, period=0.01)
     when = stretch.start + 0.002 * np.arange(len(stretch.commands))
     assert when[np.argmax(stretch.commands[:, 0] > HOVER * 1.05)] == pytest.approx(5.0, abs=1e-6)
+
+
+def swinging(time):
+    """Commands whose sines are no whole parts of each other."""
+    return HOVER + np.stack([20.0 * np.sin(w * time) for w in (2.0, 3.1, 4.3, 5.7)], axis=1)
+
+
+def sampled_up(time, every, straight):
+    """Samples of the swinging commands, one in ``every`` rows, held or joined by straight lines."""
+    seldom = time[::every]
+    if straight:
+        return np.stack([np.interp(time, seldom, each) for each in swinging(seldom).T], axis=1)
+    return np.repeat(swinging(seldom), every, axis=0)[: len(time)]
+
+
+@pytest.mark.parametrize("straight", [True, False], ids=["straight", "held"])
+@pytest.mark.parametrize(("every", "period"), [(50, 0.1), (25, 0.05), (10, 0.008), (1, 0.008)])
+def test_periods_are_not_finer_than_commands_that_were_logged_seldom(every, period, straight):
+    """At 20 Hz and less; commands at 50 Hz may be those of an autopilot, which are held."""
+    measured = flight(commands=lambda time: sampled_up(time, every, straight))
+    (stretch,) = stretches_of(measured, VEHICLE)
+    assert stretch.period == pytest.approx(period)
+    assert bool(period_note(measured, VEHICLE)) == (period > 0.01)
+    if period > 0.01:
+        assert f"period = {period:g} s" in period_note(measured, VEHICLE)
+        step = stretch.period / stretch.fine
+        middles = stretch.start + step * (np.arange(len(stretch.commands)) + 0.5)
+        seldom = measured.start + period * np.arange(200)
+        for told, each in zip(stretch.commands.T, swinging(seldom).T, strict=True):
+            np.testing.assert_allclose(told, np.interp(middles, seldom, each), atol=1e-2)
+
+
+def test_seldom_commands_of_a_topic_of_their_own_and_single_steps():
+    time = 3.0 + 0.1 * np.arange(61)
+    seldom = Channel(time=time, values=swinging(time), source="made")
+    (stretch,) = stretches_of(flight().with_channels({"rotor_speed_commands": seldom}), VEHICLE)
+    assert stretch.period == pytest.approx(0.1)
+
+    def steps(time):
+        return np.where((time % 1.7 < 0.5)[:, None], HOVER, 1.1 * HOVER) * np.ones(4)
+
+    (stretch,) = stretches_of(flight(commands=steps), VEHICLE)
+    assert stretch.period == pytest.approx(0.008)
 
 
 def test_signals_are_shares_of_the_full_speed_and_a_coasting_motor_does_not_count():

@@ -86,6 +86,7 @@ class Identified:
         deviation: row -> standard deviation of the errors of one step ahead.
         settled: whether the search came to rest.
         seconds: of flight that counted.
+        period: s, over which accelerations were compared.
     """
 
     numbers: tuple[IdentifiedNumber, ...]
@@ -97,6 +98,7 @@ class Identified:
     settled: bool
     seconds: float
     searched: Mapping[str, float] = field(default_factory=dict)
+    period: float = 0.0
 
     def __getitem__(self, name: str) -> IdentifiedNumber:
         """Identified number by its name.
@@ -178,6 +180,7 @@ def identify_vehicle(
         settled=found.settled,
         seconds=sum(float(each.used.sum()) * each.period for each in stretches),
         searched=plain,
+        period=stretches[0].period,
     )
 
 

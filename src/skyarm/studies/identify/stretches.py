@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.flight_data.flight_data import Channel, FlightData
+from skyarm.studies.identify.command_samples import sampling_period, straight_lines
 from skyarm.studies.identify.lagged_inputs import to_base
 from skyarm.studies.identify.motion_model import Stretch, middle
 from skyarm.studies.identify.rotor_lag import moving_mean
@@ -59,7 +60,8 @@ def stretches_of(
     Args:
         flight: with gyro, accelerometer and rotor_commands or rotor_speed_commands; of joints positions.
         start: vehicle with what is known before: time constants, highest speeds.
-        period: s; by default a part of the rotors' time constants.
+        period: s; by default a part of the rotors' time constants, or the time between commands that were logged too
+            seldom to be held.
         full_voltage: V, of the rotors' data; 0 leaves the battery's voltage out.
         sections: (begin, end), s, that count; by default all in which the vehicle flies.
         coasting: share of the full signal below which a motor does not obey its lag; by default 0.1 of motors that
@@ -77,7 +79,7 @@ def stretches_of(
         )
     lags = [float(getattr(each, name)) for each in start.rotors for name in ("time_constant_up", "time_constant_down")]
     usual = float(np.median(np.diff(gyro.time)))
-    whole = max(1, round((period or sum(lags) / len(lags) / PER_LAG) / usual))
+    whole = max(1, round((period or max(sum(lags) / len(lags) / PER_LAG, sampling_period(commands))) / usual))
     finer = max(1, math.ceil(usual / max(FINE * min(lags), 5e-4)))
     step = period / whole if period else usual
     if coasting is None:
@@ -135,6 +137,17 @@ def commanded_speeds(flight: FlightData, start: Vehicle) -> Channel:
     if len(highest) != share.values.shape[1]:
         return share
     return Channel(time=share.time, values=share.values * np.array(highest), source=share.source)
+
+
+def period_note(flight: FlightData, start: Vehicle) -> str:
+    """Reason for a longer period than the rotors' lags ask for, in words; empty if there is none."""
+    period = sampling_period(commanded_speeds(flight, start))
+    if not period:
+        return ""
+    return (
+        f"{flight.name}: period = {period:.3g} s, that of the rotor commands, which are on straight lines between: "
+        "lags do not show, and what the commands did in between may put numbers beside their intervals"
+    )
 
 
 def _air_velocity(flight: FlightData, time: Array) -> Array:
@@ -270,6 +283,8 @@ def _stretch(
     periods = int((last - first) / step + 1e-6) // samples
     time: Array = first + step * np.arange(periods * samples + 1, dtype=float)
     n, width = start.n, samples | 1 if samples > 1 else 1
+    # of the commands' clock; a share of a step late, so that rounding of times does not shift a command by a step
+    grid: Array = first + step / finer * (np.arange(periods * samples * finer, dtype=float) + 1e-3)
 
     def at(name: str) -> Array:
         channel = flight[name]
@@ -281,9 +296,7 @@ def _stretch(
         return np.asarray(between.reshape(periods, samples, -1).mean(axis=1))
 
     def hold(channel: Channel) -> Array:
-        # a share of a step late, so that rounding of times does not shift a command by a step
-        instants = first + step / finer * (np.arange(periods * samples * finer) + 1e-3)
-        place = np.searchsorted(channel.time, instants, side="right") - 1
+        place = np.searchsorted(channel.time, grid, side="right") - 1
         return np.asarray(channel.values[np.maximum(place, 0)])
 
     joints, rates, noise = np.zeros((len(time), n)), np.zeros((len(time), n)), np.zeros(n)
@@ -320,7 +333,7 @@ def _stretch(
         period=step * samples,
         samples=samples,
         fine=samples * finer,
-        commands=hold(commands),
+        commands=straight_lines(commands, grid + 0.5 * step / finer) if sampling_period(commands) else hold(commands),
         rate=moving_mean(at("gyro"), width)[::samples],
         specific_force=means(moving_mean(at("accelerometer"), width)),
         joints=moving_mean(joints, width)[::samples],
