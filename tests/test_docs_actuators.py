@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import re
 import tomllib
 from typing import Any
 
@@ -20,13 +19,6 @@ from test_docs_units import rows_of
 
 PAGE = (DOCS / "actuators.md").read_text("utf-8")
 EXAMPLE = (DOCS.parent / "examples" / "servo_quad.toml").read_text("utf-8")
-
-
-def test_the_tables_shown_are_those_of_the_example() -> None:
-    (shown,) = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
-    tables = tomllib.loads(EXAMPLE)
-    for name, table in tomllib.loads(shown).items():
-        assert {**tables[name], **table} == tables[name], name
 
 
 def of_data_sheet() -> PositionServo:

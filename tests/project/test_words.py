@@ -154,7 +154,7 @@ def test_a_long_line_is_found() -> None:
 
 def test_the_pages_stay_few_and_light() -> None:
     assert len(PAGES) <= 40
-    assert sum(page.stat().st_size for page in PAGES) <= 300 * 1024
+    assert sum(page.stat().st_size for page in PAGES) <= 300_000
 
 
 @pytest.mark.parametrize(("name", "most"), [("README.md", 8192), ("CHANGELOG.md", 15_360), ("CONTRIBUTING.md", 5500)])

@@ -1,7 +1,7 @@
 """The envelope in docs/comparing_laws.md: its sentences, its table and its picture, from a folder that was flown.
 
-python tests/website/envelope_of_laws.py out/envelope    writes the block into docs/comparing_laws.md,
-docs/images/envelope.png, and the table of the preset adaptive into docs/centroidal_law.md
+python tests/website/envelope_of_laws.py out/envelope    writes the block into docs/comparing_laws.md
+and docs/images/envelope.png
 """
 
 from __future__ import annotations
@@ -17,19 +17,18 @@ from envelope_rules import FLAGSHIP, sentence, violation_rows, violations
 from PIL import Image
 
 from skyarm.studies.compare.envelope_report import summary_head, summary_rows
-from skyarm.view.pages import markdown, number
+from skyarm.view.pages import markdown
 
 ROOT = Path(__file__).resolve().parents[2]
 BLOCK = re.compile(r"<!-- the envelope: make envelope -->\n(.*?)<!-- /the envelope -->", re.S)
-TABLE = re.compile(r"<!-- adaptive against robust: make envelope -->\n(.*?)<!-- /adaptive against robust -->", re.S)
-ROBUST, LAW = "centroidal_tip_robust", "docs/centroidal_law.md"
+ROBUST, LEFT_OUT = "centroidal_tip_robust", "paper_pd"
 PAGE = "docs/comparing_laws.md"
 PICTURE = "docs/images/envelope.png"
 
 
 def block(found: Mapping[str, Any]) -> str:
     """What stands between the marks of the page, from the content of ``envelope.json``."""
-    laws, axes = found["laws"], found["axes"]
+    laws, axes = [law for law in found["laws"] if law != LEFT_OUT], found["axes"]
     words = f"`{FLAGSHIP}` keeps the tip {sentence(FLAGSHIP, axes)}"
     weakest = ", ".join(words_of(row) for row in violation_rows(violations(axes, FLAGSHIP))) or "none"
     return (
@@ -44,22 +43,6 @@ def words_of(row: list[str]) -> str:
     return f"{row[0]} {row[1].split(';')[0]}"
 
 
-def beside(found: Mapping[str, Any]) -> str:
-    """The table of the preset adaptive against robust: errors at the middle and the last value of every axis, mm."""
-    rows = []
-    for name, axis in found["axes"].items():
-        shown = sorted({(len(axis["values"]) - 1) // 2, len(axis["values"]) - 1})
-        values = ", ".join(f"{axis['values'][k]:g}" for k in shown)
-        cells = [", ".join(cell(axis["laws"][law][k]) for k in shown) for law in (ROBUST, FLAGSHIP)]
-        rows.append([f"{name.replace('_', ' ')}: {values} {axis['unit']}", *cells])
-    return markdown(["trial", ">robust", ">adaptive"], rows) + "\n"
-
-
-def cell(point: Mapping[str, Any]) -> str:
-    """Error of a trial in mm, or "lost"."""
-    return "lost" if point["lost"] else number(1e3 * point["judged"])
-
-
 def put(file: Path, marks: re.Pattern[str], name: str, text: str) -> None:
     """Write a block between its marks."""
     whole = f"<!-- {name}: make envelope -->\n{text}<!-- /{name} -->"
@@ -70,7 +53,6 @@ def main(folder: Path) -> None:
     """Write block and picture."""
     found = json.loads((folder / "envelope.json").read_text("utf-8"))
     put(ROOT / PAGE, BLOCK, "the envelope", block(found))
-    put(ROOT / LAW, TABLE, "adaptive against robust", beside(found))
     # a palette: a third of the size, and nobody sees it in lines on white
     Image.open(folder / "envelope.png").convert("RGB").quantize(128).save(ROOT / PICTURE, optimize=True)
     print(block(found))

@@ -45,7 +45,6 @@ OTHERS = {
 }
 ELSEWHERE |= {name: tests for name, tests in OTHERS.items() if name in PAGES}
 TABLES = {
-    ("actuators.md", "toml"): "tests/test_docs_actuators.py",
     ("pressing.md", "toml"): "tests/control/test_gripping.py",
     ("delays.md", "toml"): "tests/scenario/test_change_records.py",
     ("identification.md", "toml"): "tests/flight_data/test_table_file.py",

@@ -42,7 +42,7 @@ TESTS = {
     "skyarm.dynamics.actuators.drive.joint_force": (
         "tests/dynamics/actuators/test_joint_force.py::test_friction_by_hand"
     ),
-    "skyarm.world.drag.body_drag": "tests/world/test_wind.py::test_body_drag_by_hand",
+    "skyarm.dynamics.body_drag.body_drag": "tests/dynamics/test_body_drag.py::test_body_drag_by_hand",
     "skyarm.world.gust.Gust.at": "tests/world/test_wind.py::test_one_minus_cosine_rises_smoothly_to_its_peak_and_back",
     "skyarm.world.dryden.step": "tests/world/test_dryden.py::test_variance_is_the_intensity_squared_at_any_step",
     "skyarm.control.blocks.geometric.downward_acceleration": (
