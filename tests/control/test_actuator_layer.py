@@ -40,8 +40,8 @@ from skyarm.vehicle.vehicle_records import MountedDrive
 INERTIA, EFFORT, Q, QD = 2e-3, 0.03, 0.4, -1.5
 
 
-def stepped(servo: PositionServo) -> tuple[Any, float]:
-    """Memory and setpoint after one step of a law that wants 0.03 N m of a joint of 2 g m^2, on a base that stays."""
+def arm_on(servo: PositionServo) -> tuple[Any, Any]:
+    """A law that wants 0.03 N m of a joint of 2 g m^2 on a base that stays, and a measurement."""
     heavy = Body(mass=1e9, inertia=Sym3(1e9, 1e9, 1e9, 0, 0, 0))
     arm = Body(mass=1e-3, inertia=Sym3(INERTIA, INERTIA, INERTIA, 0, 0, 0))
     link = Link(name="arm", parent=-1, joint=Joint(name="j", axis=Vec3(0, 0, 1)), body=arm)
@@ -61,7 +61,12 @@ def stepped(servo: PositionServo) -> tuple[Any, float]:
 
     inner = dataclasses.replace(make_controller("decoupled_pd", model), law=law, memory=())
     made = with_actuators(inner, model, 0.005)
-    reading = dataclasses.replace(blank_measurement(1, len(rotors)), joints=(Q,), joint_rates=(QD,))
+    return made, dataclasses.replace(blank_measurement(1, len(rotors)), joints=(Q,), joint_rates=(QD,))
+
+
+def stepped(servo: PositionServo) -> tuple[Any, float]:
+    """Memory and setpoint after one step of the law of :func:`arm_on`."""
+    made, reading = arm_on(servo)
     reference: Any = None
     memory, command = made.law(made.memory, reading, reference, 0.005, par=made.par)
     return memory, float(command.efforts[0])
@@ -94,6 +99,35 @@ def test_a_law_on_servos_may_have_its_safety_layer_inside():
     made = with_actuators(guarded, model, 0.005)
     assert made.name == "guarded_centroidal_joint_robust"
     assert made.par.inner.inner.model is None
+
+
+def held(servo: PositionServo, noise: float = 0.0) -> list[tuple[float, float]]:
+    """Position and setpoint of a joint that a surface holds at rest, period by period for 2 s."""
+    made, reading = arm_on(servo)
+    draws, memory, found = np.random.default_rng(3), made.memory, []
+    reference: Any = None
+    for _ in range(400):
+        seen = dataclasses.replace(reading, joints=(Q + noise * draws.standard_normal(),), joint_rates=(0.0,))
+        memory, command = made.law(memory, seen, reference, 0.005, par=made.par)
+        found.append((Q, float(command.efforts[0])))
+    return found
+
+
+@pytest.mark.parametrize("latency", [0.0, 0.012])
+def test_a_joint_that_a_surface_holds_gets_the_torque_of_the_law(latency):
+    """The model would move it; the acceleration that it lacks is observed, and the setpoint that of a joint at rest."""
+    servo = PositionServo(stiffness=9.0, damping=0.2, inertia=INERTIA, latency=latency)
+    pairs = held(servo)
+    torques = [9.0 * (setpoint - q) for q, setpoint in pairs]
+    assert torques[0] > 1.05 * EFFORT  # predicted to run ahead
+    assert torques[-1] == pytest.approx(EFFORT, rel=1e-4)
+
+
+def test_a_stiff_servo_does_not_turn_the_noise_of_its_encoder_into_torque():
+    servo = PositionServo(stiffness=90.0, damping=0.2, inertia=INERTIA)
+    torque = [90.0 * (setpoint - q) for q, setpoint in held(servo, noise=1e-3)][100:]
+    assert np.mean(torque) == pytest.approx(EFFORT, abs=0.02)
+    assert np.std(torque) < 0.6 * 90.0 * 1e-3
 
 
 ANGLES = (0.4, -0.3, 0.2, 0.5, -0.4, 0.3)

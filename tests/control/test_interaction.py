@@ -16,7 +16,13 @@ from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.blocks.tip_force import levers
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.interaction import estimated_normal, release_normal, shift_reference, update_lean
+from skyarm.control.laws.centroidal.interaction import (
+    estimated_normal,
+    release_normal,
+    shift_reference,
+    update_lean,
+    with_slow_wind,
+)
 from skyarm.control.laws.centroidal.tip_tasks import Goal
 from skyarm.control.model import Model
 from skyarm.reference import Reference
@@ -160,6 +166,25 @@ def test_the_wanted_force_stands_in_place_of_the_observed_one_along_the_normal()
     assert given.efforts == ordered.efforts  # joints yield to an impact, the base carries it
     assert np.allclose(given.force - ordered.force, more.force)
     assert np.allclose(given.torque - ordered.torque, more.torque)
+
+
+def test_geared_joints_answer_the_slow_wind_alone_along_the_normal():
+    at = levers(ARM, Mat3.identity(), (-0.45, -0.9))
+    pushed, gust, slow = Vec3(-1.5, 0.0, 0.4), Vec3(0.6, 0.7, 0.2), Vec3(0.1, 0.3, 0.5)
+    steady = Vec3(slow.x, gust.y, gust.z)
+    step = pressing(force=pushed)
+    given = step.with_order(
+        at.disturbance(pushed) + Disturbance(force=gust, torque=Vec3(0, 0, 0), efforts=(0, 0)), at, at
+    )
+    wanted = step.with_order(
+        at.disturbance(pushed) + Disturbance(force=steady, torque=Vec3(0, 0, 0), efforts=(0, 0)), at, at
+    )
+    found = with_slow_wind(given, step, gust, slow)
+    assert np.allclose([*found.force, *found.torque, *found.efforts], [*wanted.force, *wanted.torque, *wanted.efforts])
+    assert with_slow_wind(given, pressing(engaged=0.0), gust, slow) == given
+    heavy = Model(vehicle=skyarm.load_vehicle("quadrotor_roll_arm2"))
+    laws = (make_centroidal(model, mode="tip", interaction=(0.3, 0.1)) for model in (heavy, MODEL))
+    assert [law.par.parts.interaction.geared for law in laws] == [True, False]
 
 
 def test_the_tip_keeps_its_goal_across_and_is_only_damped_along_the_normal():

@@ -10,8 +10,9 @@ from typing import Annotated, Any
 
 from skyarm import dynamics
 from skyarm.algebra import Force
-from skyarm.algebra.scalars import Scalar, add, data, maximum, mul, sqrt
+from skyarm.algebra.scalars import Scalar, add, data, divide, maximum, mul, sqrt, where
 from skyarm.control.blocks.common import rotor_thrust
+from skyarm.control.blocks.filters import double_pole, low_pass_share
 from skyarm.control.controller import Controller, ControllerError, Law
 from skyarm.control.law_checks import check_controller, checked_law, wrong
 from skyarm.control.model import LayerParameters, Model
@@ -37,6 +38,42 @@ class ActuatorParameters(LayerParameters):
         return plain_model(self.model)
 
 
+OBSERVING = 30.0
+"""rad/s: bandwidth at which the joint accelerations are observed that the model lacks."""
+
+FOLLOWING = 120.0
+"""rad/s: bandwidth at which the observed joint position follows the measured one."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class JointMotion:
+    """Observed motion of a joint: position, rate, and the acceleration that the model lacks (a contact's, a load's).
+
+    Extended state observer of the rate, both poles at exp(-w dt) (Gao 2003), and a first-order filter of the position:
+    a stiff servo would turn the encoder's noise into torque.
+    """
+
+    position: Annotated[Scalar, Unit("rad or m", "predicted for the next measurement")] = 0.0
+    rate: Annotated[Scalar, Unit("rad/s or m/s", "predicted for the next measurement")] = 0.0
+    unmodelled: Annotated[Scalar, Unit("rad/s^2 or m/s^2", "beyond the model's")] = 0.0
+
+    def correct(self, position: Scalar, rate: Scalar, started: Scalar, dt: Scalar) -> JointMotion:
+        """Motion corrected by a measurement of position and rate; as measured before the law has ``started``."""
+        fast, slow = double_pole(OBSERVING, dt)
+        error, share = where(started, rate - self.rate, 0.0), low_pass_share(FOLLOWING, dt)
+        return JointMotion(
+            position=where(started, self.position + (position - self.position) * share, position),
+            rate=where(started, self.rate + error * fast, rate),
+            unmodelled=data(self.unmodelled + error * divide(slow, dt)),
+        )
+
+    def ahead(self, acceleration: Scalar, dt: Scalar) -> JointMotion:
+        """Motion one period later under a constant acceleration."""
+        rate = self.rate + acceleration * dt
+        position = self.position + (self.rate + rate) * (0.5 * dt)
+        return JointMotion(position=data(position), rate=data(rate), unmodelled=self.unmodelled)
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ActuatorMemory:
     """Internal state of a law with the actuator layer: state of the law, and states of the modelled joint drives.
@@ -44,11 +81,13 @@ class ActuatorMemory:
     Attributes:
         inner: memory of the law. started: 0 before the first step.
         drives: memories of the modelled drives; empty where the law's efforts are sent as they are.
+        joints: observed motions of the joints, predicted for the next measurement; empty where ``drives`` is.
     """
 
     inner: Any
     started: Annotated[Scalar, Unit("", "0 before the first step")]
     drives: tuple[Any, ...]
+    joints: tuple[JointMotion, ...] = ()
 
 
 def has_tables(model: Model) -> bool:
@@ -80,8 +119,10 @@ def with_actuators(controller: Controller, model: Model, control_period: float, 
 
     A servo's loop acts while its setpoint is held, so that the torque varies as the joint moves. The setpoint is
     therefore that whose torque is the law's on average over the control period: the modelled servo's law is inverted at
-    the mean position and rate of the period, which the modelled vehicle's acceleration under that torque predicts. The
-    servo's own integral and latency are followed by its model. Joints without a servo keep their torques.
+    the mean position and rate of the period, which the modelled vehicle's acceleration under that torque predicts, plus
+    the observed acceleration that the model lacks: without it a joint whose tip a surface holds would be predicted to
+    move and pushed less than it should (:class:`JointMotion`). The servo's own integral and latency are followed by its
+    model. Joints without a servo keep their torques.
 
     To the law a rotor with a thrust table is one with k_f W^2: a commanded speed becomes that at which the modelled
     table gives the same thrust, and a measured one the other way round.
@@ -114,6 +155,7 @@ def with_actuators(controller: Controller, model: Model, control_period: float, 
             inner=controller.memory,
             started=0.0,
             drives=_first_memories(drives, control_period),
+            joints=(JointMotion(),) * len(drives),
         ),
     )
 
@@ -157,35 +199,39 @@ def actuator_law(
         w if rotor.table is None else speed_of_push(rotor, w * w)
         for rotor, w in zip(rotors, command.rotor_speeds, strict=True)
     )
-    efforts, drives = command.efforts, memory.drives
+    moved, efforts = memory, command.efforts
     if servos:
-        efforts, drives = _setpoints(memory, told, efforts, own.model, par.model, dt)
-    moved = ActuatorMemory(inner=following, started=1.0, drives=drives)
+        moved, efforts = _setpoints(memory, told, efforts, own.model, par.model, dt)
+    moved = dataclasses.replace(moved, inner=following, started=1.0)
     return moved, dataclasses.replace(command, rotor_speeds=speeds, efforts=efforts)
 
 
 def _setpoints(
     memory: ActuatorMemory, measurement: Measurement, efforts: Any, plain: Model, model: Model, dt: Scalar
-) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
-    """Drive setpoints for the desired mean joint efforts over a period, and next states of the modelled drives."""
-    setpoints, kept = [], []
-    angles = _angles(plain.vehicle, memory, measurement)
+) -> tuple[ActuatorMemory, tuple[Any, ...]]:
+    """Memory with the next states of drives and joints, and setpoints for the desired mean efforts over a period."""
+    setpoints, kept, ahead = [], [], []
+    angles, started = _angles(plain.vehicle, memory, measurement), memory.started > 0.5
     rows = zip(
         believed_drives(model),
         memory.drives,
+        memory.joints,
         efforts,
         measurement.joints,
         measurement.joint_rates,
         _accelerations(plain, measurement, angles, efforts),
         strict=True,
     )
-    for drive, held, effort, q, qd, qdd in rows:
+    for drive, held, joint, effort, q, qd, modelled in rows:
+        seen = joint.correct(q, qd, started, dt)
+        qdd = add(modelled, seen.unmodelled)
         begun = drive.steady_memory(held, q, drive.standing(effort, q))
-        now = blend(memory.started > 0.5, held, begun)
-        setpoint = data(drive.setpoint(now, effort, *_mean_motion(drive, q, qd, qdd, dt), dt))
+        now = blend(started, held, begun)
+        setpoint = data(drive.setpoint(now, effort, *_mean_motion(drive, seen.position, seen.rate, qdd, dt), dt))
         setpoints.append(setpoint)
         kept.append(drive.advance(now, setpoint, q, qd, dt))
-    return tuple(setpoints), tuple(kept)
+        ahead.append(seen.ahead(qdd, dt))
+    return dataclasses.replace(memory, drives=tuple(kept), joints=tuple(ahead)), tuple(setpoints)
 
 
 def _mean_motion(drive: Any, q: Scalar, qd: Scalar, qdd: Scalar, dt: Scalar) -> tuple[Scalar, Scalar]:

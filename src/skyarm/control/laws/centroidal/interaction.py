@@ -25,6 +25,7 @@ from skyarm.control.blocks.force_control import (
     interact,
     wanted_of,
 )
+from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.blocks.tip_force import levers
 from skyarm.control.laws.centroidal.part import Part, Step
@@ -36,7 +37,9 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Interaction(InteractionGains, Part):
-    """Contact force control as an optional part of the centroidal law."""
+    """Contact force control as an optional part of the centroidal law; ``geared`` joints have an armature."""
+
+    geared: bool = False
 
     def start(self, joints: int) -> InteractionMemory:
         """Initial state of the contact force controller: no contact."""
@@ -68,6 +71,8 @@ class Interaction(InteractionGains, Part):
         lean = update_lean(memory.lean, wanted.normal, velocity, self.tilting, wanted.presses, slides, dt)
         given = pressing.with_order(step.unknown, then, now)
         step.force = observed.force + given.force - step.unknown.force
+        if self.geared:
+            given = with_slow_wind(given, pressing, step.unknown.force - pressing.force, memory.bias.force)
         step.pressing, step.unknown = pressing, given
         step.signals, step.external = shift_reference(pressing, step.signals), pressing.engaged
         step.isolate(contact_cleared(self, memory))
@@ -94,6 +99,22 @@ def _effort(vehicle: Vehicle, sent: Command) -> Scalar:
         share = divide(speed, rotor.max_speed)
         most = maximum(most, share * share)
     return most
+
+
+def with_slow_wind(given: Disturbance, pressing: Pressing, beside: Vec3, slow: Vec3) -> Disturbance:
+    """Disturbance whose force beside the contact's is the slowly filtered one along the normal, while the tip presses.
+
+    The inertia of geared motors couples the tip to the base: joints that answered each error of the observed force
+    would press with it.
+
+    Args:
+        given: disturbance with the commanded contact force.
+        pressing: of the contact force controller.
+        beside: observed force on the base beside the contact's, N, world axes.
+        slow: the same, filtered at ``wind_rate``.
+    """
+    n = pressing.n
+    return dataclasses.replace(given, force=given.force - n * (n.dot(beside - slow) * pressing.engaged))
 
 
 def shift_reference(pressing: Pressing, signals: Sequence[Taylor]) -> list[Taylor]:

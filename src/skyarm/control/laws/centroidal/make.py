@@ -157,7 +157,7 @@ def make_centroidal(
             lag=LagGains(**_row("base joints", gains["lag"]), stride=stride_of(control_period))
             if any(gains["lag"])
             else None,
-            interaction=_interaction(gains, leads) if any(gains["interaction"]) else None,
+            interaction=_interaction(gains, leads, vehicle) if any(gains["interaction"]) else None,
             admittance=None if admittance is None else admittance_gains(admittance, gains, leads, lead),
             load=load_gains(gains["load"], vehicle) if gains["load"] else None,
             trend=trend_gains(gains["force_trend"], float(vehicle.mass)) if gains["force_trend"] else None,
@@ -171,11 +171,12 @@ def make_centroidal(
     return with_tilting(found, whole) if turns_rotors else found
 
 
-def _interaction(gains: Mapping[str, Any], leads: bool) -> Interaction:
+def _interaction(gains: Mapping[str, Any], leads: bool, vehicle: Vehicle) -> Interaction:
     """Constants of contact force control from the law's options."""
     require_thresholds(gains["interaction"], leads)
     touch, lost = gains["interaction"]
-    return Interaction(touch=touch, lost=lost, sensing=SENSING if gains["force_sensor"] else None)
+    geared = any(float(link.joint.armature) > 0.0 for link in vehicle.links)
+    return Interaction(touch=touch, lost=lost, sensing=SENSING if gains["force_sensor"] else None, geared=geared)
 
 
 def ends_of(vehicle: Vehicle) -> tuple[tuple[bool, bool], ...]:
