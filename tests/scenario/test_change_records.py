@@ -7,7 +7,6 @@ import datetime
 import json
 import math
 import tomllib
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -301,9 +300,8 @@ def test_every_table_of_a_scenario_is_written_as_toml_and_read_back() -> None:
     assert tomllib.loads(toml_text(FULL)) == FULL
 
 
-def test_the_table_of_a_late_delay_in_the_docs_is_read():
-    page = (Path(__file__).parents[2] / "docs" / "delays.md").read_text("utf-8")
-    table = page.split("## A delay that begins in flight")[1].split("```toml\n")[1].split("```")[0]
-    scenario = scenario_from({**document(), "duration": 9.0, **tomllib.loads(table)})
+def test_a_command_that_becomes_late_in_flight_is_read():
+    late = {"at": 8.0, "path": "delays.command", "value": 0.03}
+    scenario = scenario_from({**document(), "duration": 9.0, "delays": {"longest_command": 0.03}, "changes": [late]})
     assert scenario.delays.longest_command == 0.03
     assert [(each.at, each.path, each.value) for each in scenario.changes] == [(8.0, "delays.command", 0.03)]

@@ -12,7 +12,7 @@ import re
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from importlib import metadata
 from typing import Annotated
 
@@ -23,6 +23,7 @@ from skyarm.cli.output import bar, give, table_of, tell
 from skyarm.compile.llvm import object_cache
 from skyarm.compile.llvm.object_cache import MB, cache_folder, size_limit, unused_reason
 from skyarm.records.files.packages import FLOORS, below_floor, how_to_install, installed_versions
+from skyarm.records.immutable import immutable
 
 WORKS, MISSING, BROKEN = "works", "missing", "broken"
 
@@ -53,7 +54,7 @@ TRIALS: dict[str, tuple[str, str, bool]] = {
 """What is tried -> a program, what to do where it fails, whether flights need it."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Part:
     """Result of one installation check: name, state, finding and remedy."""
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -38,6 +37,7 @@ from skyarm.records.files import (
     unreadable,
     write_atomically,
 )
+from skyarm.records.immutable import immutable
 from skyarm.records.registry import RegistryError
 from skyarm.studies.identify.data_faults import Fault, find_faults, implausible_numbers, require_no_refusal
 from skyarm.studies.identify.held_out import held_out_period, predict_held_out
@@ -149,7 +149,7 @@ def _require_together(design: str | None, options: Mapping[str, float | None]) -
             raise ValueError(f"{option}: must be left out without --design")
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Work:
     """Inputs of the identification of a vehicle.
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
@@ -19,6 +18,7 @@ from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3
 from skyarm.algebra.scalars.floats import to_single
 from skyarm.compile.tracing.lower import Lowered
 from skyarm.compile.tracing.tracer import Node
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Place, is_leaf, is_record, parts, walk
 from skyarm.records.units import Unit, units
 
@@ -86,7 +86,7 @@ END_IEEE = f"""\
 """After it: a program that includes the file keeps its own flags."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Floats:
     """C floating-point type of a generated file: double, or float if ``single``."""
 
@@ -192,7 +192,7 @@ Units = Mapping[Place, Mapping[str, Unit]]
 """Units of the fields of the records at some places."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Field:
     """Field of a dataclass with its path, unit, array sizes and scalars, as input of a C struct.
 
@@ -208,7 +208,7 @@ class Field:
     entries: tuple[tuple[Place, Any], ...]
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Member:
     """Member of a C struct: name, array sizes, comment, initial values."""
 
@@ -218,7 +218,7 @@ class Member:
     values: tuple[float, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Struct:
     """C struct of a dataclass: its members, and the C name of each scalar of the dataclass (None if left out)."""
 
@@ -332,7 +332,7 @@ def comment(text: str) -> str:
     return re.sub(r"\*(?=/)|/(?=\*)", "_", plain)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class StepFile:
     """Contents of a generated C file with the step function of a controller.
 

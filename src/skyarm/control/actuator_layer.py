@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Annotated, Any
 
@@ -21,6 +20,7 @@ from skyarm.dynamics.actuators import Command, joint_force
 from skyarm.dynamics.actuators.drive import TORQUE_DRIVE
 from skyarm.dynamics.actuators.rotor import push, speed_of_push
 from skyarm.dynamics.actuators.tilting import turn_rotors
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import blend
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
@@ -28,7 +28,7 @@ from skyarm.sensing.measurement import Measurement
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class ActuatorParameters(LayerParameters):
     """Constants of a control law whose commands pass through servos and rotor thrust tables."""
 
@@ -45,7 +45,7 @@ FOLLOWING = 120.0
 """rad/s: bandwidth at which the observed joint position follows the measured one."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class JointMotion:
     """Observed motion of a joint: position, rate, and the acceleration that the model lacks (a contact's, a load's).
 
@@ -74,7 +74,7 @@ class JointMotion:
         return JointMotion(position=data(position), rate=data(rate), unmodelled=self.unmodelled)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class ActuatorMemory:
     """Internal state of a law with the actuator layer: state of the law, and states of the modelled joint drives.
 

@@ -13,7 +13,6 @@ import re
 import sys
 import tomllib
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from importlib import resources
 from typing import Any
@@ -24,6 +23,7 @@ from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.law_checks import call_maker
 from skyarm.control.model import GeometricGains, JointGains, Model
 from skyarm.records.files import did_you_mean, must_be_one_of, nearest, shown
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, part, rebuild, replace_at
 from skyarm.records.registry.plugins import law_of_file_key
 from skyarm.records.registry.registrations import Registration, registrations
@@ -36,7 +36,7 @@ BEARS_UNDRIVEN = ("rotors_sim_position", "decoupled_pd", "guo2023")
 whose joints nothing drives (``tests/studies/assess/test_hanging_joints.py`` flies them)."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Entry:
     """Catalogue entry of a control law, whose module is imported only when a controller is made."""
 
@@ -136,7 +136,7 @@ TORQUE = JointGains(stiffness=(1.0, 0.5), damping=(0.04, 0.02))
 """Barakou et al. 2026, Table A2: N m/rad and N m s/rad."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Preset:
     """Named preset: a law with its published gains or other options.
 

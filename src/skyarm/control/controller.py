@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra.scalars import Scalar, logical_and, where
 from skyarm.dynamics.actuators import Command
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields, require_fields
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import is_record
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -22,7 +22,7 @@ class ControllerError(ValueError):
     """Invalid description of a controller."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Controller:
     """Control law as a step function, with its constants and its initial internal state.
 

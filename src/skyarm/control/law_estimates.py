@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar
 from skyarm.control.controller import innermost, part_of
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import is_record
 
 
@@ -54,7 +54,7 @@ def observed_push(memory: Any) -> Vec3 | None:
     return next((part.force for part in parts if is_record(part)), None)
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class PushAlone:
     """Tip force estimate of a control law, without the rest of the law's state; empty if not estimated."""
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Self
 
 from skyarm.algebra import Vec3
@@ -12,12 +11,13 @@ from skyarm.algebra.scalars import Scalar
 from skyarm.control.controller import ControllerError
 from skyarm.dynamics.actuators import Mixer
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Model:
     """Model of a controller: its nominal vehicle and gravity (m/s^2), which may differ from the simulated plant."""
 
@@ -28,7 +28,7 @@ class Model:
         accept_fields(self, "model", VehicleError)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class GeometricGains:
     """Gains of the geometric controller, per axis.
 
@@ -46,7 +46,7 @@ class GeometricGains:
         accept_fields(self, "controller.gains", ControllerError)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class JointGains:
     """Gains per joint: on torque (N m/rad, N m s/rad) or on acceleration (1/s^2, 1/s), depending on the law."""
 
@@ -64,7 +64,7 @@ TORQUE_GAINS: Mapping[str, Unit] = {
 """Units of JointGains in a law that closes the joints on torque."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Terms:
     """Terms of the computed torque law that an ablation can disable.
 
@@ -87,7 +87,7 @@ class Terms:
         accept_fields(self, "controller.terms", ControllerError)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Parameters:
     """Constants of a law: model, gains, mixer and options.
 
@@ -110,7 +110,7 @@ class Parameters:
     rate_weights: Annotated[tuple[float, ...], Unit(low=0.0)] = ()
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class LayerParameters:
     """Constants of a law inside a layer (safety, tilting rotors, servos and thrust tables).
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Annotated, Any, ClassVar
 
@@ -38,6 +37,7 @@ from skyarm.dynamics.actuators.tilting import (
     speeds_of_pairs,
     turn_rotors,
 )
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
@@ -62,7 +62,7 @@ YAW_DAMPING = 1.0
 angles at which thrusts give none of it ask for none."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class VectoredParameters(LayerParameters):
     """Constants of a law inside the tilting-rotor layer, whose mixer is for pairs of fixed rotors.
 
@@ -80,7 +80,7 @@ class VectoredParameters(LayerParameters):
         return pairs_model(self.model)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class VectoredMemory:
     """Internal state of a law with the tilting-rotor layer: state of the law, desired and modelled servo angles.
 

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar, add, divide, mul
 from skyarm.dynamics.kinematics import Pose, link_poses, untie_followers
 from skyarm.dynamics.state import State
+from skyarm.records.immutable import immutable
 from skyarm.vehicle.linkage import BASE, Body
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Momentum:
     """Linear (kg m/s) and angular momentum about the centre of mass (kg m^2/s), world axes."""
 
@@ -20,7 +19,7 @@ class Momentum:
     angular: Vec3
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class _BodyMotion:
     """Body with world pose and angular velocity of its link, position and velocity of its centre of mass."""
 

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from skyarm.algebra import ZERO3, Mat3, Motion, Vec3, axis_rotation
 from skyarm.algebra.scalars import Scalar, add, mul
 from skyarm.dynamics.state import State
+from skyarm.records.immutable import immutable
 from skyarm.vehicle.linkage import BASE, Joint
 from skyarm.vehicle.vehicle_records import Frame, Vehicle
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Pose:
     """Pose of a frame B in a frame A: rotation R_AB (B axes to A axes) and position p_AB (m, A axes)."""
 

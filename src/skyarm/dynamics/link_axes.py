@@ -12,18 +12,18 @@ Source: absolute angles of parallel hinges, as Craig 2005, section 3.6.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from skyarm.algebra import Mat3, SpatialInertia, axis_rotation
 from skyarm.algebra.scalars import Scalar, add, same
 from skyarm.dynamics.kinematics import Pose
+from skyarm.records.immutable import immutable
 from skyarm.vehicle.linkage import BASE, Body, Joint
 from skyarm.vehicle.vehicle_records import Vehicle
 
 _SAME = Mat3.identity()
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class LinkInAxes:
     """Pose and inertia of a link in coordinate axes chosen to save rotations (working axes).
 

@@ -6,18 +6,18 @@ Source: Luh, Walker, Paul 1980; Featherstone 2008, section 5.3, with classical a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import Force, Motion, Vec3, centripetal
 from skyarm.algebra.scalars import Scalar, add, mul
 from skyarm.dynamics.kinematics import Pose, every_joint, every_rate, onto_leaders
 from skyarm.dynamics.link_axes import members, spatial_inertia
+from skyarm.records.immutable import immutable
 from skyarm.vehicle.linkage import BASE, Joint
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class JointMotion:
     """Angular velocity of a link, and the part of its acceleration from products of velocities."""
 

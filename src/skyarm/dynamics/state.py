@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Annotated
 
 from skyarm.algebra import E_Z, Mat3, Motion, Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class State:
     """State of a vehicle: all quantities that the simulation integrates."""
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import Vec3
@@ -21,6 +20,7 @@ from skyarm.dynamics.actuators.tilting import with_rest
 from skyarm.envs.action_kinds import Turn
 from skyarm.envs.env_task import Task
 from skyarm.envs.observed_quantities import Result, Sight
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import blend, leaves, rebuild
 from skyarm.reference import Reference
 from skyarm.scenario.endings import Divergence
@@ -39,7 +39,7 @@ LARGEST = 1e6
 """Largest number of an observation and a reward: what has diverged is told as this, what is no number as 0."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class EnvState:
     """State of a learning environment between two steps.
 
@@ -54,7 +54,7 @@ class EnvState:
     action: tuple[Scalar, ...]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Outcome:
     """Result of an environment step: observation, reward, truncation and termination.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +21,7 @@ from skyarm.envs.reward_terms import (
     Upright,
 )
 from skyarm.records.files import must_be_one_of, shown
+from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from skyarm.envs.vector_environment import VectorEnvironment
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class NamedTask:
     """Default arguments of a shipped learning environment.
 

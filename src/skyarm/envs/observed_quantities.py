@@ -12,6 +12,7 @@ from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
@@ -24,7 +25,7 @@ RadPerSecond = Annotated[float, Unit("rad/s", low=0.0, strict=True)]
 """Scales, by which a number is divided."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Sight:
     """Data from which observations are computed: measurement, reference, last action and nominal model.
 
@@ -40,7 +41,7 @@ class Sight:
     model: Model
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Result:
     """Data from which rewards are computed: true state, reference, actions and command of a control period.
 

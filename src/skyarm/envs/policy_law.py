@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Annotated, Any
 
@@ -20,6 +19,7 @@ from skyarm.envs.env_program import observation_of
 from skyarm.envs.env_task import Task
 from skyarm.envs.observed_quantities import Sight
 from skyarm.records.files import shown
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import is_record
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
@@ -29,7 +29,7 @@ Policy = Callable[[tuple[Any, ...]], Sequence[Any]]
 """From the numbers of an observation to those of an action."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class PolicyParameters:
     """Parameters of a control law that evaluates a learned policy.
 
@@ -45,7 +45,7 @@ class PolicyParameters:
     inner: Any = ()
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class PolicyMemory:
     """Internal state of a control law that evaluates a learned policy.
 

@@ -11,7 +11,6 @@ import re
 import reprlib
 import struct
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 from skyarm.links.mavlink_messages import (
@@ -22,6 +21,7 @@ from skyarm.links.mavlink_messages import (
     checksum,
     is_possible_checksum,
 )
+from skyarm.records.immutable import immutable
 
 DecodedValue: TypeAlias = int | float | str | tuple[int, ...] | tuple[float, ...]
 """Value of a received field: a number, a text, or a tuple of numbers."""
@@ -42,7 +42,7 @@ class MavlinkError(ValueError):
     """Message that cannot be encoded: an unknown name or a value that does not fit."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Message:
     """Decoded message: name, numbers of the system and component that sent it, and fields by name."""
 

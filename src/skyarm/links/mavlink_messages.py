@@ -10,9 +10,10 @@ from __future__ import annotations
 import binascii
 import struct
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TypeAlias
+
+from skyarm.records.immutable import immutable
 
 FieldValue: TypeAlias = int | float | str | bytes | Sequence[int] | Sequence[float]
 """Value of a field to send: a number, a text for characters, or a sequence of numbers for an array."""
@@ -120,7 +121,7 @@ def is_possible_checksum(data: bytes, received: int) -> bool:
     return unmirrored ^ (crc << 8 & 0xFF00) in _STEPS
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Field:
     """Field of a message: name, type, and number of elements (0 for a single number)."""
 
@@ -163,7 +164,7 @@ class Field:
         return f"{self.count} {kind}s {numbers}" if self.count else f"a {kind} {numbers}"
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Definition:
     """Definition of a message, with the forms that encoding and decoding need at every frame."""
 

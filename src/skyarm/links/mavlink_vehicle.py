@@ -10,11 +10,11 @@ import math
 import struct
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from skyarm.links import mavlink
 from skyarm.links.mavlink_messages import DEFINITIONS
+from skyarm.records.immutable import immutable
 
 TAKE_OFF, SET_MODE, ARM, SET_INTERVAL = 22, 176, 400, 511
 """MAVLink's commands."""
@@ -35,7 +35,7 @@ WHOLE, REAL = 6, 9
 """MAVLink's types of a parameter that is a 32-bit integer, and of one that is a 32-bit float."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class ModeNumbers:
     """Numbers of an autopilot's modes: for set points from outside, and for holding its place.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from skyarm.algebra.scalars import Scalar
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.log.sensor_data import ESTIMATE
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, mismatch, rebuild
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
@@ -20,7 +21,7 @@ from skyarm.sensing.measurement import Measurement
 Array = npt.NDArray[Any]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Logged:
     """Quantities of one episode that a batch logs at a control instant: state, command, reference and readings.
 
@@ -35,7 +36,7 @@ class Logged:
     received: tuple[tuple[str, Any], ...] = ()
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class BatchLog:
     """Log of a batch: arrays (episodes, samples) of states, commands and references.
 

@@ -6,7 +6,6 @@ import io
 import json
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -19,13 +18,14 @@ from skyarm.log.log_columns import columns
 from skyarm.records.files import must_be_one_of, shown, write_atomically
 from skyarm.records.files.unpacked import TooLargeError, npz_arrays
 from skyarm.records.files.user_code import own_code
+from skyarm.records.immutable import immutable
 from skyarm.records.registry import RegistryError, find, names
 from skyarm.records.registry.class_signatures import format_mistake
 
 PathLike = str | os.PathLike[str]
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class LogFormat:
     """File format of a log: a function that writes it and one that reads it.
 

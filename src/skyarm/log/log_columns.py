@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -20,6 +20,7 @@ from skyarm.log.flight_log import Log
 from skyarm.log.flown_scenario import restore_written, restored_part, written_part
 from skyarm.log.sensor_data import COMPONENTS, sources_of
 from skyarm.records.files.names import distinct
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit, units
 from skyarm.vehicle.linkage import Link
 from skyarm.vehicle.vehicle_records import Rotor
@@ -61,7 +62,7 @@ class Arrays(Protocol):
     def __getitem__(self, array: str) -> Array: ...
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Column:
     """Column of a log: one number over time, with name, unit and meaning.
 
@@ -82,7 +83,7 @@ class Column:
         return array if self.index is None else array[:, self.index]
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Names:
     """Names of a logged vehicle's joints and rotors, and the units of the joint commands.
 

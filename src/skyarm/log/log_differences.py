@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import columns
+from skyarm.records.immutable import immutable
 
 Array = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Difference:
     """Difference of two logs in one column: first time, numbers there, and largest difference.
 
@@ -32,7 +32,7 @@ class Difference:
     at: float
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class LogDifferences:
     """All differences of two logs over their common instants.
 

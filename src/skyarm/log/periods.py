@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from skyarm.log.flown_scenario import written_part
 from skyarm.log.log_columns import component_labels
+from skyarm.records.immutable import immutable
 from skyarm.reference.task_records import Guard
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ SAME = 1e-6
 """s of the reference within which it rests at one place."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class ContactPeriod:
     """Period from a touch to the loss of contact: surface, contact point, times and forces.
 
@@ -37,7 +37,7 @@ class ContactPeriod:
     mean: float
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class GraspPeriod:
     """Period from a grasp to its release: gripper, load, times and largest force.
 

@@ -8,13 +8,14 @@ needs no line here.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import is_record, parts, walk
 from skyarm.records.units import Unit, units
 
@@ -32,7 +33,7 @@ BARE = "value"
 """Field of a reading that is a number or a tuple of numbers."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Field:
     """Field of a sensor reading or estimate: unit, meaning and column labels.
 
@@ -48,7 +49,7 @@ class Field:
     units: list[str] | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Source:
     """Sensor or estimator whose readings a log stores: fields, interval, delay and frame.
 

@@ -11,6 +11,7 @@ from skyarm.paper.flights import Flight, Metrics, flights, fly, metrics
 from skyarm.paper.inferred_settings import INFERRED, PREDICTED, measure_inferred, settings_in, shipped_evidence
 from skyarm.paper.published import Record
 from skyarm.paper.variations import variation, variations
+from skyarm.records.immutable import immutable
 from skyarm.simulate import Log
 from skyarm.simulate.workers import Progress
 from skyarm.simulate.workers import workers as spread
@@ -19,7 +20,7 @@ Sensitivity = dict[str, dict[str, dict[str, dict[str, Metrics]]]]
 """group -> value -> case -> controller -> metrics."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Job:
     """One flight to simulate, described by plain values that can be sent to another process.
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from skyarm.log.metrics.metric_catalogue import REFERRED
 from skyarm.log.metrics.score import score, settling_time
 from skyarm.log.metrics.windows import Windows
 from skyarm.paper.published import CASES, CONTINUOUS, CONTROLLERS, PAPER, Record
+from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import PLANTS
 from skyarm.simulate import Log, Scenario, Window, run
@@ -38,7 +38,7 @@ WIND_CASE = ("position_min", "position_max", "position_ripple", "pitch_mean", "p
 Metrics = dict[str, float | None]
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Flight:
     """One flight of Barakou et al. 2026: a case, a controller ("CT", "PD" or a preset), a plant."""
 

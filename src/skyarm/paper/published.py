@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib import resources
 from typing import Any
+
+from skyarm.records.immutable import immutable
 
 Cells = Mapping[str, float]
 Record = Mapping[str, Any]
@@ -56,7 +58,7 @@ def published_number(case: str, controller: str, metric: str) -> str:
     return printed_number(case, controller, metric) or _TABLES["said"].get(case, {}).get(controller, {}).get(metric, "")
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Metric:
     """Metric of the published tables: label, unit and definition.
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import Any
 
@@ -17,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.records.files import read_toml
+from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_file import LIBRARY
 
 Array = npt.NDArray[np.float64]
@@ -27,7 +27,7 @@ WORST = 1e6
 """|u| of a cell that is missing or has another sign: the loss is at its ceiling."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Cell:
     """Published number of one metric of one flight.
 

@@ -8,10 +8,10 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from skyarm.paper.flights import with_damping
 from skyarm.paper.published import CASES
+from skyarm.records.immutable import immutable
 from skyarm.reference import sequence
 from skyarm.simulate import Delays, Scenario
 
@@ -37,7 +37,7 @@ GROUPS = {
 """What is varied, in words."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Variation:
     """One changed assumption about a flight, such as joint damping, with the cases to which it applies.
 

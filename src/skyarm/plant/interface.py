@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated, Any, Protocol
 
 from skyarm.algebra.scalars import Scalar
 from skyarm.dynamics.state import State
 from skyarm.records import coerce
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 from skyarm.records.registry import find
 from skyarm.records.units import Unit
@@ -20,7 +20,7 @@ Flat = Sequence[float]
 """Leaves of a record (:func:`skyarm.records.leaves.leaves`): State, Command or Surroundings."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Truth:
     """True vehicle and gravity (m/s^2) of the simulation, as opposed to the controller's model."""
 

@@ -10,7 +10,6 @@ MuJoCo's own writer keeps six.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import mujoco
@@ -22,6 +21,7 @@ from skyarm.dynamics.actuators.rotor import push
 from skyarm.dynamics.kinematics import every_joint
 from skyarm.dynamics.state import State
 from skyarm.plant.mujoco_model import build_spec, joint_addresses, site_of_rotor
+from skyarm.records.immutable import immutable
 from skyarm.vehicle.check import require_plant
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
@@ -36,7 +36,7 @@ HEIGHT = 1.0
 """m above the floor, where nobody says where to start."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Exported:
     """Text of an MJCF file, and counts of its contents."""
 

@@ -7,7 +7,7 @@ MuJoCo and Gazebo do.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from skyarm import dynamics
@@ -39,10 +39,11 @@ from skyarm.plant.surroundings import (
     push_coupled,
     slopes_of,
 )
+from skyarm.records.immutable import immutable
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Rate:
     """Time derivative of the vehicle state, without rotor speeds and tilt angles, which are solved exactly."""
 

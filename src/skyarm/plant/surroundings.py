@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from skyarm.algebra import ZERO3, Vec3
@@ -12,6 +12,7 @@ from skyarm.dynamics.actuators.drive import TORQUE_DRIVE, Drive
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.plant.interface import Truth
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Rotor
@@ -19,7 +20,7 @@ from skyarm.world import Component, Effectiveness, WindSample, Wrench
 from skyarm.world.component import moved_by
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Surroundings:
     """Environment models, actuator faults and joint drives with their internal states, for one control period.
 

@@ -10,15 +10,15 @@ import math
 import types
 import typing
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Any
 
 from skyarm.records import coerce
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import field_names
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Unit:
     """Unit, meaning and bounds of a field's numbers.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ import numpy.typing as npt
 
 from skyarm.dynamics.array_front import frame_jacobian
 from skyarm.dynamics.workspace import reach
+from skyarm.records.immutable import immutable
 from skyarm.reference.task_records import Setting
 from skyarm.reference.tip_motion import Arm
 from skyarm.reference.tip_plan import MARGIN
@@ -34,7 +34,7 @@ SINGULAR = 0.02
 tip then moves by its own length in 50 rad or more."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Feasibility:
     """Peak thrust, tilt and joint-limit times of a planned tip reference, and its nearest arm singularity.
 

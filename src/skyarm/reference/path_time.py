@@ -11,7 +11,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
@@ -21,6 +20,7 @@ from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, add, mul, where
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference.signals import Derivatives
 from skyarm.reference.splines import CARDINAL, ORDERS, minimum_snap
@@ -35,7 +35,7 @@ FEWEST = 6
 """Control points of one polynomial of degree five."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class PathTime:
     """Time scaling of a reference: path time as a spline of flight time.
 

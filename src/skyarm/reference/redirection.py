@@ -8,12 +8,13 @@ Source: the quintic with its six end conditions, Craig 2005, Introduction to Rob
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
 
 from skyarm.algebra.scalars import Scalar, maximum, minimum, where
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference.signals import Derivatives, Signal
 from skyarm.reference.trajectory import Trajectory
@@ -31,7 +32,7 @@ DURATIONS = np.geomspace(0.1, 300.0, 165)
 """s; durations that a motion to a goal may have, 5 % apart."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Redirected(Signal):
     """Time signal that from ``start`` on moves to a goal and stays there; before it is another signal.
 

@@ -22,12 +22,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra.scalars import Scalar
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import Fields, number, shown
+from skyarm.records.immutable import immutable
 from skyarm.records.read_table import record_from
 from skyarm.reference.signals import (
     Constant,
@@ -122,7 +122,7 @@ _SIGNALS: dict[str, type[Signal] | Callable[[Fields], Signal]] = {
 """Kind -> the record whose fields are the keys of its table, or the function that reads it."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class SignalList:
     """List of time signals, one for each component of a vector."""
 

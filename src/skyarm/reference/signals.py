@@ -13,13 +13,13 @@ import dataclasses
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from typing import Annotated, Any, Literal, TypeVar
 
 from skyarm.algebra.scalars import Scalar, add, cos, floor, logical_and, mul, sin, where
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import parts
 from skyarm.records.units import Unit
 
@@ -77,7 +77,7 @@ def switch_times(record: Any) -> tuple[float, ...]:
     return tuple(sorted({s for signal in found for s in signal.switch_times()}))
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Constant(Signal):
     """Signal with a constant value and zero derivatives."""
 
@@ -88,7 +88,7 @@ class Constant(Signal):
         return self.value, 0, 0, 0, 0
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Ramp(Signal):
     """Ramp signal from 0 to ``height`` within ``duration``; 0 before and ``height`` after.
 
@@ -141,7 +141,7 @@ def _quintic(u: Scalar) -> Derivatives:
     )
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Sine(Signal):
     """Sine signal: amplitude sin(2 pi frequency_hz t + phase)."""
 
@@ -157,7 +157,7 @@ class Sine(Signal):
         return s, w * c, -(w * w) * s, -(w * w * w) * c, (w * w * w * w) * s
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Windowed(Signal):
     """Time signal that equals another signal within [start, stop) and is zero outside."""
 
@@ -186,7 +186,7 @@ class Windowed(Signal):
         return tuple(s for s in (first, *inner, last) if math.isfinite(s))
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Shifted(Signal):
     """Time signal delayed by ``delay`` seconds."""
 
@@ -202,7 +202,7 @@ class Shifted(Signal):
         return tuple(s + float(self.delay) for s in self.signal.switch_times())
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Sum(Signal):
     """Sum of several signals; zero if empty."""
 
@@ -216,7 +216,7 @@ class Sum(Signal):
         return total
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Product(Signal):
     """Product of two signals, such as a sine with a ramped amplitude."""
 
@@ -235,7 +235,7 @@ class Product(Signal):
         return tuple(found)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Pulses(Signal):
     """Rectangular pulse train: ``count`` pulses of ``height`` and ``width`` (s), one per ``period`` (s).
 
@@ -283,7 +283,7 @@ def sequence(
     return Sum(tuple(signals))
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Turning(Signal):
     """One coordinate of a point that moves along a circle or spiral, relative to its start.
 

@@ -11,12 +11,12 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
 
 from skyarm.algebra.scalars import Scalar, where
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference.signals import Derivatives, Signal
 
@@ -24,7 +24,7 @@ ORDERS = 5
 """A signal's value and derivatives one to four."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Polynomials(Signal):
     """Piecewise polynomial time signal, constant before the first and after the last knot.
 

@@ -17,11 +17,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra.scalars import Scalar
 from skyarm.records.files import Fields, shown
+from skyarm.records.immutable import immutable
 from skyarm.reference.signals import Constant, Signal, Sum, Turning, Windowed
 from skyarm.reference.splines import minimum_snap
 from skyarm.reference.task_records import Guard, Phase, Setting
@@ -130,7 +130,7 @@ def duration_of(phase: Fields) -> float | None:
     return None if phase.take("duration", None) is None else seconds(phase, "duration")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Arc:
     """Circular arc of a handle about its axis, such as that of a door.
 

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Annotated
 
 from skyarm.algebra.scalars import Scalar
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.reference.tip_motion import TipPush
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Phase:
     """Phase of a task: kind, planned end time, and interval in which a position offset returns to zero.
 
@@ -37,7 +38,7 @@ class Phase:
         return Phase(name=self.name, end=self.end + seconds, back=back)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Guard:
     """Condition, such as a contact force, that the flight must meet before the task continues.
 
@@ -80,7 +81,7 @@ class Guard:
         accept_fields(self, "guard")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class TaskEvent:
     """Event of a task: a payload is taken or left, or a gripper closes or opens.
 
@@ -96,7 +97,7 @@ class TaskEvent:
     gripper: str = ""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class JointMove:
     """Planned move of a joint from rest to rest.
 
@@ -111,7 +112,7 @@ class JointMove:
     where: str
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Setting:
     """Flight data that reference tables need, and lists of events, conditions and moves found in them.
 

@@ -16,7 +16,7 @@ With a ``pivot`` the normal is the direction from an axis through it to the tip:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Annotated, Any
 
 import numpy as np
@@ -27,6 +27,7 @@ from skyarm.algebra.scalars import Scalar, cos, data, divide, logical_and, logic
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.dynamics.kinematics import joint_placement
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
@@ -45,7 +46,7 @@ FiveVectors = tuple[Vec3, ...]
 """A vector and its first four derivatives."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Arm:
     """Chain of joints between the base and the tip.
 
@@ -87,7 +88,7 @@ def arm_of(vehicle: Vehicle) -> Arm:
     return Arm(carriers=tuple(carriers), joints=joints, tip=held.position)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class TipMotion:
     """Desired tip motion: position in world axes, and the arm that carries the tip."""
 
@@ -155,7 +156,7 @@ UPRIGHT = (0.0, 0.0, 1.0)
 """The axis of a door."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class TipPush:
     """Desired tip contact: force signal, surface normal, approach speed, and the arc of a held handle."""
 

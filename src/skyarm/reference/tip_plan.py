@@ -17,7 +17,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
@@ -27,6 +26,7 @@ from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.dynamics.workspace import reach
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import Fields
+from skyarm.records.immutable import immutable
 from skyarm.records.read_table import record_from
 from skyarm.records.units import Unit
 from skyarm.reference.phases import with_joint_moves
@@ -51,7 +51,7 @@ EXACT, SMOOTH = 5e-4, 0.03
 """s over the arm's length: of a tip with an orientation, and of one whose base takes what the arm leaves."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class ArmTask:
     """Inverse kinematics problem of an arm.
 
@@ -211,7 +211,7 @@ MARGIN = 1e-3
 """rad or m that a plan keeps from a joint's limits."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class TipChoices:
     """Options for a tip trajectory: posture of the arm, share of the motion by the base, and speed limits.
 

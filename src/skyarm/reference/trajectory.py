@@ -8,7 +8,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated, Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar
 from skyarm.records import coerce
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import parts
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
@@ -26,7 +27,7 @@ from skyarm.reference.task_records import Guard, Phase
 from skyarm.reference.tip_motion import TipMotion, TipPush, vector_derivatives
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Reference:
     """Desired motion at one instant, or at many with arrays as scalars.
 
@@ -96,7 +97,7 @@ ZERO = Constant(0.0)
 """The signal that stays at zero."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Trajectory:
     """Desired motion over time: signals of base position, heading and joints, with optional tip and contact.
 
@@ -228,7 +229,7 @@ def circle(
     return dataclasses.replace(at_center, x=at_center.x + motion[0], y=at_center.y + motion[1])
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Publisher:
     """Zero-order hold of a reference that is sampled at a lower rate than the control rate.
 

@@ -24,7 +24,6 @@ import csv
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +31,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.records.files import Fields, number, shown, unreadable
+from skyarm.records.immutable import immutable
 from skyarm.reference.signals import Signal
 from skyarm.reference.splines import Polynomials, minimum_snap, snap_cost
 from skyarm.reference.task_records import Setting
@@ -54,7 +54,7 @@ SHORTEST = 1e-3
 """m between waypoints: they are one place below this."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class FlightLimits:
     """Limits, or peak values, of speed, acceleration, tilt, body rate and thrust of a motion.
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, absolute, add, logical_and, minimum, sub
 from skyarm.dynamics import State, link_poses
 from skyarm.dynamics.actuators.tilting import turn_rotors
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 from skyarm.vehicle.linkage import BASE, Link
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -52,7 +52,7 @@ class Ending:
         return self.status
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Divergence(Ending):
     """Termination when a number of the state is not finite or is implausibly large."""
 
@@ -84,7 +84,7 @@ class Divergence(Ending):
         return f"{next(away)} is over {LOST:g} m from the reference"
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class JointLimits(Ending):
     """Termination when a joint exceeds a limit.
 
@@ -119,7 +119,7 @@ class JointLimits(Ending):
         return self.status
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class LawUndefined(Ending):
     """Termination at an attitude where the control law is singular."""
 
@@ -135,7 +135,7 @@ class LawUndefined(Ending):
         return scenario.controller.limit
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Ground(Ending):
     """Termination when the lowest point of the vehicle reaches the ground at z = 0."""
 
@@ -151,7 +151,7 @@ class Ground(Ending):
         return f"lowest point at z = {float(lowest_point(scenario.plant.vehicle, state)):.4g} m"
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class RotorContact(Ending):
     """Termination when a rotor disc touches a fixed surface, such as a wall."""
 
@@ -170,7 +170,7 @@ class RotorContact(Ending):
         return f"rotor '{least[1]}' touched surface '{least[2]}'"
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class BodyContact(Ending):
     """Termination when the base's origin or a joint is inside a fixed surface."""
 

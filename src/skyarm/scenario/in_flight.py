@@ -12,7 +12,6 @@ import dataclasses
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from typing import Any
 
 from skyarm.control.actuator_layer import believed_drives
@@ -21,6 +20,7 @@ from skyarm.dynamics.actuators import AllocationError
 from skyarm.dynamics.actuators.drive import Drive
 from skyarm.dynamics.actuators.servo import Servo
 from skyarm.records.files import Fields, did_you_mean, shown
+from skyarm.records.immutable import immutable
 from skyarm.records.registry.plugins import is_law_of_file
 from skyarm.reference import trajectory_from
 from skyarm.reference.path_time import PLANNED
@@ -99,7 +99,7 @@ def _prefix_of_part(path: str) -> str:
     return "controller." if path == LAW else f"{path}."
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Overrides:
     """Replacements made by scheduled changes so far: pairs of parameter path, such as plant.gravity, and value.
 
@@ -179,7 +179,7 @@ def _within(path: str, part: str, hidden: str) -> bool:
     return path == part or path.startswith(hidden)
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Stretch:
     """Interval of control periods between two scheduled changes.
 

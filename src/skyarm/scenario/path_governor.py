@@ -11,7 +11,6 @@ import dataclasses
 import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
@@ -25,6 +24,7 @@ from skyarm.dynamics.actuators.motion_demand import Demand, Motion, attitude, de
 from skyarm.dynamics.actuators.servo import Servo
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import Fields, shown
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import field_names
 from skyarm.records.read_table import record_from
 from skyarm.records.units import Unit
@@ -165,7 +165,7 @@ LEFT = 1e-3
 """Share of its limit that a servo is taken to have left where its speed leaves it nothing."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class GovernorOptions:
     """Options of the path governor: reserve of the actuators, and limits of tilt, turning and joint speed.
 

@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.dynamics.actuators.motion_demand import Motion
+from skyarm.records.immutable import immutable
 from skyarm.reference.path_time import PathTime
 from skyarm.reference.signals import Derivatives
 
@@ -135,7 +136,7 @@ def _first_rate(square: Array) -> float:
     return next(rates, SLOWEST)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Plan:
     """Result of planning: time law of the reference, and the largest remaining demand on the vehicle.
 
@@ -158,7 +159,7 @@ NOTHING = 1e-7
 """s of lag that is rounding."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Judge:
     """Evaluator of the demands of a motion on the vehicle, relative to the vehicle's limits.
 

@@ -23,6 +23,7 @@ from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.field_rules import accept_fields, defaults, require_fields
 from skyarm.records.files import must_be_one_of, number, shown
 from skyarm.records.files.names import ALLOWED, is_result_name
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import field_names
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.registry.registrations import registrations
@@ -64,7 +65,7 @@ def whole(value: object) -> int | None:
     return int(value) if not isinstance(value, bool) and isinstance(value, numbers.Integral) else None
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Rates:
     """Rates of physics, control and reference, Hz; physics / control and control / reference are whole numbers."""
 
@@ -81,7 +82,7 @@ class Rates:
                 )
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Delays:
     """Dead times of the control loop: of measurements, of all commands, and of rotor or joint commands alone.
 
@@ -114,7 +115,7 @@ class Delays:
         return float(self.command) + max(float(self.rotors), float(self.joints))
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class NamedSensor:
     """Named sensor in addition to the full state; an estimator receives its readings under this name."""
 
@@ -128,7 +129,7 @@ class NamedSensor:
             raise ScenarioError(f"sensors.{self.name} = {shown(self.sensor)}: must be a Sensor")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class JointDrive:
     """Actuator model assigned to one joint by the joint's name."""
 
@@ -142,7 +143,7 @@ class JointDrive:
             raise ScenarioError(f"drives.{self.joint} = {shown(self.drive)}: must be a Drive")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Change:
     """Scheduled change of a parameter or section of the scenario, from the first control period at or after ``at``.
 
@@ -222,7 +223,7 @@ def in_order(changes: Iterable[Change], rate: int) -> tuple[Change, ...]:
     return tuple(sorted(changes, key=lambda change: change.tick(rate)))
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Solver:
     """Simulation settings of a plant: kind of simulator and integrator.
 
@@ -242,7 +243,7 @@ class Solver:
                 raise ScenarioError(f"plant.{field} = {shown(value)}: {must_be_one_of(allowed, value)}")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Environment:
     """Surroundings shared by all vehicles: wind, other air motion, forces, ground and contact model.
 
@@ -264,7 +265,7 @@ class Environment:
         accept_fields(self, "", ScenarioError)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Agent:
     """One vehicle with its plant, law, reference, sensors, estimator, drives, delays and payloads.
 

@@ -9,7 +9,7 @@ Sources: IEEE Std 952-1997, annex B and C (noise density, rate random walk, thei
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cache
 from typing import Annotated, Any, ClassVar
 
@@ -19,6 +19,7 @@ from skyarm.algebra.scalars.philox import normals
 from skyarm.dynamics.state import State, example_state
 from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import blend, leaves, rebuild
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit, declared_fields
@@ -32,7 +33,7 @@ def absent(value: Scalar) -> bool:
     return type(value) is int and value == 0
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Channel:
     """Error model of a measured quantity with one or more components, in the unit of the quantity (u).
 
@@ -148,7 +149,7 @@ class Channel:
         return where(self.resolution > 0.0, near, value)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Dropouts:
     """Loss of readings, at random and in given time intervals; the first reading of an episode always arrives.
 
@@ -206,7 +207,7 @@ Quantities = tuple[tuple[str, Channel, tuple[Any, ...]], ...]
 """Name, errors and true components of each channel."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class ChannelMemory:
     """Internal state of a sensor between two readings: random biases, link loss and last reading.
 
@@ -226,7 +227,7 @@ class ChannelMemory:
 SampleRate = Annotated[float, Unit("Hz", "readings a second, 0: one each control period", low=0.0, fixed=True)]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class ChannelSensor(Sensor):
     """Base of sensors whose reading has a time stamp and one field per measured quantity.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Annotated, Any
 
 from skyarm.algebra import Quaternion, Vec3
@@ -13,6 +13,7 @@ from skyarm.algebra.scalars.philox import normals
 from skyarm.dynamics import State
 from skyarm.dynamics.state import example_state
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
@@ -20,7 +21,7 @@ from skyarm.sensing.sensor import Sensor
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Measurement:
     """Measurement that a control law receives: pose, velocities, specific force, joints, rotors.
 
@@ -67,7 +68,7 @@ def measurement_of(state: State, specific_force: Vec3) -> Measurement:
     return measure(SensorNoise(), 0.0, state, specific_force, nothing)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class SensorNoise(Sensor):
     """Full-state sensor: the true state with white noise at the control rate.
 

@@ -9,12 +9,12 @@ of common autopilot simulators, whose rounded 0.427 gauss stands here, with the 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, data, divide, exp, log, minimum
 from skyarm.dynamics.state import State
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.sensing.channel import Channel, ChannelSensor, Quantities, SampleRate
 from skyarm.sensing.sensor_kinds import Reading
@@ -41,14 +41,14 @@ KELVIN = 273.15
 """K, of 0 degrees Celsius."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class MagnetometerReading(Reading):
     """Reading of a magnetometer: magnetic flux density."""
 
     field: Annotated[Vec3, Unit("gauss", "base axes")]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class BarometerReading(Reading):
     """Reading of a barometer: static pressure and temperature of the air."""
 
@@ -56,7 +56,7 @@ class BarometerReading(Reading):
     temperature: Annotated[Scalar, Unit("degC", "temperature of the air")]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class GnssReading(Reading):
     """Reading of satellite navigation: position and velocity of the base origin."""
 
@@ -64,7 +64,7 @@ class GnssReading(Reading):
     velocity: Annotated[Vec3, Unit("m/s", "base origin, world axes")]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Magnetometer(ChannelSensor):
     """Magnetometer: the uniform magnetic field of the Earth in base axes, gauss.
 
@@ -89,7 +89,7 @@ class Magnetometer(ChannelSensor):
         return (("field", self.field, tuple(state.quaternion.rotation().apply_T(field_W))),)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Barometer(ChannelSensor):
     """Barometer: static pressure (hPa) and temperature (degC) of the standard atmosphere at the base origin.
 
@@ -112,7 +112,7 @@ class Barometer(ChannelSensor):
         return ("pressure", self.pressure, (pressure,)), ("temperature", self.temperature, (temperature,))
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Gnss(ChannelSensor):
     """Satellite navigation with velocity: position (m) and velocity (m/s) of the base origin, world axes."""
 

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar
 from skyarm.dynamics.state import State
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Push:
     """External wrench at a frame of the vehicle: resultant of all forces on its link and the links beyond."""
 

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
 from skyarm.algebra import Quaternion, Vec3
@@ -22,6 +21,7 @@ from skyarm.algebra.scalars import Scalar, data, divide, exp, mul, sqrt, sub, wh
 from skyarm.dynamics.state import State
 from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.files import shown
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 from skyarm.records.units import Unit
 from skyarm.sensing.channel import Channel, ChannelMemory, ChannelSensor, Quantities, SampleRate, absent
@@ -30,14 +30,14 @@ from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Reading:
     """Base of readings: the instant at which a reading was taken."""
 
     time: Annotated[Scalar, Unit("s", "when it was read")]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class ImuReading(Reading):
     """Reading of an inertial unit: angular rate and specific force of the base origin."""
 
@@ -45,7 +45,7 @@ class ImuReading(Reading):
     specific_force: Annotated[Vec3, Unit("m/s^2", "base axes, +g along z in hover")]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class PoseReading(Reading):
     """Reading of motion capture: position of the base origin and attitude of the base."""
 
@@ -53,21 +53,21 @@ class PoseReading(Reading):
     quaternion: Annotated[Quaternion, Unit("", "w x y z, base to world")]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class PositionReading(Reading):
     """Reading of satellite navigation: position of the base origin."""
 
     position: Annotated[Vec3, Unit("m", "base origin, world axes")]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class HeadingReading(Reading):
     """Reading of a heading sensor: yaw of the base's x axis about the vertical."""
 
     heading: Annotated[Scalar, Unit("rad", "yaw, not wrapped")]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class EncoderReading(Reading):
     """Reading of the encoders: positions and rates of all joints."""
 
@@ -75,7 +75,7 @@ class EncoderReading(Reading):
     joint_rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s")]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class ForceReading(Reading):
     """Reading of a force-torque sensor: external wrench at a frame."""
 
@@ -83,7 +83,7 @@ class ForceReading(Reading):
     torque: Annotated[Vec3, Unit("N m", "about its origin, axes of the frame")]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class SwitchReading(Reading):
     """Reading of a tactile switch at a frame: closed while a force acts."""
 
@@ -95,7 +95,7 @@ TURN = 6.283185307179586
 """rad, one turn."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Imu(ChannelSensor):
     """Inertial unit at the base origin: angular rate (rad/s) and specific force (m/s^2), base axes."""
 
@@ -110,7 +110,7 @@ class Imu(ChannelSensor):
         return ("gyro", self.gyro, tuple(state.rate)), ("accelerometer", self.accelerometer, force)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Pose(ChannelSensor):
     """Motion capture: position of the base origin (m) and attitude of the base.
 
@@ -142,7 +142,7 @@ class Pose(ChannelSensor):
         return own, PoseReading(time=t, position=Vec3(*position), quaternion=attitude)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Position(ChannelSensor):
     """Satellite navigation: position of the base origin, m."""
 
@@ -156,7 +156,7 @@ class Position(ChannelSensor):
         return (("position", self.position, tuple(state.position)),)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Heading(ChannelSensor):
     """Heading sensor, a compass or two satellite antennas: yaw of the base's x axis, rad."""
 
@@ -173,7 +173,7 @@ class Heading(ChannelSensor):
 RATES = ("difference", "measured")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Encoders(ChannelSensor):
     """Encoders of all joints: positions (rad or m), and rates by finite difference or measured.
 
@@ -235,7 +235,7 @@ class Encoders(ChannelSensor):
         return Channel(resolution=divide(self.span, exp(self.bits * LOG_2))).quantize(q)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class FramedSensor(ChannelSensor):
     """Base of sensors of the external wrench at a vehicle frame, with a first-order low-pass filter.
 
@@ -282,7 +282,7 @@ class FramedSensor(ChannelSensor):
         return self.read(own, t, self.reading_of(push), (), draws, dt)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class ForceTorque(FramedSensor):
     """Force-torque sensor: force (N) and torque (N m) at a vehicle frame, in the frame's axes."""
 
@@ -296,7 +296,7 @@ class ForceTorque(FramedSensor):
         return ("force", self.force, tuple(push.force)), ("torque", self.torque, tuple(push.torque))
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class TactileSwitch(FramedSensor):
     """Tactile switch with hysteresis: closes above one force, opens below another.
 

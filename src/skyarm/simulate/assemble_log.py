@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from skyarm.log.sensor_data import COMPONENTS, DESCRIPTION, ESTIMATE, READINGS, 
 from skyarm.log.tip_positions import level_tip, tip
 from skyarm.records.files import versions
 from skyarm.records.identity import log_digest, own_files
+from skyarm.records.immutable import immutable
 from skyarm.records.plain import plain
 from skyarm.records.registry.plugins import identities
 from skyarm.reference import Reference
@@ -38,7 +38,7 @@ def by_array(components: Sequence[Component], numbers: Sequence[Any]) -> dict[st
     return found
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Samples:
     """Logged values of a flight, one row per control instant: states, commands, readings, winds, estimates.
 
@@ -58,7 +58,7 @@ class Samples:
     led: Array
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Piece:
     """Consecutive control periods of a flight between two scheduled changes, under one scenario.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from skyarm.log.batch_log import BatchLog, batch_log
 from skyarm.log.metrics.metric_catalogue import metric_names, required_totals
 from skyarm.log.metrics.metric_catalogue import values as metric_values
 from skyarm.log.metrics.windows import Windows
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.scenario.in_flight import require_changes, stretches
 from skyarm.scenario.scenario_checks import require_flight
@@ -37,7 +37,7 @@ from skyarm.simulate.user_code import require_shapes
 Array = npt.NDArray[Any]
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Outcome:
     """Results of a batch of flights: arrays with one entry per flight.
 

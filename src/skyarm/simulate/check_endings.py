@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from skyarm.algebra.scalars import Scalar, logical_and
 from skyarm.control.law_estimates import observed_push
 from skyarm.dynamics import State
 from skyarm.dynamics.state import example_state
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import rebuild
 from skyarm.reference.trajectory import failure_words
 from skyarm.scenario.endings import BUILT_IN, PHASE_FAILED, Ending, not_finite
@@ -26,7 +26,7 @@ SLACK = 1e-5
 """m, rad or 1: how far inside a limit a lane may be that machine code, which rounds otherwise, found outside."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Ended:
     """Early end of a flight: status, cause in words, time in s."""
 

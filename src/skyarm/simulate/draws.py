@@ -5,7 +5,6 @@ from __future__ import annotations
 import zlib
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import islice
 from typing import Any
 
@@ -13,6 +12,7 @@ import numpy as np
 
 from skyarm.algebra.scalars import Scalar
 from skyarm.algebra.scalars.philox import uniforms
+from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import Scenario
 
 CHANNEL_SENSORS, CHANNEL_TURBULENCE = 0, 1
@@ -22,7 +22,7 @@ STARTS = (2**32 - 1, 2**32 - 2)
 """Steps -1 and -2 of a channel start a component's memory; the flight's own begin at step 0."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Draws:
     """Random channel and count of random numbers for each sensor and each wind, force or contact model.
 

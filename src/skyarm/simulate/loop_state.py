@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra.scalars import Scalar
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import is_record, leaves, mismatch, parts, rebuild
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 from skyarm.world import WindSample
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class SensorState:
     """State of one sensor between two control periods: internal state, last reading, delay queue.
 
@@ -30,7 +30,7 @@ class SensorState:
     waiting: tuple[Any, ...]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class LoopState:
     """State of the closed loop from one control period to the next.
 
@@ -55,7 +55,7 @@ class LoopState:
     clock: Any = ()
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Row:
     """Inputs of the closed loop at a control instant: time and reference.
 
@@ -70,7 +70,7 @@ class Row:
     path_time: Scalar | tuple[()] = ()
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Sample:
     """Quantities of one control instant that a log may contain.
 

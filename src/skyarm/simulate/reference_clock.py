@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from skyarm.algebra import Vec3
@@ -29,6 +28,7 @@ from skyarm.algebra.scalars import (
 )
 from skyarm.control.law_estimates import observed_push
 from skyarm.dynamics.kinematics import frame_pose
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import blend, leaves, mismatch
 from skyarm.reference.path_time import offset_reference
 from skyarm.reference.task_records import Guard
@@ -41,7 +41,7 @@ from skyarm.simulate.loop_state import LoopState, Row
 from skyarm.simulate.tip_and_goal import goal_of, tip_at
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class PathClock:
     """State of the clock of a waiting reference between two control periods; times in control periods.
 
@@ -71,7 +71,7 @@ Instant = tuple[Scalar, Sequence[Scalar]]
 T = TypeVar("T")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Seen:
     """Measured quantities by which the conditions (guards) that end task phases are evaluated.
 
@@ -90,7 +90,7 @@ class Seen:
     switches: tuple[Scalar, ...] = ()
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Terms:
     """Times and flags of the condition (guard) that ends a task phase; times in control periods, flags 1 or 0.
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import itertools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,6 +17,7 @@ from skyarm.dynamics.actuators import Command
 from skyarm.log.flight_log import Log
 from skyarm.plant.surroundings import Surroundings, wind_at
 from skyarm.records.files import shown
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import mismatch
 from skyarm.reference import Reference
 from skyarm.scenario.in_flight import NONE, Overrides, require_changes, try_changes, try_coming
@@ -35,7 +35,7 @@ from skyarm.simulate.reference_clock import is_other_reference
 from skyarm.world import WindSample
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Course:
     """Scenario in force during a flight, with the changes already made and those still scheduled.
 
@@ -103,7 +103,7 @@ class Course:
         return Course(self.begun, now, (*self.made, *made), coming, overrides, flown)
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Snapshot:
     """State of an interactive simulation at an instant, for going back to it any number of times.
 

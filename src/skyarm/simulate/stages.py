@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import ZERO3, Vec3
@@ -20,6 +19,7 @@ from skyarm.dynamics.actuators.tilting import with_rest
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.loads import rigid_loads
 from skyarm.plant.surroundings import Memories, Surroundings, wind_at
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import blend, field_names, leaves
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_checks import tip_sensor
@@ -43,7 +43,7 @@ from skyarm.vehicle.vehicle_records import Frame, Vehicle
 from skyarm.world import Component, WindSample, effectiveness_at
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Readings:
     """Sensor and estimator results of a control period: internal states, logged readings, law's measurement."""
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any, TypeVar
 
 from skyarm.algebra import ZERO3, Mat3, Vec3, axis_rotation
 from skyarm.algebra.scalars import add, mul
 from skyarm.records.coerce import concrete
 from skyarm.records.files import printable
+from skyarm.records.immutable import immutable
 from skyarm.vehicle import description
 from skyarm.vehicle.check import refuse
 from skyarm.vehicle.linkage import BASE, Body, Follower, Joint, Link
@@ -20,7 +21,7 @@ MIMIC = ("lock", "couple")
 """Treatment of joints that follow others: fixed where they rest, or moved with their leaders."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Mount:
     """Place where an arm is mounted: link or frame of the airframe, pose, and prefix of the arm's names.
 
@@ -152,7 +153,7 @@ def _require_new_names(airframe: RigidBodies, arm: RigidBodies, root: list[str],
 PLAIN = ("damping", "coulomb", "armature", "stop_stiffness", "stop_damping")
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Mimic:
     """Joint that follows another joint, as in URDF files: q = ratio q_leader + offset.
 
@@ -285,7 +286,7 @@ def _structure(value: float) -> Any:
     return 0 if value == 0.0 else value
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class RigidBodies:
     """Bodies, joints and frames of a vehicle without rotors.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,6 +10,7 @@ from skyarm.algebra.monotone_curve import curve
 from skyarm.algebra.scalars import Scalar, add, divide, maximum, mul, sqrt, where
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.vehicle.check import VehicleError, refuse
 
@@ -23,7 +23,7 @@ HOUR = 3600.0
 """s."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class CellCurve:
     """Open-circuit voltage of one cell against its charge, by monotone cubic interpolation."""
 
@@ -41,7 +41,7 @@ class CellCurve:
                     refuse(f"battery.open_circuit.{name}[{i + 1}]", b, f"must be above the one before it, {a:g}")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Battery:
     """Battery pack: cells in series with one internal resistance.
 

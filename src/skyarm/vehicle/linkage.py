@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Annotated
 
 from skyarm.algebra import ZERO3, Mat3, Motion, Sym3, Vec3
 from skyarm.algebra.scalars import Scalar, add, divide, where
 from skyarm.records.coerce import coefficient, inertia, number, proper_rotation, unit_vector, vector
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.vehicle.check import FARTHEST, LENGTH, SHARE, TURN, VehicleError, accept_named
@@ -22,7 +23,7 @@ BASE = -1
 """Index that stands for the base where a link's index is asked for."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Body:
     """Mass distribution of one link, in the link's frame.
 
@@ -69,7 +70,7 @@ def _quotient(moment: Vec3, mass: Scalar) -> Vec3:
     return Vec3(*(0 if type(c) is int and c == 0 else divide(c, divisor) for c in moment))
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Joint:
     """Joint with one degree of freedom between a link and its parent.
 
@@ -142,7 +143,7 @@ JOINT_NUMBERS = ("damping", "coulomb", "coulomb_rate", "effort_limit", "armature
 """Numbers of a joint that a scenario may state in place of the vehicle's."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Link:
     """Link: a body moved by one joint relative to its parent (index into ``Vehicle.links``; BASE for the base)."""
 
@@ -155,7 +156,7 @@ class Link:
         accept_named(self, "link")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Follower:
     """Link whose joint is coupled to a leader joint: q = ratio q_leader + offset, exactly and at any load.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated, Any
 
@@ -11,13 +10,14 @@ from skyarm.algebra.monotone_curve import curve, inverse_curve
 from skyarm.algebra.scalars import Scalar, divide, maximum, sqrt
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.vehicle.check import VehicleError, refuse
 
 COLUMNS = ("speed", "thrust", "torque", "current")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class ThrustTable:
     """Rotor performance in still air against steady speed, at the voltage of the measurement.
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar
 from skyarm.records.coerce import concrete, number, unit_vector
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.vehicle.check import VehicleError, refuse
 
@@ -20,7 +20,7 @@ ACROSS = 1e-6
 NUMBERS = ("lower", "upper", "time_constant", "max_rate")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Tilt:
     """Servo that tilts a rotor about an axis of the base through its hub, perpendicular to its thrust.
 

@@ -13,12 +13,13 @@ import os
 import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.records.files.stl_mesh import FARTHEST, METRES, read_corners
+from skyarm.records.immutable import immutable
 from skyarm.vehicle import description
 from skyarm.vehicle.attach import BodyTree, Mimic, Notes, RigidBodies, follow, held_pose, posed_in
 from skyarm.vehicle.check import VehicleError, refuse
@@ -30,7 +31,7 @@ READ = ("link", "joint", "material")
 """Elements of a robot that are read, or say only how it looks."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class _File:
     """Parsed URDF file: links and joints by name, parent joint of each link, and mimic joints."""
 

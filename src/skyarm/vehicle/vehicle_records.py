@@ -10,13 +10,14 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Collection
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, add
 from skyarm.records.coerce import number, pairs, proper_rotation, unit_vector, vector
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import field_names
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
@@ -28,7 +29,7 @@ from skyarm.vehicle.thrust_table import ThrustTable
 from skyarm.vehicle.tilt import Tilt
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Rotor:
     """Rotor fixed to the base, with thrust and drag torque.
 
@@ -74,7 +75,7 @@ class Rotor:
         accept_named(self, "rotor")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Frame:
     """Named pose fixed to a link, such as tip or sensor (position in m and R_LF in the link's frame)."""
 
@@ -89,7 +90,7 @@ class Frame:
         accept_named(self, "frame" if type(self) is Frame else "look")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Look(Frame):
     """Visual mesh of a link with its pose; without mass or contact.
 
@@ -102,7 +103,7 @@ class Look(Frame):
     scale: Annotated[Vec3, Unit("m", "of one of the file's numbers, along its axes", rule=vector)] = Vec3(1.0, 1.0, 1.0)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class BodyDrag:
     """Quadratic drag of the airframe in base axes: force_i = -1/2 rho area_i |v| v_i at the base origin.
 
@@ -120,7 +121,7 @@ class BodyDrag:
         accept_fields(self, "drag", VehicleError)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class MountedDrive:
     """Actuator of one joint as part of a vehicle: name of the joint, and drive model.
 
@@ -137,7 +138,7 @@ class MountedDrive:
             check.refuse(f"drives.{self.name}", self.drive, "must be a Drive")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Vehicle:
     """Vehicle: airframe, rotors, and a tree of joints and links (the arm).
 

@@ -6,13 +6,13 @@ None of them is in a vehicle's own records; ``[[environment.forces]]`` of a scen
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, maximum, sqrt
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.component import Force, Wrench
@@ -21,7 +21,7 @@ _STILL = 1e-24
 """m^2/s^2, under the root: changes no bit of a speed above 1e-4 m/s, and the derivative at rest is 0 instead of NaN."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class GroundEffect(Force):
     """Ground effect by image rotors: the thrust of each rotor increases near the ground plane z = 0.
 
@@ -59,7 +59,7 @@ class GroundEffect(Force):
         return found
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class LinkDrag(Force):
     """Quadratic aerodynamic drag of the arm's links, acting at each link's centre of mass.
 
@@ -92,7 +92,7 @@ class LinkDrag(Force):
         return found
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class RotorDrag(Force):
     """Change of each rotor's thrust with the air speed: loss in climb and gain by translational lift.
 

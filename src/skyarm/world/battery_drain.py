@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra.scalars import Scalar, data, minimum
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
+from skyarm.records.immutable import immutable
 from skyarm.vehicle.battery import Battery
 from skyarm.vehicle.vehicle_records import Rotor
 from skyarm.world.component import Column, Component
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class BatteryDrain(Component):
     """Battery model: discharge by the rotors' power, updated once per control period."""
 

@@ -16,7 +16,6 @@ other's draws.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from skyarm.algebra import ZERO3, Vec3
@@ -24,6 +23,7 @@ from skyarm.algebra.scalars import Scalar, add, mul
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.units import Unit
 from skyarm.vehicle.linkage import BASE
@@ -36,7 +36,7 @@ MOST_STEPS = 1000
 """Integration steps of a control period at most: a record that asks for more is a slip of units."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Wrench:
     """Force and torque on one body of the vehicle.
 

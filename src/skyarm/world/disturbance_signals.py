@@ -24,7 +24,6 @@ of what its record has: force and torque, or velocity. A wrench moves base and j
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import ZERO3, Vec3
@@ -32,6 +31,7 @@ from skyarm.algebra.scalars import Scalar
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.immutable import immutable
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.component import Air, Force, Wrench, require_frame
@@ -40,7 +40,7 @@ from skyarm.world.signal_vector import NO_SIGNALS, ColouredNoise, SignalVector, 
 AXES = ("world", "frame")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Disturbance(Force):
     """Force and torque on one body of the vehicle as functions of time, with optional coloured noise.
 
@@ -96,7 +96,7 @@ class Disturbance(Force):
         return (Wrench(force_W=force, torque_W=torque, point=point, body=body),)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class AirSignals(Air):
     """Uniform air velocity as a function of time, with optional coloured noise."""
 

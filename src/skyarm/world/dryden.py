@@ -18,13 +18,13 @@ calm day would freeze one draw for the whole episode). V and the altitude are co
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import E_X, E_Z, Vec3
 from skyarm.algebra.scalars import Scalar, divide, exp, log, maximum, sqrt
 from skyarm.records.coerce import accept, concrete, unit_vector
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 
 METRES_PER_FOOT = 0.3048
@@ -32,7 +32,7 @@ LOWEST, HIGHEST = 10 * METRES_PER_FOOT, 1000 * METRES_PER_FOOT
 """Altitudes the low-altitude model is written for, m."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Dryden:
     """Parameters of Dryden turbulence: intensities, length scales, airspeed and direction.
 
@@ -50,7 +50,7 @@ class Dryden:
         accept(self, "turbulence", {"direction_W": unit_vector})
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class DrydenMemory:
     """State of the turbulence filters, in standard deviations of the velocity components u, v and w."""
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from skyarm.algebra.scalars import Scalar
+from skyarm.records.immutable import immutable
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Effectiveness:
     """Remaining share of each rotor's thrust and of each joint drive's effort, and the stuck joints.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Annotated, Any
 
 from skyarm.algebra.scalars import Scalar, clip, maximum, mul, where
@@ -10,6 +10,7 @@ from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import Fields, shown
 from skyarm.records.files.fields import list_of_tables
+from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.read_table import record_from
 from skyarm.records.units import Unit
@@ -19,7 +20,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.effectiveness import Effectiveness
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Fault:
     """Actuator fault: one actuator loses force, or a joint gets stuck, from an instant on.
 

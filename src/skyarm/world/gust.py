@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Annotated
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar, cos, mul, where
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 
 SHAPES = ("step", "one_minus_cosine")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Gust:
     """Gust of a wind model: an additional force or air velocity during a time interval.
 

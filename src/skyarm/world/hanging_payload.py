@@ -12,7 +12,6 @@ Source: spherical pendulum on an elastic cord; staggered coupling as in Felippa,
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3
@@ -21,6 +20,7 @@ from skyarm.compile.tracing.lower import repeat
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.coerce import concrete
 from skyarm.records.files import shown
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.component import Column, Wrench, require_frame
@@ -33,7 +33,7 @@ FASTEST = 0.5
 """Largest product of the cord's own angular frequency, with the load on it, and the control period."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Swing:
     """State of a hanging payload within a control period: load position and velocity, frame position, tension sum."""
 
@@ -43,7 +43,7 @@ class Swing:
     pull: Vec3
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class HangingMemory:
     """Internal state of a hanging payload: held or not, load position and velocity, cord force.
 
@@ -61,7 +61,7 @@ class HangingMemory:
     pull: Vec3
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class HangingPayload(TimedPayload):
     """Point mass on a cord that the vehicle carries from ``pick`` to ``drop``.
 

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar, cos, maximum, minimum, sin, where
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.world.component import Force, Wrench
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class LaunchStand(Force):
     """Stand under the base origin: a spring that pushes up only, and holds place and attitude while it is loaded.
 

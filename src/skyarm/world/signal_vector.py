@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3
@@ -13,6 +12,7 @@ from skyarm.algebra.scalars.philox import normals
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import shown
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference.signal_tables import signal_from
 from skyarm.reference.signals import Constant, Signal
@@ -21,7 +21,7 @@ NONE = Constant(0)
 """A component that is not there: a structural zero."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class SignalVector:
     """Vector of three time signals; in a file a list of three entries, each a number, a table or a list."""
 
@@ -56,7 +56,7 @@ DEVIATIONS = ("force", "torque", "velocity")
 """What noise may be of."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class ColouredNoise:
     """First-order Gauss-Markov noise added to a force, torque or air velocity.
 

@@ -13,7 +13,7 @@ What happens to it afterwards is not simulated.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Annotated, Any
 
 from skyarm.algebra import ZERO3, Sym3, Vec3
@@ -21,6 +21,7 @@ from skyarm.algebra.scalars import Scalar, logical_and, mul, where
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.vehicle.linkage import Body
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
     from skyarm.world.scene.scene import Instants, Scene
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Reach:
     """Sphere in the world that the gripping frame must enter before a payload is grasped or released."""
 
@@ -47,7 +48,7 @@ class Reach:
         return away.dot(away) <= mul(self.within, self.within)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class PayloadMemory:
     """Internal state of a payload: whether it is held, and where it rests otherwise.
 
@@ -62,7 +63,7 @@ class PayloadMemory:
     place: Vec3
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class TimedPayload(Component):
     """Rigid load that the vehicle carries between a pick-up and a set-down, by time or place.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3
@@ -12,6 +12,7 @@ from skyarm.algebra.scalars.philox import normals
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.world import dryden
@@ -20,7 +21,7 @@ from skyarm.world.dryden import Dryden
 from skyarm.world.gust import Gust
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class WindSample(Component):
     """Force, air velocity and logged numbers of all environment models at one instant of a flight.
 
@@ -45,7 +46,7 @@ class WindSample(Component):
         return (Wrench(force_W=self.force_W, point=self.point_B),)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class ForceWind(Force):
     """Wind as a force on the base and an independent air velocity, like the wind plugin of RotorS.
 
@@ -83,7 +84,7 @@ class ForceWind(Force):
         return (Wrench(force_W=force, point=self.point_B),)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class MovingAir(Air):
     """Wind as an air velocity, which acts on the vehicle only through rotor drag and body drag.
 

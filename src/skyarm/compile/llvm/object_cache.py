@@ -19,12 +19,12 @@ import stat
 import sys
 import time
 import warnings
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
 from skyarm.records.files import shown
 from skyarm.records.files.private import private_folder, read_private, write_private
+from skyarm.records.immutable import immutable
 
 SIZE = 256.0
 """MB that the entries may take together, if ``SKYARM_CACHE_SIZE`` does not say otherwise."""
@@ -158,7 +158,7 @@ FORGOTTEN = 3600.0
 """s: a temporary file this old has no writer any more."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Contents:
     """Number and total size (bytes) of the cached object files."""
 
@@ -166,7 +166,7 @@ class Contents:
     size: int
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class _Entry:
     """Cached object file: time of last use (s), size (bytes), path."""
 

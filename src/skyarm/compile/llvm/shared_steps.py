@@ -10,10 +10,11 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future, wait
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Any
 
 import numpy.typing as npt
+
+from skyarm.records.immutable import immutable
 
 Array = npt.NDArray[Any]
 
@@ -39,7 +40,7 @@ Arguments = ctypes.c_int64 * 12
 FIRST, LAST, BEGIN, END, START = range(5, 10)
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Machine:
     """Machine code of a traced loop with its computing time per step.
 

@@ -8,16 +8,16 @@ change inside is computed once. Loops do not nest: a repetition inside one is wr
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from skyarm.algebra.scalars.elementary import COMPOSED
 from skyarm.algebra.scalars.fold import Scalar
 from skyarm.compile.tracing.tracer import Graph, Node
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import blend, leaves, rebuild
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Lowered:
     """Traced program that consists of basic operations only.
 

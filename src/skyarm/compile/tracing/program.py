@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra.scalars import floats
 from skyarm.algebra.scalars.fold import Scalar
 from skyarm.compile.tracing.lower import Lowered, arrange, live, lower
 from skyarm.compile.tracing.tracer import Graph, Node
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, mismatch, rebuild, shaped_like
 
 _INFIX = {"add": "+", "sub": "-", "mul": "*", "lt": "<", "le": "<=", "and": "and", "or": "or"}
@@ -166,7 +166,7 @@ def python_function(program: Lowered) -> Callable[[Sequence[float]], tuple[float
     return run
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Loop:
     """Traced program of one step: from state, parameters and an input row to the next state and logged values.
 

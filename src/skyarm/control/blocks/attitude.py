@@ -10,7 +10,6 @@ thrust is always defined.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Mat3, Vec3
@@ -18,13 +17,14 @@ from skyarm.algebra.scalars import Scalar, cos, divide, sin, sqrt
 from skyarm.algebra.scalars.taylor import Taylor, choose
 from skyarm.control.blocks.geometric import attitude_error
 from skyarm.dynamics.kinematics import Pose, link_poses
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.units import Unit
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Posture:
     """Posture of the vehicle: centre of mass, tip and link poses relative to the base, as Taylor series in time.
 
@@ -76,7 +76,7 @@ TINY = 1e-12
 """Below this square of a sine the heading does not fix the attitude; the tilt's bound keeps far away from it."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Attitude:
     """Desired attitude R_d, with its body rate (rad/s) and angular acceleration (rad/s^2) in desired body axes."""
 
@@ -148,7 +148,7 @@ def angular_acceleration(gains: BaseGains, desired: Attitude, R: Mat3, w: Vec3) 
     return relative.apply(desired.acceleration) - w.cross(w_d) - pull
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class BaseGains:
     """Feedback gains of the base: from errors of centre of mass and attitude to linear and angular accelerations.
 

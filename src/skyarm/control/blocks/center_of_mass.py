@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from skyarm import dynamics
@@ -11,6 +10,7 @@ from skyarm.algebra import ZERO3, Force, Mat3, Motion, SpatialInertia, Sym3, Vec
 from skyarm.algebra.scalars import Scalar, add, divide, mul, sub
 from skyarm.dynamics.kinematics import Pose, jacobian_columns, link_poses
 from skyarm.dynamics.link_axes import spatial_inertia
+from skyarm.records.immutable import immutable
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Frame, Vehicle
 
@@ -118,7 +118,7 @@ def forces_under_thrust(
     return force, torques, follows
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Reaction:
     """Mass matrix of the joints of a vehicle whose base translates freely and rotates as desired.
 

@@ -24,7 +24,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm import dynamics
@@ -44,11 +43,12 @@ from skyarm.control.law_maker import option_numbers
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.sensing.measurement import Measurement
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class AccelerometerGains:
     """Bandwidths (rad/s) of the disturbance observer's accelerometer correction.
 
@@ -61,7 +61,7 @@ class AccelerometerGains:
     velocity: Annotated[Scalar, Unit("rad/s", "below which velocities are believed more than the accelerometer")]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Felt:
     """Translation estimates of the observer: base velocity, accelerometer bias and change of the external force.
 
@@ -267,7 +267,7 @@ def unmodelled_thrust(
     return Vec3(across.force.x, across.force.y, along.force.z)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Told:
     """Modelled accelerations over the period before a measurement, and their corrections by that measurement.
 
@@ -282,7 +282,7 @@ class Told:
     joint_corrections: tuple[Scalar, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Place:
     """Base position (m), attitude and joint positions of the vehicle."""
 
@@ -323,7 +323,7 @@ def inertia_times(
     return vector_data(R.apply(force.force)), vector_data(force.torque), tuple(data(t) for t in torques)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Observed:
     """State of the disturbance observer at the last measurement: filtered pose, velocities and estimated disturbance.
 
@@ -360,7 +360,7 @@ class Observed:
         )
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class ObserverGains:
     """Bandwidths of the disturbance observer, rad/s: force, torque, joint torques, and the pose filter.
 

@@ -8,12 +8,12 @@ apart: jerk = (3 a_0 - 4 a_1 + a_2) / 2T, snap = (a_0 - 2 a_1 + a_2) / T^2 (back
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra.scalars import Scalar, absolute, divide, logical_or, minimum, where
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.select import data
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 
@@ -107,7 +107,7 @@ def _series(channel: Channel, sample: Sample, age: Scalar, period: Scalar) -> Ta
     )
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Channel:
     """State of one signal's extrapolator: last sample, two earlier accelerations, and count of continuous samples."""
 

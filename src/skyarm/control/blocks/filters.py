@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra.scalars import Scalar, divide, exp, tan
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 
 PI = 3.141592653589793
@@ -29,7 +29,7 @@ def double_pole(bandwidth: Scalar, dt: Scalar) -> tuple[Scalar, Scalar]:
     return 1.0 - b * b, (1.0 - b) * (1.0 - b)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Butterworth:
     """Coefficients of a second-order Butterworth low-pass: y = b0 u + b1 u1 + b0 u2 - a1 y1 - a2 y2."""
 
@@ -39,7 +39,7 @@ class Butterworth:
     a2: Scalar
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Taps:
     """State of a Butterworth filter: the two delayed sums of its transposed direct form."""
 

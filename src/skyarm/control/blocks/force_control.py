@@ -21,7 +21,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated
 
 from skyarm.algebra import Vec3
@@ -43,6 +42,7 @@ from skyarm.control.blocks.select import vector_data
 from skyarm.control.blocks.tip_force import ForceErrors, TipLevers, tip_force
 from skyarm.control.controller import ControllerError
 from skyarm.records.files import shown
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference.tip_motion import STRONGEST, out_of_axis
 
@@ -196,7 +196,7 @@ def contact_cleared(gains: InteractionGains, memory: InteractionMemory) -> Scala
     return where(maximum(memory.free - gains.rest, 0.0) > 0.0, 1.0, 0.0)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Pressing:
     """Output of the contact force controller: force command, reference offset and tip damping.
 
@@ -237,7 +237,7 @@ SENSING = 60.0
 """rad/s: a force sensor is heard above the bandwidth of the observers, and below that of the contact."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class InteractionGains:
     """Constants of the contact force controller."""
 
@@ -271,7 +271,7 @@ class InteractionGains:
     furthest: Annotated[Scalar, Unit("m", "that the base looks for the surface")] = 0.5
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class InteractionMemory:
     """State of the contact force controller: contact flags, force integral, reference offset, disturbance bias."""
 
@@ -290,7 +290,7 @@ class InteractionMemory:
     felt: Annotated[Vec3 | tuple[()], Unit("N", "by a sensor at the tip, filtered, world axes")] = ()
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Wanted:
     """Desired contact: force (N), approach speed (m/s) and unit normal out of the surface, world axes.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm import dynamics
@@ -16,11 +15,12 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command, friction, limited_effort, rotor_force, speeds_after
 from skyarm.dynamics.actuators.mixer import allocation_matrix
 from skyarm.dynamics.state import coordinate_acceleration
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Disturbance:
     """Disturbance on the model: force (N, world axes) and torque (N m, base axes) on the base, and joint efforts."""
 

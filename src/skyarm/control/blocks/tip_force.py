@@ -12,13 +12,13 @@ little else pushes there; the base gives the direction that an arm in a plane do
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Mat3, Vec3, ldl_solve
 from skyarm.algebra.scalars import Scalar, add, divide, mul
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.vehicle.linkage import Link
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -26,7 +26,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 AXES = (Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1))
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class ForceErrors:
     """Torque and effort errors that weigh as much as an error of 1 N on the base in the tip force estimate."""
 
@@ -40,7 +40,7 @@ class ForceErrors:
         return divide(1.0, error * error)
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class TipLevers:
     """Tip position and Jacobian at one configuration, which map a force at the tip to base and joints.
 

@@ -14,7 +14,6 @@ Source: Barakou et al. 2026, eq. (82)-(96); the parts cite their own.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm import dynamics
@@ -40,6 +39,7 @@ from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.paper import joint_accelerations
 from skyarm.control.model import Parameters
 from skyarm.dynamics.actuators import Command, friction, mix
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
@@ -56,7 +56,7 @@ COUPLED_THRUST, CONSISTENT, OBSERVER, FEEDFORWARD, EXTRAPOLATION, LAG_INVERSION 
 """
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class StepParameters(Parameters):
     """Constants of the ablation ladder (computed torque with added steps), besides those of the paper's law.
 
@@ -74,7 +74,7 @@ class StepParameters(Parameters):
     delay_periods: Annotated[int, Unit("control periods", "known age of the measurement", low=0, high=100)] = 0
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class StepMemory:
     """Internal state of the ablation ladder (computed torque with added steps); fields of unused steps are empty.
 

@@ -32,7 +32,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import E_Z, Motion, Vec3, axis_rotation
@@ -63,13 +62,14 @@ from skyarm.control.laws.paper import decoupled_pd, generalized_force, hybrid_co
 from skyarm.control.model import Model, Parameters
 from skyarm.dynamics.actuators import Command, mix
 from skyarm.dynamics.kinematics import frame_pose
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class PressingParameters(Parameters):
     """Constants of hybrid force control and admittance control: observer and contact force controller."""
 
@@ -77,7 +77,7 @@ class PressingParameters(Parameters):
     interaction: InteractionGains
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class PressingMemory:
     """Internal state of hybrid force control and admittance control.
 
@@ -92,7 +92,7 @@ class PressingMemory:
     interaction: InteractionMemory
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Touch:
     """Contact in one control period: tip Jacobian, desired and observed force, and speeds of the tip.
 

@@ -13,7 +13,6 @@ import dataclasses
 import inspect
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from typing import Annotated, Any
 
@@ -28,6 +27,7 @@ from skyarm.control.vectored_layer import turns_rotors
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.drive import TORQUE_DRIVE, TorqueDrive
 from skyarm.dynamics.actuators.hover import hover_trim
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Place, leaves, parts
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
@@ -70,7 +70,7 @@ def command_units(vehicle: Vehicle, *place: str) -> Units:
     return {place: SPEEDS | SETPOINTS} if drives_of(vehicle) else {}
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class FilterReadings:
     """Sensor inputs of an exported state estimator, with time stamps; empty for unused sensors.
 
@@ -86,7 +86,7 @@ class FilterReadings:
     tip_force: Annotated[tuple[Scalar, ...], Unit("N", "that pushes the tip, axes of the tip; of a force sensor")] = ()
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class EstimatedConstants:
     """Constants of an exported law and of its state estimator, and the time between two calls (s)."""
 
@@ -95,7 +95,7 @@ class EstimatedConstants:
     period: Annotated[float, Unit("s", "between two calls")]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class EstimatedMemory:
     """Internal states of state estimator and control law, and the last command."""
 
@@ -161,7 +161,7 @@ STRUCTS = {
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Constants:
     """Constants of an exported law, and the time between two calls (s)."""
 
@@ -169,7 +169,7 @@ class Constants:
     period: Annotated[float, Unit("s", "between two calls")]
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class ExportedC:
     """An exported C file: its name, text, number of operations and parameter names."""
 

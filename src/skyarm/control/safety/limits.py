@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from dataclasses import dataclass
 from functools import partial
 from typing import Annotated, Any
 
@@ -16,6 +15,7 @@ from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import rules
 from skyarm.records.files import shown
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import blank_measurement
@@ -80,7 +80,7 @@ _finite = partial(Unit, low=0.0, strict=True)
 _limit = partial(_finite, infinite=True)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Limits:
     """Limits of references, commands and states in the safety layer.
 
@@ -133,7 +133,7 @@ STEEPEST = math.radians(85.0)
 """Of the tilt that may be requested."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class UsualJoint:
     """Default limits of one joint kind, in rad or m and per second.
 

@@ -6,7 +6,6 @@ The recovery hovers level where the law was given up, the arm on its way to its 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm import dynamics
@@ -37,6 +36,7 @@ from skyarm.control.model import GeometricGains, JointGains, Model
 from skyarm.control.safety.limits import Limits
 from skyarm.dynamics.actuators import Command, Mixer, mix
 from skyarm.records.files import number, shown
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
@@ -47,7 +47,7 @@ CALM_TILT, CALM_RATE, CALM_SPEED = math.radians(15.0), 1.0, 0.5
 """rad, rad/s (of base and joints, m/s of a prismatic one) and m/s of calm flight."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Confidence:
     """State of the failure detection that decides between a law and the recovery.
 
@@ -115,7 +115,7 @@ STRAIGHT = 1e-6
 """1 + tr(R_d^T R) within 0.06 degrees of 180, where the axis is lost."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Recovery:
     """Constants of the recovery law.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import partial
 from typing import Annotated, Any
 
@@ -41,13 +40,14 @@ from skyarm.control.vectored_layer import law_inside, with_tilting
 from skyarm.dynamics.actuators import Command
 from skyarm.records.coerce import RecordError
 from skyarm.records.files import shown
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import blend, leaves, parts, rebuild
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class SafetyParameters(LayerParameters):
     """Constants of a law inside the safety layer: limits and recovery law.
 
@@ -59,7 +59,7 @@ class SafetyParameters(LayerParameters):
     recovery: Recovery
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class SafetyMemory:
     """Internal state of a law with the safety layer: state of the law, limited references, supervisor and last command.
 
@@ -100,7 +100,7 @@ def first_memory(controller: Controller) -> SafetyMemory:
     )
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Governed:
     """Reference of the law after the safety layer's limits, with flags of the limited joints.
 

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Annotated
 
 from skyarm.algebra.scalars import Scalar, data
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Command:
     """Command to the actuators: rotor speeds (rad/s, unsigned), joint setpoints, angles of tilting rotors.
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
-from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
 from skyarm.algebra.scalars import Scalar, add, clip, divide, exp, maximum, mul, sub, tanh
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.vehicle.linkage import Joint
 
@@ -113,7 +113,7 @@ class Drive:
         return self.standing(effort, position)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class TorqueDrive(Drive):
     """Ideal torque drive: its setpoint is the torque or force."""
 
@@ -131,7 +131,7 @@ class TorqueDrive(Drive):
 TORQUE_DRIVE = TorqueDrive()
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class LaggedTorqueMemory:
     """Torque of a lagged drive at the end of the current control period, and its mean, N m or N."""
 
@@ -139,7 +139,7 @@ class LaggedTorqueMemory:
     mean: Scalar
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class LaggedTorque(TorqueDrive):
     """Torque drive with a first-order lag, T d(torque)/dt = setpoint - torque, whose mean over a period acts.
 

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from skyarm import dynamics
 from skyarm.algebra import E_Z, ZERO3, Motion
 from skyarm.algebra.scalars import Scalar
 from skyarm.dynamics.actuators.mixer import make_mixer, mix
 from skyarm.dynamics.actuators.rotor import push, speed_of_push
+from skyarm.records.immutable import immutable
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class HoverTrim:
     """Trim of a level hover: rotor speeds, thrust and holding joint torques.
 

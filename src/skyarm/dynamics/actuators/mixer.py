@@ -14,13 +14,13 @@ Source: Furrer et al. 2016 (RotorS), eq. (97)-(103) of the paper; the pseudo-inv
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3, inner_product, ldl_solve
 from skyarm.algebra.scalars import Scalar, absolute, add, divide, logical_and, maximum, minimum, mul, sqrt, sub, where
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.records.coerce import concrete
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -31,7 +31,7 @@ ENDLESS = 1e100
 """N: no bound of the thrust."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Bound:
     """Two parallel linear bounds of the yaw torque as a function of the thrust, N m."""
 
@@ -108,7 +108,7 @@ class AllocationError(ValueError):
     """Error: the rotors cannot produce independent torques and thrust."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Mixer:
     """Control allocation: matrix from body torque and thrust to squared rotor speeds, and policy at the rotors' limits.
 

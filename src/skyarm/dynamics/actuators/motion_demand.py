@@ -7,7 +7,6 @@ points, the heading the rest, their derivatives the angular velocity and acceler
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -19,6 +18,7 @@ from skyarm.algebra import Mat3, Vec3
 from skyarm.dynamics.actuators.drive import friction
 from skyarm.dynamics.actuators.mixer import make_mixer
 from skyarm.dynamics.state import proper_acceleration
+from skyarm.records.immutable import immutable
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Array = npt.NDArray[Any]
@@ -27,7 +27,7 @@ REACTIONS = 2
 """Rounds in which the reaction of the arm's own motion turns the force that the base must give."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Motion:
     """Motion of base and joints at K instants, as arrays.
 
@@ -44,7 +44,7 @@ class Motion:
     accelerations: Array
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Demand:
     """Squared rotor speeds and joint torques of a motion at K instants, as arrays.
 

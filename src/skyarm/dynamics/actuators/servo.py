@@ -9,17 +9,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
-from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
 from skyarm.algebra.scalars import Scalar, add, clip, divide, floor, logical_and, maximum, minimum, mul, sub, where
 from skyarm.dynamics.actuators.drive import Drive
 from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class ServoMemory:
     """Internal state of a servo between control periods: loop setpoint, integral, encoder rounding, delayed setpoints.
 
@@ -40,7 +40,7 @@ NEEDS = {"voltage": ("torque_constant", "resistance"), "current_limit": ("torque
 """Numbers of a motor without which another one says nothing about its torque."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Servo(Drive):
     """Base of joint servos: geared DC motors with a position or rate control loop.
 
@@ -187,7 +187,7 @@ class Servo(Drive):
         return where(pushing_up, memory.integral, where(pushing_down, memory.integral, moved))
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class PositionServo(Servo):
     """Position servo, whose setpoint is an angle (rad) or a length (m).
 
@@ -243,7 +243,7 @@ class PositionServo(Servo):
         return self.resolution * floor(value / self.resolution + 0.5)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class VelocityServo(Servo):
     """Velocity servo, whose setpoint is the joint's rate (rad/s or m/s).
 

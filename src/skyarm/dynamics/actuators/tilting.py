@@ -13,7 +13,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra.scalars import (
@@ -35,6 +34,7 @@ from skyarm.algebra.scalars import (
 )
 from skyarm.dynamics.actuators.command import Command
 from skyarm.dynamics.actuators.rotor import push
+from skyarm.records.immutable import immutable
 from skyarm.vehicle.tilt import Tilt
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
@@ -94,7 +94,7 @@ WIDEST = math.pi / 4.0
 """rad: the angles in use go so far to either side of rest; then the two axes are perpendicular."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Force:
     """Force of one tilting rotor as squared rotor speed, (rad/s)^2, and tilt angle, rad."""
 

@@ -9,18 +9,18 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated
 
 from skyarm.algebra import Quaternion
 from skyarm.control.blocks.geometric import yaw_of
 from skyarm.links.autopilots.autopilot import Goal
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 
 Vector = tuple[float, float, float]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class AngleGains:
     """Gains and limits of the position loop.
 
@@ -50,7 +50,7 @@ class AngleGains:
         )
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Attitude:
     """Set point of an autopilot in angle mode: roll, pitch (rad), yaw rate (rad/s) and thrust per mass (m/s^2)."""
 

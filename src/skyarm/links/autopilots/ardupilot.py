@@ -14,7 +14,6 @@ import socket
 import struct
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from skyarm.control.blocks.geometric import yaw_of
@@ -37,6 +36,7 @@ from skyarm.links.autopilots.px4_ports import JOINT_PORT, ONBOARD_PORT
 from skyarm.links.mavlink_vehicle import ARDUPILOT_NUMBER, ARM, TAKE_OFF
 from skyarm.links.sockets import drain
 from skyarm.links.transcript import Tape
+from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import Scenario, first_state
 from skyarm.sensing.sensor import Sensor
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -93,7 +93,7 @@ OUTSIDE_PARAMETERS = {
 rates are not filtered, and rates are not slewed, since a law's control oscillates behind that."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class ArduPilot(Autopilot):
     """ArduPilot's copter on our plant: its parameters follow from rotors and vehicle.
 

@@ -7,10 +7,10 @@ front, seen from above; spin +1 is counter-clockwise, -1 clockwise.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 from skyarm.links.autopilots.effectiveness import highest_thrust, hover_share, proportional_gains, square_share
 from skyarm.links.autopilots.px4_parameters import RATE_BANDWIDTH, YAW_BANDWIDTH
+from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -29,7 +29,7 @@ UPRIGHT = math.cos(math.radians(10.0))
 """Least vertical part of a rotor's axis: ArduPilot takes all thrusts as parallel."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Frame:
     """Layout of rotors, one of those that ArduPilot mixes for.
 

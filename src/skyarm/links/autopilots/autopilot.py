@@ -18,6 +18,7 @@ from skyarm.control.law_maker import default_joint_gains, fitting_mixer
 from skyarm.control.model import JointGains, Model
 from skyarm.dynamics.actuators import Command, Mixer
 from skyarm.records.files import shown
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_record import ScenarioError
@@ -50,7 +51,7 @@ class LinkError(Exception):
     """The program on the other side of a socket is silent, gone, or sent what its protocol does not allow."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Goal:
     """Set point of the base: position (m), velocity (m/s), acceleration (m/s^2) in world axes, yaw (rad)."""
 
@@ -60,7 +61,7 @@ class Goal:
     yaw: float
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Instant:
     """Sensor readings and true state at an instant, for a link.
 
@@ -111,7 +112,7 @@ class Link(ABC):
         return {}
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Autopilot(ABC):
     """Base of autopilots: where its program is, its parameters, and how it takes off.
 
@@ -182,7 +183,7 @@ class Autopilot(ABC):
         """
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class AutopilotParameters:
     """Constants of the joint law beside an autopilot, and the autopilot's record."""
 

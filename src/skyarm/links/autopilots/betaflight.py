@@ -19,7 +19,6 @@ import socket
 import time
 from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -59,6 +58,7 @@ from skyarm.links.autopilots.betaflight_settings import (
 from skyarm.links.autopilots.program import ProgramLink
 from skyarm.links.sockets import drain
 from skyarm.links.transcript import Tape
+from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import Scenario, first_state
 from skyarm.sensing.channel import Channel
 from skyarm.sensing.sensor import Sensor
@@ -75,7 +75,7 @@ CATCH_UP = 0.75
 """Least distance of two states by the wall clock after a delay, in periods: Betaflight's clock runs by their ratio."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Betaflight(Autopilot):
     """Betaflight on our plant: mixer, thrust curve and gains by its command line, states and radio channels over UDP.
 

@@ -13,7 +13,6 @@ import os
 import socket
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
@@ -37,6 +36,7 @@ from skyarm.links.autopilots.px4_sensors import SensorMessages
 from skyarm.links.mavlink_vehicle import ARM, ARMED, CRITICAL, PX4_NUMBER
 from skyarm.links.sockets import drain
 from skyarm.links.transcript import Tape
+from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
 from skyarm.sensing.navigation_sensors import Barometer, Gnss, Magnetometer
 from skyarm.sensing.sensor import Sensor
@@ -81,7 +81,7 @@ BABBLE = 4096
 """Bytes that are no MAVLink after which the other side is taken for another program."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class PX4(Autopilot):
     """PX4 on our plant: rotors and vehicle by its parameters, sensors over its simulator port.
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import socket
-from dataclasses import dataclass
 
 from skyarm.links.autopilots.autopilot import LinkError
+from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import ScenarioError
 
 INSTANCES = 10
@@ -15,7 +15,7 @@ ONBOARD_PORT, JOINT_PORT = 14540, 14640
 """UDP ports of instance 0: to which PX4 sends its onboard MAVLink, and of the joints for a program outside."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Ports:
     """Sockets of an instance on the loopback address: the listening simulator port and the onboard port."""
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 import re
 import time
-from dataclasses import dataclass
 from typing import Any
 
 from skyarm.links.mavlink_vehicle import MODES, PX4_NUMBER, SET_MODE
@@ -38,6 +37,7 @@ from skyarm.links.ros.node import RosError
 from skyarm.links.ros.ros2_node import MOST_DOMAIN, Ros2Node
 from skyarm.log.ros.messages import encode
 from skyarm.records.files import shown
+from skyarm.records.immutable import immutable
 
 FORM = re.compile(r"dds://(\d{1,3})((?:/[A-Za-z_]\w*)*)/?", re.ASCII)
 """Domain, and the namespace of PX4's topics."""
@@ -49,7 +49,7 @@ NED, FRD, BODY = 1, 2, 3
 """Frames of an odometry: north, east, down; the same from another heading; the base's axes, of velocities only."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class ModeBits:
     """Meaning of a mode, whose bits say whether it takes set points from outside, or flies by itself."""
 

@@ -13,12 +13,12 @@ import math
 import threading
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.links.outside.joint_port import FRESH, JointLink, JointPortError, JointReading
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import needs_extra, shown
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 
 OPERATING_MODE, TORQUE_ENABLE, BUS_WATCHDOG = 11, 64, 98
@@ -43,7 +43,7 @@ WATCHDOG = 25
 """Times 20 ms without a packet after which a servo stops."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class ServoBus:
     """Settings of a bus of servos.
 

@@ -14,11 +14,11 @@ import time
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated
 
 from skyarm.links.sockets import drain
 from skyarm.records.files import shown
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 
 MAGIC = b"SKJ1"
@@ -41,7 +41,7 @@ class JointPortError(ValueError):
     """A joint port cannot be opened, or does not fit the vehicle."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class JointReading:
     """Joint angles and rates at a time of the arm's own clock."""
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated
 
 from skyarm.algebra import Vec3
@@ -18,13 +17,14 @@ from skyarm.dynamics.actuators.rotor import push
 from skyarm.links.outside.px4_topics import MOST_MOTORS
 from skyarm.links.outside.rate_commands import RateCommand
 from skyarm.records.coerce import refuse
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class MotorCommand:
     """Set point for an autopilot: thrust of each rotor as a share of its highest, in the vehicle's order."""
 
@@ -34,7 +34,7 @@ class MotorCommand:
 SetPoint = RateCommand | MotorCommand
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class MotorSettings:
     """Settings of the loop around a law whose rotor commands go to the motors."""
 

@@ -14,7 +14,6 @@ import math
 import os
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import Annotated, Any, NoReturn
 
 from skyarm.control.controller import autopilot_of
@@ -31,6 +30,7 @@ from skyarm.links.outside.state_frames import AutopilotState, WorldFrame, with_r
 from skyarm.log.flight_log import Log
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import shown
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
@@ -61,7 +61,7 @@ LINK_LOST, TAKEN_BACK, DIVERGED, STOPPED = "link_lost", "taken_back", "diverged"
 """Status of a flight that ended early: silence, the pilot's mode, an error beyond the leash, Ctrl-C."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class OffboardSettings:
     """Settings of a flight outside of the simulator.
 

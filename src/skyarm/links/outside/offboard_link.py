@@ -13,7 +13,6 @@ import socket
 import time
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -26,6 +25,7 @@ from skyarm.links.outside.rate_commands import RateCommand
 from skyarm.links.outside.state_frames import AutopilotState, to_our_attitude, to_our_axes
 from skyarm.links.sockets import drain
 from skyarm.records.files import shown
+from skyarm.records.immutable import immutable
 
 NO_ATTITUDE = 128
 """Set point without attitude: rates and thrust count."""
@@ -62,7 +62,7 @@ OLD = 0.1
 """s between an attitude and the place that is moved on to it, at most."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Place:
     """Position (m) and velocity (m/s) of an estimate, north, west, up, at a time of the autopilot's clock, s."""
 

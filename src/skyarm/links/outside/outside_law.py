@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import dataclasses
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
@@ -24,6 +23,7 @@ from skyarm.dynamics.actuators import Command, speeds_after
 from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.links.outside.motor_commands import MotorSettings, SetPoint
 from skyarm.links.outside.rate_commands import RateCommand, RateLoop, rate_command, rotor_wrench
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
@@ -31,7 +31,7 @@ from skyarm.sensing.measurement import Measurement, blank_measurement
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class LoopSettings:
     """Settings of the loop around a law: its period, the autopilot's rate loop, and its thrust.
 
@@ -62,7 +62,7 @@ class LoopSettings:
         )
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class OutsideMemory:
     """Internal state between two periods: of the law, of the modelled rotors, and of the rate loop's integral."""
 
@@ -71,7 +71,7 @@ class OutsideMemory:
     integral: Annotated[Vec3, Unit("N m", "torque of the rate loop's integral, modelled")]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class OutsideCommand:
     """Output of one period: set point of the base, and the law's own command."""
 

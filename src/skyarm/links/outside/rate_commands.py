@@ -13,7 +13,6 @@ the vehicle hovers.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated, Protocol
 
 from skyarm import dynamics
@@ -25,6 +24,7 @@ from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.mixer import allocation_matrix
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
@@ -45,7 +45,7 @@ class RateLoop(Protocol):
         ...
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class IdealRateLoop:
     """Rate loop whose angular acceleration is its bandwidth times the rate error, whatever the torques from outside."""
 
@@ -65,7 +65,7 @@ class IdealRateLoop:
         return integral, Vec3(*(a / k for a, k in zip(angular_acceleration, self.bandwidth, strict=True)))
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class GuidedRateLoop:
     """Ideal rate loop behind an attitude loop that integrates the commanded rates to a desired attitude.
 
@@ -92,7 +92,7 @@ class GuidedRateLoop:
         return integral + error * dt, error
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class PidRateLoop:
     """Rate loop of torque p e + z - d dw/dt about each axis, with dz/dt = i e within a limit, and e the rate error."""
 
@@ -116,7 +116,7 @@ class PidRateLoop:
         return Vec3(*(clip(z + i * e * dt, -most, most) for z, e, i, most in gone)), Vec3(*error)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class RateCommand:
     """Set point for an autopilot: body rates (rad/s, base axes), and thrust as a share of the highest."""
 

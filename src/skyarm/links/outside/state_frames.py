@@ -9,17 +9,17 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.blocks.geometric import yaw_of
 from skyarm.links.outside.joint_port import JointReading
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.sensing.measurement import Measurement
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class AutopilotState:
     """Estimate of an autopilot: pose, velocities and specific force, at a time of its own clock."""
 
@@ -47,7 +47,7 @@ def to_our_attitude(w: float, x: float, y: float, z: float) -> Quaternion:
     return Quaternion(float(w), float(x), -float(y), -float(z))
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class WorldFrame:
     """Scenario's world in an autopilot's local frame: p_world = turn about z of (p_local - origin), plus start."""
 

@@ -6,11 +6,11 @@ import math
 import time
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import dataclass
 
 from skyarm.links.ros.node import Node, RosError
 from skyarm.links.ros.ros_link import GOAL, JOINT_GOAL, RosLink, Warn, live_session
 from skyarm.log.flight_log import Log
+from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import Scenario
 
 MOST_LATE = 0.25
@@ -52,7 +52,7 @@ class Pace:
             self.late += behind
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class LiveFlight:
     """Result of a flight with live topics.
 

@@ -13,11 +13,11 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
 from skyarm.links.ros.message_types import checksum, old_definition
 from skyarm.links.ros.node import MOST_WAITING, Inbox
 from skyarm.log.ros.messages import ROS1_CONSTANTS, ROS1_DEFINITIONS
+from skyarm.records.immutable import immutable
 
 PATIENCE = 3.0
 """s within which the other side has to answer."""
@@ -34,7 +34,7 @@ ANY = "*"
 """Type or checksum of a subscriber that takes whatever is published."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Identity:
     """Node, topic and message type at one end of a connection."""
 

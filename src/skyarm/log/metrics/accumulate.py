@@ -8,7 +8,6 @@ traced. Over a log the same functions count: :mod:`skyarm.log.metrics.score`.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import Quaternion, Vec3
@@ -17,6 +16,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.log.metrics import interaction
 from skyarm.log.metrics.metric import Metric
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.registry import RegistryError, find
 from skyarm.records.registry.class_signatures import class_mistake
@@ -27,7 +27,7 @@ CONTINUOUS = "_continuous"
 """Suffix of what is measured against the continuous reference; without it, against the held samples."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Goal:
     """Reference of the metrics: base position (m), joint positions, and tip position (m) at a level base."""
 
@@ -36,7 +36,7 @@ class Goal:
     tool: Vec3
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Instant:
     """Simulation quantities at one control instant, from which metrics are computed.
 

@@ -8,7 +8,6 @@ reference asks for a force above 0: for losses from 0.3 s after the first touch 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +15,7 @@ import numpy as np
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, absolute, atan2, cos, logical_and, maximum, sin, where
 from skyarm.log.metrics.metric import Metric
+from skyarm.records.immutable import immutable
 from skyarm.reference.tip_motion import out_of_axis
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ NOT_YET = 1e30
 """s, of what has not happened."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class PushMemory:
     """Accumulated sums of the contact metrics: force error, contact losses and tip error.
 
@@ -58,7 +58,7 @@ class PushMemory:
     near: Scalar = 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class PushTotals(Metric):
     """Accumulator of the contact metrics: force error, losses of contact and tip error."""
 
@@ -112,7 +112,7 @@ def _tangential_error(now: Instant, normal: tuple[Scalar, ...]) -> Scalar:
     return type(away)(*(a - along * n for a, n in zip(away, normal, strict=True))).norm()
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class GripMemory:
     """Accumulated sums of the grip metrics: radial force on the handle, and lag of the mechanism.
 
@@ -133,7 +133,7 @@ class GripMemory:
     turned: Scalar = 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class GripTotals(Metric):
     """Accumulator of the grip metrics: radial force on a turning handle, and lag behind the reference."""
 
@@ -172,7 +172,7 @@ class GripTotals(Metric):
         )  # fmt: skip
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class PhaseMemory:
     """Index and start time (s) of the latest phase."""
 
@@ -180,7 +180,7 @@ class PhaseMemory:
     when: Scalar = 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class PhaseTotals(Metric):
     """Accumulator of the start time of a task's latest phase."""
 

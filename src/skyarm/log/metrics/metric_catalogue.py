@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
@@ -25,12 +25,13 @@ from skyarm.algebra.scalars import Scalar
 from skyarm.log.metrics.accumulate import ADDED, CONTINUOUS, HUGE, Total, added_metric
 from skyarm.log.metrics.interaction import COUNTED, TOTALED
 from skyarm.records.files import did_you_mean, shown
+from skyarm.records.immutable import immutable
 from skyarm.records.registry import names as registered_names
 
 Array = npt.NDArray[Any]
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Measure:
     """Definition of one metric: required sums, time window, formula, description and unit.
 

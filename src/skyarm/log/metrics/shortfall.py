@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,6 +20,7 @@ from skyarm.log.metrics.path_distance import path_distance
 from skyarm.log.metrics.score import wanted_push
 from skyarm.log.metrics.windows import Windows, windows_of
 from skyarm.log.periods import contact_pairs, points_at_tip
+from skyarm.records.immutable import immutable
 
 if TYPE_CHECKING:
     from skyarm.log.flight_log import Log
@@ -40,7 +40,7 @@ ROUNDING = 1e-9
 """Share of a limit by which a law that cuts its own commands may stay below it."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Saturation:
     """Saturation of a flight's actuators: share of periods at a limit, and the worst command.
 
@@ -68,7 +68,7 @@ class Saturation:
         )
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Unreached:
     """Reference that a flight did not reach: position, tip, force or phase.
 
@@ -86,7 +86,7 @@ class Unreached:
         return f"not reached: {self.words}"
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Shortfall:
     """Actuator saturation and missed references of a flight.
 

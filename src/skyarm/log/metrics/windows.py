@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy.typing as npt
 
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import Fields, number, shown
+from skyarm.records.immutable import immutable
 from skyarm.records.read_table import record_from
 from skyarm.records.units import Unit
 
@@ -30,7 +30,7 @@ NAMES = ("steady", "transient", "gust", "hover")
 """Windows that are one interval."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Window:
     """Half-open time interval [start, stop), s."""
 
@@ -61,7 +61,7 @@ class Window:
         return f"[{self.start:.4g}, {self.stop:.4g}) s"
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class FlightWindows:
     """Time windows of the metrics in a flight of known duration.
 
@@ -94,7 +94,7 @@ class FlightWindows:
         return found | {"holds": [_pair(each) for each in self.holds], "last": self.last}
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Windows:
     """Requested time windows of the metrics; a window that is None becomes the scenario's, or the default one.
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -34,6 +33,7 @@ from skyarm.log.ros.scene import (
 from skyarm.log.sensor_data import ESTIMATE, Source, sources_of
 from skyarm.log.tip_positions import yaw_quaternion
 from skyarm.records.files.names import distinct
+from skyarm.records.immutable import immutable
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Array = npt.NDArray[np.float64]
@@ -46,7 +46,7 @@ FLIGHT_TOPIC = "/skyarm/flight"
 MARKERS = "visualization_msgs/MarkerArray"
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Topic:
     """ROS topic of a log: name, message type, rate, and the function that fills the messages.
 

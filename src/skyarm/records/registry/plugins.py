@@ -13,7 +13,6 @@ import re
 import sys
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from importlib import import_module, metadata
 from pathlib import Path
 from types import ModuleType
@@ -21,6 +20,7 @@ from typing import Any
 
 from skyarm.records.files import shown, unreadable
 from skyarm.records.files.user_code import file_of, identity_of, identity_of_file, is_beside, number_duplicates
+from skyarm.records.immutable import immutable
 from skyarm.records.registry.class_signatures import thing_mistake
 from skyarm.records.registry.registrations import (
     API,
@@ -40,7 +40,7 @@ FILE_MODULE = "skyarm_plugin_"
 """Beginning of the module's name of a plugin's file; its stem and eight digits of its SHA-256 follow."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Plugin:
     """Loaded plugin: its name, digest and imported modules.
 

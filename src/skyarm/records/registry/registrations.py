@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from importlib import import_module
 from typing import Any, TypeVar
 
 from skyarm.records.files import must_be_one_of, shown
+from skyarm.records.immutable import immutable
 from skyarm.records.registry.shipped import SHIPPED as SHIPPED_NAMES
 from skyarm.records.registry.shipped import reserved_for
 
@@ -49,7 +49,7 @@ class RegistryError(ValueError):
     """Error: a registered name is unknown, already taken, or cannot be loaded."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Registration:
     """Registry entry of a user's or the library's object: kind, name, object or its location, title and source.
 

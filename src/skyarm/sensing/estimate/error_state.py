@@ -13,11 +13,12 @@ world axes); Bierman 1977 (update by independent scalars one by one); Titterton,
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Mat3, Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar, add, atan2, cos, data, divide, mul, neg, sin, sqrt, sub, total, where
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.sensing.sensor_kinds import HeadingReading, ImuReading, PoseReading
 
@@ -118,7 +119,7 @@ def gate_of(deviations: Scalar, count: int) -> Any:
     return root * root * root * count
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Navigated:
     """Nominal state of the filter: position, velocity, attitude, biases, unmodelled acceleration."""
 
@@ -182,7 +183,7 @@ def level_attitude(specific_force: Vec3, heading: Scalar) -> Quaternion:
     return level * Quaternion(cos(roll), sin(roll), 0.0, 0.0)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class ScalarInnovation:
     """Innovation of one scalar measurement: Jacobian row, innovation and noise variance."""
 

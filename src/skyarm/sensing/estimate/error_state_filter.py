@@ -15,7 +15,7 @@ Sources: Sola 2017, "Quaternion kinematics for the error-state Kalman filter"; L
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from skyarm.algebra import Vec3
@@ -23,6 +23,7 @@ from skyarm.algebra.scalars import Scalar, data, logical_and, logical_not, where
 from skyarm.dynamics.actuators import Command, tilting
 from skyarm.dynamics.actuators.rotor import speeds_after
 from skyarm.records.coerce import RecordError
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import blend
 from skyarm.sensing.estimate.error_state import (
     Covariance,
@@ -54,7 +55,7 @@ from skyarm.sensing.sensor_kinds import EncoderReading, ImuReading
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class ErrorStateFilter(FilterNumbers):
     """Error-state Kalman filter of position, velocity, attitude and biases from inertial and aiding sensors."""
 

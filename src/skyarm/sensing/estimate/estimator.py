@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra.scalars import Scalar
 from skyarm.dynamics.actuators import Command
+from skyarm.records.immutable import immutable
 from skyarm.sensing.measurement import Measurement
 from skyarm.sensing.sensor import Sensor
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -67,7 +67,7 @@ class Estimator:
         raise NotImplementedError(f"{type(self).__name__} must define step()")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class PassThrough(Estimator):
     """Estimator that passes the full-state reading to the control law unchanged."""
 

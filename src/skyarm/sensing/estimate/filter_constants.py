@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated, Any
 
 from skyarm.algebra import Quaternion, Vec3
@@ -11,6 +11,7 @@ from skyarm.algebra.scalars import Scalar, logical_and, logical_or, mul, sqrt
 from skyarm.dynamics.actuators.drive import TorqueDrive
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import blend
 from skyarm.records.units import Unit
 from skyarm.sensing.estimate.error_state import ATTITUDE, Covariance, Navigated, diagonal, level_attitude
@@ -51,7 +52,7 @@ BLANK_BELIEF = Navigated(
 )
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class FilterMemory:
     """Internal state of the error-state filter: estimate, covariance and queues of past readings.
 
@@ -162,7 +163,7 @@ def require_filter_sensors(sensors: Mapping[str, Sensor], aiding: str, lag: floa
 FORCES = ("measured", "modelled")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class FilterNumbers(Estimator):
     """Parameters of the error-state filter: its own model of the sensors' noise, gates, initial deviations.
 

@@ -14,7 +14,6 @@ Source: Brookner 1998, "Tracking and Kalman filtering made easy", section 1.2.6 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm import dynamics
@@ -23,12 +22,13 @@ from skyarm.algebra.scalars import Scalar, add, data, exp, logical_and, maximum,
 from skyarm.dynamics.actuators import joint_force, stop_force
 from skyarm.dynamics.actuators.rotor import rotor_force
 from skyarm.dynamics.body_drag import body_drag
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.sensing.sensor_kinds import EncoderReading
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class FilteredJoints:
     """Filtered joint positions and rates with the instants to which they belong.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from skyarm.dynamics.actuators import make_mixer
 from skyarm.dynamics.actuators.motion_demand import Demand, demand_of_motion, motion_of
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import field_names
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.assess.arm_poses import Allocation, ArmPoses, Array
@@ -33,7 +33,7 @@ LEFT = 1e-3
 """Share of its limit that a servo is taken to have left where its speed leaves it nothing."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Followed:
     """Rotor speeds and joint torques of a flight that tracks its reference exactly, as shares of their limits.
 

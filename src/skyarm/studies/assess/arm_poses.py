@@ -14,6 +14,7 @@ from skyarm import dynamics
 from skyarm.algebra import E_Z, ZERO3, Motion
 from skyarm.dynamics.actuators import make_mixer
 from skyarm.dynamics.actuators.mixer import Mixer
+from skyarm.records.immutable import immutable
 from skyarm.studies.sweep.sobol import BITS, DIMENSIONS, sobol
 from skyarm.vehicle.linkage import Joint
 from skyarm.vehicle.vehicle_records import Vehicle, undriven_joints
@@ -44,7 +45,7 @@ def hover_efforts(vehicle: Vehicle, gravity: float, joints: Array) -> Array:
     return np.stack([np.broadcast_to(np.asarray(row, dtype=float), len(joints)) for row in rows])
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Allocation:
     """Control allocation as arrays: wrench to squared rotor speeds, with their limits.
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
 from typing import Any
 
 from skyarm.dynamics.actuators import AllocationError, make_mixer
 from skyarm.records.files import number
+from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.scenario.unlikely_numbers import (
     law_warnings,
@@ -88,7 +88,7 @@ def _finding(line: str, question: str, level: str) -> Finding:
     return Finding(question, level, line, field, remedy)
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Assessment:
     """Results of all feasibility checks of a vehicle or of a scenario.
 

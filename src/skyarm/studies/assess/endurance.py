@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.dynamics.actuators.hover import hover_trim
+from skyarm.records.immutable import immutable
 from skyarm.studies.assess.finding import FAULT, NOTE, Finding, at_least
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -64,7 +64,7 @@ STEPS = 2000
 """Of the charge between full and empty."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class HoverTime:
     """Hover endurance on the battery: time, power, and remaining charge and voltage.
 

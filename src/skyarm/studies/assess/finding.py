@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from typing import Any
+
+from skyarm.records.immutable import immutable
 
 OK, NOTE, WARNING, FAULT = "ok", "note", "warning", "fault"
 
@@ -13,7 +15,7 @@ LEVELS = (OK, NOTE, WARNING, FAULT)
 """From good to bad: a note is worth knowing and no alarm; with a fault the vehicle cannot fly as it is described."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Finding:
     """Result of one feasibility check, with a severity.
 

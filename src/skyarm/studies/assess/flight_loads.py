@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -15,6 +14,7 @@ import numpy.typing as npt
 from skyarm.algebra import ZERO3, Quaternion, Vec3
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
+from skyarm.records.immutable import immutable
 from skyarm.reference.path_time import governed_reference
 from skyarm.reference.trajectory import Reference
 from skyarm.scenario.in_flight import stretches
@@ -30,7 +30,7 @@ OF_THE_LAW = ("model", "controller", "estimator", "sensors", "endings")
 """Beginnings of the paths of changes that leave plant, surroundings and reference as they are."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Load:
     """Payload that the vehicle holds for part of the flight; a slung one counts as a point mass at its frame.
 
@@ -45,7 +45,7 @@ class Load:
     body: Callable[[Vehicle], tuple[int, Body]]
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class FlightPart:
     """Time interval of a flight during which payloads and scheduled parameters are constant.
 

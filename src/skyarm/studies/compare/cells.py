@@ -28,6 +28,7 @@ from skyarm.log.metrics.shortfall import LARGEST_ERROR
 from skyarm.records.files import versions, write_atomically
 from skyarm.records.files.unpacked import npz_arrays
 from skyarm.records.identity import identity, own_files
+from skyarm.records.immutable import immutable
 from skyarm.records.registry import find
 from skyarm.records.registry import names as registered
 from skyarm.scenario.in_flight import is_traceable
@@ -65,7 +66,7 @@ FEW = 16
 """Episodes up to which a compiler's full effort takes longer than it saves."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Cell:
     """Metrics of all episodes of one controller in one case under one condition.
 

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 from skyarm.records.files import versions
+from skyarm.records.immutable import immutable
 from skyarm.studies.compare.entrants import ENTRANTS, Entrant
 from skyarm.studies.compare.run_suite import Record
 from skyarm.studies.compare.suite import CASES, Condition
 from skyarm.view.pages import DASH, Report, Section, Table, image, number
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Column:
     """Column of a results table: heading, case, metric, and the factor from SI to the heading's unit."""
 

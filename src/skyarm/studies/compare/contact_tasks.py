@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
 from importlib import resources
 from typing import Any
 
 from skyarm.control.controller import presses
+from skyarm.records.immutable import immutable
 from skyarm.records.registry.shipped import TUNED as TUNED_GAINS
 from skyarm.scenario.controller_table import controller_by_name
 from skyarm.scenario.scenario_file import LIBRARY, scenario_from
@@ -47,7 +47,7 @@ DELAY = 0.010
 """s, largest age of the commands, of which no law knows."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Task:
     """Contact task of the benchmark: scenario, desired contact force, bounds of perturbations, success criteria.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +11,7 @@ from skyarm import dynamics
 from skyarm.algebra import Mat3, Vec3
 from skyarm.algebra.scalars.philox import uniforms
 from skyarm.dynamics.actuators.hover import hover_trim
+from skyarm.records.immutable import immutable
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -22,7 +22,7 @@ CHANNEL_MASS, CHANNEL_COM, CHANNEL_INERTIA, CHANNEL_ROTORS, CHANNEL_WORLD, CHANN
 """Channels of the generator, apart from those of a flight's own noise."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Spread:
     """Bounds of the model mismatch from which perturbed plants are drawn uniformly.
 

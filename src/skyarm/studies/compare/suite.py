@@ -5,10 +5,10 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from skyarm.algebra import Vec3
 from skyarm.log.metrics.windows import Window, Windows
+from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Delays, Scenario
 from skyarm.sensing.measurement import SensorNoise
@@ -25,7 +25,7 @@ GROUND = False
 """The suite measures tracking; a flight that sinks below z = 0 goes on and shows its error."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Case:
     """Case of the comparison: a shipped scenario with its wind direction, unmodelled payload and metric windows.
 
@@ -93,7 +93,7 @@ CASES: Mapping[str, Case] = {
 PAPER_CASES = ("case1", "case2", "case2_gust", "case3", "case3_wind")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Condition:
     """Condition of a comparison: sensor noise, delays and perturbed plants.
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 from skyarm.reference import Constant, Trajectory
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
@@ -26,7 +26,7 @@ SETTLING = 5.0
 """s of hover before it is linearised; whole, so that they hold whole periods of any rate."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Instant:
     """Stability margins of the loop linearised at one time of a flight, for rising and falling rotor speeds.
 
@@ -70,7 +70,7 @@ def instant_at(open_loop: Callable[[str], OpenLoop], *, hover: bool, time: float
     return Instant(hover=hover, time=time, by_lag=by_lag, swings=delay_margin(open_loop("between")))
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Evidence:
     """Stability margins of one controller on one scenario, in hover and along the flight.
 
@@ -174,7 +174,7 @@ def _along(
     return found, len(found) == count
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Frozen:
     """State of a closed-loop flight at one time, ready to be linearised.
 
@@ -218,7 +218,7 @@ POINTS = 500
 """Further frequencies, so that a curve looks like one."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@immutable(kw_only=False, eq=False)
 class Locus:
     """Nyquist locus of one control loop, with its disk margin.
 

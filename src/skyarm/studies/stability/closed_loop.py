@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.records.immutable import immutable
 from skyarm.studies.stability.loop_channels import Channel
 
 Array = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class OpenLoop:
     """Open-loop Jacobians; x: state (attitude as rotation vector), u: command, m: controller state, y: measurement.
 
@@ -47,7 +47,7 @@ class OpenLoop:
     channels: tuple[Channel, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@immutable(kw_only=False, eq=False)
 class Closed:
     """Linear closed loop with variable actuator gains k: transition matrix ``fixed + enters @ (k sent)``.
 

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.records.immutable import immutable
 from skyarm.studies.stability.closed_loop import Closed, OpenLoop, gains
 from skyarm.studies.stability.loop_channels import COMMANDS, MEASUREMENTS, Channel, numbered_channels
 
@@ -31,7 +32,7 @@ MOST = 2.0
 """Largest symmetric disk margin: S is 1 far above a sampled loop's bandwidth, so that |S - 1/2| reaches a half."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class LoopMargin:
     """Disk margin of a control loop cut at one signal, or at several with independent perturbations.
 
@@ -122,7 +123,7 @@ def frequency_grid(z: Complex, period: float) -> Array:
     return np.asarray(found[(found >= LOWEST) & (found <= highest)])
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@immutable(kw_only=False, eq=False)
 class Response:
     """Frequency response ``C (z - A)^-1 B`` of x+ = A x + B v, y = C x; period in s, z = exp(i w period)."""
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 from skyarm.compile.machine_code import NoMachineCodeError
 from skyarm.control.controller import ControllerError, innermost
 from skyarm.dynamics.actuators import AllocationError
+from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.studies.stability.along import frozen_instants, hovering
 from skyarm.studies.stability.frozen_scenario import LAGS, nominal, without_adaptation
@@ -17,7 +17,7 @@ ENOUGH = 1.5
 """Margin over the believed delay below which it is warned of; the belief may be wrong by as much as it is large."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class HoverDelay:
     """Delay margin of a closed loop in hover, with the controller's nominal delay.
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import Quaternion
+from skyarm.records.immutable import immutable
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 Array = npt.NDArray[np.float64]
@@ -25,7 +25,7 @@ NAMES = {"quaternion": "attitude", "specific_force": "acceleration"}
 """Groups that are not named as the measurement's field."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@immutable(eq=False)
 class Channel:
     """Scalar signal at which the loop is cut for a margin, as a row and a column of its command or measurement.
 

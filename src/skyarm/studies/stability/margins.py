@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.records.immutable import immutable
 from skyarm.studies.stability.closed_loop import Closed, OpenLoop, close_loop, gains, radius, spectral_radius
 from skyarm.studies.stability.disk_margins import LoopMargin, cut_loops
 
@@ -29,7 +29,7 @@ HALVINGS = 20
 """Of the interval that holds a gain margin: to 1e-6 of it."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Margins:
     """Stability margins of one linearised loop.
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from skyarm.records.files import did_you_mean, shown
+from skyarm.records.immutable import immutable
 from skyarm.scenario.numbers import words_of
 from skyarm.studies.sweep.expressions import read_expression
 from skyarm.studies.sweep.maps import LISTED
@@ -29,7 +29,7 @@ FEWEST_OF_BAND = 5
 """Episodes that must have flown to their end for a cell to have a band."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@immutable
 class Variable:
     """Abscissa of a curve over a sweep: a varied parameter, or an expression of several.
 
@@ -44,7 +44,7 @@ class Variable:
     logarithmic: bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@immutable
 class BandedCurve:
     """Curve of one metric of one controller against a variable, with its band.
 
@@ -65,7 +65,7 @@ class BandedCurve:
     lost: npt.NDArray[np.int64]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@immutable
 class BandedCurves:
     """Curves of one metric for all controllers.
 

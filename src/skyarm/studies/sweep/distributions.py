@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from statistics import NormalDist
 from typing import Any
 
@@ -16,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.records.files import Fields, number, shown
+from skyarm.records.immutable import immutable
 
 Array = npt.NDArray[np.float64]
 
@@ -23,7 +23,7 @@ MOST_VALUES = 100_000
 """Points of one grid or list."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Uniform:
     """Uniform distribution on [low, high]."""
 
@@ -35,7 +35,7 @@ class Uniform:
         return self.low + (self.high - self.low) * u
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class LogUniform:
     """Log-uniform distribution on [low, high], both positive."""
 
@@ -47,7 +47,7 @@ class LogUniform:
         return np.asarray(self.low * np.exp(math.log(self.high / self.low) * u))
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Normal:
     """Normal distribution."""
 
@@ -63,7 +63,7 @@ class Normal:
         return self.mean + self.std * flat.reshape(u.shape)
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Values:
     """Discrete uniform distribution over a list or an evenly spaced grid."""
 

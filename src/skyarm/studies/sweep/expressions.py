@@ -19,13 +19,13 @@ import ast
 import math
 import re
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from skyarm.records.files import Fields, did_you_mean, shown
+from skyarm.records.immutable import immutable
 
 Array = npt.NDArray[np.float64]
 
@@ -62,7 +62,7 @@ class ExpressionError(ValueError):
     """Error of an arithmetic expression that is invalid or has no finite value."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Expression:
     """Parsed arithmetic expression of a study's parameters.
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
 from skyarm.records.files import did_you_mean, shown
+from skyarm.records.immutable import immutable
 from skyarm.studies.sweep.stats import Rows
 from skyarm.studies.sweep.study import StudyError
 
@@ -23,7 +22,7 @@ LISTED = 100
 """Different values up to which an axis has a cell for each."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Axis:
     """Axis of a robustness map: parameter path, bin edges, logarithmic or linear spacing, label."""
 
@@ -40,7 +39,7 @@ class Axis:
         return np.asarray(0.5 * (self.edges[:-1] + self.edges[1:]))
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class RobustnessMap:
     """Success rate of one controller over two varied parameters, in bins.
 

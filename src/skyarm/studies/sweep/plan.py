@@ -12,6 +12,7 @@ from typing import Any
 from skyarm.plant.joint_rate import joint_rate
 from skyarm.plant.largest_step import STATED, stated_step
 from skyarm.records.identity import all_files, identity
+from skyarm.records.immutable import immutable
 from skyarm.records.registry import registrations
 from skyarm.scenario.endings import STATUSES
 from skyarm.scenario.in_flight import stretches
@@ -60,7 +61,7 @@ class Plan:
         }
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class _Setting:
     """Extreme parameter values of a sweep to be checked, with their description for error messages."""
 

@@ -7,7 +7,6 @@ import os
 import re
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ import numpy as np
 
 from skyarm.records.files import require_writable, shown, taken_back
 from skyarm.records.files.writing import one_writer
+from skyarm.records.immutable import immutable
 from skyarm.simulate.batch import Batch
 from skyarm.studies.sweep.design import values
 from skyarm.studies.sweep.plan import Plan, prepare
@@ -27,7 +27,7 @@ Progress = Callable[[int, int], None]
 """Called with (episodes there, episodes in all)."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Summary:
     """Result of running a sweep: folder, number of flights, episodes simulated and reused, duration in s."""
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from skyarm.log.batch_log import BatchLog
 from skyarm.log.metrics.windows import Window, Windows
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import parts
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario
@@ -44,7 +44,7 @@ LATEST, LOOKED_AT = 10.0, 5.0
 """s: errors along it count from here on at the latest, and for so long; later ones are left to the last check."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Flown:
     """Errors and control effort of tuning flights, as arrays (gain candidates, perturbed plants).
 
@@ -247,7 +247,7 @@ SMALLEST = 1e-5
 """m and rad/s: improvements below count no more."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Scores:
     """Scores (candidates,) of gain candidates: errors, rotor jitter, joint effort, crashes, missing margin.
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +20,7 @@ from skyarm.algebra.scalars.philox import uniforms
 from skyarm.control.model import Model
 from skyarm.log.metrics.windows import Window, Windows
 from skyarm.plant.interface import Truth
+from skyarm.records.immutable import immutable
 from skyarm.reference import Constant, Product, Ramp, Signal, Sine, Sum, Trajectory, Windowed
 from skyarm.scenario.controller_table import controller_by_name, loop_facts, make_named_or_tuned
 from skyarm.scenario.scenario_record import PERFECT_SENSORS, Delays, Rates, Scenario
@@ -255,7 +255,7 @@ def _gust(scenario: Scenario) -> Gust:
     return Gust(peak=GUST * (GUST_SHARE * weight), start=BLOWN, duration=1.0)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Plants:
     """Perturbed plants for gain tuning, which differ from the controller's nominal model.
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.records.immutable import immutable
 from skyarm.studies.tune.candidate_flights import SMALLEST, WEIGHTS, Scores
 from skyarm.studies.tune.gain_search import costs
 
@@ -30,7 +30,7 @@ RULE = (
 )
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Required:
     """Required stability margins of tuned gains: delay, s, and gain as a factor."""
 
@@ -38,7 +38,7 @@ class Required:
     gain: float
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class LoopMargins:
     """Stability margins of gains in hover: delay, s, and gain intervals; or why none were computed."""
 
@@ -65,7 +65,7 @@ class LoopMargins:
         return worst
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Point:
     """Set of gains on the Pareto front, with its scores on plants that the search did not use.
 

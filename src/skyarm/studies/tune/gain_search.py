@@ -13,13 +13,13 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from skyarm.compile.machine_code import missing_extra
+from skyarm.records.immutable import immutable
 from skyarm.studies.sweep.sobol import BITS, sobol
 from skyarm.studies.tune.candidate_flights import WEIGHTS, Scores
 from skyarm.studies.tune.law_knobs import LARGEST_FACTOR, Knob
@@ -43,7 +43,7 @@ REACHES = (0.15, 0.3, 0.6)
 """Of the scatter about the beginning and what is known, a third of it each, as shares of the box."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Effort:
     """Size of a gain search: numbers of candidates, rounds and perturbed plants.
 

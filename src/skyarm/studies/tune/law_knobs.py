@@ -30,6 +30,7 @@ from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.laws.centroidal.presets import without_preset
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.records.files import did_you_mean, shown
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Place, is_record, parts, replace_at, walk
 from skyarm.records.units import NUMBER, Unit, declared_fields
 from skyarm.scenario.controller_table import loop_facts
@@ -52,7 +53,7 @@ class KnobError(ValueError):
     """Error of an unknown tunable gain, or of a controller without any."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Knob:
     """Tunable gain: one common factor on several parameter values of a controller.
 

@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.records.files import versions
+from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.workers import Progress
 from skyarm.studies.tune.candidate_flights import (
@@ -91,7 +92,7 @@ class Plan:
         }
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Aside:
     """Scores of gains on validation plants and a reference path that are not used in tuning.
 

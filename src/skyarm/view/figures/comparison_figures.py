@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from matplotlib.axes import Axes
@@ -12,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, PercentFormatter
 
+from skyarm.records.immutable import immutable
 from skyarm.view.figures.style import PAGE, Style, plain_numbers
 
 ROW, MARGIN = 0.27, 1.2
@@ -47,7 +47,7 @@ KNOWN = ("paper_pd", "paper_ct", "l1_adaptive", "centroidal_tip", "nmpc")
 """Laws whose look is the same in every picture; others take what these leave, in order."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Share:
     """Success rate of a control law with its confidence interval, as shares from 0 to 1."""
 

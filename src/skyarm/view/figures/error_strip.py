@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullFormatter
 
+from skyarm.records.immutable import immutable
 from skyarm.view.figures.style import PAGE, plain_numbers
 
 Array = npt.NDArray[np.float64]
@@ -31,7 +32,7 @@ POINTS = 1500
 """Of a curve: each is the largest error of its stretch of time."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Curve:
     """Curve of one flight in a film's plot: tip error (N,), m, or force (N,), N, over time (N,), s; with a colour."""
 
@@ -40,7 +41,7 @@ class Curve:
     color: tuple[float, float, float]
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Strip:
     """Rendered plot of a film: pixels (height, width, 3), and the pixel positions of its time axis.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy.typing as npt
 
 from skyarm.log.flight_log import Log
 from skyarm.log.metrics.score import wanted_push
+from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import Scenario
 
 Array = npt.NDArray[np.float64]
@@ -22,7 +22,7 @@ LONGEST, LONGEST_VALUE = 40, 16
 """Characters of a label, and of a changed value in words."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Event:
     """Event in a flight, such as a gust or fault: label, start and stop time, s (equal for an instant)."""
 

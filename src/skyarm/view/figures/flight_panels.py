@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from skyarm.log.log_columns import columns, names_of, unit_of_kind
 from skyarm.log.periods import contact_pairs, points_at_tip
 from skyarm.log.sensor_data import COMPONENTS
 from skyarm.records.files import must_be_one_of, shown
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.figures.flight_facts import desired_push, scenario_of
@@ -29,7 +30,7 @@ AXES = "xyz"
 MILLIMETRES = 1e3
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@immutable
 class Panel:
     """Panel of a time plot: one logged quantity with its unit, reference curve and limits.
 

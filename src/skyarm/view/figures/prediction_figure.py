@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 from matplotlib.lines import Line2D
 
+from skyarm.records.immutable import immutable
 from skyarm.view.figures.style import PAPER, Picture, Style, logarithmic
 
 PANEL, LEGEND = (3.58, 2.35), 0.3
@@ -16,7 +16,7 @@ MARKERS = ("o", "^", "s", "D")
 """Of the predictors in their order but the last, which needs no model."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class PredictionCurve:
     """Root mean square errors of a predictor over the horizons of a figure.
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.records.immutable import immutable
 from skyarm.world.scene.shapes import Shape, mesh_of
 
 Array = npt.NDArray[np.float64]
@@ -19,7 +19,7 @@ DIRECTIONS = 720
 """Directions in which the outline of a solid is sought."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class View:
     """Parallel projection of world points onto a drawing plane, given by its right and up directions.
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 import warnings
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 
 from skyarm.records.files import write_atomically
 from skyarm.records.files.names import require_suffix
+from skyarm.records.immutable import immutable
 
 Array = npt.NDArray[np.float64]
 
@@ -49,7 +50,7 @@ class Picture(Figure):
         return image_bytes(self, dpi=NOTEBOOK_DPI)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@immutable
 class Look:
     """Line style of a curve: colour, dash, width and layer.
 
@@ -70,7 +71,7 @@ class Look:
         return {"color": self.color, "linestyle": dashes, "linewidth": self.width, "zorder": self.layer}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@immutable
 class PictureStyle:
     """Figure style: fonts, sizes, colours and line styles.
 

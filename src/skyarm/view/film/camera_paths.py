@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.records.immutable import immutable
 from skyarm.view.film.filmed_flight import FilmedFlight
 from skyarm.world.scene.scene import hidden_share
 from skyarm.world.scene.vehicle_shapes import longest_boom
@@ -45,7 +46,7 @@ LEAVES = 6.0
 """Reaches of a vehicle: farther from its desired position a following camera lets it go."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class CameraPath:
     """Target, distance and direction of a film's camera in each of F frames.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
 
@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
 
+from skyarm.records.immutable import immutable
 from skyarm.view.figures.error_strip import Curve, Strip, error_strip
 from skyarm.view.figures.style import typeface
 from skyarm.view.film.filmed_flight import FilmedFlight, wind_words
@@ -38,7 +39,7 @@ LEAST_TEXT = 6
 """Pixels."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Box:
     """Rectangle in a film frame, in pixels from the upper left corner."""
 
@@ -57,7 +58,7 @@ class Box:
         return replace(self, width=width), replace(self, left=self.left + width, width=self.width - width)
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class FrameLayout:
     """Layout of a film frame: rectangles of 3D panels, captions and plot.
 

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from skyarm.log.flight_log import Log
 from skyarm.records.files import shown
+from skyarm.records.immutable import immutable
 from skyarm.reference.tip_motion import TipPush
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.figures.flight_facts import applied_force, desired_push, end_time, flight_labels
@@ -241,7 +242,7 @@ LEAST_FORCE, LEAST_SPEED = 0.02, 0.05
 """N and m/s: less wind is not drawn."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Mark:
     """Line or arrow between two world points, drawn in one frame of a film.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal, get_args
 
@@ -14,6 +14,7 @@ import numpy.typing as npt
 from skyarm.log.flight_log import Log
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import shown
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit, units
 from skyarm.view.figures.flight_facts import end_time
 from skyarm.view.film.camera_paths import CAMERAS, CameraPath
@@ -147,7 +148,7 @@ Camera = Literal["follow", "fixed", "tip"]
 LAYOUTS, CAMERA_NAMES = get_args(Layout), get_args(Camera)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class FilmSettings:
     """Settings of a film.
 

@@ -10,7 +10,6 @@ import contextlib
 import io
 import os
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ import numpy.typing as npt
 
 from skyarm.log.flight_log import Log
 from skyarm.records.files import needs_extra, write_atomically
+from skyarm.records.immutable import immutable
 from skyarm.view.film.camera_paths import (
     CAMERAS,
     FIELD_OF_VIEW,
@@ -61,7 +61,7 @@ COARSE = 3
 """Decimals of the ends of forces that are recorded, 1 mm."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Recording:
     """Recorded 3D scene of flights.
 

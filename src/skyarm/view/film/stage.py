@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import mujoco
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.records.immutable import immutable
 from skyarm.view.film.camera_paths import FIELD_OF_VIEW, CameraPath
 from skyarm.view.film.filmed_flight import Mark
 from skyarm.view.film.offscreen import offscreen
@@ -69,7 +70,7 @@ THIN = 2e-4
 """m: half the thickness of a plane's patch."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Panel:
     """Rectangle of a film frame with its camera, solids, lines and arrows.
 

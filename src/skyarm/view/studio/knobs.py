@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 
 from skyarm.records.files import number
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Place, is_record, part, parts
 from skyarm.records.units import Unit, declared_fields
 from skyarm.reference.splines import Polynomials
@@ -33,7 +33,7 @@ LONGEST_DELAY = 0.03
 """s: the longest delay of the commands that a slider gives."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Knob:
     """Adjustable parameter of a running simulation, with its slider's range.
 

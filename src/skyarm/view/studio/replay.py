@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from skyarm.flight_data.motion import Motion, PredictedMotion, distance_between
+from skyarm.records.immutable import immutable
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.studio.clock import Clock
 
@@ -27,7 +27,7 @@ Predict = Callable[[float], PredictedMotion]
 """Function from a horizon, s, to the motion that is set back to the measured state after each."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class PredictionError:
     """Distance of a prediction from the measured flight at one instant.
 
@@ -41,7 +41,7 @@ class PredictionError:
     attitude: float
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class ErrorCurves:
     """Errors of one prediction of a replay, as its plots show them.
 

@@ -15,12 +15,12 @@ import math
 import os
 import socket
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from http.cookies import CookieError, SimpleCookie
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 from skyarm.records.files.packages import needs_extra
+from skyarm.records.immutable import immutable
 
 QUIET = "websockets.server"
 
@@ -225,7 +225,7 @@ MOST_BYTES = 1 << 20
 """Of a frame: a page sends a slider's value or a camera, some hundred bytes."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Guard:
     """Access rules of the studio's server: allowed host, origin and secret token.
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from skyarm.dynamics.point_motion import PointMotion
+from skyarm.records.immutable import immutable
 from skyarm.reference import Reference
 from skyarm.simulate.session import Session
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -21,7 +21,7 @@ from skyarm.world.scene.vehicle_shapes import Placed, place
 Array = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Sight:
     """Plotted quantities of a running simulation at one instant: tip error, tilt, efforts, rotor speeds, forces.
 

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.files.names import distinct
+from skyarm.records.immutable import immutable
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.component import Component
@@ -36,7 +37,7 @@ WAY = np.linspace(0.03, 3.0, 100)
 """m from a place towards the eye at which something may be in the way."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Line:
     """Polyline in the world at N instants, such as a rope, a cable or a path.
 
@@ -49,7 +50,7 @@ class Line:
     rgba: RGBA = LINE
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Arrow:
     """Drawn arrow of a force on the vehicle at N instants.
 
@@ -62,7 +63,7 @@ class Arrow:
     force: Array
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Scene:
     """Drawn solids, lines and arrows of the environment models at N instants of a flight.
 

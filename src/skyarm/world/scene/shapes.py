@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from skyarm.records.files.stl_mesh import METRES, mesh_or_none
+from skyarm.records.immutable import immutable
 
 Array = npt.NDArray[np.float64]
 
@@ -27,7 +27,7 @@ ROLES = ("hull", "boom", "rotor", "link", "joint", "tip", "payload", "point", "s
 """What a shape stands for; who draws it chooses a colour by it."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Shape:
     """Geometric shape to draw, fixed to a body of the vehicle or to the world.
 
@@ -59,7 +59,7 @@ SURFACE: RGBA = (0.66, 0.64, 0.6, 1.0)
 OBJECT: RGBA = (0.62, 0.46, 0.3, 1.0)
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Solid:
     """Shape placed in the world at N instants.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from itertools import chain
 from typing import Any
@@ -19,6 +18,7 @@ from skyarm.compile import trace
 from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.compile.tracing.program import Program
 from skyarm.dynamics.kinematics import link_poses
+from skyarm.records.immutable import immutable
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Look, Vehicle
 from skyarm.world.scene.shapes import Shape, Vector, floats, own_mesh, shape_between, turn_onto
@@ -126,7 +126,7 @@ Poses = dict[int, tuple[Array, Array]]
 """Number of a body -> its rotations (N, 3, 3) and positions (N, 3)."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Placed:
     """World poses of all bodies of the vehicle at one instant: first the base, then the links.
 

@@ -19,7 +19,6 @@ from __future__ import annotations
 import dataclasses
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 from importlib import resources
 from typing import Annotated, Any
 
@@ -36,6 +35,7 @@ from skyarm.control.model import Model, Parameters
 from skyarm.dynamics.actuators import Command, rotor_force
 from skyarm.records.coerce import concrete
 from skyarm.records.files import shown
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
@@ -48,7 +48,7 @@ SEEN = 0.2
 """Share by which masses vary in training."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Layer:
     """Affine map: weights (outputs x inputs) and offsets (outputs)."""
 
@@ -56,7 +56,7 @@ class Layer:
     offsets: Annotated[tuple[Scalar, ...], Unit("", "of a layer")]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Network:
     """Feed-forward network with tanh layers and normalised inputs.
 
@@ -147,7 +147,7 @@ HISTORY = 15.0
 """rad/s, of the filters: fast against gusts of some tenths of a second, slow against noise of 1 cm/s."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class History:
     """Low-pass filtered motion and commands, for the network's inputs.
 
@@ -238,7 +238,7 @@ def _filter_values(new: Any, filtered: Any, values: Any, dt: Scalar) -> tuple[Sc
     return tuple(where(new, x, low_pass(y, x, HISTORY, dt)) for y, x in zip(filtered, values, strict=True))
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class LearnedParameters(Parameters):
     """Constants of the learned law: those of computed torque, the network, and its output filter's bandwidth."""
 
@@ -246,7 +246,7 @@ class LearnedParameters(Parameters):
     answer: Annotated[float, Unit("rad/s", "bandwidth of the filtered answer", low=0.0, high=1e4, strict=True)] = 10.0
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class LearnedMemory:
     """State of the learned law: input history, last command, and filtered network output.
 

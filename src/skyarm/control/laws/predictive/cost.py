@@ -18,7 +18,6 @@ Source: Featherstone 2008, section 11.1 (single point contact); Baumgarte 1972 (
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Vec3
@@ -29,12 +28,13 @@ from skyarm.control.blocks.tip_force import levers
 from skyarm.control.laws.predictive.prediction import Inputs, accelerations, integrate_stage
 from skyarm.control.model import Model
 from skyarm.dynamics import State, frame_pose
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Contact:
     """Desired contact of the tip with a surface at one stage of the horizon.
 
@@ -104,7 +104,7 @@ def under_contact(
 MODES = ("tool", "joints")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Goal:
     """Reference at one stage of the horizon: base (world axes, m, rad) and joints (rad or m).
 
@@ -124,7 +124,7 @@ class Goal:
     contact: Contact | tuple[()] = ()
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Weights:
     """Cost weights of predictive control, each the reciprocal of the error that costs 1 per second.
 

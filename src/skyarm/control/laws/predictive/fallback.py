@@ -8,7 +8,6 @@ enough good ones in a row, and a rest that doubles with each hand-over that foll
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -27,6 +26,7 @@ from skyarm.control.laws.predictive.preview import Sample
 from skyarm.control.laws.predictive.solver import Compiled, Plan
 from skyarm.control.model import Model, Parameters
 from skyarm.dynamics.actuators import AllocationError, Command, mix
+from skyarm.records.immutable import immutable
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement, blank_measurement
 
@@ -62,7 +62,7 @@ FORGIVEN = 3.0
 """s of trusted plans after which a hand-over counts as the first."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Trust:
     """Acceptance history of plans, which decides whether plans or the substitute law fly the vehicle.
 

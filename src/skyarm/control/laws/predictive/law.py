@@ -23,7 +23,6 @@ import contextlib
 import dataclasses
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Annotated, Any
 
@@ -65,6 +64,7 @@ from skyarm.control.laws.predictive.tip_contact import TipContact, Touch, contac
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command, Mixer, make_mixer
 from skyarm.records.files import shown
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
@@ -86,7 +86,7 @@ WEIGHTS = Weights(
 BANDWIDTHS = Bandwidths(linear=25.0, angular=30.0, joints=40.0)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class PredictiveParameters:
     """Constants of the predictive law.
 
@@ -119,7 +119,7 @@ KEPT = 16
 """Engines whose machine code is stored."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Engine:
     """Compiled functions of predictive control for one model and one set of constants, shared between flights.
 
@@ -184,7 +184,7 @@ def stage_lengths(stages: int, every: int, horizon: float, dt: float) -> Array:
     return np.asarray(dt * low**powers)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class PredictiveMemory:
     """Internal state of predictive control: observer, last plan, reference sample and acceptance history.
 

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
@@ -27,12 +26,13 @@ from skyarm.control.laws.predictive.solver import Compiled, examples
 from skyarm.control.model import Model
 from skyarm.dynamics import State, mass_matrix
 from skyarm.dynamics.actuators import Command, limited_effort
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 from skyarm.records.units import Unit
 from skyarm.sensing.measurement import Measurement, blank_measurement
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Estimate:
     """Estimated state and disturbance at the instant of the last measurement."""
 
@@ -40,7 +40,7 @@ class Estimate:
     disturbance: Disturbance
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Bandwidths:
     """Bandwidths of the observer, rad/s: linear, angular and joint motion."""
 
@@ -152,7 +152,7 @@ def command_row(command: Command) -> Array:
     return np.array([*command.rotor_speeds, *command.efforts], dtype=float)
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Past:
     """Observer state: last estimate, statistics of the command delay, and recent commands.
 
@@ -182,7 +182,7 @@ NOTICED = 0.5
 """rad/s: root mean square below which the believed delay is good enough."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Lateness:
     """Statistics of the command delay: modelled rotor speeds and their differences from the measured ones.
 

@@ -8,7 +8,6 @@ Limits of joint torques are bounds of the inputs and no part of the motion: a cl
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,11 +20,12 @@ from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import rotor_force
 from skyarm.dynamics.state import coordinate_acceleration
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.vehicle.vehicle_records import Rotor
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Inputs:
     """Inputs held over a stage: rates of the rotors' speeds (rad/s^2) and joint torques (N m or N)."""
 
@@ -149,7 +149,7 @@ def euler_step(state: State, rate: State, dt: Scalar) -> State:
     return rebuild(state, iter([x + dt * dx for x, dx in zip(leaves(state), leaves(rate), strict=True)]))
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Motors:
     """Motor lags of all rotors per control period: gains for rising and falling speed, and speed limits (rad/s)."""
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -23,6 +22,7 @@ from skyarm.control.laws.predictive.cost import given_way
 from skyarm.control.laws.predictive.solver import Compiled
 from skyarm.control.model import Model
 from skyarm.dynamics import frame_pose
+from skyarm.records.immutable import immutable
 from skyarm.reference import Reference
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -46,7 +46,7 @@ SETTLED = 2
 """Samples in a row that were foretold before the change of the jerk says anything."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Sample:
     """Held reference sample of [x, y, z, yaw, joints ...], with jerks and oscillation statistics.
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -25,6 +24,7 @@ from skyarm.control.laws.predictive.cost import Contact, Goal, Weights, input_re
 from skyarm.control.laws.predictive.prediction import Inputs
 from skyarm.control.model import Model
 from skyarm.dynamics import State
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
 
 Array = npt.NDArray[np.float64]
@@ -150,7 +150,7 @@ class Stages:
         return np.asarray((change / (2.0 * NUDGE * self.scales[:, None])).transpose(0, 2, 1))
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Bounds:
     """Limits of joint efforts (n,) and rotor speeds (rotors,)."""
 
@@ -158,7 +158,7 @@ class Bounds:
     speeds: Array
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Motions:
     """Candidate motions, one per SIMD lane: states (N + 1, nx, lanes), inputs (N, nu, lanes), costs (lanes,)."""
 
@@ -249,7 +249,7 @@ HOLD = 1e8
 """Weight of a held input against its own second derivative."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Linear:
     """Linear-quadratic problem x[k+1] = A x[k] + B u[k] + c with least-squares residuals.
 
@@ -263,7 +263,7 @@ class Linear:
     r: Array
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Policy:
     """Affine policy u[k] = k[k] + K[k] x[k] of N stages, with the initial cost-to-go P."""
 
@@ -339,7 +339,7 @@ class NoPlanError(Exception):
     """No motion with a finite cost was found."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Plan:
     """Planned motion: states (N + 1, nx), inputs (N, nu) and feedback gains (N, nu, nx).
 
@@ -356,7 +356,7 @@ class Plan:
     share: float = 1.0
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Problem:
     """Optimal control problem for the solver: initial state, disturbance, and references over the horizon.
 

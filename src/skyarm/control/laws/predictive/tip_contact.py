@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -29,6 +28,7 @@ from skyarm.control.laws.predictive.cost import tip_velocity
 from skyarm.control.laws.predictive.solver import Compiled, examples
 from skyarm.control.model import Model
 from skyarm.dynamics import frame_pose
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 
 Array = npt.NDArray[np.float64]
@@ -43,7 +43,7 @@ against its own push, and the arm of six joints swings up.
 """
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Touch:
     """Contact in one period: flags, and forces (N), displacements (m), speeds (m/s) along the normal.
 

@@ -20,7 +20,6 @@ Technology 29, 2021 (arXiv 1809.04048).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
@@ -39,6 +38,7 @@ from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.paper import joint_accelerations
 from skyarm.control.model import Parameters
 from skyarm.dynamics.actuators import Command, speeds_after
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
@@ -47,7 +47,7 @@ NYQUIST_SHARE = 0.45
 """Largest cut-off frequency times the period: the bilinear transform folds at one half."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class IndiParameters(Parameters):
     """Constants of the INDI law in addition to the gains.
 
@@ -62,7 +62,7 @@ class IndiParameters(Parameters):
     delay_periods: Annotated[int, Unit("control periods", "known age of the measurement", low=0, high=100)] = 0
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class IndiMemory:
     """Internal state of the INDI law: filter states, filtered rates, last commands and modelled rotor speeds.
 

@@ -18,7 +18,6 @@ Source: Kim, Choi, Kim, IROS 2013; Slotine, Li 1991, chapter 7.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm import dynamics
@@ -31,6 +30,7 @@ from skyarm.control.controller import all_applied
 from skyarm.control.law_maker import law_maker
 from skyarm.control.model import Parameters
 from skyarm.dynamics.actuators import Command
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
@@ -40,7 +40,7 @@ Triple = tuple[float, float, float]
 ACCELERATION = "m/s^2, rad/s^2, rad/s^2"
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class SlidingParameters(Parameters):
     """Constants of the sliding mode law in addition to the gains.
 
@@ -61,7 +61,7 @@ class SlidingParameters(Parameters):
     )
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class SlidingMemory:
     """Internal state of the sliding mode law: adapted disturbance accelerations and last command.
 

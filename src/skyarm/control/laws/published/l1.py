@@ -26,7 +26,6 @@ known.
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm import dynamics
@@ -47,6 +46,7 @@ from skyarm.control.laws.paper import joint_accelerations
 from skyarm.control.model import Model, Parameters
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.state import coordinate_acceleration
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
@@ -64,7 +64,7 @@ def adaptation(error: Scalar, rate: Scalar, dt: Scalar) -> Any:
 BANDWIDTH = Unit("rad/s", low=0.0, strict=True)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class L1Parameters(Parameters):
     """Constants of the L1 law in addition to the gains.
 
@@ -90,7 +90,7 @@ class L1Parameters(Parameters):
     lateral: bool = False
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class L1Memory:
     """Internal state of the L1 law: last measurement, prediction error, and filtered disturbance estimates.
 
