@@ -69,14 +69,12 @@ def test_two_coupled_joints_move_as_by_small_steps(servo, joint, bound):
     exact = by_small_steps(servo, joint, setpoints, load, begin, bound)
     # of parts that begin later the measured states are the exact ones
     known = np.concatenate([begin[None, :], exact[:-1]])
-    found = servo_response(
-        Loops((servo, servo), (joint, joint)),
-        np.repeat(setpoints[:, None], 4, axis=1),
-        np.broadcast_to(INERTIA, (len(time), 2, 2)),
-        load,
-        known,
-        np.gradient(known, STEP, axis=0) * (np.arange(len(time)) > 0)[:, None],
-        STEP,
+    loops = Loops((servo, servo), (joint, joint))
+    inertia = np.broadcast_to(INERTIA, (1, len(time), 2, 2))
+    rates = np.gradient(known, STEP, axis=0) * (np.arange(len(time)) > 0)[:, None]
+    before = math.ceil(loops.memory(inertia[0]) / STEP)
+    (found,) = servo_response(
+        [loops], np.repeat(setpoints[None, :, None], 4, axis=2), inertia, load[None], known, rates, STEP, before
     )
     assert found == pytest.approx(exact, abs=2e-3)
     assert np.std(found - exact) < 1e-3
@@ -85,11 +83,36 @@ def test_two_coupled_joints_move_as_by_small_steps(servo, joint, bound):
 def test_a_state_is_forgotten_after_some_time_constants():
     """A measured angle that is wrong at the begin of a part hardly shows in it."""
     loops = Loops((PositionServo(stiffness=6.0, damping=0.2, inertia=1e-3),), (Joint(name="a"),))
-    many = (np.zeros((400, 2, 1)), np.full((400, 1, 1), 2e-3), np.zeros((400, 1)))
-    found = servo_response(loops, *many, np.full((400, 1), 0.1), np.zeros((400, 1)), STEP)
+    many = (np.zeros((1, 400, 2, 1)), np.full((1, 400, 1, 1), 2e-3), np.zeros((1, 400, 1)))
+    before = math.ceil(loops.memory(many[1][0]) / STEP)
+    (found,) = servo_response([loops], *many, np.full((400, 1), 0.1), np.zeros((400, 1)), STEP, before)
     assert found[0, 0] > 0.05
     # the second part begins 0.5 s later
     assert np.abs(found[100:]).max() < 0.1 * math.exp(-3.0)
+
+
+@pytest.mark.parametrize("torque_limit", [math.inf, 0.03], ids=["free", "torque limit"])
+def test_candidates_side_by_side_move_as_each_alone(torque_limit):
+    """With other servos, friction, masses and loads; four joints, two parts, and a row less than a whole part."""
+    draw, n, size = np.random.default_rng(3), 4, 199
+    setpoints, loads = 0.2 * draw.normal(size=(3, size, 2, n)), 0.01 * draw.normal(size=(3, size, n))
+    root = draw.normal(size=(3, 1, n, n))
+    inertia = np.repeat(2e-3 * (np.eye(n) + 0.1 * root @ root.swapaxes(2, 3)), size, axis=1)
+    joint = Joint(name="a", coulomb=0.01, coulomb_rate=0.1)
+    every = [
+        Loops(
+            (PositionServo(stiffness=k, damping=0.15, inertia=1e-3, integral=k, torque_limit=torque_limit),) * n,
+            (dataclasses.replace(joint, damping=0.1 * k),) * n,
+        )
+        for k in (1.0, 2.0, 3.0)
+    ]
+    begins = (0.1 * draw.normal(size=(size, n)), draw.normal(size=(size, n)), STEP, 60)
+    together = servo_response(every, setpoints, inertia, loads, *begins)
+    for k, loops in enumerate(every):
+        rows = slice(k, k + 1)
+        (found,) = servo_response([loops], setpoints[rows], inertia[rows], loads[rows], *begins)
+        np.testing.assert_allclose(found, together[k], rtol=1e-12, atol=1e-12)
+    assert np.ptp(together[:, 150], axis=0).min() > 1e-3
 
 
 def test_the_load_of_a_pendulum_is_its_weight_and_its_base_s_motion():

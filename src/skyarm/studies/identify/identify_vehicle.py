@@ -13,7 +13,7 @@ import numpy.typing as npt
 from skyarm.records.files import must_be_one_of, number
 from skyarm.studies.identify.identified_parts import surroundings_with, vehicle_with
 from skyarm.studies.identify.motion_model import Memo, Stretch, Surroundings, prediction_errors
-from skyarm.studies.identify.prediction_error import ORDER, PredictionFit, fit_prediction
+from skyarm.studies.identify.prediction_error import ORDER, PredictedErrors, PredictionFit, fit_prediction
 from skyarm.studies.identify.servo_response import with_servos
 from skyarm.studies.identify.unknowns import Reported, Unknown, reported_of, unknowns_of
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -202,7 +202,7 @@ class Search:
     driven: Sequence[bool]
     servoed: Sequence[bool]
     start: Vehicle
-    errors: Callable[[Array], list[Array]]
+    errors: PredictedErrors
     block: int
     used: Sequence[npt.NDArray[np.bool_]]
 
@@ -273,9 +273,18 @@ def search_of(
     unknowns = [each for each in every if each.name not in fixed]
     memos = [Memo() for _ in stretches]
 
-    def errors(searched: Array) -> list[Array]:
+    def candidate(searched: Array) -> tuple[Vehicle, Surroundings]:
         numbers = _numbers_of(unknowns, fixed, searched)
-        vehicle, about = vehicle_with(start, numbers), surroundings_with(numbers)
+        return vehicle_with(start, numbers), surroundings_with(numbers)
+
+    def prepare(every: Sequence[Array]) -> None:
+        if any(servoed):
+            candidates = [candidate(each) for each in every]
+            for stretch, memo in zip(stretches, memos, strict=True):
+                memo.servos.prepare(candidates, stretch, servoed)
+
+    def errors(searched: Array) -> list[Array]:
+        vehicle, about = candidate(searched)
         return [
             prediction_errors(vehicle, about, each, driven, memo, servoed)
             for each, memo in zip(stretches, memos, strict=True)
@@ -288,7 +297,7 @@ def search_of(
         driven=driven,
         servoed=servoed,
         start=start,
-        errors=errors,
+        errors=PredictedErrors(errors, prepare),
         block=round(BLOCK / stretches[0].period),
         used=[each.used for each in stretches],
     )

@@ -20,11 +20,12 @@ from skyarm.algebra import ZERO3, Force, Mat3, Motion, Vec3
 from skyarm.dynamics import forward_dynamics, inverse_dynamics, mass_matrix
 from skyarm.dynamics.actuators.rotor import push, rotor_forces
 from skyarm.studies.identify.rotor_lag import delay_commands, lag_response, moving_mean
-from skyarm.studies.identify.servo_response import Loops, joint_loads, loops_of, servo_response, servo_steps
+from skyarm.studies.identify.servo_positions import ServoMemo
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Array: TypeAlias = npt.NDArray[np.float64]
 Rows: TypeAlias = slice | npt.NDArray[np.int_]
+Bodies: TypeAlias = tuple[Force, Sequence[Array], Array]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -189,9 +190,8 @@ class Memo:
 
     held: dict[tuple[object, ...], tuple[Array, Array, Array]] = field(default_factory=dict)
     series: dict[tuple[object, ...], RotorSeries] = field(default_factory=dict)
-    loads: dict[tuple[object, ...], tuple[Array, Array]] = field(default_factory=dict)
-    responses: dict[tuple[object, ...], Array] = field(default_factory=dict)
-    steps: tuple[int, int] | None = None
+    bodies: dict[tuple[object, ...], Bodies] = field(default_factory=dict)
+    servos: ServoMemo = field(default_factory=ServoMemo)
 
     def rotors(self, vehicle: Vehicle, delay: float, stretch: Stretch) -> RotorSeries:
         """Rotor series of a vehicle after a dead time (s)."""
@@ -207,25 +207,6 @@ class Memo:
             _forget(self.series)
             self.series[curves] = _series(vehicle, *self.held[key], stretch)
         return self.series[curves]
-
-    def servos(self, vehicle: Vehicle, about: Surroundings, stretch: Stretch, servoed: Sequence[bool]) -> Array:
-        """Positions (N + 1, servo joints) by the setpoints."""
-        joints = [i for i, each in enumerate(servoed) if each]
-        key: tuple[object, ...] = (about.delay, about.setpoint_hold, vehicle.links, vehicle.drives)
-        if vehicle.links not in self.loads:
-            _forget(self.loads)
-            step = stretch.period / stretch.samples
-            self.loads[vehicle.links] = joint_loads(vehicle, joints, *stretch.samples_of_motion(), step)
-        if key not in self.responses:
-            _forget(self.responses)
-            inertia, load = self.loads[vehicle.links]
-            loops = loops_of(vehicle, joints)
-            if self.steps is None:
-                # those of the first candidate: with others a slope by differences would have a jump
-                finer, step = stretch.fine // stretch.samples, stretch.period / stretch.samples
-                self.steps = servo_steps(loops.frequency(inertia), stretch.samples, finer, step)
-            self.responses[key] = _servo_positions(loops, about, stretch, joints, inertia, load, self.steps)
-        return self.responses[key]
 
 
 WAYS = ("up", "down")
@@ -258,12 +239,11 @@ def predict(
         (N, 6 + driven joints): specific force (m/s^2), angular acceleration (rad/s^2), base axes, and the accelerations
         of the driven joints.
     """
-    turning, w = (
-        (memo or Memo()).rotors(vehicle, about.delay, stretch),
-        Vec3(*stretch.at_middles(stretch.rate, slice(None)).T),
-    )
+    memo = memo or Memo()
+    turning = memo.rotors(vehicle, about.delay, stretch)
+    w = Vec3(*stretch.at_middles(stretch.rate, slice(None)).T)
     accelerations = _acceleration_under(
-        vehicle, about, stretch, turning, slice(None), w, Vec3(*stretch.velocity.T), driven
+        vehicle, about, stretch, turning, slice(None), w, Vec3(*stretch.velocity.T), driven, memo.bodies
     )
     both = accelerations([np.stack(each) for each in zip(turning.gains, turning.sampled_gains, strict=True)])
     (_, angular, rows), (linear, turned, _) = ([_row(each, i) for each in both] for i in range(2))
@@ -313,6 +293,7 @@ def _acceleration_under(
     w: Vec3,
     velocity: Vec3,
     driven: Sequence[bool],
+    held: dict[tuple[object, ...], Bodies] | None = None,
 ) -> Callable[[Sequence[Array]], tuple[Vec3, Vec3, Sequence[Array]]]:
     """Function from the rotors' gains, (..., K) each, to the accelerations of base and driven joints in K periods."""
     q, qd = (tuple(stretch.at_middles(rows, place).T) for rows in (stretch.joints, stretch.joint_rates))
@@ -321,12 +302,13 @@ def _acceleration_under(
     beside = Force(_spin_torque(vehicle, turning, w) + Vec3(*about.torque), _air_drag(vehicle, velocity))
     efforts = _joint_efforts(vehicle, about, stretch, place, qd) if any(driven) else [0.0 * x for x in qd]
     given = (stretch.joint_rates[1:][place] - stretch.joint_rates[:-1][place]) / stretch.period
+    bodies = None if all(driven) else _bodies(vehicle, q, w, qd, driven, given, {} if held is None else held)
 
     def accelerations(gains: Sequence[Array]) -> tuple[Vec3, Vec3, Sequence[Array]]:
         pushed = rotor_forces(vehicle.rotors, turning.speeds, velocity, w, [gain * scale for gain in gains])
         applied = Force(pushed.torque + beside.torque, pushed.force + beside.force)
-        if not all(driven):
-            return _with_given_joints(vehicle, q, w, qd, applied, efforts, driven, given)
+        if bodies is not None:
+            return _with_given_joints(bodies, applied, efforts, driven)
         base, moved = forward_dynamics(vehicle, q, w, qd, applied, efforts)
         return base.linear, base.angular, [np.asarray(each) for each in moved]
 
@@ -372,7 +354,7 @@ def prediction_errors(
     summed = rates[1:] - rates[:1] - np.cumsum(predicted[:, 3:], axis=0) * stretch.period
     columns = [stretch.specific_force - predicted[:, :3], summed - summed.mean(axis=0)]
     if any(servoed):
-        turned = (memo or Memo()).servos(vehicle, about, stretch, servoed)
+        turned = (memo or Memo()).servos.positions(vehicle, about, stretch, servoed)
         off = (stretch.joints[:, np.flatnonzero(servoed)] - turned)[1:]
         columns.append(off - off[stretch.used].mean(axis=0))
     return np.concatenate(columns, axis=1)
@@ -403,35 +385,6 @@ def _series(vehicle: Vehicle, means: Array, squares: Array, ends: Array, stretch
     return found
 
 
-def _servo_positions(
-    loops: Loops,
-    about: Surroundings,
-    stretch: Stretch,
-    joints: Sequence[int],
-    inertia: Array,
-    load: Array,
-    steps: tuple[int, int],
-) -> Array:
-    """Positions (N + 1, servo joints) at the stretch's instants by the setpoints, averaged as the encoders' are."""
-    step, turned, (many, inner) = stretch.period / stretch.samples, stretch.samples_of_motion()[2][:, joints], steps
-    times = max(1, many * inner * stretch.samples // stretch.fine)
-    late = [about.delay + float(each.latency) for each in loops.servos]
-    commands = np.repeat(stretch.setpoints[:, joints], times, axis=0)
-    grid = stretch.period / stretch.fine / times
-    heard = np.stack([delay_commands(a[:, None], grid, b)[:, 0] for a, b in zip(commands.T, late, strict=True)], axis=1)
-    goals = heard.reshape((len(turned) - 1) // many, inner, -1, len(joints)).mean(axis=2)
-    goals = goals + about.setpoint_hold * (goals.mean(axis=1, keepdims=True) - goals)
-    inertia, load = (rows.reshape(-1, many, *rows.shape[1:]).mean(axis=1) for rows in (inertia, load))
-    # means over a step that are held for a step: both take h^2/24 of the curvature away from what varies in between
-    load[1:-1] -= np.diff(load, 2, axis=0) / 12.0
-    begins, rates = turned[:-1:many], np.gradient(turned, step, axis=0)[:-1:many]
-    found = servo_response(loops, goals, inertia, load, begins, rates, many * step)
-    coarse = np.concatenate([turned[:1], found])
-    at, known = np.arange(len(turned)), np.arange(len(coarse)) * many
-    sampled = np.stack([np.interp(at, known, column) for column in coarse.T], axis=1)
-    return moving_mean(sampled, stretch.width)[:: stretch.samples]
-
-
 def _spin_torque(vehicle: Vehicle, turning: RotorSeries, rate: Vec3) -> Vec3:
     """Reaction torque of rotors that speed up and are turned, N m (see ``spin_torque`` of the rotor's model)."""
     total = ZERO3
@@ -448,28 +401,40 @@ def _air_drag(vehicle: Vehicle, velocity: Vec3) -> Vec3:
     return Vec3(*(-half * area * speed * v for area, v in zip(vehicle.drag.area, velocity, strict=True)))
 
 
-def _with_given_joints(
+def _bodies(
     vehicle: Vehicle,
     joints: Sequence[Array],
     rate: Vec3,
     joint_rates: Sequence[Array],
-    applied: Force,
-    efforts: Sequence[Array],
     driven: Sequence[bool],
     given: Array,
+    held: dict[tuple[object, ...], Bodies],
+) -> Bodies:
+    """Bias wrench and efforts of the measured motion, and inverse mass matrix of base and driven joints.
+
+    They depend on the bodies alone, which most candidates of a search share, and are kept by them.
+    """
+    key = (vehicle.base, vehicle.links)
+    if key not in held:
+        _forget(held)
+        still = [np.where(moves, 0.0, 1.0) * column for moves, column in zip(driven, given.T, strict=True)]
+        bias, holding = inverse_dynamics(vehicle, joints, rate, joint_rates, Motion(ZERO3, ZERO3), still)
+        free = [*range(6), *(6 + i for i, moves in enumerate(driven) if moves)]
+        M, zero = mass_matrix(vehicle, Mat3.identity(), joints), np.zeros(len(given))
+        left = np.stack([np.stack([zero + M[i][j] for j in free], axis=-1) for i in free], axis=-2)
+        held[key] = bias, holding, np.linalg.inv(left)
+    return held[key]
+
+
+def _with_given_joints(
+    bodies: Bodies, applied: Force, efforts: Sequence[Array], driven: Sequence[bool]
 ) -> tuple[Vec3, Vec3, list[Array]]:
     """Accelerations of the base and the driven joints where the motion of the other joints is given."""
-    size = len(given)
-    still = [np.where(moves, 0.0, 1.0) * column for moves, column in zip(driven, given.T, strict=True)]
-    bias, holding = inverse_dynamics(vehicle, joints, rate, joint_rates, Motion(ZERO3, ZERO3), still)
-    free = [*range(6), *(6 + i for i, moves in enumerate(driven) if moves)]
+    bias, holding, inverse = bodies
     pushed = applied - bias
-    right = [*pushed.force, *pushed.torque, *(a - b for a, b in zip(efforts, holding, strict=True))]
-    M = mass_matrix(vehicle, Mat3.identity(), joints)
-    zero = np.zeros(size)
-    left = np.stack([np.stack([zero + M[i][j] for j in free], axis=-1) for i in free], axis=-2)
-    found = np.linalg.solve(left, np.stack(np.broadcast_arrays(*(zero + right[i] for i in free)), axis=-1)[..., None])
-    rows = list(np.moveaxis(found[..., 0], -1, 0))
+    pulled = [a - b for a, b, moves in zip(efforts, holding, driven, strict=True) if moves]
+    right = np.stack(np.broadcast_arrays(*pushed.force, *pushed.torque, *pulled), axis=-1)
+    rows = list(np.moveaxis((inverse @ right[..., None])[..., 0], -1, 0))
     return Vec3(*rows[:3]), Vec3(*rows[3:6]), rows[6:]
 
 

@@ -44,6 +44,23 @@ Errors: TypeAlias = Callable[[Array], Sequence[Array]]
 
 
 @dataclass(frozen=True, slots=True)
+class PredictedErrors:
+    """Errors of a prediction that has work to do for many numbers at once.
+
+    Attributes:
+        at: errors at numbers (P,), of each stretch (N, rows).
+        prepare: called with all numbers at which errors are asked for next.
+    """
+
+    at: Errors
+    prepare: Callable[[Sequence[Array]], None]
+
+    def __call__(self, values: Array) -> Sequence[Array]:
+        """Errors at numbers (P,)."""
+        return self.at(values)
+
+
+@dataclass(frozen=True, slots=True)
 class Whitening:
     """Noise of a model's errors: a filter and a standard deviation of each row, and a weight of each error.
 
@@ -336,12 +353,13 @@ def _level_rows(found: Sequence[Array], filters: Array, weights: Array, levels: 
 
 def error_slopes(errors: Errors, values: Array, found: Sequence[Array], steps: Array) -> list[list[Array]]:
     """Slopes of the errors by forward differences: for each number, for each stretch (N, rows)."""
-    slopes = []
-    for i, step in enumerate(steps):
-        moved = values.copy()
-        moved[i] += step
-        slopes.append([(after - before) / step for after, before in zip(errors(moved), found, strict=True)])
-    return slopes
+    moved = list(values + np.diag(steps))
+    if isinstance(errors, PredictedErrors):
+        errors.prepare(moved)
+    return [
+        [(after - before) / step for after, before in zip(errors(each), found, strict=True)]
+        for each, step in zip(moved, steps, strict=True)
+    ]
 
 
 def _whitened_errors(

@@ -38,7 +38,7 @@ STEP = 0.1
 """Time steps times the loop's natural frequency; the trapezoidal rule then errs by 0.08 % of the frequency."""
 
 LEAST = 3
-"""Time steps within a sample at least: a dead time falls anywhere within it."""
+"""Time steps within a sample at least, if it is too long for one: a dead time falls anywhere within it."""
 
 UNKNOWN = 20.0
 """rad/s, natural frequency that a servo of an unknown make is thought to have, critically damped."""
@@ -161,75 +161,97 @@ def servo_steps(frequency: float, samples: int, finer: int, step: float) -> tupl
     most = max(1.0, STEP / (step * frequency))
     many = max(each for each in range(1, samples + 1) if samples % each == 0 and each <= most)
     inner = math.ceil(many * step * frequency / STEP)
-    return (many, inner) if many > 1 else (1, finer * math.ceil(max(inner, LEAST) / finer))
+    return (many, inner) if many > 1 or inner == 1 else (1, finer * math.ceil(max(inner, LEAST) / finer))
 
 
 def servo_response(
-    loops: Loops,
+    every: Sequence[Loops],
     setpoints: Array,
     inertia: Array,
     load: Array,
     joints: Array,
     rates: Array,
     step: float,
+    before: int,
 ) -> Array:
     """Positions of joints at the end of each step, by their setpoints; parts of the series begin as measured.
 
-    The trapezoidal rule with the secant of the dry friction: stable for any gains, exact at rest.
+    The trapezoidal rule with the secant of the dry friction: stable for any gains, exact at rest. All parts of all
+    candidates are simulated side by side.
 
     Args:
-        loops: of n joints.
-        setpoints: (N, inner, n) rad or m after dead time, means over each of the time steps within a step.
-        inertia: (N, n, n) mass matrices.
-        load: (N, n) N m or N.
+        every: loops of n joints, of each of C candidates; what motors and joints give at most is that of the first.
+        setpoints: (C, N, inner, n) rad or m after dead time, means over each of the time steps within a step.
+        inertia: (C, N, n, n) mass matrices.
+        load: (C, N, n) N m or N.
         joints: (N, n) measured at the begin of each step: initial states.
         rates: (N, n) likewise.
         step: s.
+        before: steps that are simulated before each part.
 
     Returns:
-        (N, n) rad or m.
+        (C, N, n) rad or m.
     """
-    K, D, Ki, limits = (loops.row("servos", name) for name in ("stiffness", "damping", "integral", "speed_limit"))
-    viscous, dry, bend = (loops.row("joints", name) for name in ("damping", "coulomb", "coulomb_rate"))
-    size, before = max(1, round(STRETCH / step)), math.ceil(loops.memory(inertia) / step)
-    count, inner = setpoints.shape[:2]
-    dt = step / inner
-    places = np.arange(0, count, size)[None, :] - before + np.arange(before + size)[:, None]
-    first = np.clip(places[0], 0, count - 1)
-    q, v = joints[first], rates[first]
-    flat = setpoints.reshape(count * inner, -1)
-    goals = np.stack([_follow(a, b) for a, b in zip(flat.T, limits * dt, strict=True)], axis=1).reshape(setpoints.shape)
+    K, D, Ki, limits = (_rows(every, "servos", name) for name in ("stiffness", "damping", "integral", "speed_limit"))
+    viscous, dry, bend = (_rows(every, "joints", name) for name in ("damping", "coulomb", "coulomb_rate"))
+    size = max(1, round(STRETCH / step))
+    count, inner, n = setpoints.shape[1:]
+    dt, parts = step / inner, -(-count // size)
+    first = np.clip(np.arange(0, count, size) - before, 0, count - 1)
+    q, v = (np.repeat(rows[first].T[:, None, :], len(every), axis=1) for rows in (joints, rates))
+    flat = setpoints.reshape(len(every), count * inner, n)
+    most = limits[..., 0].T * dt
+    flat = np.stack(
+        [[_follow(a, b) for a, b in zip(rows.T, row, strict=True)] for rows, row in zip(flat, most, strict=True)]
+    )
+    goals = _padded(flat.reshape(len(every), n, count, inner).transpose(1, 3, 0, 2), before, parts * size)
+    M = _padded((2.0 / dt) * inertia.transpose(2, 3, 0, 1), before, parts * size)
+    loads = _padded(load.transpose(2, 0, 1), before, parts * size)
+
+    def at(series: Array, k: int) -> Array:
+        return series[..., k : k + (parts - 1) * size + 1 : size]
+
     # a measured state does not show the integral: it is such that the joint moves evenly
-    held = load[first] + D * v - K * (goals[first, 0] - q)
+    held = at(loads, 0) + D * v - K * (at(goals, 0)[:, 0] - q)
     total = np.where(Ki > 0.0, held / np.where(Ki > 0.0, Ki, 1.0), 0.0)
     # of a motor that is far from its limits they are not looked at
-    safe = loops.least_bound(2.0 * float(np.abs(rates).max(initial=0.0)))
-    found, mean, eye = np.empty((size, *q.shape)), v, np.eye(len(K))
+    safe = every[0].least_bound(2.0 * float(np.abs(rates).max(initial=0.0)))
+    found, mean = np.empty((n, len(every), parts, size)), v
     for k in range(before + size):
-        at = np.clip(places[k], 0, count - 1)
-        flown = (places[k] >= 0)[:, None]
-        M, pull, begin = (2.0 / dt) * inertia[at], load[at], (q, v, total)
-        for goal in goals[at].swapaxes(0, 1):
-            carried = (M @ v[..., None])[..., 0] - pull
+        matrix, pull, begin = np.ascontiguousarray(at(M, k)), at(loads, k), (q, v, total)
+        for goal in at(goals, k).swapaxes(0, 1):
+            carried = (matrix * v).sum(axis=1) - pull
             spring, damped = K * (goal - q) + Ki * total, D + viscous + 0.5 * dt * K
             for _ in range(2 if dry.any() else 1):
                 slope = _secant(dry, bend, mean)
-                mean = _solve(M, eye, damped + slope, carried + spring)
+                mean = _solve(matrix, damped + slope, carried + spring)
             effort = spring - (D + 0.5 * dt * K) * mean
             grown = dt * (goal - q)
             if np.abs(effort).max() > safe:
-                given = loops.bound(effort, mean)
+                given = np.moveaxis(every[0].bound(np.moveaxis(effort, 0, -1), np.moveaxis(mean, 0, -1)), -1, 0)
                 short = np.abs(given - effort) > 1e-12
                 mean = _solve(
-                    M, eye, np.where(short, viscous, damped) + slope, carried + np.where(short, given, spring)
+                    matrix, np.where(short, viscous, damped) + slope, carried + np.where(short, given, spring)
                 )
                 grown = np.where(short, 0.0, grown)
             q, v, total = q + dt * mean, 2.0 * mean - v, total + grown
-        q, v, total = (np.where(flown, new, old) for new, old in zip((q, v, total), begin, strict=True))
-        if k >= before:
-            found[k - before] = q
-    series: Array = found.transpose(1, 0, 2).reshape(-1, len(K))[:count]
+        if k < before:
+            flown = np.arange(parts) * size >= before - k
+            q, v, total = (np.where(flown, new, old) for new, old in zip((q, v, total), begin, strict=True))
+        else:
+            found[..., k - before] = q
+    series: Array = found.reshape(n, len(every), -1)[..., :count].transpose(1, 2, 0)
     return series
+
+
+def _rows(every: Sequence[Loops], record: str, name: str) -> Array:
+    """One field of all servos or joints of all candidates, (n, C, 1)."""
+    return np.stack([each.row(record, name) for each in every], axis=1)[..., None]
+
+
+def _padded(rows: Array, before: int, size: int) -> Array:
+    """Series (..., N) with its first row for some steps before, and up to some length with its last one."""
+    return np.pad(rows, [*[(0, 0)] * (rows.ndim - 1), (before, size - rows.shape[-1])], mode="edge")
 
 
 def _follow(setpoints: Array, most: float) -> Array:
@@ -242,11 +264,21 @@ def _follow(setpoints: Array, most: float) -> Array:
     return np.array(found)
 
 
-def _solve(matrix: Array, eye: Array, diagonal: Array, right: Array) -> Array:
-    """Solution (..., n) of matrices with more on their diagonals."""
-    if len(eye) == 1:
-        return np.asarray(right / (matrix[..., 0] + diagonal))
-    return np.asarray(np.linalg.solve(matrix + diagonal[..., None] * eye, right[..., None])[..., 0])
+def _solve(matrix: Array, diagonal: Array, right: Array) -> Array:
+    """Solution (n, ...) of positive definite matrices (n, n, ...) with more on their diagonals."""
+    size = len(matrix)
+    left = [[matrix[i, j] + diagonal[i] if i == j else matrix[i, j] for j in range(size)] for i in range(size)]
+    found = list(right)
+    for i in range(size):
+        for k in range(i + 1, size):
+            share = left[k][i] / left[i][i]
+            left[k][i + 1 :] = [a - share * b for a, b in zip(left[k][i + 1 :], left[i][i + 1 :], strict=True)]
+            found[k] = found[k] - share * found[i]
+    for i in reversed(range(size)):
+        for k in range(i + 1, size):
+            found[i] = found[i] - left[i][k] * found[k]
+        found[i] = found[i] / left[i][i]
+    return np.stack(found)
 
 
 def _secant(dry: Array, bend: Array, rate: Array) -> Array:
