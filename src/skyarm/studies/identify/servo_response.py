@@ -204,9 +204,9 @@ def servo_response(
     flat = np.stack(
         [[_follow(a, b) for a, b in zip(rows.T, row, strict=True)] for rows, row in zip(flat, most, strict=True)]
     )
-    goals = _padded(flat.reshape(len(every), n, count, inner).transpose(1, 3, 0, 2), before, parts * size)
-    M = _padded((2.0 / dt) * inertia.transpose(2, 3, 0, 1), before, parts * size)
-    loads = _padded(load.transpose(2, 0, 1), before, parts * size)
+    goals = _pad(flat.reshape(len(every), n, count, inner).transpose(1, 3, 0, 2), before, parts * size)
+    M = _pad((2.0 / dt) * inertia.transpose(2, 3, 0, 1), before, parts * size)
+    loads = _pad(load.transpose(2, 0, 1), before, parts * size)
 
     def at(series: Array, k: int) -> Array:
         return series[..., k : k + (parts - 1) * size + 1 : size]
@@ -249,7 +249,7 @@ def _rows(every: Sequence[Loops], record: str, name: str) -> Array:
     return np.stack([each.row(record, name) for each in every], axis=1)[..., None]
 
 
-def _padded(rows: Array, before: int, size: int) -> Array:
+def _pad(rows: Array, before: int, size: int) -> Array:
     """Series (..., N) with its first row for some steps before, and up to some length with its last one."""
     return np.pad(rows, [*[(0, 0)] * (rows.ndim - 1), (before, size - rows.shape[-1])], mode="edge")
 
