@@ -139,6 +139,59 @@ def test_held_out_flights_are_predicted_better_than_by_the_start_vehicle_and_by_
     assert Path("found/prediction.png").read_bytes().startswith(b"\x89PNG")
 
 
+MAPPING = """
+[time]
+column = "t"
+[gyro]
+columns = ["gyro0", "gyro1", "gyro2"]
+[accelerometer]
+columns = ["accelerometer0", "accelerometer1", "accelerometer2"]
+[rotor_speed_commands]
+columns = ["rotor_speed_commands0", "rotor_speed_commands1", "rotor_speed_commands2", "rotor_speed_commands3"]
+[position]
+time = "mt"
+columns = ["position0", "position1", "position2"]
+[velocity]
+time = "mt"
+columns = ["velocity0", "velocity1", "velocity2"]
+[quaternion]
+time = "mt"
+columns = ["quaternion0", "quaternion1", "quaternion2", "quaternion3"]
+"""
+
+OFFSET, DRIFT = 0.037, 50e-6
+
+
+def test_motion_capture_of_another_clock_gives_the_numbers_of_the_aligned_log(identified, tmp_path):
+    """Its stamps are 37 ms early and drift by 50 ppm; offset, drift and intervals are said."""
+    flight = library.load_flight("swings.npz")
+    names = ("gyro", "accelerometer", "rotor_speed_commands", "position", "velocity", "quaternion")
+    time = flight["quaternion"].time
+    rows = {"t": time, "mt": (time - OFFSET + DRIFT * time.mean()) / (1.0 + DRIFT)}
+    for name in names:
+        at = np.searchsorted(flight[name].time, time + 1e-9) - 1
+        rows |= {f"{name}{k}": column[at] for k, column in enumerate(flight[name].values.T)}
+    lines = (",".join(map(repr, row)) for row in np.stack(list(rows.values()), axis=1).tolist())
+    (tmp_path / "flight.csv").write_text("\n".join([",".join(rows), *lines]))
+    (tmp_path / "columns.toml").write_text(MAPPING)
+    words = (str(tmp_path / "flight.csv"), "--vehicle", "hummingbird", "--out", str(tmp_path / "found"))
+    done = skyarm("identify", *words, *(word for each in KNOWN for word in ("--known", each)))
+    assert done.code == 0, done.err
+    assert "position, velocity, quaternion: moved to the clock of gyro: offset +3" in done.out
+    found, same = (
+        json.loads(Path(each).read_text()) for each in (tmp_path / "found/identified.json", "found/identified.json")
+    )
+    assert same["clocks"] == {}
+    clock = found["clocks"]["flight"]
+    assert clock["offset"] == pytest.approx(OFFSET, abs=2e-4)
+    assert clock["drift"] == pytest.approx(DRIFT, abs=5e-5)
+    assert min(clock["offset_error"], clock["drift_error"]) > 0.0
+    for one, other in zip(found["numbers"], same["numbers"], strict=True):
+        assert one["name"] == other["name"]
+        if other["value"] is not None:
+            assert one["value"] == pytest.approx(other["value"], abs=0.1 * (other["high"] - other["low"])), one["name"]
+
+
 def test_flights_are_identified_in_python_as_well(monkeypatch):
     given = []
     monkeypatch.setattr(identify_flights, "identify_vehicle", lambda *a, **k: given.append((a, k)) or found_with())

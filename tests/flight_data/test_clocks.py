@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from skyarm.flight_data.clocks import _inside, _Means, _robust, align, clock_offset, join_flights
+from skyarm.flight_data.clocks import _inside, _Means, _robust, align, align_poses, clock_offset, join_flights
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.raw_tables import attitude_at, turn_vectors
 
@@ -121,6 +121,32 @@ def test_aligned_streams_have_the_clock_of_the_reference_and_a_note() -> None:
     assert abs(again.offset) < 2 * again.offset_error + found.offset_error
     assert found.offset == pytest.approx(0.2, abs=1e-3)
     assert moved.notes[-1].startswith("quaternion, position, velocity: moved to the clock of gyro: offset +")
+
+
+def test_poses_move_to_the_gyro_s_clock_with_what_has_their_times() -> None:
+    given = flight(3, 0.037, 5e-5)
+    stamps, values = given["quaternion"].time, np.zeros((given["quaternion"].time.size, 2))
+    joints = Channel(time=stamps, values=values, source="")
+    moved, found = align_poses(
+        given.with_channels({"joint_positions": joints, "joint_rates": joints.section(0.0, 9.0)})
+    )
+    assert found is not None
+    assert found.offset == pytest.approx(0.037, abs=found.offset_error)
+    for name in ("position", "velocity", "quaternion", "joint_positions"):
+        np.testing.assert_array_equal(moved[name].time, found.times(stamps))
+    for name in ("gyro", "accelerometer", "joint_rates"):
+        assert moved[name].time[-1] in (
+            given[name].time[-1] if name in given else 0.0,
+            joints.section(0.0, 9.0).time[-1],
+        )
+
+
+def test_a_clock_within_its_interval_or_a_millisecond_changes_nothing() -> None:
+    for offset in (0.0, 8e-4):
+        given = flight(2, offset, noise=0.1)
+        assert align_poses(given) == (given, None)
+    quiet = FlightData(name="a", file="", channels={"gyro": flight(2)["gyro"]})
+    assert align_poses(quiet) == (quiet, None)
 
 
 def test_two_files_of_one_flight_are_join_flights() -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from rich.console import RenderableType
 
 from skyarm.cli.output import aligned_lines, heading, shown_number
+from skyarm.flight_data.clocks import ClockOffset
 from skyarm.flight_data.flight_data import FlightData
 from skyarm.records.files import printable
 from skyarm.studies.identify.data_faults import Fault
@@ -146,8 +147,19 @@ def document_of(
     known: Mapping[str, float],
     faults: Sequence[Fault],
     held_out: HeldOut | None,
+    clocks: Mapping[str, ClockOffset],
 ) -> dict[str, Any]:
-    """All numbers of an identification, for JSON; a value that the flights do not show is null."""
+    """All numbers of an identification, for JSON; a value that the flights do not show is null.
+
+    Args:
+        found: identified vehicle.
+        start: vehicle before.
+        flights: of the fit.
+        known: numbers that were not searched.
+        faults: of the flights.
+        held_out: predictions of others.
+        clocks: of each flight whose pose was moved to the gyro's clock.
+    """
     numbers = []
     for each in found.numbers:
         shown = each.is_known
@@ -166,6 +178,7 @@ def document_of(
     return {
         "start": start.name,
         "flights": [{"name": each.name, "file": each.file, "notes": each.notes} for each in flights],
+        "clocks": clocks,
         "faults": [{"severity": each.severity, "text": each.words} for each in faults],
         "seconds": found.seconds,
         "period": found.period,

@@ -25,6 +25,7 @@ from skyarm.cli.identified_report import (
 from skyarm.cli.lag_report import identify_lags
 from skyarm.cli.lines import NOT_COMPLETED, say
 from skyarm.cli.output import Advance, bar, give, json_text, plain, tell
+from skyarm.flight_data.clocks import align_poses
 from skyarm.flight_data.flight_data import FlightData, load_flight
 from skyarm.flight_data.own_log import is_own_mcap
 from skyarm.log.formats import require_readable
@@ -185,7 +186,8 @@ def _identify_vehicle(work: Work, folder: Path | None) -> None:
         if folder is not None:
             require_writable(folder)
             require_replaceable(*(folder / name for name in (VEHICLE, NUMBERS, TABLE, FIGURE)))
-        read = _read([*work.flights, *work.held_out], work.columns, advance)
+        pairs = [align_poses(each) for each in _read([*work.flights, *work.held_out], work.columns, advance)]
+        read, clocks = [each for each, _ in pairs], {each.name: found for each, found in pairs if found is not None}
         fitted, aside = read[: len(work.flights)], read[len(work.flights) :]
         advance(last="look for faults")
         parts = [_part(each, work.sections) for each in fitted]
@@ -207,11 +209,11 @@ def _identify_vehicle(work: Work, folder: Path | None) -> None:
         _report_faults(implausible, work)
         if aside:
             advance(last="predict the held-out flights")
-            pairs = list(zip(aside, unseen, strict=True))
+            parted = list(zip(aside, unseen, strict=True))
             again = stretches_of_flights(fitted, start, period=period, full_voltage=full, sections=work.sections)
             seen = list(zip(fitted, again, strict=True))
-            held_out = predict_held_out(found, start, pairs, seen=seen, known=known, gravity=work.gravity)
-        document = document_of(found, start, fitted, work.known, [*faults, *implausible], held_out)
+            held_out = predict_held_out(found, start, parted, seen=seen, known=known, gravity=work.gravity)
+        document = document_of(found, start, fitted, work.known, [*faults, *implausible], held_out, clocks)
         contents = {VEHICLE: identified_file(found, start, [Path(each.file).name for each in fitted], known).encode()}
         contents[NUMBERS] = json_text(document).encode()
         if held_out is not None:

@@ -30,6 +30,12 @@ Array: TypeAlias = npt.NDArray[np.float64]
 PAIRS = (("gyro", "quaternion"), ("accelerometer", "velocity"), ("accelerometer", "position"))
 """Reference and stream whose clocks can be compared, the best first."""
 
+POSE = ("position", "velocity", "quaternion")
+"""Channels of motion capture, on one clock."""
+
+NEGLIGIBLE = 1e-3
+"""s, by which a sample may be late."""
+
 STEP = 0.06
 """Shortest interval, s, over which the slower stream is differenced."""
 
@@ -122,6 +128,27 @@ def align(flight: FlightData, found: ClockOffset, channels: Sequence[str]) -> Fl
     moved = {name: replace(flight[name], time=found.times(flight[name].time)) for name in channels}
     words = f"{', '.join(channels)}: moved to the clock of {found.reference}: {found.words}."
     return flight.with_channels(moved, words)
+
+
+def align_poses(flight: FlightData) -> tuple[FlightData, ClockOffset | None]:
+    """Return a flight whose pose is on the gyro's clock, and its offset; the same flight if that shows none.
+
+    An offset and a drift that lie within their intervals, or move no sample by a millisecond, change nothing. Channels
+    with the very times of the attitude are of its clock, too, unless the gyro has these times as well.
+    """
+    try:
+        found = clock_offset(flight, "quaternion")
+    except ValueError:  # no attitude, or a motion that does not show its clock
+        return flight, None
+    time = flight["quaternion"].time
+    late = abs(found.offset), 0.5 * abs(found.drift) * float(np.ptp(time))
+    if (late[0] <= max(found.offset_error, NEGLIGIBLE)) and (
+        abs(found.drift) <= found.drift_error or late[1] <= NEGLIGIBLE
+    ):
+        return flight, None
+    own = not np.array_equal(time, flight["gyro"].time)
+    moved = [name for name in flight if name in POSE or (own and np.array_equal(flight[name].time, time))]
+    return align(flight, found, moved), found
 
 
 def join_flights(flight: FlightData, other: FlightData) -> FlightData:

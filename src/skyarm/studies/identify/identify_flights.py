@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 
+from skyarm.flight_data.clocks import align_poses
 from skyarm.flight_data.flight_data import FlightData
 from skyarm.studies.identify.data_faults import Fault, find_faults, implausible_numbers, require_no_refusal
 from skyarm.studies.identify.identify_vehicle import Identified, identify_vehicle
@@ -25,6 +26,8 @@ def identify_flights(
 ) -> Identified:
     """Identify the parameters of a vehicle from measured flights of :func:`skyarm.load_flight`.
 
+    Poses of another clock are moved to the gyro's (:func:`skyarm.flight_data.clocks.align_poses`).
+
     Args:
         flights: with gyro, accelerometer and rotor commands; of an arm, positions of the joints.
         start: vehicle with what is known before: data sheet, drawing, total mass.
@@ -41,6 +44,7 @@ def identify_flights(
     Raises:
         ValueError: one line: a fault of a flight, one that does not fit the vehicle, or SciPy is missing.
     """
+    flights = [align_poses(each)[0] for each in flights]
     parts = [each.section(*part) for each in flights for part in sections] if sections else flights
     _report([fault for each in parts for fault in find_faults(each, start)], despite_faults)
     cut = stretches_of_flights(flights, start, full_voltage=full_voltage, sections=sections) if flights else []
