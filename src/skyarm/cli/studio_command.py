@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from skyarm.cli.arguments import name_completion, require_left_out, require_within
+from skyarm.cli.lines import say
 from skyarm.cli.output import tell
-from skyarm.records.files import require_writable
+from skyarm.records.files import one_line, require_writable
 from skyarm.view.studio.server import (
     Guard,
     StudioError,
@@ -102,6 +103,7 @@ def _replay(flight: str, vehicle: str, horizon: float, delay: float | None, colu
     """Read a flight and a vehicle, with what was identified together with it, and predict the flight."""
     from skyarm.cli.identified_report import NUMBERS
     from skyarm.flight_data.flight_data import load_flight
+    from skyarm.studies.identify.data_faults import find_faults
     from skyarm.studies.identify.identified_file import read_surroundings
     from skyarm.studies.identify.motion_model import Surroundings
     from skyarm.studies.identify.open_loop_motion import OpenLoopFlight
@@ -121,7 +123,12 @@ def _replay(flight: str, vehicle: str, horizon: float, delay: float | None, colu
         about = dataclasses.replace(about, delay=delay)
     gravity = float(flown.facts.get("gravity", 9.81))
     predicted = OpenLoopFlight(flown, model, about, gravity=gravity, full_voltage=full)
-    return Replay(flown.name, model, predicted.measured, predicted.over, horizon)
+    faults = [f"{each.channel}: {each.finding}" for each in find_faults(flown, model)]
+    count = f"{len(faults)} fault{'s' if len(faults) > 1 else ''}"
+    warning = one_line(f"{flown.name}: {count}: {'; '.join(faults)}") if faults else ""
+    if warning:
+        say(f"warning: {warning}")
+    return Replay(flown.name, model, predicted.measured, predicted.over, horizon, warning)
 
 
 def _serve(port: int, no_browser: bool, title: str, prepare: Callable[[], Callable[[Any], PageLoop]]) -> None:

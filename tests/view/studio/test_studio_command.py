@@ -2,6 +2,7 @@
 
 import http.client
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -13,6 +14,7 @@ import pytest
 
 import skyarm
 from commanded import skyarm as typed
+from skyarm.cli.studio_command import _replay
 from skyarm.view.studio.fleet import open_fleet
 
 FLIGHTS = Path(__file__).resolve().parents[2] / "data" / "flights"
@@ -61,6 +63,14 @@ def test_what_cannot_be_replayed_is_one_line() -> None:
     crazyflie = str(FLIGHTS / "crazyflie" / "log15_from_20_to_23_s")
     line = refused(crazyflie, "--vehicle", "crazyflie_arm1", "--port", "0")
     assert "log15_from_20_to_23_s: must hold position and quaternion and joint_positions; there is" in line
+
+
+def test_the_faults_of_a_replayed_flight_are_said_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    trefoil = str(next((FLIGHTS / "nanobench").glob("*.csv")))
+    shown = _replay(trefoil, "hummingbird", 1.0, None, None)
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line == f"skyarm: warning: {shown.warning}"
+    assert re.search(r"^B9_trefoil\S+: 1 fault: rotor commands: do not turn vehicle 'hummingbird'", shown.warning)
 
 
 @pytest.mark.parametrize(

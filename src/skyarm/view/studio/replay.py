@@ -72,6 +72,7 @@ class Replay(Clock):
         measured: motion of the flight, at least RATE's period long.
         predict: the model's motion over any horizon.
         horizon: s, first one.
+        warning: faults of the flight in words; empty without any.
 
     Attributes:
         predict: as given.
@@ -80,9 +81,11 @@ class Replay(Clock):
         age: (steps,) s since the model was set back to the measured state.
     """
 
-    def __init__(self, title: str, vehicle: Vehicle, measured: Motion, predict: Predict, horizon: float) -> None:
+    def __init__(
+        self, title: str, vehicle: Vehicle, measured: Motion, predict: Predict, horizon: float, warning: str = ""
+    ) -> None:
         super().__init__()
-        self.title, self.vehicle, self.predict = title, vehicle, predict
+        self.title, self.vehicle, self.predict, self.warning = title, vehicle, predict, warning
         start, end = float(measured.time[0]), float(measured.time[-1])
         # the last one may lie a rounding error behind the end
         self._times = np.minimum(start + np.arange(int((end - start) * RATE + 1e-6) + 1) / RATE, end)

@@ -155,6 +155,7 @@ class ReplayPage(PageLoop):
             "Grey: measured. Blue: model under the recorded commands. An open loop drifts: it is set back to the "
             f"measured state every {replay.horizon:g} s.",
             *(["Predicting ..."] if self._predicting else []),
+            *([f"**Warning:** {literal(replay.warning)}"] if replay.warning else []),
         ]
         return "\n\n".join([*lines, *([literal(self._words)] if self._words else [])])
 
