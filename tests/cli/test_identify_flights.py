@@ -208,6 +208,21 @@ def test_flights_are_identified_in_python_as_well(monkeypatch):
         library.identify_flights([blind], START, despite_faults=True)
 
 
+def test_a_simulated_flight_without_an_inertial_unit_says_which_sensor_to_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text = 'schema = 1\nname = "fly"\nduration = 0.1\n[plant]\nvehicle = "hummingbird"\n[controller]\n'
+    text += 'preset = "rotors_sim_hummingbird"\n[reference]\nbase = { kind = "hover", position = [0.0, 0.0, 1.0] }\n'
+    Path("fly.toml").write_text(text)
+    assert skyarm("run", "fly.toml", "--log", "fly.npz").code == 0
+    named = '[sensors] imu = { kind = "imu" }'
+    done = skyarm("identify", "fly.npz", "--vehicle", "hummingbird")
+    refused(done, "fly.npz: accelerometer: is not in this flight; name an inertial unit in the scenario", named)
+    table, _, row = named.partition(" ")
+    Path("measured.toml").write_text(f"{text}{table}\n{row}\n")
+    assert skyarm("run", "measured.toml", "--log", "measured.npz").code == 0
+    assert "accelerometer" in library.load_flight("measured.npz")
+
+
 def number(name, value, **more):
     return IdentifiedNumber(
         name=name, unit="m", **{"low": 0.9, "high": 1.1, "start": 2.0, "data_share": 0.9} | more, value=value

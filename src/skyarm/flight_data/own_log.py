@@ -48,6 +48,9 @@ COMMANDED: Mapping[str, str] = {"rotor_speed_commands": "rotor_commands", "rotor
 POSITION = "rad or m"
 """Unit of the setpoint of a drive that takes a position."""
 
+SIMULATED = "simulated"
+"""Fact ``vehicle`` of such a flight."""
+
 TAIL = 1 << 16
 """Bytes at the end of an MCAP file that hold its index."""
 
@@ -105,7 +108,7 @@ def measured_flight(log: Log, path: Path) -> FlightData:
     true = [quantity for quantity in TRUE if quantity in found and quantity not in read]
     if true:
         notes.append(f"{', '.join(true)}: are true values, as no sensor of the flight reads them.")
-    facts: dict[str, str | float] = {"vehicle": "simulated"}
+    facts: dict[str, str | float] = {"vehicle": SIMULATED}
     facts |= {key: str(log.info[key]) for key in ("scenario", "status", "digest") if key in log.info}
     given = {
         "gravity": log.info.get("plant_gravity"),

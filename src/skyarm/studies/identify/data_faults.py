@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.flight_data.flight_data import Channel, FlightData
+from skyarm.flight_data.own_log import SIMULATED
 from skyarm.flight_data.quantities import GRAVITY, QUANTITIES
 from skyarm.records.files.messages import one_line
 from skyarm.studies.identify.fault_isolation import incompatible_channels
@@ -59,6 +60,9 @@ Found: TypeAlias = tuple[str, str, str, str]
 
 NEEDED = ("gyro", "accelerometer")
 """Channels without which nothing is identified, beside the rotors' commands."""
+
+NAME_IMU = 'name an inertial unit in the scenario ([sensors] imu = { kind = "imu" }) and fly it again'
+"""Remedy for a simulated flight, which has true rates and no forces."""
 
 SENSORS = ("gyro", "accelerometer", "quaternion", "position", "velocity", "rotor_speeds", "joint_positions")
 """Channels whose noise or motion never repeats a row for long."""
@@ -194,7 +198,8 @@ def _missing(flight: FlightData, start: Vehicle) -> Iterator[Found]:
     told = [name for name in ("rotor_speed_commands", "rotor_commands") if name in flight]
     for name in NEEDED:
         if name not in flight:
-            yield REFUSED, name, "is not in this flight", "log it, or map its columns"
+            simulated = flight.facts.get("vehicle") == SIMULATED
+            yield REFUSED, name, "is not in this flight", NAME_IMU if simulated else "log it, or map its columns"
     if not told:
         yield REFUSED, "rotor_commands", "are not in this flight", "log them, or map their columns"
     rotors, joints = len(start.rotors), start.n
