@@ -23,6 +23,7 @@ from skyarm.studies.assess.endurance import aloft_for, time_aloft
 from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding, worst_level
 from skyarm.studies.assess.joints import arm_workspace, joint_torques
 from skyarm.studies.assess.layout import disc_loading, rotor_layout
+from skyarm.studies.assess.pressing_flights import pressing_flights
 from skyarm.studies.assess.push_limits import push_limits
 from skyarm.studies.assess.thrust import largest_payload, largest_side_force, thrust_margin, torque_authority
 from skyarm.studies.stability.hover_delay import hover_delay_if_known
@@ -163,7 +164,7 @@ def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = PO
     aloft = aloft_for(about.vehicle, about.gravity, scenario.duration)
     findings = (*about.findings, *warnings_of_scenario(scenario), *aloft, *along)
     if worst_level(findings) != FAULT:  # what cannot fly has no loop to ask about
-        findings = (*findings, *delay_margin(scenario))
+        findings = (*findings, *delay_margin(scenario), *pressing_flights(scenario))
     return Assessment(scenario.name, about.vehicle, about.gravity, payload, poses, findings)
 
 

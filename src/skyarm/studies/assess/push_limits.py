@@ -31,14 +31,18 @@ def push_limits(scenario: Scenario) -> list[Finding]:
     The base is taken as level; friction along the surface is left out at the joints, and at the rotors it is that of
     the roughest surface, in the direction along the surface in which it turns the vehicle most.
     """
+    at = largest_push(scenario)
+    return [] if at is None else [*_law(scenario), *_joints(scenario, at), *_yaw(scenario, at)]
+
+
+def largest_push(scenario: Scenario) -> Reference | None:
+    """Reference at the instant of its largest contact force; None if it commands none, or the vehicle has no arm."""
     vehicle, push = scenario.plant.vehicle, scenario.reference.push
     if push is None or not vehicle.n or not vehicle.end_effector:
-        return []
+        return None
     times = np.linspace(0.0, scenario.duration, INSTANTS, endpoint=False)
     at = max((scenario.reference.at(float(t)) for t in times), key=lambda reference: float(reference.push[0]))
-    if not float(at.push[0]) > 0.0:
-        return []  # nothing is pushed at any time
-    return [*_law(scenario), *_joints(scenario, at), *_yaw(scenario, at)]
+    return at if float(at.push[0]) > 0.0 else None
 
 
 def _law(scenario: Scenario) -> list[Finding]:
@@ -49,7 +53,7 @@ def _law(scenario: Scenario) -> list[Finding]:
     return [Finding("pressing", WARNING, text, "controller", remedy)]
 
 
-def _force(at: Reference) -> Array:
+def push_on_level_base(at: Reference) -> Array:
     """Contact force of the surface on the tip, N, axes of the level base."""
     force, _, *normal = (float(c) for c in at.push[:5])
     x, y, z = normal
@@ -93,7 +97,7 @@ def yaw_torques(scenario: Scenario, joints: tuple[float, ...], push: Array) -> t
 
 def _joints(scenario: Scenario, at: Reference) -> list[Finding]:
     vehicle, joints = scenario.plant.vehicle, tuple(float(q) for q in at.joints)
-    efforts, limits = pushing_efforts(scenario, joints, _force(at)), effort_limits(vehicle)
+    efforts, limits = pushing_efforts(scenario, joints, push_on_level_base(at)), effort_limits(vehicle)
     shares = np.abs(efforts) / limits
     i = int(np.argmax(shares))
     share, name = float(shares[i]), vehicle.links[i].joint.name
@@ -109,7 +113,7 @@ def _yaw(scenario: Scenario, at: Reference) -> list[Finding]:
     joints = tuple(float(q) for q in at.joints)
     if not frictions:
         return []
-    room, (pushing, sliding) = yaw_room(scenario, joints), yaw_torques(scenario, joints, _force(at))
+    room, (pushing, sliding) = yaw_room(scenario, joints), yaw_torques(scenario, joints, push_on_level_base(at))
     torque = pushing + max(frictions) * sliding
     text = f"pushing and sliding take {torque:.3g} of {room:.3g} N m of yaw torque at friction {max(frictions):g}"
     remedy = "slide across the lever as little as can be, less force, a shorter reach, or stronger yaw"

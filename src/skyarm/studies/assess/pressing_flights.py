@@ -1,0 +1,165 @@
+"""Check of a commanded contact force by flights: which force the closed loop holds, and why not more.
+
+Statics say what joints and rotors bear (:mod:`skyarm.studies.assess.push_limits`), not whether the loop presses: the
+recoil of the base may stretch the arm, and a tip of much inertia bounces. The scenario is therefore flown with shares
+of its force, each with several noises, in one batch.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+
+from skyarm.algebra import Mat3
+from skyarm.compile.machine_code import NoMachineCodeError
+from skyarm.control.controller import ControllerError, part_of, presses
+from skyarm.dynamics import mass_matrix
+from skyarm.dynamics.kinematics import frame_pose, jacobian_columns, link_poses
+from skyarm.plant.largest_step import divisions
+from skyarm.reference.trajectory import Reference
+from skyarm.scenario.numbers import number_at
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.simulate.batch import Batch
+from skyarm.studies.assess.arm_poses import Array
+from skyarm.studies.assess.finding import FAULT, NOTE, OK, Finding
+from skyarm.studies.assess.push_limits import FORCE, HALF, largest_push, push_on_level_base, yaw_room, yaw_torques
+from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.vehicle_records import Vehicle
+
+QUESTION, STEPS = "force in flight", "steps of the contact"
+
+SHARES, NOISES = (0.25, 0.5, 0.75, 1.0), 8
+"""Of the commanded force, and noises of each."""
+
+ALLOWED = 0.05
+"""Share of the commanded force that the mean of its error over a flight may be."""
+
+SLUGGISH = 5.0
+"""m/s^2 of the tip under the force below which a bounce takes tenths of a second."""
+
+VALUE = "reference.push.force.value"
+
+
+def pressing_flights(scenario: Scenario) -> list[Finding]:
+    """Check result for a constant contact force in flights; empty without one, or by a law without force control."""
+    at = largest_push(scenario)
+    if at is None or not scenario.worlds or not presses(scenario.controller.par) or not has_number(scenario, VALUE):
+        return []
+    force, unresolved = float(at.push[0]), contact_steps(scenario, at)
+    if unresolved:
+        return unresolved
+    try:
+        mean, status = fly_shares(scenario, force)
+    except (ScenarioError, ControllerError, NoMachineCodeError) as error:
+        return [Finding(QUESTION, NOTE, f"not known: {error}")]
+    ended, off = status != "completed", np.abs(mean) / (np.array(SHARES)[:, None] * force)
+    whole = off[-1][~ended[-1]]
+    if not ended[-1].any() and not np.isfinite(whole).any():
+        return []  # too short a push for a mean, or one that meets nothing
+    fails = ended.any(axis=1) | (np.nan_to_num(off, nan=np.inf).mean(axis=1) > ALLOWED)
+    worst = float(np.nanmean(whole)) if np.isfinite(whole).any() else math.inf
+    said = f"{force:.3g} N are held in no flight of {NOISES}"
+    if math.isfinite(worst):
+        said = f"{force:.3g} N are {100.0 * worst:.2g} % off in flights with {NOISES} noises"
+    said += f", of which {int(ended[-1].sum())} end early" if ended[-1].any() else ""
+    if not fails[-1]:
+        return [Finding(QUESTION, OK, said, FORCE, "", 100.0 * worst, 100.0 * ALLOWED, "%")]
+    held = [share * force for share, failing in zip(SHARES, fails, strict=True) if not failing]
+    cause, remedy = cause_of(scenario, at)
+    said = f"{said}: {cause}; " + (f"{max(held):.3g} N are held" if held else "nor is a quarter of it")
+    return [Finding(QUESTION, FAULT, said, FORCE, remedy, 100.0 * worst, 100.0 * ALLOWED, "%", at.joints)]
+
+
+def has_number(scenario: Scenario, path: str) -> bool:
+    """True if a scenario has a number at a path."""
+    try:
+        number_at(scenario, path)
+    except ScenarioError:
+        return False
+    return True
+
+
+def contact_steps(scenario: Scenario, at: Reference) -> list[Finding]:
+    """Fault if the steps of the contact are too long for the inertia of the tip; else empty.
+
+    Stoermer-Verlet steps h are stable up to h sqrt(k / m) = 2; Hairer, Lubich, Wanner 2003.
+    """
+    (contact,), vehicle, period = scenario.worlds, scenario.plant.vehicle, 1.0 / scenario.rates.control
+    joints, push = tuple(float(q) for q in at.joints), push_on_level_base(at)
+    mass, step = tip_mass(vehicle, joints, push / np.linalg.norm(push)), float(contact.largest_verlet_step or 0.0)
+    hardest = max((float(each.material.stiffness) for each in contact.surfaces), default=0.0)
+    phase = period / divisions(period, step) * math.sqrt(hardest / mass) if step else 0.0
+    if phase < 2.0:
+        return []
+    text = f"the tip, {1e3 * mass:.2g} g along the normal, is too light for the steps of a contact of {hardest:.3g} N/m"
+    remedy = f"material.stiffness of at most {hardest / phase**2:.2g} N/m"
+    return [Finding(STEPS, FAULT, text, "world.surfaces", remedy, phase, 2.0, "", at.joints)]
+
+
+def fly_shares(scenario: Scenario, force: float) -> tuple[Array, Array]:
+    """Mean error of the force (N) and status of flights with each share of the force and each noise: (shares, noises).
+
+    Args:
+        scenario: a constant force, no changes of it in flight.
+        force: N, commanded.
+
+    Raises:
+        ScenarioError: a force that is no constant, or a plant that no batch flies: one line.
+    """
+    batch = Batch(scenario, (VALUE,), metrics=("contact",), effort=0)
+    forces, episodes = np.repeat(np.array(SHARES) * force, NOISES), np.tile(np.arange(NOISES), len(SHARES))
+    flown = batch.fly({VALUE: forces}, seed=scenario.seed, episodes=episodes)
+    shape = (len(SHARES), NOISES)
+    return np.reshape(flown.metrics["contact_error_mean"], shape), np.reshape(flown.status, shape)
+
+
+def cause_of(scenario: Scenario, at: Reference) -> tuple[str, str]:
+    """Likeliest cause of a force that is not held, and a remedy: yaw torque, reach of the arm, inertia of the tip."""
+    vehicle, joints = scenario.plant.vehicle, tuple(float(q) for q in at.joints)
+    push, force = push_on_level_base(at), float(at.push[0])
+    room, (turning, _) = yaw_room(scenario, joints), yaw_torques(scenario, joints, push)
+    if turning > HALF * room:
+        text = f"the push beside the middle takes {turning:.3g} of {room:.3g} N m of yaw torque"
+        return text, "a pose with the tip ahead of the middle"
+    left, recoil = reach_left(vehicle, joints), base_recoil(scenario, force)
+    if recoil > 0.5 * left:
+        text = (
+            f"the base recoils by about {1e3 * recoil:.2g} mm, and the arm is {1e3 * left:.2g} mm from its full length"
+        )
+        return text, "a pose with the arm more bent, or less force"
+    mass = tip_mass(vehicle, joints, push / force)
+    if force < SLUGGISH * mass:
+        text = f"the tip weighs {mass:.2g} kg along the normal and bounces"
+        return text, "more force, a slower approach, or a pose in which gears move the tip less"
+    return "no single cause in statics", "less force, another pose; skyarm plot --kind contact shows the force"
+
+
+def base_recoil(scenario: Scenario, force: float) -> float:
+    """Distance (m) that the base is pushed back while the force comes on, before it leans against it."""
+    rise = float(part_of(scenario.controller.par, "interaction").rise)
+    return 0.5 * rise * rise * force / float(scenario.plant.vehicle.mass)
+
+
+def reach_left(vehicle: Vehicle, joints: tuple[float, ...]) -> float:
+    """Distance (m) between the length of the arm as it stands, from the first joint to the tip, and its full length."""
+    poses, index = link_poses(vehicle, joints), vehicle.frame().link
+    places = [frame_pose(vehicle, vehicle.frame(), joints).p]
+    while index != BASE:
+        places.append(poses[index].p)
+        index = vehicle.moving[index].parent
+    lengths = [float((b - a).norm()) for a, b in itertools.pairwise(places)]
+    return sum(lengths) - float((places[-1] - places[0]).norm())
+
+
+def tip_mass(vehicle: Vehicle, joints: tuple[float, ...], normal: Array) -> float:
+    """Inertia of the tip along a direction, kg: 1 / (n J M^-1 J^T n) of the free vehicle.
+
+    Source: Khatib 1987, operational space.
+    """
+    M = np.array(mass_matrix(vehicle, Mat3.identity(), joints), dtype=float)
+    tip = np.array([float(c) for c in frame_pose(vehicle, vehicle.frame(), joints).p])
+    arm = [normal @ [float(c) for c in each.linear] for each in jacobian_columns(vehicle, vehicle.frame(), joints)]
+    row = np.array([*normal, *np.cross(tip, normal), *arm])
+    return float(1.0 / (row @ np.linalg.solve(M, row)))
