@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-import numpy.typing as npt
 import typer
 from rich.console import RenderableType
 
@@ -29,6 +28,7 @@ from skyarm.log.metrics.path_distance import path_distance
 from skyarm.log.metrics.windows import Windows, windows_of
 from skyarm.log.periods import ContactPeriod, timed_out
 from skyarm.log.sensor_data import COMPONENTS
+from skyarm.records.arrays import Array
 from skyarm.records.files import (
     output_file,
     printable,
@@ -46,8 +46,6 @@ from skyarm.simulate.loop import run_until_interrupted
 
 if TYPE_CHECKING:
     from skyarm.links.ros.live_flight import LiveFlight
-
-Array = npt.NDArray[np.float64]
 
 Preparing = Callable[[float, float], None]
 """(seconds, most): simulated, of a take-off."""

@@ -18,6 +18,7 @@ from skyarm.algebra import Force, Mat3, Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar, add
 from skyarm.dynamics.kinematics import IDENTITY, Pose, frame_pose, jacobian_columns
 from skyarm.dynamics.state import State, coordinate_acceleration, proper_acceleration
+from skyarm.records.arrays import Array
 from skyarm.records.files import shown
 from skyarm.vehicle.check import refuse
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -158,7 +159,6 @@ def momentum(
     return stack_leaves([*found.linear, *found.angular], lead)
 
 
-Array = npt.NDArray[np.float64]
 ArrayLike = npt.ArrayLike
 
 QUATERNION_TOLERANCE = 1e-6

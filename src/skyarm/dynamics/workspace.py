@@ -7,15 +7,13 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra import E_Z, ZERO3, Motion
 from skyarm.dynamics.kinematics import Pose, link_poses
 from skyarm.dynamics.newton_euler import inverse_dynamics
+from skyarm.records.arrays import Array
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
-
-Array = npt.NDArray[np.float64]
 
 Quantities = Callable[[Array], list[Any]]
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra.scalars.philox import uniforms
 from skyarm.compile import trace
@@ -16,6 +15,7 @@ from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.dynamics import State
 from skyarm.envs.env_program import EnvProgram
 from skyarm.envs.env_task import Task
+from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.files import shown
 from skyarm.records.leaves import rebuild
 from skyarm.scenario.numbers import with_numbers
@@ -23,8 +23,6 @@ from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.check_endings import endings_of
 from skyarm.simulate.draws import draw_plan, start_draws
 from skyarm.simulate.lane_numbers import checked_array
-
-Array = npt.NDArray[Any]
 
 AHEAD = 8192
 """Episodes of all lanes together that are made at a time: NumPy then takes about a microsecond for each."""

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra.scalars.philox import uniforms
+from skyarm.records.arrays import Array
 from skyarm.records.files import shown
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
@@ -18,8 +18,6 @@ from skyarm.simulate.lane_numbers import LaneRules, require_draws, require_paths
 from skyarm.studies.sweep.design import FIRST_CHANNEL
 from skyarm.studies.sweep.distributions import Distribution, Values, distribution_from
 from skyarm.studies.sweep.plan import fastest_plant
-
-Array = npt.NDArray[Any]
 
 EDGE = 2.0**-53
 """The smallest uniform number that is ever drawn; one minus it is the largest."""

@@ -8,19 +8,17 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.envs.env_lanes import EnvLanes
 from skyarm.envs.env_task import make_task, require_open, seed_of
 from skyarm.envs.vector_environment import spaces
+from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.files import shown
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.check_endings import find_ending
 from skyarm.simulate.lane_numbers import checked_array
 from skyarm.simulate.loop_state import LoopState
-
-Array = npt.NDArray[Any]
 
 RENDER_MODES = ("rgb_array",)
 

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
@@ -14,11 +13,10 @@ from gymnasium.vector.utils import batch_space
 from skyarm.envs.env_lanes import EnvLanes
 from skyarm.envs.env_program import LARGEST
 from skyarm.envs.env_task import KEYS, Task, make_task, require_open, seed_of, seeds_of
+from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.lane_numbers import lane_mask, require_count
-
-Array = npt.NDArray[Any]
 
 
 class VectorEnvironment(VectorEnv[Array, Array, Array]):

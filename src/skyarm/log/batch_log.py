@@ -7,18 +7,16 @@ from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra.scalars import Scalar
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.log.sensor_data import ESTIMATE
+from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, mismatch, rebuild
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
-
-Array = npt.NDArray[Any]
 
 
 @immutable

@@ -10,16 +10,14 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra import Quaternion
 from skyarm.algebra.quaternion import euler_angles
 from skyarm.dynamics.state import State
 from skyarm.log.sensor_data import COMPONENTS, ESTIMATE, sources_of
+from skyarm.records.arrays import Array
 from skyarm.records.leaves import parts
 from skyarm.records.units import Unit, units
-
-Array = npt.NDArray[np.float64]
 
 PICTURES = "skyarm.view.figures.flight_plot"
 """Where a log's pictures are drawn: a room above this one, imported when a picture is asked for and by name only."""

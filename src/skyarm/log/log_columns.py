@@ -12,20 +12,16 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any, Protocol
 
-import numpy as np
-import numpy.typing as npt
-
 from skyarm.dynamics.actuators.drive import TorqueDrive
 from skyarm.log.flight_log import Log
 from skyarm.log.flown_scenario import restore_written, restored_part, written_part
 from skyarm.log.sensor_data import COMPONENTS, sources_of
+from skyarm.records.arrays import Array
 from skyarm.records.files.names import distinct
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit, units
 from skyarm.vehicle.linkage import Link
 from skyarm.vehicle.vehicle_records import Rotor
-
-Array = npt.NDArray[np.float64]
 
 COLUMNS: dict[str, tuple[str, str]] = {
     "joints": ("joint", "joints"),

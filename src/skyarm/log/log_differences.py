@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import columns
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
-
-Array = npt.NDArray[np.float64]
 
 
 @immutable

@@ -12,14 +12,12 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import is_record, parts, walk
 from skyarm.records.units import Unit, units
-
-Array = npt.NDArray[np.float64]
 
 READINGS, ESTIMATE = "readings", "estimate"
 

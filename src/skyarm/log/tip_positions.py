@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.dynamics.array_front import frame_pose_world
+from skyarm.records.arrays import Array
 from skyarm.vehicle.vehicle_records import Vehicle
-
-Array = npt.NDArray[np.float64]
 
 
 def tip(vehicle: Vehicle, position: Array, quaternion: Array, joints: Array) -> Array:

@@ -15,11 +15,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.records.arrays import Array
 from skyarm.records.files import read_toml
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_file import LIBRARY
-
-Array = npt.NDArray[np.float64]
 
 Tables = Mapping[str, Any]
 

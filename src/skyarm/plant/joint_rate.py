@@ -9,8 +9,9 @@ import math
 
 import numpy as np
 
-from skyarm.dynamics.array_front import Array, mass_matrix
+from skyarm.dynamics.array_front import mass_matrix
 from skyarm.plant.largest_step import FRICTION_STEP
+from skyarm.records.arrays import Array
 from skyarm.records.coerce import concrete
 from skyarm.records.leaves import leaves
 from skyarm.vehicle.check import VehicleError

@@ -17,7 +17,6 @@ from typing import Any
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.plant.interface import Flat, number
@@ -145,6 +144,3 @@ def _numbers(around: Surroundings) -> tuple[Any, ...]:
     for load, memory in rigid_loads(around):
         found += [load.mass * memory.held, *(each * memory.held for each in load.inertia), memory.caught]
     return tuple(number(value) for value in (*found, *stuck_of(around)))
-
-
-Array = npt.NDArray[np.float64]

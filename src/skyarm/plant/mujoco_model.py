@@ -7,9 +7,9 @@ from typing import Any
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra import Mat3, Vec3
+from skyarm.records.arrays import Array
 from skyarm.vehicle.linkage import BASE, Body, Joint
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.scene.vehicle_shapes import vehicle_shapes
@@ -20,8 +20,6 @@ INTEGRATORS = {
     "rk4_staged": mujoco.mjtIntegrator.mjINT_RK4,
 }
 """MuJoCo's own of each of ours; in "rk4_staged" MuJoCo only tells accelerations."""
-
-Array = npt.NDArray[np.float64]
 
 BASE_NAME = "base"
 """Body and free joint of the airframe; a link may have any name of its own."""

@@ -7,10 +7,10 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.dynamics.array_front import frame_jacobian
 from skyarm.dynamics.workspace import reach
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.reference.task_records import Setting
 from skyarm.reference.tip_motion import Arm
@@ -18,8 +18,6 @@ from skyarm.reference.tip_plan import MARGIN
 from skyarm.reference.trajectory import Trajectory
 from skyarm.reference.waypoints import FlightLimits, peaks
 from skyarm.vehicle.vehicle_records import Vehicle
-
-Array = npt.NDArray[Any]
 
 LOOKS = 50.0
 """Hz at which a plan is looked at."""

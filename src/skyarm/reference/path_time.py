@@ -14,7 +14,6 @@ from collections.abc import Sequence
 from typing import Annotated, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, add, mul, where
@@ -25,8 +24,6 @@ from skyarm.records.units import Unit
 from skyarm.reference.signals import Derivatives
 from skyarm.reference.splines import CARDINAL, ORDERS, minimum_snap
 from skyarm.reference.trajectory import JOINTS, VECTORS, Reference, Trajectory
-
-Array = npt.NDArray[Any]
 
 PLANNED = "must stay as it is where the reference has a governor, which has planned for it"
 """What is allowed of a number of a reference whose time is planned."""

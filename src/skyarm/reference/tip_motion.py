@@ -20,12 +20,12 @@ from dataclasses import field
 from typing import Annotated, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar, cos, data, divide, logical_and, logical_or, sin, sqrt, where
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.dynamics.kinematics import joint_placement
+from skyarm.records.arrays import Array
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
@@ -34,8 +34,6 @@ from skyarm.records.units import Unit
 from skyarm.reference.signals import Constant, Signal
 from skyarm.vehicle.linkage import BASE, Joint
 from skyarm.vehicle.vehicle_records import Vehicle
-
-Array = npt.NDArray[np.float64]
 
 ORDER = 4
 """Derivatives of a reference."""

@@ -12,11 +12,11 @@ from dataclasses import replace
 from typing import Annotated, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar
 from skyarm.records import coerce
+from skyarm.records.arrays import Array
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import parts
@@ -266,8 +266,6 @@ class Publisher:
         """Time (s) at which the currently held reference sample was taken."""
         return self.held_tick(tick) / self.control_rate
 
-
-Array = npt.NDArray[Any]
 
 PASSED = 1e-6
 """s of the reference beyond a phase's end from which on the phase is done: at its end the reference may wait."""

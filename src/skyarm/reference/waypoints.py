@@ -28,16 +28,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from skyarm.records.arrays import Array
 from skyarm.records.files import Fields, number, shown, unreadable
 from skyarm.records.immutable import immutable
 from skyarm.reference.signals import Signal
 from skyarm.reference.splines import Polynomials, minimum_snap, snap_cost
 from skyarm.reference.task_records import Setting
 from skyarm.reference.trajectory import Trajectory
-
-Array = npt.NDArray[np.float64]
 
 Points = Sequence[tuple[float, float, float]]
 

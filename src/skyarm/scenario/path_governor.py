@@ -22,6 +22,7 @@ from skyarm.dynamics import frame_pose
 from skyarm.dynamics.actuators import make_mixer
 from skyarm.dynamics.actuators.motion_demand import Demand, Motion, attitude, demand_of_motion, motion_of
 from skyarm.dynamics.actuators.servo import Servo
+from skyarm.records.arrays import Array
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import Fields, shown
 from skyarm.records.immutable import immutable
@@ -32,7 +33,7 @@ from skyarm.reference.path_time import by_flight_time
 from skyarm.reference.signals import Derivatives
 from skyarm.reference.task_records import Setting, TaskEvent
 from skyarm.reference.trajectory import Reference, Trajectory
-from skyarm.scenario.path_plan import Array, Ceilings, Judge, Plan, plan
+from skyarm.scenario.path_plan import Ceilings, Judge, Plan, plan
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 
 JUMP = 1e-9

@@ -13,17 +13,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.dynamics.actuators.motion_demand import Motion
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.reference.path_time import PathTime
 from skyarm.reference.signals import Derivatives
-
-Array = npt.NDArray[Any]
 
 STEP = 0.2
 """s between control points of the reference's time: its rate follows a change within three of them."""

@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 
 from skyarm.control.law_estimates import found_by_law
-from skyarm.log.flight_log import IF_ANY, Array, Log, log_of_arrays
+from skyarm.log.flight_log import IF_ANY, Log, log_of_arrays
 from skyarm.log.metrics.windows import Windows
 from skyarm.log.periods import waits_of
 from skyarm.log.sensor_data import COMPONENTS, DESCRIPTION, ESTIMATE, READINGS, Field, Source, fields_of
 from skyarm.log.tip_positions import level_tip, tip
+from skyarm.records.arrays import Array
 from skyarm.records.files import versions
 from skyarm.records.identity import log_digest, own_files
 from skyarm.records.immutable import immutable

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.compile.llvm.kernel import host_width
 from skyarm.compile.llvm.llvm_text import Lanes
@@ -15,6 +14,7 @@ from skyarm.log.batch_log import BatchLog, batch_log
 from skyarm.log.metrics.metric_catalogue import metric_names, required_totals
 from skyarm.log.metrics.metric_catalogue import values as metric_values
 from skyarm.log.metrics.windows import Windows
+from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.scenario.in_flight import require_changes, stretches
@@ -33,8 +33,6 @@ from skyarm.simulate.lane_numbers import (
 )
 from skyarm.simulate.loop_state import LoopState
 from skyarm.simulate.user_code import require_shapes
-
-Array = npt.NDArray[Any]
 
 
 @immutable(kw_only=False)

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra.scalars import Scalar, logical_and, where
 from skyarm.compile import trace
@@ -19,6 +18,7 @@ from skyarm.compile.tracing.tracer import Node
 from skyarm.log.batch_log import Logged
 from skyarm.log.metrics.accumulate import Goal, Instant, Total, advance_totals, first_totals
 from skyarm.log.sensor_data import ESTIMATE, READINGS
+from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.reference import Reference
 from skyarm.scenario.in_flight import Overrides, overrides_at, sources
@@ -35,8 +35,6 @@ from skyarm.simulate.plant_steps import RigidBodySteps, Substeps
 from skyarm.simulate.reference_clock import clock_of_change, is_other_reference
 from skyarm.simulate.stages import Stages
 from skyarm.simulate.tip_and_goal import goal_of, tool_of
-
-Array = npt.NDArray[Any]
 
 
 class Feed:

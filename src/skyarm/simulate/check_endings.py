@@ -6,21 +6,19 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, logical_and
 from skyarm.control.law_estimates import observed_push
 from skyarm.dynamics import State
 from skyarm.dynamics.state import example_state
+from skyarm.records.arrays import AnyArray, Array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import rebuild
 from skyarm.reference.trajectory import failure_words
 from skyarm.scenario.endings import BUILT_IN, PHASE_FAILED, Ending, not_finite
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario
-
-Array = npt.NDArray[Any]
 
 SLACK = 1e-5
 """m, rad or 1: how far inside a limit a lane may be that machine code, which rounds otherwise, found outside."""
@@ -100,7 +98,7 @@ def statuses(
     state: State,
     goals: Array,
     ended: Array,
-    failed: Array | None = None,
+    failed: AnyArray | None = None,
 ) -> Array:
     """Termination status of each flight of a batch, from its final state.
 

@@ -14,7 +14,6 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra.scalars import Scalar
 from skyarm.algebra.scalars.philox import uniforms
@@ -27,6 +26,7 @@ from skyarm.control.law_estimates import PushAlone
 from skyarm.dynamics import State
 from skyarm.plant.interface import make_plant
 from skyarm.plant.largest_step import STATED
+from skyarm.records.arrays import Array
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_record import Scenario
@@ -50,8 +50,6 @@ from skyarm.simulate.plant_steps import (
 from skyarm.simulate.reference_clock import clock_of_change
 from skyarm.simulate.stages import Stages
 from skyarm.simulate.user_code import require_shapes
-
-Array = npt.NDArray[np.float64]
 
 SHORT = 500_000_000
 """Operations up to which an episode ends sooner in code that is made in a hurry: 150 000 periods of a quadrotor with a

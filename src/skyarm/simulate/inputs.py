@@ -9,19 +9,17 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra.scalars import Scalar
 from skyarm.compile import Program, trace
 from skyarm.compile.tracing.array_evaluation import evaluate
+from skyarm.records.arrays import Array
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.reference import Publisher, Reference
 from skyarm.reference.path_time import by_flight_time
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.loop_state import LoopState, Row, structure_of
 from skyarm.simulate.reference_clock import Waits
-
-Array = npt.NDArray[Any]
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra.scalars import Scalar, floor
 from skyarm.compile import trace
@@ -15,6 +14,7 @@ from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.compile.tracing.program import Loop, trace_loop
 from skyarm.dynamics import State
 from skyarm.plant.largest_step import lanes_step
+from skyarm.records.arrays import AnyArray as Array
 from skyarm.reference import Reference
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario
@@ -25,8 +25,6 @@ from skyarm.simulate.inputs import table_of
 from skyarm.simulate.loop_state import LoopState, Row, structure_of
 from skyarm.simulate.plant_steps import Substeps, rigid_body_plant
 from skyarm.simulate.reference_clock import Waits
-
-Array = npt.NDArray[Any]
 
 Vary = Callable[[Sequence[Any]], Scenario]
 """From the numbers of a lane to its scenario."""

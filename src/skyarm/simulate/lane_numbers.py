@@ -7,10 +7,10 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.dynamics.actuators.servo import Servo
 from skyarm.plant.largest_step import STATED, largest_stable_step
+from skyarm.records.arrays import Array
 from skyarm.records.files import shown
 from skyarm.records.leaves import Place, field_names, part, replace_at
 from skyarm.scenario.in_flight import require_changes
@@ -18,8 +18,6 @@ from skyarm.scenario.numbers import is_added, means_the_same, number_at, require
 from skyarm.scenario.paths import LATE, LATER, places_of
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, whole
 from skyarm.simulate.draws import draws_needed
-
-Array = npt.NDArray[Any]
 
 
 def require_count(field: str, value: Any, least: int = 1) -> int:

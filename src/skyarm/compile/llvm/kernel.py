@@ -12,7 +12,6 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.compile.llvm import object_cache
 from skyarm.compile.llvm.llvm_loop import CALL, assembly
@@ -21,8 +20,7 @@ from skyarm.compile.llvm.shared_steps import GUESS, Machine, SharedSteps
 from skyarm.compile.machine_code import llvm_needed, require_floor
 from skyarm.compile.tracing.lower import operations
 from skyarm.compile.tracing.program import Loop, trace_loop
-
-Array = npt.NDArray[Any]
+from skyarm.records.arrays import AnyArray as Array
 
 EFFORT = "SKYARM_EFFORT"
 """Environment variable: most effort of the compiler; 0 for many short flights, each of its own program."""

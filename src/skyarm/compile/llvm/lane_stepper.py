@@ -10,16 +10,14 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.llvm.shared_steps import SharedSteps
 from skyarm.compile.machine_code import NoMachineCodeError
 from skyarm.compile.tracing.program import Loop, trace_loop
+from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.leaves import rebuild
-
-Array = npt.NDArray[Any]
 
 ALONE = 8192
 """Lanes up to which one thread is done before another would have woken."""

@@ -12,11 +12,8 @@ from concurrent.futures import Executor, Future, wait
 from contextlib import suppress
 from typing import Any
 
-import numpy.typing as npt
-
+from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.immutable import immutable
-
-Array = npt.NDArray[Any]
 
 SLICE = 0.003
 """s that a thread steps at a time. Each slice computes anew what depends on parameters alone: 13 us of a quadrotor with

@@ -9,11 +9,9 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.compile.tracing.program import Program
-
-Array = npt.NDArray[Any]
+from skyarm.records.arrays import Array
 
 
 def _mantissa(x: Array) -> Array:

@@ -11,17 +11,15 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm import dynamics
 from skyarm.algebra import Mat3, Vec3
 from skyarm.dynamics.actuators.drive import friction
 from skyarm.dynamics.actuators.mixer import make_mixer
 from skyarm.dynamics.state import proper_acceleration
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.vehicle.vehicle_records import Vehicle
-
-Array = npt.NDArray[Any]
 
 REACTIONS = 2
 """Rounds in which the reaction of the arm's own motion turns the force that the base must give."""

@@ -14,7 +14,8 @@ import numpy as np
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.links.autopilots.angle_control import Attitude
 from skyarm.links.autopilots.autopilot import Numbers
-from skyarm.links.autopilots.effectiveness import Array, inertias, turning_inertia, unit_wrenches
+from skyarm.links.autopilots.effectiveness import inertias, turning_inertia, unit_wrenches
+from skyarm.records.arrays import Array
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.vehicle.vehicle_records import Vehicle
 

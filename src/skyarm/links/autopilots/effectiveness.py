@@ -9,14 +9,12 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.dynamics.array_front import center_of_mass, mass_matrix
+from skyarm.records.arrays import Array
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
-
-Array = npt.NDArray[np.float64]
 
 _LEVEL = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
 """Position and attitude."""

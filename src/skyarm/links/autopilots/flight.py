@@ -10,7 +10,6 @@ import weakref
 from collections.abc import Callable, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra import Vec3
 from skyarm.control.blocks.geometric import yaw_of
@@ -21,6 +20,7 @@ from skyarm.links.outside.joint_port import JointPortError, JointServer
 from skyarm.links.transcript import Tape, TranscriptError
 from skyarm.log.flight_log import Log
 from skyarm.log.metrics.windows import Windows
+from skyarm.records.arrays import Array
 from skyarm.reference import Reference, Trajectory, hover
 from skyarm.scenario.in_flight import stretches
 from skyarm.scenario.scenario_record import Environment, NamedSensor, Rates, Scenario, ScenarioError, first_state
@@ -28,8 +28,6 @@ from skyarm.simulate.check_endings import Ended
 from skyarm.simulate.inputs import EpisodeInputs
 from skyarm.simulate.session import Course, Session, Snapshot
 from skyarm.world.launch_stand import LaunchStand
-
-Array = npt.NDArray[np.float64]
 
 ENDED = "autopilot"
 """Status of a flight that ended because its autopilot did not fly on."""

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.links.outside.outside_law import OutsideCommand
 from skyarm.log.flight_log import Log
+from skyarm.records.arrays import Array
 from skyarm.records.leaves import leaves
 from skyarm.scenario.scenario_record import Environment, Scenario
 from skyarm.sensing.estimate.estimator import PASS_THROUGH
@@ -19,8 +19,6 @@ from skyarm.simulate.assemble_log import Piece, Samples, join_pieces
 from skyarm.simulate.check_endings import Ended
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.world import WindSample
-
-Array = npt.NDArray[np.float64]
 
 
 def percentiles(seconds: Sequence[float]) -> dict[str, float | int]:

@@ -17,7 +17,6 @@ from types import TracebackType
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.control.controller import autopilot_of
 from skyarm.dynamics.actuators import Command
@@ -28,11 +27,10 @@ from skyarm.log.log_columns import names_of
 from skyarm.log.ros.messages import FLIGHT, encode
 from skyarm.log.ros.scene import Part
 from skyarm.log.ros.topics import FlightTopics, Topic, every_of
+from skyarm.records.arrays import Array
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.assemble_log import join_pieces, sensor_data
 from skyarm.simulate.session import Session, open_session
-
-Array = npt.NDArray[np.float64]
 
 COMMAND, GOAL, JOINT_GOAL = "/skyarm/command", "/skyarm/goal", "/skyarm/joint_goal"
 """Topics that are listened to."""

@@ -19,16 +19,14 @@ from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra.scalars import Scalar
 from skyarm.log.metrics.accumulate import ADDED, CONTINUOUS, HUGE, Total, added_metric
 from skyarm.log.metrics.interaction import COUNTED, TOTALED
+from skyarm.records.arrays import Array
 from skyarm.records.files import did_you_mean, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.registry import names as registered_names
-
-Array = npt.NDArray[Any]
 
 
 @immutable(kw_only=False)

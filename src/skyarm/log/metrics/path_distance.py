@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[Any]
+from skyarm.records.arrays import Array
 
 AT_ONCE = 256
 """Points that are compared with the whole path at a time."""

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import trace
@@ -19,10 +18,9 @@ from skyarm.log.metrics.accumulate import CONTINUOUS, Goal, Instant, advance_tot
 from skyarm.log.metrics.metric_catalogue import metric_names, required_totals, values
 from skyarm.log.metrics.windows import Window, Windows, windows_of
 from skyarm.log.sensor_data import COMPONENTS
+from skyarm.records.arrays import Array
 from skyarm.records.files import shown
 from skyarm.records.leaves import leaves, rebuild
-
-Array = npt.NDArray[Any]
 
 
 def score(log: Log, metrics: Sequence[str] = ("standard",), windows: Windows | None = None) -> dict[str, float]:

@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.log.flown_scenario import restored_part, written_part
 from skyarm.log.log_columns import names_of
@@ -20,12 +19,11 @@ from skyarm.log.metrics.path_distance import path_distance
 from skyarm.log.metrics.score import wanted_push
 from skyarm.log.metrics.windows import Windows, windows_of
 from skyarm.log.periods import contact_pairs, points_at_tip
+from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.immutable import immutable
 
 if TYPE_CHECKING:
     from skyarm.log.flight_log import Log
-
-Array = npt.NDArray[Any]
 
 LARGEST_ERROR = 0.5
 """m, in the mean over the end of a flight: a base or tip beyond it has not followed its reference."""

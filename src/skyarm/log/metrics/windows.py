@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.records.arrays import Array
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import Fields, number, shown
 from skyarm.records.immutable import immutable
@@ -17,7 +18,6 @@ from skyarm.records.units import Unit
 if TYPE_CHECKING:
     from skyarm.log.flight_log import Log
 
-Array = npt.NDArray[Any]
 Mask = npt.NDArray[np.bool_]
 
 SETTLING_SHARE = 1.0 / 3.0

@@ -11,13 +11,12 @@ import numpy.typing as npt
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.dynamics.kinematics import every_joint, joint_placement
 from skyarm.log.ros.messages import NANO
+from skyarm.records.arrays import Array
 from skyarm.records.files.names import distinct
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.scene.shapes import turn_onto
 from skyarm.world.scene.vehicle_shapes import quaternions_of, vehicle_shapes
-
-Array = npt.NDArray[np.float64]
 
 
 class Instants(Protocol):

@@ -32,11 +32,10 @@ from skyarm.log.ros.scene import (
 )
 from skyarm.log.sensor_data import ESTIMATE, Source, sources_of
 from skyarm.log.tip_positions import yaw_quaternion
+from skyarm.records.arrays import Array
 from skyarm.records.files.names import distinct
 from skyarm.records.immutable import immutable
 from skyarm.vehicle.vehicle_records import Vehicle
-
-Array = npt.NDArray[np.float64]
 
 FAST, SLOW = 200.0, 50.0
 """Hz: of base and joints; of the rest. Slower controls are written at each of their instants."""

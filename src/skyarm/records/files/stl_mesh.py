@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.records.arrays import Array
 from skyarm.records.files import unreadable
 
-Array = npt.NDArray[np.float64]
 Faces = npt.NDArray[np.int64]
 
 MOST = 200_000

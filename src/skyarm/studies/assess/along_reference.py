@@ -10,10 +10,11 @@ import numpy as np
 
 from skyarm.dynamics.actuators import make_mixer
 from skyarm.dynamics.actuators.motion_demand import Demand, demand_of_motion, motion_of
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import field_names
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.assess.arm_poses import Allocation, ArmPoses, Array
+from skyarm.studies.assess.arm_poses import Allocation, ArmPoses
 from skyarm.studies.assess.finding import FAULT, LEVELS, OK, WARNING, Finding
 from skyarm.studies.assess.flight_loads import FlightPart, flight_parts, lanes, reference_at
 from skyarm.studies.assess.joints import OFTEN, effort_limits, servo_speeds, servos

@@ -8,18 +8,16 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm import dynamics
 from skyarm.algebra import E_Z, ZERO3, Motion
 from skyarm.dynamics.actuators import make_mixer
 from skyarm.dynamics.actuators.mixer import Mixer
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.studies.sweep.sobol import BITS, DIMENSIONS, sobol
 from skyarm.vehicle.linkage import Joint
 from skyarm.vehicle.vehicle_records import Vehicle, undriven_joints
-
-Array = npt.NDArray[np.float64]
 
 WRENCH = 4
 """Rows of a wrench that the mixer reads: torque x, y, z (N m, about the base origin) and force along z (N)."""

@@ -14,12 +14,12 @@ import numpy.typing as npt
 from skyarm.algebra import ZERO3, Quaternion, Vec3
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.reference.path_time import governed_reference
 from skyarm.reference.trajectory import Reference
 from skyarm.scenario.in_flight import stretches
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.assess.arm_poses import Array
 from skyarm.vehicle.linkage import Body
 from skyarm.vehicle.vehicle_records import Vehicle
 

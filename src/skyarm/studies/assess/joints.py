@@ -8,8 +8,9 @@ import numpy as np
 
 from skyarm.dynamics.actuators.servo import Servo
 from skyarm.dynamics.kinematics import Pose, link_poses
+from skyarm.records.arrays import Array
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.assess.arm_poses import WRENCH, ArmPoses, Array, columns
+from skyarm.studies.assess.arm_poses import WRENCH, ArmPoses, columns
 from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding, at_most
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle

@@ -8,7 +8,8 @@ import math
 import numpy as np
 
 from skyarm.dynamics.actuators import AllocationError, make_mixer
-from skyarm.studies.assess.arm_poses import Allocation, Array, hover_efforts
+from skyarm.records.arrays import Array
+from skyarm.studies.assess.arm_poses import Allocation, hover_efforts
 from skyarm.studies.assess.finding import FAULT, OK, WARNING, Finding
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 

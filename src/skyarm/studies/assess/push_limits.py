@@ -9,9 +9,10 @@ import numpy as np
 from skyarm.control.controller import presses
 from skyarm.dynamics.actuators import make_mixer
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
+from skyarm.records.arrays import Array
 from skyarm.reference.trajectory import Reference
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.assess.arm_poses import WRENCH, Allocation, Array, hover_efforts
+from skyarm.studies.assess.arm_poses import WRENCH, Allocation, hover_efforts
 from skyarm.studies.assess.finding import WARNING, Finding, at_most
 from skyarm.studies.assess.joints import effort_limits
 

@@ -9,12 +9,8 @@ import numpy as np
 
 from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.dynamics.array_front import mass_matrix
-from skyarm.studies.assess.arm_poses import (
-    WRENCH,
-    ArmPoses,
-    Array,
-    hanging_joints,
-)
+from skyarm.records.arrays import Array
+from skyarm.studies.assess.arm_poses import WRENCH, ArmPoses, hanging_joints
 from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding, at_least
 from skyarm.studies.assess.joints import effort_limits
 from skyarm.vehicle.vehicle_records import Vehicle

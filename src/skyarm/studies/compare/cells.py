@@ -25,6 +25,7 @@ import skyarm.records.files as skyarm_files
 from skyarm.log.log_columns import names_of
 from skyarm.log.metrics.score import score
 from skyarm.log.metrics.shortfall import LARGEST_ERROR
+from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.files import versions, write_atomically
 from skyarm.records.files.unpacked import npz_arrays
 from skyarm.records.identity import identity, own_files
@@ -41,7 +42,6 @@ from skyarm.studies.compare.entrants import Entrant
 from skyarm.studies.compare.perturbed_plants import draw
 from skyarm.studies.compare.suite import Case, Condition
 
-Array = npt.NDArray[Any]
 Flown = tuple[dict[str, float], str]
 """Metrics and status of one flight."""
 

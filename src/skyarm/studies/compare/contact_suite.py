@@ -10,8 +10,9 @@ from functools import lru_cache
 import numpy as np
 
 from skyarm.control.controller import ControllerError
+from skyarm.records.arrays import AnyArray as Array
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.compare.cells import ONE_BY_ONE, Array, Cell, Flights
+from skyarm.studies.compare.cells import ONE_BY_ONE, Cell, Flights
 from skyarm.studies.compare.contact_report import CONDITIONS, METRICS, cell_record, contact_report
 from skyarm.studies.compare.contact_tasks import FLAGSHIP, LAWS, TASKS, Task, flies_its_own, scenario_of
 from skyarm.studies.compare.contact_worlds import Worlds, draw_worlds

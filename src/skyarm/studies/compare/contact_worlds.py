@@ -14,13 +14,12 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra.scalars.philox import uniforms
+from skyarm.records.arrays import Array
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.assess.joints import effort_limits
 from skyarm.studies.assess.push_limits import HALF, WARNS, pushing_efforts, yaw_room, yaw_torques
 from skyarm.studies.compare.contact_tasks import DELAY, DRAG, MASS, NORMAL, RADIUS, STIFFNESS, THRUST, Task
-
-Array = npt.NDArray[np.float64]
 
 CHANNEL = 30
 """Channel of the generator, apart from those of flights and of wrong plants."""

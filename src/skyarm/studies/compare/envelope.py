@@ -13,9 +13,10 @@ import numpy as np
 
 from skyarm.control.controller import ControllerError
 from skyarm.log.metrics.windows import Window, Windows
+from skyarm.records.arrays import AnyArray as Array
 from skyarm.scenario.controller_table import controller_by_name
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.compare.cells import ONE_BY_ONE, Array, Cell, Flights
+from skyarm.studies.compare.cells import ONE_BY_ONE, Cell, Flights
 from skyarm.studies.compare.entrants import Entrant
 from skyarm.studies.compare.envelope_axes import AXES, OUTSIDE, OVERSHOOT, PLANTS, Axis, plants_at
 from skyarm.studies.compare.envelope_report import (

@@ -11,13 +11,14 @@ from typing import Any
 
 from skyarm.algebra import E_X, Vec3
 from skyarm.dynamics.actuators.drive import LaggedTorque
+from skyarm.records.arrays import Array
 from skyarm.records.leaves import walk
 from skyarm.reference import Constant, Product, Pulses, Ramp, Signal, Sine, Sum, Windowed
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.paths import LATE
 from skyarm.scenario.scenario_record import PERFECT_SENSORS, Delays, JointDrive, Scenario
 from skyarm.studies.compare.envelope_setting import PAPER, Setting
-from skyarm.studies.compare.perturbed_plants import Array, Spread, draw, fitted_damping, spread_of
+from skyarm.studies.compare.perturbed_plants import Spread, draw, fitted_damping, spread_of
 from skyarm.studies.compare.suite import DELAY, NOISE
 from skyarm.vehicle.vehicle_records import BodyDrag
 from skyarm.world import AirSignals, Disturbance, ForceWind, MovingAir

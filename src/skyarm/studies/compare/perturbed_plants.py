@@ -5,18 +5,16 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm import dynamics
 from skyarm.algebra import Mat3, Vec3
 from skyarm.algebra.scalars.philox import uniforms
 from skyarm.dynamics.actuators.hover import hover_trim
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.vehicle.vehicle_records import Vehicle
-
-Array = npt.NDArray[np.float64]
 
 CHANNEL_MASS, CHANNEL_COM, CHANNEL_INERTIA, CHANNEL_ROTORS, CHANNEL_WORLD, CHANNEL_WIND = range(16, 22)
 """Channels of the generator, apart from those of a flight's own noise."""

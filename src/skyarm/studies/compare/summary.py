@@ -7,7 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.studies.compare.cells import Array, Cell
+from skyarm.records.arrays import AnyArray as Array
+from skyarm.studies.compare.cells import Cell
 from skyarm.studies.compare.run_suite import Document
 from skyarm.studies.sweep.intervals import bootstrap_mean, quantiles, wilson
 

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.studies.stability.loop_channels import Channel
-
-Array = npt.NDArray[np.float64]
 
 
 @immutable

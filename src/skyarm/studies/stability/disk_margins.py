@@ -21,11 +21,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.studies.stability.closed_loop import Closed, OpenLoop, gains
 from skyarm.studies.stability.loop_channels import COMMANDS, MEASUREMENTS, Channel, numbered_channels
 
-Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
 MOST = 2.0

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra import Quaternion
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
-
-Array = npt.NDArray[np.float64]
 
 COMMANDS, MEASUREMENTS = "commands", "measurements"
 

@@ -12,8 +12,6 @@ from skyarm.records.immutable import immutable
 from skyarm.studies.stability.closed_loop import Closed, OpenLoop, close_loop, gains, radius, spectral_radius
 from skyarm.studies.stability.disk_margins import LoopMargin, cut_loops
 
-Array = npt.NDArray[np.float64]
-
 __all__ = ["Margins", "delay_margin", "margins", "radius"]
 
 EDGE = 1.0 + 1e-7

@@ -18,7 +18,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import data
@@ -31,6 +30,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.plant.rigid_body import COUPLED_STEP, accelerate
 from skyarm.plant.surroundings import Surroundings
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.scenario.numbers import number_at, with_numbers
@@ -45,8 +45,6 @@ from skyarm.simulate.stages import Stages
 from skyarm.studies.stability.closed_loop import OpenLoop
 from skyarm.studies.stability.frozen_scenario import SHARES, nominal, require_no_memory, with_lag
 from skyarm.studies.stability.loop_channels import Channel, vehicle_channels
-
-Array = npt.NDArray[np.float64]
 
 STEP_SIZE = 1e-4
 """Step of a difference, in the number's unit or relative where the number is above 1: fourth order leaves 1e-12."""

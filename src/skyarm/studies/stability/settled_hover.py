@@ -7,10 +7,10 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.compile.llvm.kernel import host_width
 from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.records.arrays import Array
 from skyarm.records.leaves import rebuild
 from skyarm.scenario.in_flight import stretches
 from skyarm.scenario.scenario_record import Scenario
@@ -20,8 +20,6 @@ from skyarm.studies.stability.along import Instant, hovering, instant_at
 from skyarm.studies.stability.closed_loop import OpenLoop
 from skyarm.studies.stability.frozen_scenario import nominal, without_adaptation
 from skyarm.studies.stability.open_loop import Differentiator
-
-Array = npt.NDArray[np.float64]
 
 SPEED = 1e3
 """m/s or rad/s: a hover that moves faster has diverged."""

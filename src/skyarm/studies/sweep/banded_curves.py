@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.records.arrays import Array
 from skyarm.records.files import did_you_mean, shown
 from skyarm.records.immutable import immutable
 from skyarm.scenario.numbers import words_of
@@ -14,8 +15,6 @@ from skyarm.studies.sweep.expressions import read_expression
 from skyarm.studies.sweep.maps import LISTED
 from skyarm.studies.sweep.stats import Rows
 from skyarm.studies.sweep.study import StudyError
-
-Array = npt.NDArray[np.float64]
 
 BAND = (0.05, 0.95)
 """Shares of the episodes that the ends of a band leave below them."""

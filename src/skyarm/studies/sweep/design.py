@@ -8,11 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra.scalars.philox import uniform, uniforms
+from skyarm.records.arrays import Array
 from skyarm.studies.sweep.expressions import with_derived
 from skyarm.studies.sweep.sobol import BITS, sobol
 from skyarm.studies.sweep.study import Study
-
-Array = npt.NDArray[np.float64]
 
 FIRST_CHANNEL = 2**16
 """Channel of the noise generator for the first varied number; those below belong to the episodes' own noise."""

@@ -12,12 +12,10 @@ from statistics import NormalDist
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from skyarm.records.arrays import Array
 from skyarm.records.files import Fields, number, shown
 from skyarm.records.immutable import immutable
-
-Array = npt.NDArray[np.float64]
 
 MOST_VALUES = 100_000
 """Points of one grid or list."""

@@ -22,12 +22,10 @@ from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from skyarm.records.arrays import Array
 from skyarm.records.files import Fields, did_you_mean, shown
 from skyarm.records.immutable import immutable
-
-Array = npt.NDArray[np.float64]
 
 LONGEST = 400
 """Characters of an expression."""

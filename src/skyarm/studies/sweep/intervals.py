@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from statistics import NormalDist
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from skyarm.records.arrays import Array
 
 RESAMPLES = 2000
 

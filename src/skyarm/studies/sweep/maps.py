@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.records.arrays import Array
 from skyarm.records.files import did_you_mean, shown
 from skyarm.records.immutable import immutable
 from skyarm.studies.sweep.stats import Rows
 from skyarm.studies.sweep.study import StudyError
-
-Array = npt.NDArray[np.float64]
 
 FEWEST, MOST = 4, 40
 """Cells along an axis of drawn numbers."""

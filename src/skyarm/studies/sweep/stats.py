@@ -12,13 +12,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.files import did_you_mean, number, shown
 from skyarm.scenario.numbers import axis_label, words_of
 from skyarm.studies.sweep.intervals import bootstrap_mean, bootstrap_quantiles, quantiles, wilson
 from skyarm.studies.sweep.store import MANIFEST, arrow, chunk_path, not_counted, read_manifest, whole_chunks
 from skyarm.studies.sweep.study import StudyError
-
-Array = npt.NDArray[Any]
 
 SHARES = (0.05, 0.25, 0.5, 0.75, 0.95)
 

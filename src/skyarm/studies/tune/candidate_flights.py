@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from skyarm.log.batch_log import BatchLog
 from skyarm.log.metrics.windows import Window, Windows
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import parts
 from skyarm.scenario.numbers import with_numbers
@@ -19,8 +20,6 @@ from skyarm.simulate.batch import Batch
 from skyarm.studies.compare.perturbed_plants import arm_length
 from skyarm.studies.tune.excitation import KINDS, Plants
 from skyarm.studies.tune.law_knobs import Knob
-
-Array = npt.NDArray[np.float64]
 
 LARGEST_TILT = math.radians(80.0)
 """A flight that leans by more counts as lost, though it may come back."""

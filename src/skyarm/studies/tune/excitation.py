@@ -20,6 +20,7 @@ from skyarm.algebra.scalars.philox import uniforms
 from skyarm.control.model import Model
 from skyarm.log.metrics.windows import Window, Windows
 from skyarm.plant.interface import Truth
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.reference import Constant, Product, Ramp, Signal, Sine, Sum, Trajectory, Windowed
 from skyarm.scenario.controller_table import controller_by_name, loop_facts, make_named_or_tuned
@@ -31,8 +32,6 @@ from skyarm.vehicle.linkage import Joint
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world import ForceWind
 from skyarm.world.gust import Gust
-
-Array = npt.NDArray[np.float64]
 
 KINDS = ("circle", "swings", "lemniscate")
 """Plant k flies kind k modulo their number."""

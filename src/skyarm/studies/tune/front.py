@@ -6,13 +6,10 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.records.immutable import immutable
 from skyarm.studies.tune.candidate_flights import SMALLEST, WEIGHTS, Scores
 from skyarm.studies.tune.gain_search import costs
-
-Array = npt.NDArray[np.float64]
 
 POINTS = 16
 """Of the front."""

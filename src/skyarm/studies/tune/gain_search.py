@@ -16,9 +16,9 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.compile.machine_code import missing_extra
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.studies.sweep.sobol import BITS, sobol
 from skyarm.studies.tune.candidate_flights import WEIGHTS, Scores
@@ -28,8 +28,6 @@ try:
     from cmaes import CMA
 except ImportError as error:  # pragma: no cover  (the library is there when this is tested)
     raise missing_extra("tune") from error
-
-Array = npt.NDArray[np.float64]
 
 BOX = math.log(LARGEST_FACTOR)
 

@@ -9,10 +9,10 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.compile.machine_code import missing_extra
 from skyarm.control.controller import Controller
+from skyarm.records.arrays import Array
 from skyarm.records.leaves import replace_at
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.stability.along import Instant
@@ -26,8 +26,6 @@ try:
     from threadpoolctl import threadpool_limits
 except ImportError as error:  # pragma: no cover  (the library is there when this is tested)
     raise missing_extra("tune") from error
-
-Array = npt.NDArray[np.float64]
 
 DELAY_SHARE, PERIODS = 1.5, 2
 """Required delay margin: this share of the delay that the law knows, and at least so many control periods."""

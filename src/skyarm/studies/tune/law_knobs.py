@@ -21,7 +21,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra import Vec3
 from skyarm.control.actuator_layer import plain_model
@@ -29,6 +28,7 @@ from skyarm.control.catalogue import LAWS, PRESETS, TUNED, make_named, tuned_fac
 from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.laws.centroidal.presets import without_preset
 from skyarm.dynamics.actuators import AllocationError
+from skyarm.records.arrays import Array
 from skyarm.records.files import did_you_mean, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Place, is_record, parts, replace_at, walk
@@ -165,8 +165,6 @@ def _knob(place: Place, record: Any, unit: Unit) -> Knob | None:
     numbers = tuple((at, value) for at, value in walk(record, place) if type(value) is float and value > 0.0)
     return Knob(path=".".join(place), unit=unit.unit, numbers=numbers) if numbers else None
 
-
-Array = npt.NDArray[np.float64]
 
 Numbers = list[tuple[float, ...]]
 """Of every knob."""

@@ -16,8 +16,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from skyarm.records.arrays import Array
 from skyarm.records.files import versions
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import Scenario
@@ -36,8 +36,6 @@ from skyarm.studies.tune.front import POINTS, Point, Required, finalists, front_
 from skyarm.studies.tune.gain_search import Effort, search, with_margins
 from skyarm.studies.tune.hover_margins import HoverMargins, one_blas_thread, required_margins
 from skyarm.studies.tune.law_knobs import Knob, with_catalogue_gains
-
-Array = npt.NDArray[np.float64]
 
 LEADERS = 3
 """Of the scatter, for each weight: candidates whose margins are looked at."""

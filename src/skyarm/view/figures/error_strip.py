@@ -12,10 +12,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullFormatter
 
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.view.figures.style import PAGE, plain_numbers
 
-Array = npt.NDArray[np.float64]
 Pixels = npt.NDArray[np.uint8]
 
 DPI = 100.0

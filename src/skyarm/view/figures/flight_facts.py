@@ -6,14 +6,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.log.flight_log import Log
 from skyarm.log.metrics.score import wanted_push
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import Scenario
-
-Array = npt.NDArray[np.float64]
 
 MOST_PATHS = 3
 """Changed paths that the legend names; of more it gives their number."""

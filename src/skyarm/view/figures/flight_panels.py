@@ -8,19 +8,17 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import columns, names_of, unit_of_kind
 from skyarm.log.periods import contact_pairs, points_at_tip
 from skyarm.log.sensor_data import COMPONENTS
+from skyarm.records.arrays import Array
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.figures.flight_facts import desired_push, scenario_of
-
-Array = npt.NDArray[np.float64]
 
 Read = Callable[[Log], Array | None]
 """Log -> curve (N,); None of a log that has none of it."""

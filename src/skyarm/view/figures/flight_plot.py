@@ -7,18 +7,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 
 from skyarm.log.flight_log import Log
+from skyarm.records.arrays import Array
 from skyarm.records.files import number
 from skyarm.records.files.names import require_suffix
 from skyarm.view.figures.flight_facts import Event, end_time, ending_of, flight_events, flights_by_label
 from skyarm.view.figures.flight_panels import ALL, ESTIMATED, MEASURED, PATH, Panel, measured_flights, panels_of
 from skyarm.view.figures.path_views import path_figure
 from skyarm.view.figures.style import PAPER, Handles, Picture, Style, limits, save_picture
-
-Array = npt.NDArray[np.float64]
 
 Flights = Log | Sequence[Log] | Mapping[str, Log]
 

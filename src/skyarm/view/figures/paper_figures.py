@@ -11,17 +11,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from skyarm.log.flight_log import Log
+from skyarm.records.arrays import Array
 from skyarm.simulate import Window
 from skyarm.view.figures.flight_facts import end_time, ending_of, gust_interval
 from skyarm.view.figures.flight_panels import MILLIMETRES, Panel, by_axis, column, distance
 from skyarm.view.figures.style import PAPER, Handles, Look, Style, limits
-
-Array = npt.NDArray[np.float64]
 
 LARGEST_VALUE = {"m": 5.0, "rad": float(np.pi)}
 """Where an axis stops growing with a diverged episode."""

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 
@@ -16,8 +15,6 @@ from skyarm.view.figures.projection import SIDE, TOP, View, outline
 from skyarm.view.figures.style import PAPER, Picture
 from skyarm.world.scene.scene import Instants, Line, Scene, scene_in_log
 from skyarm.world.scene.shapes import Solid
-
-Array = npt.NDArray[np.float64]
 
 HEIGHT = 3.0
 """in."""

@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.world.scene.shapes import Shape, mesh_of
-
-Array = npt.NDArray[np.float64]
 
 AROUND = 48
 """Points of a circle."""

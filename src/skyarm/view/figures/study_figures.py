@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -15,6 +14,7 @@ from matplotlib.patches import Circle, Patch, Rectangle
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 
 from skyarm.log.metrics.metric_catalogue import metric_words
+from skyarm.records.arrays import Array
 from skyarm.records.files.names import require_suffix
 from skyarm.scenario.numbers import axis_label
 from skyarm.studies.stability.along import Locus
@@ -33,8 +33,6 @@ from skyarm.view.figures.style import (
     logarithmic,
     save_picture,
 )
-
-Array = npt.NDArray[np.float64]
 
 ROUNDING = 1e-9
 """Extent below which values differ by rounding; it does not fill a panel."""

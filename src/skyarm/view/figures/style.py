@@ -16,7 +16,6 @@ from typing import Any
 
 import matplotlib
 import numpy as np
-import numpy.typing as npt
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
@@ -25,11 +24,10 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
+from skyarm.records.arrays import Array
 from skyarm.records.files import write_atomically
 from skyarm.records.files.names import require_suffix
 from skyarm.records.immutable import immutable
-
-Array = npt.NDArray[np.float64]
 
 Style = dict[str, Any]
 """Keywords of a Matplotlib artist."""

@@ -7,11 +7,11 @@ from collections.abc import Iterable, Sequence
 from typing import SupportsFloat
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.patches import FancyArrowPatch, Polygon
 from matplotlib.patheffects import withStroke
 
+from skyarm.records.arrays import Array
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 from skyarm.view.figures.projection import SIDE, TOP, View, arc, axonometric, outline, perpendicular
@@ -19,7 +19,6 @@ from skyarm.view.figures.style import PAPER, Picture
 from skyarm.world.scene.shapes import Shape
 from skyarm.world.scene.vehicle_shapes import body_poses, rotor_radius, vehicle_shapes
 
-Array = npt.NDArray[np.float64]
 Poses = dict[int, tuple[Array, Array]]
 
 FILLS = {

@@ -7,14 +7,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.view.film.filmed_flight import FilmedFlight
 from skyarm.world.scene.scene import hidden_share
 from skyarm.world.scene.vehicle_shapes import longest_boom
-
-Array = npt.NDArray[np.float64]
 
 AZIMUTH, ELEVATION = 125.0, -16.0
 """deg: the camera looks along +x turned by the azimuth about z, and downwards by -elevation."""

@@ -8,9 +8,9 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.log.flight_log import Log
+from skyarm.records.arrays import Array
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.reference.tip_motion import TipPush
@@ -20,7 +20,6 @@ from skyarm.world.scene.scene import PATCH, Instants, Scene, scene_in_log
 from skyarm.world.scene.shapes import RGBA, Solid
 from skyarm.world.scene.vehicle_shapes import body_poses, rotor_turns, shape_rotation, vehicle_shapes
 
-Array = npt.NDArray[np.float64]
 Color = tuple[float, float, float]
 
 COLORS: tuple[Color, ...] = (

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.log.flight_log import Log
+from skyarm.records.arrays import Array
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
@@ -26,8 +27,6 @@ from skyarm.world.scene.shapes import Solid
 from skyarm.world.scene.vehicle_shapes import longest_boom
 
 Pixels = npt.NDArray[np.uint8]
-Array = npt.NDArray[np.float64]
-
 Progress = Callable[[int, int], None]
 """(frames drawn, frames in all)."""
 

@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.log.flight_log import Log
+from skyarm.records.arrays import Array
 from skyarm.records.files import needs_extra, write_atomically
 from skyarm.records.immutable import immutable
 from skyarm.view.film.camera_paths import (
@@ -43,8 +43,6 @@ from skyarm.view.film.make_film import FilmSettings, frame_times
 from skyarm.view.studio.scene_nodes import DIGITS, Arrows, LineNodes, SolidNodes, VehicleNodes, bytes_of
 from skyarm.world.scene.shapes import RGBA
 from skyarm.world.scene.vehicle_shapes import body_poses, rotor_turns
-
-Array = npt.NDArray[np.float64]
 
 SUFFIXES = ("viser", "html")
 """Of recordings."""

@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
+from skyarm.records.arrays import Array
 from skyarm.scenario.scenario_file import list_scenarios
 from skyarm.view.studio.clock import SPEEDS, Clock
 from skyarm.view.studio.fleet import BLOW, GUST, MOST, Flight, law_names
@@ -139,8 +139,6 @@ DECIMALS = 3
 """That are drawn, and that the labels of an axis have: a curve below them would stand beside labels of 0."""
 
 LIMIT = "rgb(200, 40, 40)"
-
-Array = npt.NDArray[np.float64]
 
 Column = Callable[[Any], float]
 """Number of an instant, such as a :class:`~skyarm.view.studio.sights.Sight`."""

@@ -14,6 +14,7 @@ from skyarm.control.catalogue import AUTOPILOTS, LAWS, PRESETS, TUNED, tuned_fac
 from skyarm.control.controller import autopilot_of
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.log.formats import save_log
+from skyarm.records.arrays import Array
 from skyarm.records.files import require_writable, shown
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_file import load_scenario
@@ -24,7 +25,7 @@ from skyarm.view.studio.clock import Clock
 from skyarm.view.studio.knobs import LONGEST_DELAY, Knob, knobs_of
 from skyarm.view.studio.sights import Sight, goal_of, sight
 from skyarm.world import NO_WIND, Fault, ForceWind, Gust
-from skyarm.world.scene.scene import Array, Scene, instant_of, scene_now
+from skyarm.world.scene.scene import Scene, instant_of, scene_now
 from skyarm.world.scene.vehicle_shapes import Placed, place
 
 MOST = 3

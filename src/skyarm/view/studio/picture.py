@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
+from skyarm.records.arrays import Array
 from skyarm.scenario.scenario_record import Scenario, first_state
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.studio.fleet import Flight
@@ -18,8 +18,6 @@ from skyarm.view.studio.sights import goal_of
 from skyarm.world.scene.scene import OBSTACLES, Arrow, Scene, first_memories, hidden_share, instant_of, scene_now
 from skyarm.world.scene.shapes import RGBA, Solid, floats
 from skyarm.world.scene.vehicle_shapes import Placed, disc_name, payload_shape, place, rotor_turns
-
-Array = npt.NDArray[np.float64]
 
 COLORS = ((38, 110, 190), (214, 105, 30), (44, 140, 80))
 """Of the first, second and third law, here and in the plots: blue, orange, green."""

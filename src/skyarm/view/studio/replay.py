@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.flight_data.motion import Motion, PredictedMotion, distance_between
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.studio.clock import Clock
-
-Array = npt.NDArray[np.float64]
 
 RATE = 100
 """Hz of the pictures that are stored: more than a screen shows at any speed."""

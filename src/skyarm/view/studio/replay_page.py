@@ -8,7 +8,6 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.view.studio.clock import Clock
 from skyarm.view.studio.controls import Chart, Column, add_clock, literal, on_user_input
@@ -17,8 +16,6 @@ from skyarm.view.studio.picture import COLORS, GHOST, LOOK_AT, SLOW, STAGE, TRAI
 from skyarm.view.studio.replay import HORIZONS, Replay, mean_error
 from skyarm.view.studio.scene_nodes import VehicleNodes
 from skyarm.world.scene.vehicle_shapes import longest_boom, place
-
-Array = npt.NDArray[np.float64]
 
 GHOST_OPACITY = 0.6
 """Of the measured vehicle: more than that of a reference, since it is what flew."""

@@ -13,13 +13,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.records.arrays import Array
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.scene.scene import Line
 from skyarm.world.scene.shapes import RGBA, UPRIGHT, Shape, Solid, mesh_of
 from skyarm.world.scene.vehicle_shapes import quaternions_of, vehicle_shapes
-
-Array = npt.NDArray[np.float64]
 
 Paint = Callable[[str], RGBA]
 """Role of a shape -> its colour."""

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.dynamics.point_motion import PointMotion
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.reference import Reference
 from skyarm.simulate.session import Session
@@ -17,8 +17,6 @@ from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.component import Component
 from skyarm.world.scene.shapes import floats
 from skyarm.world.scene.vehicle_shapes import Placed, place
-
-Array = npt.NDArray[np.float64]
 
 
 @immutable(kw_only=False)

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.dynamics.point_motion import PointMotion
+from skyarm.records.arrays import Array
 from skyarm.records.files.names import distinct
 from skyarm.records.immutable import immutable
 from skyarm.vehicle.linkage import BASE
@@ -22,8 +23,6 @@ from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.component import Component
 from skyarm.world.scene.shapes import RGBA, Shape, Solid
 from skyarm.world.scene.vehicle_shapes import Poses, body_poses
-
-Array = npt.NDArray[np.float64]
 
 PATCH = 1.0
 """m: half the width of the patch that stands for a plane."""

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.records.arrays import Array
 from skyarm.records.files.stl_mesh import METRES, mesh_or_none
 from skyarm.records.immutable import immutable
-
-Array = npt.NDArray[np.float64]
 
 Vector = tuple[float, float, float]
 

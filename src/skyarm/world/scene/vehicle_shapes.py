@@ -9,7 +9,6 @@ from itertools import chain
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra import ZERO3, Mat3, Quaternion, Vec3
 from skyarm.algebra.matrix import axis_rotation
@@ -18,6 +17,7 @@ from skyarm.compile import trace
 from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.compile.tracing.program import Program
 from skyarm.dynamics.kinematics import link_poses
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Look, Vehicle
@@ -119,8 +119,6 @@ def _mesh_shape(number: int, look: Look) -> Shape:
     name = f"mesh{number + 1}/{look.name}"
     return Shape(name, role, "mesh", look.link, floats(look.scale), floats(look.position), (a, b, c), look.file)
 
-
-Array = npt.NDArray[np.float64]
 
 Poses = dict[int, tuple[Array, Array]]
 """Number of a body -> its rotations (N, 3, 3) and positions (N, 3)."""

@@ -12,7 +12,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra import Motion, Vec3
 from skyarm.algebra.scalars import Scalar, atan2, cos, divide, maximum, minimum, mul, sin, sqrt, sub
@@ -26,11 +25,10 @@ from skyarm.control.laws.predictive.preview import Sample
 from skyarm.control.laws.predictive.solver import Compiled, Plan
 from skyarm.control.model import Model, Parameters
 from skyarm.dynamics.actuators import AllocationError, Command, mix
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement, blank_measurement
-
-Array = npt.NDArray[np.float64]
 
 ZERO = Vec3(0.0, 0.0, 0.0)
 

@@ -27,7 +27,6 @@ from functools import lru_cache
 from typing import Annotated, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra import Vec3
 from skyarm.control.blocks.force_control import InteractionGains, InteractionMemory, require_thresholds
@@ -63,6 +62,7 @@ from skyarm.control.laws.predictive.solver import (
 from skyarm.control.laws.predictive.tip_contact import TipContact, Touch, contact_goals, shift_ahead
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command, Mixer, make_mixer
+from skyarm.records.arrays import Array
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
@@ -109,8 +109,6 @@ class PredictiveParameters:
     delay_periods: Annotated[int, Unit("control periods", "known age of the measurement", low=0, high=100)]
     interaction: InteractionGains | None = None
 
-
-Array = npt.NDArray[np.float64]
 
 EngineKey = tuple[Model, Weights, Bandwidths, str, int, float, int, float, InteractionGains | None]
 """Constants that an engine is made of, the control period, and the gains of contact where a reference requests it."""

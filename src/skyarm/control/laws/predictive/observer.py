@@ -15,7 +15,6 @@ from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, divide, mul
@@ -26,6 +25,7 @@ from skyarm.control.laws.predictive.solver import Compiled, examples
 from skyarm.control.model import Model
 from skyarm.dynamics import State, mass_matrix
 from skyarm.dynamics.actuators import Command, limited_effort
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 from skyarm.records.units import Unit
@@ -95,9 +95,6 @@ def observe(
         state=state,
         disturbance=Disturbance(force=Vec3(*force[:3]), torque=Vec3(*force[3:6]), efforts=tuple(force[6:])),
     )
-
-
-Array = npt.NDArray[np.float64]
 
 
 class Observation:

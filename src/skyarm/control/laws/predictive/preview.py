@@ -12,7 +12,6 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra import Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, cos, sin
@@ -22,11 +21,10 @@ from skyarm.control.laws.predictive.cost import given_way
 from skyarm.control.laws.predictive.solver import Compiled
 from skyarm.control.model import Model
 from skyarm.dynamics import frame_pose
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.reference import Reference
 from skyarm.vehicle.vehicle_records import Vehicle
-
-Array = npt.NDArray[np.float64]
 
 ZERO = Vec3(0.0, 0.0, 0.0)
 

@@ -12,7 +12,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import maximum, minimum
@@ -24,10 +23,9 @@ from skyarm.control.laws.predictive.cost import Contact, Goal, Weights, input_re
 from skyarm.control.laws.predictive.prediction import Inputs
 from skyarm.control.model import Model
 from skyarm.dynamics import State
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
-
-Array = npt.NDArray[np.float64]
 
 
 class Compiled:

@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra import E_Z, Vec3, axis_rotation
 from skyarm.algebra.scalars import Scalar, minimum, where
@@ -28,10 +27,9 @@ from skyarm.control.laws.predictive.cost import tip_velocity
 from skyarm.control.laws.predictive.solver import Compiled, examples
 from skyarm.control.model import Model
 from skyarm.dynamics import frame_pose
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
-
-Array = npt.NDArray[np.float64]
 
 TOLD = 5
 """Numbers of a push that are answered: force, speed, normal. A tip that grips is led as a free one."""
