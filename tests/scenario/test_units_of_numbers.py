@@ -46,10 +46,10 @@ def test_a_joint_that_slides_has_the_other_unit() -> None:
         for link in load_vehicle(name).links:
             units.setdefault(link.joint.kind, link)
     assert "revolute" in units
-    from skyarm.scenario.numbers import _declared
+    from skyarm.scenario.numbers import _declaration
 
     for kind, link in units.items():
-        found = _declared(link, ("joint", "damping")).unit
+        found = _declaration(link, ("joint", "damping")).unit
         assert found == {"revolute": "N m s/rad", "prismatic": "N s/m"}[kind]
 
 

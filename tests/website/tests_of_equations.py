@@ -102,7 +102,7 @@ TESTS = {
     "skyarm.control.laws.published.bulut.bulut_computed_torque": (
         "tests/control/test_published_formulas.py::test_the_simplified_mass_matrix_is_pinocchios_without_its_blocks_of_translation"
     ),
-    "skyarm.control.laws.published.kim.reached": (
+    "skyarm.control.laws.published.kim.sliding_mode": (
         "tests/control/test_published_formulas.py::test_without_switching_and_adaptation_the_sliding_mode_is_the_pd_law_of_its_gains"
     ),
     "skyarm.control.laws.published.l1.adaptation": (

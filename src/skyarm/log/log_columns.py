@@ -12,7 +12,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any, Protocol
 
-from skyarm.dynamics.actuators.drive import TorqueDrive
 from skyarm.log.flight_log import Log
 from skyarm.log.flown_scenario import restore_written, restored_part, written_part
 from skyarm.log.sensor_data import COMPONENTS, sources_of
@@ -219,7 +218,7 @@ def setpoints_of(info: Mapping[str, Any]) -> dict[str, str]:
     found = {}
     for joint, drive in given.items():
         made = restore_written(info, drive)
-        if isinstance(joint, str) and not isinstance(made, TorqueDrive):
+        if isinstance(joint, str) and not getattr(made, "takes_torque", False):
             takes = getattr(made, "takes", "")
             found[joint] = takes if isinstance(takes, str) else ""
     return found

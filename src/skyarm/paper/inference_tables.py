@@ -8,7 +8,7 @@ from typing import Any
 from skyarm.paper.counted_cells import RULE, counts, in_group, inferred_value, stated_value
 from skyarm.paper.inferred_settings import PREDICTION, unstated_study
 from skyarm.paper.published import Record
-from skyarm.paper.unstated_study import named
+from skyarm.paper.unstated_study import table_by_name
 from skyarm.view.pages import Table
 
 GROUPS = {
@@ -30,13 +30,15 @@ def settings_table(evidence: Record) -> Table:
     settings = stages["fit"]["settings"]
     rows = []
     for name in study["fit"]["free"]:
-        each = named(study["parameters"], name)
+        each = table_by_name(study["parameters"], name)
         low, high = stages[f"profile {name}"]["within_1"]
         rows.append((each["words"], number(settings[name]), each["unit"], f"{number(low)} ... {number(high)}"))
     for name, taken in study["fit"]["choices"].items():
-        choice = named(study["choices"], name)
+        choice = table_by_name(study["choices"], name)
         others = [each["words"] for each in choice["options"] if each["name"] != taken]
-        rows.append((choice["words"], named(choice["options"], taken)["words"], "choice", f"not: {'; '.join(others)}"))
+        rows.append(
+            (choice["words"], table_by_name(choice["options"], taken)["words"], "choice", f"not: {'; '.join(others)}")
+        )
     return _table("Inferred settings", ("setting", ">value", "unit", "loss within 1 of the least, on a grid"), rows)
 
 
@@ -66,7 +68,7 @@ def profile_tables(evidence: Record) -> list[Table]:
     """Tables of the misfit over each continuous setting, with the others held and refitted."""
     study, found = unstated_study(), []
     for name in study["fit"]["free"]:
-        stage, each = evidence["stages"][f"profile {name}"], named(study["parameters"], name)
+        stage, each = evidence["stages"][f"profile {name}"], table_by_name(study["parameters"], name)
         columns = zip(stage["value"], stage["held"], stage["refitted"], strict=True)
         rows = [(number(value), f"{held:.1f}", f"{again:.1f}") for value, held, again in columns]
         title = ", ".join(filter(None, (f"Loss over: {each['words']}", each["unit"])))
@@ -99,7 +101,7 @@ def prediction_table(results: Record, predicted: Record, plant: str) -> Table:
 
     ``predicted`` are the experiments of results whose inferred column has the predicted settings.
     """
-    seen, rows = named(unstated_study()["predictions"], PREDICTION)["seen"], []
+    seen, rows = table_by_name(unstated_study()["predictions"], PREDICTION)["seen"], []
     columns = (
         (results["experiments"], stated_value),
         (predicted, inferred_value),

@@ -42,7 +42,7 @@ class Cell:
     half: float
 
 
-def named(tables: Iterable[Tables], name: str) -> Tables:
+def table_by_name(tables: Iterable[Tables], name: str) -> Tables:
     """Find a table by its entry ``name`` in a list of tables."""
     return next(each for each in tables if each["name"] == name)
 
@@ -76,7 +76,7 @@ def laid_over(below: Tables, above: Tables) -> dict[str, Any]:
 
 def stated_tables(study: Tables, flight: str) -> dict[str, Any]:
     """Shipped scenario of a flight as nested tables, with the overrides of the search definition."""
-    entry = named(study["flights"], flight)
+    entry = table_by_name(study["flights"], flight)
     found = dict(read_toml((LIBRARY / f"{entry['scenario']}.toml").read_bytes()))
     for name in entry.get("over", ()):
         found = laid_over(found, study["tables"][name])
@@ -113,7 +113,7 @@ def numbers(study: Tables, flight: str, settings: Tables) -> dict[str, Any]:
 def _options(study: Tables, settings: Tables) -> list[Tables]:
     """Tables of the options that given settings select for each discrete choice."""
     choices = [each for each in study.get("choices", ()) if each["name"] in settings]
-    return [named(each["options"], settings[each["name"]]) for each in choices]
+    return [table_by_name(each["options"], settings[each["name"]]) for each in choices]
 
 
 def group_places(patterns: Iterable[str], cells: Sequence[Cell]) -> tuple[int, ...]:

@@ -18,7 +18,6 @@ from skyarm.control.actuator_layer import believed_drives
 from skyarm.control.controller import Controller, ControllerError, autopilot_of
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.dynamics.actuators.drive import Drive
-from skyarm.dynamics.actuators.servo import Servo
 from skyarm.records.files import Fields, did_you_mean, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.registry.plugins import is_law_of_file
@@ -396,6 +395,7 @@ def require_continuous(old: Scenario, new: Scenario) -> None:
 def _require_latencies(root: str, vehicle: Vehicle, old: Sequence[Drive], new: Sequence[Drive]) -> None:
     """Raise an error if a servo's latency changes: it sets the length of the servo's setpoint queue."""
     for link, a, b in zip(vehicle.links, old, new, strict=False):
-        if isinstance(a, Servo) and isinstance(b, Servo) and a.latency != b.latency:
+        before, after = (getattr(each, "latency", None) for each in (a, b))
+        if None not in (before, after) and before != after:
             words = "must be as the session began, since setpoints are on their way"
-            raise ScenarioError(f"{root}.drives.{link.joint.name}.latency = {shown(b.latency)}: {words}")
+            raise ScenarioError(f"{root}.drives.{link.joint.name}.latency = {shown(after)}: {words}")

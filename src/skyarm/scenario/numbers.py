@@ -119,7 +119,7 @@ def number_at(scenario: Scenario, path: str) -> float:
     found = part(_with_start(scenario) if kind == "initial" else scenario, places[0])
     if isinstance(found, bool) or not isinstance(found, (int, float)):
         raise ScenarioError(f"path = {path!r}: must lead to a number, not to {type(found).__name__}")
-    if kind != "initial" and _declared(scenario, places[0]).fixed:
+    if kind != "initial" and _declaration(scenario, places[0]).fixed:
         raise ScenarioError(f"path = {path!r}: must be equal in all episodes and throughout a flight")
     return float(found)
 
@@ -280,10 +280,10 @@ def declared_at(scenario: Scenario, path: str) -> Unit:
     computed = {"payload": Unit("kg", "point mass at the tip", low=0.0), "attitude": Unit("rad")}
     if kind in computed:
         return computed[kind]
-    return _declared(_with_start(scenario) if kind == "initial" else scenario, places[0])
+    return _declaration(_with_start(scenario) if kind == "initial" else scenario, places[0])
 
 
-def _declared(record: object, place: Place) -> Unit:
+def _declaration(record: object, place: Place) -> Unit:
     """Unit declaration of the innermost field on the way to a parameter that has a declaration."""
     found = Unit()
     for name in place:

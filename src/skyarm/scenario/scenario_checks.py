@@ -351,9 +351,7 @@ def tip_sensor(sensors: Sequence[tuple[str, Sensor]], vehicle: Vehicle) -> tuple
     """Name of the first force-torque sensor on the tip's link, and the rotation from sensor axes to tip axes."""
     if not sensors or not vehicle.end_effector:
         return None
-    from skyarm.sensing.sensor_kinds import ForceTorque
-
-    framed = ((name, vehicle.frame(s.frame or None)) for name, s in sensors if isinstance(s, ForceTorque))
+    framed = ((name, vehicle.frame(s.feels or None)) for name, s in sensors if s.senses == "wrench")
     tip = vehicle.frame()
     return next(((name, tip.rotation.T @ frame.rotation) for name, frame in framed if frame.link == tip.link), None)
 
@@ -368,9 +366,7 @@ def _check_guards(trajectory: Trajectory, sensors: Sequence[tuple[str, Sensor]],
     """Check that the scenario has all sensors that the end conditions of task phases use."""
     if not trajectory.guards:
         return
-    from skyarm.sensing.sensor_kinds import TactileSwitch
-
-    switches = [name for name, sensor in sensors if isinstance(sensor, TactileSwitch)]
+    switches = [name for name, sensor in sensors if sensor.senses == "switch"]
     for guard in trajectory.guards:
         named = trajectory.phases[guard.phase].name if guard.phase < len(trajectory.phases) else "guard"
         at = f"reference: phase {guard.phase} '{named}': until"

@@ -13,7 +13,7 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar, cos, data, minimum, sin
 from skyarm.control.controller import Controller
 from skyarm.dynamics import State
-from skyarm.dynamics.actuators.drive import TORQUE_DRIVE, Drive, TorqueDrive
+from skyarm.dynamics.actuators.drive import TORQUE_DRIVE, Drive
 from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.log.metrics.windows import Windows
 from skyarm.plant.interface import Truth
@@ -470,7 +470,7 @@ class Scenario:
     def commands_setpoints(self) -> tuple[bool, ...]:
         """For each joint, true if the law commands a setpoint of the joint's drive, not a torque or force."""
         drives = self.all_drives or (TORQUE_DRIVE,) * self.plant.vehicle.n
-        return tuple(not isinstance(drive, TorqueDrive) for drive in drives)
+        return tuple(not drive.takes_torque for drive in drives)
 
     @property
     def all_drives(self) -> tuple[Drive, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar
@@ -36,6 +36,9 @@ class Sensor:
 
     feels: str | None = None
     """Name of a frame of the vehicle: the sensor reads what pushes there, by ``feel``; None reads the state."""
+
+    senses: ClassVar[str] = ""
+    """``"wrench"``, if the reading is a :class:`ForceReading`, or ``"switch"``, if it is a :class:`SwitchReading`."""
 
     @property
     def frequency(self) -> float:

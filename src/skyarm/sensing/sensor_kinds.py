@@ -287,6 +287,7 @@ class ForceTorque(FramedSensor):
     """Force-torque sensor: force (N) and torque (N m) at a vehicle frame, in the frame's axes."""
 
     record: ClassVar[type] = ForceReading
+    senses: ClassVar[str] = "wrench"
 
     force: Channel = Channel()
     torque: Channel = Channel()
@@ -303,6 +304,8 @@ class TactileSwitch(FramedSensor):
     Attributes:
         on, off: N, of the force's size. force: errors of it.
     """
+
+    senses: ClassVar[str] = "switch"
 
     on: Annotated[Scalar, Unit("N", "above which it closes", low=0.0)] = 0.5
     off: Annotated[Scalar, Unit("N", "below which it opens", low=0.0)] = 0.25

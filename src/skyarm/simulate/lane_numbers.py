@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.dynamics.actuators.servo import Servo
 from skyarm.plant.largest_step import STATED, largest_stable_step
 from skyarm.records.arrays import Array
 from skyarm.records.files import shown
@@ -63,7 +62,7 @@ def require_paths(scenario: Scenario, paths: Any) -> tuple[str, ...]:
         raise ScenarioError(f"paths = {shown(paths)}: must be a list of paths of numbers, as 'plant.gravity'")
     require_apart(scenario, tuple(paths))
     for path in paths:
-        if path.endswith(".latency") and isinstance(part(scenario, places_of(scenario, path)[0][:-1]), Servo):
+        if path.startswith(("plant.", "model.")) and path.endswith(".latency"):
             words = "says how many setpoints are on their way, the same for all episodes; fly one study for each"
             raise ScenarioError(f"path = {path!r}: {words}")
     return tuple(paths)

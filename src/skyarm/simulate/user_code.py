@@ -78,7 +78,7 @@ class Part:
         if words:
             raise self.refusal(words)
 
-        def checked(memory: tuple[Scalar, ...], time: tuple[Scalar, ...], state: State, given: Any) -> Any:
+        def check_step(memory: tuple[Scalar, ...], time: tuple[Scalar, ...], state: State, given: Any) -> Any:
             following = step(memory, time[0], state, given)
             different = difference(memory, following, "memory")
             if different:
@@ -86,7 +86,7 @@ class Part:
             return following
 
         try:
-            trace(checked, _floats(memory), (0.0,), _floats(state), (0.5,) * draws)
+            trace(check_step, _floats(memory), (0.0,), _floats(state), (0.5,) * draws)
         except ScenarioError:
             raise
         except (TypeError, AttributeError, RecordError) as error:

@@ -91,7 +91,7 @@ def attach(airframe: RigidBodies, arm: RigidBodies, mount: Mount) -> RigidBodies
         at = posed_in(seat, link.joint.rotation, link.joint.position)
         return replace(link, parent=at.link, joint=replace(link.joint, position=at.position, rotation=at.rotation))
 
-    load = named.base.posed(seat.rotation, seat.position)
+    load = named.base.transform(seat.rotation, seat.position)
     base, links = airframe.base, list(airframe.links)
     if seat.link == BASE:
         base = description.body([base, load])

@@ -55,7 +55,7 @@ class Body:
             inertia = inertia + part.inertia + Sym3.parallel_axis(part.mass, part.com - com)
         return cls(mass=mass, com=com, inertia=inertia, planar=any(part.planar for part in parts))
 
-    def posed(self, R: Mat3, p: Vec3) -> Body:
+    def transform(self, R: Mat3, p: Vec3) -> Body:
         """Body expressed in another frame, in which the body's frame has the given pose (m)."""
         return Body(mass=self.mass, com=p + R.apply(self.com), inertia=self.inertia.rotate(R), planar=self.planar)
 

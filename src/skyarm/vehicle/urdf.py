@@ -110,7 +110,7 @@ def _bodies(robot: ET.Element, mimic: str, notes: Notes, path: Path) -> RigidBod
             tree.frames.append(seats[name])
     for name, seat in seats.items():
         for body in _inertial(file.links[name]):
-            tree.add_body(seat.link, body.posed(seat.rotation, seat.position) if seat.name else body)
+            tree.add_body(seat.link, body.transform(seat.rotation, seat.position) if seat.name else body)
         for look in looks_of(file.links[name], path, notes):
             position = seat.position + seat.rotation.apply(look.position)
             rotation = description.rotation(seat.rotation @ look.rotation)

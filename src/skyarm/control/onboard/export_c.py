@@ -25,7 +25,7 @@ from skyarm.control.law_checks import check_controller, checked_law, level, try_
 from skyarm.control.model import TORQUE_GAINS
 from skyarm.control.vectored_layer import turns_rotors
 from skyarm.dynamics.actuators import Command
-from skyarm.dynamics.actuators.drive import TORQUE_DRIVE, TorqueDrive
+from skyarm.dynamics.actuators.drive import TORQUE_DRIVE
 from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Place, leaves, parts
@@ -62,7 +62,7 @@ def units_of(joint: Joint, vehicle: Vehicle) -> str:
 
 def drives_of(vehicle: Vehicle) -> dict[str, Any]:
     """Drives by joint name of the joints that take a setpoint other than torque."""
-    return {each.name: each.drive for each in vehicle.drives if not isinstance(each.drive, TorqueDrive)}
+    return {each.name: each.drive for each in vehicle.drives if not each.drive.takes_torque}
 
 
 def command_units(vehicle: Vehicle, *place: str) -> Units:

@@ -65,6 +65,9 @@ class Drive:
     takes: ClassVar[str] = ""
     """Unit of the setpoint, that of a revolute joint before that of a prismatic one: ``rad or m``; for logs."""
 
+    takes_torque: ClassVar[bool] = False
+    """True if the setpoint is the torque or force of the joint."""
+
     @classmethod
     def require_stated(cls, stated: Collection[str]) -> None:
         """Refuse a parameter table of a drive that lacks a parameter which another given one requires.
@@ -118,6 +121,7 @@ class TorqueDrive(Drive):
     """Ideal torque drive: its setpoint is the torque or force."""
 
     takes: ClassVar[str] = "N m or N"
+    takes_torque: ClassVar[bool] = True
 
     def effort(self, memory: Any, setpoint: Scalar, position: Scalar, rate: Scalar) -> Scalar:
         """Torque or force on the joint, which is the setpoint itself."""

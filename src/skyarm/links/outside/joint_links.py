@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from urllib.parse import parse_qs, urlsplit
 
-from skyarm.dynamics.actuators.drive import TorqueDrive
 from skyarm.links.outside.dynamixel import DynamixelJoints, ServoBus
 from skyarm.links.outside.joint_port import JointLink, JointPortError, NoJoints, UdpJoints
 from skyarm.records.files import shown
@@ -86,7 +85,7 @@ def _servo_bus(url: str, vehicle: Vehicle) -> ServoBus:
         raise JointPortError(f"{at}: must have numbers: ids=1,2&baud=1000000&torque=1.8&most=1.2") from None
     if len(ids) != vehicle.n or len({*ids}) != len(ids) or not all(0 <= each <= 252 for each in ids):
         raise JointPortError(f"{at}: ids must be {vehicle.n} different numbers from 0 to 252, one for each joint")
-    setpoints = {each.name: each.drive.takes for each in vehicle.drives if not isinstance(each.drive, TorqueDrive)}
+    setpoints = {each.name: each.drive.takes for each in vehicle.drives if not each.drive.takes_torque}
     takes = {setpoints.get(link.joint.name, "N m or N") for link in vehicle.links}
     if takes == {"N m or N"} and torque is None:
         raise JointPortError(f"{at}: torque must be given, N m of an ampere, for joints that take torques")

@@ -188,18 +188,18 @@ class OffboardFlight:
                 self._take_over()
                 self._follow()
         except HandBackError as end:
-            ended = self._ended(end.status, str(end))
+            ended = self._ending(end.status, str(end))
         except Exception:
             raise
         except BaseException as error:  # Ctrl-C and signals: they go on once the log is written
             if not self._record.ticks:
                 raise
-            self.interrupted, ended = error, self._ended(STOPPED, "stopped by Ctrl-C or a signal")
+            self.interrupted, ended = error, self._ending(STOPPED, "stopped by Ctrl-C or a signal")
         finally:
             self._hand_back()
         return self._record.log(self._scenario, ended, self.facts)
 
-    def _ended(self, status: str, cause: str) -> Ended:
+    def _ending(self, status: str, cause: str) -> Ended:
         return Ended(status, cause, self._record.ticks[-1] / self._rate if self._record.ticks else 0.0)
 
     @property

@@ -8,7 +8,6 @@ from typing import Annotated, Any
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar, logical_and, logical_or, mul, sqrt
-from skyarm.dynamics.actuators.drive import TorqueDrive
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
@@ -231,7 +230,7 @@ class FilterNumbers(Estimator):
             ValueError: one line with the joint.
         """
         for joint, drive in drives.items() if self.uses_model else ():
-            if not isinstance(drive, TorqueDrive):
+            if not drive.takes_torque:
                 raise ValueError(
                     f"estimator.force = 'modelled': must be 'measured' for {vehicle!r}, whose joint {joint!r} has a "
                     f"drive ({type(drive).__name__}): the model takes setpoints for torques"

@@ -207,10 +207,10 @@ def _rotors(logs: Sequence[Log]) -> list[Panel]:
 def _parts(logs: Sequence[Log]) -> list[Panel]:
     """Make panels of all quantities logged by winds, forces, contacts, payloads and batteries."""
     every = {each.name: each for log in logs for each in columns(log) if each.array.startswith(f"{COMPONENTS}.")}
-    return [Panel(label=name, unit=each.unit, of=_declared(name)) for name, each in every.items()]
+    return [Panel(label=name, unit=each.unit, of=_log_column(name)) for name, each in every.items()]
 
 
-def _declared(name: str) -> Read:
+def _log_column(name: str) -> Read:
     """Make a function that reads a logged quantity of a wind, force, contact, payload or battery, by column name."""
     return lambda log: next((each.of(log) for each in columns(log) if each.name == name), None)
 

@@ -118,7 +118,7 @@ def _draw(ax: Axes, panel: Panel, named: Mapping[str, Log], span: tuple[float, f
         inside = (log.time >= span[0]) & (log.time <= span[1])
         curves = [(label + ending_of(log), values, PAPER.look(i).line)]
         if len(named) == 1 and values is not None:
-            curves += _received(panel, log, values)
+            curves += _received_curves(panel, log, values)
         for name, curve, look in curves:
             if curve is not None:
                 alone: Style = {"marker": "o", "markersize": 0.6 * PAPER.small} if log.time.size == 1 else {}
@@ -141,7 +141,7 @@ def _draw(ax: Axes, panel: Panel, named: Mapping[str, Log], span: tuple[float, f
     return handles
 
 
-def _received(panel: Panel, log: Log, truth: Array) -> Iterator[tuple[str, Array | None, Style]]:
+def _received_curves(panel: Panel, log: Log, truth: Array) -> Iterator[tuple[str, Array | None, Style]]:
     """Yield (label, curve, line style) of the measured and of the estimated values of a panel's quantity."""
     first = PAPER.look(0)
     held: Style = {"color": HELD, "linewidth": first.width, "zorder": 2.5, "drawstyle": "steps-post"}

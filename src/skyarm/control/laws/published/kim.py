@@ -83,7 +83,7 @@ def sliding_rates(stiffness: Scalar, damping: Scalar) -> tuple[Scalar, Scalar]:
     return 0.5 * (damping - spread), 0.5 * (damping + spread)
 
 
-def reached(
+def sliding_mode(
     error: Scalar, rate: Scalar, kp: Scalar, kd: Scalar, group: int, par: SlidingParameters
 ) -> tuple[Scalar, Scalar, Scalar]:
     """Sliding variable of one coordinate, and linear and switching part of its desired acceleration."""
@@ -130,7 +130,7 @@ def _translation(
     per_mass = divide(1.0, par.model.vehicle.mass)
     error, drift = measurement.position - reference.position, measurement.velocity - reference.velocity
     kp, kd = par.gains.position * per_mass, par.gains.velocity * per_mass
-    pairs = [reached(*each, 0, par) for each in zip(error, drift, kp, kd, strict=True)]
+    pairs = [sliding_mode(*each, 0, par) for each in zip(error, drift, kp, kd, strict=True)]
     wanted = Vec3(*(a - push for _, a, push in pairs)) - memory.position
     return [s for s, _, _ in pairs], wanted + reference.acceleration + E_Z * par.model.gravity
 
@@ -149,7 +149,7 @@ def _rotation(
     error = attitude_error(R, R_d)
     drift = rate_error(measurement.rate, R, R_d, reference.yaw_rate, par.rate_error)
     kp, kd = ldl_solve(own, list(par.gains.attitude)), ldl_solve(own, list(par.gains.rate))
-    pairs = [reached(*each, 1, par) for each in zip(error, drift, kp, kd, strict=True)]
+    pairs = [sliding_mode(*each, 1, par) for each in zip(error, drift, kp, kd, strict=True)]
     linear = Vec3(*(a for _, a, _ in pairs))
     # J^-1 diag(J) linear = linear - J^-1 (J - diag(J)) linear: without products of inertia nothing is left to round
     mixed = Sym3(0, 0, 0, J.xy, J.xz, J.yz).apply(linear)
@@ -165,7 +165,7 @@ def _arm(
     for i in range(par.model.vehicle.n):
         error = measurement.joints[i] - reference.joints[i]
         drift = measurement.joint_rates[i] - reference.joint_rates[i]
-        s, a, push = reached(error, drift, par.joint_gains.stiffness[i], par.joint_gains.damping[i], 2, par)
+        s, a, push = sliding_mode(error, drift, par.joint_gains.stiffness[i], par.joint_gains.damping[i], 2, par)
         found.append(s)
         wanted.append(a - push + reference.joint_accelerations[i] - memory.joints[i])
     return found, tuple(wanted)
