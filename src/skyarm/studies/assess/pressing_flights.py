@@ -18,11 +18,11 @@ from skyarm.control.controller import ControllerError, part_of, presses
 from skyarm.dynamics import mass_matrix
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns, link_poses
 from skyarm.plant.largest_step import divisions
+from skyarm.records.arrays import Array
 from skyarm.reference.trajectory import Reference
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.batch import Batch
-from skyarm.studies.assess.arm_poses import Array
 from skyarm.studies.assess.finding import FAULT, NOTE, OK, Finding
 from skyarm.studies.assess.push_limits import FORCE, HALF, largest_push, push_on_level_base, yaw_room, yaw_torques
 from skyarm.vehicle.linkage import BASE
