@@ -19,6 +19,8 @@ from skyarm.sensing.sensor_kinds import Imu
 from skyarm.studies.identify.identified_parts import vehicle_with
 from skyarm.studies.identify.identify_vehicle import (
     NOT_SHOWN,
+    IdentifiedNumber,
+    _bound,
     _explained_shares,
     condition_on_start,
     identify_vehicle,
@@ -26,6 +28,7 @@ from skyarm.studies.identify.identify_vehicle import (
 )
 from skyarm.studies.identify.information import expected_numbers
 from skyarm.studies.identify.motion_model import Stretch
+from skyarm.studies.identify.servo_response import with_servos
 from skyarm.studies.identify.stretches import stretches_of
 from skyarm.studies.identify.unknowns import reported_of, second_moments, unknowns_of
 from skyarm.studies.tune.excitation import of_vehicle, sine_from_rest
@@ -134,6 +137,42 @@ def test_the_vehicle_flies_with_what_is_known_and_weighs_as_before(found):
     assert found.vehicle.rotors[0].thrust_coefficient == pytest.approx(PLANTED["rotors.thrust_coefficient"], rel=0.01)
     assert found.vehicle.base.inertia.xx == pytest.approx(TRUTH.base.inertia.xx, rel=0.02)
     assert dataclasses.replace(found.vehicle, name="again").base == found.vehicle.base
+
+
+def test_no_interval_holds_what_physics_excludes(found):
+    """Drag, dry friction, dead times and spinning masses are not below zero; a coordinate may be."""
+    arm, seen = skyarm.load_vehicle("hummingbird_arm2_rotors"), {"velocity": True, "voltage": False, "curve": False}
+    above = [each.name for each in unknowns_of(arm, driven=(True, True), **seen) if each.least == 0.0]
+    areas = [f"drag.area.{axis}" for axis in "xyz"]
+    frictions = [f"links.{name}.joint.coulomb" for name in ("link1", "link2")]
+    assert above == ["rotors.inertia", "rotors.drag_coefficient", *areas, *frictions]
+    turned = with_servos(arm, (True, False))
+    of_servo = unknowns_of(turned, driven=(False, False), servoed=(True, False), **seen)
+    added = [each.name for each in of_servo if each.least == 0.0 and each.name not in above]
+    assert added == [f"drives.{arm.links[0].joint.name}.latency"]
+    spin = found["rotors.inertia"]
+    assert 0.0 <= spin.low <= spin.value < spin.high
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "least", "after"),
+    [
+        (-2.0, 3.0, 0.0, (0.0, 0.5, 3.0, "")),
+        (-2.0, 0.3, 0.0, (0.0, 0.0, 0.3, "")),
+        (-2.0, -1.0, 0.0, (-2.0, -1.5, -1.0, NOT_SHOWN)),
+        (1.0, 3.0, 0.0, (1.0, 2.0, 3.0, "")),
+        (-2.0, 3.0, -np.inf, (-2.0, 0.5, 3.0, "")),
+    ],
+)
+def test_an_interval_is_cut_off_at_the_bound_of_physics(low, high, least, after):
+    middle = 0.5 * (low + high)
+    middle = 0.5 if high == 3.0 and low < 0.0 else middle
+    given = IdentifiedNumber(
+        name="drag.area.x", unit="m^2", value=middle, low=low, high=high, start=0.0, data_share=0.9
+    )
+    number = _bound(given, least)
+    assert (number.low, number.value, number.high, number.reason) == after
+    assert number.is_known == (not after[-1])
 
 
 def test_what_a_flight_does_not_show_is_said_and_stays(flight, found):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -160,7 +161,8 @@ def identify_vehicle(
         search.errors, search.begin, search.prior, search.steps, search.block, search.used, progress, RATES
     )
     scale = _scale(found, search)
-    numbers, correlation = _identified_numbers(found, scale, search.prior, stretches[0].period)
+    free, correlation = _identified_numbers(found, scale, search.prior, stretches[0].period)
+    numbers = tuple(_bound(number, each.least) for number, each in zip(free, scale.reported, strict=True))
     inside = {each.name for each in search.unknowns if each.in_vehicle}
     replaced = [all(part in inside or part in search.known for part in each.parts) for each in scale.reported]
     before = scale.rows**2 @ search.prior**2
@@ -426,6 +428,15 @@ def _identified_numbers(
         )
     deviations = np.sqrt(np.diag(covariance))
     return tuple(numbers), covariance / np.outer(deviations, deviations)
+
+
+def _bound(found: IdentifiedNumber, least: float) -> IdentifiedNumber:
+    """Number and interval without what physics excludes; one whose whole interval it excludes is not in the data."""
+    if found.low >= least or found.reason:
+        return found
+    if found.high <= least:
+        return dataclasses.replace(found, reason=NOT_SHOWN)
+    return dataclasses.replace(found, low=least, value=max(found.value, least))
 
 
 def _sampling(scale: Scale, spread: Array, period: float) -> Array:

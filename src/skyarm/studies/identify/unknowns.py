@@ -51,6 +51,7 @@ class Unknown:
         spread: standard deviation of what is known before; of its logarithm if ``positive``.
         positive: the logarithm is searched.
         in_vehicle: it belongs to the vehicle, else to what surrounds it.
+        least: bound that physics sets to a number whose logarithm is not searched: noise may put it beyond.
     """
 
     name: str
@@ -59,6 +60,7 @@ class Unknown:
     spread: float
     positive: bool = False
     in_vehicle: bool = True
+    least: float = -math.inf
 
     @property
     def begin(self) -> float:
@@ -82,11 +84,13 @@ class Reported:
     Attributes:
         name, unit: as reported.
         parts: names of the unknowns that it is the sum of.
+        least: bound that physics sets.
     """
 
     name: str
     unit: str
     parts: tuple[str, ...]
+    least: float = -math.inf
 
 
 def unknowns_of(
@@ -143,9 +147,9 @@ def _above(name: str, unit: str, start: Scalar, spread: float) -> Unknown:
     return Unknown(name=name, unit=unit, start=float(start), spread=spread, positive=True)
 
 
-def _any(name: str, unit: str, start: Scalar, spread: float) -> Unknown:
-    """Unknown of any sign."""
-    return Unknown(name=name, unit=unit, start=float(start), spread=spread)
+def _any(name: str, unit: str, start: Scalar, spread: float, least: float = -math.inf) -> Unknown:
+    """Unknown that is searched on a scale of any sign."""
+    return Unknown(name=name, unit=unit, start=float(start), spread=spread, least=least)
 
 
 def _of_rotors(vehicle: Vehicle, curve: bool) -> list[Unknown]:
@@ -161,7 +165,7 @@ def _of_rotors(vehicle: Vehicle, curve: bool) -> list[Unknown]:
         _above("rotors.moment_coefficient", "m", rotor.moment_coefficient, 0.5),
         _above("rotors.time_constant_up", "s", rotor.time_constant_up, 0.7),
         _above("rotors.time_constant_down", "s", rotor.time_constant_down, 0.7),
-        _any("rotors.inertia", "kg m^2", rotor.inertia, spin),
+        _any("rotors.inertia", "kg m^2", rotor.inertia, spin, 0.0),
     ]
 
 
@@ -169,10 +173,10 @@ def _of_drag(vehicle: Vehicle, arm: float) -> list[Unknown]:
     rotor, count, mass = vehicle.rotors[0], len(vehicle.rotors), float(vehicle.mass)
     at_hover = math.sqrt(9.81 * mass / (count * float(rotor.thrust_coefficient)))
     hub = max(WIND * mass / (count * at_hover), float(rotor.drag_coefficient))
-    found = [_any("rotors.drag_coefficient", "N s^2/(rad m)", rotor.drag_coefficient, hub)]
+    found = [_any("rotors.drag_coefficient", "N s^2/(rad m)", rotor.drag_coefficient, hub, 0.0)]
     for axis in "xyz":
         area = float(getattr(vehicle.drag.area, axis))
-        found.append(_any(f"drag.area.{axis}", "m^2", area, max(area, 0.3 * arm**2)))
+        found.append(_any(f"drag.area.{axis}", "m^2", area, max(area, 0.3 * arm**2), 0.0))
     return found
 
 
@@ -185,10 +189,12 @@ def _of_link(link: Link, moves: bool) -> list[Unknown]:
         found.append(_above(f"{name}.inertia", "times", 1.0, 0.4))
     if moves:
         (angle, unit), weight = joint.units, 9.81 * float(body.mass) * (reach if joint.turns else 1.0)
-        friction = _above if float(joint.coulomb) else _any
+        coulomb = f"{name}.joint.coulomb"
+        dry = _above(coulomb, unit, joint.coulomb, 0.7)
+        dry = dry if float(joint.coulomb) else _any(coulomb, unit, 0.0, DRY * weight, 0.0)
         found += [
             _above(f"{name}.joint.damping", f"{unit} s/{angle}", joint.damping, 0.7),
-            friction(f"{name}.joint.coulomb", unit, joint.coulomb, 0.7 if float(joint.coulomb) else DRY * weight),
+            dry,
             _above(f"{name}.joint.coulomb_rate", f"{angle}/s", joint.coulomb_rate if joint.coulomb else 0, 1.5),
             _above(f"{name}.joint.armature", "kg m^2" if joint.turns else "kg", joint.armature, 0.7),
         ]
@@ -206,8 +212,8 @@ def _of_servo(vehicle: Vehicle, joint: int) -> list[Unknown]:
         _above(f"{name}.stiffness", f"{effort}/{angle}", servo.stiffness, 0.7),
         _above(f"{name}.damping", f"{effort} s/{angle}", servo.damping, 0.7),
         _above(f"{name}.integral", f"{effort}/({angle} s)", servo.integral, 0.7),
-        _any(f"{name}.latency", "s", servo.latency, DELAY_SPREAD),
-        _any(f"links.{link.name}.joint.coulomb", effort, link.joint.coulomb, usual),
+        _any(f"{name}.latency", "s", servo.latency, DELAY_SPREAD, 0.0),
+        _any(f"links.{link.name}.joint.coulomb", effort, link.joint.coulomb, usual, 0.0),
         _above(
             f"links.{link.name}.joint.coulomb_rate",
             f"{angle}/s",
@@ -245,7 +251,7 @@ def reported_of(unknowns: Sequence[Unknown]) -> list[Reported]:
             parts = tuple(f"base.second_moment.{other}" for other in "xyz" if other != axis)
             found.append(Reported(name=f"base.inertia.{axis}{axis}", unit="kg m^2", parts=parts))
         else:
-            found.append(Reported(name=each.name, unit=each.unit, parts=(each.name,)))
+            found.append(Reported(name=each.name, unit=each.unit, parts=(each.name,), least=each.least))
     return found
 
 
