@@ -139,51 +139,49 @@ def test_held_out_flights_are_predicted_better_than_by_the_start_vehicle_and_by_
     assert Path("found/prediction.png").read_bytes().startswith(b"\x89PNG")
 
 
-MAPPING = """
-[time]
-column = "t"
-[gyro]
-columns = ["gyro0", "gyro1", "gyro2"]
-[accelerometer]
-columns = ["accelerometer0", "accelerometer1", "accelerometer2"]
-[rotor_speed_commands]
-columns = ["rotor_speed_commands0", "rotor_speed_commands1", "rotor_speed_commands2", "rotor_speed_commands3"]
-[position]
-time = "mt"
-columns = ["position0", "position1", "position2"]
-[velocity]
-time = "mt"
-columns = ["velocity0", "velocity1", "velocity2"]
-[quaternion]
-time = "mt"
-columns = ["quaternion0", "quaternion1", "quaternion2", "quaternion3"]
-"""
-
-OFFSET, DRIFT = 0.037, 50e-6
+OFFSET, DRIFT, LATER = 0.037, 50e-6, 60
+"""s and s/s of a camera's clock; rows by which a camera's own file begins later."""
 
 
-def test_motion_capture_of_another_clock_gives_the_numbers_of_the_aligned_log(identified, tmp_path):
+POSES = ("position", "velocity", "quaternion")
+
+
+@pytest.mark.parametrize("files", [1, 2])
+def test_motion_capture_of_another_clock_gives_the_numbers_of_the_aligned_log(identified, tmp_path, files):
     """Its stamps are 37 ms early and drift by 50 ppm; offset, drift and intervals are said."""
     flight = library.load_flight("swings.npz")
-    names = ("gyro", "accelerometer", "rotor_speed_commands", "position", "velocity", "quaternion")
     time = flight["quaternion"].time
-    rows = {"t": time, "mt": (time - OFFSET + DRIFT * time.mean()) / (1.0 + DRIFT)}
-    for name in names:
+    stamps = (time - OFFSET + DRIFT * time.mean()) / (1.0 + DRIFT)
+    tables = {"t": {"t": time}, "mt": {"mt": stamps}}
+    mappings = {"t": "", "mt": ""}
+    for name in ("gyro", "accelerometer", "rotor_speed_commands", *POSES):
+        clock = "mt" if name in POSES else "t"
         at = np.searchsorted(flight[name].time, time + 1e-9) - 1
-        rows |= {f"{name}{k}": column[at] for k, column in enumerate(flight[name].values.T)}
-    lines = (",".join(map(repr, row)) for row in np.stack(list(rows.values()), axis=1).tolist())
-    (tmp_path / "flight.csv").write_text("\n".join([",".join(rows), *lines]))
-    (tmp_path / "columns.toml").write_text(MAPPING)
-    words = (str(tmp_path / "flight.csv"), "--vehicle", "hummingbird", "--out", str(tmp_path / "found"))
+        named = {f"{name}{k}": column[at] for k, column in enumerate(flight[name].values.T)}
+        tables[clock] |= named
+        mappings[clock] += f'[{name}]\ntime = "{clock}"\ncolumns = {json.dumps(list(named))}\n'
+    if files == 1:
+        tables, mappings = {"t": tables["t"] | tables["mt"]}, {"t": "".join(mappings.values())}
+    for clock, table in tables.items():
+        folder = tmp_path / clock
+        folder.mkdir()
+        first = LATER if clock == "mt" else 0
+        lines = (",".join(map(repr, row)) for row in np.stack(list(table.values()), axis=1)[first:].tolist())
+        (folder / "flight.csv").write_text("\n".join([",".join(table), *lines]))
+        (folder / "columns.toml").write_text(mappings[clock])
+    words = [str(tmp_path / "t/flight.csv"), "--vehicle", "hummingbird", "--out", str(tmp_path / "found")]
+    words += ["--join", str(tmp_path / "mt/flight.csv")] if files == 2 else []
     done = skyarm("identify", *words, *(word for each in KNOWN for word in ("--known", each)))
     assert done.code == 0, done.err
-    assert "position, velocity, quaternion: moved to the clock of gyro: offset +3" in done.out
+    offset = OFFSET if files == 1 else time[LATER] - time[0]  # the stamps of each file begin at 0
+    said = "moved to the clock of gyro" if files == 1 else "are of flight, moved to the clock of gyro"
+    assert re.search(rf"position, velocity, quaternion: {said}: offset \+(36|37|299|300)\.", done.out)
     found, same = (
         json.loads(Path(each).read_text()) for each in (tmp_path / "found/identified.json", "found/identified.json")
     )
     assert same["clocks"] == {}
     clock = found["clocks"]["flight"]
-    assert clock["offset"] == pytest.approx(OFFSET, abs=2e-4)
+    assert clock["offset"] == pytest.approx(offset, abs=3e-4)
     assert clock["drift"] == pytest.approx(DRIFT, abs=5e-5)
     assert min(clock["offset_error"], clock["drift_error"]) > 0.0
     for one, other in zip(found["numbers"], same["numbers"], strict=True):
@@ -324,6 +322,12 @@ def test_known_numbers_are_words_of_the_vehicle_file():
             ("swings.npz", "--vehicle", "hummingbird", "--held-out", "./swings.npz"),
             "--held-out = './swings.npz': must not be among the flights of the fit",
         ),
+        (
+            ("swings.npz", "aside.npz", "--vehicle", "hummingbird", "--join", "aside.npz"),
+            "flights = 2: must be one with --join",
+        ),
+        (("swings.npz", "--vehicle", "hummingbird", "--join", "none.csv"), "flight = 'none.csv': no such file"),
+        (("swings.npz", "--join", "aside.npz"), "--join: must be left out without --vehicle, and with --lags"),
         (("swings.npz", "--vehicle", "hummingbird", "--held-out", "none.csv"), "flight = 'none.csv': no such file"),
         (("truth.toml",), "--vehicle: is missing: must be the vehicle as its data sheet"),
         (("truth.toml", "--vehicle", "hummingbird"), "format 'toml' is unknown"),

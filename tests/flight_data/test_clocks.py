@@ -153,7 +153,8 @@ def test_two_files_of_one_flight_are_join_flights() -> None:
     both = flight(1, 25.0)
     onboard = FlightData(name="card", file="", channels={k: both[k] for k in ("gyro", "accelerometer")})
     camera = FlightData(name="mocap", file="", channels={k: both[k] for k in ("position", "quaternion")})
-    found = join_flights(onboard, camera)
+    found, clock = join_flights(onboard, camera)
+    assert clock.offset == pytest.approx(25.0, abs=2e-3)
     assert set(found) == {"gyro", "accelerometer", "position", "quaternion"}
     assert abs(clock_offset(found).offset) < 2e-3
     assert "mocap, moved to the clock of gyro: offset +" in found.notes[-1]

@@ -25,7 +25,7 @@ from skyarm.cli.identified_report import (
 from skyarm.cli.lag_report import identify_lags
 from skyarm.cli.lines import NOT_COMPLETED, say
 from skyarm.cli.output import Advance, bar, give, json_text, plain, tell
-from skyarm.flight_data.clocks import align_poses
+from skyarm.flight_data.clocks import ClockOffset, align_poses, join_flights
 from skyarm.flight_data.flight_data import FlightData, load_flight
 from skyarm.flight_data.own_log import is_own_mcap
 from skyarm.log.formats import require_readable
@@ -75,6 +75,9 @@ def identify(
     held_out: Annotated[
         list[str] | None, typer.Option(metavar="FLIGHT", help="predicted and not fitted; repeat")
     ] = None,
+    join: Annotated[
+        str | None, typer.Option(metavar="FILE", help="log of the same flight by a computer of another clock")
+    ] = None,
     despite_faults: Annotated[
         bool, typer.Option("--despite-faults", help="only warn of faults for which a flight is refused")
     ] = False,
@@ -107,6 +110,7 @@ def identify(
             "--begin": begin,
             "--end": end,
             "--held-out": held_out,
+            "--join": join,
             "--despite-faults": despite_faults,
             "--lags": lags,
             "--gravity": gravity,
@@ -120,6 +124,7 @@ def identify(
         raise ValueError("FLIGHT: is missing: must be one log or more, or --design VEHICLE")
     if lags or (vehicle is None and len(flights) == 1 and _is_own_log(Path(flights[0]))):
         without = {"--columns": columns, "--known": known, "--curve": curve or None, "--held-out": held_out}
+        without |= {"--join": join}
         without |= {"--despite-faults": despite_faults or None, "--drag-height": drag_height or None}
         for option, value in without.items():
             if value is not None:
@@ -128,7 +133,9 @@ def identify(
             raise ValueError(f"flights = {len(flights)}: must be one with --lags")
         identify_lags(flights[0], vehicle, gravity, begin, end, out)
         return
-    for flight in (*flights, *(held_out or ())):
+    if join is not None and len(flights) > 1:
+        raise ValueError(f"flights = {len(flights)}: must be one with --join")
+    for flight in (*flights, *(held_out or ()), *(() if join is None else (join,))):
         reason = "" if Path(flight).is_dir() else unreadable(Path(flight))
         if reason:
             raise ValueError(f"flight = {shown(flight)}: {reason}")
@@ -136,9 +143,8 @@ def identify(
         raise ValueError("--vehicle: is missing: must be the vehicle as its data sheet and drawing say")
     start, given = known_numbers(load_vehicle(vehicle), known or ())
     felt = 9.81 if gravity is None else number(gravity, "--gravity", low=0.0)
-    work = Work(
-        flights, held_out or (), columns, start, given, curve, drag_height, _sections(begin, end), felt, despite_faults
-    )
+    options = (columns, start, given, curve, drag_height, _sections(begin, end), felt, despite_faults)
+    work = Work(flights, held_out or (), join, *options)
     with taken_back(*(() if out is None else (out,))):
         _identify_vehicle(work, None if out is None else Path(out))
 
@@ -155,7 +161,8 @@ class Work:
     """Inputs of the identification of a vehicle.
 
     Attributes:
-        flights: files. held_out: files of flights to predict. columns: mapping of their columns.
+        flights: files. held_out: files of flights to predict. join: file of the only flight by another computer.
+        columns: mapping of the columns of all but that.
         start: vehicle before. known: numbers that are not searched, and the voltage.
         curve: identify a thrust curve. drag_height: identify the height of the hub drag.
         sections: parts of the flights that count, s. gravity: m/s^2.
@@ -164,6 +171,7 @@ class Work:
 
     flights: Sequence[str]
     held_out: Sequence[str]
+    join: str | None
     columns: str | None
     start: Vehicle
     known: dict[str, float]
@@ -186,8 +194,7 @@ def _identify_vehicle(work: Work, folder: Path | None) -> None:
         if folder is not None:
             require_writable(folder)
             require_replaceable(*(folder / name for name in (VEHICLE, NUMBERS, TABLE, FIGURE)))
-        pairs = [align_poses(each) for each in _read([*work.flights, *work.held_out], work.columns, advance)]
-        read, clocks = [each for each, _ in pairs], {each.name: found for each, found in pairs if found is not None}
+        read, clocks = _read(work, advance)
         fitted, aside = read[: len(work.flights)], read[len(work.flights) :]
         advance(last="look for faults")
         parts = [_part(each, work.sections) for each in fitted]
@@ -255,14 +262,19 @@ def _sections(begin: float | None, end: float | None) -> tuple[tuple[float, floa
     return ((low, high),)
 
 
-def _read(files: Sequence[str], columns: str | None, advance: Advance) -> list[FlightData]:
-    """Read all flights; their names differ."""
-    found = list[FlightData]()
+def _read(work: Work, advance: Advance) -> tuple[list[FlightData], dict[str, ClockOffset]]:
+    """Read all flights, on the clocks of their gyros, and the offsets of the clocks that were moved."""
+    files, found, clocks = [*work.flights, *work.held_out], list[FlightData](), dict[str, ClockOffset]()
     for i, file in enumerate(files):
         advance(i, len(files), f"read {Path(file).name}")
-        found.append(load_flight(file, columns))
+        flight, clock = align_poses(load_flight(file, work.columns))
+        if not i and work.join is not None:
+            flight, clock = join_flights(flight, load_flight(work.join))
+        if clock is not None:
+            clocks[flight.name] = clock
+        found.append(flight)
     advance()
-    return found
+    return found, clocks
 
 
 def _report_faults(faults: Sequence[Fault], work: Work) -> None:

@@ -151,8 +151,8 @@ def align_poses(flight: FlightData) -> tuple[FlightData, ClockOffset | None]:
     return align(flight, found, moved), found
 
 
-def join_flights(flight: FlightData, other: FlightData) -> FlightData:
-    """Return a flight with the channels of another file of the same flight, on the first one's clock.
+def join_flights(flight: FlightData, other: FlightData) -> tuple[FlightData, ClockOffset]:
+    """Return a flight with the channels of another file of the same flight, on the first one's clock, and the offset.
 
     Raises:
         ValueError: one line: the motion does not show the offset of the clocks.
@@ -165,7 +165,7 @@ def join_flights(flight: FlightData, other: FlightData) -> FlightData:
     }
     words = f"{', '.join(added)}: are of {other.name}, moved to the clock of {found.reference}: {found.words}."
     both = flight.with_channels(added, *other.notes, words)
-    return replace(both, facts={**other.facts, **flight.facts})
+    return replace(both, facts={**other.facts, **flight.facts}), found
 
 
 def _is_measurable(flight: FlightData, name: str) -> bool:
