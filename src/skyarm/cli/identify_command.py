@@ -82,7 +82,7 @@ def identify(
         bool, typer.Option("--despite-faults", help="only warn of faults for which a flight is refused")
     ] = False,
     lags: Annotated[bool, typer.Option("--lags", help="delays and lags of one log alone")] = False,
-    gravity: Annotated[float | None, typer.Option(help="m/s^2; the log's, or 9.81")] = None,
+    gravity: Annotated[float | None, typer.Option(help="m/s^2; the log's, or 9.81", hidden=True)] = None,
     design: Annotated[
         str | None,
         typer.Option(metavar="VEHICLE", help="design a flight within --box, --clear (m), --tilt (deg), --seconds"),
