@@ -76,6 +76,15 @@ def test_without_velocities_those_of_the_positions_begin_a_prediction(flight, fo
     assert distance_between(found.model.at(times), full.model.at(times))[0].max() < 1e-4
 
 
+def test_commands_that_were_logged_seldom_do_not_set_the_step_of_the_integration(flight, followed):
+    told = flight["rotor_speed_commands"]
+    seldom = dataclasses.replace(told, time=told.time[::25], values=told.values[::25])
+    other = OpenLoopFlight(flight.with_channels({"rotor_speed_commands": seldom}), vehicle(), ABOUT)
+    found, full = other.over(0.1), followed.over(0.1)
+    assert np.median(np.diff(seldom.time)) == pytest.approx(0.05)
+    assert np.median(np.diff(found.model.time)) < 1.5 * np.median(np.diff(full.model.time))
+
+
 def test_all_that_a_flight_lacks_is_one_line(flight):
     channels = {name: flight[name] for name in ("quaternion", "gyro", "rotor_speeds")}
     with pytest.raises(

@@ -16,10 +16,11 @@ import numpy.typing as npt
 from skyarm.flight_data.flight_data import FlightData
 from skyarm.flight_data.motion import Motion, PredictedMotion, join_motions, measured_motion
 from skyarm.records.files import one_line
-from skyarm.studies.identify.held_out import poses_of
+from skyarm.studies.identify.command_samples import sampling_period
+from skyarm.studies.identify.held_out import SHORTEST, poses_of
 from skyarm.studies.identify.motion_model import Stretch, Surroundings
 from skyarm.studies.identify.open_loop import BaseStates, begins_of, hold, predict_ahead
-from skyarm.studies.identify.stretches import stretches_of
+from skyarm.studies.identify.stretches import commanded_speeds, stretches_of
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Array: TypeAlias = npt.NDArray[np.float64]
@@ -65,7 +66,9 @@ class OpenLoopFlight:
             name for name, each in posed.channels.items() if name in (*NEEDED, *COMMANDS) and not each.time.size
         ]:
             raise ValueError(f"{flight.name}: {empty[0]}: must be measured at the same time as position and quaternion")
-        stretches = stretches_of(posed, vehicle, full_voltage=full_voltage)
+        # commands that were logged seldom set the period of a fit, not the step of an integration
+        step = SHORTEST if sampling_period(commanded_speeds(posed, vehicle)) else 0.0
+        stretches = stretches_of(posed, vehicle, period=step, full_voltage=full_voltage)
         self._stretches = [(each, poses_of(flight, each)) for each in stretches]
 
     def over(self, horizon: float) -> PredictedMotion:
