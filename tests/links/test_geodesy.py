@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from skyarm.links.geodesy import from_earth_fixed, to_earth_fixed, to_geodetic
+from skyarm.links.autopilots.px4_sensors import from_earth_fixed, to_earth_fixed, to_geodetic
 
 ZURICH = (47.397742, 8.545594, 488.0)
 

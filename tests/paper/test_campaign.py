@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from skyarm.paper import campaign as room
-from skyarm.paper.campaign import Job, _perform_all, perform, run_campaign
+from skyarm.paper import reproduce as room
 from skyarm.paper.flights import Flight, flights, metrics, scenario, with_damping
 from skyarm.paper.published import CASES
+from skyarm.paper.reproduce import Job, _perform_all, perform, run_campaign
 from skyarm.paper.variations import (
     DAMPINGS,
     damped_first_joint,

@@ -14,7 +14,6 @@ from infer import infer
 from inference.candidates import Candidates
 from inference.checks import checked_study
 from skyarm.paper import inference_tables as shown
-from skyarm.paper.campaign import Campaign
 from skyarm.paper.counted_cells import counts, in_group, inferred_value, published_cells, sentence, stated_value
 from skyarm.paper.flights import Flight, results, scenario, settings
 from skyarm.paper.inferred_settings import (
@@ -32,6 +31,7 @@ from skyarm.paper.published import PRINTED
 from skyarm.paper.report_pages import inferred_section, report_pages
 from skyarm.paper.report_tables import markdown_tables as markdown
 from skyarm.paper.report_text import OPEN
+from skyarm.paper.reproduce import Campaign
 from skyarm.simulate import run
 
 PLANTS = ("rigid_body", "mujoco")

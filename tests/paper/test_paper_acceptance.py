@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 
 from log_metrics import motion
-from skyarm.paper.campaign import Campaign, run_campaign
 from skyarm.paper.flights import STEADY, Flight, results, scenario, settings
 from skyarm.paper.published import CASES, CONTINUOUS, CONTROLLERS, METRICS, PAPER, PRINTED, digits, published_number
+from skyarm.paper.reproduce import Campaign, run_campaign
 from skyarm.scenario.scenario_record import PLANTS
 from skyarm.simulate import Rates, run
 from skyarm.view.pages import markdown

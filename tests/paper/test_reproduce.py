@@ -12,9 +12,9 @@ import pytest
 
 import skyarm
 from skyarm.paper import reproduce as room
-from skyarm.paper.campaign import Campaign, run_campaign
 from skyarm.paper.flights import metrics, results, settings
 from skyarm.paper.published import CASES, PRINTED, digits
+from skyarm.paper.reproduce import Campaign, run_campaign
 from skyarm.paper.variations import variations
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate import Log, run

@@ -14,7 +14,6 @@ from skyarm.dynamics.actuators.rotor import rotor_forces
 from skyarm.dynamics.array_front import forward_dynamics
 from skyarm.links.autopilots.effectiveness import highest_thrust, turning_inertia
 from skyarm.links.autopilots.px4_parameters import rate_bandwidth, rate_gains, torque_of_signal
-from skyarm.links.outside.px4_rate_loop import NAMES, px4_rate_loop
 from skyarm.links.outside.rate_commands import (
     GuidedRateLoop,
     IdealRateLoop,
@@ -23,6 +22,7 @@ from skyarm.links.outside.rate_commands import (
     rate_command,
     rotor_wrench,
 )
+from skyarm.links.outside.rate_settings import NAMES, px4_rate_loop
 from skyarm.reference import hover
 from skyarm.sensing.measurement import Measurement
 from skyarm.vehicle.vehicle_files import load_vehicle

@@ -15,7 +15,7 @@ import skyarm
 from scenes_without_browser import Scene as Nodes
 from skyarm.algebra import Vec3
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.view.figures.path_views import path_figure
+from skyarm.view.figures.flight_plot import path_figure
 from skyarm.view.film.filmed_flight import COLORS, film_flight, marks_of, vehicle_solids
 from skyarm.view.studio.fleet import Flight
 from skyarm.view.studio.picture import Picture
