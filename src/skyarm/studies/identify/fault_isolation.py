@@ -319,7 +319,7 @@ def _late_channels(flight: FlightData, rates: Law | None, turning: Law | None) -
         if found is not None and abs(found.offset) - found.offset_error > LATE:
             way = "late" if found.offset < 0.0 else "early"
             finding = f"is {1e3 * abs(found.offset):.0f} ± {1e3 * found.offset_error:.0f} ms {way} against the gyro"
-            yield "quaternion", finding, "align their clocks (skyarm.flight_data.clocks.align)", False
+            yield "quaternion", finding, "identify aligns it (skyarm.flight_data.clocks.align_poses)", False
     if turning is not None and turning.visible.any() and abs(turning.lag) > LATE:
         ms = 1e3 * turning.lag
         words = "act {:.0f} ms late, beside the rotors' lag" if ms > 0.0 else "are {:.0f} ms behind the rotation"

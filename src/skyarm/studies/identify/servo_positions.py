@@ -22,8 +22,8 @@ Array: TypeAlias = npt.NDArray[np.float64]
 MEMORY = 6
 """Responses, and loads of the joints, that are kept, unless more are asked for at once."""
 
-AT_ONCE = 4e6
-"""Numbers of mass matrices that are simulated at once: 32 MB."""
+AT_ONCE = 1e6
+"""Numbers of mass matrices that are simulated at once: 8 MB."""
 
 
 @dataclass(slots=True, eq=False)
