@@ -46,7 +46,6 @@ OTHERS = {
 ELSEWHERE |= {name: tests for name, tests in OTHERS.items() if name in PAGES}
 TABLES = {
     ("pressing.md", "toml"): "tests/control/test_gripping.py",
-    ("delays.md", "toml"): "tests/scenario/test_change_records.py",
     ("identification.md", "toml"): "tests/flight_data/test_table_file.py",
     ("phases.md", "toml"): "tests/simulate/test_sensed_guards.py",
     ("sensors.md", "toml"): "tests/sensing/test_force_sensors.py",
@@ -65,7 +64,7 @@ SECONDS = 0.5
 def prepared(name: str) -> dict[str, str]:
     """Files that a page takes for granted."""
     library = Path(skyarm.__file__).parent / "scenario" / "library"
-    vehicle, flight = blocks(PAGES["vehicle_files.md"])[1].text, blocks(PAGES["scenario_files.md"])[1].text
+    vehicle, flight = blocks(PAGES["vehicle_files.md"])[0].text, blocks(PAGES["scenario_files.md"])[1].text
     case = (library / "case3.toml").read_text("utf-8")
     files = {"my/vehicle.toml": vehicle, "my/flight.toml": flight, "flight.toml": flight}
     if "my_law.py:make" in PAGES[name] and "skyarm new law" not in PAGES[name]:
