@@ -15,7 +15,7 @@ import pytest
 import skyarm as library
 from commanded import refused, skyarm
 from skyarm.cli import identify_command
-from skyarm.cli.identified_report import correlated_pairs
+from skyarm.cli.identified_report import correlated_pairs, prediction_lines
 from skyarm.cli.identify_command import known_numbers
 from skyarm.cli.tune_command import wanted_of
 from skyarm.log.flight_log import rows_of
@@ -25,10 +25,11 @@ from skyarm.scenario.scenario_record import Delays, NamedSensor
 from skyarm.sensing.channel import Channel as Errors
 from skyarm.sensing.sensor_kinds import Imu
 from skyarm.studies.identify import identify_flights
-from skyarm.studies.identify.held_out import CURVE
+from skyarm.studies.identify.held_out import CURVE, HOLD, IDENTIFIED, HeldOut, OneStep
 from skyarm.studies.identify.identified_file import identified_file
 from skyarm.studies.identify.identify_vehicle import Identified, IdentifiedNumber
 from skyarm.studies.identify.motion_model import Surroundings
+from skyarm.studies.identify.open_loop import HORIZONS, HorizonErrors
 from skyarm.studies.identify.unknowns import second_moments
 from skyarm.studies.tune.excitation import of_vehicle, sine_from_rest
 from skyarm.vehicle.vehicle_text import vehicle_text
@@ -338,7 +339,7 @@ def test_known_numbers_are_words_of_the_vehicle_file():
         ),
         (("swings.npz", "--vehicle", "hummingbird", "--known", "mass"), "--known = 'mass': must be NAME=VALUE"),
         (("swings.npz", "--vehicle", "hummingbird", "--known", "mass=x"), "--known mass = 'x': must be a number"),
-        (("swings.npz", "--vehicle", "hummingbird", "--known", "mass=-1"), "--known mass"),
+        (("swings.npz", "--vehicle", "hummingbird", "--known", "mass=-1"), "--known mass = -1.0: must be above 0"),
         (("swings.npz", "--vehicle", "hummingbird", "--known", "dealy=0"), "known.dealy: did you mean 'delay'?"),
         (
             ("swings.npz", "--vehicle", "hummingbird", "--known", "rotors.time_constant_up=0"),
@@ -358,12 +359,59 @@ def test_known_numbers_are_words_of_the_vehicle_file():
         ),
         (("swings.npz", "--vehicle", "hummingbird", "--begin", "2.6"), "0 s in the air: too short"),
         (("swings.npz", "--vehicle", "hummingbird", "--known", "voltage=0"), "--known voltage = 0.0: must be above 0"),
+        (
+            ("swings.npz", "--vehicle", "hummingbird", "--known", "voltage=12"),
+            "--known voltage = 12: must be left out: no flight measures the voltage",
+        ),
         (("swings.npz", "--vehicle", "hummingbird", "--columns", "none.toml"), "none.toml"),
     ],
 )
 def test_what_cannot_be_is_one_line_and_leaves_no_folder(words, message):
     refused(skyarm("identify", *words, "--out", "new/inner"), message)
     assert not Path("new").exists()
+
+
+def test_a_measurement_counts_once_whatever_its_file_is_called(tmp_path):
+    copy = tmp_path / "copy.npz"
+    copy.write_bytes(Path("swings.npz").read_bytes())
+    done = skyarm("identify", "swings.npz", str(copy), "--vehicle", "hummingbird")
+    refused(done, "must be another measurement than 'swings.npz'")
+
+
+def test_a_vehicle_file_of_another_hand_is_not_written_over(instead, tmp_path):
+    instead(found_with(number("delay", 0.006)))
+    words, file = ("identify", "swings.npz", "--vehicle", "hummingbird", "--out", str(tmp_path)), "vehicle.toml"
+    assert [skyarm(*words).code for _ in range(2)] == [0, 0]
+    own = Path("truth.toml").read_bytes()
+    (tmp_path / file).write_bytes(own)
+    refused(skyarm(*words), "must be another folder: vehicle.toml is another hand's")
+    assert (tmp_path / file).read_bytes() == own
+
+
+def test_predictions_worse_than_holding_are_said():
+    def errors(position, rate):
+        return [
+            HorizonErrors(horizon=h, begins=9, position=p, velocity=0.1, attitude=0.1, rate=rate)
+            for h, p in zip(HORIZONS, position, strict=True)
+        ]
+
+    held_out = HeldOut(
+        flights=("a",),
+        period=0.01,
+        horizons=HORIZONS,
+        errors={IDENTIFIED: errors((1.0, 3.0, 2.0, 5.0), 0.1), HOLD: errors((2.0, 2.0, 2.0, 2.0), 0.2)},
+        one_step={
+            IDENTIFIED: OneStep(specific_force=1.0, angular_acceleration=3.0),
+            HOLD: OneStep(specific_force=1.5, angular_acceleration=2.0),
+        },
+        has_poses=True,
+        notes=(),
+    )
+    assert prediction_lines(held_out)[-1] == (
+        "'identified' is worse than 'hold': angular acceleration over 10 ms; position after 0.1, 1 s"
+    )
+    better = dataclasses.replace(held_out, errors=dict.fromkeys((IDENTIFIED, HOLD), held_out.errors[HOLD]))
+    assert prediction_lines(better)[-1] == "'identified' is worse than 'hold': angular acceleration over 10 ms"
 
 
 def test_an_inertia_that_no_body_has_is_refused():

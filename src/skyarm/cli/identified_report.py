@@ -78,7 +78,25 @@ def prediction_lines(held_out: HeldOut) -> list[RenderableType]:
         lines.append(
             "the begin go on, and the model counts beside holding as much as is best in the flights of the fit."
         )
+    worse = _worse_than_holding(held_out)
+    if worse:
+        lines.append(f"'{IDENTIFIED}' is worse than '{HOLD}': {'; '.join(worse)}")
     return [*lines, *(printable(note) for note in held_out.notes)]
+
+
+def _worse_than_holding(held_out: HeldOut) -> list[str]:
+    """Quantities, each with its horizon, that the identified vehicle predicts worse than holding does."""
+    own, held = (held_out.one_step[name] for name in (IDENTIFIED, HOLD))
+    found = [
+        f"{field.replace('_', ' ')} over {1e3 * held_out.period:.3g} ms"
+        for field in ("specific_force", "angular_acceleration")
+        if getattr(own, field) > getattr(held, field)
+    ]
+    pairs = [(held_out.errors[IDENTIFIED][k], held_out.errors[HOLD][k]) for k in table_horizons(held_out)]
+    for field in ("position", "velocity", "attitude", "rate"):
+        horizons = [f"{a.horizon:g}" for a, b in pairs if getattr(a, field) > getattr(b, field)]
+        found += [f"{field} after {', '.join(horizons)} s"] if horizons else []
+    return found
 
 
 def prediction_csv(held_out: HeldOut) -> str:

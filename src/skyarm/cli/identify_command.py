@@ -40,10 +40,11 @@ from skyarm.records.files import (
 )
 from skyarm.records.immutable import immutable
 from skyarm.records.registry import RegistryError
-from skyarm.studies.identify.data_faults import Fault, find_faults, implausible_numbers, require_no_refusal
+from skyarm.studies.identify.data_faults import Fault, find_faults, require_no_refusal
 from skyarm.studies.identify.held_out import held_out_period, predict_held_out
-from skyarm.studies.identify.identified_file import VOLTAGE, identified_file
+from skyarm.studies.identify.identified_file import IDENTIFIED_BY, VOLTAGE, identified_file
 from skyarm.studies.identify.identify_vehicle import identify_vehicle
+from skyarm.studies.identify.plausibility import implausible_numbers
 from skyarm.studies.identify.stretches import stretches_of_flights
 from skyarm.studies.identify.unknowns import second_moments_of
 from skyarm.vehicle.vehicle_files import load_vehicle
@@ -184,18 +185,17 @@ class Work:
 
 def _identify_vehicle(work: Work, folder: Path | None) -> None:
     """Identify a vehicle from flights, predict those that were held out, print and write what was found."""
-    start, both = work.start, {Path(each).resolve() for each in work.flights}
-    for each in work.held_out:
-        if Path(each).resolve() in both:
-            raise ValueError(f"--held-out = {shown(each)}: must not be among the flights of the fit")
+    start = work.start
     known = {name: value for name, value in work.known.items() if name != VOLTAGE}
     full, held_out = work.known.get(VOLTAGE, 0.0), None
     with bar(f"identify {start.name}") as advance:
         if folder is not None:
             require_writable(folder)
             require_replaceable(*(folder / name for name in (VEHICLE, NUMBERS, TABLE, FIGURE)))
+            _require_own(folder / VEHICLE)
         read, clocks = _read(work, advance)
         fitted, aside = read[: len(work.flights)], read[len(work.flights) :]
+        _check_measurements(read, fitted, full)
         advance(last="look for faults")
         parts = [_part(each, work.sections) for each in fitted]
         faults = [fault for each in (*parts, *aside) for fault in find_faults(each, start)]
@@ -204,15 +204,16 @@ def _identify_vehicle(work: Work, folder: Path | None) -> None:
         stretches = stretches_of_flights(fitted, start, full_voltage=full, sections=work.sections)
         period = held_out_period(stretches[0][0].period)
         unseen = stretches_of_flights(aside, start, period=period, full_voltage=full) if aside else []
+        every = [each for part in stretches for each in part]
         found = identify_vehicle(
-            [each for part in stretches for each in part],
+            every,
             start,
             curve=work.curve,
             drag_height=work.drag_height,
             known=known,
             progress=lambda words: advance(last=words),
         )
-        implausible = implausible_numbers(found, fitted[0].file)
+        implausible = implausible_numbers(found, start, fitted[0].file, every)
         _report_faults(implausible, work)
         if aside:
             advance(last="predict the held-out flights")
@@ -230,7 +231,8 @@ def _identify_vehicle(work: Work, folder: Path | None) -> None:
     shows, written = any(each.is_known for each in found.numbers), list[Path]()
     if folder is not None and shows:
         written = [write_atomically(folder / name, content) for name, content in contents.items()]
-        tell(f"written: {', '.join(map(str, written))}", f"next: skyarm check {folder / VEHICLE}")
+        following = [f"next: skyarm check {folder / VEHICLE}"] if found.settled else []
+        tell(f"written: {', '.join(map(str, written))}", *following)
     give(plain(document), files=written)
     if not found.settled:
         say("the search did not settle: give known numbers (--known), or fly with more motion")
@@ -264,6 +266,10 @@ def _sections(begin: float | None, end: float | None) -> tuple[tuple[float, floa
 
 def _read(work: Work, advance: Advance) -> tuple[list[FlightData], dict[str, ClockOffset]]:
     """Read all flights, on the clocks of their gyros, and the offsets of the clocks that were moved."""
+    fit = {Path(each).resolve() for each in work.flights}
+    for each in work.held_out:
+        if Path(each).resolve() in fit:
+            raise ValueError(f"--held-out = {shown(each)}: must not be among the flights of the fit")
     files, found, clocks = [*work.flights, *work.held_out], list[FlightData](), dict[str, ClockOffset]()
     for i, file in enumerate(files):
         advance(i, len(files), f"read {Path(file).name}")
@@ -275,6 +281,24 @@ def _read(work: Work, advance: Advance) -> tuple[list[FlightData], dict[str, Clo
         found.append(flight)
     advance()
     return found, clocks
+
+
+def _require_own(file: Path) -> None:
+    """Raise an error in one line for a vehicle file that another hand wrote and that would be lost."""
+    if file.is_file() and not file.read_bytes().startswith(f"# {IDENTIFIED_BY}".encode()):
+        raise ValueError(f"--out = {shown(str(file.parent))}: must be another folder: {VEHICLE} is another hand's")
+
+
+def _check_measurements(read: Sequence[FlightData], fitted: Sequence[FlightData], full: float) -> None:
+    """Raise an error in one line for a measurement that is given twice, as a copy too, or lacks a known voltage."""
+    measured = dict[bytes, str]()
+    for flight in read:
+        if "gyro" in flight and flight["gyro"].time.size:
+            same = measured.setdefault(flight["gyro"].values.tobytes(), flight.file)
+            if same is not flight.file:
+                raise ValueError(f"flight = {shown(flight.file)}: must be another measurement than {shown(same)}")
+    if full and not any("voltage" in flight for flight in fitted):
+        raise ValueError(f"--known {VOLTAGE} = {full:g}: must be left out: no flight measures the voltage")
 
 
 def _report_faults(faults: Sequence[Fault], work: Work) -> None:
@@ -324,6 +348,7 @@ def known_numbers(start: Vehicle, words: Sequence[str]) -> tuple[Vehicle, dict[s
     total = given.pop(TOTAL, None)
     if total is not None:
         carried = float(start.mass) - float(start.base.mass)
+        number(total, f"--known {TOTAL}", low=0.0, strict=True)
         number(total - carried, f"--known {TOTAL}, less {carried:g} kg of the links", low=0.0, strict=True)
         start = dataclasses.replace(start, base=dataclasses.replace(start.base, mass=total - carried))
     if VOLTAGE in given:

@@ -16,11 +16,12 @@ from skyarm.studies.identify.data_faults import (
     REFUSED,
     WARNED,
     find_faults,
-    implausible_numbers,
     require_no_refusal,
 )
 from skyarm.studies.identify.identify_vehicle import NOT_SHOWN, Identified, IdentifiedNumber
 from skyarm.studies.identify.motion_model import Surroundings
+from skyarm.studies.identify.plausibility import implausible_numbers
+from skyarm.studies.identify.stretches import stretches_of
 
 SEED, SECONDS = 0, 14.0
 START = NOMINAL
@@ -492,12 +493,54 @@ def identified(name, value, start, *, explained=0.9, reason=""):
 )  # fmt: skip
 def test_numbers_that_no_vehicle_has_are_refused(found, words):
     with pytest.raises(ValueError, match=f"^flight.csv: {re.escape(words)}[^\n]*; check [^\n]+$"):
-        require_no_refusal(implausible_numbers(found, "flight.csv"))
+        require_no_refusal(implausible_numbers(found, START, "flight.csv"))
 
 
 def test_numbers_far_from_the_start_are_doubted_and_what_does_not_show_is_not():
-    (doubt,) = implausible_numbers(identified("rotors.time_constant_up", 0.06, 0.0125), "flight.csv")
+    (doubt,) = implausible_numbers(identified("rotors.time_constant_up", 0.06, 0.0125), START, "flight.csv")
     assert doubt.severity == WARNED
     assert "4.8 times the start vehicle's" in doubt.words
-    assert implausible_numbers(identified("base.inertia.xx", 0.012, 0.007), "flight.csv") == ()
-    assert implausible_numbers(identified("base.inertia.xx", 0.3, 0.007, reason=NOT_SHOWN), "flight.csv") == ()
+    assert implausible_numbers(identified("base.inertia.xx", 0.012, 0.007), START, "flight.csv") == ()
+    assert implausible_numbers(identified("base.inertia.xx", 0.3, 0.007, reason=NOT_SHOWN), START, "flight.csv") == ()
+
+
+@pytest.mark.parametrize(
+    ("found", "words"),
+    [
+        (identified("delay", -0.006, 0.005), "delay: is -6 ms: motion before its command"),
+        (identified("drives.elbow.latency", -0.004, 0.005), "drives.elbow.latency: is -4 ms: motion before"),
+        (identified("base.com.z", 0.1, 0.0), "base.com.z: is 100 mm, 0.59 of the rotors' distance off"),
+    ],
+)
+def test_numbers_that_hardly_any_vehicle_has_are_doubted(found, words):
+    (doubt,) = implausible_numbers(found, START, "flight.csv")
+    assert doubt.severity == WARNED
+    assert words in doubt.words
+
+
+def test_a_small_offset_of_the_centre_of_mass_and_a_late_accelerometer_are_plausible():
+    assert implausible_numbers(identified("base.com.z", 0.02, 0.0), START, "flight.csv") == ()
+    assert implausible_numbers(identified("accelerometer_delay", -0.004, 0.0), START, "flight.csv") == ()
+
+
+@pytest.mark.parametrize(("share", "doubts"), [(0.8, 1), (0.99, 0)])
+def test_a_thrust_beyond_all_commands_is_extrapolated(sound, share, doubts):
+    found = identified("rotors.thrust_at_100_percent", 9.0, 8.0)
+    (stretch, *_) = stretches_of(sound, START)
+    commands = np.full_like(stretch.commands, share * float(START.rotors[0].max_speed))
+    faults = implausible_numbers(found, START, "flight.csv", [dataclasses.replace(stretch, commands=commands)])
+    assert len(faults) == doubts
+    assert all("is extrapolated: commands reach 80 % of the full speed" in each.words for each in faults)
+
+
+@pytest.mark.parametrize(("name", "value"), [("gyro", 1e6), ("accelerometer", -1e300)])
+def test_one_sample_that_no_sensor_reads_is_named(sound, name, value):
+    def spoil(rows):
+        rows = rows.copy()
+        rows[rows.shape[0] // 2, 1] = value
+        return rows
+
+    faults = find_faults(change(sound, name, spoil), START)
+    (fault,) = [each for each in faults if "samples are beyond" in each.finding]
+    assert (fault.severity, fault.channel) == (REFUSED, name)
+    assert fault.finding.startswith("1 of ")

@@ -7,6 +7,7 @@ clock by the change after which every law holds.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -21,7 +22,6 @@ from skyarm.flight_data.own_log import SIMULATED
 from skyarm.flight_data.quantities import GRAVITY, QUANTITIES
 from skyarm.records.files.messages import one_line
 from skyarm.studies.identify.fault_isolation import incompatible_channels
-from skyarm.studies.identify.identify_vehicle import Identified
 from skyarm.studies.identify.stretches import SETTLING, SHORTEST, commanded_speeds, flying_spans
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -94,63 +94,15 @@ def require_no_refusal(faults: Sequence[Fault]) -> None:
             raise ValueError(fault.words)
 
 
-FAR, IMPOSSIBLE = 4.0, 8.0
-"""Times by which a number that a flight shows may be off the start before it is doubted; and a firm one is refused.
-
-Units that are mixed up are off by 9.55 (rpm), 9.81 (g) and more.
-"""
-
-FIRM = ("rotors.thrust_coefficient", "base.inertia.xx", "base.inertia.yy", "base.inertia.zz")
-"""Numbers that drawing and scale tell better than by a factor of 8."""
-
-DOUBTED = (*FIRM, "rotors.moment_coefficient", "rotors.time_constant_up", "rotors.time_constant_down")
-"""Numbers above 0 that are compared with those of the start."""
-
-LONGEST_DELAY = 0.06
-"""s, dead time of commands and delay of an accelerometer beyond which a clock is wrong rather than a loop slow."""
-
-BLIND = 0.02
-"""Share of the rotation's variance below which the commands explain nothing."""
-
-
-def implausible_numbers(found: Identified, file: str) -> tuple[Fault, ...]:
-    """Faults that show in the numbers only: far from the start vehicle, or of a model that explains nothing.
-
-    Args:
-        found: identified vehicle.
-        file: of the flight, for the messages.
-    """
-    return tuple(
-        Fault(severity=severity, file=file, channel=name, finding=finding, remedy=remedy)
-        for severity, name, finding, remedy in _implausible(found)
-    )
-
-
-def _implausible(found: Identified) -> Iterator[Found]:
-    """Yield the faults of identified numbers."""
-    shares = [share for row, share in found.explained.items() if row.startswith("rate.")]
-    if shares and max(shares) < BLIND:
-        finding = f"explain {100.0 * max(*shares, 0.0):.1g} % of the rotation"
-        yield REFUSED, "rotor commands", finding, "check their order, clock and units, and the vehicle"
-    for each in found.numbers:
-        if not each.is_known:
-            continue
-        if each.name in ("delay", "accelerometer_delay", "joint_delay") and abs(each.value) > LONGEST_DELAY:
-            finding = f"is {each.value:.3g} s, longer than any loop's"
-            yield REFUSED, each.name, finding, "check the clocks of commands and sensors"
-        elif each.name in DOUBTED and each.start > 0.0:
-            times = max(each.value / each.start, each.start / max(each.value, 1e-300))
-            if times > FAR:
-                finding = f"is {each.value:.4g} {each.unit}, {each.value / each.start:.3g} times the start vehicle's"
-                severity = REFUSED if times > IMPOSSIBLE and each.name in FIRM else WARNED
-                yield severity, each.name, finding, "check the channels' units, and mass and numbers of the vehicle"
-
-
 def _all_faults(flight: FlightData, start: Vehicle) -> Iterator[Found]:
     """Yield the faults of a flight, from those that hide others on."""
     if any(not flight[name].time.size for name in flight):
         return  # of a section without samples there is nothing to say
     yield from _lost_rows(flight)
+    spikes = list(_spikes(flight))
+    if spikes:
+        yield from spikes
+        return
     missing = list(_missing(flight, start))
     units = list(_wrong_units(flight, start))
     yield from missing
@@ -388,6 +340,23 @@ def _impossible_rates(flight: FlightData) -> Iterator[Found]:
     if size > TUMBLING:
         finding = f"turns by {size:.3g} rad in half a second throughout the flight: it looks like deg/s"
         yield REFUSED, "gyro", finding, "state its unit in columns.toml"
+
+
+RANGES = {"gyro": 4000.0 * math.pi / 180.0, "accelerometer": 64.0 * GRAVITY}
+"""Channel -> largest range that such a sensor has on a vehicle, rad/s and m/s^2."""
+
+RARE = 0.01
+"""Share of samples beyond the range up to which these are spikes, and not a unit."""
+
+
+def _spikes(flight: FlightData) -> Iterator[Found]:
+    """Yield sensors of which a few samples lie beyond what any reads."""
+    for name, most in RANGES.items():
+        beyond = (np.abs(flight[name].values) > most).any(axis=1) if name in flight else np.zeros(0, dtype=bool)
+        if beyond.any() and beyond.mean() < RARE:
+            at = float(flight[name].time[beyond][0])
+            finding = f"{int(beyond.sum())} of {beyond.size} samples are beyond {most:.3g}, the first at {at:.4g} s"
+            yield REFUSED, name, finding, "take them out of the file"
 
 
 def _pieces(channel: Channel) -> Array:

@@ -118,6 +118,8 @@ def predict_held_out(
         target = plain if note else placed
         target += [(each, level_poses(each) if note else poses_of(flight, each)) for each in stretches]
         notes += [f"{flight.name}: {each}" for each in ([note] if note else _notes_on_poses(flight))]
+    if start.n:
+        notes.append("The motion of the joints is given as measured; over a few periods its noise is most of an error.")
     pairs = {IDENTIFIED: (found.vehicle, found.surroundings), START: (start, before)}
     errors = dict[str, Sequence[HorizonErrors]]()
     learnt = _learnt(seen) if placed else []

@@ -27,6 +27,9 @@ VOLTAGE = "voltage"
 POSITION = "rotors.position"
 """Field of the height at which hub drag acts."""
 
+IDENTIFIED_BY = "Identified by skyarm"
+"""Beginning of the first comment of the file."""
+
 SUFFIX = "_identified"
 """Behind the name of the start vehicle."""
 
@@ -61,7 +64,7 @@ def _head(found: Identified, start: Vehicle, flights: Sequence[str]) -> list[str
     """Lines at the beginning of the file."""
     about = found.surroundings
     lines = [
-        f"Identified by skyarm from {len(flights)} flight{'s' if len(flights) > 1 else ''}, {found.seconds:.3g} s:",
+        f"{IDENTIFIED_BY} from {len(flights)} flight{'s' if len(flights) > 1 else ''}, {found.seconds:.3g} s:",
         *(f"  {each}" for each in flights),
         f"Start vehicle: {start.name}. Behind each number its 95 % interval; what the flights do not show is the",
         "start's, and what they show is fitted to it. The total mass is given: flights show forces per mass only.",

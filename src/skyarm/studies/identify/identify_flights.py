@@ -7,8 +7,9 @@ from collections.abc import Callable, Mapping, Sequence
 
 from skyarm.flight_data.clocks import align_poses
 from skyarm.flight_data.flight_data import FlightData
-from skyarm.studies.identify.data_faults import Fault, find_faults, implausible_numbers, require_no_refusal
+from skyarm.studies.identify.data_faults import Fault, find_faults, require_no_refusal
 from skyarm.studies.identify.identify_vehicle import Identified, identify_vehicle
+from skyarm.studies.identify.plausibility import implausible_numbers
 from skyarm.studies.identify.stretches import stretches_of_flights
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -50,7 +51,7 @@ def identify_flights(
     cut = stretches_of_flights(flights, start, full_voltage=full_voltage, sections=sections) if flights else []
     stretches = [each for part in cut for each in part]
     found = identify_vehicle(stretches, start, curve=curve, known=known, progress=progress)
-    _report(implausible_numbers(found, flights[0].file), despite_faults)
+    _report(implausible_numbers(found, start, flights[0].file, stretches), despite_faults)
     return found
 
 

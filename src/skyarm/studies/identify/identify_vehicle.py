@@ -270,7 +270,9 @@ def search_of(
     positive = {each.name: each.positive for each in every}
     for name, value in fixed.items():
         if name not in positive:
-            raise ValueError(f"known.{name}: {must_be_one_of(positive, name)}")
+            searched = [each for each in positive if not each.startswith("base.second_moment.")]
+            every_name = [*searched, "base.inertia.xx", "base.inertia.yy", "base.inertia.zz", "mass", "voltage"]
+            raise ValueError(f"known.{name}: {must_be_one_of(every_name, name)}")
         number(value, f"known.{name}", low=0.0 if positive[name] else -math.inf, strict=positive[name])
     unknowns = [each for each in every if each.name not in fixed]
     memos = [Memo() for _ in stretches]

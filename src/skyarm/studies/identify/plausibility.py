@@ -1,0 +1,104 @@
+"""Plausibility of identified numbers: what no vehicle has, and what the fit itself contradicts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from skyarm.studies.identify.data_faults import REFUSED, WARNED, Fault, Found
+from skyarm.studies.identify.identify_vehicle import Identified
+from skyarm.studies.identify.motion_model import Stretch
+from skyarm.vehicle.vehicle_records import Vehicle
+
+FAR, IMPOSSIBLE = 4.0, 8.0
+"""Times by which a number that a flight shows may be off the start before it is doubted; and a firm one is refused.
+
+Units that are mixed up are off by 9.55 (rpm), 9.81 (g) and more.
+"""
+
+FIRM = ("rotors.thrust_coefficient", "base.inertia.xx", "base.inertia.yy", "base.inertia.zz")
+"""Numbers that drawing and scale tell better than by a factor of 8."""
+
+DOUBTED = (*FIRM, "rotors.moment_coefficient", "rotors.time_constant_up", "rotors.time_constant_down")
+"""Numbers above 0 that are compared with those of the start."""
+
+LONGEST_DELAY = 0.06
+"""s, dead time of commands and delay of an accelerometer beyond which a clock is wrong rather than a loop slow."""
+
+DEAD_TIMES = ("delay", "joint_delay")
+"""Numbers that no clock lets be negative."""
+
+BLIND, BRIEF = 0.02, 5.0
+"""Share of the rotation's variance below which the commands explain nothing; s, of a flight that is too short to."""
+
+
+ASIDE = 0.5
+"""Of the rotors' distance from the base: what a centre of mass may be off the drawing's before it is doubted."""
+
+FULL, HIGHEST = "rotors.thrust_at_100_percent", 0.95
+"""Thrust at full signal, and share of the full speed that some commands must reach for it to be more than a guess."""
+
+
+def implausible_numbers(
+    found: Identified, start: Vehicle, file: str, stretches: Sequence[Stretch] = ()
+) -> tuple[Fault, ...]:
+    """Faults that show in the numbers only: far from the start vehicle, or of a model that explains nothing.
+
+    Args:
+        found: identified vehicle.
+        start: vehicle before.
+        file: of the flight, for the messages.
+        stretches: of the fit, whose commands a thrust curve is compared with.
+    """
+    faults = [*_implausible(found), *_misplaced(found, start), *_beyond_commands(found, start, stretches)]
+    return tuple(
+        Fault(severity=severity, file=file, channel=name, finding=finding, remedy=remedy)
+        for severity, name, finding, remedy in faults
+    )
+
+
+def _misplaced(found: Identified, start: Vehicle) -> Iterator[Found]:
+    """Yield centres of mass that lie outside of what a drawing can be wrong by."""
+    arm = max(math.hypot(*map(float, each.position)) for each in start.rotors)
+    for each in found.numbers:
+        if not each.name.startswith("base.com.") or not each.is_known:
+            continue
+        off = abs(each.value - each.start)
+        if off > ASIDE * arm and not each.low <= each.start <= each.high:
+            finding = f"is {1e3 * each.value:.3g} mm, {off / arm:.2g} of the rotors' distance off the start vehicle's"
+            yield WARNED, each.name, finding, "try --drag-height, check the accelerometer's place and the clocks"
+
+
+def _beyond_commands(found: Identified, start: Vehicle, stretches: Sequence[Stretch]) -> Iterator[Found]:
+    """Yield the thrust at full signal where no command comes near it."""
+    full = float(start.rotors[0].max_speed)
+    most = max((float(np.quantile(each.commands, 0.999)) for each in stretches), default=full) / full
+    if most < HIGHEST and any(each.name == FULL and each.is_known for each in found.numbers):
+        finding = f"is extrapolated: commands reach {100.0 * most:.2g} % of the full speed"
+        yield WARNED, FULL, finding, "fly with more thrust, or do not rely on it"
+
+
+def _implausible(found: Identified) -> Iterator[Found]:
+    """Yield the faults of identified numbers."""
+    shares = [share for row, share in found.explained.items() if row.startswith("rate.")]
+    if shares and max(shares) < BLIND:
+        finding = f"explain {100.0 * max(*shares, 0.0):.1g} % of the rotation in {found.seconds:.3g} s of flight"
+        remedy = "check their order, clock and units, and the vehicle"
+        yield REFUSED, "rotor commands", finding, remedy if found.seconds > BRIEF else f"fly for longer, or {remedy}"
+    for each in found.numbers:
+        if not each.is_known:
+            continue
+        if (each.name in DEAD_TIMES or each.name.endswith(".latency")) and each.high < 0.0:
+            finding = f"is {1e3 * each.value:.3g} ms: motion before its command"
+            yield WARNED, each.name, finding, "commands and sensors are not on one clock"
+        if each.name in (*DEAD_TIMES, "accelerometer_delay") and abs(each.value) > LONGEST_DELAY:
+            finding = f"is {each.value:.3g} s, longer than any loop's"
+            yield REFUSED, each.name, finding, "check the clocks of commands and sensors"
+        elif each.name in DOUBTED and each.start > 0.0:
+            times = max(each.value / each.start, each.start / max(each.value, 1e-300))
+            if times > FAR:
+                finding = f"is {each.value:.4g} {each.unit}, {each.value / each.start:.3g} times the start vehicle's"
+                severity = REFUSED if times > IMPOSSIBLE and each.name in FIRM else WARNED
+                yield severity, each.name, finding, "check the channels' units, and mass and numbers of the vehicle"
