@@ -15,7 +15,7 @@ from skyarm.records.units import units
 from skyarm.simulate import Log, run
 from skyarm.vehicle.vehicle_records import Vehicle
 
-SCALARS = {"time", "yaw_held", "yaw_reference", "load_mass_found", "path_time", "phase"}
+SCALARS = {"time", "yaw_held", "yaw_reference", "load_mass_found", "push_deviation", "path_time", "phase"}
 JOINTS = {name for name in units(Log) if "joint" in name or name == "efforts"}
 ROTORS = {"rotor_speeds", "rotor_commands"}
 

@@ -13,15 +13,19 @@ from skyarm.records.leaves import is_record
 
 
 def found_by_law(memory: Any) -> Mapping[str, tuple[Any, ...]]:
-    """Estimates of a control law by log array name: loop lags and tip load; empty without such estimates.
+    """Estimates of a control law by log array name: loop lags, tip load, tip force; empty without such estimates.
 
     A law shows a load by a field ``load`` of its memory: a record with a ``mass`` (kg) and a ``place`` (m, axes of the
-    tip). Any other field of this name is not logged.
+    tip). Any other field of this name is not logged. The tip's force is logged where its standard error is known.
     """
     load: Any = part_of(memory, "load")
     found = {"lag_found": lags_found(memory)}
     if is_record(load) and hasattr(load, "mass") and isinstance(getattr(load, "place", None), Vec3):
         found |= {"load_mass_found": (load.mass,), "load_place_found": tuple(load.place)}
+    push: Any = part_of(memory, "interaction")
+    deviation = getattr(getattr(push, "scale", None), "deviation", None)
+    if deviation is not None:
+        found |= {"push_found": tuple(push.force), "push_deviation": (deviation,)}
     return {name: numbers for name, numbers in found.items() if numbers}
 
 

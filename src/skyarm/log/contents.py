@@ -17,7 +17,7 @@ SCHEMA = 1
 
 WORDS = "must be a log of schema 1"
 
-SCALARS = ("time", "yaw_held", "yaw_reference", "load_mass_found", "path_time", "phase")
+SCALARS = ("time", "yaw_held", "yaw_reference", "load_mass_found", "push_deviation", "path_time", "phase")
 """Arrays of a number an instant."""
 
 LAYOUT = "columns"

@@ -53,6 +53,8 @@ class Log:
             (:mod:`skyarm.control.laws.centroidal.lag_estimate`); without columns for a law that estimates none.
         load_mass_found, load_place_found: (N,) kg, (N, 3) m, of the load that the law learned: mass, and centre in the
             axes of the tip; empty for a law that learns none.
+        push_found, push_deviation: (N, 3) N, (N,) N, of the force at the tip that the law estimates: world axes, and
+            its standard error along the surface's normal; empty for a law without ``tolerances``.
         path_time: (N,) the reference's time, s, where it is planned apart from the flight's; ``time - path_time`` is
             its lag. Empty where it is not; of a task whose phases wait, the reference's own time, which is waited from.
         phase: (N,) number of the phase that is flown, one more than the last once all are done. Empty where no phase
@@ -99,6 +101,8 @@ class Log:
     lag_found: Annotated[Array, Unit("s", "found by the law beyond what it was told")] = _if_any()
     load_mass_found: Annotated[Array, Unit("kg", "of the load that the law learned")] = _if_any()
     load_place_found: Annotated[Array, Unit("m", "its centre of mass, axes of the tip")] = _if_any()
+    push_found: Annotated[Array, Unit("N", "estimated at the tip, world axes")] = _if_any()
+    push_deviation: Annotated[Array, Unit("N", "its standard error along the normal")] = _if_any()
     path_time: Annotated[Array, Unit("s", "time of the reference that the law is led along")] = _if_any()
     phase: Annotated[Array, Unit("", "number of the task's phase")] = _if_any()
     tilts: Annotated[Array, units(State)["tilts"]] = _if_any()

@@ -40,6 +40,7 @@ from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.blocks.tip_force import ForceErrors, TipLevers, tip_force
+from skyarm.control.blocks.torque_scale import Tolerances, TorqueScale
 from skyarm.control.controller import ControllerError
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
@@ -269,6 +270,7 @@ class InteractionGains:
     again: Annotated[Scalar, Unit("m/s", "with which the tip comes back to a surface that it lost, at most")] = 0.1
     sensing: Annotated[Scalar, Unit("rad/s", "filter of a force sensor")] | None = None
     furthest: Annotated[Scalar, Unit("m", "that the base looks for the surface")] = 0.5
+    tolerances: Tolerances | None = None
 
 
 @immutable
@@ -288,6 +290,7 @@ class InteractionMemory:
     force: Annotated[Vec3, Unit("N", "at the tip, estimated, world axes")] = Vec3(0.0, 0.0, 0.0)
     lean: Annotated[Vec3, Unit("", "of the normal from the model's, found by sliding")] = Vec3(0.0, 0.0, 0.0)
     felt: Annotated[Vec3 | tuple[()], Unit("N", "by a sensor at the tip, filtered, world axes")] = ()
+    scale: TorqueScale | tuple[()] = ()
 
 
 @immutable

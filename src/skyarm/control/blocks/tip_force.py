@@ -16,7 +16,7 @@ from typing import Annotated, Any
 
 from skyarm.algebra import Mat3, Vec3, ldl_solve
 from skyarm.algebra.scalars import Scalar, add, divide, mul
-from skyarm.control.blocks.prediction import Disturbance
+from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
@@ -78,6 +78,20 @@ def levers(vehicle: Vehicle, R: Mat3, joints: Sequence[Scalar]) -> TipLevers:
 
 def tip_force(errors: ForceErrors, at: TipLevers, rest: Disturbance) -> Vec3:
     """Force at the tip, N, world axes, by weighted least squares from the observed disturbance less its bias."""
+    return at.R.apply(Vec3(*_of_disturbance(errors, at, rest).solve()))
+
+
+def effort_shares(errors: ForceErrors, at: TipLevers, n: Vec3) -> tuple[Scalar, ...]:
+    """Derivative of the estimated force along n (unit, world axes) by each joint's observed effort, 1/m or 1."""
+    squares = _of_disturbance(errors, at, no_disturbance(len(at.columns)))
+    squares.b = list(at.R.apply_T(n))
+    gain = Vec3(*squares.solve())  # A^-1 n: the estimate is linear in the efforts, with J weight on the right-hand side
+    rows = zip(at.vehicle.links, at.columns, strict=True)
+    return tuple(mul(errors.weight_of(link), column.dot(gain)) for link, column in rows)
+
+
+def _of_disturbance(errors: ForceErrors, at: TipLevers, rest: Disturbance) -> LeastSquares:
+    """Least-squares problem for the force at the tip, base axes."""
     squares = LeastSquares(3)
     squares.prefer(at.R.apply_T(rest.force), 1)
     for link, column, effort in zip(at.vehicle.links, at.columns, rest.efforts, strict=True):
@@ -85,7 +99,7 @@ def tip_force(errors: ForceErrors, at: TipLevers, rest: Disturbance) -> Vec3:
     rows = zip(*(at.tip.cross(axis) for axis in AXES), strict=True)
     for row, torque in zip(rows, rest.torque, strict=True):
         squares.require(row, torque, divide(1.0, errors.base * errors.base))
-    return at.R.apply(Vec3(*squares.solve()))
+    return squares
 
 
 class LeastSquares:

@@ -1,4 +1,4 @@
-"""Checks of a contact force that the reference commands: force control, joint torques and yaw torque."""
+"""Checks of a contact force that the reference commands: law, joint torques, yaw torque, error of its estimate."""
 
 from __future__ import annotations
 
@@ -6,14 +6,17 @@ import math
 
 import numpy as np
 
-from skyarm.control.controller import presses
+from skyarm.algebra import Mat3, Vec3
+from skyarm.control.blocks.tip_force import effort_shares, levers
+from skyarm.control.blocks.torque_scale import Tolerances
+from skyarm.control.controller import part_of, presses
 from skyarm.dynamics.actuators import make_mixer
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.records.arrays import Array
 from skyarm.reference.trajectory import Reference
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.assess.arm_poses import WRENCH, Allocation, hover_efforts
-from skyarm.studies.assess.finding import WARNING, Finding, at_most
+from skyarm.studies.assess.finding import NOTE, WARNING, Finding, at_most
 from skyarm.studies.assess.joints import effort_limits
 
 FORCE = "reference.push.force"
@@ -21,6 +24,9 @@ FORCE = "reference.push.force"
 
 INSTANTS = 500
 """Of the flight, at which force and pose are looked at."""
+
+ASSUMED = Tolerances(torques=0.1, masses=0.0)
+"""Where the law is told of none."""
 
 WARNS, HALF = 0.8, 0.5
 """Shares of a joint's limit and of the yaw torque that leave little: friction and a tilted base take the rest."""
@@ -33,7 +39,7 @@ def push_limits(scenario: Scenario) -> list[Finding]:
     the roughest surface, in the direction along the surface in which it turns the vehicle most.
     """
     at = largest_push(scenario)
-    return [] if at is None else [*_law(scenario), *_joints(scenario, at), *_yaw(scenario, at)]
+    return [] if at is None else [*_law(scenario), *_joints(scenario, at), *_yaw(scenario, at), *_error(scenario, at)]
 
 
 def largest_push(scenario: Scenario) -> Reference | None:
@@ -120,3 +126,35 @@ def _yaw(scenario: Scenario, at: Reference) -> list[Finding]:
     remedy = "slide across the lever as little as can be, less force, a shorter reach, or stronger yaw"
     warning = HALF * room
     return [at_most("yaw while pressing", torque, text, FORCE, remedy, warning=warning, unit="N m", joints=joints)]
+
+
+def _error(scenario: Scenario, at: Reference) -> list[Finding]:
+    part = part_of(scenario.controller.par, "interaction")
+    if part is None or part.sensing is not None:
+        return []
+    common, deviation = push_errors(scenario, at, ASSUMED if part.tolerances is None else part.tolerances)
+    text = (
+        f"a torque scale of all joints {100.0 * ASSUMED.torques:.2g} % off is {common:.2g} of {float(at.push[0]):.3g} N"
+    )
+    if part.tolerances is not None:
+        text = f"standard error {deviation:.2g} of {float(at.push[0]):.3g} N by the tolerances, before any is learned"
+    remedy = "controller.tolerances lets the law learn the scale; a force sensor needs none"
+    joints = tuple(float(q) for q in at.joints)
+    return [Finding("force without a sensor", NOTE, text, FORCE, remedy, deviation, math.nan, "N", joints)]
+
+
+def push_errors(scenario: Scenario, at: Reference, by: Tolerances) -> tuple[float, float]:
+    """Errors of a force that is estimated from joint torques, N: of one scale of all joints, and the standard error.
+
+    Args:
+        scenario: vehicle, gravity and law.
+        at: reference while it pushes; the base is taken as level.
+        by: standard deviations of scales, independent from joint to joint, and of weights.
+    """
+    vehicle, joints, push = scenario.plant.vehicle, tuple(float(q) for q in at.joints), push_on_level_base(at)
+    errors = part_of(scenario.controller.par, "interaction").errors
+    place = levers(vehicle, Mat3.identity(), joints)
+    shares = np.array(effort_shares(errors, place, Vec3(*(push / np.linalg.norm(push)))), dtype=float)
+    loads, weights = (shares * pushing_efforts(scenario, joints, force) for force in (push, 0.0 * push))
+    independent = math.hypot(by.torques * np.linalg.norm(loads), by.masses * np.linalg.norm(weights))
+    return float(abs(by.torques * loads.sum())), independent

@@ -12,7 +12,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, absolute, clip, divide, logical_and, maximum, mul, sqrt, where
+from skyarm.algebra.scalars import (
+    Scalar,
+    absolute,
+    clip,
+    divide,
+    logical_and,
+    logical_not,
+    logical_or,
+    maximum,
+    mul,
+    sqrt,
+    where,
+)
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.disturbance_observer import disturbance
 from skyarm.control.blocks.filters import low_pass
@@ -20,6 +32,7 @@ from skyarm.control.blocks.force_control import (
     InteractionGains,
     InteractionMemory,
     Pressing,
+    Wanted,
     contact_cleared,
     first_interaction,
     interact,
@@ -27,7 +40,8 @@ from skyarm.control.blocks.force_control import (
 )
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.blocks.select import vector_data
-from skyarm.control.blocks.tip_force import levers
+from skyarm.control.blocks.tip_force import TipLevers, levers
+from skyarm.control.blocks.torque_scale import first_scale
 from skyarm.control.laws.centroidal.part import Part, Step
 from skyarm.control.laws.centroidal.tip_tasks import Goal
 from skyarm.dynamics.actuators import Command
@@ -43,7 +57,8 @@ class Interaction(InteractionGains, Part):
 
     def start(self, joints: int) -> InteractionMemory:
         """Initial state of the contact force controller: no contact."""
-        return first_interaction(joints, self.sensing is not None)
+        first = first_interaction(joints, self.sensing is not None)
+        return first if self.tolerances is None else dataclasses.replace(first, scale=first_scale(joints))
 
     def adjust_reference(self, memory: InteractionMemory, step: Step) -> InteractionMemory:
         """Replace the observed contact force by the commanded one, and stop adaptation during contact."""
@@ -66,7 +81,8 @@ class Interaction(InteractionGains, Part):
             turned = then.R @ frame_pose(vehicle, vehicle.frame(), observed.joints).R
             felt = low_pass(memory.felt, turned.apply(Vec3(*reading)) + Vec3(0, 0, weight), self.sensing, dt)
         into = -wanted.normal.dot(velocity)
-        memory, pressing = interact(self, memory, wanted, disturbance(observed), then, into, effort, dt, felt)
+        seen, memory = self._at_scale(memory, step, then, wanted)
+        memory, pressing = interact(self, memory, wanted, seen, then, into, effort, dt, felt)
         slides = logical_and(slides, memory.share > 1.0 - 1e-9)
         lean = update_lean(memory.lean, wanted.normal, velocity, self.tilting, wanted.presses, slides, dt)
         given = pressing.with_order(step.unknown, then, now)
@@ -77,6 +93,23 @@ class Interaction(InteractionGains, Part):
         step.signals, step.external = shift_reference(pressing, step.signals), pressing.engaged
         step.isolate(contact_cleared(self, memory))
         return dataclasses.replace(memory, lean=vector_data(lean))
+
+    def _at_scale(
+        self, memory: InteractionMemory, step: Step, at: TipLevers, wanted: Wanted
+    ) -> tuple[Disturbance, InteractionMemory]:
+        """Observed disturbance of joints with the right torque scale, and the memory with what was learned of it."""
+        seen, scale, by = disturbance(step.observed), memory.scale, self.tolerances
+        if not scale or by is None:
+            return seen, memory
+        # not on the way to the surface either: an observer is late, and would learn of the touch
+        efforts, alone = step.memory.sent[0].efforts, logical_not(wanted.requests_contact)
+        for held in step.reference.load:
+            alone = logical_and(alone, held < 0.5)
+        free = logical_and(alone, logical_or(memory.free > self.rest, scale.met < 0.5))
+        rate = where(memory.free > self.rest, self.bias_rate, 0.0)
+        after = scale.learn(by, self.errors, at, seen, efforts, wanted.normal, free, rate, step.dt)
+        after = dataclasses.replace(after, met=maximum(scale.met, memory.touching))
+        return scale.correct(by, self.errors, at, seen, efforts), dataclasses.replace(memory, scale=after)
 
     def learn(self, memory: InteractionMemory, step: Step) -> InteractionMemory:
         """Store the distance of the tip from its reference along the surface normal."""

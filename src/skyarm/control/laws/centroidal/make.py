@@ -15,6 +15,7 @@ from skyarm.control.blocks.disturbance_observer import AccelerometerGains, Obser
 from skyarm.control.blocks.extrapolation import Channel
 from skyarm.control.blocks.force_control import SENSING, require_thresholds
 from skyarm.control.blocks.prediction import pushes_across
+from skyarm.control.blocks.torque_scale import Tolerances
 from skyarm.control.controller import Controller, ControllerError, all_applied
 from skyarm.control.laws.centroidal.adaptation import adaptation_gains
 from skyarm.control.laws.centroidal.admittance import admittance_gains
@@ -176,7 +177,13 @@ def _interaction(gains: Mapping[str, Any], leads: bool, vehicle: Vehicle) -> Int
     require_thresholds(gains["interaction"], leads)
     touch, lost = gains["interaction"]
     geared = any(float(link.joint.armature) > 0.0 for link in vehicle.links)
-    return Interaction(touch=touch, lost=lost, sensing=SENSING if gains["force_sensor"] else None, geared=geared)
+    return Interaction(
+        touch=touch,
+        lost=lost,
+        sensing=SENSING if gains["force_sensor"] else None,
+        tolerances=Tolerances(**_row("torques masses", gains["tolerances"])) if any(gains["tolerances"]) else None,
+        geared=geared,
+    )
 
 
 def ends_of(vehicle: Vehicle) -> tuple[tuple[bool, bool], ...]:

@@ -40,6 +40,7 @@ OPTIONS: Mapping[str, tuple[Any, float, float]] = {
     "interaction": ((0.0, 0.0), 0.0, 1e3),
     "load": (0.0, 0.0, 1e3),
     "force_sensor": (False, 0.0, 1.0),
+    "tolerances": ((0.0, 0.0), 0.0, 1.0),
     "lag_inversion": (0.1, 0.0, 1.0),
     "shift_rate": (3.0, 0.0, 1e3),
 }
@@ -197,6 +198,8 @@ def must_act(changes: Mapping[str, Any], gains: Mapping[str, Any], mode: str, ad
         refuse("gust_shift", changes["gust_shift"], f"0 in mode {mode!r}")
     if gains["force_sensor"] and not (admits or any(gains["interaction"])):
         raise ControllerError("controller.force_sensor = true: must be false without interaction")
+    if any(gains["tolerances"]) and not any(gains["interaction"]):
+        refuse("tolerances", gains["tolerances"], "twice 0 without interaction")
     if any(gains["attitude"]) and not gains["sideways"]:
         refuse("attitude", gains["attitude"], "level without the option sideways")
     for name, unit in (("accelerometer", "bandwidths"), ("lag", "lengths")):
