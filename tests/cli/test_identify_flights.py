@@ -27,7 +27,8 @@ from skyarm.sensing.sensor_kinds import Imu
 from skyarm.studies.identify import identify_flights
 from skyarm.studies.identify.held_out import CURVE, HOLD, IDENTIFIED, HeldOut, OneStep
 from skyarm.studies.identify.identified_file import identified_file
-from skyarm.studies.identify.identify_vehicle import Identified, IdentifiedNumber
+from skyarm.studies.identify.identified_numbers import IdentifiedNumber
+from skyarm.studies.identify.identify_vehicle import Identified
 from skyarm.studies.identify.motion_model import Surroundings
 from skyarm.studies.identify.open_loop import HORIZONS, HorizonErrors
 from skyarm.studies.identify.unknowns import second_moments

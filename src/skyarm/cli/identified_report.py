@@ -16,7 +16,8 @@ from skyarm.flight_data.flight_data import FlightData
 from skyarm.records.files import printable
 from skyarm.studies.identify.data_faults import Fault
 from skyarm.studies.identify.held_out import HOLD, IDENTIFIED, PAST, START, HeldOut, table_horizons
-from skyarm.studies.identify.identify_vehicle import Identified, IdentifiedNumber
+from skyarm.studies.identify.identified_numbers import IdentifiedNumber
+from skyarm.studies.identify.identify_vehicle import Identified
 from skyarm.studies.identify.open_loop import HorizonErrors
 from skyarm.studies.identify.stretches import period_note
 from skyarm.vehicle.vehicle_records import Vehicle

@@ -35,7 +35,9 @@ HORIZON = 0.1
 @pytest.fixture(scope="module")
 def flown():
     log = log_of(2.0)
-    return stretch_of(log), Poses(position=log.position, quaternion=log.quaternion, velocity=log.velocity)
+    return stretch_of(log), Poses(
+        position=log.position, quaternion=log.quaternion, velocity=log.velocity, known_velocity=log.velocity
+    )
 
 
 def drawn(noise, size, seed, constant=0.0):

@@ -18,7 +18,8 @@ from skyarm.studies.identify.data_faults import (
     find_faults,
     require_no_refusal,
 )
-from skyarm.studies.identify.identify_vehicle import NOT_SHOWN, Identified, IdentifiedNumber
+from skyarm.studies.identify.identified_numbers import NOT_SHOWN, IdentifiedNumber
+from skyarm.studies.identify.identify_vehicle import Identified
 from skyarm.studies.identify.motion_model import Surroundings
 from skyarm.studies.identify.plausibility import implausible_numbers
 from skyarm.studies.identify.stretches import stretches_of

@@ -10,6 +10,7 @@ import pytest
 from test_motion_model import ABOUT, log_of, stretch_of, vehicle
 
 from skyarm.flight_data.flight_data import Channel, FlightData
+from skyarm.studies.identify.disturbances import AxisNoise, DisturbanceModel
 from skyarm.studies.identify.held_out import (
     HOLD,
     IDENTIFIED,
@@ -22,9 +23,12 @@ from skyarm.studies.identify.held_out import (
     spread_of,
 )
 from skyarm.studies.identify.identify_vehicle import Identified
+from skyarm.studies.identify.open_loop import hold, predict_ahead
 
 RUN_IN = 200
 """Periods after which the rotors' speeds at the begin are forgotten."""
+
+NOISES = DisturbanceModel((AxisNoise(measured=0.02, white=0.01, process=1.5, time_constant=0.3, walk=0.1),) * 6)
 
 SPEED = np.array([0.4, -0.2, 0.1])
 
@@ -75,6 +79,25 @@ def test_velocity_and_position_come_from_each_other_where_one_is_not_measured(st
     np.testing.assert_allclose(poses.position - poses.position[0], moved, atol=max(10.0 * noise, 1e-5))
 
 
+@pytest.mark.parametrize("noises", [None, NOISES], ids=["commands alone", "with past"])
+def test_nothing_that_is_measured_after_a_begin_enters_its_prediction(stretch, noises):
+    """Positions that jump after the begin change what is compared, and no bit of what is foretold."""
+    made = flight_of(stretch, ("position", "quaternion"), rate=1.0 / stretch.period)
+    position, row = made["position"], 600
+    begin = stretch.start + row * stretch.period
+    jumped = position.values + np.where(position.time[:, None] > begin + 1e-6, 0.02, 0.0)
+    other = made.with_channels({"position": channel(position.time, jumped)})
+    first, second = poses_of(made, stretch), poses_of(other, stretch)
+    assert np.abs(first.velocity[row] - second.velocity[row]).max() > 0.1
+    ends = [
+        predict_ahead(vehicle(), ABOUT, stretch, each, [row], 20, disturbances=noises)[-1] for each in (first, second)
+    ]
+    held = [hold(stretch, each, [row], 0.1) for each in (first, second)]
+    for one, two in (ends, held):
+        np.testing.assert_allclose(one.position, two.position, atol=1e-9)
+        np.testing.assert_allclose(one.velocity, two.velocity, atol=1e-9)
+
+
 def test_attitude_passes_half_a_turn_evenly(stretch):
     flight = flight_of(stretch, ("position", "quaternion"))
     q, time = poses_of(flight, stretch).quaternion, instants(stretch)[:, 0]
@@ -94,7 +117,7 @@ def test_a_flight_without_poses_shows_rates_and_accelerations_only(stretch):
     heavy = dataclasses.replace(vehicle(), base=dataclasses.replace(vehicle().base, mass=1.3 * vehicle().base.mass))
     found = predict_held_out(identified(), heavy, [(flight_of(stretch, ("gyro",)), [stretch])], horizons=(0.03,))
     assert not found.has_poses
-    assert found.notes == ("made: no quaternion is measured: rate and specific force are predicted, and no pose",)
+    assert found.notes[0] == "made: no quaternion is measured: rate and specific force are predicted, and no pose"
     for errors in found.errors.values():
         assert all(math.isnan(each.position) and math.isnan(each.attitude) for each in errors)
     assert found.errors[IDENTIFIED][0].rate < 0.3 * found.errors[HOLD][0].rate  # without the drag of its speed

@@ -16,16 +16,16 @@ from skyarm.reference import Constant, Sum, Trajectory
 from skyarm.scenario.scenario_record import Delays, NamedSensor
 from skyarm.sensing.channel import Channel as Errors
 from skyarm.sensing.sensor_kinds import Imu
-from skyarm.studies.identify.identified_parts import vehicle_with
-from skyarm.studies.identify.identify_vehicle import (
+from skyarm.studies.identify.identified_numbers import (
     NOT_SHOWN,
     IdentifiedNumber,
-    _bound,
-    _explained_shares,
+    at_starts,
+    bound_number,
     condition_on_start,
-    identify_vehicle,
-    search_of,
+    scale_of,
 )
+from skyarm.studies.identify.identified_parts import vehicle_with
+from skyarm.studies.identify.identify_vehicle import _explained_shares, identify_vehicle, search_of
 from skyarm.studies.identify.information import expected_numbers
 from skyarm.studies.identify.motion_model import Stretch
 from skyarm.studies.identify.servo_response import with_servos
@@ -46,6 +46,7 @@ PLANTED = {
     "base.com.x": 0.004,
 }
 TRUTH = vehicle_with(START, PLANTED, checked=True)
+ALL = {"curve": False, "velocity": True, "voltage": False, "driven": ()}
 
 
 def swings(*rows):
@@ -170,7 +171,7 @@ def test_an_interval_is_cut_off_at_the_bound_of_physics(low, high, least, after)
     given = IdentifiedNumber(
         name="drag.area.x", unit="m^2", value=middle, low=low, high=high, start=0.0, data_share=0.9
     )
-    number = _bound(given, least)
+    number = bound_number(given, least)
     assert (number.low, number.value, number.high, number.reason) == after
     assert number.is_known == (not after[-1])
 
@@ -190,6 +191,63 @@ def test_what_a_flight_does_not_show_is_said_and_stays(flight, found):
     for number in (*found.numbers, *held.numbers):
         assert number.low < number.value < number.high
         assert bool(number.reason) == (number.data_share < 0.5)
+
+
+def value_in_file(found, name):
+    """Number of the identified vehicle, or of what surrounds it."""
+    if name.startswith("base.inertia."):
+        return getattr(found.vehicle.base.inertia, name[-2:])
+    if name.startswith("drag.area."):
+        return getattr(found.vehicle.drag.area, name[-1])
+    head, _, axis = name.partition(".")
+    if head in ("place", "offset", "torque"):
+        return getattr(found.surroundings, head)["xyz".index(axis)]
+    return found.searched[name]
+
+
+def test_what_is_not_in_the_data_is_exactly_the_start_s(flight):
+    """Of the vehicle and of what surrounds it, in five seconds that show little; what the others name, too."""
+    found = identify_vehicle(stretches_of(flight.section(2.0, 5.0), START), START)
+    hidden = [each for each in found.numbers if each.reason == NOT_SHOWN]
+    names = {each.name for each in hidden}
+    assert {"base.com.z", "offset.z"} <= names
+    for each in hidden:
+        assert value_in_file(found, each.name) == pytest.approx(each.start, rel=1e-12, abs=1e-15), each.name
+    for each in found.numbers:
+        if not each.is_known:
+            assert each.reason.partition(" apart from ")[2] in {"", *names}
+
+
+def test_a_moment_of_inertia_is_put_back_though_it_is_a_sum_of_what_is_searched():
+    """The other two stay as they were found."""
+    unknowns = [each for each in unknowns_of(START, **ALL) if each.name.startswith("base.")]
+    searched = np.array([each.begin for each in unknowns]) + np.where([each.positive for each in unknowns], 0.1, 1e-5)
+    searched[0] += 0.2
+    plain = {each.name: each.value(x) for each, x in zip(unknowns, searched.tolist(), strict=True)}
+    scale = scale_of(SimpleNamespace(values=searched), unknowns, reported_of(unknowns), {})
+    names = [each.name for each in scale.reported]
+    back = at_starts(plain, scale, [names.index("base.inertia.zz")], [each.name for each in unknowns])
+    before, after = (vehicle_with(START, numbers, checked=True).base.inertia for numbers in (plain, back))
+    assert after.zz == pytest.approx(START.base.inertia.zz, rel=1e-14)
+    assert (after.xx, after.yy) == pytest.approx((before.xx, before.yy), rel=1e-14)
+    assert before.zz > 1.05 * after.zz
+    assert {name: back[name] for name in back if "second" not in name} == {
+        name: plain[name] for name in plain if "second" not in name
+    }
+
+
+def test_damping_that_no_data_sheet_has_is_searched():
+    """At zero its logarithm cannot be; its spread is that of the dry friction at the rate of the link's swing."""
+    arm = skyarm.load_vehicle("hummingbird_arm2_rotors")
+    first = dataclasses.replace(arm.links[0], joint=dataclasses.replace(arm.links[0].joint, damping=0.0))
+    bare = dataclasses.replace(arm, links=(first, *arm.links[1:]))
+    every = {each.name: each for each in unknowns_of(bare, **{**ALL, "driven": (True, True)})}
+    damping, dry = (every[f"links.{first.name}.joint.{name}"] for name in ("damping", "coulomb"))
+    assert not damping.positive
+    assert (damping.begin, damping.least) == (0.0, 0.0)
+    assert damping.spread == pytest.approx(dry.spread / np.sqrt(9.81 / abs(first.body.com.z)))
+    noisy = vehicle_with(bare, {damping.name: -1e-5}, checked=True)
+    assert noisy.links[0].joint.damping == 0.0
 
 
 def test_the_accuracy_that_a_flight_allows_is_expected_before_the_search(flight, found):
@@ -283,16 +341,25 @@ def test_wrong_stretches_are_refused_in_one_line(stretches, message):
 def test_of_two_numbers_of_which_the_ratio_is_known_one_keeps_it():
     """Found 2 and 3 from 0 and 0, their difference known to 0.01, their sum as well as before: the first goes back."""
     along, across = np.array([1.0, 1.0]) / np.sqrt(2.0), np.array([1.0, -1.0]) / np.sqrt(2.0)
-    spread = 0.95 * np.outer(along, along) + 1e-4 * np.outer(across, across) + np.diag([0.06, 0.0])
-    found = condition_on_start(
-        np.array([2.0, 3.0]), spread, np.eye(2), np.array([-2.0, -3.0]), np.ones(2), [True, True]
-    )
-    assert found[0] == pytest.approx(0.0)
-    assert found[1] == pytest.approx(3.0 - 2.0 * spread[0, 1] / spread[0, 0])
-    kept = condition_on_start(
-        np.array([2.0, 3.0]), spread, np.eye(2), np.array([-2.0, -3.0]), np.ones(2), [False, False]
-    )
-    assert kept.tolist() == [2.0, 3.0]
+    spread = 0.95 * np.outer(along, along) + 1e-4 * np.outer(across, across) + np.diag([0.06, 0.04])
+    made = np.array([2.0, 3.0]), spread, np.eye(2), np.array([-2.0, -3.0]), np.ones(2), 1.0 - np.diag(spread)
+    found = condition_on_start(*made, [[0, 1]])
+    assert found.values[0] == pytest.approx(0.0)
+    assert found.values[1] == pytest.approx(3.0 - 2.0 * spread[0, 1] / spread[0, 0])
+    assert (found.replaced, found.beside) == ([0], {1: 0})
+    # the first group goes first, though less is known of the other
+    assert condition_on_start(*made, [[1], [0]]).beside == {0: 1}
+    assert condition_on_start(*made, [[], []]).values.tolist() == [2.0, 3.0]
+
+
+def test_what_the_told_shares_deny_goes_back_though_the_curvature_shows_it():
+    """Scores that spread more than the curvature says hide a number: it is at its start, and the other follows."""
+    spread = np.array([[0.2, 0.1], [0.1, 0.2]])
+    made = np.array([2.0, 3.0]), spread, np.eye(2), np.array([-2.0, -3.0]), np.ones(2)
+    assert condition_on_start(*made, np.array([0.8, 0.8]), [[0, 1]]).values.tolist() == [2.0, 3.0]
+    found = condition_on_start(*made, np.array([0.4, 0.8]), [[0, 1]])
+    assert found.values == pytest.approx([0.0, 2.0])
+    assert (found.replaced, found.beside) == ([0], {})
 
 
 def test_no_candidate_is_a_body_that_cannot_be():
@@ -386,7 +453,10 @@ def test_numbers_of_rotors_are_those_of_the_first_and_the_rest_of_a_vehicle_stay
     arm = skyarm.load_vehicle("hummingbird_arm2_rotors")
     strong = dataclasses.replace(arm.rotors[1], thrust_coefficient=2.0 * arm.rotors[0].thrust_coefficient)
     mixed = dataclasses.replace(arm, rotors=(arm.rotors[0], strong, *arm.rotors[2:]))
-    made = vehicle_with(mixed, {"rotors.thrust_coefficient": 1e-5, "drag.area.x": 0.03, "drag.area.y": -0.01})
+    numbers = {"rotors.thrust_coefficient": 1e-5, "drag.area.x": 0.03, "drag.area.y": -0.01}
+    # a search passes through what no vehicle is: cut off there, an area of zero would have no slope
+    assert vehicle_with(mixed, numbers).drag.area.y == -0.01
+    made = vehicle_with(mixed, numbers, checked=True)
     assert [each.thrust_coefficient for each in made.rotors] == pytest.approx([1e-5, 2e-5, 1e-5, 1e-5])
     assert (made.drag.area.x, made.drag.area.y) == (0.03, 0.0)
     assert [each.body for each in made.links] == [each.body for each in arm.links]

@@ -26,7 +26,9 @@ HALF = round(0.5 / PERIOD)
 def flown():
     """Stretch and poses of three seconds, without noise."""
     log = log_of(3.0)
-    return stretch_of(log), Poses(position=log.position, quaternion=log.quaternion, velocity=log.velocity)
+    return stretch_of(log), Poses(
+        position=log.position, quaternion=log.quaternion, velocity=log.velocity, known_velocity=log.velocity
+    )
 
 
 def test_the_true_vehicle_foretells_the_flight(flown):

@@ -116,12 +116,12 @@ def unexplained_sums(vehicle: Vehicle, about: Surroundings, stretch: Stretch, po
     """Sums (N + 1, 6) of measured less predicted accelerations of the base, linear and angular, base axes."""
     q, h = middle(_straight(poses.quaternion)), stretch.period
     q = q / np.linalg.norm(q, axis=1, keepdims=True)
-    speed = to_base(q, middle(poses.velocity))
+    speed = to_base(q, middle(poses.known_velocity))
     place = np.arange(stretch.size)
     rate = Vec3(*middle(stretch.rate).T)
     linear, angular = base_acceleration(vehicle, about, stretch, place, rate, Vec3(*speed.T), Memo())
     foretold = np.stack([each + np.zeros(stretch.size) for each in (*linear, *angular)], axis=1)
-    change = np.diff(poses.velocity, axis=0) + np.array([0.0, 0.0, gravity * h])
+    change = np.diff(poses.known_velocity, axis=0) + np.array([0.0, 0.0, gravity * h])
     steps = np.concatenate([to_base(q, change), np.diff(stretch.rate, axis=0)], axis=1) - foretold * h
     return np.concatenate([np.zeros((1, 6)), np.cumsum(steps, axis=0)])
 
@@ -225,4 +225,4 @@ def begin_at(
     errors, disturbance = model.estimate(sums, stretch.used, stretch.period)
     R = Quaternion(*poses.quaternion[rows].T).rotation()
     off = np.stack([each + np.zeros(len(rows)) for each in R.apply(Vec3(*errors[rows, :3].T))], axis=1)
-    return poses.velocity[rows] - off, stretch.rate[rows] - errors[rows, 3:], disturbance[rows]
+    return poses.known_velocity[rows] - off, stretch.rate[rows] - errors[rows, 3:], disturbance[rows]

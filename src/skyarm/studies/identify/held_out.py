@@ -193,7 +193,7 @@ def no_poses(flight: FlightData) -> str:
 def _notes_on_poses(flight: FlightData) -> list[str]:
     """Notes on poses that are not measured whole."""
     if "velocity" not in flight:
-        return [f"the velocity is the slope of the position over {WINDOW:g} s"]
+        return [f"the velocity is the slope of the position over {WINDOW:g} s, of begins over the {WINDOW:g} s before"]
     return [] if "position" in flight else ["the position is the sum of the velocity"]
 
 
@@ -201,7 +201,8 @@ def poses_of(flight: FlightData, stretch: Stretch) -> Poses:
     """Measured poses at the instants of a stretch.
 
     Between samples they are interpolated. Without a velocity, that is the slope of the position over :data:`WINDOW`
-    (local parabola: Savitzky and Golay 1964); without a position, that is the sum of the velocity.
+    (local parabola: Savitzky and Golay 1964): around each sample, and for begins before it; without a position, that is
+    the sum of the velocity.
 
     Args:
         flight: with quaternion, and position or velocity.
@@ -211,39 +212,41 @@ def poses_of(flight: FlightData, stretch: Stretch) -> Poses:
         ValueError: one line: the flight lacks a quantity.
     """
     time: Array = stretch.start + stretch.period * np.arange(stretch.size + 1, dtype=float)
-    speeds = flight["velocity"] if "velocity" in flight else _slope(flight["position"])
-    velocity = _interpolate(speeds, time)
+    given = "velocity" in flight
+    velocity = _interpolate(flight["velocity"] if given else _slope(flight["position"]), time)
+    known = velocity if given else _interpolate(_slope(flight["position"], past=True), time)
     if "position" in flight:
         position = _interpolate(flight["position"], time)
     else:
         steps = 0.5 * (velocity[1:] + velocity[:-1]) * stretch.period
         position = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
-    return Poses(position=position, quaternion=attitude_at(flight, time), velocity=velocity)
+    return Poses(position=position, quaternion=attitude_at(flight, time), velocity=velocity, known_velocity=known)
 
 
 def level_poses(stretch: Stretch) -> Poses:
     """Poses of a vehicle that rests level, for predictions of which the rates alone count."""
     zero = np.zeros((stretch.size + 1, 3))
     level = np.concatenate([zero[:, :1] + 1.0, zero], axis=1)
-    return Poses(position=zero, quaternion=level, velocity=zero)
+    return Poses(position=zero, quaternion=level, velocity=zero, known_velocity=zero)
 
 
 def _interpolate(channel: Channel, time: Array) -> Array:
     return np.stack([np.interp(time, channel.time, column) for column in channel.values.T], axis=1)
 
 
-def _slope(position: Channel) -> Channel:
-    """Velocity of a measured position: slopes of parabolas through the samples around each one."""
+def _slope(position: Channel, *, past: bool = False) -> Channel:
+    """Velocity of a measured position: slopes of parabolas through the samples around each one, or until it."""
     step = float(np.median(np.diff(position.time)))
     time = np.arange(position.time[0], position.time[-1] + 0.5 * step, step)
     rows = _interpolate(position, time)
     half = max(FEWEST, math.ceil(WINDOW / step)) // 2
     if len(rows) <= 2 * half:
         raise ValueError(f"{position.source}: {len(rows)} samples: must be at least {2 * half + 1}")
-    places = np.arange(-half, half + 1, dtype=float)
-    weights = -places / (places**2).sum() / step
-    longer = np.pad(rows, ((half, half), (0, 0)), mode="reflect", reflect_type="odd")
-    slopes = np.stack([np.convolve(column, weights, "valid") for column in longer.T], axis=1)
+    before, after = (2 * half, 0) if past else (half, half)
+    places = np.arange(-before, after + 1, dtype=float)
+    weights = np.linalg.pinv(np.vander(places, 3))[1] / step
+    longer = np.pad(rows, ((before, after), (0, 0)), mode="reflect", reflect_type="odd")
+    slopes = np.stack([np.convolve(column, weights[::-1], "valid") for column in longer.T], axis=1)
     return Channel(time=time, values=slopes, source=f"slope of {position.source}")
 
 

@@ -15,9 +15,9 @@ from skyarm.studies.identify.motion_model import Surroundings
 from skyarm.studies.identify.unknowns import DRAG_HEIGHT, KNOTS, rises_of_thrust, second_moments
 from skyarm.vehicle.linkage import Body, Joint, Link
 from skyarm.vehicle.thrust_table import ThrustTable
-from skyarm.vehicle.vehicle_records import MountedDrive, Rotor, Vehicle
+from skyarm.vehicle.vehicle_records import BodyDrag, MountedDrive, Rotor, Vehicle
 
-R = TypeVar("R", Rotor, Link, Body, Joint, PositionServo, MountedDrive)
+R = TypeVar("R", Rotor, Link, Body, Joint, PositionServo, MountedDrive, BodyDrag)
 
 SCALED = ("thrust_coefficient", "moment_coefficient", "time_constant_up", "time_constant_down")
 """Numbers of a rotor that are above 0: of each rotor in the proportion of the start vehicle."""
@@ -52,7 +52,7 @@ def vehicle_with(start: Vehicle, numbers: Mapping[str, float], *, checked: bool 
         inertia=_inertia(start.base, numbers),
     )
     areas = [numbers.get(f"drag.area.{axis}", getattr(start.drag.area, axis)) for axis in "xyz"]
-    drag = dataclasses.replace(start.drag, area=Vec3(*(max(area, 0.0) for area in areas)))
+    drag = _with_changes(start.drag, checked, area=Vec3(*(max(area, 0.0) if checked else area for area in areas)))
     if checked:
         return dataclasses.replace(start, base=base, rotors=rotors, links=links, drag=drag, drives=drives)
     return start.with_checked(base=base, rotors=rotors, links=links, drag=drag, drives=drives)
@@ -98,8 +98,8 @@ def _link(link: Link, numbers: Mapping[str, float], checked: bool) -> Link:
         inertia=Sym3(*(getattr(body.inertia, each.name) * scale for each in fields(Sym3))),
     )
     frictions: dict[str, Any] = {k: numbers[at] for k in FRICTIONS if (at := f"{name}.joint.{k}") in numbers}
-    if checked and "coulomb" in frictions:
-        frictions["coulomb"] = max(frictions["coulomb"], 0.0)
+    if checked:
+        frictions |= {name: max(frictions[name], 0.0) for name in ("damping", "coulomb") if name in frictions}
     return _with_changes(link, checked, body=moved, joint=_with_changes(link.joint, checked, **frictions))
 
 

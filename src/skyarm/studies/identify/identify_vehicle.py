@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -12,6 +11,16 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.records.files import must_be_one_of, number
+from skyarm.studies.identify.identified_numbers import (
+    IdentifiedNumber,
+    Scale,
+    at_starts,
+    bound_number,
+    condition_on_start,
+    identified_numbers,
+    scale_of,
+    with_reasons,
+)
 from skyarm.studies.identify.identified_parts import surroundings_with, vehicle_with
 from skyarm.studies.identify.motion_model import Memo, Stretch, Surroundings, prediction_errors
 from skyarm.studies.identify.prediction_error import ORDER, PredictedErrors, PredictionFit, fit_prediction
@@ -21,20 +30,8 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 Array: TypeAlias = npt.NDArray[np.float64]
 
-NOT_SHOWN = "not in this data"
-"""Reason of a number of which the flights tell less than what was known before."""
-
-SHOWN = 0.5
-"""Least share of a number's information that the flights must give."""
-
 BLOCK = 2.0
 """s, of a block of scores: noise of measured rates, integrated in a joint's prediction, stays for longer than 0.5 s."""
-
-SHARE, INSTANT, SPREAD = 2e-3, 0.02, 1e-2
-"""Of a positive number, of a period (for times) and of what is known before (for others): what sampling leaves.
-
-No half of an interval is smaller, whatever the noise: planted vehicles with little noise are found to half of it.
-"""
 
 RATES = (3, 4, 5)
 """Rows of the base's rates: trim torques differ from flight to flight, by the battery's place and by propellers."""
@@ -44,34 +41,6 @@ UNEVEN = 0.01
 
 LEAST = 20
 """Periods of the shortest stretch, in orders of the whitening filter."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class IdentifiedNumber:
-    """Identified number with its 95 % interval.
-
-    Attributes:
-        name: as a vehicle file has it, or of what surrounds the vehicle.
-        unit: SI.
-        value, low, high: estimate and interval, of data and what was known before.
-        start: value before.
-        data_share: share of its information that the flights give, 0 to 1.
-        reason: why the flights do not show it, else empty.
-    """
-
-    name: str
-    unit: str
-    value: float
-    low: float
-    high: float
-    start: float
-    data_share: float
-    reason: str = ""
-
-    @property
-    def is_known(self) -> bool:
-        """True if the flights show the number."""
-        return not self.reason
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -160,20 +129,24 @@ def identify_vehicle(
     found = fit_prediction(
         search.errors, search.begin, search.prior, search.steps, search.block, search.used, progress, RATES
     )
-    scale = _scale(found, search)
-    free, correlation = _identified_numbers(found, scale, search.prior, stretches[0].period)
-    numbers = tuple(_bound(number, each.least) for number, each in zip(free, scale.reported, strict=True))
+    scale = search.scale(found)
+    free, correlation = identified_numbers(found, scale, stretches[0].period)
+    numbers = [bound_number(each, of.least) for each, of in zip(free, scale.reported, strict=True)]
     inside = {each.name for each in search.unknowns if each.in_vehicle}
-    replaced = [all(part in inside or part in search.known for part in each.parts) for each in scale.reported]
-    before = scale.rows**2 @ search.prior**2
-    values = condition_on_start(found.values, found.curvature, scale.rows, scale.off, before, replaced)
+    of_vehicle = [any(part in inside for part in each.parts) for each in scale.reported]
+    # of a number of the vehicle and one around it that look alike, it is the vehicle that stays as it was
+    groups = [[i for i, each in enumerate(of_vehicle) if each is first] for first in (True, False)]
+    # what physics excludes is not in the data either, whatever its share
+    excluded = [a.is_known and not b.is_known for a, b in zip(free, numbers, strict=True)]
+    shares = np.array([0.0 if out else each.data_share for out, each in zip(excluded, numbers, strict=True)])
+    told = condition_on_start(found.values, found.curvature, scale.rows, scale.off, scale.before, shares, groups)
     driven = search.driven
     rows = ["specific_force.x", "specific_force.y", "specific_force.z", "rate.x", "rate.y", "rate.z"]
     rows += [f"{link.joint.name}.rate" for link, moves in zip(start.links, driven, strict=True) if moves]
     rows += [f"{link.joint.name}.position" for link, moves in zip(start.links, search.servoed, strict=True) if moves]
-    plain = search.numbers(values)
+    plain = at_starts(search.numbers(told.values), scale, told.replaced, [each.name for each in search.unknowns])
     return Identified(
-        numbers=numbers,
+        numbers=with_reasons(numbers, told.beside),
         correlation=correlation,
         vehicle=vehicle_with(search.start, plain, checked=True),
         surroundings=surroundings_with(plain),
@@ -222,6 +195,10 @@ class Search:
     def steps(self) -> Array:
         """Differences (P,) for slopes."""
         return np.array([each.step for each in self.unknowns])
+
+    def scale(self, found: PredictionFit) -> Scale:
+        """Reported numbers at an estimate."""
+        return scale_of(found, self.unknowns, self.reported, self.known)
 
     def numbers(self, searched: Array) -> dict[str, float]:
         """Numbers by name from searched values (P,), with those that are not searched."""
@@ -313,7 +290,7 @@ def _numbers_of(unknowns: Sequence[Unknown], known: Mapping[str, float], searche
 
 def intervals_at(found: PredictionFit, search: Search, period: float) -> tuple[IdentifiedNumber, ...]:
     """Numbers with their intervals at an estimate, from flights of some period (s)."""
-    return _identified_numbers(found, _scale(found, search), search.prior, period)[0]
+    return identified_numbers(found, search.scale(found), period)[0]
 
 
 def long_stretches(stretches: Sequence[Stretch]) -> list[Stretch]:
@@ -356,129 +333,6 @@ def _check(stretches: Sequence[Stretch], start: Vehicle) -> None:
         ):
             if not np.isfinite(getattr(each, name)).all():
                 raise ValueError(f"{at}: {name}: must be finite throughout")
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Scale:
-    """Linearisation of the reported numbers at the estimate; of positive ones their logarithms.
-
-    Attributes:
-        reported: which numbers.
-        values, starts: found, and before. positive: of each, whether its logarithm is meant.
-        rows: (reported, searched) slopes.
-    """
-
-    reported: list[Reported]
-    values: Array
-    starts: Array
-    positive: npt.NDArray[np.bool_]
-    rows: Array
-
-    @property
-    def off(self) -> Array:
-        """Differences of the starts from the values, on the scale of the slopes."""
-        ratio = np.where(self.positive, self.starts / np.where(self.positive, self.values, 1.0), 1.0)
-        return np.where(self.positive, np.log(ratio), self.starts - self.values)
-
-
-def _scale(found: PredictionFit, search: Search) -> Scale:
-    """Linearise the reported numbers in the searched ones."""
-    unknowns, known = search.unknowns, search.known
-    place = {each.name: i for i, each in enumerate(unknowns)}
-    kept = [each for each in search.reported if any(part in place for part in each.parts)]
-    values, starts, positive = np.zeros(len(kept)), np.zeros(len(kept)), np.zeros(len(kept), dtype=bool)
-    rows = np.zeros((len(kept), len(unknowns)))
-    for k, each in enumerate(kept):
-        for name in each.parts:
-            if name not in place:
-                values[k], starts[k] = values[k] + known[name], starts[k] + known[name]
-                continue
-            unknown = unknowns[place[name]]
-            value = unknown.value(float(found.values[place[name]]))
-            values[k], starts[k], positive[k] = values[k] + value, starts[k] + unknown.start, unknown.positive
-            rows[k, place[name]] = value if unknown.positive else 1.0
-        if positive[k]:
-            rows[k] /= values[k]
-    return Scale(kept, values, starts, positive, rows)
-
-
-def _identified_numbers(
-    found: PredictionFit, scale: Scale, prior: Array, period: float
-) -> tuple[tuple[IdentifiedNumber, ...], Array]:
-    """Numbers with intervals, and the correlations of their errors."""
-    covariance = scale.rows @ found.covariance @ scale.rows.T
-    before = scale.rows**2 @ prior**2
-    after = np.maximum(np.diag(covariance), np.diag(scale.rows @ found.curvature @ scale.rows.T))
-    after = np.minimum(after, before)  # what the data blur is known as before
-    shares = 1.0 - after / before
-    halves = np.hypot(found.quantile * np.sqrt(after), _sampling(scale, np.sqrt(before), period))
-    numbers = []
-    for k, each in enumerate(scale.reported):
-        value, half = float(scale.values[k]), float(halves[k])
-        low, high = (value * np.exp(-half), value * np.exp(half)) if scale.positive[k] else (value - half, value + half)
-        numbers.append(
-            IdentifiedNumber(
-                name=each.name,
-                unit=each.unit,
-                value=value,
-                low=float(low),
-                high=float(high),
-                start=float(scale.starts[k]),
-                data_share=float(shares[k]),
-                reason="" if shares[k] >= SHOWN else NOT_SHOWN,
-            )
-        )
-    deviations = np.sqrt(np.diag(covariance))
-    return tuple(numbers), covariance / np.outer(deviations, deviations)
-
-
-def _bound(found: IdentifiedNumber, least: float) -> IdentifiedNumber:
-    """Number and interval without what physics excludes; one whose whole interval it excludes is not in the data."""
-    if found.low >= least or found.reason:
-        return found
-    if found.high <= least:
-        return dataclasses.replace(found, reason=NOT_SHOWN)
-    return dataclasses.replace(found, low=least, value=max(found.value, least))
-
-
-def _sampling(scale: Scale, spread: Array, period: float) -> Array:
-    """Least halves of the intervals."""
-    times = np.array([each.unit == "s" for each in scale.reported])
-    least = np.where(scale.positive, SHARE, np.where(times, INSTANT * period, SPREAD * spread))
-    late = INSTANT * period / np.where(times & scale.positive, scale.values, np.inf)
-    return np.asarray(np.hypot(least, late))
-
-
-def condition_on_start(
-    values: Array, spread: Array, rows: Array, off: Array, before: Array, replaced: Sequence[bool]
-) -> Array:
-    """Estimate with every number that the flights do not show put back to its start, and the others fitted to that.
-
-    What is known least is put back first; of two numbers of which the flights show the ratio only, one thus stays at
-    its start and the other keeps the ratio.
-
-    Args:
-        values: (P,) what was searched and found.
-        spread: (P, P) covariance of its errors.
-        rows: (numbers, P) slopes of the numbers.
-        off: (numbers,) what their starts are off them.
-        before: (numbers,) variances of what was known of them.
-        replaced: of each number, whether it may be put back.
-    """
-    values, spread, off = values.copy(), spread.copy(), off.copy()
-    left = [i for i, may in enumerate(replaced) if may]
-    while left:
-        shares = [1.0 - float(rows[i] @ spread @ rows[i]) / before[i] for i in left]
-        least = int(np.argmin(shares))
-        if shares[least] >= SHOWN:
-            break
-        row, shift = rows[left[least]], off[left[least]]
-        gain = spread @ row / float(row @ spread @ row)
-        values += gain * shift
-        off -= rows @ gain * shift
-        spread -= np.outer(gain, row @ spread)
-        left.pop(least)
-    return values
 
 
 def _explained_shares(

@@ -11,7 +11,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from skyarm.studies.identify.identify_vehicle import SHOWN, intervals_at, search_of
+from skyarm.studies.identify.identified_numbers import SHOWN
+from skyarm.studies.identify.identify_vehicle import intervals_at, search_of
 from skyarm.studies.identify.motion_model import Stretch
 from skyarm.studies.identify.prediction_error import expected_fit
 from skyarm.vehicle.vehicle_records import Vehicle

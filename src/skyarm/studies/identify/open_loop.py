@@ -1,8 +1,9 @@
 """Prediction of a flight from its commands alone, over horizons of parts of a second to seconds.
 
 From a measured state on, the base moves as the vehicle's model says, by the commands that were flown; nothing that was
-measured later enters, but the motion of the joints, which is given. Many begins are followed side by side. The errors
-are shown beside those of *holding*: the velocity and the rate of the begin go on.
+measured later enters, but the motion of the joints, which is given, and the next sample where states lie between two.
+Many begins are followed side by side. The errors are shown beside those of *holding*: the velocity and the rate of the
+begin go on.
 """
 
 from __future__ import annotations
@@ -40,11 +41,13 @@ class Poses:
     Attributes:
         position: (N + 1, 3) m, world axes. quaternion: (N + 1, 4) w x y z, base to world.
         velocity: (N + 1, 3) m/s, world axes.
+        known_velocity: (N + 1, 3) m/s, from what is measured until each instant, which predictions begin with.
     """
 
     position: Array
     quaternion: Array
     velocity: Array
+    known_velocity: Array
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -117,7 +120,7 @@ def _begin(
     disturbances: DisturbanceModel | None,
 ) -> tuple[BaseStates, Array]:
     """States and disturbances (K, 6, 2) at some instants, from what is measured until then."""
-    now = BaseStates(poses.position[rows], poses.quaternion[rows], poses.velocity[rows], stretch.rate[rows])
+    now = BaseStates(poses.position[rows], poses.quaternion[rows], poses.known_velocity[rows], stretch.rate[rows])
     if disturbances is None or not len(rows):
         return now, np.zeros((len(rows), 6, 2))
     sums = unexplained_sums(vehicle, about, stretch, poses, gravity)
@@ -179,7 +182,7 @@ def _advance(
 def hold(stretch: Stretch, poses: Poses, begins: Sequence[int] | npt.NDArray[np.int_], seconds: float) -> BaseStates:
     """BaseStates of the base whose velocity and rate stay as they are."""
     rows = np.asarray(begins, dtype=int)
-    now = BaseStates(poses.position[rows], poses.quaternion[rows], poses.velocity[rows], stretch.rate[rows])
+    now = BaseStates(poses.position[rows], poses.quaternion[rows], poses.known_velocity[rows], stretch.rate[rows])
     return _advance(now, np.zeros((len(rows), 3)), np.zeros((len(rows), 3)), seconds)
 
 

@@ -34,7 +34,10 @@ DRAG_HEIGHT = "rotors.drag_height"
 """
 
 DRY = 0.1
-"""Of a link's weight at its reach, dry friction of which a joint without any on record is thought capable."""
+"""Of a link's weight at its reach, friction of which a joint without any on record is thought capable.
+
+Dry, or by damping at the rate of the link's swing, or at 1 m/s.
+"""
 
 WIND = 0.3
 """1/s, drag of the rotors over speed and mass of which a start without hub drag is thought capable."""
@@ -152,6 +155,11 @@ def _any(name: str, unit: str, start: Scalar, spread: float, least: float = -mat
     return Unknown(name=name, unit=unit, start=float(start), spread=spread, least=least)
 
 
+def _loss(name: str, unit: str, start: Scalar, spread: float) -> Unknown:
+    """Unknown friction; where none is on record, of any sign, with the standard deviation of what is thinkable."""
+    return _above(name, unit, start, 0.7) if float(start) else _any(name, unit, start, spread, 0.0)
+
+
 def _of_rotors(vehicle: Vehicle, curve: bool) -> list[Unknown]:
     rotor = vehicle.rotors[0]
     found = [_above("rotors.thrust_coefficient", "N s^2/rad^2", rotor.thrust_coefficient, 0.5)]
@@ -189,12 +197,10 @@ def _of_link(link: Link, moves: bool) -> list[Unknown]:
         found.append(_above(f"{name}.inertia", "times", 1.0, 0.4))
     if moves:
         (angle, unit), weight = joint.units, 9.81 * float(body.mass) * (reach if joint.turns else 1.0)
-        coulomb = f"{name}.joint.coulomb"
-        dry = _above(coulomb, unit, joint.coulomb, 0.7)
-        dry = dry if float(joint.coulomb) else _any(coulomb, unit, 0.0, DRY * weight, 0.0)
+        dry, swing = DRY * weight, math.sqrt(9.81 / reach) if joint.turns else 1.0
         found += [
-            _above(f"{name}.joint.damping", f"{unit} s/{angle}", joint.damping, 0.7),
-            dry,
+            _loss(f"{name}.joint.damping", f"{unit} s/{angle}", joint.damping, dry / swing),
+            _loss(f"{name}.joint.coulomb", unit, joint.coulomb, dry),
             _above(f"{name}.joint.coulomb_rate", f"{angle}/s", joint.coulomb_rate if joint.coulomb else 0, 1.5),
             _above(f"{name}.joint.armature", "kg m^2" if joint.turns else "kg", joint.armature, 0.7),
         ]

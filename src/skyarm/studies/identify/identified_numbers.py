@@ -1,0 +1,248 @@
+"""Identified numbers with their 95 % intervals, and the values that a vehicle has where flights do not show a number.
+
+One list of shares of information says what is not in the data. Such a number is put back to its start, and the others
+are fitted to that: what a flight does not show of a vehicle is what was known before.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.studies.identify.prediction_error import PredictionFit
+from skyarm.studies.identify.unknowns import Reported, Unknown
+
+Array: TypeAlias = npt.NDArray[np.float64]
+
+NOT_SHOWN = "not in this data"
+"""Reason of a number of which the flights tell less than what was known before."""
+
+SHOWN = 0.5
+"""Least share of a number's information that the flights must give."""
+
+SHARE, INSTANT, SPREAD = 2e-3, 0.02, 1e-2
+"""Of a positive number, of a period (for times) and of what is known before (for others): what sampling leaves.
+
+No half of an interval is smaller, whatever the noise: planted vehicles with little noise are found to half of it.
+"""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class IdentifiedNumber:
+    """Identified number with its 95 % interval.
+
+    Attributes:
+        name: as a vehicle file has it, or of what surrounds the vehicle.
+        unit: SI.
+        value, low, high: estimate and interval, of data and what was known before.
+        start: value before.
+        data_share: share of its information that the flights give, 0 to 1.
+        reason: why the flights do not show it, else empty.
+    """
+
+    name: str
+    unit: str
+    value: float
+    low: float
+    high: float
+    start: float
+    data_share: float
+    reason: str = ""
+
+    @property
+    def is_known(self) -> bool:
+        """True if the flights show the number."""
+        return not self.reason
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scale:
+    """Linearisation of the reported numbers at the estimate; of positive ones their logarithms.
+
+    Attributes:
+        reported: which numbers.
+        values, starts: found, and before. positive: of each, whether its logarithm is meant.
+        rows: (reported, searched) slopes.
+        before: (reported,) variances of what was known before.
+    """
+
+    reported: list[Reported]
+    values: Array
+    starts: Array
+    positive: npt.NDArray[np.bool_]
+    rows: Array
+    before: Array
+
+    @property
+    def off(self) -> Array:
+        """Differences of the starts from the values, on the scale of the slopes."""
+        ratio = np.where(self.positive, self.starts / np.where(self.positive, self.values, 1.0), 1.0)
+        return np.where(self.positive, np.log(ratio), self.starts - self.values)
+
+
+def scale_of(
+    found: PredictionFit, unknowns: Sequence[Unknown], reported: Sequence[Reported], known: Mapping[str, float]
+) -> Scale:
+    """Linearise the reported numbers in the searched ones, beside those that are known."""
+    place = {each.name: i for i, each in enumerate(unknowns)}
+    kept = [each for each in reported if any(part in place for part in each.parts)]
+    values, starts, positive = np.zeros(len(kept)), np.zeros(len(kept)), np.zeros(len(kept), dtype=bool)
+    rows = np.zeros((len(kept), len(unknowns)))
+    for k, each in enumerate(kept):
+        for name in each.parts:
+            if name not in place:
+                values[k], starts[k] = values[k] + known[name], starts[k] + known[name]
+                continue
+            unknown = unknowns[place[name]]
+            value = unknown.value(float(found.values[place[name]]))
+            values[k], starts[k], positive[k] = values[k] + value, starts[k] + unknown.start, unknown.positive
+            rows[k, place[name]] = value if unknown.positive else 1.0
+        if positive[k]:
+            rows[k] /= values[k]
+    spreads = np.array([each.spread for each in unknowns])
+    return Scale(kept, values, starts, positive, rows, rows**2 @ spreads**2)
+
+
+def identified_numbers(found: PredictionFit, scale: Scale, period: float) -> tuple[tuple[IdentifiedNumber, ...], Array]:
+    """Numbers with intervals, from flights of some period (s), and the correlations of their errors."""
+    covariance = scale.rows @ found.covariance @ scale.rows.T
+    before = scale.before
+    after = np.maximum(np.diag(covariance), np.diag(scale.rows @ found.curvature @ scale.rows.T))
+    after = np.minimum(after, before)  # what the data blur is known as before
+    shares = 1.0 - after / before
+    halves = np.hypot(found.quantile * np.sqrt(after), _sampling(scale, np.sqrt(before), period))
+    numbers = []
+    for k, each in enumerate(scale.reported):
+        value, half = float(scale.values[k]), float(halves[k])
+        low, high = (value * np.exp(-half), value * np.exp(half)) if scale.positive[k] else (value - half, value + half)
+        numbers.append(
+            IdentifiedNumber(
+                name=each.name,
+                unit=each.unit,
+                value=value,
+                low=float(low),
+                high=float(high),
+                start=float(scale.starts[k]),
+                data_share=float(shares[k]),
+                reason="" if shares[k] >= SHOWN else NOT_SHOWN,
+            )
+        )
+    deviations = np.sqrt(np.diag(covariance))
+    return tuple(numbers), covariance / np.outer(deviations, deviations)
+
+
+def bound_number(found: IdentifiedNumber, least: float) -> IdentifiedNumber:
+    """Number and interval without what physics excludes; one whose whole interval it excludes is not in the data."""
+    if found.low >= least or found.reason:
+        return found
+    if found.high <= least:
+        return dataclasses.replace(found, reason=NOT_SHOWN)
+    return dataclasses.replace(found, low=least, value=max(found.value, least))
+
+
+def _sampling(scale: Scale, spread: Array, period: float) -> Array:
+    """Least halves of the intervals."""
+    times = np.array([each.unit == "s" for each in scale.reported])
+    least = np.where(scale.positive, SHARE, np.where(times, INSTANT * period, SPREAD * spread))
+    late = INSTANT * period / np.where(times & scale.positive, scale.values, np.inf)
+    return np.asarray(np.hypot(least, late))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Conditioned:
+    """Estimate that fits to the starts of numbers that flights do not show.
+
+    Attributes:
+        values: (P,) searched values.
+        replaced: places of the numbers that are at their starts.
+        beside: place of a number that shows beside one of these only -> place of that one.
+    """
+
+    values: Array
+    replaced: Sequence[int]
+    beside: Mapping[int, int]
+
+
+def condition_on_start(
+    values: Array,
+    spread: Array,
+    rows: Array,
+    off: Array,
+    before: Array,
+    shares: Array,
+    groups: Sequence[Sequence[int]],
+) -> Conditioned:
+    """Estimate with every number that the flights do not show put back to its start, and the others fitted to that.
+
+    What is known least is put back first. Of two numbers of which the flights show the ratio only, one thus stays at
+    its start and the other keeps the ratio.
+
+    Args:
+        values: (P,) what was searched and found.
+        spread: (P, P) covariance of its errors.
+        rows: (numbers, P) slopes of the numbers.
+        off: (numbers,) what their starts are off them.
+        before: (numbers,) variances of what was known of them.
+        shares: (numbers,) of their information that the flights give, as they are told.
+        groups: places of the numbers that may be put back; those of the first group come first.
+    """
+    values, spread, off = values.copy(), spread.copy(), off.copy()
+    first = spread.copy()
+    told = (1.0 - shares) * before / np.maximum(np.einsum("kp,pq,kq->k", rows, spread, rows), 1e-300)
+    replaced, beside = list[int](), dict[int, int]()
+    for group in groups:
+        left = [i for i in group if shares[i] < SHOWN]
+        while left:
+            now = [1.0 - told[i] * float(rows[i] @ spread @ rows[i]) / before[i] for i in left]
+            least = int(np.argmin(now))
+            if now[least] >= SHOWN:
+                break
+            row, shift = rows[left[least]], off[left[least]]
+            gain = spread @ row / float(row @ spread @ row)
+            values += gain * shift
+            off -= rows @ gain * shift
+            spread -= np.outer(gain, row @ spread)
+            replaced.append(left.pop(least))
+        for i in left:
+            sizes = [abs(float(rows[i] @ first @ rows[j])) / float(rows[j] @ first @ rows[j]) ** 0.5 for j in replaced]
+            beside[i] = replaced[int(np.argmax(sizes))]
+    return Conditioned(values, replaced, beside)
+
+
+def with_reasons(numbers: Sequence[IdentifiedNumber], beside: Mapping[int, int]) -> tuple[IdentifiedNumber, ...]:
+    """Numbers, of which those that show beside another one only name it."""
+    return tuple(
+        dataclasses.replace(each, reason=f"{NOT_SHOWN} apart from {numbers[beside[i]].name}") if i in beside else each
+        for i, each in enumerate(numbers)
+    )
+
+
+def at_starts(
+    plain: Mapping[str, float], scale: Scale, replaced: Sequence[int], searched: Sequence[str]
+) -> dict[str, float]:
+    """Numbers by name with those that were put back at their starts exactly, though they are sums of searched ones.
+
+    Sums that were found and starts that no body has together are left as the linearisation has them.
+
+    Args:
+        plain: numbers, conditioned on the starts.
+        scale: reported numbers.
+        replaced: places of those that were put back.
+        searched: names of the searched ones.
+    """
+    place = {name: i for i, name in enumerate(searched)}
+    sums, wanted = np.zeros((len(scale.reported), len(searched))), np.zeros(len(scale.reported))
+    for k, each in enumerate(scale.reported):
+        given = sum(plain[part] for part in each.parts if part not in place)
+        wanted[k] = (scale.starts[k] if k in replaced else sum(plain[part] for part in each.parts)) - given
+        sums[k, [place[part] for part in each.parts if part in place]] = 1.0
+    if sums.shape[0] != sums.shape[1]:
+        return dict(plain)
+    found = dict(zip(searched, np.linalg.solve(sums, wanted).tolist(), strict=True))
+    rising = {part for k, each in enumerate(scale.reported) if scale.positive[k] for part in each.parts}
+    return dict(plain) if any(found[name] <= 0.0 for name in rising & set(found)) else {**plain, **found}
