@@ -52,14 +52,14 @@ def implausible_numbers(
         file: of the flight, for the messages.
         stretches: of the fit, whose commands a thrust curve is compared with.
     """
-    faults = [*_implausible(found), *_misplaced(found, start), *_beyond_commands(found, start, stretches)]
+    faults = [*_implausible(found), *_distant_centres(found, start), *_beyond_commands(found, start, stretches)]
     return tuple(
         Fault(severity=severity, file=file, channel=name, finding=finding, remedy=remedy)
         for severity, name, finding, remedy in faults
     )
 
 
-def _misplaced(found: Identified, start: Vehicle) -> Iterator[Found]:
+def _distant_centres(found: Identified, start: Vehicle) -> Iterator[Found]:
     """Yield centres of mass that lie outside of what a drawing can be wrong by."""
     arm = max(math.hypot(*map(float, each.position)) for each in start.rotors)
     for each in found.numbers:
