@@ -98,13 +98,36 @@ def test_a_velocity_in_base_axes_is_turned_by_the_attitude(tmp_path: Path) -> No
 def test_rows_without_numbers_and_times_that_do_not_rise_are_left_out_and_counted(tmp_path: Path) -> None:
     text = 't,p,q,r,v\n0,1,1,1,8\n1,2,,2,\n2,nan,3,3,7\n1.5,9,9,9,\n3,4,4,4,\n900,5,5,x,\n4,"6",6,6,\n5,7,7,7\n\n'
     found = flight(tmp_path, text, TIME + GYRO + '[voltage]\ncolumns = ["v"]\n')
-    np.testing.assert_allclose(found["gyro"].time, [0, 1.5, 3, 4, 5])
+    np.testing.assert_allclose(found["gyro"].time, [0, 1.5, 3, 4])
     np.testing.assert_allclose(found["voltage"].time, [0, 2])
     assert found.notes == (
-        "file: 1 of 8 rows have not the 5 cells of the head.",
+        "file: 1 of 8 rows have not the 5 cells of the head and count as empty.",
         "file: 1 cells are no numbers and count as empty.",
-        "gyro: 3 of 8 rows are without numbers and are left out.",
+        "gyro: 4 of 8 rows are without numbers and are left out.",
         "voltage: 6 of 8 rows are without numbers and are left out.",
+    )
+
+
+@pytest.mark.parametrize("cells", ["0.49,1,3,7", '0.49,1,2,3,"4",7'])
+def test_a_row_that_lost_or_won_a_cell_is_not_read_shifted(tmp_path: Path, cells: str) -> None:
+    rows = [f"{k * 0.01:.2f},1,2,3,7" for k in range(100)]
+    rows[49] = cells
+    found = flight(tmp_path, "\n".join(["t,p,q,r,v", *rows, "", ""]), TIME + GYRO)
+    assert {tuple(row) for row in found["gyro"].values} == {(1.0, 2.0, 3.0)}
+    assert found["gyro"].time.size == 99
+    assert found.notes[0] == "file: 1 of 100 rows have not the 5 cells of the head and count as empty."
+    ended = flight(tmp_path, "\n".join(["t,p,q,r,v", *(f"{row}," for row in rows[:40])]), TIME + GYRO)
+    assert ended["gyro"].time.size == 40  # a separator at the end of each row is no cell
+    assert ended.notes == ()
+
+
+def test_a_slower_quantity_in_the_rows_of_a_faster_one_has_its_own_rate(tmp_path: Path) -> None:
+    rows = [f"{k * 0.005:.3f},1,2,3,{k if k % 4 == 0 and k != 80 else ''}" for k in range(400)]
+    found = flight(tmp_path, "\n".join(["t,p,q,r,v", *rows]), TIME + GYRO + '[voltage]\ncolumns = ["v"]\n')
+    assert found["voltage"].rate == pytest.approx(50.0)
+    assert found.notes == (
+        "voltage: has numbers in every 4th row only, 50 Hz.",
+        "voltage: 1 of 100 rows are without numbers and are left out.",
     )
 
 

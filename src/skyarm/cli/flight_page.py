@@ -13,7 +13,8 @@ from skyarm.flight_data.clocks import clock_offset
 from skyarm.flight_data.flight_data import FlightData, format_name, load_flight
 from skyarm.flight_data.quantities import QUANTITIES
 from skyarm.records.files import printable
-from skyarm.studies.identify.data_faults import REFUSED, Fault, channel_gaps, find_faults
+from skyarm.studies.identify.channel_scales import REFUSED
+from skyarm.studies.identify.data_faults import Fault, channel_gaps, find_faults
 from skyarm.studies.identify.information import ExpectedNumber, expected_numbers
 from skyarm.studies.identify.stretches import stretches_of
 from skyarm.vehicle.vehicle_files import load_vehicle

@@ -174,9 +174,15 @@ def _channel(
         size = np.abs(np.where(np.isfinite(values), values, 0.0)).max(axis=1)
         whole &= (size > SMALLEST) & (size < LARGEST)
     if not whole.all():
-        lost = int((~whole).sum())
-        notes.append(f"{name}: {lost} of {whole.size} rows are without numbers and are left out.")
+        every = _rows_apart(whole)
+        due = -(-whole.size // every)
+        lost = max(0, due - int(whole.sum()))
         time, values = time[whole], values[whole]
+        if every > 1:
+            rate = Channel(time=time[rising_rows(time)], values=values[rising_rows(time)], source="").rate
+            notes.append(f"{name}: has numbers in every {_ordinal(every)} row only, {rate:.4g} Hz.")
+        if lost:
+            notes.append(f"{name}: {lost} of {due} rows are without numbers and are left out.")
     kept = rising_rows(time)
     if kept.size < time.size:
         if kept.size < RISING * time.size:
@@ -186,6 +192,28 @@ def _channel(
     if name == "quaternion":
         values = _continuous(values / np.linalg.norm(values, axis=1)[:, None])
     return Channel(time=time, values=values, source=signal.source)
+
+
+FEWEST = 10
+"""Steps that tell a rate of rows with numbers."""
+
+REGULAR, NEAR = 0.8, 0.34
+"""Share of the steps between rows with numbers that are alike, by this part, where a quantity is logged more seldom."""
+
+
+def _rows_apart(whole: npt.NDArray[np.bool_]) -> int:
+    """Rows from one with numbers to the next where these come at a rate of their own; 1 where rows are missing."""
+    steps = np.diff(np.flatnonzero(whole))
+    if steps.size < FEWEST:
+        return 1
+    usual = round(float(np.median(steps)))
+    return usual if np.mean(np.abs(steps - usual) <= NEAR * usual) >= REGULAR else 1
+
+
+def _ordinal(count: int) -> str:
+    """Number in a row as text: 2nd, 3rd, 4th, 11th."""
+    endings = {1: "st", 2: "nd", 3: "rd"}
+    return f"{count}{'th' if count % 100 in (11, 12, 13) else endings.get(count % 10, 'th')}"
 
 
 def _numbers_of(table: Table, column: str) -> Array:

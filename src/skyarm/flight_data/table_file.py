@@ -89,11 +89,23 @@ def _rows(body: str, places: Sequence[int], separator: str, width: int, notes: l
     """Numbers (N, columns) of the rows; NaN where a cell is empty or no number."""
     if not body.strip():
         return np.zeros((0, len(places)))
+    if not _has_whole_rows(body, separator, width):
+        return _row_by_row(body, places, separator, width, notes)
     try:
         found = np.loadtxt(io.StringIO(body), delimiter=separator, usecols=places, ndmin=2, comments=None)
     except ValueError:
         return _row_by_row(body, places, separator, width, notes)
     return np.asarray(found, dtype=float)
+
+
+def _has_whole_rows(body: str, separator: str, width: int) -> bool:
+    """True if each row that is not empty has the separators of the head: with one less its cells stand shifted."""
+    letters = np.frombuffer(body.encode(), dtype=np.uint8)
+    ends = np.flatnonzero(np.concatenate([letters, np.frombuffer(b"\n", dtype=np.uint8)]) == ord("\n"))
+    places = np.flatnonzero(letters == ord(separator))
+    found = np.diff(np.searchsorted(places, ends), prepend=0)
+    lengths = np.diff(ends, prepend=-1) - 1
+    return bool((found[lengths > 0] == width - 1).all())
 
 
 def _row_by_row(
@@ -104,10 +116,13 @@ def _row_by_row(
     for cells in _cells(body, separator):
         if not any(cell.strip() for cell in cells):
             continue
-        short += len(cells) != width
+        if len(cells) < width or any(cell.strip() for cell in cells[width:]):
+            short += 1
+            rows.append([np.nan] * len(places))
+            continue
         row = []
         for place in places:
-            cell = cells[place].strip() if place < len(cells) else ""
+            cell = cells[place].strip()
             try:
                 row.append(float(cell) if cell else np.nan)
             except ValueError:
@@ -115,7 +130,7 @@ def _row_by_row(
                 row.append(np.nan)
         rows.append(row)
     if short:
-        notes.append(f"file: {short} of {len(rows)} rows have not the {width} cells of the head.")
+        notes.append(f"file: {short} of {len(rows)} rows have not the {width} cells of the head and count as empty.")
     if wrong:
         notes.append(f"file: {wrong} cells are no numbers and count as empty.")
     return np.array(rows, dtype=float).reshape(len(rows), len(places))

@@ -12,12 +12,8 @@ import skyarm
 from logged_vehicles import CRAZYFLIE_LOG, IRIS_LOG, TREFOIL_LOG, crazyflie, iris, logged
 from planted_vehicles import NOMINAL, fly_planted
 from skyarm.flight_data.flight_data import Channel
-from skyarm.studies.identify.data_faults import (
-    REFUSED,
-    WARNED,
-    find_faults,
-    require_no_refusal,
-)
+from skyarm.studies.identify.channel_scales import REFUSED, WARNED
+from skyarm.studies.identify.data_faults import find_faults, require_no_refusal
 from skyarm.studies.identify.identified_numbers import NOT_SHOWN, IdentifiedNumber
 from skyarm.studies.identify.identify_vehicle import Identified
 from skyarm.studies.identify.motion_model import Surroundings
@@ -65,6 +61,17 @@ def axes(name, mapping):
 
 def scaled(name, factor):
     return lambda flight: change(flight, name, lambda rows: factor * rows)
+
+
+def stretched(factor):
+    """A flight on a clock that goes wrong by a factor; its readings stay."""
+    return lambda flight: dataclasses.replace(
+        flight,
+        channels={
+            name: Channel(time=factor * each.time, values=each.values, source=each.source)
+            for name, each in flight.channels.items()
+        },
+    )
 
 
 def order(name, *places):
@@ -231,6 +238,18 @@ PLANTED = {
     "joints in degrees": (scaled("joint_positions", 57.29578), REFUSED, "joint_positions: .* look like degrees"),
     "joint rates in deg/s": (scaled("joint_rates", 57.29578), REFUSED, "joint_rates: .* look like deg/s"),
     "velocity in mm/s": (scaled("velocity", 1e3), REFUSED, "velocity: .* look like mm/s"),
+    # scales
+    "gyro of 9 % more": (scaled("gyro", 1.09), REFUSED, r"gyro: is 1\.0[89]\d* times the rate of the attitude"),
+    "times of 1.9": (stretched(1.9), REFUSED, r"gyro: is 1\.9\d* times the rate of the attitude"),
+    "times of 0.92": (stretched(0.92), REFUSED, r"gyro: is 0\.92\d* times the rate of the attitude"),
+    "accelerometer of 1.5": (scaled("accelerometer", 1.5), REFUSED, r"accelerometer: is 1\.(49|50)\d* times gravity"),
+    "accelerometer of 0.91": (scaled("accelerometer", 0.91), REFUSED, r"accelerometer: is 0\.9\d* times gravity"),
+    "accelerometer of 1.5 without attitude": (
+        then(ONLY_RATES, scaled("accelerometer", 1.5)),
+        REFUSED,
+        r"accelerometer: is 1\.(4|5)\d* times gravity on the mean in axes that the gyro turns back",
+    ),
+    "velocity of 1.1": (scaled("velocity", 1.1), REFUSED, r"velocity: is 1\.1\d* times the slope of the position"),
     # axes
     "gyro x and y": (axes("gyro", SWAP_XY), REFUSED, "gyro: x and y look swapped"),
     "gyro y and z": (axes("gyro", SWAP_YZ), REFUSED, "gyro: y and z look swapped"),
@@ -348,11 +367,36 @@ def test_a_sound_flight_has_no_fault(sound):
     assert find_faults(without("joint_commands")(sound), START) == ()
 
 
+def test_sensors_within_their_data_sheets_have_no_fault(sound):
+    biased = change(sound, "accelerometer", lambda rows: rows + np.array([0.2, -0.2, 0.25]))
+    assert find_faults(scaled("gyro", 1.03)(biased), START) == ()
+    assert find_faults(ONLY_RATES(scaled("accelerometer", 1.055)(sound)), START) == ()  # as a published one
+
+
+def test_an_empty_channel_does_not_hide_the_faults_of_others(sound):
+    early = gone(4.0, 99.0, "voltage")(scaled("accelerometer", 1 / 9.80665)(sound)).section(5.0, 14.0)
+    told = [(each.severity, each.channel) for each in find_faults(early, START)]
+    assert (REFUSED, "accelerometer") in told
+    assert (WARNED, "voltage") in told
+    (blind,) = find_faults(gone(4.0, 99.0, "gyro")(sound).section(5.0, 14.0), START)
+    assert (blind.severity, blind.channel) == (REFUSED, "gyro")
+
+
+def test_only_lost_rows_of_what_is_needed_refuse_a_flight(sound):
+    words = "3000 of 4001 rows are without numbers and are left out."
+    (fault,) = find_faults(noted(f"position: {words}")(sound), START)
+    assert fault.severity == WARNED
+    for name in ("gyro", "file"):
+        (fault,) = find_faults(noted(f"{name}: {words}")(sound), START)
+        assert fault.severity == REFUSED
+
+
 ORDINARY = (
     "cut off, time jump, repeated stamps, numbers that are none, dropped samples, commands missing, never took off, "
     "frozen gyro, saturated gyro, rows repeated, gyro in deg/s, accelerometer in g, commands of 16 bit, speeds in rpm, "
     "voltage in mV, joints in degrees, gyro x and y, gyro x turned, all FRD, gyro turned without attitude, "
     "axes turned, quaternion x, y, z, w, "
+    "gyro of 9 % more, times of 1.9, accelerometer of 1.5, accelerometer of 1.5 without attitude, velocity of 1.1, "
     "quaternion inverse, quaternion late, rotors reversed, rotors mirrored, commands early, joints exchanged"
 )
 """Faults that every run of the tests plants; the others wait for the nightly run."""

@@ -123,7 +123,7 @@ def rate_law(gyro: Channel, attitude: Channel) -> Law | None:
     steps = np.diff(time)
     even = np.abs(steps - np.median(steps)) < 0.2 * np.median(steps)
     rates = rotation_steps(turned) / steps[:, None]
-    mean = _means_of(gyro.time, gyro.values)
+    mean = means_of(gyro.time, gyro.values)
 
     def at(lag: float) -> tuple[Array, Array]:
         inside = even & (time[:-1] - lag >= gyro.time[0]) & (time[1:] - lag <= gyro.time[-1])
@@ -144,7 +144,7 @@ def tilt_law(attitude: Channel, velocity: Channel, gravity: float = 9.81) -> Law
         return None
     force = np.diff(speeds, axis=0) / np.diff(time)[:, None] + [0.0, 0.0, gravity]
     slopes = force[:, :2] / np.maximum(force[:, 2:], 0.3 * gravity)
-    mean = _means_of(attitude.time, turn_vectors(attitude.values, np.tile([0.0, 0.0, 1.0], (attitude.time.size, 1))))
+    mean = means_of(attitude.time, turn_vectors(attitude.values, np.tile([0.0, 0.0, 1.0], (attitude.time.size, 1))))
 
     def at(lag: float) -> tuple[Array, Array]:
         inside = (time[:-1] - lag >= attitude.time[0]) & (time[1:] - lag <= attitude.time[-1])
@@ -165,7 +165,7 @@ def force_law(accelerometer: Channel, attitude: Channel, velocity: Channel, grav
     turned = np.stack([np.interp(middle, attitude.time, column) for column in attitude.values.T], axis=1)
     turned *= [1.0, -1.0, -1.0, -1.0] / np.maximum(np.linalg.norm(turned, axis=1), 1e-9)[:, None]
     inside_base = turn_vectors(turned, force)
-    mean = _means_of(accelerometer.time, accelerometer.values)
+    mean = means_of(accelerometer.time, accelerometer.values)
 
     def at(lag: float) -> tuple[Array, Array]:
         inside = (time[:-1] - lag >= accelerometer.time[0]) & (time[1:] - lag <= accelerometer.time[-1])
@@ -195,7 +195,7 @@ def rotor_law(gyro: Channel, speeds: Channel, vehicle: Vehicle, joints: Channel 
     flies = moving_mean(thrust, round(SETTLED / COMMAND_STEP) | 1) > AIRBORNE * 9.81 * float(vehicle.mass)
     width = max(ROTOR_STEP, 2.0 / gyro.rate, 2.0 / max(speeds.rate, 1e-9))
     edges = np.arange(begin + LATEST, end - LATEST, width)
-    mean, push_mean = _means_of(gyro.time, gyro.values), _means_of(time, _integral(time, pushes))
+    mean, push_mean = means_of(gyro.time, gyro.values), means_of(time, _integral(time, pushes))
     if len(edges) < ROWS:
         return None
     changes = np.diff(mean(edges[:-1], edges[1:]), axis=0)
@@ -229,7 +229,7 @@ def joint_law(commands: Channel, positions: Channel) -> Law | None:
     edges = np.arange(begin + LATEST, end - LATEST, VELOCITY_STEP)
     if len(edges) < ROWS:
         return None
-    mean, wanted = _means_of(positions.time, positions.values), _means_of(commands.time, commands.values)
+    mean, wanted = means_of(positions.time, positions.values), means_of(commands.time, commands.values)
     moved = np.diff(mean(edges[:-1], edges[1:]), axis=0)
 
     def at(lag: float) -> tuple[Array, Array]:
@@ -245,7 +245,7 @@ def slope_law(rates: Channel, positions: Channel) -> Law | None:
     if len(time) < ROWS or rates.time.size < ROWS or rates.values.shape[1] != rows.shape[1]:
         return None
     slopes = np.diff(rows, axis=0) / np.diff(time)[:, None]
-    mean = _means_of(rates.time, rates.values)
+    mean = means_of(rates.time, rates.values)
 
     def at(lag: float) -> tuple[Array, Array]:
         inside = (time[:-1] - lag >= rates.time[0]) & (time[1:] - lag <= rates.time[-1])
@@ -318,7 +318,7 @@ def _integral(time: Array, values: Array) -> Array:
     return np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(steps, axis=0)])
 
 
-def _means_of(time: Array, values: Array) -> Callable[[Array, Array], Array]:
+def means_of(time: Array, values: Array) -> Callable[[Array, Array], Array]:
     """Function (begins, ends) -> means of a signal over intervals, by straight lines between its samples."""
     table = _integral(time, values)
 

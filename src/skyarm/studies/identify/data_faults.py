@@ -7,6 +7,7 @@ clock by the change after which every law holds.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import re
 from collections.abc import Iterator, Sequence
@@ -21,14 +22,12 @@ from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.own_log import SIMULATED
 from skyarm.flight_data.quantities import GRAVITY, QUANTITIES
 from skyarm.records.files.messages import one_line
+from skyarm.studies.identify.channel_scales import REFUSED, WARNED, Found, wrong_units
 from skyarm.studies.identify.fault_isolation import incompatible_channels
 from skyarm.studies.identify.stretches import SETTLING, SHORTEST, commanded_speeds, flying_spans
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Array: TypeAlias = npt.NDArray[np.float64]
-
-REFUSED, WARNED = "refused", "warned"
-"""Severities: an identification from such a flight would give wrong numbers; it gives worse ones."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -55,11 +54,14 @@ class Fault:
         return one_line(f"{self.file}: {self.channel}: {self.finding}; {self.remedy}")
 
 
-Found: TypeAlias = tuple[str, str, str, str]
-"""Severity, channel, finding, remedy."""
-
 NEEDED = ("gyro", "accelerometer")
 """Channels without which nothing is identified, beside the rotors' commands."""
+
+COMMANDS = ("rotor_commands", "rotor_speed_commands")
+"""Channels of commands to the rotors, of which one is needed."""
+
+USED = (*NEEDED, *COMMANDS, "joint_positions")
+"""Channels whose damage spoils numbers."""
 
 NAME_IMU = 'name an inertial unit in the scenario ([sensors] imu = { kind = "imu" }) and fly it again'
 """Remedy for a simulated flight, which has true rates and no forces."""
@@ -96,21 +98,25 @@ def require_no_refusal(faults: Sequence[Fault]) -> None:
 
 def _all_faults(flight: FlightData, start: Vehicle) -> Iterator[Found]:
     """Yield the faults of a flight, from those that hide others on."""
-    if any(not flight[name].time.size for name in flight):
-        return  # of a section without samples there is nothing to say
+    empty = [name for name in flight if not flight[name].time.size]
+    for name in empty:
+        yield REFUSED if name in USED else WARNED, name, "has no sample in this part of the flight", "it is not used"
+    if any(name in USED for name in empty):
+        return
+    flight = dataclasses.replace(flight, channels={name: flight[name] for name in flight if name not in empty})
     yield from _lost_rows(flight)
     spikes = list(_spikes(flight))
     if spikes:
         yield from spikes
         return
     missing = list(_missing(flight, start))
-    units = list(_wrong_units(flight, start))
+    units = list(wrong_units(flight, start))
     yield from missing
     yield from units
     if missing:
         return
     spans = flying_spans(commanded_speeds(flight, start), start)
-    if not any(channel in ("rotor_commands", "rotor_speed_commands") for _, channel, _, _ in units):
+    if not any(channel in COMMANDS for _, channel, _, _ in units):
         off_the_ground = list(_thrust_faults(flight, start, spans))
         yield from off_the_ground
         if off_the_ground:
@@ -123,7 +129,7 @@ def _all_faults(flight: FlightData, start: Vehicle) -> Iterator[Found]:
     yield from _clock_faults(flight, inside)
     still = [*_still_channels(inside, spans), *_stuck_commands(inside, spans)]
     yield from still
-    if {channel for _, channel, _, _ in (*still, *units, *fast)} & {"gyro", "rotor_commands", "rotor_speed_commands"}:
+    if {channel for _, channel, _, _ in (*still, *units, *fast)} & {"gyro", *COMMANDS}:
         return
     for channel, finding, remedy, severe in incompatible_channels(inside, start):
         yield REFUSED if severe else WARNED, channel, finding, remedy
@@ -133,6 +139,10 @@ LOST = re.compile(r"^(?P<channel>\w+): (?P<count>\d+) of (?P<all>\d+) rows (?P<w
 """Note of a reader on rows that it left out."""
 
 
+FILE = "file"
+"""Word for all channels of a note."""
+
+
 def _lost_rows(flight: FlightData) -> Iterator[Found]:
     """Yield the rows and cells that the reader found damaged."""
     for note in flight.notes:
@@ -140,7 +150,7 @@ def _lost_rows(flight: FlightData) -> Iterator[Found]:
         if lost is None:
             continue
         share = int(lost["count"]) / max(1, int(lost["all"]))
-        severity = REFUSED if share > 0.2 else WARNED
+        severity = REFUSED if share > 0.2 and lost["channel"] in (*USED, FILE) else WARNED
         finding = f"{lost['count']} of {lost['all']} rows {lost['words'].rstrip('.')}"
         yield severity, lost["channel"], finding, "check how the file was written, or cut the flight before it"
 
@@ -165,118 +175,6 @@ def _missing(flight: FlightData, start: Vehicle) -> Iterator[Found]:
             yield REFUSED, name, f"{held} joints, vehicle '{start.name}' has {joints}", "take the vehicle that flew"
     if joints and "joint_positions" not in flight:
         yield REFUSED, "joint_positions", "are not in this flight", "log them: they move its mass"
-
-
-FORCES = {"g": 1.0 / GRAVITY, "mg": 1e3 / GRAVITY, "cm/s^2": 100.0, "mm/s^2": 1e3}
-"""Unit of an accelerometer -> its number for 1 m/s^2."""
-
-FULL = {"percent": 100.0, "a byte": 255.0, "a pulse width from 1000 to 2000 us": 2000.0, "a word of 16 bit": 65535.0}
-"""Number of the full signal -> what it is."""
-
-FASTEST = 100.0
-"""m/s that no multirotor flies on the median."""
-
-SPIKES = 0.01
-"""Of the rows with numbers outside 0 to 1: fewer are spikes, more spoil the flight."""
-
-
-def _wrong_units(flight: FlightData, start: Vehicle) -> Iterator[Found]:
-    """Yield the channels whose size no flight has."""
-    if "accelerometer" in flight:
-        size = float(np.median(np.linalg.norm(flight["accelerometer"].values, axis=1)))
-        if not 0.5 < size / GRAVITY < 2.0:
-            finding = f"is {size:.3g} on the median, of which gravity alone is {GRAVITY:.3g} m/s^2"
-            for unit, scale in FORCES.items():
-                if 0.5 < size / (GRAVITY * scale) < 2.0:
-                    finding += f": it looks like {unit}"
-            yield REFUSED, "accelerometer", finding, "state its unit in columns.toml"
-    if "rotor_commands" in flight and "rotor_speed_commands" not in flight:
-        yield from _wrong_shares(flight["rotor_commands"].values)
-    if "voltage" in flight:
-        volts = float(np.median(flight["voltage"].values))
-        if not 1.0 < volts < 100.0:
-            unit = ": it looks like mV" if 1e3 < volts < 1e5 else ""
-            yield REFUSED, "voltage", f"is {volts:.4g} V on the median{unit}", "state its unit in columns.toml"
-    if "velocity" in flight:
-        speed = float(np.median(np.linalg.norm(flight["velocity"].values, axis=1)))
-        if speed > FASTEST:
-            finding = f"are {speed:.4g} m/s on the median: they look like mm/s"
-            yield REFUSED, "velocity", finding, "state its unit in columns.toml"
-    yield from _wrong_scales(flight)
-    yield from _wrong_joints(flight, start)
-
-
-def _wrong_shares(share: Array) -> Iterator[Found]:
-    """Yield commands that are no shares of the full signal."""
-    outside = ((share < -0.05) | (share > 1.05)).any(axis=1)
-    low, usual, top = (float(each) for each in np.quantile(share, (0.005, 0.5, 0.995)))
-    if not outside.any():
-        return
-    span = f"{100.0 * outside.mean():.2g} % of the rows are outside 0 to 1, from {share.min():.4g} to {share.max():.4g}"
-    for name, full in FULL.items():
-        if low > -0.05 * full and 0.05 < usual / full < 1.0 and top <= 1.05 * full and usual > 1.5:
-            finding = f"are {usual:.4g} on the median, and a share of the full signal is 0 to 1: they look like {name}"
-            yield REFUSED, "rotor_commands", finding, "state low and high in columns.toml"
-            return
-    severity = REFUSED if outside.mean() > SPIKES else WARNED
-    yield severity, "rotor_commands", f"{span}: they are damaged", "cut the flight to sections without such rows"
-
-
-DEGREES = 180.0 / np.pi
-
-
-TURNS = 4.0 * np.pi
-"""rad that an arm does not reach; one without stops may turn once."""
-
-
-def _wrong_joints(flight: FlightData, start: Vehicle) -> Iterator[Found]:
-    """Yield the joints' positions that no joint of the vehicle reaches."""
-    turns = [link.joint.turns for link in start.links]
-    for name in ("joint_positions", "joint_commands"):
-        if name not in flight or flight[name].values.shape[1] != start.n or not any(turns):
-            continue
-        top = float(np.quantile(np.abs(flight[name].values[:, turns]), 0.95))
-        if top > TURNS:
-            finding = f"reach {top:.3g} rad, more than two turns: they look like degrees"
-            yield REFUSED, name, finding, "state their unit in columns.toml"
-
-
-PAIRS = (("velocity", "position"), ("joint_rates", "joint_positions"))
-"""A channel, and the one that it is the derivative of."""
-
-SCALES = {
-    DEGREES: "deg/s",
-    1e3: "mm/s",
-    100.0: "cm/s",
-    1.0 / DEGREES: "rad/s of deg",
-    1e-3: "m/s of mm",
-    1e-2: "m/s of cm",
-}
-"""Factor of a rate over the derivative of its position -> unit of both."""
-
-
-def _wrong_scales(flight: FlightData) -> Iterator[Found]:
-    """Yield rates that are a multiple of the derivative of their positions."""
-    for rate, place in PAIRS:
-        if rate not in flight or place not in flight:
-            continue
-        positions, rates = flight[place], flight[rate]
-        if positions.values.shape[1] != rates.values.shape[1] or positions.time.size < 100:
-            continue
-        every = max(1, round(0.1 * positions.rate))
-        time, rows = positions.time[::every], positions.values[::every]
-        slope = np.diff(rows, axis=0) / np.diff(time)[:, None]
-        middle = 0.5 * (time[1:] + time[:-1])
-        given = np.stack([np.interp(middle, rates.time, column) for column in rates.values.T], axis=1)
-        sizes = [float(np.median(np.abs(each - np.median(each, axis=0)))) for each in (given, slope)]
-        if min(sizes) <= 0.0:
-            continue
-        factor = sizes[0] / sizes[1]
-        for scale, unit in SCALES.items():
-            if abs(np.log(factor / scale)) < np.log(2.0):
-                finding = f"are {factor:.3g} times the slope of {place}: they look like {unit}"
-                yield REFUSED, rate, finding, "state the units of both in columns.toml"
-                break
 
 
 WEIGHTS = (0.4, 2.5)
@@ -405,7 +303,7 @@ def _clock_faults(flight: FlightData, inside: FlightData) -> Iterator[Found]:
         if lost > DROPPED * time.size:
             finding = f"{100.0 * lost / (time.size + lost):.2g} % of the samples are missing, at {1.0 / usual:.4g} Hz"
             yield WARNED, name, finding, "log fewer channels, or at a lower rate"
-    every = [name for name in gaps if name in (*NEEDED, "rotor_commands", "rotor_speed_commands")]
+    every = [name for name in gaps if name in (*NEEDED, *COMMANDS)]
     common = [
         (when, long)
         for when, long in gaps.get("gyro", [])
@@ -424,7 +322,7 @@ def _clock_faults(flight: FlightData, inside: FlightData) -> Iterator[Found]:
             continue
         when, long = max(alone, key=lambda each: each[1])
         count = f"{len(alone)} gaps, the longest" if len(alone) > 1 else "a gap"
-        needed = name in ("accelerometer", "rotor_commands", "rotor_speed_commands", "joint_positions")
+        needed = name in USED and name != "gyro"
         finding = f"{count} of {long:.3g} s at {when:.4g} s: samples are missing"
         yield REFUSED if needed and long > HELD_GAP else WARNED, name, finding, "cut the flight to sections without it"
     ends = {name: flight[name].time[-1] for name in flight if flight[name].time.size}

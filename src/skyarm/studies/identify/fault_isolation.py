@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from skyarm.flight_data.clocks import clock_offset
 from skyarm.flight_data.flight_data import Channel, FlightData
+from skyarm.studies.identify.channel_scales import REFUSED, Found, scale_of_forces, scale_of_rates, scale_of_velocity
 from skyarm.studies.identify.data_compatibility import (
     Law,
     best_order,
@@ -83,12 +84,19 @@ def _incompatible_motion(flight: FlightData, start: Vehicle) -> Iterator[Incompa
         yield "accelerometer", upside, MAP, True
     else:
         if rates is not None:
-            yield from _scale_of_rates(rates)
+            yield from _scales(scale_of_rates(flight, rates))
         if turning is not None:
             yield from _misplaced_rotors(turning, start.rotors)
         yield from _tilt_and_velocity(flight)
         yield from _forces(flight)
+        yield from _scales(scale_of_velocity(flight))
+        yield from _scales(scale_of_forces(flight))
     yield from _late_channels(flight, rates, turning)
+
+
+def _scales(found: Iterator[Found]) -> Iterator[Incompatible]:
+    for severity, channel, finding, remedy in found:
+        yield channel, finding, remedy, severity == REFUSED
 
 
 def _holds(law: Law, axes: Array | None = None) -> bool:
@@ -255,21 +263,6 @@ def _mirror_image(i: int, rotors: Sequence[Rotor]) -> int:
     x, y = float(rotors[i].position.x), float(rotors[i].position.y)
     off = [np.hypot(float(each.position.x) - x, float(each.position.y) + y) for each in rotors]
     return int(np.argmin(off))
-
-
-RATE_UNITS = {"deg/s": 180.0 / np.pi, "mrad/s": 1e3, "rad/s read as deg/s": np.pi / 180.0, "rad/s read as mrad/s": 1e-3}
-
-
-def _scale_of_rates(rates: Law) -> Iterator[Incompatible]:
-    """Yield a gyro in another unit."""
-    seen = rates.visible
-    if not seen.any():
-        return
-    scale = 1.0 / float(np.median(rates.gains[seen]))
-    if 0.5 < scale < 2.0:
-        return
-    looks = next((f": it looks like {unit}" for unit, s in RATE_UNITS.items() if 0.5 < scale / s < 2.0), "")
-    yield "gyro", f"is {scale:.3g} times the rate of the attitude{looks}", "state its unit in columns.toml", True
 
 
 def _tilt_and_velocity(flight: FlightData) -> Iterator[Incompatible]:

@@ -7,7 +7,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from skyarm.studies.identify.data_faults import REFUSED, WARNED, Fault, Found
+from skyarm.studies.identify.channel_scales import REFUSED, WARNED, Found
+from skyarm.studies.identify.data_faults import Fault
 from skyarm.studies.identify.identify_vehicle import Identified
 from skyarm.studies.identify.motion_model import Stretch
 from skyarm.vehicle.vehicle_records import Vehicle
