@@ -19,7 +19,7 @@ from skyarm.studies.identify.held_out import HOLD, IDENTIFIED, PAST, START, Held
 from skyarm.studies.identify.identified_numbers import IdentifiedNumber
 from skyarm.studies.identify.identify_vehicle import Identified
 from skyarm.studies.identify.open_loop import HorizonErrors
-from skyarm.studies.identify.stretches import period_note
+from skyarm.studies.identify.stretches import joint_rates_note, period_note
 from skyarm.vehicle.vehicle_records import Vehicle
 
 VEHICLE, NUMBERS, TABLE, FIGURE = "vehicle.toml", "identified.json", "prediction.csv", "prediction.png"
@@ -48,7 +48,7 @@ def report_lines(found: Identified, start: Vehicle, flights: Sequence[FlightData
     if len(pairs) > MOST:
         lines.append(f"and {len(pairs) - MOST} more pairs with a correlation beyond {CLOSE:g}")
     lines += [f"{each.name}: {note}" for each in flights for note in each.notes]
-    lines += filter(None, (period_note(each, start) for each in flights))
+    lines += filter(None, (note for each in flights for note in (period_note(each, start), joint_rates_note(each))))
     return [printable(line) if isinstance(line, str) else line for line in lines]
 
 

@@ -29,7 +29,7 @@ from skyarm.studies.identify.identify_vehicle import _explained_shares, identify
 from skyarm.studies.identify.information import expected_numbers
 from skyarm.studies.identify.motion_model import Stretch
 from skyarm.studies.identify.servo_response import with_servos
-from skyarm.studies.identify.stretches import stretches_of
+from skyarm.studies.identify.stretches import stretches_of, stretches_of_flights
 from skyarm.studies.identify.unknowns import reported_of, second_moments, unknowns_of
 from skyarm.studies.tune.excitation import of_vehicle, sine_from_rest
 
@@ -216,6 +216,45 @@ def test_what_is_not_in_the_data_is_exactly_the_start_s(flight):
     for each in found.numbers:
         if not each.is_known:
             assert each.reason.partition(" apart from ")[2] in {"", *names}
+
+
+def weaker(flight, factor):
+    """The flight as one whose rotors give less thrust: of higher commands, by factor (N,) or a number."""
+    told = flight["rotor_speed_commands"]
+    values = told.values / np.sqrt(factor * np.ones(len(told.time)))[:, None]
+    return flight.with_channels({"rotor_speed_commands": Channel(time=told.time, values=values, source=told.source)})
+
+
+def test_drift_of_the_thrust_goes_on_over_gaps(flight):
+    """A gap of 0.3 s in the gyro; the thrust is that of the take-off."""
+    time, drift = flight["rotor_speed_commands"].time, -0.01
+    begin = stretches_of(flight, START)[0].start
+    made = weaker(flight, 1.0 + drift * (time - begin))
+    gyro = made["gyro"]
+    for gaps in ((), (5.0, 8.0)):
+        kept = np.all([np.abs(gyro.time - at) > 0.15 for at in gaps], axis=0) | np.zeros(len(gyro.time), dtype=bool)
+        cut = made.with_channels({"gyro": Channel(time=gyro.time[kept], values=gyro.values[kept], source=gyro.source)})
+        stretches = stretches_of(cut, START)
+        assert len(stretches) == len(gaps) + 1
+        assert [each.since for each in stretches] == pytest.approx([each.start - begin for each in stretches], abs=1e-9)
+        found = identify_vehicle(stretches, START)
+        assert found["drift"].low < drift < found["drift"].high
+        thrust = found["rotors.thrust_coefficient"]
+        assert thrust.value == pytest.approx(PLANTED[thrust.name], rel=0.005)
+
+
+def test_each_flight_has_a_thrust_of_its_own_and_the_first_defines_the_number(flight):
+    """The second one's battery gives 5 % less; two flights of one name are told apart."""
+    parts = [flight.section(2.0, 8.0), weaker(flight.section(8.0, 14.0), 0.95)]
+    stretches = [each for some in stretches_of_flights(parts, START) for each in some]
+    assert [each.name for each in stretches] == ["flight (1)", "flight (2)"]
+    found = identify_vehicle(stretches, START)
+    thrust, second = found["rotors.thrust_coefficient"], found["thrust.flight (2)"]
+    assert thrust.low < PLANTED[thrust.name] < thrust.high
+    assert second.low < 0.95 < second.high
+    assert second.high - second.low < 0.03
+    known = search_of(stretches, START, voltage=True)
+    assert not any(each.name.startswith("thrust.") for each in known.unknowns)
 
 
 def test_a_moment_of_inertia_is_put_back_though_it_is_a_sum_of_what_is_searched():

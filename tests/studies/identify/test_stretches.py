@@ -10,7 +10,13 @@ import pytest
 
 import skyarm
 from skyarm.flight_data.flight_data import Channel, FlightData
-from skyarm.studies.identify.stretches import _differences, period_note, stretches_of
+from skyarm.studies.identify.stretches import (
+    _differences,
+    joint_rate_lag,
+    joint_rates_note,
+    period_note,
+    stretches_of,
+)
 
 VEHICLE = skyarm.load_vehicle("hummingbird")
 HOVER = (9.81 * VEHICLE.mass / 4.0 / VEHICLE.rotors[0].thrust_coefficient) ** 0.5
@@ -189,6 +195,37 @@ def test_late_rates_of_joints_are_left_for_those_of_their_positions():
     assert late.joint_rates[1:-1, 0] == pytest.approx(9.0 * np.cos(9.0 * at[1:-1]), abs=5e-3)
     measured = of_rates(lambda t: np.stack([9.0 * np.cos(9.0 * t), -7.0 * np.sin(7.0 * t)], axis=1) + 0.01)
     assert measured.joint_rates[1:-1, 0] == pytest.approx(9.0 * np.cos(9.0 * at[1:-1]) + 0.01, abs=1e-4)
+
+
+@pytest.mark.parametrize("noise", [0.0, 3e-4, 3e-3])
+def test_good_rates_stay_under_encoder_noise_and_late_ones_are_told(noise):
+    """At 200 Hz a noise of 3e-4 rad makes differences of positions noisier than half a sample's lag."""
+    draw, step = np.random.default_rng(0), 0.005
+    time = np.arange(0.0, 30.0, step)
+    angle = 0.5 * np.sin(2.0 * np.pi * time) + noise * draw.normal(size=len(time))
+    for late in (0.0, 0.5, 1.0):
+        rate = np.pi * np.cos(2.0 * np.pi * (time - late * step)) + draw.normal(scale=1e-3, size=len(time))
+        positions, rates = channel(time, angle[:, None]), channel(time, rate[:, None])
+        lag, usual = joint_rate_lag(positions, rates)
+        assert usual == pytest.approx(step)
+        assert lag == pytest.approx(late * step, abs=0.02 * step)
+        made = FlightData(name="made", file="", channels={"joint_positions": positions, "joint_rates": rates})
+        note = joint_rates_note(made)
+        assert bool(note) == (late > 0.0)
+    assert re.match(r"made: joint_rates: (5|5\.1|4\.9) ms behind joint_positions: left out", note)
+
+
+def test_a_period_on_the_edge_of_rounding_does_not_hang_on_the_last_bits():
+    """7.5 ms on the mean at 200 Hz: one and a half samples."""
+    periods = set()
+    for stretch in (1.0 - 1e-12, 1.0, 1.0 + 1e-12):
+        made = flight()
+        rows = {
+            name: channel(3.0 + (each.time[: 6 * 200] - 3.0) * 2.5 * stretch, each.values[: 6 * 200])
+            for name, each in made.channels.items()
+        }
+        periods.add(round(stretches_of(made.with_channels(rows), VEHICLE)[0].period, 6))
+    assert periods == {0.01}
 
 
 @pytest.mark.parametrize(

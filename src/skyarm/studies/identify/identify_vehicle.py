@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -25,7 +25,7 @@ from skyarm.studies.identify.identified_parts import surroundings_with, vehicle_
 from skyarm.studies.identify.motion_model import Memo, Stretch, Surroundings, prediction_errors
 from skyarm.studies.identify.prediction_error import ORDER, PredictedErrors, PredictionFit, fit_prediction
 from skyarm.studies.identify.servo_response import with_servos
-from skyarm.studies.identify.unknowns import Reported, Unknown, reported_of, unknowns_of
+from skyarm.studies.identify.unknowns import THRUST, Reported, Unknown, reported_of, unknowns_of
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Array: TypeAlias = npt.NDArray[np.float64]
@@ -243,6 +243,7 @@ def search_of(
         driven=driven,
         servoed=servoed,
         drag_height=drag_height,
+        others=list(dict.fromkeys(each.name for each in stretches if each.name != stretches[0].name)),
     )
     positive = {each.name: each.positive for each in every}
     for name, value in fixed.items():
@@ -266,9 +267,11 @@ def search_of(
 
     def errors(searched: Array) -> list[Array]:
         vehicle, about = candidate(searched)
+        numbers = _numbers_of(unknowns, fixed, searched)
+        every = (replace(about, thrust=numbers.get(f"{THRUST}{each.name}", 1.0)) for each in stretches)
         return [
-            prediction_errors(vehicle, about, each, driven, memo, servoed)
-            for each, memo in zip(stretches, memos, strict=True)
+            prediction_errors(vehicle, around, each, driven, memo, servoed)
+            for around, each, memo in zip(every, stretches, memos, strict=True)
         ]
 
     return Search(

@@ -34,7 +34,7 @@ class Stretch:
 
     Attributes:
         name: of the flight.
-        start: s, time of the first instant.
+        start: s, time of the first instant. since: s, of the first instant after the flight's take-off.
         period: s.
         samples: of the sensors per period.
         fine: commands per period, a multiple of the samples; they are held for a part of it each.
@@ -74,6 +74,7 @@ class Stretch:
     sampled_force: Array = field(default_factory=lambda: np.zeros((0, 3)))
     sampled_joints: Array = field(default_factory=lambda: np.zeros((0, 0)))
     rate_noise: Array = field(default_factory=lambda: np.zeros(0))
+    since: float = 0.0
 
     def __post_init__(self) -> None:
         if not self.used.size:
@@ -146,7 +147,8 @@ class Surroundings:
         offset: m/s^2, of the accelerometer.
         torque: N m, constant, base axes.
         sag: thrust over that of the curve is the relative voltage to this power.
-        drift: 1/s, relative change of the thrust.
+        drift: 1/s, relative change of the thrust, from the flight's take-off on.
+        thrust: over that of the first flight, at the take-offs; 1 where the voltage is known.
         setpoint_hold: share of a sample's period that servos average their setpoints over; where a servo's own loop is
             slow, as in skyarm's plants, 1.
     """
@@ -159,6 +161,7 @@ class Surroundings:
     torque: tuple[float, float, float] = (0.0, 0.0, 0.0)
     sag: float = 0.0
     drift: float = 0.0
+    thrust: float = 1.0
     setpoint_hold: float = 0.5
 
 
@@ -297,8 +300,8 @@ def _acceleration_under(
 ) -> Callable[[Sequence[Array]], tuple[Vec3, Vec3, Sequence[Array]]]:
     """Function from the rotors' gains, (..., K) each, to the accelerations of base and driven joints in K periods."""
     q, qd = (tuple(stretch.at_middles(rows, place).T) for rows in (stretch.joints, stretch.joint_rates))
-    since = stretch.period * np.arange(stretch.size)[place]
-    scale = stretch.voltage[place] ** about.sag * (1.0 + about.drift * since)
+    since = stretch.since + stretch.period * np.arange(stretch.size)[place]
+    scale = about.thrust * stretch.voltage[place] ** about.sag * (1.0 + about.drift * since)
     beside = Force(_spin_torque(vehicle, turning, w) + Vec3(*about.torque), _air_drag(vehicle, velocity))
     efforts = _joint_efforts(vehicle, about, stretch, place, qd) if any(driven) else [0.0 * x for x in qd]
     given = (stretch.joint_rates[1:][place] - stretch.joint_rates[:-1][place]) / stretch.period
@@ -380,7 +383,7 @@ def _series(vehicle: Vehicle, means: Array, squares: Array, ends: Array, stretch
         least = np.maximum(push(rotor, mean), 1e-12)
         found.speeds.append(mean)
         found.changes.append(np.diff(last, prepend=last[:1]) / stretch.period)
-        found.gains.append(stretch.means(push(rotor, np.sqrt(squares[:, i]))) / least)
+        found.gains.append(stretch.means(push(rotor, np.sqrt(np.maximum(squares[:, i], 0.0)))) / least)
         found.sampled_gains.append(stretch.means(np.repeat(middle(pushed), finer)) / least)
     return found
 

@@ -42,6 +42,9 @@ AIRBORNE, SETTLING = 0.5, 0.5
 SHORTEST = 1.0
 """s, of a stretch."""
 
+LATE, BLOCK = 0.25, 2.0
+"""Of the time between samples, lag of joint rates that are left out; s, of a block of its least squares."""
+
 SAME = 1e-9
 """Relative difference of periods that is rounding."""
 
@@ -79,18 +82,24 @@ def stretches_of(
         )
     lags = [float(getattr(each, name)) for each in start.rotors for name in ("time_constant_up", "time_constant_down")]
     usual = float(np.median(np.diff(gyro.time)))
-    whole = max(1, round((period or max(sum(lags) / len(lags) / PER_LAG, sampling_period(commands))) / usual))
+    wanted = period or max(sum(lags) / len(lags) / PER_LAG, sampling_period(commands))
+    # the clock's last bits must not choose between two periods
+    whole = max(1, round(round(wanted / usual, 3)))
     finer = max(1, math.ceil(usual / max(FINE * min(lags), 5e-4)))
     step = period / whole if period else usual
     if coasting is None:
         coasting = -1.0 if "rotor_speed_commands" in flight else COASTING
     longest, found = max(GAP, 1.5 * whole) * usual, list[Stretch]()
-    for begin, end in sections or flying_spans(commands, start):
+    if joint_rates_note(flight):
+        channels = {name: each for name, each in flight.channels.items() if name != "joint_rates"}
+        flight = dataclasses.replace(flight, channels=channels)
+    spans = flying_spans(commands, start) or list(sections)
+    for begin, end in sections or spans:
         for first, last in _without_gaps(gyro, max(begin, _begin(flight)), min(end, _end(flight)), longest):
             if last - first >= SHORTEST:
                 stretch = _stretch(flight, start, commands, first, last, step, whole, finer, full_voltage)
                 used = ~_coasting(stretch, start, coasting, RECOVERED * max(lags))
-                found.append(dataclasses.replace(stretch, used=used))
+                found.append(dataclasses.replace(stretch, used=used, since=first - spans[0][0]))
     if not found:
         raise ValueError(f"{flight.name}: no stretch of {SHORTEST:g} s in the air without a gap")
     return found
@@ -117,6 +126,11 @@ def stretches_of_flights(
         ValueError: one line: a flight lacks a quantity, does not fit the vehicle or has no stretch long enough.
     """
     options: dict[str, Any] = {"full_voltage": full_voltage, "sections": sections}
+    names = [each.name for each in flights]
+    flights = [
+        each if names.count(each.name) == 1 else dataclasses.replace(each, name=f"{each.name} ({i + 1})")
+        for i, each in enumerate(flights)
+    ]
     found = [stretches_of(each, start, period=period, **options) for each in flights]
     longest = period or max(each.period for stretches in found for each in stretches)
     for i, flight in enumerate(flights):
@@ -198,13 +212,45 @@ def _differences(rows: Array, step: float) -> Array:
     return found
 
 
-def _is_late(measured: Array, central: Array) -> bool:
-    """True if measured joint rates look like differences to the sample before, half a sample late.
+def joint_rates_note(flight: FlightData) -> str:
+    """Reason for which measured joint rates are left for those of the positions, in words; empty if there is none.
 
-    They would act at another time than the joints' positions say, and everything would be fitted to that.
+    Rates that are differences to the sample before are half a sample late: they would act at another time than the
+    joints' positions say, and everything would be fitted to that.
     """
-    late = 0.5 * (central[1:] + central[:-1])
-    return bool(np.std(measured[1:] - late) < np.std(measured[1:] - central[1:]))
+    if "joint_rates" not in flight or "joint_positions" not in flight:
+        return ""
+    late, step = joint_rate_lag(flight["joint_positions"], flight["joint_rates"])
+    if abs(late) <= LATE * step:
+        return ""
+    return (
+        f"{flight.name}: joint_rates: {1e3 * late:.2g} ms behind joint_positions: left out for rates of the positions"
+    )
+
+
+def joint_rate_lag(positions: Channel, rates: Channel) -> tuple[float, float]:
+    """Time by which measured rates are behind the positions, and the time between samples of the positions, s.
+
+    The sum of late rates is behind the positions by the lag times the rate: least squares over blocks of two seconds,
+    without constants and lines. Noise of the positions is on the left side, where it makes no error.
+    """
+    step = float(np.median(np.diff(positions.time)))
+    time = np.arange(max(positions.time[0], rates.time[0]), min(positions.time[-1], rates.time[-1]), step)
+    if positions.values.shape != (len(positions.time), rates.values.shape[1]) or len(time) < 8:
+        return 0.0, step
+    q, qd = (
+        np.stack([np.interp(time, each.time, column) for column in each.values.T], axis=1)
+        for each in (positions, rates)
+    )
+    summed = np.concatenate([np.zeros((1, q.shape[1])), np.cumsum(0.5 * (qd[1:] + qd[:-1]), axis=0) * step])
+    both = size = 0.0
+    for part in np.array_split(np.arange(len(time)), max(1, round(len(time) * step / BLOCK))):
+        lines = np.vander(np.linspace(-1.0, 1.0, len(part)), 2)
+        off, rate = (
+            rows - lines @ np.linalg.lstsq(lines, rows, rcond=None)[0] for rows in ((q - summed)[part], qd[part])
+        )
+        both, size = both + float((off * rate).sum()), size + float((rate**2).sum())
+    return both / max(size, 1e-300), step
 
 
 def _coasting(stretch: Stretch, start: Vehicle, share: float, recovered: float) -> Mask:
@@ -308,7 +354,7 @@ def _stretch(
             )
         rates = _differences(joints, step)
         noise = _noise_of_means(joints, _differences(_impulse(width, samples), step), width, samples)
-        if "joint_rates" in flight and not _is_late(at("joint_rates"), rates):
+        if "joint_rates" in flight:
             rates = at("joint_rates")
             noise = _noise_of_means(rates, _impulse(width, samples), width, samples)
     still = np.zeros((periods * samples * finer, n))

@@ -39,6 +39,11 @@ DRY = 0.1
 Dry, or by damping at the rate of the link's swing, or at 1 m/s.
 """
 
+THRUST, BATTERY = "thrust.", 0.2
+"""Begin of the name of a flight's thrust over that of the first one, and the standard deviation of its logarithm, by
+what a battery may have lost.
+"""
+
 WIND = 0.3
 """1/s, drag of the rotors over speed and mass of which a start without hub drag is thought capable."""
 
@@ -105,6 +110,7 @@ def unknowns_of(
     driven: Sequence[bool],
     servoed: Sequence[bool] = (),
     drag_height: bool = False,
+    others: Sequence[str] = (),
 ) -> list[Unknown]:
     """Numbers to identify of a vehicle and its surroundings.
 
@@ -116,6 +122,7 @@ def unknowns_of(
         driven: of each joint, whether it is moved by known torques.
         servoed: of each joint, whether a position servo moves it to known setpoints.
         drag_height: the rotors' hub drag acts at a height of its own, if the flights hold the velocity.
+        others: names of the flights after the first one; without the voltage each has a thrust of its own.
 
     Raises:
         ValueError: one line: a vehicle without rotors, or a curve of rotors without a highest speed.
@@ -142,6 +149,7 @@ def unknowns_of(
     found = [each for each in found if not each.positive or each.start > 0.0]
     around = _of_surroundings(arm, 9.81 * float(vehicle.mass), voltage, any(driven))
     around += [_any("setpoint_hold", "", 0.5, 0.5)] if any(servoed) else []
+    around += [] if voltage else [_above(f"{THRUST}{name}", "times", 1.0, BATTERY) for name in others]
     return [*found, *(dataclasses.replace(each, in_vehicle=False) for each in around)]
 
 
