@@ -275,6 +275,60 @@ def test_an_uncertain_result_ends_with_3(instead, numbers, settled, words, tmp_p
     assert (tmp_path / "new" / "vehicle.toml").exists() is not settled
 
 
+def test_predictions_of_an_earlier_identification_do_not_stay_beside_another(instead, tmp_path):
+    found, old = found_with(number("delay", 0.006)), (tmp_path / "prediction.csv", tmp_path / "prediction.png")
+    instead(found)
+    words = ("identify", "swings.npz", "--vehicle", "hummingbird", "--out", str(tmp_path))
+    assert skyarm(*words, "--held-out", "aside.npz").code == 0
+    assert all(each.is_file() for each in old)
+    assert skyarm(*words).code == 0
+    assert not any(each.exists() for each in old)
+    for each in old:  # of another hand
+        each.write_text("mine")
+    assert skyarm(*words).code == 0
+    assert [each.read_text() for each in old] == ["mine", "mine"]
+
+
+def test_gravity_is_that_of_the_flights_unless_it_is_given(instead, monkeypatch, tmp_path):
+    felt = []
+    instead(found_with(number("delay", 0.006)))
+    plain = identify_command.predict_held_out
+    monkeypatch.setattr(
+        identify_command,
+        "predict_held_out",
+        lambda *a, gravity, **k: felt.append(gravity) or plain(*a, gravity=9.8, **k),
+    )
+    stated = {"swings.npz": 9.7, "aside.npz": 9.7}
+    load = identify_command.load_flight
+
+    def flight_of(file, columns=None):
+        flight = load(file, columns)
+        return dataclasses.replace(flight, facts={**flight.facts, "gravity": stated[Path(file).name]})
+
+    monkeypatch.setattr(identify_command, "load_flight", flight_of)
+    words = ("identify", "swings.npz", "--vehicle", "hummingbird", "--held-out", "aside.npz")
+    assert skyarm(*words).code == skyarm(*words, "--gravity", "9.5").code == 0
+    assert felt == [9.7, 9.5]
+    stated["aside.npz"] = 9.75
+    refused(skyarm(*words), "--gravity: is missing: the flights state several, m/s^2: swings 9.7, aside 9.75")
+
+
+def test_a_voltage_that_is_not_used_is_said(instead, monkeypatch):
+    instead(found_with(number("delay", 0.006)))
+    load = identify_command.load_flight
+
+    def flight_of(file, columns=None):
+        flight = load(file, columns)
+        time = flight["gyro"].time
+        volts = dataclasses.replace(flight["gyro"], values=12.0 - 0.01 * time[:, None])
+        return flight.with_channels({"voltage": volts})
+
+    monkeypatch.setattr(identify_command, "load_flight", flight_of)
+    words = ("identify", "swings.npz", "--vehicle", "hummingbird")
+    assert "voltage: is measured and not used: " in skyarm(*words).out
+    assert "voltage: is measured" not in skyarm(*words, "--known", "voltage=12").out
+
+
 def test_strong_correlations_are_named_where_a_number_is_shown():
     rows = [[1.0, -0.95, 0.2], [-0.95, 1.0, 0.99], [0.2, 0.99, 1.0]]
     unknown = {"reason": "not in this data"}

@@ -103,7 +103,7 @@ def _worse_than_holding(held_out: HeldOut) -> list[str]:
 def prediction_csv(held_out: HeldOut) -> str:
     """Errors over each horizon as a table of text, a row for each horizon and predictor."""
     names = [each.name for each in fields(HorizonErrors)][1:]
-    lines = [",".join(("horizon_s", "predictor", "predictions", *UNITS))]
+    lines = [TABLE_HEAD]
     for k, horizon in enumerate(held_out.horizons):
         for name, errors in held_out.errors.items():
             values = [getattr(errors[k], each) for each in names[1:]]
@@ -113,6 +113,9 @@ def prediction_csv(held_out: HeldOut) -> str:
 
 UNITS = ("position_m", "velocity_m_s", "attitude_rad", "rate_rad_s")
 """Columns of errors of the table of predictions, in the order of the fields."""
+
+TABLE_HEAD = ",".join(("horizon_s", "predictor", "predictions", *UNITS))
+"""First line of the table of predictions."""
 
 
 LEGEND = {

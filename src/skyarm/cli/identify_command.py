@@ -15,6 +15,7 @@ from skyarm.cli.identified_report import (
     FIGURE,
     NUMBERS,
     TABLE,
+    TABLE_HEAD,
     VEHICLE,
     document_of,
     prediction_csv,
@@ -28,6 +29,7 @@ from skyarm.cli.output import Advance, bar, give, json_text, plain, tell
 from skyarm.flight_data.clocks import ClockOffset, align_poses, join_flights
 from skyarm.flight_data.flight_data import FlightData, load_flight
 from skyarm.flight_data.own_log import is_own_mcap
+from skyarm.flight_data.quantities import GRAVITY
 from skyarm.log.formats import require_readable
 from skyarm.records.files import (
     number,
@@ -143,7 +145,7 @@ def identify(
     if vehicle is None:
         raise ValueError("--vehicle: is missing: must be the vehicle as its data sheet and drawing say")
     start, given = known_numbers(load_vehicle(vehicle), known or ())
-    felt = 9.81 if gravity is None else number(gravity, "--gravity", low=0.0)
+    felt = None if gravity is None else number(gravity, "--gravity", low=0.0)
     options = (columns, start, given, curve, drag_height, _sections(begin, end), felt, despite_faults)
     work = Work(flights, held_out or (), join, *options)
     with taken_back(*(() if out is None else (out,))):
@@ -166,7 +168,7 @@ class Work:
         columns: mapping of the columns of all but that.
         start: vehicle before. known: numbers that are not searched, and the voltage.
         curve: identify a thrust curve. drag_height: identify the height of the hub drag.
-        sections: parts of the flights that count, s. gravity: m/s^2.
+        sections: parts of the flights that count, s. gravity: m/s^2; None for that of the flights.
         only_warn: of faults for which a flight is refused.
     """
 
@@ -179,7 +181,7 @@ class Work:
     curve: bool
     drag_height: bool
     sections: Sequence[tuple[float, float]]
-    gravity: float
+    gravity: float | None
     only_warn: bool
 
 
@@ -196,6 +198,7 @@ def _identify_vehicle(work: Work, folder: Path | None) -> None:
         read, clocks = _read(work, advance)
         fitted, aside = read[: len(work.flights)], read[len(work.flights) :]
         _check_measurements(read, fitted, full)
+        felt = _gravity(read) if work.gravity is None else work.gravity
         advance(last="look for faults")
         parts = [_part(each, work.sections) for each in fitted]
         faults = [fault for each in (*parts, *aside) for fault in find_faults(each, start)]
@@ -220,17 +223,21 @@ def _identify_vehicle(work: Work, folder: Path | None) -> None:
             parted = list(zip(aside, unseen, strict=True))
             again = stretches_of_flights(fitted, start, period=period, full_voltage=full, sections=work.sections)
             seen = list(zip(fitted, again, strict=True))
-            held_out = predict_held_out(found, start, parted, seen=seen, known=known, gravity=work.gravity)
+            held_out = predict_held_out(found, start, parted, seen=seen, known=known, gravity=felt)
         document = document_of(found, start, fitted, work.known, [*faults, *implausible], held_out, clocks)
         contents = {VEHICLE: identified_file(found, start, [Path(each.file).name for each in fitted], known).encode()}
         contents[NUMBERS] = json_text(document).encode()
         if held_out is not None:
             contents |= {TABLE: prediction_csv(held_out).encode()}
             contents |= {FIGURE: prediction_png(held_out)} if folder is not None and held_out.has_poses else {}
-    tell(*report_lines(found, start, fitted), *([] if held_out is None else prediction_lines(held_out)))
+    tell(
+        *report_lines(found, start, fitted),
+        *_voltage_unused(fitted, full),
+        *([] if held_out is None else prediction_lines(held_out)),
+    )
     shows, written = any(each.is_known for each in found.numbers), list[Path]()
     if folder is not None and shows:
-        written = [write_atomically(folder / name, content) for name, content in contents.items()]
+        written = _write(folder, contents)
         following = [f"next: skyarm check {folder / VEHICLE}"] if found.settled else []
         tell(f"written: {', '.join(map(str, written))}", *following)
     give(plain(document), files=written)
@@ -287,6 +294,31 @@ def _require_own(file: Path) -> None:
     """Raise an error in one line for a vehicle file that another hand wrote and that would be lost."""
     if file.is_file() and not file.read_bytes().startswith(f"# {IDENTIFIED_BY}".encode()):
         raise ValueError(f"--out = {shown(str(file.parent))}: must be another folder: {VEHICLE} is another hand's")
+
+
+def _write(folder: Path, contents: Mapping[str, bytes]) -> list[Path]:
+    """Write files into a folder, and remove predictions of an earlier identification, which are not of this one."""
+    table = folder / TABLE
+    if table.is_file() and table.read_bytes().startswith(TABLE_HEAD.encode()):
+        for name in {TABLE, FIGURE} - set(contents):
+            (folder / name).unlink(missing_ok=True)
+    return [write_atomically(folder / name, content) for name, content in contents.items()]
+
+
+def _voltage_unused(flights: Sequence[FlightData], full: float) -> list[str]:
+    """Remark on flights whose measured voltage is not used, as that of the rotors' data is not known."""
+    if full or not any("voltage" in each for each in flights):
+        return []
+    return [f"voltage: is measured and not used: state that of the rotors' data, --known {VOLTAGE}=VALUE"]
+
+
+def _gravity(flights: Sequence[FlightData]) -> float:
+    """Gravity that the flights state, m/s^2; the usual one where none does."""
+    stated = {each.name: each.gravity for each in flights if "gravity" in each.facts}
+    if len(set(stated.values())) > 1:
+        listed = ", ".join(f"{name} {value:g}" for name, value in stated.items())
+        raise ValueError(f"--gravity: is missing: the flights state several, m/s^2: {listed}")
+    return next(iter(stated.values()), GRAVITY)
 
 
 def _check_measurements(read: Sequence[FlightData], fitted: Sequence[FlightData], full: float) -> None:

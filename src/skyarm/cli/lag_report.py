@@ -10,6 +10,7 @@ import typer
 
 from skyarm.cli.lines import NOT_COMPLETED, say
 from skyarm.cli.output import aligned_lines, bar, give, heading, plain, tell
+from skyarm.flight_data.quantities import GRAVITY
 from skyarm.log.flight_log import Log, rows_of
 from skyarm.log.flown_scenario import written_part
 from skyarm.log.formats import load_log, require_readable
@@ -104,7 +105,7 @@ def _nominal_model(
     record = log.info.get("scenario_record")
     delays = written_part(log.info, "agent", "delays") or {}
     stated = {name: float(delays[name]) if name in delays else None for name in ("command", "measurement")}
-    felt = 9.81 if gravity is None else number(gravity, "--gravity", low=0.0)
+    felt = GRAVITY if gravity is None else number(gravity, "--gravity", low=0.0)
     if vehicle is not None:
         return load_vehicle(vehicle), felt, stated
     if not record:

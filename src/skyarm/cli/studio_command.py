@@ -18,7 +18,7 @@ import typer
 from skyarm.cli.arguments import name_completion, require_left_out, require_within
 from skyarm.cli.lines import say
 from skyarm.cli.output import tell
-from skyarm.records.files import one_line, require_writable
+from skyarm.records.files import one_line, require_writable, shown
 from skyarm.view.studio.server import (
     Guard,
     StudioError,
@@ -116,13 +116,16 @@ def _replay(flight: str, vehicle: str, horizon: float, delay: float | None, colu
     about, full = Surroundings(delay=float(flown.facts.get("command_delay", 0.0))), 0.0
     beside = Path(vehicle).parent / NUMBERS
     if Path(vehicle).is_file() and beside.is_file():
-        about, full = read_surroundings(beside)
-        tell(f"delays and offsets: {beside}")
+        of, about_it, volts = read_surroundings(beside)
+        if of == model.name:
+            about, full = about_it, volts
+            tell(f"delays and offsets: {beside}")
+        else:
+            say(f"{beside}: is not used: it is of {shown(of)}, and the vehicle is {shown(model.name)}")
     if delay is not None:
         require_within("--delay", delay, 0.0, 1.0)
         about = dataclasses.replace(about, delay=delay)
-    gravity = float(flown.facts.get("gravity", 9.81))
-    predicted = OpenLoopFlight(flown, model, about, gravity=gravity, full_voltage=full)
+    predicted = OpenLoopFlight(flown, model, about, gravity=flown.gravity, full_voltage=full)
     faults = [f"{each.channel}: {each.finding}" for each in find_faults(flown, model)]
     count = f"{len(faults)} fault{'s' if len(faults) > 1 else ''}"
     warning = one_line(f"{flown.name}: {count}: {'; '.join(faults)}") if faults else ""

@@ -21,6 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.flight_data.flight_data import Channel, FlightData
+from skyarm.flight_data.quantities import GRAVITY
 from skyarm.flight_data.raw_tables import attitude_at, turn_vectors
 from skyarm.records.files import must_be_one_of
 from skyarm.records.units import Unit
@@ -196,7 +197,7 @@ def _means(flight: FlightData, name: str) -> tuple[_Means, Array]:
         steps, order = rotation_steps(values), 1
         at, even = 0.5 * (time[1:] + time[:-1]), np.abs(np.diff(time) - width) < 0.2 * width
         return _Means(at[even], (steps / np.diff(time)[:, None])[even], width, order), time
-    gravity = np.array([0.0, 0.0, 9.81])
+    gravity = np.array([0.0, 0.0, GRAVITY])
     if name == "velocity":
         at, order = 0.5 * (time[1:] + time[:-1]), 1
         force = np.diff(values, axis=0) / np.diff(time)[:, None] + gravity

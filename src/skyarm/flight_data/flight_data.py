@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.flight_data.columns_file import Columns, read_columns
-from skyarm.flight_data.quantities import QUANTITIES
+from skyarm.flight_data.quantities import GRAVITY, QUANTITIES
 from skyarm.records.files import must_be_one_of, one_line, shown, unreadable
 from skyarm.records.registry import RegistryError, find, names
 from skyarm.records.registry.class_signatures import flight_format_mistake
@@ -115,6 +115,11 @@ class FlightData:
     def __iter__(self) -> Iterator[str]:
         """Names of the channels."""
         return iter(self.channels)
+
+    @property
+    def gravity(self) -> float:
+        """Gravity that the file states, else the usual one, m/s^2."""
+        return float(self.facts.get("gravity", GRAVITY))
 
     @property
     def start(self) -> float:

@@ -6,8 +6,11 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-GRAVITY = 9.80665
-"""Standard gravity, m/s^2: the unit g of accelerometers."""
+GRAVITY = 9.81
+"""m/s^2, of a flight that states none, as of a scenario."""
+
+ONE_G = 9.80665
+"""m/s^2 of the unit g of accelerometers."""
 
 ANGLE_RATES = {"rad/s": 1.0, "deg/s": math.pi / 180.0, "mrad/s": 1e-3}
 TURNS = {"rad/s": 1.0, "rpm": math.pi / 30.0, "deg/s": math.pi / 180.0, "Hz": 2.0 * math.pi}
@@ -46,7 +49,7 @@ class Quantity:
 
 QUANTITIES: Mapping[str, Quantity] = {
     "gyro": Quantity(3, ANGLE_RATES, BODY, "angular rate of the base, base axes"),
-    "accelerometer": Quantity(3, {"m/s^2": 1.0, "g": GRAVITY, "mg": 1e-3 * GRAVITY}, BODY, "specific force, base axes"),
+    "accelerometer": Quantity(3, {"m/s^2": 1.0, "g": ONE_G, "mg": 1e-3 * ONE_G}, BODY, "specific force, base axes"),
     "position": Quantity(3, LENGTHS, WORLD, "position of the base, world axes"),
     "velocity": Quantity(3, SPEEDS, WORLD, "velocity of the base, world axes"),
     "quaternion": Quantity(4, axes=ATTITUDE, meaning="attitude w, x, y, z, base to world"),

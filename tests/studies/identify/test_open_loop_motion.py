@@ -102,8 +102,8 @@ def test_all_that_a_flight_lacks_is_one_line(flight):
 def test_surroundings_of_an_identification_are_read_back(tmp_path):
     given = Surroundings(delay=0.012, torque=(1e-4, -2e-4, 0.0), sag=2.1)
     file = tmp_path / "identified.json"
-    file.write_text(json.dumps({"surroundings": dataclasses.asdict(given), "known": {"voltage": 4.2}}))
-    assert read_surroundings(file) == (given, 4.2)
+    file.write_text(json.dumps({"start": "x", "surroundings": dataclasses.asdict(given), "known": {"voltage": 4.2}}))
+    assert read_surroundings(file) == ("x_identified", given, 4.2)
     for text, words in (
         ("{", "must be a JSON file"),
         ("[]", "must hold 'surroundings' and 'known'"),

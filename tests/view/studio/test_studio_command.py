@@ -1,6 +1,8 @@
 """``skyarm studio`` from the shell: what it refuses, in one line, and how it ends."""
 
+import dataclasses
 import http.client
+import json
 import os
 import re
 import signal
@@ -15,6 +17,7 @@ import pytest
 import skyarm
 from commanded import skyarm as typed
 from skyarm.cli.studio_command import _replay
+from skyarm.vehicle.vehicle_text import vehicle_text
 from skyarm.view.studio.fleet import open_fleet
 
 FLIGHTS = Path(__file__).resolve().parents[2] / "data" / "flights"
@@ -71,6 +74,20 @@ def test_the_faults_of_a_replayed_flight_are_said_in_one_line(capsys: pytest.Cap
     (line,) = capsys.readouterr().err.splitlines()
     assert line == f"skyarm: warning: {shown.warning}"
     assert re.search(r"^B9_trefoil\S+: 1 fault: rotor commands: do not turn vehicle 'hummingbird'", shown.warning)
+
+
+def test_surroundings_of_another_vehicle_are_not_used(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    trefoil = str(next((FLIGHTS / "nanobench").glob("*.csv")))
+    file, beside = tmp_path / "vehicle.toml", tmp_path / "identified.json"
+    file.write_text(vehicle_text(dataclasses.replace(skyarm.load_vehicle("hummingbird"), name="kite_identified")))
+    for start, used in (("kite", True), ("hummingbird", False)):
+        beside.write_text(json.dumps({"start": start, "surroundings": {"delay": 0.05}, "known": {}}))
+        _replay(trefoil, str(file), 1.0, None, None)
+        said = capsys.readouterr()
+        assert ("delays and offsets: " in said.out) is used
+        assert (
+            "is not used: it is of 'hummingbird_identified', and the vehicle is 'kite_identified'" in said.err
+        ) != used
 
 
 @pytest.mark.parametrize(

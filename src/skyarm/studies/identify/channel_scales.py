@@ -13,7 +13,7 @@ from typing import TypeAlias
 import numpy as np
 
 from skyarm.flight_data.flight_data import Channel, FlightData
-from skyarm.flight_data.quantities import GRAVITY
+from skyarm.flight_data.quantities import ONE_G
 from skyarm.flight_data.raw_tables import turn_vectors
 from skyarm.records.arrays import Array
 from skyarm.studies.identify.data_compatibility import Law, means_of, slope_law
@@ -25,7 +25,7 @@ REFUSED, WARNED = "refused", "warned"
 Found: TypeAlias = tuple[str, str, str, str]
 """Severity, channel, finding, remedy."""
 
-FORCES = {"g": 1.0 / GRAVITY, "mg": 1e3 / GRAVITY, "cm/s^2": 100.0, "mm/s^2": 1e3}
+FORCES = {"g": 1.0 / ONE_G, "mg": 1e3 / ONE_G, "cm/s^2": 100.0, "mm/s^2": 1e3}
 """Unit of an accelerometer -> its number for 1 m/s^2."""
 
 FULL = {"percent": 100.0, "a byte": 255.0, "a pulse width from 1000 to 2000 us": 2000.0, "a word of 16 bit": 65535.0}
@@ -42,10 +42,11 @@ def wrong_units(flight: FlightData, start: Vehicle) -> Iterator[Found]:
     """Yield the channels whose size no flight has."""
     if "accelerometer" in flight:
         size = float(np.median(np.linalg.norm(flight["accelerometer"].values, axis=1)))
-        if not 0.5 < size / GRAVITY < 2.0:
-            finding = f"is {size:.3g} on the median, of which gravity alone is {GRAVITY:.3g} m/s^2"
+        felt = flight.gravity
+        if not 0.5 * felt < size < 2.0 * felt:
+            finding = f"is {size:.3g} on the median, of which gravity alone is {felt:.3g} m/s^2"
             for unit, scale in FORCES.items():
-                if 0.5 < size / (GRAVITY * scale) < 2.0:
+                if 0.5 * felt * scale < size < 2.0 * felt * scale:
                     finding += f": it looks like {unit}"
             yield REFUSED, "accelerometer", finding, "state its unit in columns.toml"
     if "rotor_commands" in flight and "rotor_speed_commands" not in flight:
@@ -204,10 +205,10 @@ def scale_of_velocity(flight: FlightData) -> Iterator[Found]:
 def scale_of_forces(flight: FlightData) -> Iterator[Found]:
     """Yield an accelerometer whose mean is not gravity, of a flight in the air."""
     gyro, channel = flight["gyro"], flight["accelerometer"]
-    if channel.duration <= 0.0:
+    if channel.duration < 10.0 * TURN_STEP or flight.gravity <= 0.0:
         return
-    scale = _mean_of_pieces(gyro, channel) / GRAVITY
-    if is_off(scale, OFF + HOVERING / (GRAVITY * channel.duration)):
+    scale = _mean_of_pieces(gyro, channel) / flight.gravity
+    if is_off(scale, OFF + HOVERING / (flight.gravity * channel.duration)):
         finding = f"is {scale:.4g} times gravity on the mean in axes that the gyro turns back"
         yield REFUSED, "accelerometer", finding, "state its unit and scale in columns.toml"
 
@@ -218,8 +219,6 @@ def _mean_of_pieces(gyro: Channel, accelerometer: Channel) -> float:
     edges = np.arange(begin, end, TURN_STEP)
     pieces = max(1, int((end - begin) / PIECE))
     size = (len(edges) - 1) // pieces
-    if size < 1:
-        return GRAVITY
     rates, forces = (
         means_of(each.time, each.values)(edges[:-1], edges[1:])[: pieces * size].reshape(pieces, size, 3)
         for each in (gyro, accelerometer)

@@ -19,6 +19,7 @@ from skyarm.dynamics.actuators.rotor import push
 from skyarm.dynamics.array_front import mass_matrix
 from skyarm.flight_data.clocks import rotation_steps
 from skyarm.flight_data.flight_data import Channel
+from skyarm.flight_data.quantities import GRAVITY
 from skyarm.flight_data.raw_tables import turn_vectors
 from skyarm.studies.identify.lagged_inputs import wrench_of_pushes
 from skyarm.studies.identify.motion_model import Stretch, Surroundings, predict
@@ -132,7 +133,7 @@ def rate_law(gyro: Channel, attitude: Channel) -> Law | None:
     return _best(at, np.eye(3))
 
 
-def tilt_law(attitude: Channel, velocity: Channel, gravity: float = 9.81) -> Law | None:
+def tilt_law(attitude: Channel, velocity: Channel, gravity: float = GRAVITY) -> Law | None:
     """Slopes of the flown specific force over the ground (measured) against the tilt of the thrust axis (inputs).
 
     A multirotor is accelerated along its z axis: x and y of dv/dt + g over z are those of the attitude's z axis.
@@ -154,7 +155,7 @@ def tilt_law(attitude: Channel, velocity: Channel, gravity: float = 9.81) -> Law
     return _best(at, np.eye(2))
 
 
-def force_law(accelerometer: Channel, attitude: Channel, velocity: Channel, gravity: float = 9.81) -> Law | None:
+def force_law(accelerometer: Channel, attitude: Channel, velocity: Channel, gravity: float = GRAVITY) -> Law | None:
     """Specific force by velocity and attitude, base axes (measured), against the accelerometer (inputs), m/s^2."""
     every = max(1, round(VELOCITY_STEP * velocity.rate))
     time, speeds = velocity.time[::every], velocity.values[::every]
@@ -192,7 +193,7 @@ def rotor_law(gyro: Channel, speeds: Channel, vehicle: Vehicle, joints: Channel 
         return None
     pushes = rotor_pushes(speeds, vehicle, time)
     thrust = pushes @ np.array([float(each.thrust_coefficient) for each in vehicle.rotors])
-    flies = moving_mean(thrust, round(SETTLED / COMMAND_STEP) | 1) > AIRBORNE * 9.81 * float(vehicle.mass)
+    flies = moving_mean(thrust, round(SETTLED / COMMAND_STEP) | 1) > AIRBORNE * GRAVITY * float(vehicle.mass)
     width = max(ROTOR_STEP, 2.0 / gyro.rate, 2.0 / max(speeds.rate, 1e-9))
     edges = np.arange(begin + LATEST, end - LATEST, width)
     mean, push_mean = means_of(gyro.time, gyro.values), means_of(time, _integral(time, pushes))

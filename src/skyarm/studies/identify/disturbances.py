@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.flight_data.quantities import GRAVITY
 from skyarm.studies.identify.lagged_inputs import to_base
 from skyarm.studies.identify.motion_model import Memo, Stretch, Surroundings, base_acceleration, middle
 from skyarm.studies.identify.whitened_fit import scipy_parts
@@ -137,7 +138,7 @@ def fit_disturbances(
     vehicle: Vehicle,
     about: Surroundings,
     flights: Sequence[tuple[Stretch, Poses]],
-    gravity: float = 9.81,
+    gravity: float = GRAVITY,
 ) -> DisturbanceModel:
     """Noises of the largest likelihood, from flights that a vehicle was identified from.
 

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.flight_data.flight_data import Channel, FlightData
+from skyarm.flight_data.quantities import GRAVITY
 from skyarm.studies.identify.disturbances import SETTLED, fit_disturbances
 from skyarm.studies.identify.identified_parts import surroundings_with
 from skyarm.studies.identify.identify_vehicle import Identified
@@ -91,7 +92,7 @@ def predict_held_out(
     seen: Sequence[tuple[FlightData, Sequence[Stretch]]] = (),
     known: Mapping[str, float] | None = None,
     horizons: Sequence[float] = CURVE,
-    gravity: float = 9.81,
+    gravity: float = GRAVITY,
 ) -> HeldOut:
     """Predict flights from their commands by the identified vehicle, by the start vehicle and by holding.
 

@@ -56,9 +56,13 @@ def identified_file(found: Identified, start: Vehicle, flights: Sequence[str], k
     for name in known:
         field = _field(name)
         comments[field] = "\n".join([*comments.get(field, "").splitlines(), f"given: {name} = {known[name]:.6g}"])
-    named = start.name if start.name.endswith(SUFFIX) else f"{start.name}{SUFFIX}"
-    whole = dataclasses.replace(found.vehicle, name=named, sources=tuple(sources.items()))
+    whole = dataclasses.replace(found.vehicle, name=identified_name(start.name), sources=tuple(sources.items()))
     return vehicle_text(whole, _head(found, start, flights), comments)
+
+
+def identified_name(start: str) -> str:
+    """Name of the identified vehicle, from that of its start vehicle."""
+    return start if start.endswith(SUFFIX) else f"{start}{SUFFIX}"
 
 
 def _head(found: Identified, start: Vehicle, flights: Sequence[str]) -> list[str]:
@@ -81,11 +85,11 @@ def _head(found: Identified, start: Vehicle, flights: Sequence[str]) -> list[str
     return lines
 
 
-def read_surroundings(file: Path) -> tuple[Surroundings, float]:
-    """Surroundings of an identification from the file of all its numbers, and the voltage of the rotors' data.
+def read_surroundings(file: Path) -> tuple[str, Surroundings, float]:
+    """Surroundings of an identification from the file of all its numbers, of which vehicle, and its rotors' voltage.
 
     Returns:
-        Surroundings, and V; 0 V for an identification without the battery's voltage.
+        Name of the identified vehicle, surroundings, and V; 0 V for an identification without the battery's voltage.
 
     Raises:
         ValueError: one line: the file holds no such numbers.
@@ -107,7 +111,8 @@ def read_surroundings(file: Path) -> tuple[Surroundings, float]:
             found[each.name] = tuple(number(entry, name) for entry in value)
         else:
             raise ValueError(f"{name} = {shown(value)}: must be {len(each.default)} numbers")
-    return Surroundings(**found), number(known.get(VOLTAGE, 0.0), f"{file}: known.{VOLTAGE}", low=0.0)
+    named = identified_name(str(document.get("start", "")))
+    return named, Surroundings(**found), number(known.get(VOLTAGE, 0.0), f"{file}: known.{VOLTAGE}", low=0.0)
 
 
 def is_around(name: str) -> bool:

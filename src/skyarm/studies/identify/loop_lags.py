@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.flight_data.quantities import GRAVITY
 from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import setpoints_of
 from skyarm.records.files.toml import toml_key
@@ -170,7 +171,7 @@ DELAY_STEP, FACTOR_STEP, GAIN_STEP = 2.5e-4, 0.03, 0.02
 """Of differences: s, and of logarithms."""
 
 
-def loop_lags(log: Log, vehicle: Vehicle, gravity: float = 9.81) -> LoopLags:
+def loop_lags(log: Log, vehicle: Vehicle, gravity: float = GRAVITY) -> LoopLags:
     """Identify command delays and actuator lags from a flight log.
 
     Args:

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.flight_data.quantities import GRAVITY
 from skyarm.studies.identify.disturbances import SETTLED, DisturbanceModel, begin_at, unexplained_sums
 from skyarm.studies.identify.motion_model import Memo, Stretch, Surroundings, base_acceleration
 from skyarm.studies.identify.whitened_fit import scipy_parts
@@ -84,7 +85,7 @@ def predict_ahead(
     poses: Poses,
     begins: Sequence[int],
     periods: int,
-    gravity: float = 9.81,
+    gravity: float = GRAVITY,
     disturbances: DisturbanceModel | None = None,
 ) -> list[BaseStates]:
     """BaseStates of the base from measured states on, for a number of periods.
@@ -232,7 +233,7 @@ def predict_flights(
     about: Surroundings,
     flights: Sequence[tuple[Stretch, Poses]],
     horizons: Sequence[float] = HORIZONS,
-    gravity: float = 9.81,
+    gravity: float = GRAVITY,
     disturbances: DisturbanceModel | None = None,
     weights: Sequence[Weights] | None = None,
     after: float = 0.0,
@@ -306,7 +307,7 @@ def fit_weights(
     about: Surroundings,
     flights: Sequence[tuple[Stretch, Poses]],
     horizons: Sequence[float] = HORIZONS,
-    gravity: float = 9.81,
+    gravity: float = GRAVITY,
     disturbances: DisturbanceModel | None = None,
 ) -> list[Weights]:
     """Shares of the model, of holding and of rest with the least error (Bates and Granger 1969), for each horizon.

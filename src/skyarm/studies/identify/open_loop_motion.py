@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from skyarm.flight_data.flight_data import FlightData
 from skyarm.flight_data.motion import Motion, PredictedMotion, join_motions, measured_motion
+from skyarm.flight_data.quantities import GRAVITY
 from skyarm.records.files import one_line
 from skyarm.studies.identify.command_samples import sampling_period
 from skyarm.studies.identify.held_out import SHORTEST, poses_of
@@ -51,7 +52,7 @@ class OpenLoopFlight:
         vehicle: Vehicle,
         about: Surroundings | None = None,
         *,
-        gravity: float = 9.81,
+        gravity: float = GRAVITY,
         full_voltage: float = 0.0,
     ) -> None:
         _require_channels(flight, vehicle)

@@ -20,6 +20,7 @@ from skyarm.algebra import Motion, Quaternion, Vec3
 from skyarm.dynamics import center_of_mass, inverse_dynamics
 from skyarm.dynamics.kinematics import link_poses
 from skyarm.dynamics.state import State
+from skyarm.flight_data.quantities import GRAVITY
 from skyarm.studies.identify.lagged_inputs import wrench_of_pushes
 from skyarm.studies.identify.motion_model import Stretch, middle
 from skyarm.studies.identify.multisines import BASE_AXES
@@ -107,7 +108,7 @@ class RequiredFlight:
         )
 
 
-def required_flight(vehicle: Vehicle, motion: Array, period: float, gravity: float = 9.81) -> RequiredFlight:
+def required_flight(vehicle: Vehicle, motion: Array, period: float, gravity: float = GRAVITY) -> RequiredFlight:
     """Flight that a motion of base and joints requires.
 
     Args:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.flight_data.flight_data import Channel, FlightData
+from skyarm.flight_data.quantities import GRAVITY
 from skyarm.studies.identify.command_samples import sampling_period, straight_lines
 from skyarm.studies.identify.lagged_inputs import to_base
 from skyarm.studies.identify.motion_model import Stretch, middle
@@ -286,7 +287,7 @@ def flying_spans(commands: Channel, start: Vehicle) -> list[tuple[float, float]]
     thrust = sum(
         float(r.thrust_coefficient) * np.asarray(push(r, w)) for r, w in zip(start.rotors, speeds.T, strict=True)
     )
-    flies = moving_mean(np.asarray(thrust), round(SETTLING / step) | 1) > AIRBORNE * 9.81 * float(start.mass)
+    flies = moving_mean(np.asarray(thrust), round(SETTLING / step) | 1) > AIRBORNE * GRAVITY * float(start.mass)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flies, [False]]).astype(int)))
     spans = [(float(time[a]) + SETTLING, float(time[b - 1]) - SETTLING) for a, b in edges.reshape(-1, 2)]
     return [(a, b) for a, b in spans if b > a]

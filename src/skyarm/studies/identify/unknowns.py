@@ -15,6 +15,7 @@ from itertools import pairwise
 
 from skyarm.algebra import Sym3
 from skyarm.algebra.scalars import Scalar
+from skyarm.flight_data.quantities import GRAVITY
 from skyarm.studies.identify.servo_response import servo_of
 from skyarm.vehicle.linkage import Body, Link
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
@@ -147,7 +148,7 @@ def unknowns_of(
     for i, moves in enumerate(servoed):
         found += _of_servo(vehicle, i) if moves else []
     found = [each for each in found if not each.positive or each.start > 0.0]
-    around = _of_surroundings(arm, 9.81 * float(vehicle.mass), voltage, any(driven))
+    around = _of_surroundings(arm, GRAVITY * float(vehicle.mass), voltage, any(driven))
     around += [_any("setpoint_hold", "", 0.5, 0.5)] if any(servoed) else []
     around += [] if voltage else [_above(f"{THRUST}{name}", "times", 1.0, BATTERY) for name in others]
     return [*found, *(dataclasses.replace(each, in_vehicle=False) for each in around)]
@@ -187,7 +188,7 @@ def _of_rotors(vehicle: Vehicle, curve: bool) -> list[Unknown]:
 
 def _of_drag(vehicle: Vehicle, arm: float) -> list[Unknown]:
     rotor, count, mass = vehicle.rotors[0], len(vehicle.rotors), float(vehicle.mass)
-    at_hover = math.sqrt(9.81 * mass / (count * float(rotor.thrust_coefficient)))
+    at_hover = math.sqrt(GRAVITY * mass / (count * float(rotor.thrust_coefficient)))
     hub = max(WIND * mass / (count * at_hover), float(rotor.drag_coefficient))
     found = [_any("rotors.drag_coefficient", "N s^2/(rad m)", rotor.drag_coefficient, hub, 0.0)]
     for axis in "xyz":
@@ -204,7 +205,7 @@ def _of_link(link: Link, moves: bool) -> list[Unknown]:
     if any(float(getattr(body.inertia, each.name)) for each in fields(Sym3)):
         found.append(_above(f"{name}.inertia", "times", 1.0, 0.4))
     if moves:
-        (angle, unit), weight = joint.units, 9.81 * float(body.mass) * (reach if joint.turns else 1.0)
+        (angle, unit), weight = joint.units, GRAVITY * float(body.mass) * (reach if joint.turns else 1.0)
         dry, swing = DRY * weight, math.sqrt(9.81 / reach) if joint.turns else 1.0
         found += [
             _loss(f"{name}.joint.damping", f"{unit} s/{angle}", joint.damping, dry / swing),
