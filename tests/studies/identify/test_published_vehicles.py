@@ -119,7 +119,7 @@ def test_a_flight_of_nanobench_is_predicted_from_the_fit_of_another(tmp_path):
     assert half.position < 0.127
     assert half.attitude < 0.254
     for stretch, _ in unseen:
-        off = (stretch.specific_force - predict(vehicle, about, stretch)[:, :3])[stretch.used]
+        off = (stretch.specific_force - predict(vehicle, about, stretch, ())[:, :3])[stretch.used]
         assert np.sqrt((off**2).mean(axis=0)).max() < 2.17 / 3.0
     # the start vehicle, under the same weighting, is worse by half in position and velocity
     before = surroundings_with({each.name: each.start for each in found.numbers})

@@ -8,7 +8,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from skyarm.studies.identify.rotor_lag import delay_commands, lag_response, moving_mean
+from skyarm.studies.identify.rotor_lag import commands_at_ends, delay_commands, integral_bends, lag_response
+from skyarm.studies.identify.sampled_series import delay_series, moving_mean
 
 PERIOD, UP, DOWN = 0.002, 0.02, 0.05
 
@@ -73,3 +74,35 @@ def test_candidates_and_rotors_have_lags_of_their_own():
                 assert many[c, :, i] == pytest.approx(alone[:, 0], rel=5e-3)
     rested = lag_response(np.full((3, 1), 7.0), 2.0, 0.0, UP, DOWN)
     assert [each.ravel().tolist() for each in rested] == [[7.0] * 3, [49.0] * 3, [7.0] * 3]
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.003, 0.0101, 0.0165, -0.004])
+def test_a_delayed_series_lags_and_keeps_its_noise(delay):
+    """A slow sine lags; white noise has the same size, which interpolation would take 5 to 50 % of."""
+    time = 0.01 * np.arange(4000)
+    found = delay_series(np.sin(3.0 * time)[:, None] + 0.2 * time[:, None], delay / 0.01)[:, 0]
+    late = time - delay
+    assert found[100:-100] == pytest.approx((np.sin(3.0 * late) + 0.2 * late)[100:-100], abs=1e-3)
+    noise = np.random.default_rng(1).normal(size=(4000, 1))
+    assert delay_series(noise, delay / 0.01).std() == pytest.approx(noise.std(), rel=0.01)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.0005, 0.0044, -0.0031])
+def test_held_commands_between_and_at_the_ends_of_periods(delay):
+    """Against the same commands on a clock 1000 times as fine."""
+    rng, period, finer = np.random.default_rng(2), 0.002, 1000
+    commands = rng.normal(size=(20, 2))
+    instants = (np.arange(20 * finer) + 0.5) / finer - delay / period
+    acting = commands[np.clip(np.floor(instants).astype(int), 0, 19)].reshape(20, finer, 2)
+    inside = slice(4, 16)
+    bends = (np.cumsum(acting, axis=1) / finer).mean(axis=1) - 0.5 * acting.mean(axis=1)
+    assert integral_bends(commands, period, delay)[inside] == pytest.approx(bends[inside], abs=2e-3)
+    if abs(delay % period - period) > 0.2 * period:
+        assert commands_at_ends(commands, period, delay)[inside] == pytest.approx(acting[inside, -1])
+
+
+def test_the_step_at_an_end_has_no_jump():
+    """A search sees on which side of an end it lies."""
+    commands = np.array([[0.0], [1.0], [0.0], [0.0]])
+    found = [commands_at_ends(commands, 1.0, late)[1, 0] for late in (0.79, 0.8, 0.9, 1.0, 1.1)]
+    assert found == pytest.approx([1.0, 1.0, 0.5, 0.0, 0.0])

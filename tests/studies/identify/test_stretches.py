@@ -10,13 +10,8 @@ import pytest
 
 import skyarm
 from skyarm.flight_data.flight_data import Channel, FlightData
-from skyarm.studies.identify.stretches import (
-    _differences,
-    joint_rate_lag,
-    joint_rates_note,
-    period_note,
-    stretches_of,
-)
+from skyarm.studies.identify.sampled_series import position_differences
+from skyarm.studies.identify.stretches import joint_rate_lag, joint_rates_note, period_note, stretches_of
 
 VEHICLE = skyarm.load_vehicle("hummingbird")
 HOVER = (9.81 * VEHICLE.mass / 4.0 / VEHICLE.rotors[0].thrust_coefficient) ** 0.5
@@ -277,6 +272,6 @@ def test_rates_by_differences_are_those_of_a_fast_swing():
     """Of 2 Hz at 200 Hz: to 1e-5 of its rate, where those of second order are 7e-4 below."""
     time = 0.005 * np.arange(400)
     rate = 4.0 * np.pi * np.cos(4.0 * np.pi * time)
-    found = _differences(np.sin(4.0 * np.pi * time)[:, None], 0.005)[:, 0]
+    found = position_differences(np.sin(4.0 * np.pi * time)[:, None])[:, 0] / 0.005
     assert np.abs(found - rate)[2:-2].max() < 1e-5 * rate.max()
     assert np.abs(np.gradient(np.sin(4.0 * np.pi * time), 0.005) - rate)[2:-2].max() > 5e-4 * rate.max()

@@ -1,12 +1,14 @@
 """Autoregressive noise model of a fit's residuals: its coefficients, and the innovations that it leaves.
 
 Residuals whose colour is known are whitened by it, in turns with the parameters of the fit (generalised least squares,
-Clarke 1967; Ljung, System Identification, 1999, 7.2).
+Clarke 1967; Ljung, System Identification, 1999, 7.2). A long memory costs few coefficients where values long past count
+by their means over windows, each twice as long as the one before (Corsi 2009): the model of white noise that a measured
+rate adds to its random walk, which decays over seconds.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TypeAlias
 
 import numpy as np
@@ -15,16 +17,20 @@ import numpy.typing as npt
 Array: TypeAlias = npt.NDArray[np.float64]
 
 
-def ar_coefficients(series: Sequence[Array], order: int, weights: Array | None = None, rounding: float = 0.0) -> Array:
-    """Coefficients (order,) of an autoregressive model of some series of one kind, by weighted least squares.
+def ar_coefficients(
+    series: Sequence[Array], order: int, weights: Array | None = None, rounding: float = 0.0, windows: int = 0
+) -> Array:
+    """Coefficients (order + windows,) of an autoregressive model of some series of one kind, by weighted least squares.
 
     Args:
         series: each (N,); a constant and a straight line of each are no noise.
         order: of the model.
         weights: (sum of N - order,) square roots of the weights; 1 by default.
         rounding: standard deviation below which a residual is rounding, whose colour means nothing.
+        windows: number of means of what is past beyond the order.
     """
-    square, right, at = np.zeros((order, order)), np.zeros(order), 0
+    size, at = order + windows, 0
+    square, right = np.zeros((size, size)), np.zeros(size)
     for each in series:
         rows = len(each) - order
         weight = np.ones(rows) if weights is None else weights[at : at + rows]
@@ -34,20 +40,38 @@ def ar_coefficients(series: Sequence[Array], order: int, weights: Array | None =
         weighted = lines[order:] * weight[:, None]
         height = np.linalg.lstsq(weighted, each[order:] * weight, rcond=None)[0]
         left = each - lines @ height
-        past = np.stack([left[order - 1 - i : len(left) - 1 - i] for i in range(order)], axis=1) * weight[:, None]
-        square += past.T @ past + rows * rounding**2 * np.eye(order)
+        past = np.stack(list(_past_values(left, order, windows)), axis=1) * weight[:, None]
+        square += past.T @ past + rows * rounding**2 * np.eye(size)
         right += past.T @ (left[order:] * weight)
-    square = square + (1e-10 * np.trace(square) + 1e-300) * np.eye(order)
+    square = square + (1e-10 * np.trace(square) + 1e-300) * np.eye(size)
     found: Array = np.linalg.solve(square, right)
     return found
 
 
-def innovations(series: Sequence[Array], filters: Array) -> Array:
-    """Errors of one step ahead (all, rows) of autoregressive models (rows, order), of some series (N, rows)."""
-    order, pieces = filters.shape[1], []
+def innovations(series: Sequence[Array], filters: Array, windows: int = 0) -> Array:
+    """Errors of one step ahead (all, rows) of autoregressive models (rows, order + windows), of series (N, rows)."""
+    order, pieces = filters.shape[1] - windows, []
     for each in series:
         left = each[order:].copy()
-        for k in range(order):
-            left -= filters[:, k] * each[order - 1 - k : len(each) - 1 - k]
+        for k, past in enumerate(_past_values(each, order, windows)):
+            left -= filters[:, k] * past
         pieces.append(left)
     return np.concatenate(pieces)
+
+
+def _past_values(rows: Array, order: int, windows: int) -> Iterator[Array]:
+    """Past values of each row (N - order, ...) from the order on: rows before it, then means of windows before those.
+
+    The first window is as long as the order. The mean of the first rows stands for what was before them.
+    """
+    size = len(rows) - order
+    for k in range(order):
+        yield rows[order - 1 - k : order - 1 - k + size]
+    if not windows:
+        return
+    level, longest = rows[:order].mean(axis=0), order * 2**windows
+    nothing = np.zeros((longest + 1, *rows.shape[1:]))
+    sums = np.concatenate([nothing, np.cumsum(rows - level, axis=0)])
+    for k in range(windows):
+        near, far = (longest + order - order * 2**i for i in (k, k + 1))
+        yield (sums[near : near + size] - sums[far : far + size]) / (order * 2**k) + level

@@ -23,7 +23,8 @@ from skyarm.flight_data.quantities import GRAVITY
 from skyarm.flight_data.raw_tables import turn_vectors
 from skyarm.studies.identify.lagged_inputs import wrench_of_pushes
 from skyarm.studies.identify.motion_model import Stretch, Surroundings, predict
-from skyarm.studies.identify.rotor_lag import lag_response, moving_mean
+from skyarm.studies.identify.rotor_lag import lag_response
+from skyarm.studies.identify.sampled_series import moving_mean
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Array: TypeAlias = npt.NDArray[np.float64]

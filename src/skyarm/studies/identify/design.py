@@ -18,10 +18,10 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.studies.identify.autoregression import innovations
-from skyarm.studies.identify.identify_vehicle import search_of
+from skyarm.studies.identify.identify_vehicle import RATES, search_of
 from skyarm.studies.identify.motion_model import Stretch
 from skyarm.studies.identify.multisines import BASE_AXES, Axes, Segment, draw_segment, mutate_segment
-from skyarm.studies.identify.prediction_error import Whitening, error_slopes, expected_fit
+from skyarm.studies.identify.prediction_error import WINDOWS, Whitening, error_slopes, expected_fit
 from skyarm.studies.identify.required_flight import RequiredFlight, arm_clearance, required_flight
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -126,7 +126,7 @@ def measured_noise(stretches: Sequence[Stretch], vehicle: Vehicle) -> Measured:
         ValueError: one line: a flight that does not fit the vehicle, or SciPy is missing.
     """
     search = search_of(stretches, vehicle, velocity=True)
-    fit = expected_fit(search.errors, search.begin, search.prior, search.steps, search.block, search.used)
+    fit = expected_fit(search.errors, search.begin, search.prior, search.steps, search.block, search.used, RATES)
     inside = np.array([each.in_vehicle for each in search.unknowns])
     longest = max(stretches, key=lambda each: each.size)
     return Measured(stretch=longest, driven=search.driven, noise=fit.noise, prior=search.prior, in_vehicle=inside)
@@ -137,7 +137,7 @@ def information_of(vehicle: Vehicle, stretch: Stretch, measured: Measured) -> Ar
     search = search_of([stretch], vehicle, driven=measured.driven, velocity=True, voltage=False)
     slopes = error_slopes(search.errors, search.begin, search.errors(search.begin), search.steps)
     noise = measured.noise
-    white = [(innovations(each, noise.filters) / noise.scales).ravel() for each in slopes]
+    white = [(innovations(each, noise.filters, WINDOWS) / noise.scales).ravel() for each in slopes]
     slope = np.stack(white, axis=1)
     return np.asarray(slope.T @ slope)
 

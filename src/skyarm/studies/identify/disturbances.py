@@ -19,7 +19,8 @@ import numpy.typing as npt
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.studies.identify.lagged_inputs import to_base
-from skyarm.studies.identify.motion_model import Memo, Stretch, Surroundings, base_acceleration, middle
+from skyarm.studies.identify.motion_model import Memo, Stretch, Surroundings, base_acceleration
+from skyarm.studies.identify.sampled_series import middle
 from skyarm.studies.identify.whitened_fit import scipy_parts
 from skyarm.vehicle.vehicle_records import Vehicle
 

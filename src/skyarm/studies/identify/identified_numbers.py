@@ -115,7 +115,7 @@ def identified_numbers(found: PredictionFit, scale: Scale, period: float) -> tup
     after = np.maximum(np.diag(covariance), np.diag(scale.rows @ found.curvature @ scale.rows.T))
     after = np.minimum(after, before)  # what the data blur is known as before
     shares = 1.0 - after / before
-    halves = np.hypot(found.quantile * np.sqrt(after), _sampling(scale, np.sqrt(before), period))
+    halves = np.hypot(found.quantiles(scale.rows) * np.sqrt(after), _sampling(scale, np.sqrt(before), period))
     numbers = []
     for k, each in enumerate(scale.reported):
         value, half = float(scale.values[k]), float(halves[k])

@@ -23,7 +23,7 @@ from skyarm.studies.identify.identified_numbers import (
 )
 from skyarm.studies.identify.identified_parts import surroundings_with, vehicle_with
 from skyarm.studies.identify.motion_model import Memo, Stretch, Surroundings, prediction_errors
-from skyarm.studies.identify.prediction_error import ORDER, PredictedErrors, PredictionFit, fit_prediction
+from skyarm.studies.identify.prediction_error import PredictedErrors, PredictionFit, bridge_unused, fit_prediction
 from skyarm.studies.identify.servo_response import with_servos
 from skyarm.studies.identify.unknowns import THRUST, Reported, Unknown, reported_of, unknowns_of
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -39,8 +39,8 @@ RATES = (3, 4, 5)
 UNEVEN = 0.01
 """Of a period: what the periods of flights may be off each other; clocks of files differ."""
 
-LEAST = 20
-"""Periods of the shortest stretch, in orders of the whitening filter."""
+LEAST = 160
+"""Periods of the shortest stretch: 20 orders of the whitening filter."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -302,11 +302,11 @@ def long_stretches(stretches: Sequence[Stretch]) -> list[Stretch]:
     Raises:
         ValueError: one line: there are some, and none is.
     """
-    found = [each for each in stretches if each.size >= LEAST * ORDER]
+    found = [each for each in stretches if each.size >= LEAST]
     if stretches and not found:
         longest = max(stretches, key=lambda each: each.size)
         at = f"{longest.name}, from {longest.start:g} s"
-        raise ValueError(f"{at}: {longest.size} periods: must be at least {LEAST * ORDER}")
+        raise ValueError(f"{at}: {longest.size} periods: must be at least {LEAST}")
     return found
 
 
@@ -343,7 +343,7 @@ def _explained_shares(
 ) -> Array:
     """Share of each row's whitened variance that the commands explain."""
     moving, turning = np.flatnonzero(driven), np.flatnonzero(servoed)
-    nothing = []
+    used, nothing = [each.used for each in stretches], []
     for each in stretches:
         rates = np.concatenate([each.rate, each.joint_rates[:, moving], each.joints[:, turning]], axis=1)[1:]
         whole = np.concatenate([each.specific_force, rates], axis=1)
@@ -351,5 +351,5 @@ def _explained_shares(
         whole = whole - whole.mean(axis=0)
         # a constant torque explains a straight line of a rate
         nothing.append(whole - time * (time * whole).sum(axis=0) / (time**2).sum())
-    left, before = ((found.noise.apply(rows) ** 2).sum(axis=0) for rows in (found.errors, nothing))
+    left, before = ((found.noise.apply(rows) ** 2).sum(axis=0) for rows in (found.errors, bridge_unused(nothing, used)))
     return np.asarray(1.0 - left / np.maximum(before, 1e-300))

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from skyarm.studies.identify.identified_numbers import SHOWN
-from skyarm.studies.identify.identify_vehicle import intervals_at, search_of
+from skyarm.studies.identify.identify_vehicle import RATES, intervals_at, search_of
 from skyarm.studies.identify.motion_model import Stretch
 from skyarm.studies.identify.prediction_error import expected_fit
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -109,7 +109,7 @@ def expected_numbers(
         ValueError: one line: flights that do not fit the vehicle, or nothing to identify, or SciPy is missing.
     """
     search = search_of(stretches, start, curve=curve, driven=driven, velocity=velocity, voltage=voltage, known=known)
-    fit = expected_fit(search.errors, search.begin, search.prior, search.steps, search.block, search.used)
+    fit = expected_fit(search.errors, search.begin, search.prior, search.steps, search.block, search.used, RATES)
     logarithmic = {each.name for each in search.unknowns if each.positive}
     positive = {each.name for each in search.reported if logarithmic.intersection(each.parts)}
     found = []

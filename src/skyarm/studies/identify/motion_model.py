@@ -19,7 +19,8 @@ import numpy.typing as npt
 from skyarm.algebra import ZERO3, Force, Mat3, Motion, Vec3
 from skyarm.dynamics import forward_dynamics, inverse_dynamics, mass_matrix
 from skyarm.dynamics.actuators.rotor import push, rotor_forces
-from skyarm.studies.identify.rotor_lag import delay_commands, lag_response, moving_mean
+from skyarm.studies.identify.rotor_lag import commands_at_ends, delay_commands, integral_bends, lag_response
+from skyarm.studies.identify.sampled_series import delay_series, middle, moving_mean, position_differences
 from skyarm.studies.identify.servo_positions import ServoMemo
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -52,6 +53,8 @@ class Stretch:
         sampled_force: (N * samples, 3) m/s^2 likewise.
         sampled_joints: (N * samples + 1, n) likewise.
         rate_noise: (n,) standard deviation of the noise of a joint's mean rate of a period; 0 by default.
+        differenced: whether the joint rates are differences of positions (see :func:`position_differences`), which
+            smooth them.
     """
 
     name: str
@@ -75,6 +78,7 @@ class Stretch:
     sampled_joints: Array = field(default_factory=lambda: np.zeros((0, 0)))
     rate_noise: Array = field(default_factory=lambda: np.zeros(0))
     since: float = 0.0
+    differenced: bool = False
 
     def __post_init__(self) -> None:
         if not self.used.size:
@@ -87,6 +91,23 @@ class Stretch:
         sampled = rows.reshape(self.size * self.samples, self.fine // self.samples, *rows.shape[1:]).mean(axis=1)
         found: Array = moving_mean(sampled, self.width).reshape(self.size, self.samples, *rows.shape[1:]).mean(axis=1)
         return found
+
+    def means_for_joints(self, rows: Array, bends: Array | float = 0.0) -> Array:
+        """Means over each period as the joints' rates average, which may be differences of their positions.
+
+        Args:
+            rows: (N * fine, ...) means over each part of a period.
+            bends: what the mean of their integral over a part is above a straight line, over the part's length.
+        """
+        if not self.differenced:
+            return self.means(rows)
+        sums = np.concatenate([np.zeros((1, *rows.shape[1:])), np.cumsum(rows, axis=0)])
+        return self.means(position_differences(middle(sums) + bends, self.fine // self.samples))
+
+    def means_between_samples(self, ends: Array) -> Array:
+        """Means over each period (N, ...) of lines between values at the ends of the samples (N * samples, ...)."""
+        lines = middle(np.concatenate([ends[:1], ends]))
+        return self.means(np.repeat(lines, self.fine // self.samples, axis=0))
 
     @property
     def rate_spread(self) -> Array:
@@ -174,16 +195,18 @@ class RotorSeries:
         changes: rad/s^2, means.
         gains: mean thrusts over those of the mean speeds.
         sampled_gains: the same of thrusts at the instants of the samples, which an accelerometer meets.
+        joint_gains: the same of thrusts as the joints' rates average them.
     """
 
     speeds: list[Array]
     changes: list[Array]
     gains: list[Array]
     sampled_gains: list[Array]
+    joint_gains: list[Array]
 
     def at(self, place: Rows) -> RotorSeries:
         """Series of some periods."""
-        every = (self.speeds, self.changes, self.gains, self.sampled_gains)
+        every = (self.speeds, self.changes, self.gains, self.sampled_gains, self.joint_gains)
         return RotorSeries(*([each[place] for each in row] for row in every))
 
 
@@ -195,6 +218,7 @@ class Memo:
     series: dict[tuple[object, ...], RotorSeries] = field(default_factory=dict)
     bodies: dict[tuple[object, ...], Bodies] = field(default_factory=dict)
     servos: ServoMemo = field(default_factory=ServoMemo)
+    efforts: dict[float, Array] = field(default_factory=dict)
 
     def rotors(self, vehicle: Vehicle, delay: float, stretch: Stretch) -> RotorSeries:
         """Rotor series of a vehicle after a dead time (s)."""
@@ -211,6 +235,18 @@ class Memo:
             self.series[curves] = _series(vehicle, *self.held[key], stretch)
         return self.series[curves]
 
+    def late_efforts(self, delay: float, stretch: Stretch) -> Array:
+        """Commanded joint torques (3, N, joints) after a dead time (s) as gyroscope, accelerometer, joints average."""
+        if delay not in self.efforts:
+            _forget(self.efforts)
+            fine, finer = stretch.period / stretch.fine, stretch.fine // stretch.samples
+            late, bends = (each(stretch.efforts, fine, delay) for each in (delay_commands, integral_bends))
+            ends = commands_at_ends(stretch.efforts, fine, delay)[finer - 1 :: finer]
+            self.efforts[delay] = np.stack(
+                [stretch.means(late), stretch.means_between_samples(ends), stretch.means_for_joints(late, bends)]
+            )
+        return self.efforts[delay]
+
 
 WAYS = ("up", "down")
 
@@ -221,13 +257,13 @@ MEMORY = 6
 """Series that a memo keeps."""
 
 
-def _forget(memo: dict[tuple[object, ...], Any]) -> None:
+def _forget(memo: dict[Any, Any]) -> None:
     if len(memo) >= MEMORY:
         memo.pop(next(iter(memo)))
 
 
 def predict(
-    vehicle: Vehicle, about: Surroundings, stretch: Stretch, driven: Sequence[bool] = (), memo: Memo | None = None
+    vehicle: Vehicle, about: Surroundings, stretch: Stretch, driven: Sequence[bool], memo: Memo | None = None
 ) -> Array:
     """Mean specific force at the inertial unit and accelerations over each period, from the commands.
 
@@ -241,21 +277,27 @@ def predict(
     Returns:
         (N, 6 + driven joints): specific force (m/s^2), angular acceleration (rad/s^2), base axes, and the accelerations
         of the driven joints.
+
+    Raises:
+        ValueError: one line: another number of joints.
     """
+    if len(driven) != vehicle.n:
+        raise ValueError(f"driven: {len(driven)} joints, vehicle '{vehicle.name}' has {vehicle.n}")
     memo = memo or Memo()
     turning = memo.rotors(vehicle, about.delay, stretch)
     w = Vec3(*stretch.at_middles(stretch.rate, slice(None)).T)
     accelerations = _acceleration_under(
-        vehicle, about, stretch, turning, slice(None), w, Vec3(*stretch.velocity.T), driven, memo.bodies
+        vehicle, about, stretch, turning, slice(None), w, Vec3(*stretch.velocity.T), driven, memo, memo.bodies
     )
-    both = accelerations([np.stack(each) for each in zip(turning.gains, turning.sampled_gains, strict=True)])
-    (_, angular, rows), (linear, turned, _) = ([_row(each, i) for each in both] for i in range(2))
+    gains = zip(turning.gains, turning.sampled_gains, turning.joint_gains, strict=True)
+    every = accelerations([np.stack(each) for each in gains])
+    (_, angular, _), (linear, turned, _), (_, _, rows) = ([_row(each, i) for each in every] for i in range(3))
     place = Vec3(*about.place)
     felt = linear + turned.cross(place) + w.cross(w.cross(place)) + Vec3(*about.offset)
     zero = np.zeros(stretch.size)
     found: Array = np.stack([zero + each for each in (*felt, *angular, *rows)], axis=1)
     if about.accelerometer_delay:
-        found[:, :3] = _later(found[:, :3], about.accelerometer_delay / stretch.period)
+        found[:, :3] = delay_series(found[:, :3], about.accelerometer_delay / stretch.period)
     return found
 
 
@@ -281,9 +323,8 @@ def base_acceleration(
     """
     turning = memo.rotors(vehicle, about.delay, stretch).at(place)
     driven = (False,) * vehicle.n
-    linear, angular, _ = _acceleration_under(vehicle, about, stretch, turning, place, rate, velocity, driven)(
-        turning.gains
-    )
+    parts = (vehicle, about, stretch, turning, place, rate, velocity, driven, memo)
+    linear, angular, _ = _acceleration_under(*parts)(turning.gains)
     return linear, angular
 
 
@@ -296,6 +337,7 @@ def _acceleration_under(
     w: Vec3,
     velocity: Vec3,
     driven: Sequence[bool],
+    memo: Memo,
     held: dict[tuple[object, ...], Bodies] | None = None,
 ) -> Callable[[Sequence[Array]], tuple[Vec3, Vec3, Sequence[Array]]]:
     """Function from the rotors' gains, (..., K) each, to the accelerations of base and driven joints in K periods."""
@@ -303,7 +345,7 @@ def _acceleration_under(
     since = stretch.since + stretch.period * np.arange(stretch.size)[place]
     scale = about.thrust * stretch.voltage[place] ** about.sag * (1.0 + about.drift * since)
     beside = Force(_spin_torque(vehicle, turning, w) + Vec3(*about.torque), _air_drag(vehicle, velocity))
-    efforts = _joint_efforts(vehicle, about, stretch, place, qd) if any(driven) else [0.0 * x for x in qd]
+    efforts = _joint_efforts(vehicle, about, stretch, place, qd, memo) if any(driven) else [0.0 * x for x in qd]
     given = (stretch.joint_rates[1:][place] - stretch.joint_rates[:-1][place]) / stretch.period
     bodies = None if all(driven) else _bodies(vehicle, q, w, qd, driven, given, {} if held is None else held)
 
@@ -319,10 +361,14 @@ def _acceleration_under(
 
 
 def _joint_efforts(
-    vehicle: Vehicle, about: Surroundings, stretch: Stretch, place: Rows, joint_rates: Sequence[Array]
+    vehicle: Vehicle, about: Surroundings, stretch: Stretch, place: Rows, joint_rates: Sequence[Array], memo: Memo
 ) -> list[Array]:
-    """Joint torques or forces after dead time and limit, less friction, in some periods."""
-    late = stretch.means(delay_commands(stretch.efforts, stretch.period / stretch.fine, about.joint_delay))
+    """Joint torques or forces after dead time and limit, less friction, in some periods.
+
+    Returns:
+        (3, K) of each joint: as gyroscope, accelerometer and joints average them.
+    """
+    late = memo.late_efforts(about.joint_delay, stretch)[:, place]
     # means of the ends have less noise than values in the middle, and a dry friction bends within it
     spread, dry = stretch.rate_spread[place], middle(stretch.joint_rates)[place]
     return [
@@ -330,7 +376,7 @@ def _joint_efforts(
         - link.joint.damping * x
         - link.joint.coulomb * np.tanh(mean / np.hypot(float(link.joint.coulomb_rate), BLUR * around))
         for link, torque, x, mean, around in zip(
-            vehicle.links, late[place].T, joint_rates, dry.T, spread.T, strict=True
+            vehicle.links, np.moveaxis(late, -1, 0), joint_rates, dry.T, spread.T, strict=True
         )
     ]
 
@@ -339,14 +385,15 @@ def prediction_errors(
     vehicle: Vehicle,
     about: Surroundings,
     stretch: Stretch,
-    driven: Sequence[bool] = (),
+    driven: Sequence[bool],
     memo: Memo | None = None,
     servoed: Sequence[bool] = (),
 ) -> Array:
     """Measured less predicted series: specific force, rates summed up from accelerations, positions of servo joints.
 
     Noise of a measured rate is white in the sums, and slow disturbances are slow. Sums and positions are without their
-    means: an encoder's zero is not the servo's.
+    means: an encoder's zero is not the servo's. Sums stand still where a period is not used: what acted there would
+    stay in them.
 
     Returns:
         (N, 6 + driven joints + servo joints).
@@ -354,7 +401,8 @@ def prediction_errors(
     predicted = predict(vehicle, about, stretch, driven, memo)
     moving = [i for i, each in enumerate(driven) if each]
     rates = np.concatenate([stretch.rate, stretch.joint_rates[:, moving]], axis=1)
-    summed = rates[1:] - rates[:1] - np.cumsum(predicted[:, 3:], axis=0) * stretch.period
+    gained = np.diff(rates, axis=0) - predicted[:, 3:] * stretch.period
+    summed = np.cumsum(np.where(stretch.used[:, None], gained, 0.0), axis=0)
     columns = [stretch.specific_force - predicted[:, :3], summed - summed.mean(axis=0)]
     if any(servoed):
         turned = (memo or Memo()).servos.positions(vehicle, about, stretch, servoed)
@@ -374,17 +422,18 @@ def _speeds(vehicle: Vehicle, delay: float, stretch: Stretch) -> tuple[Array, Ar
 
 def _series(vehicle: Vehicle, means: Array, squares: Array, ends: Array, stretch: Stretch) -> RotorSeries:
     """Rotor series of the stretch's periods from those of its fine periods."""
-    found, finer = RotorSeries([], [], [], []), stretch.fine // stretch.samples
+    found, finer = RotorSeries([], [], [], [], []), stretch.fine // stretch.samples
     for i, rotor in enumerate(vehicle.rotors):
         mean = stretch.means(means[:, i])
         sampled = ends[finer - 1 :: finer, i]
         last = moving_mean(sampled, stretch.width)[stretch.samples - 1 :: stretch.samples]
-        pushed = push(rotor, np.concatenate([sampled[:1], sampled]))
         least = np.maximum(push(rotor, mean), 1e-12)
         found.speeds.append(mean)
         found.changes.append(np.diff(last, prepend=last[:1]) / stretch.period)
-        found.gains.append(stretch.means(push(rotor, np.sqrt(np.maximum(squares[:, i], 0.0)))) / least)
-        found.sampled_gains.append(stretch.means(np.repeat(middle(pushed), finer)) / least)
+        thrusts = np.asarray(push(rotor, np.sqrt(np.maximum(squares[:, i], 0.0))))
+        found.gains.append(stretch.means(thrusts) / least)
+        found.joint_gains.append(stretch.means_for_joints(thrusts) / least)
+        found.sampled_gains.append(stretch.means_between_samples(np.asarray(push(rotor, sampled))) / least)
     return found
 
 
@@ -439,15 +488,3 @@ def _with_given_joints(
     right = np.stack(np.broadcast_arrays(*pushed.force, *pushed.torque, *pulled), axis=-1)
     rows = list(np.moveaxis((inverse @ right[..., None])[..., 0], -1, 0))
     return Vec3(*rows[:3]), Vec3(*rows[3:6]), rows[6:]
-
-
-def middle(rows: Array) -> Array:
-    """Means of consecutive rows: (N + 1, ...) to (N, ...)."""
-    found: Array = 0.5 * (rows[1:] + rows[:-1])
-    return found
-
-
-def _later(rows: Array, periods: float) -> Array:
-    """Series that lags by a number of periods, whole or not."""
-    place = np.arange(len(rows)) - periods
-    return np.stack([np.interp(place, np.arange(len(rows)), column) for column in rows.T], axis=1)

@@ -9,6 +9,7 @@ of a fit without it (White 1980; Liang and Zeger 1986; Bell and McCaffrey 2002).
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -23,6 +24,16 @@ Array: TypeAlias = npt.NDArray[np.float64]
 
 ORDER = 8
 """Of the whitening filter."""
+
+WINDOWS = 6
+"""Means of what is past beyond the order: a memory of 512 periods. White noise of a rate, in a sum whose errors walk
+slowly, is seen apart from them over seconds; a filter of the order alone takes slow errors for small ones.
+"""
+
+OTHERS = (3, 4, 5)
+"""Windows of shorter memories, by which the numbers could be found as well. What they would move the numbers by adds to
+the uncertainty (Buckland, Burnham, Augustin 1997).
+"""
 
 TURNS, FIRST, STEPS = 16, 5, 2
 """Most turns of filter and numbers; most steps of the search in the first and in each other."""
@@ -65,7 +76,7 @@ class Whitening:
     """Noise of a model's errors: a filter and a standard deviation of each row, and a weight of each error.
 
     Attributes:
-        filters: (rows, ORDER) autoregressive coefficients.
+        filters: (rows, ORDER + WINDOWS) autoregressive coefficients.
         scales: (rows,) standard deviations of the errors of one step ahead.
         weights: (all, rows) square roots of the weights; 0 where an error does not count.
         levels: rows whose errors of one step ahead have a mean of their own in each stretch.
@@ -88,8 +99,8 @@ class PredictionFit:
     Attributes:
         values: (P,).
         curvature: (P, P) inverse of the information of data and of what was known before.
-        covariance: (P, P) that does not rely on the noise's model.
-        quantile: of Student's t for a half width of 95 %.
+        covariance: (P, P) that does not rely on the noise's model; of a fit with what other noise models move.
+        block_information: (blocks, P, P) of the data of each block.
         noise: of the errors that are left.
         errors: of each stretch, (N, rows).
         settled: whether the search came to rest.
@@ -98,10 +109,23 @@ class PredictionFit:
     values: Array
     curvature: Array
     covariance: Array
-    quantile: float
+    block_information: Array
     noise: Whitening
     errors: Sequence[Array]
     settled: bool
+
+    def quantiles(self, rows: Array) -> Array:
+        """Quantiles (K,) of Student's t for half widths of 95 % of sums (K, P) of the numbers.
+
+        Of a number that a few blocks tell, the spread of the scores is known by these few alone: its degrees of freedom
+        are those of a sum of squares of unequal sizes (Satterthwaite 1946; Bell and McCaffrey 2002).
+        """
+        _, student = scipy_parts()
+        influence = rows @ self.curvature
+        sizes = np.einsum("kp,bpq,kq->kb", influence, self.block_information, influence)
+        freedom = sizes.sum(axis=1) ** 2 / np.maximum((sizes**2).sum(axis=1), 1e-300)
+        blocks = len(self.block_information)
+        return np.asarray(student(np.maximum(freedom * (blocks - 1) / blocks, 1.0), 0.975))
 
 
 def fit_prediction(
@@ -128,6 +152,7 @@ def fit_prediction(
             stretches together only.
     """
     scipy_parts()
+    errors = _errors_over_used(errors, used)
     values, known = start.copy(), np.diag(prior**-2.0)
     found = errors(values)
     counted = _counted_rows(found, used)
@@ -160,8 +185,12 @@ def fit_prediction(
         if turn > 0 and moved.max() < SETTLED:
             settled = True
             break
-    flat, slope = _whitened_errors(noise, found, error_slopes(errors, values, found, steps))
-    return _fit_at(values, found, noise, flat, slope, prior, block, settled=settled)
+    slopes = error_slopes(errors, values, found, steps)
+    flat, slope = _whitened_errors(noise, found, slopes)
+    fit = _fit_at(values, found, noise, flat, slope, prior, block, settled=settled)
+    others = [_noise(found, counted, noise.weights, levels, windows) for windows in OTHERS]
+    moved = np.stack([_linear_change(each, found, slopes, values - start, known) for each in others])
+    return dataclasses.replace(fit, covariance=fit.covariance + moved.T @ moved / len(moved))
 
 
 def expected_fit(
@@ -188,6 +217,7 @@ def expected_fit(
         levels: rows whose slow drift differs from stretch to stretch.
     """
     scipy_parts()
+    errors = _errors_over_used(errors, used)
     first = errors(start)
     counted = _counted_rows(first, used)
     linear = LinearErrors(start, first, error_slopes(errors, start, first, steps))
@@ -263,23 +293,32 @@ def _fit_at(
     settled: bool,
 ) -> PredictionFit:
     """Fit that rests at some numbers, with the covariance by whitened errors and slopes there."""
-    _, student = scipy_parts()
     known = np.diag(prior**-2.0)
     curvature = np.asarray(np.linalg.inv(slope.T @ slope + known))
     rows = len(noise.scales)
     white = flat.reshape(-1, rows)
     blocks = max(FEWEST, len(white) // max(block, 1))
-    scores = jackknife_scores(slope.reshape(-1, rows, len(values)), white, curvature, blocks)
+    slopes = slope.reshape(-1, rows, len(values))
+    scores = jackknife_scores(slopes, white, curvature, blocks)
+    parts = [each.reshape(-1, len(values)) for each in np.array_split(slopes, blocks)]
     inner = scores.T @ scores * (len(scores) - 1) / len(scores) + known
     return PredictionFit(
         values=values,
         curvature=curvature,
         covariance=curvature @ inner @ curvature,
-        quantile=float(student(len(scores) - 1, 0.975)),
+        block_information=np.stack([each.T @ each for each in parts]),
         noise=noise,
         errors=found,
         settled=settled,
     )
+
+
+def _linear_change(
+    noise: Whitening, found: Sequence[Array], slopes: Sequence[Sequence[Array]], off: Array, known: Array
+) -> Array:
+    """Change (P,) to the best numbers under a noise model, by slopes; ``off`` from those known before."""
+    flat, slope = _whitened_errors(noise, found, slopes)
+    return np.asarray(-np.linalg.solve(slope.T @ slope + known, slope.T @ flat + known @ off), dtype=float)
 
 
 def _step(
@@ -303,6 +342,25 @@ def _step(
     return values, found, cost, trust
 
 
+def _errors_over_used(errors: Errors, used: Sequence[npt.NDArray[np.bool_]]) -> Errors:
+    """Errors with straight lines over the rows that are not used, which would stay in the filters' memory."""
+    if all(each.all() for each in used):
+        return errors
+    prepare = errors.prepare if isinstance(errors, PredictedErrors) else lambda values: None
+    return PredictedErrors(lambda values: bridge_unused(errors(values), used), prepare)
+
+
+def bridge_unused(series: Sequence[Array], used: Sequence[npt.NDArray[np.bool_]]) -> list[Array]:
+    """Series (N, rows) of each stretch with straight lines between the rows that are used."""
+    found = []
+    for rows, kept in zip(series, used, strict=True):
+        place = np.arange(len(rows))
+        whole = kept.all() or not kept.any()
+        lines = [each if whole else np.interp(place, place[kept], each[kept]) for each in rows.T]
+        found.append(np.stack(lines, axis=1))
+    return found
+
+
 def _counted_rows(found: Sequence[Array], used: Sequence[npt.NDArray[np.bool_]]) -> npt.NDArray[np.bool_]:
     """Which whitened rows count: those whose error and whose past ones are all used."""
     rows = []
@@ -313,12 +371,19 @@ def _counted_rows(found: Sequence[Array], used: Sequence[npt.NDArray[np.bool_]])
 
 
 def _noise(
-    found: Sequence[Array], counted: npt.NDArray[np.bool_], weights: Array | None, levels: Sequence[int]
+    found: Sequence[Array],
+    counted: npt.NDArray[np.bool_],
+    weights: Array | None,
+    levels: Sequence[int],
+    windows: int = WINDOWS,
 ) -> Whitening:
     """Whitening filters, standard deviations and Huber's weights from the errors."""
     rows = found[0].shape[1]
     before = counted[:, None] * np.ones((1, rows)) if weights is None else weights
-    filters = np.array([ar_coefficients([each[:, i] for each in found], ORDER, before[:, i]) for i in range(rows)])
+    filters = np.zeros((rows, ORDER + WINDOWS))
+    for i in range(rows):
+        each = [part[:, i] for part in found]
+        filters[i, : ORDER + windows] = ar_coefficients(each, ORDER, before[:, i], 0.0, windows)
     white = _level_rows(found, filters, before, levels)
     kept = white[counted]
     scales = 1.4826 * np.median(np.abs(kept - np.median(kept, axis=0)), axis=0) + 1e-300
@@ -333,7 +398,7 @@ def _level_rows(found: Sequence[Array], filters: Array, weights: Array, levels: 
     A constant torque of its own in each stretch makes a ramp of a summed rate, and a filter whose coefficients do not
     add up to just 1 leaves a line of it. It thus costs nothing, as an unknown without any prior would.
     """
-    white, rows = innovations(found, filters), list(levels)
+    white, rows = innovations(found, filters, WINDOWS), list(levels)
     if len(found) == 1 or not rows:
         return white
     counts = weights[:, rows] ** 2

@@ -22,8 +22,9 @@ from skyarm.dynamics.kinematics import link_poses
 from skyarm.dynamics.state import State
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.studies.identify.lagged_inputs import wrench_of_pushes
-from skyarm.studies.identify.motion_model import Stretch, middle
+from skyarm.studies.identify.motion_model import Stretch
 from skyarm.studies.identify.multisines import BASE_AXES
+from skyarm.studies.identify.sampled_series import middle
 from skyarm.studies.identify.unknowns import USUAL_DELAY
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle

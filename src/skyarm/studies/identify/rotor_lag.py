@@ -16,6 +16,10 @@ FORGOTTEN = 6.0
 """Time constants that are followed before a stretch: of what was before, 0.25 % is left."""
 
 
+STEP = 0.2
+"""Of a period, that the step of a held command takes at the end of a period."""
+
+
 def delay_commands(commands: Array, period: float, delay: float) -> Array:
     """Means of held commands over each period after a dead time.
 
@@ -33,6 +37,37 @@ def delay_commands(commands: Array, period: float, delay: float) -> Array:
     newer, older = (commands[np.clip(places - back, 0, len(commands) - 1)] for back in (0, 1))
     mixed: Array = (1.0 - share) * newer + share * older
     return mixed
+
+
+def integral_bends(commands: Array, period: float, delay: float) -> Array:
+    """Excess of the mean of the commands' integral over each period above a straight line, over the period.
+
+    A step within a period bends it.
+
+    Args:
+        commands: (N, actuators), each held for one period; the first holds before, too.
+        period: s.
+        delay: s, dead time.
+    """
+    whole = math.floor(delay / period)
+    share = delay / period - whole
+    older, newer = (delay_commands(commands, period, (whole + back) * period) for back in (1, 0))
+    return np.asarray(0.5 * share * (1.0 - share) * (older - newer))
+
+
+def commands_at_ends(commands: Array, period: float, delay: float) -> Array:
+    """Held commands (N, actuators) that act at the end of each period after a dead time.
+
+    The step from one to the next takes a share of a period, so that a search sees on which side of an end it lies.
+
+    Args:
+        commands: (N, actuators), each held for one period; the first holds before, too.
+        period: s.
+        delay: s, whole periods or not; below 0 of commands that are stamped late.
+    """
+    whole = math.floor(delay / period)
+    share = max(0.0, (delay / period - whole - 1.0) / STEP + 1.0)
+    return delay_commands(commands, period, (whole + share) * period)
 
 
 def lag_response(
@@ -82,16 +117,3 @@ def lag_response(
     joined = found.transpose(0, 2, 3, 1, 4).reshape(3, len(delays), -1, commands.shape[1])[:, :, : len(commands)]
     series = joined if np.ndim(delay) else joined[:, 0]
     return series[0], series[1], series[2]
-
-
-def moving_mean(rows: Array, width: int) -> Array:
-    """Moving mean (N, ...) over an odd number of rows, of what there is at both ends."""
-    if width <= 1:
-        return rows
-    half = width // 2
-    total = np.cumsum(np.concatenate([np.zeros((1, *rows.shape[1:])), rows]), axis=0)
-    low = np.maximum(np.arange(len(rows)) - half, 0)
-    high = np.minimum(np.arange(len(rows)) + half + 1, len(rows))
-    count = (high - low).reshape(-1, *[1] * (rows.ndim - 1))
-    mean: Array = (total[high] - total[low]) / count
-    return mean

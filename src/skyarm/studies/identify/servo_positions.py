@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.studies.identify.rotor_lag import delay_commands, moving_mean
+from skyarm.studies.identify.rotor_lag import delay_commands
+from skyarm.studies.identify.sampled_series import moving_mean
 from skyarm.studies.identify.servo_response import Loops, joint_loads, loops_of, servo_response, servo_steps
 from skyarm.vehicle.vehicle_records import Vehicle
 

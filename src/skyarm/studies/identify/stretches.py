@@ -15,8 +15,8 @@ from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.studies.identify.command_samples import sampling_period, straight_lines
 from skyarm.studies.identify.lagged_inputs import to_base
-from skyarm.studies.identify.motion_model import Stretch, middle
-from skyarm.studies.identify.rotor_lag import moving_mean
+from skyarm.studies.identify.motion_model import Stretch
+from skyarm.studies.identify.sampled_series import middle, moving_mean, position_differences
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Array: TypeAlias = npt.NDArray[np.float64]
@@ -203,16 +203,6 @@ def _noise_of_means(rows: Array, response: Array, width: int, samples: int) -> A
     return np.asarray(white * gain)
 
 
-def _differences(rows: Array, step: float) -> Array:
-    """Rates of sampled rows (N, ...) by central differences of fourth order.
-
-    Those of second order are 0.07 % below a swing of 2 Hz at 200 Hz, coherent with all that the swing is to show.
-    """
-    found = np.asarray(np.gradient(rows, step, axis=0))
-    found[2:-2] = (8.0 * (rows[3:-1] - rows[1:-3]) - (rows[4:] - rows[:-4])) / (12.0 * step)
-    return found
-
-
 def joint_rates_note(flight: FlightData) -> str:
     """Reason for which measured joint rates are left for those of the positions, in words; empty if there is none.
 
@@ -347,16 +337,17 @@ def _stretch(
         return np.asarray(channel.values[np.maximum(place, 0)])
 
     joints, rates, noise = np.zeros((len(time), n)), np.zeros((len(time), n)), np.zeros(n)
+    differenced = False
     if n:
         joints = at("joint_positions")
         if joints.shape[1] != n:
             raise ValueError(
                 f"{flight.name}: joint_positions: {joints.shape[1]} columns, vehicle '{start.name}' has {n}"
             )
-        rates = _differences(joints, step)
-        noise = _noise_of_means(joints, _differences(_impulse(width, samples), step), width, samples)
+        rates, differenced = position_differences(joints) / step, True
+        noise = _noise_of_means(joints, position_differences(_impulse(width, samples)) / step, width, samples)
         if "joint_rates" in flight:
-            rates = at("joint_rates")
+            rates, differenced = at("joint_rates"), False
             noise = _noise_of_means(rates, _impulse(width, samples), width, samples)
     still = np.zeros((periods * samples * finer, n))
 
@@ -394,4 +385,5 @@ def _stretch(
         sampled_force=middle(at("accelerometer")),
         sampled_joints=joints,
         rate_noise=noise,
+        differenced=differenced,
     )
