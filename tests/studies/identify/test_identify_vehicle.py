@@ -226,21 +226,34 @@ def weaker(flight, factor):
 
 
 def test_drift_of_the_thrust_goes_on_over_gaps(flight):
-    """A gap of 0.3 s in the gyro; the thrust is that of the take-off."""
+    """Two gaps of 0.3 s in the gyro; the thrust is that of the take-off."""
     time, drift = flight["rotor_speed_commands"].time, -0.01
     begin = stretches_of(flight, START)[0].start
     made = weaker(flight, 1.0 + drift * (time - begin))
     gyro = made["gyro"]
-    for gaps in ((), (5.0, 8.0)):
-        kept = np.all([np.abs(gyro.time - at) > 0.15 for at in gaps], axis=0) | np.zeros(len(gyro.time), dtype=bool)
-        cut = made.with_channels({"gyro": Channel(time=gyro.time[kept], values=gyro.values[kept], source=gyro.source)})
-        stretches = stretches_of(cut, START)
-        assert len(stretches) == len(gaps) + 1
-        assert [each.since for each in stretches] == pytest.approx([each.start - begin for each in stretches], abs=1e-9)
-        found = identify_vehicle(stretches, START)
-        assert found["drift"].low < drift < found["drift"].high
-        thrust = found["rotors.thrust_coefficient"]
-        assert thrust.value == pytest.approx(PLANTED[thrust.name], rel=0.005)
+    kept = (np.abs(gyro.time - 5.0) > 0.15) & (np.abs(gyro.time - 8.0) > 0.15)
+    cut = made.with_channels({"gyro": Channel(time=gyro.time[kept], values=gyro.values[kept], source=gyro.source)})
+    stretches = stretches_of(cut, START)
+    assert len(stretches) == 3
+    assert [each.since for each in stretches] == pytest.approx([each.start - begin for each in stretches], abs=1e-9)
+    found = identify_vehicle(stretches, START)
+    assert found["drift"].low < drift < found["drift"].high
+    thrust = found["rotors.thrust_coefficient"]
+    assert thrust.value == pytest.approx(PLANTED[thrust.name], rel=0.005)
+
+
+@pytest.mark.parametrize("late", [0.02, 0.06, 0.15])
+def test_the_delay_of_an_accelerometer_is_found_though_it_is_long(flight, late):
+    """From no delay the search rested at a tenth of it, with a narrow interval."""
+    felt = flight["accelerometer"]
+    made = flight.section(2.0, 10.0).with_channels(
+        {"accelerometer": Channel(time=felt.time + late, values=felt.values, source=felt.source)}
+    )
+    (stretch,) = stretches_of(made, START)
+    delay = identify_vehicle([stretch], START)["accelerometer_delay"]
+    assert delay.low < late < delay.high
+    # no better than half a sample, and not much worse
+    assert 0.5 * stretch.period / stretch.samples <= 0.5 * (delay.high - delay.low) < 0.004
 
 
 def test_each_flight_has_a_thrust_of_its_own_and_the_first_defines_the_number(flight):

@@ -19,7 +19,7 @@ def truth_of(name, numbers, vehicle):
     """True value of an identified number; None of those that no vehicle has, as offsets of its sensors."""
     if name.startswith("base.inertia"):
         return float(getattr(vehicle.base.inertia, name[-2:]))
-    if name.startswith("place"):
+    if name.startswith("place") or name == "accelerometer_delay":
         return 0.0
     return numbers["delay"] if name == "joint_delay" else numbers.get(name)
 

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.studies.identify.prediction_error import PredictionFit
-from skyarm.studies.identify.unknowns import Reported, Unknown
+from skyarm.studies.identify.unknowns import ACCELEROMETER, Reported, Unknown
 
 Array: TypeAlias = npt.NDArray[np.float64]
 
@@ -108,14 +108,17 @@ def scale_of(
     return Scale(kept, values, starts, positive, rows, rows**2 @ spreads**2)
 
 
-def identified_numbers(found: PredictionFit, scale: Scale, period: float) -> tuple[tuple[IdentifiedNumber, ...], Array]:
-    """Numbers with intervals, from flights of some period (s), and the correlations of their errors."""
+def identified_numbers(
+    found: PredictionFit, scale: Scale, period: float, sample: float
+) -> tuple[tuple[IdentifiedNumber, ...], Array]:
+    """Numbers with intervals and the correlations of their errors; period of the flights and of their samples in s."""
     covariance = scale.rows @ found.covariance @ scale.rows.T
     before = scale.before
     after = np.maximum(np.diag(covariance), np.diag(scale.rows @ found.curvature @ scale.rows.T))
     after = np.minimum(after, before)  # what the data blur is known as before
     shares = 1.0 - after / before
-    halves = np.hypot(found.quantiles(scale.rows) * np.sqrt(after), _sampling(scale, np.sqrt(before), period))
+    sampling = _sampling(scale, np.sqrt(before), period, sample)
+    halves = np.hypot(found.quantiles(scale.rows) * np.sqrt(after), sampling)
     numbers = []
     for k, each in enumerate(scale.reported):
         value, half = float(scale.values[k]), float(halves[k])
@@ -145,10 +148,11 @@ def bound_number(found: IdentifiedNumber, least: float) -> IdentifiedNumber:
     return dataclasses.replace(found, low=least, value=max(found.value, least))
 
 
-def _sampling(scale: Scale, spread: Array, period: float) -> Array:
+def _sampling(scale: Scale, spread: Array, period: float, sample: float) -> Array:
     """Least halves of the intervals."""
     times = np.array([each.unit == "s" for each in scale.reported])
     least = np.where(scale.positive, SHARE, np.where(times, INSTANT * period, SPREAD * spread))
+    least[[each.name == ACCELEROMETER for each in scale.reported]] = 0.5 * sample
     late = INSTANT * period / np.where(times & scale.positive, scale.values, np.inf)
     return np.asarray(np.hypot(least, late))
 

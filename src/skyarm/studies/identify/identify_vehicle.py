@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.records.files import must_be_one_of, number
+from skyarm.studies.identify.accelerometer_lag import accelerometer_lag
 from skyarm.studies.identify.identified_numbers import (
     IdentifiedNumber,
     Scale,
@@ -22,10 +23,10 @@ from skyarm.studies.identify.identified_numbers import (
     with_reasons,
 )
 from skyarm.studies.identify.identified_parts import surroundings_with, vehicle_with
-from skyarm.studies.identify.motion_model import Memo, Stretch, Surroundings, prediction_errors
+from skyarm.studies.identify.motion_model import Memo, Stretch, Surroundings, predict, prediction_errors
 from skyarm.studies.identify.prediction_error import PredictedErrors, PredictionFit, bridge_unused, fit_prediction
 from skyarm.studies.identify.servo_response import with_servos
-from skyarm.studies.identify.unknowns import THRUST, Reported, Unknown, reported_of, unknowns_of
+from skyarm.studies.identify.unknowns import ACCELEROMETER, THRUST, Reported, Unknown, reported_of, unknowns_of
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Array: TypeAlias = npt.NDArray[np.float64]
@@ -126,11 +127,14 @@ def identify_vehicle(
         known=known,
         drag_height=drag_height,
     )
+    search = _from_accelerometer_lag(search, stretches)
     found = fit_prediction(
         search.errors, search.begin, search.prior, search.steps, search.block, search.used, progress, RATES
     )
     scale = search.scale(found)
-    free, correlation = identified_numbers(found, scale, stretches[0].period)
+    free, correlation = identified_numbers(
+        found, scale, stretches[0].period, stretches[0].period / stretches[0].samples
+    )
     numbers = [bound_number(each, of.least) for each, of in zip(free, scale.reported, strict=True)]
     inside = {each.name for each in search.unknowns if each.in_vehicle}
     of_vehicle = [any(part in inside for part in each.parts) for each in scale.reported]
@@ -287,13 +291,30 @@ def search_of(
     )
 
 
+def _from_accelerometer_lag(search: Search, stretches: Sequence[Stretch]) -> Search:
+    """Search that begins at the accelerometer's lag if that is beyond what is expected of one."""
+    names = [each.name for each in search.unknowns]
+    if ACCELEROMETER not in names:
+        return search
+    numbers = search.numbers(search.begin)
+    about = surroundings_with(numbers)
+    vehicle = vehicle_with(search.start, numbers)
+    predicted = [predict(vehicle, about, each, search.driven) for each in stretches]
+    lag = accelerometer_lag(stretches, predicted)
+    place = names.index(ACCELEROMETER)
+    if abs(lag) <= search.unknowns[place].spread:
+        return search
+    moved = replace(search.unknowns[place], start=lag)
+    return replace(search, unknowns=[*search.unknowns[:place], moved, *search.unknowns[place + 1 :]])
+
+
 def _numbers_of(unknowns: Sequence[Unknown], known: Mapping[str, float], searched: Array) -> dict[str, float]:
     return {**known, **{each.name: each.value(x) for each, x in zip(unknowns, searched.tolist(), strict=True)}}
 
 
-def intervals_at(found: PredictionFit, search: Search, period: float) -> tuple[IdentifiedNumber, ...]:
-    """Numbers with their intervals at an estimate, from flights of some period (s)."""
-    return identified_numbers(found, search.scale(found), period)[0]
+def intervals_at(found: PredictionFit, search: Search, stretch: Stretch) -> tuple[IdentifiedNumber, ...]:
+    """Numbers with their intervals at an estimate, from flights of the period and samples of a stretch."""
+    return identified_numbers(found, search.scale(found), stretch.period, stretch.period / stretch.samples)[0]
 
 
 def long_stretches(stretches: Sequence[Stretch]) -> list[Stretch]:

@@ -113,7 +113,7 @@ def expected_numbers(
     logarithmic = {each.name for each in search.unknowns if each.positive}
     positive = {each.name for each in search.reported if logarithmic.intersection(each.parts)}
     found = []
-    for each in intervals_at(fit, search, stretches[0].period):
+    for each in intervals_at(fit, search, stretches[0]):
         share = 0.5 * math.log(each.high / each.low) if each.name in positive else 0.0
         found.append(
             ExpectedNumber(

@@ -40,6 +40,9 @@ DRY = 0.1
 Dry, or by damping at the rate of the link's swing, or at 1 m/s.
 """
 
+ACCELEROMETER = "accelerometer_delay"
+"""Delay that is not known better than to half a sample: what a sensor averages in between is not said."""
+
 THRUST, BATTERY = "thrust.", 0.2
 """Begin of the name of a flight's thrust over that of the first one, and the standard deviation of its logarithm, by
 what a battery may have lost.
@@ -246,7 +249,7 @@ def _of_surroundings(arm: float, weight: float, voltage: bool, driven: bool) -> 
     return [
         _any("delay", "s", USUAL_DELAY, DELAY_SPREAD),
         *([_any("joint_delay", "s", USUAL_DELAY, DELAY_SPREAD)] if driven else []),
-        _any("accelerometer_delay", "s", 0.0, USUAL_DELAY),
+        _any(ACCELEROMETER, "s", 0.0, USUAL_DELAY),
         *(_any(f"place.{axis}", "m", 0.0, 0.2 * arm) for axis in "xyz"),
         *(_any(f"offset.{axis}", "m/s^2", 0.0, 0.03 if axis == "z" else 0.3) for axis in "xyz"),
         *(_any(f"torque.{axis}", "N m", 0.0, (0.01 if axis == "z" else 0.1) * weight * arm) for axis in "xyz"),

@@ -1,0 +1,65 @@
+"""Lag of the accelerometer behind the gyroscope, by correlation of both with what the commands foretell.
+
+A search for a delay is local: from a start that is off by more than the rotors' lag it rests beside the truth, with a
+narrow interval. The lag at which foretold and measured forces agree best, less that of the angular accelerations, which
+holds what commands are late, is where it must begin (Knapp and Carter 1976).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.studies.identify.motion_model import Stretch
+
+Array: TypeAlias = npt.NDArray[np.float64]
+
+LONGEST = 0.25
+"""s, lags that are tried to both sides."""
+
+FOLLOWS = 0.1
+"""Least sum of the squares of three correlations that a lag is believed of."""
+
+
+def accelerometer_lag(stretches: Sequence[Stretch], predicted: Sequence[Array]) -> float:
+    """Lag (s) of the accelerometer behind the gyroscope; 0 where either does not follow the commands.
+
+    Args:
+        stretches: specific forces and rates.
+        predicted: of each (N, 6 or more): specific force and angular acceleration by the commands.
+    """
+    forces = [each.specific_force for each in stretches]
+    turning = [np.diff(each.rate, axis=0) / each.period for each in stretches]
+    first, second = (
+        _best_lag(rows, [each[:, place] for each in predicted], stretches)
+        for rows, place in ((forces, slice(0, 3)), (turning, slice(3, 6)))
+    )
+    return 0.0 if first is None or second is None else (first - second) * stretches[0].period
+
+
+def _best_lag(measured: Sequence[Array], predicted: Sequence[Array], stretches: Sequence[Stretch]) -> float | None:
+    """Periods by which measured rows (N, 3) are behind the predicted ones; None if they do not follow them."""
+    longest = min(round(LONGEST / stretches[0].period), min(each.size for each in stretches) // 4)
+    lags = np.arange(-longest, longest + 1)
+    scores = np.array([_agreement(measured, predicted, stretches, int(lag)) for lag in lags])
+    best = int(np.argmax(scores))
+    if scores[best] < FOLLOWS or best in (0, len(lags) - 1):
+        return None
+    before, at, after = scores[best - 1 : best + 2]
+    return float(lags[best] + 0.5 * (before - after) / min(before - 2.0 * at + after, -1e-12))
+
+
+def _agreement(measured: Sequence[Array], predicted: Sequence[Array], stretches: Sequence[Stretch], lag: int) -> float:
+    """Sum of the squares of the correlations of three rows at a lag (periods); of opposite ones nothing."""
+    sums = np.zeros((3, 3))
+    for rows, foretold, stretch in zip(measured, predicted, stretches, strict=True):
+        place = np.arange(max(lag, 0), stretch.size + min(lag, 0))
+        place = place[stretch.used[place] & stretch.used[place - lag]]
+        if len(place) > 1:
+            x, y = (each - each.mean(axis=0) for each in (foretold[place - lag], rows[place]))
+            sums += np.stack([(x * y).sum(axis=0), (x * x).sum(axis=0), (y * y).sum(axis=0)])
+    both, one, other = sums
+    return float((np.maximum(both, 0.0) ** 2 / np.maximum(one * other, 1e-300)).sum())
