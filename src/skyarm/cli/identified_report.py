@@ -13,6 +13,7 @@ from rich.console import RenderableType
 from skyarm.cli.output import aligned_lines, heading, shown_number
 from skyarm.flight_data.clocks import ClockOffset
 from skyarm.flight_data.flight_data import FlightData
+from skyarm.flight_data.series import rates_note
 from skyarm.records.files import printable
 from skyarm.studies.identify.data_faults import Fault
 from skyarm.studies.identify.held_out import HOLD, IDENTIFIED, PAST, START, HeldOut, table_horizons
@@ -48,7 +49,9 @@ def report_lines(found: Identified, start: Vehicle, flights: Sequence[FlightData
     if len(pairs) > MOST:
         lines.append(f"and {len(pairs) - MOST} more pairs with a correlation beyond {CLOSE:g}")
     lines += [f"{each.name}: {note}" for each in flights for note in each.notes]
-    lines += filter(None, (note for each in flights for note in (period_note(each, start), joint_rates_note(each))))
+    for each in flights:
+        clock = 1.0 / max(each["gyro"].rate, 1e-9)
+        lines += filter(None, (period_note(each, start), joint_rates_note(each), rates_note(each, clock)))
     return [printable(line) if isinstance(line, str) else line for line in lines]
 
 

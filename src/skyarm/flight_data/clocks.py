@@ -22,7 +22,8 @@ import numpy.typing as npt
 
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import GRAVITY
-from skyarm.flight_data.raw_tables import attitude_at, turn_vectors
+from skyarm.flight_data.raw_tables import turn_vectors
+from skyarm.flight_data.series import attitude_at, columns_at
 from skyarm.records.files import must_be_one_of
 from skyarm.records.units import Unit
 
@@ -231,7 +232,7 @@ def _smooth(channel: Channel, width: float, order: int) -> Smooth:
     double = _integral(time, integral)
 
     def at(table: Array, when: Array) -> Array:
-        return np.stack([np.interp(when, time, column) for column in table.T], axis=1)
+        return columns_at(when, time, table)
 
     def mean(when: Array) -> tuple[Array, Array]:
         if order == 1:
@@ -333,7 +334,7 @@ def _best_offset(reference: Channel, means: _Means, mean: Smooth, widest: float)
     grid = np.arange(reference.time[0], reference.time[-1], step)
     other = np.arange(means.time[0], means.time[-1], step)
     a = _clip(mean(grid)[0])
-    b = _clip(np.stack([np.interp(other, means.time, column) for column in means.values.T], axis=1))
+    b = _clip(columns_at(other, means.time, means.values))
     a, b = a - a.mean(axis=0), b - b.mean(axis=0)
     size = 1 << (len(a) + len(b) - 1).bit_length()
     spectrum = np.fft.rfft(a, size, axis=0) * np.conj(np.fft.rfft(b, size, axis=0))

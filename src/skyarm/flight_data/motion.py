@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.flight_data.flight_data import FlightData
+from skyarm.flight_data.series import columns_at, continuous
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Array: TypeAlias = npt.NDArray[np.float64]
@@ -44,7 +45,7 @@ class Motion:
             mixed[outside] = np.nan
             return np.asarray(mixed)
 
-        turned = interpolate(_continuous(self.quaternion))
+        turned = interpolate(continuous(self.quaternion))
         turned /= np.linalg.norm(turned, axis=1, keepdims=True)
         return Motion(
             time=time, position=interpolate(self.position), quaternion=turned, joints=interpolate(self.joints)
@@ -99,7 +100,7 @@ def measured_motion(flight: FlightData, vehicle: Vehicle) -> Motion:
     time = place.time[(place.time >= first) & (place.time <= last)]
     if len(time) < 2:
         raise ValueError(f"{flight.name}: position and quaternion: must be measured at the same time")
-    turned = _columns_at(time, attitude.time, _continuous(attitude.values))
+    turned = columns_at(time, attitude.time, continuous(attitude.values))
     joints = np.zeros((len(time), 0))
     if vehicle.n:
         angles = flight["joint_positions"]
@@ -108,24 +109,13 @@ def measured_motion(flight: FlightData, vehicle: Vehicle) -> Motion:
                 f"{flight.name}: joint_positions: {angles.values.shape[1]} columns, vehicle '{vehicle.name}' has "
                 f"{vehicle.n} joints"
             )
-        joints = _columns_at(time, angles.time, angles.values)
+        joints = columns_at(time, angles.time, angles.values)
     return Motion(
         time=time,
-        position=_columns_at(time, place.time, place.values),
+        position=columns_at(time, place.time, place.values),
         quaternion=turned / np.linalg.norm(turned, axis=1, keepdims=True),
         joints=joints,
     )
-
-
-def _columns_at(time: Array, known: Array, values: Array) -> Array:
-    return np.stack([np.interp(time, known, column) for column in values.T], axis=1)
-
-
-def _continuous(quaternion: Array) -> Array:
-    """Quaternions (N, 4) with signs in which neighbours are close: halfway between q and -q there is no rotation."""
-    turns = np.where((quaternion[1:] * quaternion[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
-    signed: Array = quaternion * np.cumprod(np.concatenate([[1.0], turns]))[:, None]
-    return signed
 
 
 def _unknown_from(motion: Motion) -> Motion:

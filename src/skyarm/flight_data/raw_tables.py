@@ -14,6 +14,7 @@ import numpy.typing as npt
 from skyarm.flight_data.columns_file import ANGLES, TIMES, Columns, Signal
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import ATTITUDE, BODY, QUANTITIES
+from skyarm.flight_data.series import attitude_at, continuous
 from skyarm.records.files import must_be_one_of, shown
 
 Array: TypeAlias = npt.NDArray[np.float64]
@@ -190,7 +191,9 @@ def _channel(
         notes.append(f"{name}: {time.size - kept.size} of {time.size} rows are left out, as their times do not rise.")
         time, values = time[kept], values[kept]
     if name == "quaternion":
-        values = _continuous(values / np.linalg.norm(values, axis=1)[:, None])
+        values = continuous(values / np.linalg.norm(values, axis=1)[:, None])
+        if len(values) and values[0, 0] < 0.0:
+            values = -values
     return Channel(time=time, values=values, source=signal.source)
 
 
@@ -266,23 +269,6 @@ def _quaternions(signal: Signal, given: Array) -> Array:
     if signal.world == "NED":  # world axes likewise: from the left
         w, x, y, z = -x, w, -z, y
     return np.stack([w, x, y, z], axis=1)
-
-
-def _continuous(quaternions: Array) -> Array:
-    """Quaternions of the same rotations whose signs do not jump from row to row; the first has w at least 0."""
-    if not len(quaternions):
-        return quaternions
-    steps = np.where(np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0.0, -1.0, 1.0)
-    first = -1.0 if quaternions[0, 0] < 0.0 else 1.0
-    found: Array = quaternions * np.cumprod(np.concatenate([[first], steps]))[:, None]
-    return found
-
-
-def attitude_at(attitude: Channel, time: Array) -> Array:
-    """Quaternions (N, 4) at given times, interpolated linearly and normalised; outside the channel its last ones."""
-    found = np.stack([np.interp(time, attitude.time, column) for column in attitude.values.T], axis=1)
-    unit: Array = found / np.linalg.norm(found, axis=1)[:, None]
-    return unit
 
 
 def turn_vectors(quaternions: Array, vectors: Array) -> Array:

@@ -51,6 +51,20 @@ def test_periods_follow_the_lag_and_commands_a_finer_clock():
     assert short.specific_force[:, 2] == pytest.approx(9.81 + 3.0 * np.sin(instants[:-1] + 0.001), abs=1e-4)
 
 
+def test_a_faster_accelerometer_does_not_put_vibration_into_slow_motion():
+    """At 2 kHz a vibration of 499.7 Hz; at the gyro's 500 Hz it would look like 0.3 Hz."""
+
+    def shaken(time):
+        fine = np.arange(time[0], time[-1], 5e-4)
+        slow = np.stack([0.0 * fine, 0.0 * fine, 9.81 + np.sin(fine)], axis=1)
+        return channel(fine, slow + 2.0 * np.sin(2.0 * np.pi * 499.7 * fine)[:, None])
+
+    (stretch,) = stretches_of(flight(accelerometer=shaken), VEHICLE, period=0.002)
+    instants = stretch.start + 0.002 * (np.arange(stretch.size) + 0.5)
+    assert np.abs(stretch.specific_force[:, 2] - 9.81 - np.sin(instants)).max() < 0.02
+    assert np.abs(stretch.specific_force[:, 0]).max() < 0.02
+
+
 def test_a_command_holds_from_its_own_instant_on():
     def step(time):
         return np.where(time < 5.0, HOVER, 1.1 * HOVER)[:, None].repeat(4, axis=1)

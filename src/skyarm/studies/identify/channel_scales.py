@@ -15,8 +15,9 @@ import numpy as np
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import ONE_G
 from skyarm.flight_data.raw_tables import turn_vectors
+from skyarm.flight_data.series import columns_at, means_of
 from skyarm.records.arrays import Array
-from skyarm.studies.identify.data_compatibility import Law, means_of, slope_law
+from skyarm.studies.identify.data_compatibility import Law, slope_law
 from skyarm.vehicle.vehicle_records import Vehicle
 
 REFUSED, WARNED = "refused", "warned"
@@ -126,7 +127,7 @@ def _wrong_scales(flight: FlightData) -> Iterator[Found]:
         time, rows = positions.time[::every], positions.values[::every]
         slope = np.diff(rows, axis=0) / np.diff(time)[:, None]
         middle = 0.5 * (time[1:] + time[:-1])
-        given = np.stack([np.interp(middle, rates.time, column) for column in rates.values.T], axis=1)
+        given = columns_at(middle, rates.time, rates.values)
         sizes = [float(np.median(np.abs(each - np.median(each, axis=0)))) for each in (given, slope)]
         if min(sizes) <= 0.0:
             continue

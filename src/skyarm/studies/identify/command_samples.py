@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.flight_data.flight_data import Channel
+from skyarm.flight_data.series import columns_at
 
 Array: TypeAlias = npt.NDArray[np.float64]
 
@@ -57,4 +58,4 @@ def sampling_period(commands: Channel) -> float:
 def straight_lines(commands: Channel, time: Array) -> Array:
     """Commands (N, rotors) at given times (s), on straight lines between the samples."""
     samples = command_samples(commands)
-    return np.stack([np.interp(time, samples.time, column) for column in samples.values.T], axis=1)
+    return columns_at(time, samples.time, samples.values)

@@ -21,6 +21,7 @@ from skyarm.flight_data.clocks import rotation_steps
 from skyarm.flight_data.flight_data import Channel
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.flight_data.raw_tables import turn_vectors
+from skyarm.flight_data.series import attitude_at, means_of
 from skyarm.studies.identify.lagged_inputs import wrench_of_pushes
 from skyarm.studies.identify.motion_model import Stretch, Surroundings, predict
 from skyarm.studies.identify.rotor_lag import lag_response
@@ -164,9 +165,7 @@ def force_law(accelerometer: Channel, attitude: Channel, velocity: Channel, grav
         return None
     force = np.diff(speeds, axis=0) / np.diff(time)[:, None] + [0.0, 0.0, gravity]
     middle = 0.5 * (time[1:] + time[:-1])
-    turned = np.stack([np.interp(middle, attitude.time, column) for column in attitude.values.T], axis=1)
-    turned *= [1.0, -1.0, -1.0, -1.0] / np.maximum(np.linalg.norm(turned, axis=1), 1e-9)[:, None]
-    inside_base = turn_vectors(turned, force)
+    inside_base = turn_vectors(attitude_at(attitude, middle) * [1.0, -1.0, -1.0, -1.0], force)
     mean = means_of(accelerometer.time, accelerometer.values)
 
     def at(lag: float) -> tuple[Array, Array]:
@@ -318,17 +317,6 @@ def _multiple_correlation(square: Array, mixed: Array, own: Array) -> Array:
 def _integral(time: Array, values: Array) -> Array:
     steps = 0.5 * (values[1:] + values[:-1]) * np.diff(time)[:, None]
     return np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(steps, axis=0)])
-
-
-def means_of(time: Array, values: Array) -> Callable[[Array, Array], Array]:
-    """Function (begins, ends) -> means of a signal over intervals, by straight lines between its samples."""
-    table = _integral(time, values)
-
-    def mean(begins: Array, ends: Array) -> Array:
-        parts = [np.stack([np.interp(when, time, c) for c in table.T], axis=1) for when in (begins, ends)]
-        return np.asarray((parts[1] - parts[0]) / (ends - begins)[:, None])
-
-    return mean
 
 
 def best_turn(law: Law) -> tuple[float, float]:

@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.flight_data.quantities import GRAVITY
+from skyarm.flight_data.series import continuous
 from skyarm.studies.identify.lagged_inputs import to_base
 from skyarm.studies.identify.motion_model import Memo, Stretch, Surroundings, base_acceleration
 from skyarm.studies.identify.sampled_series import middle
@@ -116,7 +117,7 @@ class DisturbanceModel:
 
 def unexplained_sums(vehicle: Vehicle, about: Surroundings, stretch: Stretch, poses: Poses, gravity: float) -> Array:
     """Sums (N + 1, 6) of measured less predicted accelerations of the base, linear and angular, base axes."""
-    q, h = middle(_straight(poses.quaternion)), stretch.period
+    q, h = middle(continuous(poses.quaternion)), stretch.period
     q = q / np.linalg.norm(q, axis=1, keepdims=True)
     speed = to_base(q, middle(poses.known_velocity))
     place = np.arange(stretch.size)
@@ -126,13 +127,6 @@ def unexplained_sums(vehicle: Vehicle, about: Surroundings, stretch: Stretch, po
     change = np.diff(poses.known_velocity, axis=0) + np.array([0.0, 0.0, gravity * h])
     steps = np.concatenate([to_base(q, change), np.diff(stretch.rate, axis=0)], axis=1) - foretold * h
     return np.concatenate([np.zeros((1, 6)), np.cumsum(steps, axis=0)])
-
-
-def _straight(quaternions: Array) -> Array:
-    """Attitudes without changes of sign from one to the next."""
-    signs = np.where((quaternions[1:] * quaternions[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
-    found: Array = quaternions * np.cumprod(np.concatenate([[1.0], signs]))[:, None]
-    return found
 
 
 def fit_disturbances(

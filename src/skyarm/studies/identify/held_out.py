@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import GRAVITY
+from skyarm.flight_data.series import attitude_at, columns_at
 from skyarm.studies.identify.disturbances import SETTLED, fit_disturbances
 from skyarm.studies.identify.identified_parts import surroundings_with
 from skyarm.studies.identify.identify_vehicle import Identified
@@ -25,7 +26,6 @@ from skyarm.studies.identify.open_loop import (
     fit_weights,
     predict_flights,
 )
-from skyarm.studies.identify.stretches import attitude_at
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Array: TypeAlias = npt.NDArray[np.float64]
@@ -221,7 +221,9 @@ def poses_of(flight: FlightData, stretch: Stretch) -> Poses:
     else:
         steps = 0.5 * (velocity[1:] + velocity[:-1]) * stretch.period
         position = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
-    return Poses(position=position, quaternion=attitude_at(flight, time), velocity=velocity, known_velocity=known)
+    return Poses(
+        position=position, quaternion=attitude_at(flight["quaternion"], time), velocity=velocity, known_velocity=known
+    )
 
 
 def level_poses(stretch: Stretch) -> Poses:
@@ -232,7 +234,7 @@ def level_poses(stretch: Stretch) -> Poses:
 
 
 def _interpolate(channel: Channel, time: Array) -> Array:
-    return np.stack([np.interp(time, channel.time, column) for column in channel.values.T], axis=1)
+    return columns_at(time, channel.time, channel.values)
 
 
 def _slope(position: Channel, *, past: bool = False) -> Channel:

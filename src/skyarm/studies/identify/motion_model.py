@@ -19,6 +19,7 @@ import numpy.typing as npt
 from skyarm.algebra import ZERO3, Force, Mat3, Motion, Vec3
 from skyarm.dynamics import forward_dynamics, inverse_dynamics, mass_matrix
 from skyarm.dynamics.actuators.rotor import push, rotor_forces
+from skyarm.flight_data.series import columns_at
 from skyarm.studies.identify.rotor_lag import commands_at_ends, delay_commands, integral_bends, lag_response
 from skyarm.studies.identify.sampled_series import delay_series, middle, moving_mean, position_differences
 from skyarm.studies.identify.servo_positions import ServoMemo
@@ -125,9 +126,7 @@ class Stretch:
         if self.sampled_rate.size:
             return self.sampled_rate, self.sampled_force, self.sampled_joints
         at, known = np.arange(self.size * self.samples + 1), np.arange(self.size + 1) * self.samples
-        rate, joints = (
-            np.stack([np.interp(at, known, column) for column in rows.T], axis=1) for rows in (self.rate, self.joints)
-        )
+        rate, joints = (columns_at(at, known, rows) for rows in (self.rate, self.joints))
         return rate, np.repeat(self.specific_force, self.samples, axis=0), joints
 
     def at_middles(self, rows: Array, place: Rows) -> Array:

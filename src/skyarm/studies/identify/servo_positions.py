@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.flight_data.series import columns_at
 from skyarm.studies.identify.rotor_lag import delay_commands
 from skyarm.studies.identify.sampled_series import moving_mean
 from skyarm.studies.identify.servo_response import Loops, joint_loads, loops_of, servo_response, servo_steps
@@ -124,6 +125,6 @@ def _servo_positions(
         every, np.stack(goals), np.stack(inertias), np.stack(loads), begins, rates, many * step, before
     ):
         coarse = np.concatenate([turned[:1], ends])
-        sampled = np.stack([np.interp(at, known, column) for column in coarse.T], axis=1)
+        sampled = columns_at(at, known, coarse)
         found.append(moving_mean(sampled, stretch.width)[:: stretch.samples])
     return found

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import GRAVITY
+from skyarm.flight_data.series import attitude_at, columns_at, measured_at
 from skyarm.studies.identify.command_samples import sampling_period, straight_lines
 from skyarm.studies.identify.lagged_inputs import to_base
 from skyarm.studies.identify.motion_model import Stretch
@@ -167,18 +168,8 @@ def period_note(flight: FlightData, start: Vehicle) -> str:
 
 def _air_velocity(flight: FlightData, time: Array) -> Array:
     """Velocity in base axes, m/s, in still air."""
-    velocity = flight["velocity"]
-    v = np.stack([np.interp(time, velocity.time, column) for column in velocity.values.T], axis=1)
-    return to_base(attitude_at(flight, time), v)
-
-
-def attitude_at(flight: FlightData, time: Array) -> Array:
-    """Measured attitude (N, 4), w x y z, base to world, at given times (s), interpolated between its samples."""
-    attitude = flight["quaternion"]
-    signs = np.where((attitude.values[1:] * attitude.values[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
-    straight = attitude.values * np.cumprod(np.concatenate([[1.0], signs]))[:, None]
-    q = np.stack([np.interp(time, attitude.time, column) for column in straight.T], axis=1)
-    return np.asarray(q / np.linalg.norm(q, axis=1, keepdims=True))
+    velocity = measured_at(flight["velocity"], time, float(time[1] - time[0]))
+    return to_base(attitude_at(flight["quaternion"], time), velocity)
 
 
 def _impulse(width: int, samples: int) -> Array:
@@ -229,10 +220,7 @@ def joint_rate_lag(positions: Channel, rates: Channel) -> tuple[float, float]:
     time = np.arange(max(positions.time[0], rates.time[0]), min(positions.time[-1], rates.time[-1]), step)
     if positions.values.shape != (len(positions.time), rates.values.shape[1]) or len(time) < 8:
         return 0.0, step
-    q, qd = (
-        np.stack([np.interp(time, each.time, column) for column in each.values.T], axis=1)
-        for each in (positions, rates)
-    )
+    q, qd = (columns_at(time, each.time, each.values) for each in (positions, rates))
     summed = np.concatenate([np.zeros((1, q.shape[1])), np.cumsum(0.5 * (qd[1:] + qd[:-1]), axis=0) * step])
     both = size = 0.0
     for part in np.array_split(np.arange(len(time)), max(1, round(len(time) * step / BLOCK))):
@@ -324,8 +312,7 @@ def _stretch(
     grid: Array = first + step / finer * (np.arange(periods * samples * finer, dtype=float) + 1e-3)
 
     def at(name: str) -> Array:
-        channel = flight[name]
-        return np.stack([np.interp(time, channel.time, column) for column in channel.values.T], axis=1)
+        return measured_at(flight[name], time, step)
 
     def means(rows: Array) -> Array:
         # of straight lines between the samples

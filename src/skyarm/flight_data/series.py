@@ -1,0 +1,88 @@
+"""Series of samples at other times: on straight lines between samples, as means over intervals, and attitudes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.flight_data.flight_data import Channel, FlightData
+from skyarm.flight_data.quantities import QUANTITIES
+from skyarm.records.arrays import Array
+
+FASTER = 1.5
+"""Ratio of a channel's rate to that of a clock from which its samples are averaged."""
+
+
+def columns_at(time: npt.ArrayLike, known: npt.ArrayLike, values: Array) -> Array:
+    """Values (N, k) of a series at given times (N,), linear between its samples, beyond them the first and last one.
+
+    Args:
+        time: (N,), at which the values are asked.
+        known: (M,), rising, of the samples.
+        values: (M, k), samples.
+    """
+    asked, given = np.asarray(time, dtype=float), np.asarray(known, dtype=float)
+    return np.stack([np.interp(asked, given, column) for column in values.T], axis=1)
+
+
+def continuous(quaternions: Array) -> Array:
+    """Quaternions (N, 4) with signs in which neighbours are close: halfway between q and -q there is no rotation."""
+    turns = np.where((quaternions[1:] * quaternions[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
+    found: Array = quaternions * np.cumprod(np.concatenate([np.ones(min(1, len(quaternions))), turns]))[:, None]
+    return found
+
+
+def attitude_at(attitude: Channel, time: Array) -> Array:
+    """Measured attitude (N, 4), w x y z, of unit length at given times (N,), s, linear between its samples."""
+    found = columns_at(time, attitude.time, continuous(attitude.values))
+    unit: Array = found / np.linalg.norm(found, axis=1, keepdims=True)
+    return unit
+
+
+def means_of(time: Array, values: Array) -> Callable[[Array, Array], Array]:
+    """Function (begins, ends) -> means (N, k) of a series (M, k) over intervals, by straight lines between samples.
+
+    An interval that reaches beyond the samples is cut off there.
+    """
+    steps = 0.5 * (values[1:] + values[:-1]) * np.diff(time)[:, None]
+    table = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(steps, axis=0)])
+
+    def integral(when: Array) -> Array:
+        rows = np.clip(np.searchsorted(time, when, "right") - 1, 0, time.size - 2)
+        past, step = when - time[rows], time[rows + 1] - time[rows]
+        slope = (values[rows + 1] - values[rows]) / step[:, None]
+        found: Array = table[rows] + values[rows] * past[:, None] + 0.5 * slope * past[:, None] ** 2
+        return found
+
+    def mean(begins: Array, ends: Array) -> Array:
+        first, last = np.maximum(begins, time[0]), np.minimum(ends, time[-1])
+        return np.asarray((integral(last) - integral(first)) / (last - first)[:, None])
+
+    return mean
+
+
+def measured_at(channel: Channel, time: Array, period: float) -> Array:
+    """Values (N, k) of a measurement on an even clock (N,) of some period, s.
+
+    Samples that come faster than the clock are averaged over the period around each instant, so that vibration does
+    not appear as slow motion; others are interpolated.
+    """
+    if channel.rate > FASTER / period:
+        inside = np.clip(time, channel.time[0], channel.time[-1])
+        return means_of(channel.time, channel.values)(inside - 0.5 * period, inside + 0.5 * period)
+    return columns_at(time, channel.time, channel.values)
+
+
+def rates_note(flight: FlightData, period: float) -> str:
+    """Words for the measurements that a clock of some period, s, averages or interpolates; empty if there are none."""
+    rates = {name: flight[name].rate * period for name in flight if not QUANTITIES[name].held}
+
+    def words_of(word: str, names: list[str]) -> list[str]:
+        words = ", ".join(f"{name} ({flight[name].rate:.4g} Hz)" for name in names)
+        return [f"{words} {word} to {1.0 / period:.4g} Hz"] if names else []
+
+    fast = words_of("averaged", [name for name, rate in rates.items() if rate > FASTER])
+    slow = words_of("interpolated", [name for name, rate in rates.items() if 0.0 < rate < 1.0 / FASTER])
+    return f"{flight.name}: {'; '.join([*fast, *slow])}" if fast or slow else ""
