@@ -49,6 +49,22 @@ def test_the_estimate_is_that_of_generalised_least_squares():
     assert found.settled
 
 
+def test_intervals_do_not_hang_on_the_order_of_the_flights():
+    """Three stretches, no length a multiple of a block's: no block goes from one into the next."""
+    parts = [problem(seed, size) for seed, size in ((1, 531), (2, 260), (3, 700))]
+
+    def of_order(order):
+        def errors(numbers):
+            return [(parts[i][1] - parts[i][0] @ numbers)[:, None] for i in order]
+
+        return fit_prediction(errors, np.zeros(2), VAGUE, STEPS, 25)
+
+    first, second = of_order([0, 1, 2]), of_order([2, 0, 1])
+    assert second.values == pytest.approx(first.values, rel=1e-7)
+    assert second.covariance == pytest.approx(first.covariance, rel=1e-6)
+    assert second.quantiles(np.eye(2)) == pytest.approx(first.quantiles(np.eye(2)), rel=1e-7)
+
+
 def test_intervals_cover_the_truth():
     """In 90 to 98 of 100 of 200 problems, for each number."""
     inside = []

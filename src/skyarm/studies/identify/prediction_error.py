@@ -297,7 +297,7 @@ def _fit_at(
     curvature = np.asarray(np.linalg.inv(slope.T @ slope + known))
     rows = len(noise.scales)
     white = flat.reshape(-1, rows)
-    blocks = max(FEWEST, len(white) // max(block, 1))
+    blocks = _block_begins([len(each) - ORDER for each in found], block)
     slopes = slope.reshape(-1, rows, len(values))
     scores = jackknife_scores(slopes, white, curvature, blocks)
     parts = [each.reshape(-1, len(values)) for each in np.array_split(slopes, blocks)]
@@ -311,6 +311,19 @@ def _fit_at(
         errors=found,
         settled=settled,
     )
+
+
+def _block_begins(sizes: Sequence[int], block: int) -> list[int]:
+    """Rows at which blocks of scores begin but for the first: none goes from one stretch (rows) into the next.
+
+    Blocks across would be others if the flights were told in another order, and would tie what is independent.
+    """
+    blocks, first, found = max(FEWEST, sum(sizes) // max(block, 1)), 0, list[int]()
+    for size in sizes:
+        count = max(1, round(blocks * size / sum(sizes)))
+        found += [int(each[0]) for each in np.array_split(np.arange(first, first + size), count)]
+        first += size
+    return found[1:]
 
 
 def _linear_change(

@@ -141,7 +141,7 @@ def fit(
     )
 
 
-def jackknife_scores(slope: Array, error: Array, curvature: Array, blocks: int) -> Array:
+def jackknife_scores(slope: Array, error: Array, curvature: Array, blocks: int | Sequence[int]) -> Array:
     """Block jackknife scores (blocks, parameters): each block by residuals of the fit without it.
 
     A fit comes closest to the blocks that tell most, so that their own residuals are too small: of the block b,
@@ -152,7 +152,7 @@ def jackknife_scores(slope: Array, error: Array, curvature: Array, blocks: int) 
         slope: (N, rows, P) of the whitened errors.
         error: (N, rows), whitened.
         curvature: (P, P) inverse of the information.
-        blocks: their number.
+        blocks: their number, or the rows at which they begin but for the first.
     """
     found = []
     for block, rest in zip(np.array_split(slope, blocks), np.array_split(error, blocks), strict=True):
