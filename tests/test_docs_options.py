@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from skyarm.control.catalogue import LAWS
-from skyarm.control.laws.centroidal.presets import COMMON, ENTRIES, PERIODS, PRESETS, RANGES
+from skyarm.control.laws.centroidal.presets import COMMON, ENTRIES, PERIODS, PRESETS, RANGES, RETIRED
 from skyarm.records.leaves import leaves
 from skyarm.scenario.controller_table import PYTHON_ONLY, WORDS, law_words
 from skyarm.scenario.scenario_file import scenario_from
@@ -49,9 +49,9 @@ def made(law, **options):
 
 @pytest.mark.parametrize("law", LAWS)
 def test_the_options_of_a_law_are_those_that_the_page_lists(law):
-    options = {WORDS.get(option, option) for option in LAWS[law].options()}
+    options = {WORDS.get(option, option) for option in LAWS[law].options()} - set(RETIRED)
     assert set(documented(law)) == options - set(PYTHON_ONLY)
-    assert set(documented(law)) == set(law_words(law)) - {"tuned", "safety", "servos"}
+    assert set(documented(law)) == set(law_words(law)) - {"tuned", "safety", "servos", *RETIRED}
 
 
 def test_every_row_is_about_laws_and_complete():
@@ -74,7 +74,7 @@ def test_a_default_on_the_page_changes_nothing_when_it_is_written_out(law):
         assert option in NO_LIMITS or other_or_refused(law, {option: made_other(value)}, plain), option
 
 
-NO_LIMITS = ("joint_limits", "shift_bandwidth")
+NO_LIMITS = ("joint_limits", "preview")
 """Options without an effect on a vehicle without limits of its joints, and in mode "joint"."""
 
 

@@ -162,10 +162,10 @@ def test_the_sentences_say_what_the_tables_say():
     assert f"`centroidal_tip` holds the tip to {tip_mode[-2]} mm, and to {tip_mode[-1]} mm with noise" in README
     envelope = marked(LAWS, "the envelope:", "the envelope").splitlines()[0]
     limits = re.findall(r"(?<=[:,] )[a-z ]+ (?:up|down) to [\d.]+ [\w/]+", " ".join(README.split()))
-    assert len(limits) == 6
+    assert len(limits) == 5
     alls = [
         f"all of {axis}"
-        for axis in ("command delay", "measurement delay", "motor lag", "joint lag", "payload", "noise")
+        for axis in ("circle", "command delay", "measurement delay", "motor lag", "joint lag", "payload", "noise")
     ]
     for words in (*limits, *alls):
         assert re.search(rf"[:,] {words}\b(?!\.)", envelope), words

@@ -49,6 +49,46 @@ def test_a_structural_zero_in_a_sample_stops_no_other_derivative(sample):
         np.testing.assert_allclose(found[k], parabola(sample, k * DT), rtol=1e-12, atol=1e-15)
 
 
+@pytest.mark.parametrize("t", [0.0, 0.005, 0.015, 0.02])
+def test_with_a_preview_a_quintic_is_followed_exactly(t):
+    """Rate of fourth order through two samples and the slope of a third: five conditions, five numbers."""
+    p = np.polynomial.Polynomial([0.2, -0.3, 0.5, 0.4, -2.0, 3.0])
+    rows = [[tuple(float(p.deriv(k)(at)) for k in range(3))] for at in (0.0, PERIOD, 2.0 * PERIOD)]
+    value, rate, acceleration = rows[0][0]
+    seen = (Channel(value=value, rate=rate, acceleration=acceleration),)
+    series, channels, age = extrapolate(seen, t - DT, rows[0], 1.0, DT, PERIOD, rows[1:])
+    found = [float(series[0].derivative(k)) for k in range(5)]
+    np.testing.assert_allclose(found, [p.deriv(k)(t) for k in range(5)], rtol=1e-8)
+    assert (channels[0].value, age) == (rows[0][0][0], pytest.approx(t, abs=1e-12))
+
+
+def test_with_a_preview_no_derivative_steps_at_a_sample():
+    """Along a sine of 1 Hz, whose snap without a preview steps by an eighth of its size."""
+    w = 2.0 * np.pi
+    at = lambda t: tuple(float(w**k * np.sin(w * t + 0.5 * np.pi * k)) for k in range(3))  # noqa: E731
+    ends = []
+    for begin, age in ((0.3, PERIOD), (0.3 + PERIOD, 0.0)):
+        rows = [[at(begin + k * PERIOD)] for k in range(3)]
+        seen = Channel(value=rows[0][0][0], rate=rows[0][0][1], acceleration=rows[0][0][2])
+        series, _, _ = extrapolate((seen,), age - DT, rows[0], 1.0, DT, PERIOD, rows[1:])
+        ends.append([float(series[0].derivative(k)) for k in range(5)])
+    np.testing.assert_allclose(ends[0], ends[1], atol=0.01 * w**4)
+    np.testing.assert_allclose(ends[0][:4], ends[1][:4], atol=1e-4 * w**3)
+
+
+@pytest.mark.parametrize("jump", [0.5, -3.0])
+def test_a_jump_to_come_is_not_smoothed(jump):
+    """Neither of the rate at the next sample, which has no jerk before it, nor of the acceleration at the one after."""
+    sample, t = (0.2, 0.3, 0.5), 0.015
+    after = (0.2 + 0.3 * PERIOD, 0.3 + 0.5 * PERIOD + jump, 0.5)
+    seen = (Channel(value=0.2, rate=0.3, acceleration=0.5),)
+    series, _, _ = extrapolate(seen, t - DT, [sample], 1.0, DT, PERIOD, [[after], [after]])
+    np.testing.assert_allclose([float(series[0].derivative(k)) for k in range(5)], parabola(sample, t), rtol=1e-12)
+    smooth = (0.2, 0.3 + 0.5 * PERIOD, 0.5)
+    series, _, _ = extrapolate(seen, t - DT, [sample], 1.0, DT, PERIOD, [[smooth], [(0.2, jump, 5.0)]])
+    np.testing.assert_allclose([float(series[0].derivative(k)) for k in (3, 4)], [0.0, 0.0], atol=1e-9)
+
+
 def test_a_signal_of_structure_alone_keeps_it():
     series, _, _ = extrapolate((Channel(),), 0.01, [(1.5, 0, 0)], 1.0, DT, PERIOD)
     assert [type(series[0].derivative(k)) for k in range(1, 5)] == [int] * 4

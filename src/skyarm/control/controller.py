@@ -129,6 +129,12 @@ def part_of(record: Any, name: str) -> Any:
     return getattr(getattr(own, "parts", own), name, None)
 
 
+def preview_leads(par: Any) -> tuple[Scalar, ...]:
+    """Times (s) after the held reference sample at which a law, inside any layers, takes samples to come."""
+    found: tuple[Scalar, ...] = getattr(innermost(par), "preview", ())
+    return found
+
+
 def presses(par: Any) -> bool:
     """True if a law, inside any layers, controls contact forces that a reference requests."""
     return part_of(par, "interaction") is not None

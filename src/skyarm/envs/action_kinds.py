@@ -171,7 +171,7 @@ class References(Actions):
         position = reference.position + Vec3(*(self.position * a for a in action[:3]))
         joints = tuple(q + self.angle * a for q, a in zip(reference.joints, action[3:], strict=True))
         tip = tuple(p + self.position * a for p, a in zip(reference.tip, action[:3], strict=False))
-        shifted = dataclasses.replace(reference, position=position, joints=joints, tip=tip)
+        shifted = dataclasses.replace(reference, position=position, joints=joints, tip=tip, ahead=())
         return now.law(now.memory, now.measurement, shifted)
 
 

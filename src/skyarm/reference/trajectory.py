@@ -34,7 +34,7 @@ class Reference:
     ``tip`` is empty where the tip has no reference of its own: then it is where a level base on reference carries it.
     ``push`` is empty where no contact is ever requested; else force (N), speed (m/s), unit normal and more
     (:class:`skyarm.reference.tip_motion.TipPush`). ``load`` is empty where nothing is ever held; else a number, above
-    0.5 while the tip has to hold a load.
+    0.5 while the tip has to hold a load. ``ahead`` is empty without a preview (:mod:`skyarm.reference.preview`).
     """
 
     position: Annotated[Vec3, Unit("m", "base origin, world axes")] = ZERO3
@@ -55,6 +55,7 @@ class Reference:
         tuple[Scalar, ...], Unit("", "wanted contact: N, m/s, unit normal in world axes; grip, pivot (m) and axis")
     ] = ()
     load: Annotated[tuple[Scalar, ...], Unit("", "above 0.5 while the tip is told to hold a load")] = ()
+    ahead: Annotated[tuple[Scalar, ...], Unit("", "samples to come: value, rate and acceleration of each signal")] = ()
 
     def __post_init__(self) -> None:
         # made in every period: what holds vectors and tuples already is not looked at
@@ -62,7 +63,7 @@ class Reference:
         vectors = vectors and type(self.jerk) is type(self.snap) is Vec3
         tuples = type(self.joints) is type(self.joint_rates) is type(self.joint_accelerations) is tuple
         tuples = tuples and type(self.joint_jerks) is type(self.joint_snaps) is type(self.tip) is tuple
-        tuples = tuples and type(self.push) is type(self.load) is tuple
+        tuples = tuples and type(self.push) is type(self.load) is type(self.ahead) is tuple
         numbers = {type(self.yaw), type(self.yaw_rate), type(self.yaw_acceleration)} <= PLAIN_NUMBERS
         if not (vectors and tuples and numbers):
             accept_fields(self, "reference")

@@ -13,10 +13,12 @@ import numpy as np
 from skyarm.algebra.scalars import Scalar
 from skyarm.compile import Program, trace
 from skyarm.compile.tracing.array_evaluation import evaluate
+from skyarm.control.controller import preview_leads
 from skyarm.records.arrays import Array
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.reference import Publisher, Reference
 from skyarm.reference.path_time import by_flight_time
+from skyarm.reference.preview import with_preview
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.loop_state import LoopState, Row, structure_of
 from skyarm.simulate.reference_clock import Waits
@@ -72,10 +74,15 @@ class EpisodeInputs:
             return ()
         rates = self.scenario.rates
         publisher = Publisher(control_rate=rates.control, reference_rate=rates.reference)
-        s = path.derivatives(publisher.held_time(np.arange(self.scenario.steps)))
+        times = publisher.held_time(np.arange(self.scenario.steps))
         program = self._program
-        sampled: Reference = program.record(list(evaluate(program, [s[0]], self.scenario.steps)))
-        return by_flight_time(sampled, s)
+
+        def at(lead: Scalar) -> Reference:
+            s = path.derivatives(times + lead)
+            sampled: Reference = program.record(list(evaluate(program, [s[0]], self.scenario.steps)))
+            return by_flight_time(sampled, s)
+
+        return with_preview(at(0.0), preview_leads(self.scenario.controller.par), at)
 
     @cached_property
     def path_time(self) -> Array | tuple[()]:
@@ -119,6 +126,9 @@ class EpisodeInputs:
         """Reference sample held at a given state of the loop, of a task whose phases wait for conditions."""
         columns = [np.array([float(value)]) for value in self.waits.times(now.clock, now.ticks)]
         held, _, _ = self.waiting_references(columns)
+        (since, offset), _ = self.waits.instants(columns)
+        leads, end = preview_leads(self.scenario.controller.par), float(self.waits.end(now.clock))
+        held = with_preview(held, leads, lambda lead: self._at(np.minimum(np.asarray(since) + lead, end), offset))
         dense: Reference = held.dense()
         return rebuild(dense, iter([float(np.asarray(leaf).reshape(-1)[0]) for leaf in leaves(dense)]))
 
@@ -145,7 +155,14 @@ def episode_inputs(scenario: Scenario) -> EpisodeInputs:
     publisher = Publisher(control_rate=rates.control, reference_rate=rates.reference)
     program = _motion(scenario)
     samples = evaluate(program, [times], scenario.steps)
-    held: Reference = program.record(list(samples[:, publisher.held_tick(ticks)]))
+    instants = publisher.held_tick(ticks)
+    held: Reference = program.record(list(samples[:, instants]))
+
+    def at(lead: Scalar) -> Reference:
+        found: Reference = program.record(list(evaluate(program, [times[instants] + lead], scenario.steps)))
+        return found
+
+    held = with_preview(held, preview_leads(scenario.controller.par), at)
     if held.load:  # no sample of a motion: the hand's command goes out in each control period
         now: Reference = program.record(list(samples))
         held = dataclasses.replace(held, load=now.load)

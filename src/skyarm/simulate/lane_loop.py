@@ -12,10 +12,12 @@ from skyarm.algebra.scalars import Scalar, floor
 from skyarm.compile import trace
 from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.compile.tracing.program import Loop, trace_loop
+from skyarm.control.controller import preview_leads
 from skyarm.dynamics import State
 from skyarm.plant.largest_step import lanes_step
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.reference import Reference
+from skyarm.reference.preview import with_preview
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.check_endings import statuses
@@ -85,7 +87,9 @@ def held_reference(scenario: Scenario, ticks: Scalar) -> Reference:
     """Reference sample that a flight holds in control period number ``ticks``."""
     rate, ratio = float(scenario.rates.control), float(scenario.rates.control // scenario.rates.reference)
     held = floor((ticks + 0.5) / ratio) * ratio
-    reference = scenario.reference.at(held / rate)
+    time = held / rate
+    leads = preview_leads(scenario.controller.par)
+    reference = with_preview(scenario.reference.at(time), leads, lambda lead: scenario.reference.at(time + lead))
     if reference.load:  # the hand's command is that of each control period
         reference = replace(reference, load=scenario.reference.at(ticks / rate).load)
     return reference

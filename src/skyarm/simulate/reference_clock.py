@@ -26,11 +26,13 @@ from skyarm.algebra.scalars import (
     sqrt,
     where,
 )
+from skyarm.control.controller import preview_leads
 from skyarm.control.law_estimates import observed_push
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import blend, leaves, mismatch
 from skyarm.reference.path_time import offset_reference
+from skyarm.reference.preview import with_preview
 from skyarm.reference.task_records import Guard
 from skyarm.reference.tip_motion import counted_error
 from skyarm.reference.trajectory import PASSED, Reference
@@ -126,6 +128,7 @@ class Waits:
 
     def __init__(self, scenario: Scenario) -> None:
         self._trajectory = scenario.reference
+        self._leads = preview_leads(scenario.controller.par)
         self.guards: tuple[Guard, ...] = scenario.reference.guards
         self.loads = frozenset(name for guard in self.guards for name in guard.loads)
         self._believed = tuple(each for each in scenario.payloads if each.believed)
@@ -192,7 +195,7 @@ class Waits:
         """Closed-loop inputs of a control period, with the reference evaluated at the reference clock's time."""
         if not clock or row.reference != ():
             return row
-        path_time, reference = self.path_time(clock), self.held_reference(clock, ticks)
+        path_time, reference = self.path_time(clock), self.previewed_reference(clock, ticks)
         if self._trajectory.load is not None:  # the hand's command is of this period, not of a sample
             reference = dataclasses.replace(reference, load=(self._trajectory.load.derivatives(path_time)[0],))
         return dataclasses.replace(row, reference=reference, path_time=path_time)
@@ -237,6 +240,16 @@ class Waits:
     def held_reference(self, clock: PathClock, ticks: Scalar) -> Reference:
         """Reference sample that is held in a control period, at the reference clock's time."""
         return self.reference(*self.instants(self.times(clock, ticks))[0])
+
+    def previewed_reference(self, clock: PathClock, ticks: Scalar) -> Reference:
+        """Held reference sample with those to come, as far as the reference is certain to go on."""
+        held, end = self.held_reference(clock, ticks), self.end(clock)
+        time, offset = self.instants(self.times(clock, ticks))[0]
+        return with_preview(held, self._leads, lambda lead: self.reference(minimum(time + lead, end), offset))
+
+    def end(self, clock: PathClock) -> Scalar:
+        """Path time (s) at which the reference waits for the guard that it comes to next."""
+        return self.terms(clock.guard).end / self._rate
 
     def path_time(self, clock: PathClock) -> Scalar:
         """Time along the reference, s, by the reference clock."""

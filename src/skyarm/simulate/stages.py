@@ -22,6 +22,7 @@ from skyarm.plant.surroundings import Memories, Surroundings, wind_at
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import blend, field_names, leaves
 from skyarm.reference import Reference
+from skyarm.reference.preview import samples
 from skyarm.scenario.scenario_checks import tip_sensor
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.estimate.estimator import FULL_STATE
@@ -263,11 +264,14 @@ def joined_reference(scenario: Scenario, going: Reference, time: Scalar) -> Refe
     if not joins_late(scenario):
         return going
     still, resting = scenario.reference.at(0.0), time < scenario.tracking_start
+    resting_samples = tuple(n for value, _, _ in samples(still) for n in (value, 0.0, 0.0))
     fields: dict[str, Any] = {}
     for name in field_names(Reference) or ():
         moving, rest = getattr(going, name), getattr(still, name)
         if isinstance(moving, (Vec3, tuple)):
             pose = tuple(rest) if name in POSES else (0.0,) * len(tuple(moving))
+            if name == "ahead":
+                pose = resting_samples * (len(moving) // len(resting_samples))
             if name == "push" and moving:  # nothing is touched yet, and what is believed of it
                 pose = tuple(0.0 if i in ASKED else value for i, value in enumerate(rest))
             kept = [_resting(resting, a, b) for a, b in zip(pose, moving, strict=True)]

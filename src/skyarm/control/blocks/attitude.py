@@ -95,12 +95,14 @@ def reachable(force: Vec3, tilt: Scalar, floor: Scalar) -> Vec3:
     return Vec3(force.x * share, force.y * share, z)
 
 
-def upright(force: Vec3, weight: Scalar, start: Any) -> Vec3:
+def upright(force: Vec3, weight: Scalar, start: Any, along: Vec3 | None = None) -> Vec3:
     """Desired force (Taylor series, N) with a small vertical part raised smoothly, so that the attitude turns slowly.
 
     Near free fall the direction of a small force turns quickly, and noise in it requires more torque than rotors at
     low speed give. With t = (start - f_z / weight) / width from 0 to 1 the vertical part is f_z + width weight
     (t^3 - t^4 / 2), twice continuously differentiable; it ends at start - width / 2.
+
+    ``along`` (Taylor series, N) is a planned force whose direction the raise keeps; without one it is upwards.
     """
     width = start * FALL
     # the series stands first: an engine's scalar on the left would not know what a series is
@@ -109,7 +111,12 @@ def upright(force: Vec3, weight: Scalar, start: Any) -> Vec3:
     deep = t < 1.0
     t = choose(deep, t, 1.0)
     z = choose(deep, force.z, (start - width) * weight)
-    return Vec3(force.x, force.y, z + (t * t * t - t * t * t * t * 0.5) * (width * weight))
+    more = (t * t * t - t * t * t * t * 0.5) * (width * weight)
+    raised = z + more
+    if along is None:
+        return Vec3(force.x, force.y, raised)
+    share = (raised - force.z) / along.z
+    return Vec3(force.x + along.x * share, force.y + along.y * share, raised)
 
 
 def attitude(force: Vec3, yaw: Taylor) -> Attitude:

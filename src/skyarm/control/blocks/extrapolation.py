@@ -1,13 +1,17 @@
-"""Extrapolation of sampled and held reference signals to the present, with derivatives up to the fourth.
+"""Sampled and held reference signals at present, with derivatives up to the fourth.
 
-A sample brings value, rate and acceleration, as a trajectory message does; jerk and snap come from the accelerations of
-the last three samples, and are zero after a jump. At the sample with a_0 and those before it, a_1 and a_2, a period T
+With a preview, rate and acceleration of the held sample and of the next one, T later, and the acceleration at 2 T fix a
+rate of fourth order, so that jerk and snap have hardly a step at a sample. Without one they are extrapolated:
+
+a sample brings value, rate and acceleration, as a trajectory message does; jerk and snap come from the accelerations of
+the last three samples. Both are zero at a jump. At the sample with a_0 and those before it, a_1 and a_2, a period T
 apart: jerk = (3 a_0 - 4 a_1 + a_2) / 2T, snap = (a_0 - 2 a_1 + a_2) / T^2 (backward differences of second order).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated, Any
 
 from skyarm.algebra.scalars import Scalar, absolute, divide, logical_or, minimum, where
@@ -15,20 +19,10 @@ from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.select import data
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
-from skyarm.reference import Reference
+from skyarm.reference.preview import Sample
 
 JUMP, ROUGH = 0.1, 0.02
 """A rate that misses the mean of two accelerations by this share of their difference and of their size has jumped."""
-
-Sample = tuple[Any, Any, Any]
-
-
-def samples(reference: Reference) -> list[Sample]:
-    """Value, rate and acceleration of the reference's x, y, z, yaw and each joint."""
-    found = list(zip(reference.position, reference.velocity, reference.acceleration, strict=True))
-    found.append((reference.yaw, reference.yaw_rate, reference.yaw_acceleration))
-    joints = zip(reference.joints, reference.joint_rates, reference.joint_accelerations, strict=True)
-    return [*found, *joints]
 
 
 def extrapolate(
@@ -38,8 +32,9 @@ def extrapolate(
     started: Scalar,
     dt: Scalar,
     period: Scalar,
+    ahead: Sequence[Sequence[Sample]] = (),
 ) -> tuple[list[Taylor], tuple[Channel, ...], Scalar]:
-    """Reference signals extrapolated to the present, next extrapolator states, and age of the held sample.
+    """Reference signals at present, next states of the signals, and age of the held sample.
 
     Args:
         channels: as remembered.
@@ -48,6 +43,7 @@ def extrapolate(
         started: False at the first call.
         dt: control period, s.
         period: between samples, s.
+        ahead: samples of one and two periods later; empty without a preview.
     """
     new: Any = started < 0.5
     for channel, sample in zip(channels, held, strict=True):
@@ -55,11 +51,20 @@ def extrapolate(
             new = logical_or(new, absolute(data(value) - old) > 0.0)
     due = age + dt > period * (1.0 - 1e-6)
     age = where(new, 0.0, minimum(age + dt, period))
+    if ahead:
+        rows = zip(held, ahead[0], ahead[1], strict=True)
+        return [_interpolate(*row, age, period) for row in rows], tuple(map(_hold, channels, held)), age
     moved = tuple(
         _after(channel, sample, new, due, started, period) for channel, sample in zip(channels, held, strict=True)
     )
     series = [_series(channel, sample, age, period) for channel, sample in zip(moved, held, strict=True)]
     return series, moved, age
+
+
+def _hold(channel: Channel, sample: Sample) -> Channel:
+    """State of one signal that has a preview: the sample now held."""
+    value, rate, acceleration = (data(c) for c in sample)
+    return replace(channel, value=value, rate=rate, acceleration=acceleration)
 
 
 def _after(channel: Channel, sample: Sample, new: Any, due: Any, started: Scalar, period: Scalar) -> Channel:
@@ -68,10 +73,7 @@ def _after(channel: Channel, sample: Sample, new: Any, due: Any, started: Scalar
     Where a sample is due and nothing has changed, the motion is over: its last jerk and snap do not continue.
     """
     value, rate, acceleration = (data(c) for c in sample)
-    change = acceleration - channel.acceleration
-    missed = absolute(rate - channel.rate - (0.5 * period) * (acceleration + channel.acceleration))
-    size = absolute(acceleration) + absolute(channel.acceleration)
-    jumped = missed > period * (JUMP * absolute(change) + ROUGH * size) + 1e-9
+    jumped = _is_jump((channel.rate, channel.acceleration), (rate, acceleration), period)
     count = where(logical_or(jumped, started < 0.5), 0.0, minimum(channel.count + 1.0, 2.0))
     return Channel(
         value=value,
@@ -80,6 +82,47 @@ def _after(channel: Channel, sample: Sample, new: Any, due: Any, started: Scalar
         before=where(new, channel.acceleration, channel.before),
         earlier=where(new, channel.before, channel.earlier),
         count=where(new, count, where(due, 0.0, channel.count)),
+    )
+
+
+def _is_jump(before: tuple[Scalar, Scalar], after: tuple[Scalar, Scalar], period: Scalar) -> Any:
+    """True if rate and acceleration of two samples in a row are not those of one smooth motion."""
+    (v0, a0), (v1, a1) = before, after
+    missed = absolute(v1 - v0 - (0.5 * period) * (a1 + a0))
+    size = absolute(a1) + absolute(a0)
+    return missed > period * (JUMP * absolute(a1 - a0) + ROUGH * size) + 1e-9
+
+
+def _interpolate(held: Sample, following: Sample, later: Sample, age: Scalar, period: Scalar) -> Taylor:
+    """Fourth-order Taylor series of a reference signal between its held sample and the next one.
+
+    The rate is the cubic of both samples' rates and accelerations plus k t^2 (t - T)^2, whose slope at 2 T is 12 k T^3.
+    Values of the samples do not enter the derivatives, which single precision would spoil.
+    """
+    if all(type(c) is int and c == 0 for sample in (held, following, later) for c in sample[1:]):
+        return Taylor.constant(held[0], 4)
+    p, v, a = (data(c) for c in held)
+    (v1, a1), (v2, a2) = (tuple(data(c) for c in sample[1:]) for sample in (following, later))
+    inverse = divide(1.0, period)
+    mean = (v1 - v) * inverse
+    b2 = (3.0 * mean - 2.0 * a - a1) * inverse
+    b3 = (a + a1 - 2.0 * mean) * (inverse * inverse)
+    away = a2 - a - period * (4.0 * b2 + 12.0 * period * b3)
+    k = where(_is_jump((v1, a1), (v2, a2), period), 0.0, away * (inverse * inverse * inverse / 12.0))
+    steady = _is_jump((v, a), (v1, a1), period)
+    b2 = where(steady, 0.0, b2 + k * (period * period))
+    b3 = where(steady, 0.0, b3 - (2.0 * period) * k)
+    b4 = where(steady, 0.0, k)
+    t = age
+    c5, c4, c3, c2 = b4 / 5.0, b3 / 4.0, b2 / 3.0, 0.5 * a
+    return Taylor(
+        [
+            p + t * (v + t * (c2 + t * (c3 + t * (c4 + t * c5)))),
+            v + t * (a + t * (b2 + t * (b3 + t * b4))),
+            c2 + t * (b2 + t * (1.5 * b3 + t * (2.0 * b4))),
+            c3 + t * (b3 + t * (2.0 * b4)),
+            c4 + t * b4,
+        ]
     )
 
 

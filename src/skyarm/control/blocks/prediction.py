@@ -81,6 +81,14 @@ def pushes_across(vehicle: Vehicle) -> bool:
     return any(float(each) != 0.0 for rotor in vehicle.rotors for each in (rotor.axis.x, rotor.axis.y))
 
 
+def hub_drag(vehicle: Vehicle, speeds: Sequence[Scalar]) -> Scalar:
+    """Hub drag of a level vehicle's rotors per horizontal velocity, N s/m."""
+    total: Scalar = 0.0
+    for rotor, speed in zip(vehicle.rotors, speeds, strict=True):
+        total = total + rotor.drag_coefficient * speed
+    return total
+
+
 def reference_drag(
     model: Model,
     state: State,

@@ -32,7 +32,7 @@ from skyarm.control.blocks.disturbance_observer import (
     observe_uncompensated,
     observer_gains,
 )
-from skyarm.control.blocks.extrapolation import Channel, extrapolate, samples
+from skyarm.control.blocks.extrapolation import Channel, extrapolate
 from skyarm.control.blocks.geometric import angular_acceleration, attitude_error
 from skyarm.control.blocks.prediction import Disturbance, with_side
 from skyarm.control.law_maker import law_maker
@@ -42,6 +42,7 @@ from skyarm.dynamics.actuators import Command, friction, mix
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
+from skyarm.reference.preview import samples
 from skyarm.sensing.measurement import Measurement
 
 COUPLED_THRUST, CONSISTENT, OBSERVER, FEEDFORWARD, EXTRAPOLATION, LAG_INVERSION = range(1, 7)

@@ -20,7 +20,7 @@ from skyarm.algebra.scalars import Scalar
 from skyarm.compile import Program, trace
 from skyarm.compile.c_source import Floats, StepFile, Struct, Units, make_struct
 from skyarm.compile.tracing.float_trial import PERIODS
-from skyarm.control.controller import Controller, learns_load, presses, senses_force
+from skyarm.control.controller import Controller, learns_load, presses, preview_leads, senses_force
 from skyarm.control.law_checks import check_controller, checked_law, level, try_law
 from skyarm.control.model import TORQUE_GAINS
 from skyarm.control.vectored_layer import turns_rotors
@@ -240,7 +240,7 @@ def _examples(controller: Controller, period: float, estimator: ErrorStateFilter
     found = {
         "parameters": Constants(parameters=controller.par, period=period),
         "measurement": _blank(controller),
-        "reference": Reference(**arm, **_reference_inputs(controller.par)).dense(),
+        "reference": Reference(**arm, **_reference_inputs(controller.par, vehicle.n)).dense(),
         "memory": controller.memory,
     }
     if estimator is not None:
@@ -261,9 +261,13 @@ def _axes_at_tip(controller: Controller) -> int:
     return 3 if senses_force(controller.par) else 0
 
 
-def _reference_inputs(par: Any) -> dict[str, Any]:
-    """Reference fields that the law uses in addition to the motion (contact, load), as placeholders."""
-    return {"push": (0.0,) * 12 if presses(par) else (), "load": (0.0,) if learns_load(par) else ()}
+def _reference_inputs(par: Any, joints: int) -> dict[str, Any]:
+    """Reference fields that the law uses in addition to the motion (contact, load, preview), as placeholders."""
+    return {
+        "push": (0.0,) * 12 if presses(par) else (),
+        "load": (0.0,) if learns_load(par) else (),
+        "ahead": (0.0,) * (3 * (4 + joints) * len(preview_leads(par))),
+    }
 
 
 def _trace_step(controller: Controller, records: dict[str, Any], estimator: ErrorStateFilter | None) -> Program:

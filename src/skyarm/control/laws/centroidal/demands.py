@@ -19,13 +19,14 @@ from skyarm.control.blocks.attitude import (
     posture,
     upright,
 )
-from skyarm.control.blocks.prediction import reference_drag
+from skyarm.control.blocks.prediction import hub_drag, reference_drag
 from skyarm.control.laws.centroidal import com_tracking as center_of_mass
 from skyarm.control.laws.centroidal import tip_tasks
+from skyarm.control.laws.centroidal.base_shift import Acting, bounded_shift
 from skyarm.control.laws.centroidal.interaction import release_normal
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.part import Step
-from skyarm.control.laws.centroidal.shift_motion import Following, move_shift, path_step, shift_acceleration, with_shift
+from skyarm.control.laws.centroidal.shift_motion import Following
 from skyarm.control.laws.centroidal.sideways_force import Reach, leaning, planned_rate, reach_of, thrust_axis
 from skyarm.control.model import JointGains
 from skyarm.dynamics import State
@@ -80,7 +81,8 @@ class Course:
         still: quasi-static attitude. level: posture of ``turned``, the joints' signals.
         following: of the shift's motion, one period later.
         changes: known derivatives of the disturbance, N/s and N/s^2, world axes.
-        reach: of sideways force; None without it. goal: of the tip mode, else None.
+        reach: of sideways force; None without it. planned: force of the motion, N, if the shift answers it, else None.
+        goal: of the tip mode, else None.
     """
 
     base: list[Vec3]
@@ -90,6 +92,7 @@ class Course:
     following: Following
     changes: tuple[Vec3, Vec3]
     reach: Reach | None
+    planned: Vec3 | None
     goal: tip_tasks.Goal | None = None
 
 
@@ -120,7 +123,7 @@ def demands(step: Step) -> Demand:
         force_bend=course.changes[1],
         reach=course.reach,
     )
-    alpha = angular_acceleration(par.base, wanted_attitude(par, push.force, yaw, course.reach), R, w)
+    alpha = angular_acceleration(par.base, wanted_attitude(par, push.force, yaw, course.reach, course.planned), R, w)
     preferred, gap = joint_accelerations(par, state, joints), 0
     if course.goal is not None:
         present = tip_tasks.Now(
@@ -172,13 +175,20 @@ def _course(step: Step) -> Course:
     Attitude and drag along the path are those of the base as it shifts.
     """
     par, signals, before, dt = step.par, step.signals, step.memory.following, step.dt
-    model, force_rate, steady, slow = par.model, step.rate, step.steady, step.slow
+    model, force_rate, steady = par.model, step.rate, step.steady
     vehicle, mass = model.vehicle, model.vehicle.mass
     base = [Vec3(*(signal.derivative(k) for signal in signals[:3])) for k in range(5)]
     yaw, joints = signals[3], tuple(signals[4:])
     level = posture(vehicle, joints, 4)
     moves, sideways = par.tip.shift, par.center.sideways is not None
-    answered = with_shift(before.path, base, level, model.gravity)
+    answered, after, moved, drifting = base, before, list[Vec3](), ZERO3
+    if moves is not None and before.shift:
+        drag_rate = hub_drag(vehicle, step.state.rotor_speeds)
+        acting = Acting(force=steady, rate=force_rate, drift=step.drift, drag=drag_rate)
+        heading = yaw.derivative(0)
+        moved, drifting, shift = bounded_shift(par, before.shift, base, heading, level, acting, step.ahead, dt)
+        after = dataclasses.replace(before, shift=shift)
+        answered = [base[0], *(p + u for p, u in zip(base[1:], moved, strict=True))]
     drag = reference_drag(
         model,
         step.state,
@@ -188,24 +198,21 @@ def _course(step: Step) -> Course:
         across=par.rotors.pushes_across,
     )
     changes = (drag[1] + force_rate, drag[2])
-    gust = slow if moves is not None and moves.gust is not None else None
-    known = changes if gust is None else (drag[1] + gust.rate, drag[2] + gust.bend)
-    force = center_of_mass.quasi_static(par, mass, answered, steady + drag[0], known)
-    changes = changes if moves is not None and moves.path_rate is not None else (force_rate, ZERO3)
+    force = center_of_mass.quasi_static(par, mass, answered, steady + drag[0], changes)
+    changes = changes if moved else (force_rate, ZERO3)
     reach = reach_of(par.mixer, derivative(level.com, 0), mass * model.gravity) if sideways else None
-    still = wanted_attitude(par, force, yaw, reach)
+    planned = force if moved else None
+    still = wanted_attitude(par, force, yaw, reach, planned)
     if par.mode != "tip":
-        return Course(base, still, level, joints, before, changes, reach)
+        return Course(base, still, level, joints, before, changes, reach, planned)
     goal = tip_tasks.goal(vehicle, base, yaw, joints, level)
     turned = tip_tasks.turned_joints(vehicle, par.tip, goal, still, joints, level, moves is not None)
     upright_posture, level = level, posture(vehicle, turned, 4)
     offset = tip_tasks.shift(upright_posture, yaw, level, still, par.tip.shift_limit)
-    path = path_step(before.path, base, offset, yaw, upright_posture, level, still, par, dt)
-    own = ZERO3 if gust is None else shift_acceleration(par, still, force, turned, level, gust.bend)
-    kept = dataclasses.replace(before, path=path)
-    following, offset = move_shift(par, kept, offset, upright_posture, dt, own)
+    if moved:
+        offset = [*offset[:2], offset[2] + drifting, *moved[2:]]
     base = [*(p + s for p, s in zip(base, offset, strict=False)), *base[len(offset) :]]
-    return Course(base, still, level, turned, following, changes, reach, goal)
+    return Course(base, still, level, turned, after, changes, reach, planned, goal)
 
 
 def joint_accelerations(par: CentroidalParameters, state: State, joints: Sequence[Taylor]) -> tuple[Scalar, ...]:
@@ -224,15 +231,20 @@ def _velocity(R: Mat3, w: Vec3, point: Vec3) -> Vec3:
     return R.apply(w.cross(derivative(point, 0)) + derivative(point, 1))
 
 
-def wanted_attitude(par: CentroidalParameters, force: Vec3, yaw: Taylor, reach: Reach | None) -> Attitude:
-    """Desired attitude for a force (Taylor series, N, world axes), of which rotors may give a part sideways."""
+def wanted_attitude(
+    par: CentroidalParameters, force: Vec3, yaw: Taylor, reach: Reach | None, planned: Vec3 | None = None
+) -> Attitude:
+    """Desired attitude for a force (Taylor series, N, world axes), of which rotors may give a part sideways.
+
+    ``planned`` is the force of the motion without errors, whose direction low thrust does not change.
+    """
     center = par.center
     if reach is not None and center.sideways is not None:
         held = center.sideways.attitude
         axis = None if held is None else thrust_axis(held, yaw.truncate(2))
         force = leaning(reach, force, center.sideways.share, axis)
     if center.low_thrust is not None:
-        force = upright(force, par.model.vehicle.mass * par.model.gravity, center.low_thrust)
+        force = upright(force, par.model.vehicle.mass * par.model.gravity, center.low_thrust, planned)
     return attitude(force, yaw.truncate(2))
 
 

@@ -15,21 +15,22 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar, where
+from skyarm.algebra.scalars import Scalar, divide, where
 from skyarm.control.blocks.actuators import all_follow
 from skyarm.control.blocks.disturbance_observer import Observed, disturbance, observe
-from skyarm.control.blocks.extrapolation import Channel, extrapolate, samples
+from skyarm.control.blocks.extrapolation import Channel, extrapolate
 from skyarm.control.blocks.prediction import Disturbance, predict, with_side
 from skyarm.control.controller import all_applied
 from skyarm.control.laws.centroidal.demands import demands
-from skyarm.control.laws.centroidal.parameters import CentroidalParameters
+from skyarm.control.laws.centroidal.parameters import FOLLOWING, CentroidalParameters
 from skyarm.control.laws.centroidal.part import Step
-from skyarm.control.laws.centroidal.shift_motion import Following, GustMemory, slow_force, steady_force
+from skyarm.control.laws.centroidal.shift_motion import Following, slow_force, steady_force
 from skyarm.control.laws.centroidal.torques import actuate
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
+from skyarm.reference.preview import samples, samples_ahead
 from skyarm.sensing.measurement import Measurement
 
 
@@ -52,7 +53,6 @@ class CentroidalMemory:
     Attributes:
         channels: samples of x, y, z, yaw and joints.
         sent: the last commands, oldest first, one more than the delay has periods.
-        gust: rate of the slow force; empty without the shift for gusts.
         following: of the demands. parts: of the parts.
     """
 
@@ -65,7 +65,6 @@ class CentroidalMemory:
     free: Annotated[tuple[Scalar, ...], Unit("", "1 for base and joints whose actuators are not at their limit")]
     slow_force: Annotated[Vec3, Unit("N", "the observer's force, slowly filtered")]
     trim: Annotated[tuple[Scalar, ...], Unit("(rad/s)^2", "added to the squared speeds that the mixer asks for")]
-    gust: GustMemory | tuple[()] = ()
     following: Following = Following()
     parts: PartMemories = PartMemories()
 
@@ -74,8 +73,9 @@ def centroidal(
     memory: CentroidalMemory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: CentroidalParameters
 ) -> tuple[CentroidalMemory, Command]:
     """One control step of the centroidal law: computed torque on the centre of mass with a disturbance observer."""
+    ahead = samples_ahead(reference)
     signals, channels, age = extrapolate(
-        memory.channels, memory.age, samples(reference), memory.started, dt, par.reference_period
+        memory.channels, memory.age, samples(reference), memory.started, dt, par.reference_period, ahead
     )
     parts = par.parts.present()
     memories = {name: getattr(memory.parts, name) for name, _ in parts}
@@ -105,6 +105,7 @@ def centroidal(
         reference=reference,
         dt=dt,
         signals=signals,
+        ahead=[(lead - age, row) for lead, row in zip(par.preview, ahead, strict=False)][FOLLOWING:],
         observed=observed,
         told=told,
         alone=alone,
@@ -123,8 +124,10 @@ def centroidal(
     step.state = _present(step)
     for name, part in parts:
         memories[name] = part.adjust_reference(memories[name], step)
-    slow = slow_force(par, memory.slow_force, memory.gust, step.force, dt)
-    step.steady, step.slow = steady_force(par, step, slow, adapted.force)
+    slow = slow_force(par, memory.slow_force, step.force, dt)
+    if par.tip.shift is not None and par.tip.shift.gust is not None:
+        step.drift = (slow - memory.slow_force) * divide(1.0, dt)
+    step.steady = steady_force(par, step, slow, adapted.force)
     step.demand = demands(step)
     done = actuate(step, step.demand)
     for name, part in parts:
@@ -137,8 +140,7 @@ def centroidal(
         sent=(*memory.sent[1:], done.command),
         applied=all_applied(par.model.vehicle.n),
         free=done.free,
-        slow_force=slow.force,
-        gust=slow.memory,
+        slow_force=slow,
         trim=done.trim,
         following=step.demand.following,
         parts=PartMemories(**memories),

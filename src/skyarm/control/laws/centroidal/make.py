@@ -17,6 +17,7 @@ from skyarm.control.blocks.force_control import SENSING, require_thresholds
 from skyarm.control.blocks.prediction import pushes_across
 from skyarm.control.blocks.torque_scale import Tolerances
 from skyarm.control.controller import Controller, ControllerError, all_applied
+from skyarm.control.laws.centroidal import presets
 from skyarm.control.laws.centroidal.adaptation import adaptation_gains
 from skyarm.control.laws.centroidal.admittance import admittance_gains
 from skyarm.control.laws.centroidal.force_trend import trend_gains
@@ -36,9 +37,9 @@ from skyarm.control.laws.centroidal.parameters import (
     at_shares,
 )
 from skyarm.control.laws.centroidal.presets import (
-    ENTRIES,
     PERIODS,
     PRESETS,
+    RETIRED,
     check_entry,
     damping_share,
     must_act,
@@ -46,12 +47,16 @@ from skyarm.control.laws.centroidal.presets import (
     number_within,
     periods_of,
     refuse,
+    without_retired,
 )
-from skyarm.control.laws.centroidal.shift_motion import GustMemory, first_following, gust_gains
+from skyarm.control.laws.centroidal.shift_motion import first_following, gust_gains
 from skyarm.control.model import JointGains, Model
 from skyarm.control.vectored_layer import pairs_model, with_tilting
 from skyarm.dynamics.actuators import AllocationError, Mixer, make_mixer
 from skyarm.vehicle.vehicle_records import Vehicle
+
+ENTRIES = (*presets.ENTRIES, *RETIRED)
+"""Names of options beside those of :func:`make_centroidal`'s signature."""
 
 __all__ = ["ENTRIES", "make_centroidal"]
 
@@ -87,18 +92,21 @@ def make_centroidal(
     for name, word, words in (("mode", mode, MODES), ("preset", preset, sorted(PRESETS))):
         if type(word) is not str or word not in words:
             refuse(name, word, f"one of {list(words)}")
+    changes = without_retired(changes)
     gains = {**PRESETS[preset], **{name: check_entry(name, value) for name, value in changes.items()}}
     must_act(changes, gains, mode, admittance is not None)
     periods, sideways, whole = periods_of(delay, control_period), gains["sideways"] > 0.0, model
     turns_rotors = sideways and bool(model.vehicle.tilts)
     model = pairs_model(model) if turns_rotors else model
     vehicle, leads = model.vehicle, mode == "tip" and model.vehicle.n > 0
-    if preset in ("adaptive", "gusts") and mode == "tip" and vehicle.end_effector and "damping" not in changes:
-        gains["damping"] *= damping_share(vehicle)
+    if preset in ("adaptive", "gusts") and mode == "tip" and vehicle.end_effector:
+        # both go with the root of the arm's length: the preview is as long as its pendulum swings
+        for name in {"damping", "preview"} - set(changes):
+            gains[name] *= damping_share(vehicle)
     if (mode == "tip" or changes.get("adaptation")) and not vehicle.end_effector:
         raise ControllerError(f"model.vehicle = {vehicle.name!r}: has no end_effector, which mode 'tip' must have")
     if not vehicle.n:
-        gains |= dict.fromkeys(("arm_turn", "swing_rate", "path_rate"), 0.0)
+        gains["arm_turn"] = 0.0
     # the observer finds a force late by its two poles and the known delay
     lead = periods * control_period + 2.0 / max(gains["observer"][2] * gains["bandwidth"], 1.0)
     kp, kv, kr, kw = gains["base"]
@@ -134,10 +142,9 @@ def make_centroidal(
             shift=_of_options(
                 ShiftGains,
                 gains,
-                bandwidth=gains["shift_bandwidth"],
                 gust=gust_gains(gains["gust_shift"], vehicle, model.gravity) if gains["gust_shift"] else None,
             )
-            if gains["shift_bandwidth"] and mode == "tip"
+            if gains["preview"] and mode == "tip"
             else None,
         ),
         observer=ObserverGains(
@@ -226,7 +233,7 @@ def _mixer(vehicle: Vehicle, sideways: bool, yaw_slack: float, given: bool) -> M
 
 def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMemory:
     """Initial internal state of the centroidal law: level hover of the model with all joints at zero."""
-    model, vehicle, moves = par.model, par.model.vehicle, par.tip.shift
+    model, vehicle = par.model, par.model.vehicle
     zero, standing = Vec3(0.0, 0.0, 0.0), standing_command(model)
     speeds = standing.rotor_speeds
     return CentroidalMemory(
@@ -238,7 +245,6 @@ def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMem
         applied=all_applied(vehicle.n),
         free=(1.0,) * (1 + vehicle.n),
         slow_force=zero,
-        gust=() if moves is None or moves.gust is None else GustMemory(rate=zero),
         trim=(0.0,) * len(speeds),
         following=first_following(par),
         parts=PartMemories(**{name: part.start(vehicle.n) for name, part in par.parts.present()}),

@@ -17,6 +17,12 @@ from skyarm.records.units import Unit
 
 MODES = ("joint", "tip")
 
+FOLLOWING = 2
+"""Samples, one and two periods after the held one, from which the law takes the reference's derivatives."""
+
+SHARES = (0.125, 0.25, 0.4375, 0.6875, 1.0)
+"""Of the preview, where the law takes samples for the shift of the base: closer together where they count more."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SidewaysGains:
@@ -63,11 +69,9 @@ class GustGains:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ShiftGains:
-    """Constants of the base offset that keeps the tip in place; None disables a part."""
+    """Constants of the base's shift that keeps the tip in place; ``gust`` is None without the filter for gusts."""
 
-    bandwidth: Annotated[Scalar, Unit("rad/s", "differentiators of the base's shift")]
-    swing_rate: Annotated[Scalar, Unit("1/s", "rate of the adapted pace of the arm's swing")] | None
-    path_rate: Annotated[Scalar, Unit("1/s", "rate of the adapted pace of the base's path")] | None
+    preview: Annotated[Scalar, Unit("s", "of the reference, by which the base shifts")]
     gust: GustGains | None
 
 
@@ -128,6 +132,13 @@ class CentroidalParameters:
     delay_periods: int
     reference_period: Annotated[Scalar, Unit("s", "between samples of the reference")]
     parts: Parts
+
+    @property
+    def preview(self) -> tuple[Scalar, ...]:
+        """Times after the held reference sample at which the law takes samples to come, s."""
+        following = tuple((k + 1.0) * self.reference_period for k in range(FOLLOWING))
+        horizon = None if self.tip.shift is None else self.tip.shift.preview
+        return following if horizon is None else (*following, *(share * horizon for share in SHARES))
 
 
 def at_shares(par: CentroidalParameters, rotors: Scalar, joints: Scalar) -> CentroidalParameters:

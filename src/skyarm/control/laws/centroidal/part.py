@@ -18,13 +18,13 @@ from skyarm.control.blocks.force_control import Pressing
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.dynamics import State
 from skyarm.reference import Reference
+from skyarm.reference.preview import Sample
 from skyarm.sensing.measurement import Measurement
 
 if TYPE_CHECKING:
     from skyarm.control.laws.centroidal.demands import Demand
     from skyarm.control.laws.centroidal.law import CentroidalMemory
     from skyarm.control.laws.centroidal.parameters import CentroidalParameters
-    from skyarm.control.laws.centroidal.shift_motion import SlowForce
 
 
 @dataclass(kw_only=True, slots=True)
@@ -42,7 +42,8 @@ class Step:
         external: 1 while a force on the tip is part of the observed disturbance.
         pressing: the push; None without one.
         rate: N/s, world axes, trusted part of the observed force's.
-        steady: force that the attitude balances, N, world axes. slow: of the filter that the shift follows.
+        ahead: samples to come of the reference, each with its time from now, s.
+        steady: force that the attitude balances, N, world axes. drift: its rate by the filter for gusts, N/s.
         trend: level of the tracked force (N, world axes) and its trusted share; None without one.
         demand: of the step, once it is known.
     """
@@ -63,10 +64,11 @@ class Step:
     isolated: Scalar = 1.0
     external: Scalar = 0
     pressing: Pressing | None = None
+    ahead: Sequence[tuple[Scalar, Sequence[Sample]]] = ()
     rate: Vec3 = ZERO3
     trend: tuple[Vec3, Scalar] | None = None
     steady: Vec3 = ZERO3
-    slow: SlowForce | None = None
+    drift: Vec3 = ZERO3
     demand: Demand | None = None
 
     def isolate(self, share: Scalar) -> None:

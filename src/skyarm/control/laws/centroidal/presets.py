@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping
 from typing import Any, NoReturn
 
@@ -22,10 +23,8 @@ OPTIONS: Mapping[str, tuple[Any, float, float]] = {
     "adaptation": (0.6, 0.0, 5.0),
     "friction_adaptation": (2.0, 0.0, 5.0),
     "bandwidth": (1.0, 0.01, 10.0),
-    "shift_bandwidth": (0.0, 0.0, 1e3),
+    "preview": (0.0, 0.0, 10.0),
     "gust_shift": (0.0, 0.0, 2.0),
-    "swing_rate": (0.0, 0.0, 50.0),
-    "path_rate": (0.0, 0.0, 50.0),
     "low_thrust": (0.0, 0.0, 1.0),
     "arm_turn": (0.0, 0.0, 1e6),
     "sideways": (0.0, 0.0, 1.0),
@@ -64,9 +63,7 @@ ROBUST: Mapping[str, Any] = {
 
 ADAPTIVE: Mapping[str, Any] = {
     **ROBUST,
-    "shift_bandwidth": 60.0,
-    "swing_rate": 2.0,
-    "path_rate": 2.0,
+    "preview": 0.6,
     "low_thrust": 0.8,
     "arm_turn": 20.0,
     "pull": 8.0,
@@ -111,6 +108,9 @@ specific force. ``bandwidth`` scales all gains of a preset.
 
 ENTRIES = tuple(ROBUST)
 """Entries of a preset: each may be replaced as an option of the law."""
+
+RETIRED = ("shift_bandwidth", "swing_rate", "path_rate")
+"""Entries of version 0.3, which are read once more: ``preview`` does their work."""
 
 PERIODS = (1e-5, 10.0)
 """Shortest and longest period, s, of control and of published samples."""
@@ -171,6 +171,23 @@ def number_within(name: str, value: Any, low: float, high: float = math.inf) -> 
     return held if held <= high else refuse(name, value, f"at most {high:g}")
 
 
+class DeprecatedOptionWarning(UserWarning):
+    """An option of a law that the next version does not read."""
+
+
+def without_retired(changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Options without those of the version before, with a warning in one line; a shift left out then stays out."""
+    found = {name: value for name, value in changes.items() if name not in RETIRED}
+    for name in RETIRED:
+        if name in changes:
+            value = number_within(name, changes[name], 0.0)
+            words = f"controller.{name} = {shown(value)}: the next version does not read it; write preview, s"
+            warnings.warn(words, DeprecatedOptionWarning, stacklevel=3)
+    if changes.get("shift_bandwidth", 1.0) == 0.0:
+        found.setdefault("preview", 0.0)
+    return found
+
+
 def check_entry(name: str, value: Any) -> Any:
     """Option value of a preset after a check of type and range.
 
@@ -191,9 +208,8 @@ def check_entry(name: str, value: Any) -> Any:
 
 def must_act(changes: Mapping[str, Any], gains: Mapping[str, Any], mode: str, admits: bool) -> None:
     """Reject options that have no effect because another option is missing."""
-    for name in ("gust_shift", "swing_rate", "path_rate"):
-        if changes.get(name) and not gains["shift_bandwidth"]:
-            refuse(name, changes[name], "0 without shift_bandwidth")
+    if changes.get("gust_shift") and not gains["preview"]:
+        refuse("gust_shift", changes["gust_shift"], "0 without preview")
     if changes.get("gust_shift") and mode != "tip":
         refuse("gust_shift", changes["gust_shift"], f"0 in mode {mode!r}")
     if gains["force_sensor"] and not (admits or any(gains["interaction"])):

@@ -15,7 +15,6 @@ import numpy as np
 
 from skyarm.algebra import Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, cos, sin
-from skyarm.control.blocks.extrapolation import samples
 from skyarm.control.blocks.geometric import desired_attitude
 from skyarm.control.laws.predictive.cost import given_way
 from skyarm.control.laws.predictive.solver import Compiled
@@ -24,6 +23,7 @@ from skyarm.dynamics import frame_pose
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.reference import Reference
+from skyarm.reference.preview import samples
 from skyarm.vehicle.vehicle_records import Vehicle
 
 ZERO = Vec3(0.0, 0.0, 0.0)

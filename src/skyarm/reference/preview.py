@@ -1,0 +1,44 @@
+"""Preview of a reference: samples to come that a publisher sends with the one that is held.
+
+A sample is value, rate and acceleration of x, y, z, yaw and each joint.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+from skyarm.algebra.scalars import Scalar
+from skyarm.reference.trajectory import Reference
+
+Sample = tuple[Any, Any, Any]
+"""Value, rate and acceleration of one signal."""
+
+
+def samples(reference: Reference) -> list[Sample]:
+    """Value, rate and acceleration of the reference's x, y, z, yaw and each joint."""
+    found = list(zip(reference.position, reference.velocity, reference.acceleration, strict=True))
+    found.append((reference.yaw, reference.yaw_rate, reference.yaw_acceleration))
+    joints = zip(reference.joints, reference.joint_rates, reference.joint_accelerations, strict=True)
+    return [*found, *joints]
+
+
+def with_preview(held: Reference, leads: Sequence[Scalar], at: Callable[[Scalar], Reference]) -> Reference:
+    """Reference with the samples that follow it.
+
+    Args:
+        held: sample that is published.
+        leads: s after it, of the samples to come; empty for none.
+        at: reference by the time after the held sample, s.
+    """
+    if not leads:
+        return held
+    return replace(held, ahead=tuple(number for lead in leads for each in samples(at(lead)) for number in each))
+
+
+def samples_ahead(reference: Reference) -> list[list[Sample]]:
+    """Samples to come of a reference, of each instant those of all signals; empty without a preview."""
+    count = 3 * (4 + len(reference.joints))
+    rows = [reference.ahead[i : i + count] for i in range(0, len(reference.ahead), count)]
+    return [[(row[k], row[k + 1], row[k + 2]) for k in range(0, count, 3)] for row in rows]
