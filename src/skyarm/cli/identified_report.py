@@ -29,6 +29,9 @@ VEHICLE, NUMBERS, TABLE, FIGURE = "vehicle.toml", "identified.json", "prediction
 CLOSE, MOST = 0.9, 12
 """Correlation from which two numbers are named; lines of them at most."""
 
+WIDENED = 1.5
+"""Times by which an interval is wider as flights disagree, from which it is said."""
+
 LISTED = 4
 """Flights that a heading names."""
 
@@ -42,6 +45,9 @@ def report_lines(found: Identified, start: Vehicle, flights: Sequence[FlightData
     lines += aligned_lines([HEADS, *map(_row, found.numbers)])
     if not found.settled:
         lines.append("the search did not settle: neither these numbers nor their intervals can be relied on")
+    apart = ", ".join(f"{each.name} {each.widened:.2g}" for each in found.numbers if each.widened > WIDENED)
+    if apart:
+        lines.append(f"flights disagree; intervals are wider than their noise explains, times: {apart}")
     shares = ", ".join(f"{row} {share:.0%}" for row, share in found.explained.items())
     lines.append(f"explained one step ahead: {shares}")
     pairs = correlated_pairs(found)
@@ -197,6 +203,7 @@ def document_of(
                 "high": each.high if shown else None,
                 "start": each.start,
                 "data_share": each.data_share,
+                "widened": each.widened,
                 "reason": each.reason,
             }
         )

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from skyarm.studies.identify import prediction_error
+from skyarm.studies.identify.identified_numbers import disagreement, identified_numbers, scale_of
 from skyarm.studies.identify.prediction_error import ORDER, _step, fit_prediction
+from skyarm.studies.identify.unknowns import Reported, Unknown
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
 
@@ -186,3 +188,28 @@ def test_of_a_number_that_few_blocks_tell_the_interval_is_wider():
     steady, brief = found.quantiles(np.eye(2))
     assert steady == pytest.approx(2.04, abs=0.02)
     assert 2.8 < brief < 4.6
+
+
+@pytest.mark.parametrize(("apart", "expected"), [(0.0, 1.0), (0.4, 5.5), (-0.4, 5.5)])
+def test_intervals_are_wider_by_what_flights_disagree(apart, expected):
+    """Two flights of white noise and known input: the ratio of Birge by the closed form of the regression of each."""
+    rng, flights = np.random.default_rng(4), []
+    for own in (1.0 - apart / 2, 1.0 + apart / 2):
+        inputs = rng.normal(size=400)
+        flights.append((inputs, own * inputs + rng.normal(size=400)))
+
+    def errors(numbers):
+        return [(y - x * numbers[0])[:, None] for x, y in flights]
+
+    found = fit_prediction(errors, np.array([0.5]), VAGUE[:1], STEPS[:1], 25)
+    unknown = Unknown(name="a", unit="", start=0.5, spread=1.0)
+    scale = scale_of(found, [unknown], [Reported(name="a", unit="", parts=("a",))], {})
+    after = np.array([found.curvature[0, 0]])
+    (ratio,) = disagreement(found, scale, after, ["one", "other"])
+    (a, va), (b, vb) = (((x @ y) / (x @ x), 1.0 / (x @ x)) for x, y in flights)
+    assert ratio == pytest.approx(max(abs(a - b) / np.sqrt(va + vb), 1.0), rel=0.2)
+    assert ratio == pytest.approx(expected, rel=0.3)
+    assert disagreement(found, scale, after, ["one", "one"]) == pytest.approx([1.0])
+    (wide,), _ = identified_numbers(found, scale, 0.01, 0.01, ["one", "other"])
+    (narrow,), _ = identified_numbers(found, scale, 0.01, 0.01, ["one", "one"])
+    assert (wide.high - wide.low) / (narrow.high - narrow.low) == pytest.approx(wide.widened, rel=0.1)

@@ -43,6 +43,7 @@ class IdentifiedNumber:
         start: value before.
         data_share: share of its information that the flights give, 0 to 1.
         reason: why the flights do not show it, else empty.
+        widened: times by which the interval is wider, as flights disagree.
     """
 
     name: str
@@ -53,6 +54,7 @@ class IdentifiedNumber:
     start: float
     data_share: float
     reason: str = ""
+    widened: float = 1.0
 
     @property
     def is_known(self) -> bool:
@@ -109,13 +111,21 @@ def scale_of(
 
 
 def identified_numbers(
-    found: PredictionFit, scale: Scale, period: float, sample: float
+    found: PredictionFit, scale: Scale, period: float, sample: float, flights: Sequence[str] = ()
 ) -> tuple[tuple[IdentifiedNumber, ...], Array]:
-    """Numbers with intervals and the correlations of their errors; period of the flights and of their samples in s."""
+    """Numbers with intervals, and the correlations of their errors.
+
+    Args:
+        found: fit.
+        scale: reported numbers.
+        period: s, of the flights. sample: s, between their samples.
+        flights: name of the flight of each stretch; numbers on which flights disagree get wider intervals.
+    """
     covariance = scale.rows @ found.covariance @ scale.rows.T
     before = scale.before
     after = np.maximum(np.diag(covariance), np.diag(scale.rows @ found.curvature @ scale.rows.T))
-    after = np.minimum(after, before)  # what the data blur is known as before
+    wider = disagreement(found, scale, after, flights)
+    after = np.minimum(after * wider**2, before)  # what the data blur is known as before
     shares = 1.0 - after / before
     sampling = _sampling(scale, np.sqrt(before), period, sample)
     halves = np.hypot(found.quantiles(scale.rows) * np.sqrt(after), sampling)
@@ -133,10 +143,45 @@ def identified_numbers(
                 start=float(scale.starts[k]),
                 data_share=float(shares[k]),
                 reason="" if shares[k] >= SHOWN else NOT_SHOWN,
+                widened=float(wider[k]),
             )
         )
     deviations = np.sqrt(np.diag(covariance))
     return tuple(numbers), covariance / np.outer(deviations, deviations)
+
+
+def disagreement(found: PredictionFit, scale: Scale, after: Array, flights: Sequence[str]) -> Array:
+    """Ratio (numbers,), at least 1, of the spread of a number from flight to flight to what their noise explains.
+
+    The ratio of Birge (1932), by which the Particle Data Group scales errors: the root of chi squared over its degrees
+    of freedom, of the estimates of each flight alone, one linear step from the common one. Flights that do not show a
+    number do not count.
+
+    Args:
+        found: fit of all flights.
+        scale: reported numbers.
+        after: (numbers,) variances by all flights.
+        flights: name of the flight of each stretch.
+    """
+    ratio = np.ones(len(scale.rows))
+    names = sorted(set(flights))
+    if len(names) < 2:
+        return ratio
+    known = np.linalg.inv(found.curvature) - found.stretch_information.sum(axis=0)
+    pulled = -found.stretch_scores.sum(axis=0)  # by what was known before, at the estimate of all
+    off, variances = [], []
+    for name in names:
+        own = [k for k, each in enumerate(flights) if each == name]
+        spread = np.linalg.inv(found.stretch_information[own].sum(axis=0) + known)
+        off.append(-scale.rows @ spread @ (found.stretch_scores[own].sum(axis=0) + pulled))
+        variances.append(np.einsum("kp,pq,kq->k", scale.rows, spread, scale.rows))
+    noise = after / np.einsum("kp,pq,kq->k", scale.rows, found.curvature, scale.rows)
+    variance = np.stack(variances) * noise
+    weights = np.where(1.0 - variance / scale.before >= SHOWN, 1.0 / variance, 0.0)
+    total, freedom = np.maximum(weights.sum(axis=0), 1e-300), (weights > 0.0).sum(axis=0) - 1
+    mean = (weights * off).sum(axis=0) / total
+    square = (weights * (np.stack(off) - mean) ** 2).sum(axis=0) / np.maximum(freedom, 1)
+    return np.where(freedom > 0, np.maximum(np.sqrt(square), 1.0), ratio)
 
 
 def bound_number(found: IdentifiedNumber, least: float) -> IdentifiedNumber:

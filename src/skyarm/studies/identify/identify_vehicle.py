@@ -132,9 +132,8 @@ def identify_vehicle(
         search.errors, search.begin, search.prior, search.steps, search.block, search.used, progress, RATES
     )
     scale = search.scale(found)
-    free, correlation = identified_numbers(
-        found, scale, stretches[0].period, stretches[0].period / stretches[0].samples
-    )
+    period, sample = stretches[0].period, stretches[0].period / stretches[0].samples
+    free, correlation = identified_numbers(found, scale, period, sample, [each.name for each in stretches])
     numbers = [bound_number(each, of.least) for each, of in zip(free, scale.reported, strict=True)]
     inside = {each.name for each in search.unknowns if each.in_vehicle}
     of_vehicle = [any(part in inside for part in each.parts) for each in scale.reported]

@@ -104,12 +104,15 @@ class PredictionFit:
         noise: of the errors that are left.
         errors: of each stretch, (N, rows).
         settled: whether the search came to rest.
+        stretch_information: (stretches, P, P) of the data of each. stretch_scores: (stretches, P) their sums.
     """
 
     values: Array
     curvature: Array
     covariance: Array
     block_information: Array
+    stretch_information: Array
+    stretch_scores: Array
     noise: Whitening
     errors: Sequence[Array]
     settled: bool
@@ -302,11 +305,15 @@ def _fit_at(
     scores = jackknife_scores(slopes, white, curvature, blocks)
     parts = [each.reshape(-1, len(values)) for each in np.array_split(slopes, blocks)]
     inner = scores.T @ scores * (len(scores) - 1) / len(scores) + known
+    ends = np.cumsum([rows * (len(each) - ORDER) for each in found])[:-1]
+    pairs = list(zip(np.split(slope, ends), np.split(flat, ends), strict=True))
     return PredictionFit(
         values=values,
         curvature=curvature,
         covariance=curvature @ inner @ curvature,
         block_information=np.stack([each.T @ each for each in parts]),
+        stretch_information=np.stack([each.T @ each for each, _ in pairs]),
+        stretch_scores=np.stack([each.T @ errors for each, errors in pairs]),
         noise=noise,
         errors=found,
         settled=settled,
