@@ -518,3 +518,15 @@ def test_second_moments_of_a_plate_are_above_zero():
     """Its thickness has 1 % of the sum of its moments of inertia."""
     plate = dataclasses.replace(START.base, inertia=Sym3(xx=0.02, yy=0.01, zz=0.03))
     assert second_moments(plate) == pytest.approx((0.01, 0.02, 0.01 * 0.06))
+
+
+def test_moments_that_no_body_has_together_become_the_nearest_that_one_has():
+    """The sum of the second moments of mass, half the trace, grows by what the thin axis lacks; a real body stays."""
+    real = Sym3(1.4e-5, 1.5e-5, 2.8e-5, 1e-7, 0.0, 0.0)
+    assert of_a_body(real) is real
+    flat = of_a_body(Sym3(1.43e-5, 1.47e-5, 2.91e-5, 0.0, 0.0, 0.0))
+    lacks = 1e-3 * 2.905e-5 + 0.5e-7  # least second moment of mass, and what z's was below zero
+    assert (flat.xx, flat.yy, flat.zz) == pytest.approx((1.43e-5 + lacks, 1.47e-5 + lacks, 2.91e-5), rel=1e-6)
+    tilted = of_a_body(Sym3(1.43003e-5, 1.46993e-5, 2.9e-5, 0.0, 1e-7, 2e-7))
+    moments = principal_moments(tilted)
+    assert moments[0] + moments[1] > moments[2]

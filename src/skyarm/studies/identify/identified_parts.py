@@ -49,13 +49,34 @@ def vehicle_with(start: Vehicle, numbers: Mapping[str, float], *, checked: bool 
         checked,
         mass=float(start.base.mass) - carried,
         com=Vec3(*(numbers.get(f"base.com.{axis}", getattr(start.base.com, axis)) for axis in "xyz")),
-        inertia=_inertia(start.base, numbers),
+        inertia=of_a_body(_inertia(start.base, numbers)) if checked else _inertia(start.base, numbers),
     )
     areas = [numbers.get(f"drag.area.{axis}", getattr(start.drag.area, axis)) for axis in "xyz"]
     drag = _with_changes(start.drag, checked, area=Vec3(*(max(area, 0.0) if checked else area for area in areas)))
     if checked:
         return dataclasses.replace(start, base=base, rotors=rotors, links=links, drag=drag, drives=drives)
     return start.with_checked(base=base, rotors=rotors, links=links, drag=drag, drives=drives)
+
+
+THIN = 1e-3
+"""Least principal second moment of mass of a body, of the sum of the three."""
+
+
+def of_a_body(inertia: Sym3) -> Sym3:
+    """Nearest inertia that a body has: principal second moments of mass not below a share of their sum.
+
+    Moments that were found beside one that stays at the start's may add up to what no body has.
+    """
+    xx, yy, zz, xy, xz, yz = (float(each) for each in inertia.entries)
+    rows = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    second = 0.5 * np.trace(rows) * np.eye(3) - rows
+    sizes, axes = np.linalg.eigh(second)
+    least = THIN * float(np.trace(second))
+    if sizes[0] >= least:
+        return inertia
+    second = axes @ np.diag(np.maximum(sizes, least)) @ axes.T
+    found = np.trace(second) * np.eye(3) - second
+    return Sym3(*(float(found[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))))
 
 
 def _with_changes(record: R, checked: bool, **changes: Any) -> R:
