@@ -118,7 +118,8 @@ def identified_numbers(
     Args:
         found: fit.
         scale: reported numbers.
-        period: s, of the flights. sample: s, between their samples.
+        period: s, of the flights.
+        sample: s, between their samples.
         flights: name of the flight of each stretch; numbers on which flights disagree get wider intervals.
     """
     covariance = scale.rows @ found.covariance @ scale.rows.T
