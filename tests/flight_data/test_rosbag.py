@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -13,6 +14,7 @@ import pytest
 import skyarm
 from logged_flights import flown
 from skyarm.flight_data.flight_data import load_flight
+from skyarm.flight_data.motion import joints_in_order
 
 pytest.importorskip("rosbags", reason="needs the extra 'flights'")
 from rosbags.rosbag1 import Writer as Writer1
@@ -184,6 +186,36 @@ def test_the_fastest_of_several_topics_is_taken_and_said(tmp_path: Path) -> None
     assert set(flight["gyro"].values[:, 0]) == {2.0}
     np.testing.assert_allclose(np.diff(flight["gyro"].time), 0.01, atol=1e-8)  # a header without stamp
     assert "gyro: there is /imu/data, /imu/raw; the fastest is taken" in " ".join(flight.notes)
+
+
+def test_joints_are_told_by_their_names_in_whatever_order_messages_give_them(tmp_path: Path) -> None:
+    angles = {"shoulder": 1.0, "elbow": 2.0, "finger": 3.0}
+
+    def messages(store: Any, kind: str) -> list[tuple[str, str, int, Any]]:
+        make, found = Messages(store, kind), []
+        for k in range(90):
+            names = (["elbow", "shoulder"], ["shoulder", "elbow"], ["finger"])[k % 3]
+            fields = {"position": [angles[each] for each in names], "velocity": [], "effort": []}
+            lists = {name: np.array(values) for name, values in fields.items()}
+            message = make.make(
+                "sensor_msgs/msg/JointState", header=make.header(START + k * 10**7), name=names, **lists
+            )
+            found.append(("/joint_states", "sensor_msgs/msg/JointState", START + k * 10**7, message))
+        return found
+
+    flight = load_flight(write("mcap", tmp_path, messages))
+    joints = flight["joint_positions"]
+    assert joints.names == ("elbow", "shoulder")
+    np.testing.assert_array_equal(joints.values, np.tile([2.0, 1.0], (60, 1)))
+    arm = skyarm.load_vehicle("hummingbird_arm2")
+    first, second = arm.links[:2]
+    renamed = [
+        dataclasses.replace(link, joint=dataclasses.replace(link.joint, name=name))
+        for link, name in ((first, "shoulder"), (second, "elbow"))
+    ]
+    ordered = joints_in_order(flight, dataclasses.replace(arm, links=tuple(renamed)))
+    np.testing.assert_array_equal(ordered["joint_positions"].values, np.tile([1.0, 2.0], (60, 1)))
+    assert joints_in_order(flight, arm)["joint_positions"] is joints
 
 
 def test_messages_of_a_log_of_ours_are_read_as_those_of_any_other(tmp_path: Path) -> None:

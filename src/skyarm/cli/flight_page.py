@@ -11,6 +11,7 @@ from rich.console import RenderableType
 from skyarm.cli.output import bar, give, heading, is_document_wanted, plain, shown_number, table_of, tell
 from skyarm.flight_data.clocks import clock_offset
 from skyarm.flight_data.flight_data import FlightData, format_name, load_flight
+from skyarm.flight_data.motion import joints_in_order
 from skyarm.flight_data.quantities import QUANTITIES
 from skyarm.records.files import printable
 from skyarm.studies.identify.channel_scales import REFUSED
@@ -37,6 +38,7 @@ def show_flight(name: str, columns: str | None, vehicle: str | None) -> None:
         numbers: tuple[ExpectedNumber, ...] = ()
         if start is not None:
             advance(last="look for faults")
+            flight = joints_in_order(flight, start)
             faults = find_faults(flight, start)
             if not any(each.severity == REFUSED for each in faults):
                 advance(last="excitation")

@@ -28,6 +28,7 @@ from skyarm.cli.lines import NOT_COMPLETED, say
 from skyarm.cli.output import Advance, bar, give, json_text, plain, tell
 from skyarm.flight_data.clocks import ClockOffset, align_poses, join_flights
 from skyarm.flight_data.flight_data import FlightData, load_flight
+from skyarm.flight_data.motion import joints_in_order
 from skyarm.flight_data.own_log import is_own_mcap
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.log.formats import require_readable
@@ -280,9 +281,9 @@ def _read(work: Work, advance: Advance) -> tuple[list[FlightData], dict[str, Clo
     files, found, clocks = [*work.flights, *work.held_out], list[FlightData](), dict[str, ClockOffset]()
     for i, file in enumerate(files):
         advance(i, len(files), f"read {Path(file).name}")
-        flight, clock = align_poses(load_flight(file, work.columns))
+        flight, clock = align_poses(joints_in_order(load_flight(file, work.columns), work.start))
         if not i and work.join is not None:
-            flight, clock = join_flights(flight, load_flight(work.join))
+            flight, clock = join_flights(flight, joints_in_order(load_flight(work.join), work.start))
         if clock is not None:
             clocks[flight.name] = clock
         found.append(flight)

@@ -103,6 +103,7 @@ def _replay(flight: str, vehicle: str, horizon: float, delay: float | None, colu
     """Read a flight and a vehicle, with what was identified together with it, and predict the flight."""
     from skyarm.cli.identified_report import NUMBERS
     from skyarm.flight_data.flight_data import load_flight
+    from skyarm.flight_data.motion import joints_in_order
     from skyarm.studies.identify.data_faults import find_faults
     from skyarm.studies.identify.identified_file import read_surroundings
     from skyarm.studies.identify.motion_model import Surroundings
@@ -112,7 +113,8 @@ def _replay(flight: str, vehicle: str, horizon: float, delay: float | None, colu
 
     low, high = HORIZONS
     require_within("--horizon", horizon, low, high)
-    flown, model = load_flight(flight, columns), load_vehicle(vehicle)
+    model = load_vehicle(vehicle)
+    flown = joints_in_order(load_flight(flight, columns), model)
     about, full = Surroundings(delay=float(flown.facts.get("command_delay", 0.0))), 0.0
     beside = Path(vehicle).parent / NUMBERS
     if Path(vehicle).is_file() and beside.is_file():

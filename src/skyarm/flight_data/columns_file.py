@@ -62,6 +62,7 @@ class Signal:
         low, high: numbers of no and of the full signal of rotor commands.
         time: column of the time of this quantity; that of the file if empty.
         stamp: time of a message, "header" or "receive".
+        names: of the joints whose columns they are, where the file has them.
     """
 
     columns: tuple[str, ...]
@@ -75,6 +76,7 @@ class Signal:
     high: float = 1.0
     time: str = ""
     stamp: str = "header"
+    names: tuple[str, ...] = ()
 
     @property
     def source(self) -> str:

@@ -30,6 +30,7 @@ class Channel:
         time: (N,) s, strictly rising.
         values: (N, k); base axes x forward, y left, z up, world axes z up; all finite.
         source: topic or columns of the file.
+        names: of the joints whose columns they are, where the file has them.
 
     Raises:
         ValueError: one line: wrong shapes, times that do not rise, or numbers that are not finite.
@@ -38,6 +39,7 @@ class Channel:
     time: Annotated[Array, Unit("s", "the flight's clock")]
     values: Array
     source: str
+    names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         time, values = np.asarray(self.time, dtype=float), np.asarray(self.values, dtype=float)

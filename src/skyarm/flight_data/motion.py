@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -83,6 +83,21 @@ def distance_between(one: Motion, other: Motion) -> tuple[Array, Array]:
     apart = np.linalg.norm(one.position - other.position, axis=1)
     same = np.abs((one.quaternion * other.quaternion).sum(axis=1))
     return apart, 2.0 * np.arccos(np.minimum(same, 1.0))
+
+
+JOINTS = ("joint_positions", "joint_rates", "joint_commands", "joint_efforts")
+
+
+def joints_in_order(flight: FlightData, vehicle: Vehicle) -> FlightData:
+    """Flight whose joints stand in the order of the vehicle's, where its file names all of these."""
+    wanted = [link.joint.name for link in vehicle.links]
+    changed = {}
+    for name in JOINTS:
+        if name in flight and wanted and set(wanted) <= set(flight[name].names):
+            channel = flight[name]
+            values = channel.values[:, [channel.names.index(each) for each in wanted]]
+            changed[name] = replace(channel, values=values, names=tuple(wanted))
+    return flight.with_channels(changed)
 
 
 def measured_motion(flight: FlightData, vehicle: Vehicle) -> Motion:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeAlias
 
@@ -103,9 +103,7 @@ def flight_of(
         if not found["velocity"].time.size:
             del found["velocity"]
     begin = min(float(each.time[0]) for each in found.values())
-    shifted = {
-        name: Channel(time=each.time - begin, values=each.values, source=each.source) for name, each in found.items()
-    }
+    shifted = {name: replace(each, time=each.time - begin) for name, each in found.items()}
     return FlightData(
         name=path.stem,
         file=str(path),
@@ -194,7 +192,7 @@ def _channel(
         values = continuous(values / np.linalg.norm(values, axis=1)[:, None])
         if len(values) and values[0, 0] < 0.0:
             values = -values
-    return Channel(time=time, values=values, source=signal.source)
+    return Channel(time=time, values=values, source=signal.source, names=signal.names)
 
 
 FEWEST = 10

@@ -43,7 +43,9 @@ SECOND, NANO = 1_000_000_000, 1e-9
 
 
 def _signal(topic: str, columns: Sequence[str], frame: str = "", order: str = "wxyz") -> Signal:
-    return Signal(columns=tuple(columns), topic=topic, frame=frame, order=order)
+    entries = [re.fullmatch(r"\w+\[(.*\D.*)\]", each) for each in columns]
+    names = tuple(each[1] for each in entries if each)
+    return Signal(columns=tuple(columns), topic=topic, frame=frame, order=order, names=names)
 
 
 def _xyz(place: str) -> list[str]:
@@ -99,6 +101,7 @@ class _Rows:
     stamps: list[int] = field(default_factory=list)
     numbers: list[tuple[float, ...]] = field(default_factory=list)
     listed: list[list[Array]] = field(default_factory=list)
+    names: list[tuple[str, ...]] = field(default_factory=list)
 
 
 def read_bag(path: Path, columns: Columns | None) -> FlightData:
@@ -208,22 +211,47 @@ def _append(rows: _Rows, message: object, received: int) -> None:
         stamp = int(head.sec) * SECOND + int(head.nanosec) or received
     rows.numbers.append(numbers)
     rows.listed.append(listed)
+    rows.names.append(_names_of(message))
     rows.received.append(received)
     rows.stamps.append(stamp)
 
 
+def _names_of(message: object) -> tuple[str, ...]:
+    """Names of the entries of a message's lists, as of joints; none if it has none, or one of them twice."""
+    names = getattr(message, "name", ())
+    if not isinstance(names, (list, tuple)) or not all(isinstance(each, str) and each for each in names):
+        return ()
+    return tuple(names[:LONGEST_LIST]) if len(set(names)) == len(names) else ()
+
+
+def _entries(rows: _Rows, k: int) -> dict[str, Array]:
+    """Columns of a list by the names of its entries, which messages may give in any order; by places without names."""
+    every = list(dict.fromkeys(name for names in rows.names for name in names))
+    if not every or any(
+        each[k].size not in (0, len(names)) for each, names in zip(rows.listed, rows.names, strict=True)
+    ):
+        every = [str(place) for place in range(max(each[k].size for each in rows.listed))]
+        places = [list(range(each[k].size)) for each in rows.listed]
+    else:
+        column = {name: place for place, name in enumerate(every)}
+        places = [[column[name] for name in names] for names in rows.names]
+    table = np.full((len(rows.listed), len(every)), np.nan)
+    for row, (each, at) in enumerate(zip(rows.listed, places, strict=True)):
+        if each[k].size:
+            table[row, at] = each[k].ravel()
+    return {name: table[:, place] for place, name in enumerate(every)}
+
+
 def _table(rows: _Rows, origin: int) -> Table:
-    """Table of a topic; rows of a shorter list end with NaN."""
+    """Table of a topic; rows of a shorter list hold NaN for the rest."""
     columns: dict[str, Array] = {}
     if rows.scalars:
         found = np.array(rows.numbers, dtype=float)
         columns |= {name: found[:, k] for k, name in enumerate(rows.scalars)}
     for k, name in enumerate(rows.lists):
-        widest = max(each[k].size for each in rows.listed)
-        table = np.full((len(rows.listed), widest), np.nan)
-        for row, each in enumerate(rows.listed):
-            table[row, : each[k].size] = each[k].ravel()
-        columns |= {f"{name}[{place}]": table[:, place] for place in range(widest)}
+        entries = _entries(rows, k)
+        columns |= {f"{name}[{entry}]": each for entry, each in entries.items()}
+        columns |= {f"{name}[{place}]": each for place, each in enumerate(entries.values())}
     time, received = (
         np.array([each - origin for each in given], dtype=float) * NANO for given in (rows.stamps, rows.received)
     )
@@ -244,8 +272,8 @@ def _usual(tables: Mapping[str, Table], kinds: Mapping[str, str]) -> dict[str, l
             signal = _signal(topic, columns, frame, "xyzw" if name == "quaternion" else "wxyz")
             found.setdefault(name, []).append(signal)
         for name, listed in LISTS.get(kind, {}).items():
-            columns = [each for each in table.columns if re.fullmatch(rf"{listed}\[\d+\]", each)]
-            if not columns or not np.isfinite(table.columns[columns[0]]).any():
+            columns = _usual_entries(table, listed)
+            if not columns:
                 continue
             commands = {"rotor_speeds": "rotor_speed_commands", "joint_positions": "joint_commands"}
             if not commanded:
@@ -253,6 +281,15 @@ def _usual(tables: Mapping[str, Table], kinds: Mapping[str, str]) -> dict[str, l
             elif name in commands:
                 found.setdefault(commands[name], []).append(_signal(topic, columns))
     return found
+
+
+def _usual_entries(table: Table, listed: str) -> list[str]:
+    """Columns of a list with the most numbers, by their names if they have any: others are of other messages."""
+    every = [each for each in table.columns if each.startswith(f"{listed}[")]
+    named = [each for each in every if not re.fullmatch(r"\d+", each[len(listed) + 1 : -1])] or every
+    counts = {each: int(np.isfinite(table.columns[each]).sum()) for each in named}
+    most = max(counts.values(), default=0)
+    return [each for each, count in counts.items() if count == most > 0]
 
 
 def _is_unknown(table: Table) -> bool:
