@@ -14,7 +14,6 @@ from skyarm.control.blocks.attitude import Attitude, moving, posture, upright
 from skyarm.control.laws.centroidal import com_tracking
 from skyarm.control.laws.centroidal.com_tracking import ArmMotion, compensated_motion, update_arm_motion
 from skyarm.control.laws.centroidal.make import make_centroidal
-from skyarm.control.laws.centroidal.shift_motion import ShiftMotion, differentiate
 from skyarm.control.laws.centroidal.tip_tasks import goal, level_motion, orientation_error
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import make_mixer
@@ -142,15 +141,6 @@ def test_the_size_of_the_arms_motion_is_that_of_its_snap():
     still = Vec3(Taylor((0.0,) * 5), 0.0, 0.0)
     after = update_arm_motion(memory, still, 9.81, dt)
     assert after.size == pytest.approx(memory.size * (1.0 - 0.5 * dt))
-
-
-def test_two_differentiators_give_jerk_and_snap():
-    memory, w, dt = ShiftMotion(acceleration=Vec3(0.0, 0.0, 0.0), jerk=Vec3(0.0, 0.0, 0.0)), 1.0, 0.005
-    for k in range(1000):
-        memory, jerk, snap = differentiate(memory, Vec3(np.sin(w * k * dt), 0.0, 0.0), 60.0, dt)
-    t = 999 * dt
-    assert jerk.x == pytest.approx(np.cos(w * t), abs=0.03)
-    assert snap.x == pytest.approx(-np.sin(w * t), abs=0.05)
 
 
 def attraction(errors, **changes):

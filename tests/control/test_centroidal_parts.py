@@ -24,7 +24,7 @@ from skyarm.control.blocks.attitude import (
     posture,
     reachable,
 )
-from skyarm.control.blocks.extrapolation import Channel, extrapolate, samples
+from skyarm.control.blocks.extrapolation import Channel, extrapolate
 from skyarm.control.blocks.prediction import Disturbance, predict
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.com_tracking import thrust
@@ -45,6 +45,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command, speed_after
 from skyarm.dynamics.kinematics import frame_pose, link_poses
 from skyarm.reference import Reference
+from skyarm.reference.preview import samples
 from vehicles_random import TWINS, RandomState, random_state, random_vehicle, rotation_matrix
 
 TRUTH = skyarm.load_vehicle("hummingbird_arm2_rotors")

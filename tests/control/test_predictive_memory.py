@@ -18,7 +18,6 @@ import skyarm
 from flown import ARM2, MODEL, cases, vec
 from law_flights import scalars
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.control.blocks.extrapolation import samples
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import ControllerError
@@ -33,6 +32,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.records.leaves import leaves
 from skyarm.reference import Reference
+from skyarm.reference.preview import samples
 from vehicles_random import PinocchioTwin, RandomState, random_state, random_vehicle, rotation_matrix
 
 DT = 0.005

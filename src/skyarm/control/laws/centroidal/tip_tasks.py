@@ -175,14 +175,6 @@ def level_joints(vehicle: Vehicle, gains: TipGains, wanted: Goal, R: Mat3, poses
     return joints_of_turns(vehicle, gains, axes(vehicle, poses), errors, (0.0,) * vehicle.n)
 
 
-def level_turn(vehicle: Vehicle, gains: TipGains, turn: Vec3, poses: Sequence[Pose]) -> tuple[Scalar, ...]:
-    """Joint correction that keeps the links' orientations while the base makes a small rotation, base axes.
-
-    To first order, so that it holds of rates, or of accelerations, too.
-    """
-    return joints_of_turns(vehicle, gains, axes(vehicle, poses), [turn * -1.0] * vehicle.n, (0.0,) * vehicle.n)
-
-
 def level_motion(
     vehicle: Vehicle,
     gains: TipGains,
