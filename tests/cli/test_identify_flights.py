@@ -208,6 +208,24 @@ def test_flights_are_identified_in_python_as_well(monkeypatch):
         library.identify_flights([blind], START, despite_faults=True)
 
 
+def test_python_weighs_the_vehicle_and_predicts_other_flights(monkeypatch):
+    """As the command does: the mass is the whole vehicle's, and drag may act at a height of its own."""
+    given = []
+    monkeypatch.setattr(identify_flights, "identify_vehicle", lambda *a, **k: given.append((a, k)) or found_with())
+    monkeypatch.setattr(identify_flights, "implausible_numbers", lambda *_: ())
+    monkeypatch.setattr(identify_flights, "predict_held_out", lambda *a, **k: given.append((a, k)))
+    both = [library.load_flight(name) for name in ("swings.npz", "aside.npz")]
+    words = {"known": {"mass": 0.8}, "drag_height": True, "held_out": both[1:], "gravity": 9.8}
+    library.identify_flights(both[:1], START, **words)
+    ((_, start), fitted), ((_, _, aside), predicted) = given
+    assert float(start.mass) == pytest.approx(0.8)
+    assert (fitted["drag_height"], fitted["known"]) == (True, {})
+    assert [flight.name for flight, _ in aside] == [both[1].name]
+    assert predicted["gravity"] == 9.8
+    with pytest.raises(ValueError, match=r"^known\.mass = -1\.0: must be above 0"):
+        library.identify_flights(both[:1], START, known={"mass": -1.0})
+
+
 def test_a_simulated_flight_without_an_inertial_unit_says_which_sensor_to_name(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     text = 'schema = 1\nname = "fly"\nduration = 0.1\n[plant]\nvehicle = "hummingbird"\n[controller]\n'
@@ -245,7 +263,7 @@ def found_with(*numbers, settled=True, correlation=None):
 @pytest.fixture
 def instead(monkeypatch):
     """Function that puts a result in place of the search's."""
-    return lambda found: monkeypatch.setattr(identify_command, "identify_vehicle", lambda *_, **__: found)
+    return lambda found: monkeypatch.setattr(identify_flights, "identify_vehicle", lambda *_, **__: found)
 
 
 def test_the_json_document_holds_numbers_with_intervals_and_no_value_without(instead):
@@ -292,9 +310,9 @@ def test_predictions_of_an_earlier_identification_do_not_stay_beside_another(ins
 def test_gravity_is_that_of_the_flights_unless_it_is_given(instead, monkeypatch, tmp_path):
     felt = []
     instead(found_with(number("delay", 0.006)))
-    plain = identify_command.predict_held_out
+    plain = identify_flights.predict_held_out
     monkeypatch.setattr(
-        identify_command,
+        identify_flights,
         "predict_held_out",
         lambda *a, gravity, **k: felt.append(gravity) or plain(*a, gravity=9.8, **k),
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -43,18 +42,12 @@ from skyarm.records.files import (
 )
 from skyarm.records.immutable import immutable
 from skyarm.records.registry import RegistryError
-from skyarm.studies.identify.data_faults import Fault, find_faults, require_no_refusal
-from skyarm.studies.identify.held_out import held_out_period, predict_held_out
+from skyarm.studies.identify.data_faults import Fault, require_no_refusal
 from skyarm.studies.identify.identified_file import IDENTIFIED_BY, VOLTAGE, identified_file
-from skyarm.studies.identify.identify_vehicle import identify_vehicle
-from skyarm.studies.identify.plausibility import implausible_numbers
-from skyarm.studies.identify.stretches import stretches_of_flights
+from skyarm.studies.identify.identify_flights import TOTAL, identify_aligned, weigh_vehicle
 from skyarm.studies.identify.unknowns import second_moments_of
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle
-
-TOTAL = "mass"
-"""Known number that is none of the search: kg, of the whole vehicle."""
 
 MOMENTS = ("base.inertia.xx", "base.inertia.yy", "base.inertia.zz")
 """Known numbers that must be given together, as the search is for sums of them."""
@@ -190,7 +183,7 @@ def _identify_vehicle(work: Work, folder: Path | None) -> None:
     """Identify a vehicle from flights, predict those that were held out, print and write what was found."""
     start = work.start
     known = {name: value for name, value in work.known.items() if name != VOLTAGE}
-    full, held_out = work.known.get(VOLTAGE, 0.0), None
+    full = work.known.get(VOLTAGE, 0.0)
     with bar(f"identify {start.name}") as advance:
         if folder is not None:
             require_writable(folder)
@@ -200,32 +193,29 @@ def _identify_vehicle(work: Work, folder: Path | None) -> None:
         fitted, aside = read[: len(work.flights)], read[len(work.flights) :]
         _check_measurements(read, fitted, full)
         felt = _gravity(read) if work.gravity is None else work.gravity
-        advance(last="look for faults")
-        parts = [_part(each, work.sections) for each in fitted]
-        faults = [fault for each in (*parts, *aside) for fault in find_faults(each, start)]
-        _report_faults(faults, work)
-        advance(last="cut into stretches")
-        stretches = stretches_of_flights(fitted, start, full_voltage=full, sections=work.sections)
-        period = held_out_period(stretches[0][0].period)
-        unseen = stretches_of_flights(aside, start, period=period, full_voltage=full) if aside else []
-        every = [each for part in stretches for each in part]
-        found = identify_vehicle(
-            every,
+        for each in fitted:
+            _check_sections(each, work.sections)
+        faults = list[Fault]()
+
+        def report(more: Sequence[Fault]) -> None:
+            faults.extend(more)
+            _report_faults(more, work)
+
+        found = identify_aligned(
+            fitted,
             start,
+            report,
+            held_out=aside,
             curve=work.curve,
             drag_height=work.drag_height,
+            full_voltage=full,
+            sections=work.sections,
             known=known,
+            gravity=felt,
             progress=lambda words: advance(last=words),
         )
-        implausible = implausible_numbers(found, start, fitted[0].file, every)
-        _report_faults(implausible, work)
-        if aside:
-            advance(last="predict the held-out flights")
-            parted = list(zip(aside, unseen, strict=True))
-            again = stretches_of_flights(fitted, start, period=period, full_voltage=full, sections=work.sections)
-            seen = list(zip(fitted, again, strict=True))
-            held_out = predict_held_out(found, start, parted, seen=seen, known=known, gravity=felt)
-        document = document_of(found, start, fitted, work.known, [*faults, *implausible], held_out, clocks)
+        held_out = found.held_out
+        document = document_of(found, start, fitted, work.known, faults, held_out, clocks)
         contents = {VEHICLE: identified_file(found, start, [Path(each.file).name for each in fitted], known).encode()}
         contents[NUMBERS] = json_text(document).encode()
         if held_out is not None:
@@ -345,16 +335,13 @@ def _report_faults(faults: Sequence[Fault], work: Work) -> None:
         say(f"warning: {fault.words}")
 
 
-def _part(flight: FlightData, sections: Sequence[tuple[float, float]]) -> FlightData:
-    """Part of a flight that counts."""
-    if not sections:
-        return flight
-    ((begin, end),) = sections
-    if begin >= flight.end:
-        raise ValueError(f"--begin = {begin:g}: must be below {flight.end:g} s, the end of {flight.name}")
-    if end <= flight.start:
-        raise ValueError(f"--end = {end:g}: must be above {flight.start:g} s, the begin of {flight.name}")
-    return flight.section(begin, end)
+def _check_sections(flight: FlightData, sections: Sequence[tuple[float, float]]) -> None:
+    """Raise an error in one line for a part that counts of which a flight has nothing."""
+    for begin, end in sections:
+        if begin >= flight.end:
+            raise ValueError(f"--begin = {begin:g}: must be below {flight.end:g} s, the end of {flight.name}")
+        if end <= flight.start:
+            raise ValueError(f"--end = {end:g}: must be above {flight.start:g} s, the begin of {flight.name}")
 
 
 def known_numbers(start: Vehicle, words: Sequence[str]) -> tuple[Vehicle, dict[str, float]]:
@@ -380,10 +367,7 @@ def known_numbers(start: Vehicle, words: Sequence[str]) -> tuple[Vehicle, dict[s
         given[name] = number(value, f"--known {name}")
     total = given.pop(TOTAL, None)
     if total is not None:
-        carried = float(start.mass) - float(start.base.mass)
-        number(total, f"--known {TOTAL}", low=0.0, strict=True)
-        number(total - carried, f"--known {TOTAL}, less {carried:g} kg of the links", low=0.0, strict=True)
-        start = dataclasses.replace(start, base=dataclasses.replace(start.base, mass=total - carried))
+        start = weigh_vehicle(start, total, f"--known {TOTAL}")
     if VOLTAGE in given:
         number(given[VOLTAGE], f"--known {VOLTAGE}", low=0.0, strict=True)
     stated = [name for name in MOMENTS if name in given]

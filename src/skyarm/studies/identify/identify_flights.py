@@ -2,26 +2,36 @@
 
 from __future__ import annotations
 
+import dataclasses
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 
 from skyarm.flight_data.clocks import align_poses
 from skyarm.flight_data.flight_data import FlightData
+from skyarm.flight_data.quantities import GRAVITY
+from skyarm.records.files import number
 from skyarm.studies.identify.data_faults import Fault, find_faults, require_no_refusal
+from skyarm.studies.identify.held_out import held_out_period, predict_held_out
 from skyarm.studies.identify.identify_vehicle import Identified, identify_vehicle
 from skyarm.studies.identify.plausibility import implausible_numbers
 from skyarm.studies.identify.stretches import stretches_of_flights
 from skyarm.vehicle.vehicle_records import Vehicle
+
+TOTAL = "mass"
+"""Known number that is none of the search: kg, of the whole vehicle."""
 
 
 def identify_flights(
     flights: Sequence[FlightData],
     start: Vehicle,
     *,
+    held_out: Sequence[FlightData] = (),
     curve: bool = False,
+    drag_height: bool = False,
     full_voltage: float = 0.0,
     sections: Sequence[tuple[float, float]] = (),
     known: Mapping[str, float] | None = None,
+    gravity: float = GRAVITY,
     despite_faults: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> Identified:
@@ -32,31 +42,89 @@ def identify_flights(
     Args:
         flights: with gyro, accelerometer and rotor commands; of an arm, positions of the joints.
         start: vehicle with what is known before: data sheet, drawing, total mass.
+        held_out: flights that are predicted and not fitted.
         curve: find a thrust curve in place of the start's times a factor.
+        drag_height: the rotors' hub drag acts at a height of its own; needs the velocity.
         full_voltage: V, at which the start's thrust holds; 0 leaves the battery's voltage out.
         sections: (begin, end), s, of each flight that count; by default all in which the vehicle flies.
-        known: numbers that are not searched, by name.
+        known: numbers that are not searched, by name; ``mass`` is that of the whole vehicle, kg.
+        gravity: m/s^2, of the predictions.
         despite_faults: warn of faults for which a flight is refused.
         progress: called with one line a step of the search.
 
     Returns:
-        Numbers with 95 % intervals or the reason why the flights do not show them, and the vehicle.
+        Numbers with 95 % intervals or the reason why the flights do not show them, the vehicle, and the predictions.
 
     Raises:
         ValueError: one line: a fault of a flight, one that does not fit the vehicle, or SciPy is missing.
     """
-    flights = [align_poses(each)[0] for each in flights]
+    given = dict(known or {})
+    if TOTAL in given:
+        start = weigh_vehicle(start, given.pop(TOTAL), f"known.{TOTAL}")
+    return identify_aligned(
+        [align_poses(each)[0] for each in flights],
+        start,
+        lambda faults: _report(faults, despite_faults),
+        held_out=[align_poses(each)[0] for each in held_out],
+        curve=curve,
+        drag_height=drag_height,
+        full_voltage=full_voltage,
+        sections=sections,
+        known=given,
+        gravity=gravity,
+        progress=progress,
+    )
+
+
+def identify_aligned(
+    flights: Sequence[FlightData],
+    start: Vehicle,
+    report: Callable[[Sequence[Fault]], None],
+    *,
+    held_out: Sequence[FlightData],
+    curve: bool,
+    drag_height: bool,
+    full_voltage: float,
+    sections: Sequence[tuple[float, float]],
+    known: Mapping[str, float],
+    gravity: float,
+    progress: Callable[[str], None] | None,
+) -> Identified:
+    """Identify a vehicle from flights whose clocks agree; the arguments are those of :func:`identify_flights`.
+
+    The start has the total mass that a scale tells. ``report`` is called with the faults of the flights, then with
+    those of the numbers that hardly any vehicle has; an error that it raises ends all.
+    """
+    tell = progress or (lambda words: None)
+    tell("look for faults")
     parts = [each.section(*part) for each in flights for part in sections] if sections else flights
-    _report([fault for each in parts for fault in find_faults(each, start)], despite_faults)
-    cut = stretches_of_flights(flights, start, full_voltage=full_voltage, sections=sections) if flights else []
-    stretches = [each for part in cut for each in part]
-    found = identify_vehicle(stretches, start, curve=curve, known=known, progress=progress)
-    _report(implausible_numbers(found, start, flights[0].file, stretches), despite_faults)
-    return found
+    report([fault for each in (*parts, *held_out) for fault in find_faults(each, start)])
+    tell("cut into stretches")
+    fitted = stretches_of_flights(flights, start, full_voltage=full_voltage, sections=sections) if flights else []
+    every = [each for part in fitted for each in part]
+    period = held_out_period(every[0].period) if every else 0.0
+    unseen = stretches_of_flights(held_out, start, period=period, full_voltage=full_voltage) if held_out else []
+    found = identify_vehicle(every, start, curve=curve, drag_height=drag_height, known=known, progress=progress)
+    report(implausible_numbers(found, start, flights[0].file, every))
+    if not held_out:
+        return found
+    tell("predict the held-out flights")
+    again = stretches_of_flights(flights, start, period=period, full_voltage=full_voltage, sections=sections)
+    aside, seen = list(zip(held_out, unseen, strict=True)), list(zip(flights, again, strict=True))
+    predicted = predict_held_out(found, start, aside, seen=seen, known=known, gravity=gravity)
+    return dataclasses.replace(found, held_out=predicted)
+
+
+def weigh_vehicle(vehicle: Vehicle, mass: float, name: str) -> Vehicle:
+    """Vehicle of another total mass (kg), by its base; ``name`` begins the error of a mass below that of the links."""
+    carried = float(vehicle.mass) - float(vehicle.base.mass)
+    number(mass, name, low=0.0, strict=True)
+    number(mass - carried, f"{name}, less {carried:g} kg of the links", low=0.0, strict=True)
+    return dataclasses.replace(vehicle, base=dataclasses.replace(vehicle.base, mass=mass - carried))
 
 
 def _report(faults: Sequence[Fault], despite_faults: bool) -> None:
     """Warn of faults; raise an error for one for which a flight is refused."""
     require_no_refusal(() if despite_faults else faults)
     for fault in faults:
-        warnings.warn(fault.words, UserWarning, stacklevel=3)
+        warnings.warn(fault.words, UserWarning, stacklevel=5)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +28,9 @@ from skyarm.studies.identify.prediction_error import PredictedErrors, Prediction
 from skyarm.studies.identify.servo_response import with_servos
 from skyarm.studies.identify.unknowns import ACCELEROMETER, THRUST, Reported, Unknown, reported_of, unknowns_of
 from skyarm.vehicle.vehicle_records import Vehicle
+
+if TYPE_CHECKING:
+    from skyarm.studies.identify.held_out import HeldOut
 
 Array: TypeAlias = npt.NDArray[np.float64]
 
@@ -58,6 +61,7 @@ class Identified:
         settled: whether the search came to rest.
         seconds: of flight that counted.
         period: s, over which accelerations were compared.
+        held_out: errors of predictions of other flights, if any were asked for.
     """
 
     numbers: tuple[IdentifiedNumber, ...]
@@ -70,6 +74,7 @@ class Identified:
     seconds: float
     searched: Mapping[str, float] = field(default_factory=dict)
     period: float = 0.0
+    held_out: HeldOut | None = None
 
     def __getitem__(self, name: str) -> IdentifiedNumber:
         """Identified number by its name.
