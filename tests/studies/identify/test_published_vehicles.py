@@ -11,7 +11,7 @@ import pytest
 
 from logged_vehicles import FLIGHTS, crazyflie, iris
 from skyarm.algebra import Sym3, Vec3
-from skyarm.flight_data.clocks import align, clock_offset
+from skyarm.flight_data.clocks import align_poses
 from skyarm.flight_data.flight_data import load_flight
 from skyarm.studies.identify.disturbances import fit_disturbances
 from skyarm.studies.identify.held_out import poses_of
@@ -100,8 +100,7 @@ def test_a_flight_of_nanobench_is_predicted_from_the_fit_of_another(tmp_path):
     """
     start, pairs = crazyflie(), {}
     for name in ("B8_star_fast_rep2", "B8_star_fast_rep1"):
-        flight = unpacked("nanobench", name, tmp_path)
-        flight = align(flight, clock_offset(flight, "quaternion"), ["quaternion", "position", "velocity"])
+        flight, _ = align_poses(unpacked("nanobench", name, tmp_path))
         stretches = stretches_of(flight, start, period=0.04, full_voltage=4.2)
         pairs[name] = [(each, poses_of(flight, each)) for each in stretches]
     seen, unseen = pairs.values()
