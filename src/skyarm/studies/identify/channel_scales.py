@@ -148,6 +148,9 @@ FIRM = 0.97
 OFTEN = 40.0
 """Hz, least rate of channels whose gain is judged: below, a vehicle turns between samples."""
 
+UNITS = (0.4, 2.5)
+"""Scales of an accelerometer beyond which its size alone tells another unit."""
+
 HOVERING = 2.0
 """m/s, by which the vertical velocity of a flight in the air may change where none is measured."""
 
@@ -209,7 +212,7 @@ def scale_of_forces(flight: FlightData) -> Iterator[Found]:
     if channel.duration < 10.0 * TURN_STEP or flight.gravity <= 0.0:
         return
     scale = _mean_of_pieces(gyro, channel) / flight.gravity
-    if is_off(scale, OFF + HOVERING / (flight.gravity * channel.duration)):
+    if UNITS[0] < scale < UNITS[1] and is_off(scale, OFF + HOVERING / (flight.gravity * channel.duration)):
         finding = f"is {scale:.4g} times gravity on the mean in axes that the gyro turns back"
         yield REFUSED, "accelerometer", finding, "state its unit and scale in columns.toml"
 
