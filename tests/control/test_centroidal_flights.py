@@ -168,7 +168,19 @@ def delayed_later(vehicle, motion, delay, onset, *, known=0.005, seed=0):
 
 def test_commands_that_become_late_in_flight_are_survived():
     """30 ms from 3 s on: without a bound on old evidence the tip was 0.6 m away within 2 s."""
-    assert delayed_later(PAPER, "hover", 0.03, 3.0) < 0.1
+    assert delayed_later(PAPER, "hover", 0.03, 3.0) < 0.05
+
+
+@pytest.mark.parametrize(("known", "age"), [(0.005, None), pytest.param(0.035, 0.005, marks=pytest.mark.thorough)])
+def test_commands_that_are_late_cost_the_tip_no_way_along_its_path(known, age):
+    """30 ms, found or known: on the circle's 0.15 m/s a reference of now would be 4.5 mm away."""
+    planned = MOVED["circle"](setting_of(PAPER, 8.0))
+    law = make_centroidal(planned.controller.par.model, mode="tip", preset="adaptive", delay=known, age=age)
+    planned = dataclasses.replace(
+        planned, noise=NOISE, controller=law, delays=Delays(measurement=0.005, command=0.03), seed=3
+    )
+    log = skyarm.run(planned)
+    assert np.linalg.norm(log.tool - log.tool_reference, axis=1)[log.time >= 5.0].mean() < 0.0035
 
 
 @pytest.mark.thorough

@@ -13,7 +13,7 @@ import skyarm
 from skyarm.algebra import Force, Quaternion, Vec3
 from skyarm.control.blocks.actuators import command_for
 from skyarm.control.blocks.disturbance_observer import filter_pose, first_observed, nearer_sign, observe
-from skyarm.control.blocks.prediction import Disturbance, acceleration, predict, with_side
+from skyarm.control.blocks.prediction import Disturbance, acceleration, actuation, predict, with_side
 from skyarm.control.catalogue import make_controller
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.parameters import ObserverGains
@@ -177,7 +177,8 @@ def test_the_observer_predicts_by_pinocchio_in_the_middle_of_the_period(seed):
             rate=vec(measured_velocity[3:6]),
             joint_rates=tuple(measured_velocity[6:].tolist()),
         )
-        return observe(MODEL, gains, memory, measurement, acted, known, 1.0, free, DT)[0]
+        done = actuation(MODEL, memory.rotor_speeds, acted, DT)
+        return observe(MODEL, gains, memory, measurement, done, known, 1.0, free, DT)[0]
 
     squares = [
         quad(lambda t, w=w, c=c: turn_of(w, c, t) ** 2, 0.0, DT)[0] / DT

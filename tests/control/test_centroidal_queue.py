@@ -119,7 +119,7 @@ def test_the_first_queue_holds_a_hover_for_every_period_of_the_delay_and_the_mea
 
 def present(controller, memory):
     none = Disturbance(force=ZERO, torque=ZERO, efforts=(0.0, 0.0))
-    step = {"par": controller.par, "measurement": hovering()[0], "memory": memory, "dt": DT}
+    step = {"par": controller.par, "measurement": hovering()[0], "memory": memory, "dt": DT, "past": None}
     return _present(SimpleNamespace(**step, observed=memory.observed, unknown=none))
 
 
@@ -127,26 +127,53 @@ def test_the_present_state_is_that_after_the_later_commands_in_their_order():
     """The measurement's own period had the first; the two that follow it have acted since."""
     controller = law("centroidal")
     memory = underway(controller)
-    none = Disturbance(force=ZERO, torque=ZERO, efforts=(0.0, 0.0))
-    found = _present(
-        SimpleNamespace(
-            par=controller.par, measurement=hovering()[0], memory=memory, observed=memory.observed, unknown=none, dt=DT
-        )
-    )
+    found = present(controller, memory)
     assert found.rotor_speeds == pytest.approx(lag(lag(TURNING, SENT[1]), SENT[2]), rel=1e-12)
     # what rests on the order: the other way round is 4 rad/s off
     assert np.abs(np.subtract(found.rotor_speeds, lag(lag(TURNING, SENT[2]), SENT[1]))).max() > 4.0
 
 
+def found_late(periods):
+    """Law and memory of a flight in which commands were found to be so many periods late, and its past of actuators."""
+    controller = make_centroidal(MODEL, mode="tip", preset="adaptive", delay=2 * DT)
+    memory = underway(controller)
+    means = tuple(0.9 if j != periods else 0.0 for j in range(9))
+    lag = dataclasses.replace(memory.parts.lag, base=dataclasses.replace(memory.parts.lag.base, means=means))
+    past = memory.past
+    for k in range(11):
+        speeds = tuple(460.0 + 4.0 * k + each for each in (0.0, 5.0, 9.0, 14.0))
+        past = past.after(MODEL, Command(rotor_speeds=speeds, efforts=(0.001 * k, -0.001 * k)), DT)
+    return controller, dataclasses.replace(with_parts(memory, lag=lag), past=past)
+
+
+@pytest.mark.parametrize("periods", [0, 3, 8])
+def test_the_observers_rotors_are_late_by_the_measurements_age_and_the_lag_found(periods):
+    controller, memory = found_late(periods)
+    following, _ = stepped(controller, memory)
+    # the newest row is of the command that is now the last
+    assert following.past.speeds[-1] == pytest.approx(lag(memory.past.speeds[-1], SENT[2]), rel=1e-12)
+    assert following.observed.rotor_speeds == pytest.approx(following.past.speeds[-1 - 2 - periods], rel=1e-6)
+
+
+def test_by_a_known_delay_of_the_commands_the_reference_is_ahead():
+    level, goal = hovering()
+    moving = dataclasses.replace(goal, velocity=Vec3(0.4, -0.2, 0.1), acceleration=Vec3(0.5, 0.3, -0.2))
+    later = dataclasses.replace(
+        moving,
+        position=moving.position + moving.velocity * DT + moving.acceleration * (0.5 * DT * DT),
+        velocity=moving.velocity + moving.acceleration * DT,
+    )
+    told, old = (make_centroidal(MODEL, delay=2 * DT, age=age) for age in (DT, 2 * DT))
+    assert told.memory == old.memory
+    ahead = told.law(told.memory, level, moving, DT, par=told.par)[1]
+    assert ahead == old.law(old.memory, level, later, DT, par=old.par)[1]
+    assert ahead != old.law(old.memory, level, moving, DT, par=old.par)[1]
+
+
 def test_a_measurement_without_delay_is_the_present():
     controller = make_centroidal(MODEL)
     memory = underway(controller, SENT[:1])
-    none = Disturbance(force=ZERO, torque=ZERO, efforts=(0.0, 0.0))
-    found = _present(
-        SimpleNamespace(
-            par=controller.par, measurement=hovering()[0], memory=memory, observed=memory.observed, unknown=none, dt=DT
-        )
-    )
+    found = present(controller, memory)
     assert found.rotor_speeds == TURNING
     assert found.position == memory.observed.position
 

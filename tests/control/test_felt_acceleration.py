@@ -21,6 +21,7 @@ from skyarm.control.blocks.disturbance_observer import (
     unmodelled_thrust,
 )
 from skyarm.control.blocks.prediction import Disturbance as Unknown
+from skyarm.control.blocks.prediction import actuation
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.force_trend import lateness
@@ -131,7 +132,7 @@ def test_thrust_across_that_changes_within_a_period_is_no_unknown_force():
         ObserverGains(force=27.0, torque=31.0, joints=34.0, pose=60.0, accelerometer=GAINS),
         first_observed(0, (first,) * 6, True),
         dataclasses.replace(blank_measurement(0, 6), specific_force=vec(felt)),
-        Command(rotor_speeds=told, efforts=()),
+        actuation(Model(vehicle=vehicle, gravity=G), (first,) * 6, Command(rotor_speeds=told, efforts=()), DT),
         Unknown(force=ZERO3, torque=ZERO3, efforts=()),
         1.0,
         (1.0,),
@@ -161,7 +162,7 @@ def test_rotors_at_their_limit_hold_a_force_that_is_computed_and_not_one_that_is
         ObserverGains(force=27.0, torque=31.0, joints=34.0, pose=60.0, accelerometer=pair),
         first_observed(2, speeds, pair is not None),
         measured,
-        Command(rotor_speeds=speeds, efforts=(0.0, 0.0)),
+        actuation(ARM, speeds, Command(rotor_speeds=speeds, efforts=(0.0, 0.0)), DT),
         Unknown(force=ZERO3, torque=ZERO3, efforts=(0.0, 0.0)),
         1.0,
         (0.0, 1.0, 1.0),

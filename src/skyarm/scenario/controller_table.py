@@ -66,6 +66,7 @@ def loop_facts(rates: Rates, delays: Delays) -> dict[str, float]:
         "control_period": 1.0 / rates.control,
         "reference_period": 1.0 / rates.reference,
         "delay": delays.measurement,
+        "age": delays.measurement,
         "delay_periods": round(delays.measurement * rates.control),
     }
 

@@ -31,9 +31,10 @@ from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar, divide, mul, where
 from skyarm.control.blocks.filters import double_pole, low_pass_share
 from skyarm.control.blocks.prediction import (
+    Actuation,
     Disturbance,
     acceleration,
-    motor_speeds,
+    actuation,
     rotor_wrench,
     with_side,
 )
@@ -161,37 +162,32 @@ def observe(
     gains: ObserverGains,
     memory: Observed,
     measurement: Measurement,
-    acted: Command,
+    acted: Actuation,
     unknown: Disturbance,
     started: Scalar,
     free: Sequence[Scalar],
     dt: Scalar,
 ) -> tuple[Observed, Told]:
-    """Update of the disturbance observer by one measurement: next state, and modelled accelerations of the period.
+    """Update of the disturbance observer by one measurement: next state, and its corrections of the model.
 
     Args:
         model: the controller's model.
         gains: bandwidths.
         memory: one period earlier.
         measurement: the new one.
-        acted: the command of the period between them.
+        acted: actuation in the period between them.
         unknown: disturbance over the period, as estimated before the new one.
         started: below 0.5 at the first measurement, which is taken as it is.
         free: 1 or 0 for the base and each joint; 0 holds that disturbance because an actuator is at its limit.
         dt: s.
     """
     place = filter_pose(gains.pose, memory, measurement, started, dt)
-    half = motor_speeds(model, memory.rotor_speeds, acted, 0.5 * dt)
-    speeds = motor_speeds(model, memory.rotor_speeds, acted, dt)
-    squares = [
-        (a * a + 4.0 * (m * m) + b * b) * (1.0 / 6.0) for a, m, b in zip(memory.rotor_speeds, half, speeds, strict=True)
-    ]
+    half, speeds, squares = acted.amid, acted.speeds, acted.squares
     R = memory.quaternion.plus(place.quaternion, 1.0).normalized().rotation()
     joints = tuple(0.5 * (a + b) for a, b in zip(memory.joints, place.joints, strict=True))
     pushing = with_side(model, unknown, R, half, memory.velocity, memory.rate)
-    linear, angular, qdd = acceleration(
-        model, R, memory.rate, joints, memory.joint_rates, rotor_wrench(model, squares), acted.efforts, pushing
-    )
+    amid = Amid(R=R, rate=memory.rate, joints=joints, joint_rates=memory.joint_rates, unknown=pushing)
+    linear, angular, qdd = amid.accelerations(model, squares, acted.efforts)
     v, w = memory.velocity + linear * dt, memory.rate + angular * dt
     rates = [r + a * dt for r, a in zip(memory.joint_rates, qdd, strict=True)]
     ev, ew = measurement.velocity - v, measurement.rate - w
@@ -231,7 +227,7 @@ def observe(
         rotor_speeds=choose_each(running, learned.rotor_speeds, memory.rotor_speeds),
         bias=choose(running, base.bias, memory.bias) if memory.bias else (),
     )
-    told = Told(angular=angular, joints=qdd, angular_correction=turning, joint_corrections=tuple(bending))
+    told = Told(amid=amid, angular_correction=turning, joint_corrections=tuple(bending))
     return running_on, told
 
 
@@ -248,7 +244,8 @@ def observe_uncompensated(
     """Update of the disturbance observer with its own last disturbance estimate in the model: next observer state."""
     speeds = choose_each(started > 0.5, memory.rotor_speeds, measurement.rotor_speeds)
     before = dataclasses.replace(memory, rotor_speeds=speeds)
-    return observe(model, gains, before, measurement, acted, disturbance(before), started, free, dt)[0]
+    done = actuation(model, before.rotor_speeds, acted, dt)
+    return observe(model, gains, before, measurement, done, disturbance(before), started, free, dt)[0]
 
 
 def unmodelled_thrust(
@@ -268,16 +265,38 @@ def unmodelled_thrust(
 
 
 @immutable
-class Told:
-    """Modelled accelerations over the period before a measurement, and their corrections by that measurement.
+class Amid:
+    """State amid the period before a measurement, and the disturbance estimated before that measurement.
 
     Attributes:
-        angular, joints: accelerations under the commands and the disturbance estimated before, rad/s^2 or m/s^2.
+        R: R_WB. rate, joint_rates: estimates at the period's beginning. joints: rad or m.
+        unknown: disturbance with the rotor forces that the mixer omits.
+    """
+
+    R: Mat3
+    rate: Vec3
+    joints: tuple[Scalar, ...]
+    joint_rates: tuple[Scalar, ...]
+    unknown: Disturbance
+
+    def accelerations(
+        self, model: Model, squares: Sequence[Scalar], efforts: Sequence[Scalar]
+    ) -> tuple[Vec3, Vec3, tuple[Scalar, ...]]:
+        """Modelled accelerations under squared rotor speeds and joint efforts: world, body, joints."""
+        wrench = rotor_wrench(model, squares)
+        return acceleration(model, self.R, self.rate, self.joints, self.joint_rates, wrench, efforts, self.unknown)
+
+
+@immutable
+class Told:
+    """State amid the period before a measurement, and the corrections of the model by that measurement.
+
+    Attributes:
+        amid: state, and the disturbance estimated before the measurement.
         angular_correction, joint_corrections: accelerations by which that disturbance varies with the measurement.
     """
 
-    angular: Vec3
-    joints: tuple[Scalar, ...]
+    amid: Amid
     angular_correction: Vec3
     joint_corrections: tuple[Scalar, ...]
 

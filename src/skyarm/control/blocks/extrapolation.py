@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated, Any
 
-from skyarm.algebra.scalars import Scalar, absolute, divide, logical_or, minimum, where
+from skyarm.algebra.scalars import Scalar, absolute, add, divide, logical_or, minimum, where
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.select import data
 from skyarm.records.immutable import immutable
@@ -33,8 +33,9 @@ def extrapolate(
     dt: Scalar,
     period: Scalar,
     ahead: Sequence[Sequence[Sample]] = (),
+    late: Scalar = 0,
 ) -> tuple[list[Taylor], tuple[Channel, ...], Scalar]:
-    """Reference signals at present, next states of the signals, and age of the held sample.
+    """Reference signals at present or later, next states of the signals, and age of the held sample.
 
     Args:
         channels: as remembered.
@@ -44,6 +45,7 @@ def extrapolate(
         dt: control period, s.
         period: between samples, s.
         ahead: samples of one and two periods later; empty without a preview.
+        late: s, from the present to the instant of the signals.
     """
     new: Any = started < 0.5
     for channel, sample in zip(channels, held, strict=True):
@@ -53,11 +55,11 @@ def extrapolate(
     age = where(new, 0.0, minimum(age + dt, period))
     if ahead:
         rows = zip(held, ahead[0], ahead[1], strict=True)
-        return [_interpolate(*row, age, period) for row in rows], tuple(map(_hold, channels, held)), age
+        return [_interpolate(*row, add(age, late), period) for row in rows], tuple(map(_hold, channels, held)), age
     moved = tuple(
         _after(channel, sample, new, due, started, period) for channel, sample in zip(channels, held, strict=True)
     )
-    series = [_series(channel, sample, age, period) for channel, sample in zip(moved, held, strict=True)]
+    series = [_series(channel, sample, add(age, late), period) for channel, sample in zip(moved, held, strict=True)]
     return series, moved, age
 
 

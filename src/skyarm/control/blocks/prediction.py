@@ -183,6 +183,39 @@ def motor_speeds(model: Model, speeds: Sequence[Scalar], command: Command, dt: S
     return speeds_after(model.vehicle.rotors, speeds, command.rotor_speeds, dt)
 
 
+@immutable
+class Actuation:
+    """Modelled actuation over some time: rotor speeds and joint efforts.
+
+    Attributes:
+        squares: mean squared rotor speeds, (rad/s)^2. amid: rotor speeds amid that time, rad/s. speeds: at its end.
+        efforts: of the joints, N m or N, mean.
+    """
+
+    squares: Sequence[Scalar]
+    amid: Sequence[Scalar]
+    speeds: tuple[Scalar, ...]
+    efforts: tuple[Scalar, ...]
+
+
+def actuation(model: Model, speeds: Sequence[Scalar], command: Command, dt: Scalar) -> Actuation:
+    """Actuation in a period of a held command, from rotor speeds at its beginning, by Simpson's rule."""
+    half = motor_speeds(model, speeds, command, 0.5 * dt)
+    after = motor_speeds(model, speeds, command, dt)
+    squares = [(a * a + 4.0 * (m * m) + b * b) * (1.0 / 6.0) for a, m, b in zip(speeds, half, after, strict=True)]
+    return Actuation(squares=squares, amid=half, speeds=after, efforts=command.efforts)
+
+
+def predict_across(model: Model, x: State, done: Actuation, unknown: Disturbance, h: Scalar, sideways: bool) -> State:
+    """Vehicle state ``h`` seconds later, which may vary, in one step: accelerations are those amid the step."""
+    drift = 0.5 * h
+    R = (x.quaternion * Quaternion.of_small_rotation(x.rate * drift)).rotation()
+    joints = tuple(q + v * drift for q, v in zip(x.joints, x.joint_rates, strict=True))
+    applied = rotor_wrench(model, done.squares, sideways)
+    moved = acceleration(model, R, x.rate, joints, x.joint_rates, applied, done.efforts, unknown)
+    return _integrate(x, moved, done.speeds, h)
+
+
 def predict(
     model: Model, state: State, command: Command, unknown: Disturbance, dt: Scalar, sideways: bool = False
 ) -> State:
@@ -194,21 +227,25 @@ def predict(
         speeds = motor_speeds(model, x.rotor_speeds, command, h)
         squares = [0.5 * (a * a + b * b) for a, b in zip(x.rotor_speeds, speeds, strict=True)]
         applied = rotor_wrench(model, squares, sideways)
-        linear, angular, qdd = acceleration(
-            model, R, x.rate, x.joints, x.joint_rates, applied, command.efforts, unknown
-        )
-        velocity, rate = x.velocity + linear * h, x.rate + angular * h
-        rates = tuple(v + a * h for v, a in zip(x.joint_rates, qdd, strict=True))
-        # positions by the mean velocity: exact for a constant acceleration
-        turned = x.quaternion * Quaternion.of_small_rotation((x.rate + rate) * (0.5 * h))
-        return State(
-            position=x.position + (x.velocity + velocity) * (0.5 * h),
-            quaternion=turned.renormalized(),
-            velocity=velocity,
-            rate=rate,
-            joints=tuple(q + (a + b) * (0.5 * h) for q, a, b in zip(x.joints, x.joint_rates, rates, strict=True)),
-            joint_rates=tuple(data(r) for r in rates),
-            rotor_speeds=speeds,
-        )
+        moved = acceleration(model, R, x.rate, x.joints, x.joint_rates, applied, command.efforts, unknown)
+        return _integrate(x, moved, speeds, h)
 
     return repeat(SUBSTEPS, step, state)
+
+
+def _integrate(x: State, moved: tuple[Vec3, Vec3, Sequence[Scalar]], speeds: tuple[Scalar, ...], h: Scalar) -> State:
+    """Vehicle state after ``h`` seconds of constant accelerations: world, body, joints; and its rotor speeds."""
+    linear, angular, qdd = moved
+    velocity, rate = x.velocity + linear * h, x.rate + angular * h
+    rates = tuple(v + a * h for v, a in zip(x.joint_rates, qdd, strict=True))
+    # positions by the mean velocity: exact for a constant acceleration
+    turned = x.quaternion * Quaternion.of_small_rotation((x.rate + rate) * (0.5 * h))
+    return State(
+        position=x.position + (x.velocity + velocity) * (0.5 * h),
+        quaternion=turned.renormalized(),
+        velocity=velocity,
+        rate=rate,
+        joints=tuple(q + (a + b) * (0.5 * h) for q, a, b in zip(x.joints, x.joint_rates, rates, strict=True)),
+        joint_rates=tuple(data(r) for r in rates),
+        rotor_speeds=speeds,
+    )

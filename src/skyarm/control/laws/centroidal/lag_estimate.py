@@ -1,11 +1,15 @@
-"""Online estimate of the control loop's additional lag, and reduction of the bandwidth for it.
+"""Online estimate of the control loop's additional lag, of which the law predicts what is a delay.
 
 With a(t) the accelerations of the sent commands by the model and y(t) the measured ones, the mean M_j of
 |y(t) - a(t - L_j)|^2 is followed for a bank of lags L_j, whole control periods, in a band in which the loop is active
 and wind is not; the lag is the mean of L_j weighted by exp(-sharpness (M_j - min M) / min M), the likelihood of normal
-residuals. Each step of lag has a price (``prior``), large residuals count little (``robust``; Geman, McClure 1985), and
-no lag falls further behind the likeliest than ``lead`` (bounded evidence, Page 1954). Lags beyond the bank count as its
-longest; a lag of the sensors of pose alone is not seen.
+residuals with 1 / (1 + x / 8)^8 for exp(-x). Each step of lag has a price (``prior``), large residuals count little
+(``robust``; Geman, McClure 1985), and no lag falls further behind the likeliest than ``lead`` (bounded evidence, Page
+1954). Lags beyond the bank count as its longest; a lag of the sensors of pose alone is not seen.
+
+The law predicts the state across the rotors' lag. A delay leaves the size of the accelerations, a slow actuator lowers
+it: with y = c a(t - L), c the least squares, the bandwidth is lowered for the share of the lag that is no delay, none
+for 1 / c up to ``smaller``, all from ``slow`` on; that of the joints for what their lag exceeds the rotors' by.
 """
 
 from __future__ import annotations
@@ -14,7 +18,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from skyarm.algebra.scalars import Scalar, divide, exp, maximum, minimum, mul, sub, where
+from skyarm.algebra import inner_product
+from skyarm.algebra.scalars import Scalar, divide, maximum, minimum, mul, sub, total, where
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.select import data
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters, at_shares
@@ -42,8 +47,14 @@ PRIOR, SHARPNESS = 0.005, 100.0
 LEAD = PRIOR * (CANDIDATES - 1)
 """Most that a mean and its price lie above the least: what prices alone come to, of a bank without evidence."""
 
-AT_LIMIT = 0.2
-"""Weight of a period in which a rotor was at its limit."""
+LEARNING, KNOWN = 0.15, 0.5
+"""1/s, rate at which the size of the accelerations is learned; agreement and size, before the first measurement."""
+
+SMALLER, SLOW = 1.15, 1.35
+"""Times that accelerations are smaller than modelled, up to which a lag is a delay, and from which it is none."""
+
+LEAST = 1e-6
+"""Agreement that the size is divided by at least."""
 
 IGNORED = 0.002
 """Lag that changes nothing, s: what the middle of a control period and rounding leave."""
@@ -70,21 +81,25 @@ class LagGains(Part):
             past=(none,) * (self.stride * (CANDIDATES - 1)),
             base=bank,
             arm=bank,
+            agreement=KNOWN,
+            size=KNOWN,
             found=(0.0, 0.0),
         )
+
+    def delay(self, memory: LagMemory, dt: Scalar) -> Scalar:
+        """Delay of the commands across which the law predicts, s: the rotors' lag."""
+        return self.lags(memory, dt)[0]
 
     def adjust_gains(self, memory: LagMemory, par: CentroidalParameters, dt: Scalar) -> CentroidalParameters:
         """Reduce the law's bandwidths for the estimated lags."""
         return at_shares(par, *self.shares(memory, dt))
 
     def shares(self, memory: LagMemory, dt: Scalar) -> tuple[Scalar, Scalar]:
-        """Shares (0 to 1) of the nominal bandwidths of rotor and joint loops under the estimated lags."""
+        """Shares (0 to 1) of the nominal bandwidths of rotor and joint loops, for what is left of the lags."""
         base, joints = self.lags(memory, dt)
-
-        def share(half: Scalar, lag: Any) -> Any:
-            return divide(half, half + maximum(lag - IGNORED, 0.0))
-
-        return share(self.base, base), share(self.joints, joints)
+        joints = maximum(joints - base - IGNORED, 0.0)
+        base = maximum(base * (1.0 - delay_share(memory)) - IGNORED, 0.0)
+        return divide(self.base, self.base + base), divide(self.joints, self.joints + joints)
 
     def lags(self, memory: LagMemory, dt: Scalar) -> tuple[Scalar, Scalar]:
         """Estimated lags of the rotor loops and of the joint loops, s."""
@@ -96,7 +111,10 @@ class LagGains(Part):
         told, measurement, free, dt = step.told, step.measurement, step.memory.free, step.dt
         running = where(step.memory.started > 0.5, 1.0, 0.0)
         rates = (*measurement.rate, *measurement.joint_rates)
-        by_model = (*told.angular, *told.joints)
+        # the model's answer to what was sent, without a delay
+        last = -1 - step.par.delay_periods
+        _, angular, joints = told.amid.accelerations(step.par.model, step.past.squares[last], step.past.efforts[last])
+        by_model = (*angular, *joints)
         # the observer's disturbance stands still at limits of actuators
         learning = (free[0], free[0], free[0], *free[1:])
         corrections = (*told.angular_correction, *told.joint_corrections)
@@ -105,12 +123,17 @@ class LagGains(Part):
         believed = _in_row(memory.believed, own, running, dt)
         measured = _in_row(memory.measured, seen, running, dt)
         band = _band_pass(believed)
-        delayed = [band, *(memory.past[k - 1] for k in range(self.stride, len(memory.past) + 1, self.stride))]
-        weight = step.isolated * (AT_LIMIT + (1.0 - AT_LIMIT) * free[0])
-        keep = running * weight * maximum(FORGETTING * dt, divide(1.0, memory.count + FIRST))
+        past = [band, *(memory.past[k - 1] for k in range(self.stride, len(memory.past) + 1, self.stride))]
+        learned = mul(running, step.isolated)
+        keep = learned * maximum(FORGETTING * dt, divide(1.0, memory.count + FIRST))
         here = _band_pass(measured)
         groups = ((memory.base, slice(0, 2)), (memory.arm, slice(3, None)))
-        base, arm = (_bank(bank, here[p], [each[p] for each in delayed], keep, running * dt) for bank, p in groups)
+        base, arm = (_bank(bank, here[p], [each[p] for each in past], keep, running * dt) for bank, p in groups)
+        turned, weights = here[:2], weigh(memory.base)
+        inverse = divide(1.0, total(weights))
+        expected = [inner_product(weights, axis) * inverse for axis in zip(*(each[:2] for each in past), strict=True)]
+        rate = learned * (LEARNING * dt)
+        gain = divide(rate, inner_product(turned, turned) + ROBUST * memory.base.scale + FLOOR)
         return LagMemory(
             count=memory.count + running,
             rates=tuple(data(each) for each in rates),
@@ -122,6 +145,8 @@ class LagGains(Part):
             past=(band, *memory.past[:-1]),
             base=base,
             arm=arm,
+            agreement=memory.agreement * (1.0 - rate) + gain * inner_product(expected, turned),
+            size=memory.size * (1.0 - rate) + gain * inner_product(expected, expected),
             found=self.lags(memory, dt),
         )
 
@@ -146,6 +171,8 @@ class LagMemory:
     past: Annotated[tuple[tuple[Scalar, ...], ...], Unit("rad/s^2 or m/s^2", "by the model in the band, newest first")]
     base: Bank
     arm: Bank
+    agreement: Annotated[Scalar, Unit("", "mean product of measured and modelled accelerations of roll and pitch")]
+    size: Annotated[Scalar, Unit("", "mean square of the modelled ones; both at the lag found, per measured square")]
     found: Annotated[tuple[Scalar, Scalar], Unit("s", "lag of the rotors' loops and of the joints' that was answered")]
 
 
@@ -154,15 +181,28 @@ def stride_of(control_period: float) -> int:
     return max(1, round(STEP / control_period))
 
 
+def delay_share(memory: LagMemory) -> Any:
+    """Share of the rotors' lag that is a delay, 0 to 1: none where accelerations are much smaller than modelled."""
+    times = divide(memory.size, maximum(memory.agreement, LEAST))
+    return minimum(maximum((SLOW - times) * (1.0 / (SLOW - SMALLER)), 0.0), 1.0)
+
+
+def weigh(bank: Bank) -> list[Any]:
+    """Weight of each candidate lag, its likelihood up to a common factor."""
+    paid, least = _price_lags(bank.means)
+    inverse = divide(0.125 * SHARPNESS, least + PRIOR)
+    found = []
+    for each in paid:
+        once = divide(1.0, (each - least) * inverse + 1.0)
+        twice = once * once
+        found.append((twice * twice) * (twice * twice))
+    return found
+
+
 def estimate(bank: Bank, step: Scalar) -> Any:
     """Estimated lag, s: likelihood-weighted mean of the candidate lags, which are ``step`` apart."""
-    paid, least = _price_lags(bank.means)
-    total: Scalar = 0.0
-    weighted: Scalar = 0.0
-    for j, each in enumerate(paid):
-        weight = exp(-(SHARPNESS * divide(each - least, least + PRIOR)))
-        total, weighted = total + weight, weighted + weight * float(j)
-    return step * divide(weighted, total)
+    weights = weigh(bank)
+    return step * divide(total(each * float(j) for j, each in enumerate(weights[1:], start=1)), total(weights))
 
 
 def _price_lags(means: Sequence[Scalar]) -> tuple[list[Scalar], Scalar]:

@@ -11,15 +11,17 @@ Sources: Lee, Leok, McClamroch 2010; Gao 2003; the parts cite their own.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar, divide, where
+from skyarm.algebra.scalars import Scalar, add, divide, maximum, where
 from skyarm.control.blocks.actuators import all_follow
 from skyarm.control.blocks.disturbance_observer import Observed, disturbance, observe
 from skyarm.control.blocks.extrapolation import Channel, extrapolate
-from skyarm.control.blocks.prediction import Disturbance, predict, with_side
+from skyarm.control.blocks.late_actuators import Past
+from skyarm.control.blocks.prediction import Disturbance, actuation, predict, predict_across, with_side
 from skyarm.control.controller import all_applied
 from skyarm.control.laws.centroidal.demands import demands
 from skyarm.control.laws.centroidal.parameters import FOLLOWING, CentroidalParameters
@@ -30,7 +32,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
-from skyarm.reference.preview import samples, samples_ahead
+from skyarm.reference.preview import Sample, samples, samples_ahead
 from skyarm.sensing.measurement import Measurement
 
 
@@ -54,6 +56,7 @@ class CentroidalMemory:
         channels: samples of x, y, z, yaw and joints.
         sent: the last commands, oldest first, one more than the delay has periods.
         following: of the demands. parts: of the parts.
+        past: of the actuators; empty without an estimate of the lag.
     """
 
     started: Annotated[Scalar, Unit("", "0 before the first measurement")]
@@ -66,6 +69,7 @@ class CentroidalMemory:
     slow_force: Annotated[Vec3, Unit("N", "the observer's force, slowly filtered")]
     trim: Annotated[tuple[Scalar, ...], Unit("(rad/s)^2", "added to the squared speeds that the mixer asks for")]
     following: Following = Following()
+    past: Past | tuple[()] = ()
     parts: PartMemories = PartMemories()
 
 
@@ -73,9 +77,16 @@ def centroidal(
     memory: CentroidalMemory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: CentroidalParameters
 ) -> tuple[CentroidalMemory, Command]:
     """One control step of the centroidal law: computed torque on the centre of mass with a disturbance observer."""
-    ahead = samples_ahead(reference)
+    late: Scalar = 0
+    past, lag = memory.past or None, par.parts.lag
+    if past is None or lag is None:
+        done = actuation(par.model, memory.observed.rotor_speeds, memory.sent[0], dt)
+    else:
+        late, past = lag.delay(memory.parts.lag, dt), past.after(par.model, memory.sent[-1], dt)
+        done = past.period(_age(par, late, dt))
+    ahead, lead = samples_ahead(reference), _lead(par, late, dt)
     signals, channels, age = extrapolate(
-        memory.channels, memory.age, samples(reference), memory.started, dt, par.reference_period, ahead
+        memory.channels, memory.age, samples(reference), memory.started, dt, par.reference_period, ahead, lead
     )
     parts = par.parts.present()
     memories = {name: getattr(memory.parts, name) for name, _ in parts}
@@ -89,7 +100,7 @@ def centroidal(
         par.observer,
         memory.observed,
         measurement,
-        memory.sent[0],
+        done,
         disturbance(memory.observed) + adapted,
         memory.started,
         memory.free,
@@ -104,8 +115,10 @@ def centroidal(
         measurement=measurement,
         reference=reference,
         dt=dt,
+        late=late,
+        past=past,
         signals=signals,
-        ahead=[(lead - age, row) for lead, row in zip(par.preview, ahead, strict=False)][FOLLOWING:],
+        ahead=_coming(par, ahead, add(age, lead), dt),
         observed=observed,
         told=told,
         alone=alone,
@@ -129,7 +142,7 @@ def centroidal(
         step.drift = (slow - memory.slow_force) * divide(1.0, dt)
     step.steady = steady_force(par, step, slow, adapted.force)
     step.demand = demands(step)
-    done = actuate(step, step.demand)
+    output = actuate(step, step.demand)
     for name, part in parts:
         memories[name] = part.learn(memories[name], step)
     following = CentroidalMemory(
@@ -137,20 +150,45 @@ def centroidal(
         age=age,
         channels=channels,
         observed=observed,
-        sent=(*memory.sent[1:], done.command),
+        sent=(*memory.sent[1:], output.command),
+        past=() if past is None else past,
         applied=all_applied(par.model.vehicle.n),
-        free=done.free,
+        free=output.free,
         slow_force=slow,
-        trim=done.trim,
+        trim=output.trim,
         following=step.demand.following,
         parts=PartMemories(**memories),
     )
-    return following, done.command
+    return following, output.command
 
 
 def _present(step: Step) -> State:
-    """Present vehicle state: filtered estimate, predicted over the measurement delay with the commands sent since."""
-    par, state = step.par, step.observed.state()
+    """Vehicle state when the command of this step begins to act: filtered estimate, predicted over the sent commands.
+
+    That is now, after the measurement's delay, and later by a delay of the commands that is found in flight.
+    """
+    par, state, sideways = step.par, step.observed.state(), step.par.center.sideways is not None
+    if step.past is not None:
+        age = _age(par, step.late, step.dt)
+        return predict_across(par.model, state, step.past.since(age), step.unknown, age * step.dt, sideways)
     for command in step.memory.sent[1:]:
-        state = predict(par.model, state, command, step.unknown, step.dt, par.center.sideways is not None)
+        state = predict(par.model, state, command, step.unknown, step.dt, sideways)
     return state
+
+
+def _age(par: CentroidalParameters, late: Scalar, dt: Scalar) -> Scalar:
+    """Age of the measurement against what the present command will find, in periods."""
+    return divide(late, dt) + float(par.delay_periods)
+
+
+def _lead(par: CentroidalParameters, late: Scalar, dt: Scalar) -> Scalar:
+    """Time from now to when a command of this step acts, s: the commands' known delay and that found in flight."""
+    return add(late, dt * float(par.lead_periods)) if par.lead_periods else late
+
+
+def _coming(
+    par: CentroidalParameters, ahead: Sequence[Sequence[Sample]], age: Scalar, dt: Scalar
+) -> list[tuple[Scalar, Sequence[Sample]]]:
+    """Samples of the preview with their times from when a command of this step acts, a period at least."""
+    found = [(maximum(lead - age, dt), row) for lead, row in zip(par.preview, ahead, strict=False)]
+    return found[FOLLOWING:]

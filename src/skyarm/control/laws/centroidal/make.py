@@ -14,6 +14,7 @@ from skyarm.control.blocks.common import standing_command
 from skyarm.control.blocks.disturbance_observer import AccelerometerGains, ObserverGains, first_observed
 from skyarm.control.blocks.extrapolation import Channel
 from skyarm.control.blocks.force_control import SENSING, require_thresholds
+from skyarm.control.blocks.late_actuators import first_past
 from skyarm.control.blocks.prediction import pushes_across
 from skyarm.control.blocks.torque_scale import Tolerances
 from skyarm.control.controller import Controller, ControllerError, all_applied
@@ -69,6 +70,7 @@ def make_centroidal(
     mode: str = "joint",
     preset: str = "robust",
     delay: float = 0.0,
+    age: float | None = None,
     control_period: float = 0.005,
     reference_period: float = 0.02,
     tip_mass_limit: float = 0.2,
@@ -80,9 +82,10 @@ def make_centroidal(
     The presets were chosen on the Hummingbird with its arm of 0.3 m: the lengths (reach, damping, shift_limit) are
     that arm's, and "stiff" needs motors about as fast as its (12.5 ms up, 25 ms down).
 
-    ``delay`` is the known age of the measurement, s, a whole number of control periods; ``reference_period`` the time
-    between published samples, s; ``tip_mass_limit`` in kg; ``changes`` replace entries of the preset.
-
+    ``delay`` is the known delay from a command to its measurement, s, a whole number of control periods, and ``age``
+    what of it is the measurement's; None for all. By the rest, a delay of the commands, the reference is ahead.
+    ``reference_period`` is the time between published samples, s; ``tip_mass_limit`` in kg; ``changes`` replace entries
+    of the preset.
 
     Raises:
         ControllerError: an unknown mode or preset, an option out of its range, no end effector, or ``sideways`` for
@@ -107,6 +110,7 @@ def make_centroidal(
         raise ControllerError(f"model.vehicle = {vehicle.name!r}: has no end_effector, which mode 'tip' must have")
     if not vehicle.n:
         gains["arm_turn"] = 0.0
+    ahead = 0 if age is None else max(0, periods - periods_of(age, control_period, "age"))
     # the observer finds a force late by its two poles and the known delay
     lead = periods * control_period + 2.0 / max(gains["observer"][2] * gains["bandwidth"], 1.0)
     kp, kv, kr, kw = gains["base"]
@@ -160,6 +164,7 @@ def make_centroidal(
             pushes_across=pushes_across(vehicle) and not sideways,
         ),
         delay_periods=periods,
+        lead_periods=ahead,
         reference_period=number_within("reference_period", reference_period, *PERIODS),
         parts=Parts(
             lag=LagGains(**_row("base joints", gains["lag"]), stride=stride_of(control_period))
@@ -235,17 +240,19 @@ def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMem
     """Initial internal state of the centroidal law: level hover of the model with all joints at zero."""
     model, vehicle = par.model, par.model.vehicle
     zero, standing = Vec3(0.0, 0.0, 0.0), standing_command(model)
-    speeds = standing.rotor_speeds
+    speeds, lag = standing.rotor_speeds, par.parts.lag
+    parts = {name: part.start(vehicle.n) for name, part in par.parts.present()}
     return CentroidalMemory(
         started=0.0,
         age=0.0,
         channels=(Channel(),) * (4 + vehicle.n),
         observed=first_observed(vehicle.n, speeds, par.observer.accelerometer is not None),
         sent=(standing,) * (delay_periods + 1),
+        past=() if lag is None else first_past(standing, delay_periods + 1 + len(parts["lag"].past)),
         applied=all_applied(vehicle.n),
         free=(1.0,) * (1 + vehicle.n),
         slow_force=zero,
         trim=(0.0,) * len(speeds),
         following=first_following(par),
-        parts=PartMemories(**{name: part.start(vehicle.n) for name, part in par.parts.present()}),
+        parts=PartMemories(**parts),
     )

@@ -116,7 +116,8 @@ class CentroidalParameters:
         mode: "joint" keeps base and joints on their references, "tip" the tip and the links.
         joint_gains: on accelerations.
         joint_ends: whether each joint has a lower and an upper limit that it is kept off; empty leaves it out.
-        delay_periods: age of the measurement in control periods.
+        delay_periods: known delay from a command to its measurement, in control periods.
+        lead_periods: what of it is not the measurement's age, by which the reference is ahead.
     """
 
     model: Model
@@ -130,6 +131,7 @@ class CentroidalParameters:
     observer: ObserverGains
     rotors: RotorGains
     delay_periods: int
+    lead_periods: int = 0
     reference_period: Annotated[Scalar, Unit("s", "between samples of the reference")]
     parts: Parts
 

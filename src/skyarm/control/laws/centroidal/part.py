@@ -33,6 +33,8 @@ class Step:
 
     Attributes:
         par: constants of this step. memory: of the law, one period earlier. dt: s.
+        late: s, after which a command of this step acts, found in flight. The reference and ``state`` are of then.
+        past: of the actuators; None without an estimate of the lag.
         signals: x, y, z, yaw and the joints of the reference, series in time.
         observed: of the observer, at the measurement's time. told: accelerations of the model over that period.
         alone: observed disturbance with the adapted feed-forward.
@@ -60,6 +62,8 @@ class Step:
     unknown: Disturbance
     force: Vec3
     free: tuple[Scalar, ...]
+    late: Scalar = 0
+    past: Any = None
     state: State = field(init=False)
     isolated: Scalar = 1.0
     external: Scalar = 0
@@ -84,6 +88,10 @@ class Part:
     def start(self, joints: int) -> Any:
         """Initial internal state of an optional part of the law, for a vehicle with the given number of joints."""
         return ()
+
+    def delay(self, memory: Any, dt: Scalar) -> Scalar:
+        """Delay of the commands, s, across which the law predicts beside the known one."""
+        return 0
 
     def adjust_gains(self, memory: Any, par: CentroidalParameters, dt: Scalar) -> CentroidalParameters:
         """Constants of the law for this control step, as changed by an optional part."""

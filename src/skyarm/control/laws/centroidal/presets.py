@@ -223,15 +223,15 @@ def must_act(changes: Mapping[str, Any], gains: Mapping[str, Any], mode: str, ad
             refuse(name, gains[name], f"two {unit} above 0, or twice 0")
 
 
-def periods_of(delay: Any, control_period: Any) -> int:
-    """Known delay as a whole number of control periods.
+def periods_of(delay: Any, control_period: Any, name: str = "delay") -> int:
+    """Known delay, an option of that name, as a whole number of control periods.
 
     Raises:
         ControllerError: no whole number of them, too many, or a period that is none.
     """
     period = number_within("control_period", control_period, *PERIODS)
-    seconds = number_within("delay", delay, 0.0, OLDEST * period * (1.0 + 1e-9))
+    seconds = number_within(name, delay, 0.0, OLDEST * period * (1.0 + 1e-9))
     periods = round(seconds / period)
     if abs(periods * period - seconds) > 1e-9:
-        refuse("delay", delay, f"a whole number of control periods of {period:g} s")
+        refuse(name, delay, f"a whole number of control periods of {period:g} s")
     return periods

@@ -1,0 +1,79 @@
+"""Modelled past of the actuators, read at any age: actuation under commands that are late by a varying time.
+
+The motors' lag has no clock of its own: motors that get commands L seconds late turn as those without a delay turned L
+seconds ago. So the model's motors run without the delay, and their past is read at the delay's age, which may vary.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated
+
+from skyarm.algebra import inner_product
+from skyarm.algebra.scalars import Scalar, data, divide, maximum, minimum, mul, sub
+from skyarm.control.blocks.prediction import Actuation, actuation
+from skyarm.control.model import Model
+from skyarm.dynamics.actuators import Command
+from skyarm.records.immutable import immutable
+from skyarm.records.units import Unit
+
+Rows = tuple[tuple[Scalar, ...], ...]
+
+SHORTEST = 1e-9
+"""Periods: length at least, of a mean over the past."""
+
+
+@immutable
+class Past:
+    """Modelled actuation without delay in the last periods, one row a period, oldest first.
+
+    Ages are at most the number of rows less one.
+    """
+
+    squares: Annotated[Rows, Unit("(rad/s)^2", "mean squared speeds of the motors in a period")]
+    speeds: Annotated[Rows, Unit("rad/s", "of the motors at the end of a period")]
+    efforts: Annotated[Rows, Unit("N m or N", "of the joints")]
+
+    def after(self, model: Model, command: Command, dt: Scalar) -> Past:
+        """Past after one more period of a held command."""
+        done = actuation(model, self.speeds[-1], command, dt)
+        rows = (done.squares, done.speeds, done.efforts)
+        held = (self.squares, self.speeds, self.efforts)
+        squares, speeds, efforts = (
+            (*old[1:], tuple(data(each) for each in new)) for old, new in zip(held, rows, strict=True)
+        )
+        return Past(squares=squares, speeds=speeds, efforts=efforts)
+
+    def period(self, age: Scalar) -> Actuation:
+        """Actuation in the period that ended ``age`` periods ago."""
+        held = self._since(age)
+        # what acted since a period earlier is the same of the command after it
+        shares = [sub(older, since) for older, since in zip((1.0, *held[:-1]), held, strict=True)]
+        speeds = _sums(self.speeds, shares)
+        return Actuation(
+            squares=_sums(self.squares, shares), amid=speeds, speeds=speeds, efforts=_sums(self.efforts, shares)
+        )
+
+    def since(self, age: Scalar) -> Actuation:
+        """Mean actuation in the last ``age`` periods, with the rotor speeds at their end."""
+        inverse, held, now = divide(1.0, maximum(age, SHORTEST)), self._since(age)[:-1], self.speeds[-1]
+        squares, efforts = (
+            tuple(mul(each, inverse) for each in _sums(rows[1:], held)) for rows in (self.squares, self.efforts)
+        )
+        return Actuation(squares=squares, amid=now, speeds=now, efforts=efforts)
+
+    def _since(self, age: Scalar) -> list[Scalar]:
+        """Part of each period, newest first, 0 to 1, that lies after ``age`` periods ago."""
+        return [minimum(maximum(sub(age, float(k)), 0.0), 1.0) for k in range(len(self.squares))]
+
+
+def first_past(standing: Command, periods: int) -> Past:
+    """Past of actuators that have held a command for ``periods``."""
+    speeds = standing.rotor_speeds
+    squares = tuple(speed * speed for speed in speeds)
+    return Past(squares=(squares,) * periods, speeds=(speeds,) * periods, efforts=(standing.efforts,) * periods)
+
+
+def _sums(rows: Rows, shares: Sequence[Scalar]) -> tuple[Scalar, ...]:
+    """Weighted sum of rows; their shares are in the order of their ages."""
+    return tuple(inner_product(shares, column) for column in zip(*rows[::-1], strict=True))
