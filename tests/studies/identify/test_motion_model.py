@@ -78,7 +78,7 @@ def flown():
 ABOUT = Surroundings(delay=DELAY, joint_delay=DELAY)
 
 
-LEFT = np.array([0.1, 0.06, 0.005, 0.005, 0.005, 0.005, 0.005, 0.005])
+LEFT = np.array([0.12, 0.06, 0.008, 0.005, 0.005, 0.005, 0.005, 0.005])
 """Of each row. An accelerometer at instants meets rotors that just speed up, and joints whose motion is given just as
 they accelerate; the model has the means of both.
 """

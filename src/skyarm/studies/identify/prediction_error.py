@@ -10,6 +10,7 @@ of a fit without it (White 1980; Liang and Zeger 1986; Bell and McCaffrey 2002).
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -29,6 +30,9 @@ WINDOWS = 6
 """Means of what is past beyond the order: a memory of 512 periods. White noise of a rate, in a sum whose errors walk
 slowly, is seen apart from them over seconds; a filter of the order alone takes slow errors for small ones.
 """
+
+PART = 4
+"""Times that the longest stretch must hold the longest window, so that a short flight's motion is not its noise."""
 
 OTHERS = (3, 4, 5)
 """Windows of shorter memories, by which the numbers could be found as well. What they would move the numbers by adds to
@@ -401,6 +405,8 @@ def _noise(
     rows = found[0].shape[1]
     before = counted[:, None] * np.ones((1, rows)) if weights is None else weights
     filters = np.zeros((rows, ORDER + WINDOWS))
+    longest = max(len(each) for each in found) / (PART * ORDER)
+    windows = min(windows, max(0, int(math.log2(max(longest, 1.0)))))
     for i in range(rows):
         each = [part[:, i] for part in found]
         filters[i, : ORDER + windows] = ar_coefficients(each, ORDER, before[:, i], 0.0, windows)
