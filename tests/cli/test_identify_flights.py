@@ -55,7 +55,7 @@ def flights(tmp_path_factory):
     (folder / "truth.toml").write_text(vehicle_text(dataclasses.replace(START, rotors=stronger)))
     path = Trajectory(
         x=sine_from_rest(0.3, 0.6, 0.0),
-        y=sine_from_rest(0.3, 0.8, 2.0),
+        y=sine_from_rest(0.4, 0.8, 2.0),
         z=Sum((Constant(5.0), sine_from_rest(0.2, 1.1, 1.0))),
         yaw=sine_from_rest(0.5, 0.7, 1.0),
     )
