@@ -11,7 +11,13 @@ reference along n, by which the base comes to the surface, follows it and return
 while the ramp runs: it must answer an impact.
 
 Friction holds a resting tip with any force within its cone, which joints and rotors balance. Near their limits the law
-compensates less of the force across n, and friction takes the difference.
+compensates less of the force across n, and friction takes the difference. A force beyond the cone is that of a wall
+beside the tip, as of a hole, and would grow with its own compensation: only ``cone`` times the normal force is
+compensated.
+
+Contact outlasts the push. Until the tip's force is below ``lost`` for ``loss_time``, whatever its direction, it is none
+that the joints compensate, while the tip already follows its reference out: it neither jabs nor stores a force in what
+holds it.
 
 A tip that grips is in contact for as long as the reference says; f_d may have either sign, and the normal may be the
 radius of an arc (:class:`Wanted`).
@@ -28,12 +34,14 @@ from skyarm.algebra.scalars import (
     Scalar,
     absolute,
     clip,
+    divide,
     logical_and,
     logical_not,
     logical_or,
     maximum,
     minimum,
     mul,
+    sqrt,
     where,
 )
 from skyarm.control.blocks.filters import low_pass_share
@@ -77,21 +85,28 @@ def interact(
     """
     n, asked = wanted.normal, wanted.requests_contact
     force = tip_force(gains.errors, at, observed - memory.bias)
-    along = n.dot(force if felt is None else felt)
-    touching, losing = touches(gains, memory, asked, along, into, dt)
+    measured = force if felt is None else felt
+    along = n.dot(measured)
+    touching, losing = touches(gains, memory, asked, where(asked, along, _size(measured)), into, dt)
     relieved = clip((load - gains.relief_start) / (gains.relief_end - gains.relief_start), 0.0, 1.0)
-    kept = 1.0 - gains.relief * relieved
+    if wanted.grips:
+        touching, losing = maximum(touching, wanted.grip), losing * (1.0 - wanted.grip)
+    pressed = where(asked, touching, 0.0)
+    share = ramp_share(gains, memory.share, pressed, dt)
+    integral = integrate_force_error(
+        gains, memory.integral, wanted.force, along, pressed, share, relieved, dt, wanted.grips
+    )
+    order = share * (wanted.force + integral)
+    normal_force = n.dot(force)
+    cone = gains.cone * maximum(maximum(order, normal_force), 0.0)
+    within = minimum(divide(cone, _size(force - n * normal_force)), 1.0)
+    kept = (1.0 - gains.relief * relieved) * within
     if wanted.grips:
         kept = where(wanted.grip > 0.5, gains.yielding, kept)
-        touching, losing = maximum(touching, wanted.grip), losing * (1.0 - wanted.grip)
-    share = ramp_share(gains, memory.share, touching, dt)
-    integral = integrate_force_error(
-        gains, memory.integral, wanted.force, along, touching, share, relieved, dt, wanted.grips
-    )
     presses = logical_or(touching > 0.5, share > 0.0)
     free = where(logical_or(presses, memory.touching > 0.5), 0.0, memory.free + dt)
     engaged = where(presses, 1.0, 0.0)
-    shift = normal_shift(gains, memory, asked, touching, wanted.speed, dt)
+    shift = normal_shift(gains, memory, asked, pressed, wanted.speed, dt)
     after = dataclasses.replace(
         memory,
         touching=touching,
@@ -113,8 +128,8 @@ def interact(
         engaged=engaged,
         shift=shift,
         asked=asked,
-        order=share * (wanted.force + integral),
-        beyond=touching * (1.0 - share) * n.dot(force),
+        order=order,
+        beyond=touching * (1.0 - share) * normal_force,
         force=force,
         kept=kept,
     )
@@ -122,21 +137,24 @@ def interact(
 
 
 def touches(
-    gains: InteractionGains, memory: InteractionMemory, asked: Scalar, along: Scalar, into: Scalar, dt: Scalar
+    gains: InteractionGains, memory: InteractionMemory, asked: Scalar, held: Scalar, into: Scalar, dt: Scalar
 ) -> tuple[Scalar, Scalar]:
-    """Contact detection with hysteresis: contact (1 or 0), and progress (0 to 1) towards the loss of contact."""
+    """Contact detection with hysteresis: contact (1 or 0), and progress (0 to 1) towards the loss of contact.
+
+    ``held`` is the force along the normal while contact is asked for, after it the size of the tip's force, N.
+    """
     was = memory.touching > 0.5
     weak, through = (
-        where(along < gains.lost, dt / gains.loss_time, 0.0),
+        where(held < gains.lost, dt / gains.loss_time, 0.0),
         where(logical_and(into > gains.escape, memory.found > PRESSED), dt / gains.escape_time, 0.0),
     )
     step = maximum(weak, through)
     losing = where(logical_and(was, step > 0.0), memory.losing + step, 0.0)
     # a sum of periods is not exactly their number times one
     # the force at a tip that still goes in, soon after a loss, is a remainder in the observer or a sensor's filter
-    begins = logical_and(along > gains.touch, logical_or(into < gains.escape, memory.free > gains.rebound))
-    found: Scalar = where(was, where(losing > 1.0 - 1e-9, 0.0, 1.0), where(begins, 1.0, 0.0))
-    return where(asked, found, 0.0), losing
+    begins = logical_and(held > gains.touch, logical_or(into < gains.escape, memory.free > gains.rebound))
+    found: Scalar = where(was, where(losing > 1.0 - 1e-9, 0.0, 1.0), where(logical_and(asked, begins), 1.0, 0.0))
+    return found, losing
 
 
 def ramp_share(gains: InteractionGains, share: Scalar, touching: Scalar, dt: Scalar) -> Scalar:
@@ -195,6 +213,11 @@ def update_bias(
 def contact_cleared(gains: InteractionGains, memory: InteractionMemory) -> Scalar:
     """Flag of 1 if contact ended long enough ago that the observed disturbance is free of it, else 0."""
     return where(maximum(memory.free - gains.rest, 0.0) > 0.0, 1.0, 0.0)
+
+
+def _size(force: Vec3) -> Scalar:
+    """Magnitude of a force, N, never 0."""
+    return sqrt(force.dot(force) + 1e-12)
 
 
 @immutable
@@ -265,6 +288,7 @@ class InteractionGains:
     relief_start: Annotated[Scalar, Unit("", "share of a limit from which on friction is let go")] = 0.9
     relief_end: Annotated[Scalar, Unit("", "share of a limit at which most is let go")] = 1.0
     relief: Annotated[Scalar, Unit("", "0 to 1, of the observed friction that is let go at most")] = 0.2
+    cone: Annotated[Scalar, Unit("", "of the normal force, that is compensated across it at most")] = 1.0
     yielding: Annotated[Scalar, Unit("", "0 to 1, of the observed force across that is answered while it grips")] = 0.7
     tilting: Annotated[Scalar, Unit("1/s", "at which sliding corrects the normal")] = 1.0
     again: Annotated[Scalar, Unit("m/s", "with which the tip comes back to a surface that it lost, at most")] = 0.1

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from skyarm.algebra import E_Z, Vec3, axis_rotation
-from skyarm.algebra.scalars import Scalar, minimum, where
+from skyarm.algebra.scalars import Scalar, logical_or, minimum, where
 from skyarm.control.blocks.force_control import (
     InteractionGains,
     InteractionMemory,
@@ -98,11 +98,12 @@ class TipContact:
             unanswered = along + (pressing.force - along) * (1.0 - KEPT)
             free = observed + at.disturbance(unanswered * -pressing.engaged)
             pressed = free + at.disturbance(n * (pressing.order * pressing.engaged))
+            rising = where(wanted.requests_contact, after.touching, 0.0)
             return after, Touch(
                 normal=tuple(n),
                 asked=where(wanted.requests_contact, 1.0, 0.0),
-                touching=pressing.engaged,
-                rising=after.touching,
+                touching=where(logical_or(rising > 0.5, after.share > 0.0), 1.0, 0.0),
+                rising=rising,
                 share=after.share,
                 force=wanted.force + after.integral,
                 damping=pressing.damping,

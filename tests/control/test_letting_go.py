@@ -1,0 +1,112 @@
+"""Letting go of a surface: contact lasts until its force is gone, and a wall beside the tip is not pushed against."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+import skyarm
+import skyarm.control.blocks.force_control as law
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.control.blocks.force_control import InteractionGains, first_interaction, wanted_of
+from skyarm.control.blocks.tip_force import levers
+from skyarm.scenario.numbers import with_numbers
+from skyarm.scenario.scenario_file import scenario_from
+from skyarm.sensing.measurement import SensorNoise
+from skyarm.simulate.batch import Batch
+
+DT = 0.005
+GAINS = InteractionGains(touch=0.3, lost=0.1)
+ARM = skyarm.load_vehicle("hummingbird_arm2")
+LEVEL = levers(ARM, Quaternion(1.0, 0.0, 0.0, 0.0).rotation(), (-0.45, -0.9))
+UP = (0.03, 0.0, 0.0, 1.0)
+"""Speed and normal of a push."""
+
+
+def pressed(memory, force, wanted):
+    """One period at a force at the tip (N, world axes) under a wanted one (N) along z."""
+    return law.interact(GAINS, memory, wanted_of((wanted, *UP)), LEVEL.disturbance(Vec3(*force)), LEVEL, 0.0, 0.0, DT)
+
+
+def test_contact_outlasts_the_push_until_its_force_of_any_direction_is_gone():
+    memory = dataclasses.replace(first_interaction(2), touching=1.0, share=1.0, found=1.0, integral=0.2)
+    for _ in range(40):  # a wall beside holds the tip
+        memory, out = pressed(memory, (0.2, 0.0, -0.1), 0.0)
+    assert (memory.touching, memory.free, out.engaged) == (1.0, 0.0, 1.0)
+    assert (out.share, out.order, memory.integral, memory.found) == (0.0, 0.0, 0.0, 0.0)
+    assert out.beyond == pytest.approx(-0.1)  # the base alone carries it
+    left = []
+    for _ in range(10):
+        memory, out = pressed(memory, (0.05, 0.0, -0.05), 0.0)
+        left.append(out.engaged)
+    assert left == [1.0] * 7 + [0.0] * 3  # loss_time is eight periods
+    memory, out = pressed(memory, (0.0, 0.0, 2.0), 0.0)  # nobody asks for this one
+    assert (memory.touching, out.engaged) == (0.0, 0.0)
+
+
+def test_at_most_the_normal_force_is_compensated_across_the_normal():
+    rng = np.random.default_rng(31)
+    memory = dataclasses.replace(first_interaction(2), touching=1.0, share=1.0)
+    for force in rng.normal(size=(40, 3)):
+        out = pressed(memory, force, 1.0)[1]
+        given = out.with_order(LEVEL.disturbance(Vec3(*force)), LEVEL, LEVEL).force
+        across = math.hypot(force[0], force[1])
+        bound = max(force[2], out.order)
+        assert math.hypot(given.x, given.y) == pytest.approx(min(across, bound), abs=1e-5)
+
+
+def pegs(offsets, sides, seeds, noisy):
+    """Status, depth reached (mm) and last contact force (N) of pegs beside their hole towards all sides."""
+    scenario = skyarm.load_scenario("peg_in_hole")
+    if noisy:
+        noise = SensorNoise(position=1e-3, velocity=1e-2, attitude=2e-3, rate=1e-2, joints=1e-3, joint_rates=1e-2)
+        scenario = dataclasses.replace(
+            scenario, noise=noise, delays=dataclasses.replace(scenario.delays, measurement=0.005)
+        )
+    angles = 2.0 * np.pi * (np.arange(sides) + 0.5) / sides
+    hole = scenario.world.surfaces[0].position
+    way = np.array([(r * np.cos(a), r * np.sin(a)) for r in offsets for a in angles]).repeat(seeds, axis=0)
+    lanes = {f"world.surfaces.plate.position.{i}": base + way[:, i] for i, base in ((0, float(hole.x)), (1, 0.0))}
+    batch = Batch(scenario, tuple(lanes), metrics=("tip_lowest", "contact_last"))
+    flown = batch.fly(lanes, seed=8, episodes=np.arange(len(way)))
+    return np.asarray(flown.status), 1e3 * (0.8 - flown.metrics["tip_lowest"]), flown.metrics["contact_last"]
+
+
+def require_in_and_out(status, deep, last):
+    assert set(status) == {"completed"}
+    assert deep.min() > 27.0
+    assert last.max() == 0.0
+
+
+def test_a_peg_that_its_hole_holds_sideways_comes_out():
+    scenario = skyarm.load_scenario("peg_in_hole")
+    place = {f"world.surfaces.plate.position.{i}": value for i, value in ((0, 0.2116), (1, 0.0035))}
+    log = skyarm.run(dataclasses.replace(with_numbers(scenario, place), duration=9.5))
+    assert log.status == "completed"
+    assert log.tip[:, 2].min() < 0.773
+    assert log.contact_force[-1].sum() == 0.0
+    assert np.allclose(log.tip[-1], log.tip_reference[-1], atol=5e-3)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("noisy", [False, True])
+def test_pegs_go_in_and_come_out_towards_all_sides(noisy):
+    require_in_and_out(*pegs((0.0015, 0.002, 0.0025, 0.003, 0.0035, 0.004), 36, 2 if noisy else 1, noisy))
+
+
+def test_a_release_does_not_jab():
+    press = {"kind": "press", "force": 2.0, "normal": [-1.0, 0.0, 0.0], "duration": 1.0}
+    path = {"kind": "phases", "position": [0.2, 0.0, 0.83], "phases": [press, {"kind": "retreat"}]}
+    wall = {"name": "wall", "shape": "box", "size": [0.1, 2.0, 0.9], "position": [0.3, 0.0, 0.45]}
+    document = {
+        "schema": 1, "name": "release", "duration": 4.0,
+        "plant": {"vehicle": "hummingbird_arm2_rotors"}, "model": {"vehicle": "hummingbird_arm2"},
+        "controller": {"law": "centroidal", "mode": "tip", "preset": "robust", "interaction": [0.3, 0.1]},
+        "reference": {"tip": {"posture": [-0.45, -0.9], "path": path}}, "world": {"surfaces": [wall]},
+    }  # fmt: skip
+    log = skyarm.run(scenario_from(document))
+    after = log.contact_force[log.time >= log.phase_ends[0][1], 0]
+    assert log.status == "completed"
+    assert after.max() < 1.4 * 2.0  # 5.1 N where the released contact counts as a disturbance
+    assert log.tip[-1, 0] == pytest.approx(0.15, abs=1e-3)  # 5 cm out of the path
