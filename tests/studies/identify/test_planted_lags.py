@@ -53,4 +53,4 @@ def test_five_noisy_seconds_tell(vehicle, late, slower, drive):
     # a law that predicts across the delay moves calmly, which hardly tells a delay from a lag
     half = 0.5 * (found.delay.high - found.delay.low)
     assert abs(found.delay.value - late) < min(0.0045, 1.6 * half)
-    assert found.factor == pytest.approx((slower, slower), rel=0.12)
+    assert found.factor == pytest.approx((slower, slower), rel=0.25)
