@@ -162,6 +162,18 @@ def test_a_search_that_is_cut_off_has_not_settled(monkeypatch):
     assert not solved(*problem(8)).settled
 
 
+@pytest.mark.parametrize("seed", [0, 2])
+def test_a_search_ends_where_numbers_and_noise_both_rest(seed):
+    """Of an input that walks as the noise does: a second search from the end of the first stays there."""
+    rng = np.random.default_rng(seed)
+    inputs = np.stack([np.cumsum(coloured(rng, 1500, 0.97)), rng.normal(size=1500)], axis=1)
+    measured = inputs @ (50.0 * TRUE) + np.cumsum(coloured(rng, 1500, 0.5))
+    found = solved(inputs, measured)
+    again = solved(inputs, measured, start=found.values)
+    assert found.settled
+    assert (np.abs(again.values - found.values) < 0.01 * np.sqrt(found.curvature.diagonal())).all()
+
+
 def test_a_step_that_is_never_better_is_damped_until_it_is_given_up():
     """Eight times, each ten times as much from 1e-5 on; the numbers stay."""
     values, found = np.array([1.0]), [np.zeros((3, 1))]

@@ -42,8 +42,13 @@ the uncertainty (Buckland, Burnham, Augustin 1997).
 TURNS, FIRST, STEPS = 16, 5, 2
 """Most turns of filter and numbers; most steps of the search in the first and in each other."""
 
-SETTLED = 0.25
+SETTLED = 0.1
 """Standard deviations: a turn that moves every number by less is the last."""
+
+NOISES, RESTED, LONGER = 20, 0.03, 0.9
+"""Most turns of a linear model and its noise; standard deviations that the last of them may move a number by; longest
+extrapolation of a row of moves, by the ratio of one to the one before.
+"""
 
 GAINED = 0.1
 """Of the sum of squares: a step that gains less ends a turn."""
@@ -164,7 +169,7 @@ def fit_prediction(
     found = errors(values)
     counted = _counted_rows(found, used)
     noise = _noise(found, counted, None, levels)
-    settled = False
+    settled, stale = False, STALE
     slopes, taken_at, deviation = error_slopes(errors, values, found, steps), values, np.zeros(len(values))
     for turn in range(TURNS):
         before = values
@@ -176,7 +181,7 @@ def fit_prediction(
         for step in range(STEPS if turn else FIRST):
             if progress is not None:
                 progress(f"turn {turn + 1} of at most {TURNS}, step {step + 1}")
-            if (np.abs(values - taken_at) > STALE * deviation).any():
+            if (np.abs(values - taken_at) > stale * deviation).any():
                 slopes, taken_at = error_slopes(errors, values, found, steps), values
             flat, slope = _whitened_errors(noise, found, slopes)
             information = slope.T @ slope + known
@@ -187,11 +192,14 @@ def fit_prediction(
             values, found, cost = trial, there, below
             if gained < GAINED:
                 break
-        moved = np.abs(values - before) / deviation
-        noise = _noise(found, counted, noise.weights, levels)
-        if turn > 0 and moved.max() < SETTLED:
-            settled = True
-            break
+        # under the noise at this estimate alone, the turns would go on for long: what a number leaves looks like noise
+        linear = LinearErrors(values, found, slopes)
+        noise = _settle(linear, start, prior, counted, levels, noise.weights)[1]
+        if turn > 0 and (np.abs(values - before) < SETTLED * deviation).all():
+            settled = bool((np.abs(values - taken_at) <= SETTLED * deviation).all())
+            if settled:
+                break
+            stale = SETTLED
     slopes = error_slopes(errors, values, found, steps)
     flat, slope = _whitened_errors(noise, found, slopes)
     fit = _fit_at(values, found, noise, flat, slope, prior, block, settled=settled)
@@ -271,18 +279,31 @@ def _larger(slopes: Sequence[Sequence[Array]], before: Sequence[Sequence[Array]]
 
 
 def _settle(
-    linear: LinearErrors, start: Array, prior: Array, counted: npt.NDArray[np.bool_], levels: Sequence[int]
+    linear: LinearErrors,
+    start: Array,
+    prior: Array,
+    counted: npt.NDArray[np.bool_],
+    levels: Sequence[int],
+    weights: Array | None = None,
 ) -> tuple[Array, Whitening, bool]:
-    """Numbers and noise, in turns, under which a linear model is best; and whether they came to rest."""
-    values, known, weights, settled = linear.point, np.diag(prior**-2.0), None, False
-    for _ in range(TURNS):
+    """Numbers and noise, in turns, under which a linear model is best; and whether they came to rest.
+
+    Each move is about a constant share of the one before. Every third turn goes to where their sum would (Aitken 1926).
+    """
+    values, known, settled = linear.point, np.diag(prior**-2.0), False
+    last: Array = np.zeros(len(prior))
+    for turn in range(NOISES):
         found = linear.at(values)
         noise = _noise(found, counted, weights, levels)
         flat, slope = _whitened_errors(noise, found, linear.slopes)
         information = slope.T @ slope + known
-        change = np.linalg.solve(information, slope.T @ flat + known @ (values - start))
-        values, weights = values - change, noise.weights
-        settled = bool((np.abs(change) < SETTLED * np.sqrt(np.diag(np.linalg.inv(information)))).all())
+        change: Array = np.asarray(np.linalg.solve(information, slope.T @ flat + known @ (values - start)))
+        weights = noise.weights
+        settled = bool((np.abs(change) < RESTED * np.sqrt(np.diag(np.linalg.inv(information)))).all())
+        ratio = 0.0
+        if turn % 3 == 2:
+            ratio = float(np.clip(last @ information @ change / (last @ information @ last), 0.0, LONGER))
+        values, last = values - change / (1.0 - ratio), change
         if settled:
             break
     return values, _noise(linear.at(values), counted, weights, levels), settled
