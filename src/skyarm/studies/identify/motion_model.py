@@ -20,14 +20,19 @@ from skyarm.algebra import ZERO3, Force, Mat3, Motion, Vec3
 from skyarm.dynamics import forward_dynamics, inverse_dynamics, mass_matrix
 from skyarm.dynamics.actuators.rotor import push, rotor_forces
 from skyarm.flight_data.series import columns_at
+from skyarm.studies.identify.dry_friction import mean_bend
 from skyarm.studies.identify.rotor_lag import commands_at_ends, delay_commands, integral_bends, lag_response
-from skyarm.studies.identify.sampled_series import delay_series, middle, moving_mean, position_differences
+from skyarm.studies.identify.sampled_series import delay_series, middle, moving_mean, position_differences, smooth_rows
 from skyarm.studies.identify.servo_positions import ServoMemo
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Array: TypeAlias = npt.NDArray[np.float64]
 Rows: TypeAlias = slice | npt.NDArray[np.int_]
 Bodies: TypeAlias = tuple[Force, Sequence[Array], Array]
+
+
+FLAT, PARABOLA = (0.2,) * 5, (-3 / 35, 12 / 35, 17 / 35, 12 / 35, -3 / 35)
+"""Weights of five periods in the mean, and in the parabola's value in their middle."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -53,7 +58,7 @@ class Stretch:
         sampled_rate: (N * samples + 1, 3) rad/s as measured, for servo joints; by default between the instants.
         sampled_force: (N * samples, 3) m/s^2 likewise.
         sampled_joints: (N * samples + 1, n) likewise.
-        rate_noise: (n,) standard deviation of the noise of a joint's mean rate of a period; 0 by default.
+        rate_noise: (n,) standard deviation of the noise of a joint's mean rate of a period, smoothed; 0 by default.
         differenced: whether the joint rates are differences of positions (see :func:`position_differences`), which
             smooth them.
     """
@@ -111,15 +116,18 @@ class Stretch:
         return self.means(np.repeat(lines, self.fine // self.samples, axis=0))
 
     @property
-    def rate_spread(self) -> Array:
-        """Standard deviation (N, n) of the joint rates about their means over each period: motion and noise.
+    def dry_rates(self) -> tuple[Array, Array]:
+        """Means (N, n) of the joint rates over each period, and standard deviations (N, n) about them: motion, noise.
 
         The mean of a dry friction over it, given the measured mean of the rate, is what acts on the mean acceleration.
+        Means are those of a parabola over five periods, and accelerations those of a line, by least squares (Savitzky
+        and Golay 1964): the noise of a difference of two instants would count as motion, and once more as noise.
         """
-        turning = np.diff(self.joint_rates, axis=0) / self.period
+        turning = smooth_rows(np.diff(self.joint_rates, axis=0) / self.period, FLAT)
         mean = self.width * self.period / self.samples if self.width > 1 else 0.0
         noise = self.rate_noise if self.rate_noise.size else np.zeros(self.joints.shape[1])
-        return np.asarray(np.hypot(turning * math.hypot(self.period, mean) / math.sqrt(12.0), noise))
+        spread = np.hypot(turning * math.hypot(self.period, mean) / math.sqrt(12.0), noise)
+        return smooth_rows(middle(self.joint_rates), PARABOLA), np.asarray(spread)
 
     def samples_of_motion(self) -> tuple[Array, Array, Array]:
         """Rate (N * samples + 1, 3), specific force (N * samples, 3) and joints (N * samples + 1, n) at each sample."""
@@ -249,9 +257,6 @@ class Memo:
 
 WAYS = ("up", "down")
 
-BLUR = math.sqrt(0.5 * math.pi)
-"""Standard deviations of a rate by which the bend of its tanh widens: E[sign] of a normal is near that tanh."""
-
 MEMORY = 6
 """Series that a memo keeps."""
 
@@ -368,12 +373,11 @@ def _joint_efforts(
         (3, K) of each joint: as gyroscope, accelerometer and joints average them.
     """
     late = memo.late_efforts(about.joint_delay, stretch)[:, place]
-    # means of the ends have less noise than values in the middle, and a dry friction bends within it
-    spread, dry = stretch.rate_spread[place], middle(stretch.joint_rates)[place]
+    dry, spread = (rows[place] for rows in stretch.dry_rates)
     return [
         np.clip(torque, -float(link.joint.effort_limit), float(link.joint.effort_limit))
         - link.joint.damping * x
-        - link.joint.coulomb * np.tanh(mean / np.hypot(float(link.joint.coulomb_rate), BLUR * around))
+        - link.joint.coulomb * mean_bend(mean, around, float(link.joint.coulomb_rate))
         for link, torque, x, mean, around in zip(
             vehicle.links, np.moveaxis(late, -1, 0), joint_rates, dry.T, spread.T, strict=True
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TypeAlias
 
 import numpy as np
@@ -39,6 +40,13 @@ def moving_mean(rows: Array, width: int) -> Array:
     count = (high - low).reshape(-1, *[1] * (rows.ndim - 1))
     mean: Array = (total[high] - total[low]) / count
     return mean
+
+
+def smooth_rows(rows: Array, weights: Sequence[float]) -> Array:
+    """Weighted means (N, n) of rows (N, n) and as many neighbours on both sides; the first and last go on."""
+    half = len(weights) // 2
+    around = np.pad(rows, ((half, half), (0, 0)), mode="edge")
+    return np.asarray(sum(w * around[i : i + len(rows)] for i, w in enumerate(weights)))
 
 
 def position_differences(rows: Array, apart: int = 1) -> Array:

@@ -16,7 +16,7 @@ from skyarm.flight_data.quantities import GRAVITY
 from skyarm.flight_data.series import attitude_at, columns_at, measured_at
 from skyarm.studies.identify.command_samples import sampling_period, straight_lines
 from skyarm.studies.identify.lagged_inputs import to_base
-from skyarm.studies.identify.motion_model import Stretch
+from skyarm.studies.identify.motion_model import PARABOLA, Stretch
 from skyarm.studies.identify.sampled_series import middle, moving_mean, position_differences
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -178,7 +178,7 @@ def _impulse(width: int, samples: int) -> Array:
 
 
 def _noise_of_means(rows: Array, response: Array, width: int, samples: int) -> Array:
-    """Standard deviation of the noise of a period's mean rate, from the white noise of samples (N, n).
+    """Standard deviation of the noise of a period's mean rate, smoothed, from the white noise of samples (N, n).
 
     Differences of the fourth order hold noise alone: a motion of 2 Hz at 200 Hz has 2e-5 of its size in them.
 
@@ -190,7 +190,10 @@ def _noise_of_means(rows: Array, response: Array, width: int, samples: int) -> A
     """
     white = 1.4826 * np.median(np.abs(np.diff(rows, 4, axis=0)), axis=0) / math.sqrt(70.0)
     smooth = moving_mean(response, width)
-    gain = math.sqrt(float(((0.5 * (smooth[samples:] + smooth[:-samples])) ** 2).sum()))
+    means = 0.5 * (smooth[samples:] + smooth[:-samples])
+    spaced = np.zeros(4 * samples + 1)
+    spaced[::samples] = PARABOLA
+    gain = math.sqrt(float((np.convolve(means.ravel(), spaced) ** 2).sum()))
     return np.asarray(white * gain)
 
 
