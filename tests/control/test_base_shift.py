@@ -23,13 +23,14 @@ from skyarm.control.laws.centroidal.base_shift import (
     bounded_sweep,
     coming_levers,
     directions,
-    own_lever,
+    lever_of,
 )
 from skyarm.control.laws.centroidal.demands import _course
 from skyarm.control.laws.centroidal.parameters import FOLLOWING
 from skyarm.control.laws.centroidal.presets import DeprecatedOptionWarning
 from skyarm.control.model import Model
 from skyarm.dynamics import State
+from skyarm.dynamics.kinematics import link_poses
 from skyarm.reference import Constant, Sine, Sum, hover
 from skyarm.reference.preview import samples, samples_ahead
 from skyarm.reference.splines import minimum_snap
@@ -170,11 +171,40 @@ def test_a_planar_arm_leaves_the_tilts_across_its_plane(model, yaw):
     np.testing.assert_allclose([*at.vector(at.pair(v))], [*v], atol=1e-9)
 
 
-def test_the_lever_that_is_left_is_that_of_the_base_alone(model):
-    vehicle = model.vehicle
-    share = float(vehicle.base.mass / vehicle.mass)
-    expected = (float(vehicle.base.com.z) - float(vehicle.links[0].joint.position.z)) * share
-    assert float(own_lever(vehicle)) == pytest.approx(expected)
+def moved_by(vehicle, joints):
+    """Rotations of the links, and the centre of mass against the tip, m."""
+    poses = link_poses(vehicle, tuple(map(float, joints)))
+    rows = [np.array([[float(c) for c in row] for row in pose.R.rows]) for pose in poses]
+    places = [np.array([float(c) for c in pose.p]) for pose in poses]
+    total = np.array([float(c) for c in vehicle.base.com]) * float(vehicle.base.mass)
+    for link, R, p in zip(vehicle.links, rows, places, strict=True):
+        total = total + float(link.body.mass) * (p + R @ [float(c) for c in link.body.com])
+    frame = vehicle.frame()
+    tip = places[frame.link] + rows[frame.link] @ [float(c) for c in frame.position]
+    return rows, total / float(vehicle.mass) - tip
+
+
+@pytest.mark.parametrize("name", ["hummingbird_arm2", "octo_coaxial_two_arms", "hexarotor_arm6", "hexarotor12_arm5"])
+def test_the_levers_left_are_those_of_joints_that_turn_the_links_back(name):
+    """Against joint angles by least squares, Jacobians by differences; of the hanging arm."""
+    vehicle, e = skyarm.load_vehicle(name), 1e-5
+    q = np.zeros(vehicle.n)
+    rows, arm = moved_by(vehicle, q)
+    turns, shifts = [], []
+    for each in e * np.eye(vehicle.n):
+        there, moved = moved_by(vehicle, q + each)
+        spins = [(a @ b.T - np.eye(3)) / e for a, b in zip(there, rows, strict=True)]
+        turns.append(np.concatenate([[spin[2, 1], spin[0, 2], spin[1, 0]] for spin in spins]))
+        shifts.append((moved - arm) / e)
+    level = posture(vehicle, [Taylor.constant(float(each), 4) for each in q], 4)
+    at, lever = directions(vehicle, level, 0.0), lever_of(vehicle, tuple(q))
+    for k, axis in enumerate((np.array([-at.y, at.x, 0.0]), np.array([at.x, at.y, 0.0]))):
+        # a tilt about one direction moves the centre of mass along the other
+        tilt = [-float(axis[0]), -float(axis[1]), 0.0]
+        angles = np.linalg.lstsq(np.array(turns).T, np.tile([-each for each in tilt], vehicle.n), rcond=1e-6)[0]
+        moved = np.cross(tilt, arm) + np.array(shifts).T @ angles
+        expected = abs(float(moved @ [float(at.x), float(at.y), 0.0] if k == 0 else moved @ [-at.y, at.x, 0.0]))
+        assert float(at.left[k] * lever + at.rest[k]) == pytest.approx(expected, abs=0.025 * float(lever))
 
 
 def test_levers_to_come_are_those_of_the_postures_to_come(model):

@@ -10,7 +10,7 @@ One solution stays bounded. It obeys y' = -b y + v, where b and v follow backwar
 if d - a went on evenly there: b' = b^2 - n / l, v' = b v + d - a. From one instant to the one before it that is exact
 for a mean n / l and an even change of d - a. The law integrates y; its higher derivatives come from the equation.
 
-Joints that turn links back as the base tilts about their axis leave of the shift only the base's own part.
+Joints that turn links back as the base tilts about their axis leave the lever of what they do not carry.
 An arm above the base has l < 0 and zero dynamics that swing: there y'' = (n / |l|) y - (d - a), which agrees with the
 solution for slow motions and passes the resonance.
 
@@ -20,12 +20,12 @@ Sources: Devasia, Chen, Paden 1996 (bounded inverse of a system whose zero dynam
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Annotated, Any
 
-from skyarm.algebra import Vec3
+from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar, absolute, cos, divide, maximum, minimum, sin, sqrt, where
 from skyarm.algebra.scalars.taylor import Taylor, choose
 from skyarm.control.blocks.attitude import Posture, derivative, posture
@@ -112,14 +112,16 @@ class Instant:
 
 @immutable(kw_only=False)
 class Directions:
-    """Horizontal unit vector (world axes) along the arm's most turned axis, and shares of tilts that joints leave.
+    """Horizontal unit vector (world axes) along the arm's most turned axis, and levers of tilts that joints leave.
 
-    ``left`` is of the tilts that move the centre of mass along that vector, and across it.
+    Of a tilt that moves the centre of mass along that vector, and of one across it: a height h of the centre of mass
+    above the tip has the lever ``left`` h + ``rest`` (m).
     """
 
     x: Scalar
     y: Scalar
     left: Pair
+    rest: Pair
 
     def pair(self, v: Vec3) -> Pair:
         """Components of a vector along both directions."""
@@ -133,35 +135,74 @@ class Directions:
 
 def directions(vehicle: Vehicle, level: Posture, yaw: Scalar) -> Directions:
     """Directions in which the arm differs: principal axes of the horizontal parts of the tip's joint axes."""
-    xx: Scalar = 0.0
-    xy: Scalar = 0.0
-    yy: Scalar = 0.0
-    for i in chain(vehicle, vehicle.frame().link):
-        joint = vehicle.moving[i].joint
-        if i >= vehicle.n or not joint.turns:
-            continue
-        axis = Vec3(*(derivative(row, 0).dot(joint.axis) for row in level.links[i].R.rows))
-        xx, xy, yy = xx + axis.x * axis.x, xy + axis.x * axis.y, yy + axis.y * axis.y
+    carriers = [chain(vehicle, i) for i in range(vehicle.n)]
+    axes = [_turning_axis(vehicle, level, i) for i in range(vehicle.n)]
+    found = chain(vehicle, vehicle.frame().link)
+    xx, xy, yy = _moments(axes[i] for i in found if i < vehicle.n)
     off, twice = xx - yy, 2.0 * xy
     size = sqrt(off * off + twice * twice + TINY)
     # the column of the projector on the first axis that is not near zero
     along = off > 0.0
     a, b = where(along, size + off, twice), where(along, twice, size - off)
     per = 1.0 / sqrt(a * a + b * b)
+    a, b = a * per, b * per
     c, s = cos(yaw), sin(yaw)
-    most, rest = 0.5 * (xx + yy + size), 0.5 * maximum(xx + yy - size, 0.0)
-    # a turn about the first axis moves the centre of mass across it
-    return Directions(
-        (a * c - b * s) * per, (a * s + b * c) * per, (divide(HELD, rest + HELD), divide(HELD, most + HELD))
-    )
+
+    def left(joints: Sequence[int]) -> Pair:
+        xx, xy, yy = _moments(axes[i] for i in joints)
+        most = a * a * xx + 2.0 * a * b * xy + b * b * yy
+        # a turn about the first axis moves the centre of mass across it
+        return divide(HELD, maximum(xx + yy - most, 0.0) + HELD), divide(HELD, most + HELD)
+
+    rest: list[Scalar] = [0.0, 0.0]
+    for i, joints in enumerate(carriers):
+        if not vehicle.links[i].joint.turns:
+            continue
+        height = (
+            _others_height(vehicle, level, i, carriers) if i in found else -_branch_height(vehicle, level, i, carriers)
+        )
+        for k, (before, after) in enumerate(zip(left(joints[:-1]), left(joints), strict=True)):
+            rest[k] = rest[k] + (before - after) * height
+    return Directions(a * c - b * s, a * s + b * c, left(found), (rest[0], rest[1]))
 
 
-def own_lever(vehicle: Vehicle) -> Scalar:
-    """Lever (m) of tilts that the arm takes back: height of the base's mass above the arm's first joint, weighted."""
-    found = chain(vehicle, vehicle.frame().link)
-    base = vehicle.base
-    place = vehicle.moving[found[0]].joint.position if found else base.com
-    return (base.com.z - place.z) * divide(base.mass, vehicle.mass)
+def _turning_axis(vehicle: Vehicle, level: Posture, i: int) -> Vec3:
+    """Axis about which a joint turns, base axes; zero of a sliding one."""
+    joint = vehicle.links[i].joint
+    return Vec3(*(derivative(row, 0).dot(joint.axis) for row in level.links[i].R.rows)) if joint.turns else ZERO3
+
+
+def _moments(axes: Iterable[Vec3]) -> tuple[Scalar, Scalar, Scalar]:
+    """Sums of x^2, x y and y^2 of vectors."""
+    xx: Scalar = 0.0
+    xy: Scalar = 0.0
+    yy: Scalar = 0.0
+    for axis in axes:
+        xx, xy, yy = xx + axis.x * axis.x, xy + axis.x * axis.y, yy + axis.y * axis.y
+    return xx, xy, yy
+
+
+def _height(vehicle: Vehicle, level: Posture, links: Iterable[int], above: Scalar) -> Scalar:
+    """Sum of the links' heights above a height, weighted by their share of the vehicle's mass, m."""
+    total: Scalar = 0.0
+    for i in links:
+        body, pose = vehicle.links[i].body, level.links[i]
+        place = derivative(pose.p, 0).z + derivative(pose.R.rows[2], 0).dot(body.com)
+        total = total + divide(body.mass, vehicle.mass) * (place - above)
+    return total
+
+
+def _branch_height(vehicle: Vehicle, level: Posture, i: int, carriers: Sequence[Sequence[int]]) -> Scalar:
+    """Weighted height above a joint of the links that it carries, m."""
+    links = (k for k, joints in enumerate(carriers) if i in joints)
+    return _height(vehicle, level, links, derivative(level.links[i].p, 0).z)
+
+
+def _others_height(vehicle: Vehicle, level: Posture, i: int, carriers: Sequence[Sequence[int]]) -> Scalar:
+    """Weighted height above a joint of base and links that it does not carry, m."""
+    above, base = derivative(level.links[i].p, 0).z, vehicle.base
+    links = (k for k, joints in enumerate(carriers) if i not in joints)
+    return divide(base.mass, vehicle.mass) * (base.com.z - above) + _height(vehicle, level, links, above)
 
 
 def lever_of(vehicle: Vehicle, joints: Sequence[Scalar]) -> Scalar:
@@ -298,7 +339,7 @@ def bounded_shift(
         dt: s.
     """
     vehicle, gravity = par.model.vehicle, par.model.gravity
-    at, own, per_mass = directions(vehicle, level, yaw), own_lever(vehicle), divide(1.0, vehicle.mass)
+    at, per_mass = directions(vehicle, level, yaw), divide(1.0, vehicle.mass)
     push, rate, drift = (each * per_mass for each in (acting.force, acting.rate, acting.drift))
     pushes, rates, slow = at.pair(push), at.pair(rate), acting.drag * per_mass
     lever = Taylor.of_derivatives([derivative(level.com, k).z - derivative(level.tip, k).z for k in range(3)])
@@ -325,12 +366,12 @@ def bounded_shift(
     up = choose(up > floor, up, floor)
     size = choose(lever > 0.0, lever, -lever)
     size = choose(size > LEAST, size, LEAST)
-    gains = [_gains(at.left, own, row.lever) for row in rows]
+    gains = [_gains(at, row.lever) for row in rows]
     line = bounded_sweep(rows, gains, _thrusts(rows, still, floor, _later(shift, rows, dt) if ahead else FIRST_SHIFT))
     b, per = line[0].b, 1.0 / size
     per0 = per.derivative(0)
     level_pace = up.derivative(0) * per0
-    factors = [(lever * share + own * (1.0 - share)) * per for share in at.left]
+    factors = [(lever * share + rest) * per for share, rest in zip(at.left, at.rest, strict=True)]
     forces = [[(f * factor).derivative(k) for k in range(3)] for f, factor in zip(off, factors, strict=True)]
     speeds = [
         v - b * y if ahead else v - b * y - divide(f[1], b * b) for y, v, f in zip(now, line[0].v, forces, strict=True)
@@ -381,10 +422,10 @@ def _halved_square(*rows: Sequence[Scalar]) -> list[Scalar]:
     return found
 
 
-def _gains(left: Pair, own: Scalar, lever: Scalar) -> Pair:
-    """Share of a level vehicle's lever that shifts the centre of mass in each direction, over the lever's size."""
+def _gains(at: Directions, lever: Scalar) -> Pair:
+    """Lever of the tilts in each direction, as joints leave it, over the size of a level vehicle's lever."""
     per = divide(1.0, _size(lever))
-    a, b = ((lever * share + own * (1.0 - share)) * per for share in left)
+    a, b = ((lever * share + rest) * per for share, rest in zip(at.left, at.rest, strict=True))
     return a, b
 
 
