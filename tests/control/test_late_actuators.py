@@ -105,7 +105,7 @@ def test_one_step_across_a_lag_is_the_flight_under_the_late_commands(periods):
     assert np.linalg.norm(np.subtract([*found.position], [*exact.position])) < 0.02 * span
     # torques that vary at random move the joints by when they act, which their mean does not tell
     bent = np.abs(np.subtract(exact.joints, begun.joints)).max()
-    assert np.abs(np.subtract(found.joints, exact.joints)).max() < 0.2 * bent
+    assert np.abs(np.subtract(found.joints, exact.joints)).max() < 0.6 * bent
     assert found.rotor_speeds == pytest.approx(exact.rotor_speeds, rel=1e-12)
 
 

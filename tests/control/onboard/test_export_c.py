@@ -21,6 +21,7 @@ from skyarm.algebra import Vec3
 from skyarm.cli.main import main
 from skyarm.control.blocks.disturbance_observer import Observed
 from skyarm.control.catalogue import PRESETS, Controller, make_controller, preset
+from skyarm.control.controller import preview_leads
 from skyarm.control.laws.centroidal.law import CentroidalMemory
 from skyarm.control.model import Model, Terms
 from skyarm.control.onboard.export_c import STRUCTS, Constants, _member, export_c
@@ -73,8 +74,16 @@ def same_bits(found, wanted) -> bool:
     return bool(np.all((a.view(np.uint64) == b.view(np.uint64)) | (np.isnan(a) & np.isnan(b))))
 
 
-def inputs(vehicle: str, count: int = 20, seed: int = 5):
+def inputs(vehicle: str, count: int = 20, seed: int = 5, preview: int = 0):
+    """Drawn measurements and references, with some samples to come (``preview`` instants)."""
     loaded = skyarm.load_vehicle(vehicle)
+    rng = np.random.default_rng(seed)
+    for measurement, reference in held_inputs(loaded, count, seed):
+        ahead = rng.normal(0.0, 0.5, 3 * (4 + loaded.n) * preview)
+        yield measurement, dataclasses.replace(reference, ahead=tuple(ahead.tolist()))
+
+
+def held_inputs(loaded, count: int, seed: int):
     drawn = [*cases(count, seed, joints=loaded.n), hovering(joints=(0.0,) * loaded.n)]
     drawn.append(changed(drawn[-1], a_d=(0.0, 0.0, -G)))  # no commanded force: the guarded case
     for case in drawn:
@@ -89,7 +98,7 @@ def test_every_law_and_preset_has_the_bits_of_the_law_in_python(tmp_path, vehicl
     controller = built(vehicle, name)
     in_c = Loaded(text_of(controller), tmp_path, ("-O2", *CAREFUL, "-ffp-contract=off"))
     in_python = InPython(controller)
-    for pair in inputs(vehicle):
+    for pair in inputs(vehicle, preview=len(preview_leads(controller.par))):
         wanted, found = in_python(*pair), in_c(*pair)
         np.testing.assert_allclose(found, wanted, rtol=1e-12, atol=1e-12)
         assert same_bits(found, wanted)
@@ -297,7 +306,7 @@ def test_two_controllers_link_into_one_program_by_their_declarations(tmp_path):
             rows = []
             for field in dataclasses.fields(record):
                 held = getattr(record, field.name)
-                if field.name in ("tip", "push", "load", "tilts", "tip_force", "switches") and not held:
+                if field.name in ("tip", "push", "load", "ahead", "tilts", "tip_force", "switches") and not held:
                     continue  # a struct has no member for what there is none of
                 rows.append(
                     "{" + (", ".join(map(repr, held)) or "0.0") + "}" if hasattr(held, "__iter__") else repr(held)

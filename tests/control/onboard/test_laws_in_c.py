@@ -13,6 +13,7 @@ from c_compiler import needs_cc
 from exported_law import Loaded
 from law_flights import PAPER, covering
 from skyarm.control.catalogue import make_controller
+from skyarm.control.controller import preview_leads
 from skyarm.control.model import Model
 from thorough import sampled
 
@@ -36,7 +37,7 @@ def test_a_law_in_c_has_the_bits_of_python_call_after_call(tmp_path, law):
     text = text_of(controller)
     in_c = Loaded(text, tmp_path, ("-O1", *CAREFUL, "-ffp-contract=off"))
     memory = controller.memory
-    for measurement, reference in inputs("hummingbird_arm2", count=12):
+    for measurement, reference in inputs("hummingbird_arm2", count=12, preview=len(preview_leads(controller.par))):
         memory, command = controller.law(memory, measurement, reference, 0.005, par=controller.par)
         assert same_bits(in_c(measurement, reference), [float(x) for x in (*command.rotor_speeds, *command.efforts)])
     assert undefined(object_file(text, tmp_path, ("-O1",), name="alone")) <= LIBM
@@ -55,7 +56,7 @@ def test_sideways_force_in_c_has_the_bits_of_python(tmp_path):
     controller = make_controller("centroidal", Model(vehicle=vehicle), sideways=0.9, attitude=[0.05, -0.1], delay=0.005)
     in_c = Loaded(text_of(controller), tmp_path, ("-O1", *CAREFUL, "-ffp-contract=off"))
     memory = controller.memory
-    for measurement, reference in inputs("tilted_hexarotor", count=12):
+    for measurement, reference in inputs("tilted_hexarotor", count=12, preview=len(preview_leads(controller.par))):
         memory, command = controller.law(memory, measurement, reference, 0.005, par=controller.par)
         assert same_bits(in_c(measurement, reference), [float(x) for x in command.rotor_speeds])
 
@@ -70,7 +71,9 @@ def test_a_law_on_rotors_that_tilt_has_the_bits_of_python_in_c(tmp_path, sideway
     assert re.search(r"double tilts\[6\]; /\* rad, angles of the rotors that tilt \*/", text)
     in_c = Loaded(text, tmp_path, ("-O1", *CAREFUL, "-ffp-contract=off"))
     memory = controller.memory
-    for k, (measurement, reference) in enumerate(inputs("voliro_like", count=12)):
+    for k, (measurement, reference) in enumerate(
+        inputs("voliro_like", count=12, preview=len(preview_leads(controller.par)))
+    ):
         seen = dataclasses.replace(measurement, tilts=tuple(0.01 * k * (i - 2) for i in range(6)))
         memory, command = controller.law(memory, seen, reference, 0.005, par=controller.par)
         sent = [float(x) for x in (*command.rotor_speeds, *command.efforts, *command.tilts)]
