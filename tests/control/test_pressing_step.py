@@ -231,7 +231,7 @@ def test_no_lag_is_learned_until_a_contact_has_rested():
     made = make_centroidal(MODEL, mode="tip", preset="adaptive", interaction=(0.3, 0.1))
     reference = Reference(joints=JOINTS, joint_rates=(0.0,) * 2, joint_accelerations=(0.0,) * 2, push=PUSH)
     bank = Bank(means=(0.5,) * CANDIDATES, scale=1.0)
-    lag = dataclasses.replace(made.memory.parts.lag, count=100.0, past=((1.0,) * 5,) * 8, base=bank, arm=bank)
+    lag = dataclasses.replace(made.memory.parts.lag, count=100.0, past=((1.0,) * 4,) * 8, base=bank, arm=bank)
 
     def banks(held):
         memory = with_parts(dataclasses.replace(made.memory, started=1.0), lag=lag, interaction=held)

@@ -26,6 +26,9 @@ from skyarm.control.laws.centroidal.parameters import CentroidalParameters, at_s
 from skyarm.control.laws.centroidal.part import Part, Step
 from skyarm.records.units import Unit
 
+TILTS = 2
+"""Axes of the base that tell of a lag: roll and pitch, which rotors turn by thrust."""
+
 CANDIDATES = 9
 """Lags in the bank: none, and eight steps."""
 
@@ -70,7 +73,7 @@ class LagGains(Part):
 
     def start(self, joints: int) -> LagMemory:
         """Initial internal state of the lag estimate, before the first measurement."""
-        none = (0.0,) * (3 + joints)
+        none = (0.0,) * (TILTS + joints)
         bank = Bank(means=(0.0,) * CANDIDATES, scale=0.0)
         return LagMemory(
             count=0.0,
@@ -110,14 +113,14 @@ class LagGains(Part):
         """Lag estimate one period later; held in contact and before the second measurement."""
         told, measurement, free, dt = step.told, step.measurement, step.memory.free, step.dt
         running = where(step.memory.started > 0.5, 1.0, 0.0)
-        rates = (*measurement.rate, *measurement.joint_rates)
+        rates = (measurement.rate.x, measurement.rate.y, *measurement.joint_rates)
         # the model's answer to what was sent, without a delay
         last = -1 - step.par.delay_periods
         _, angular, joints = told.amid.accelerations(step.par.model, step.past.squares[last], step.past.efforts[last])
-        by_model = (*angular, *joints)
+        by_model = (angular.x, angular.y, *joints)
         # the observer's disturbance stands still at limits of actuators
-        learning = (free[0], free[0], free[0], *free[1:])
-        corrections = (*told.angular_correction, *told.joint_corrections)
+        learning = (*free[:1] * TILTS, *free[1:])
+        corrections = (told.angular_correction.x, told.angular_correction.y, *told.joint_corrections)
         own = [sub(a, d) for a, d in zip(by_model, memory.disturbing, strict=True)]
         seen = [divide(sub(now, before), dt) for now, before in zip(rates, memory.rates, strict=True)]
         believed = _in_row(memory.believed, own, running, dt)
@@ -127,11 +130,13 @@ class LagGains(Part):
         learned = mul(running, step.isolated)
         keep = learned * maximum(FORGETTING * dt, divide(1.0, memory.count + FIRST))
         here = _band_pass(measured)
-        groups = ((memory.base, slice(0, 2)), (memory.arm, slice(3, None)))
+        groups = ((memory.base, slice(0, TILTS)), (memory.arm, slice(TILTS, None)))
         base, arm = (_bank(bank, here[p], [each[p] for each in past], keep, running * dt) for bank, p in groups)
-        turned, weights = here[:2], weigh(memory.base)
+        turned, weights = here[:TILTS], weigh(memory.base)
         inverse = divide(1.0, total(weights))
-        expected = [inner_product(weights, axis) * inverse for axis in zip(*(each[:2] for each in past), strict=True)]
+        expected = [
+            inner_product(weights, axis) * inverse for axis in zip(*(each[:TILTS] for each in past), strict=True)
+        ]
         rate = learned * (LEARNING * dt)
         gain = divide(rate, inner_product(turned, turned) + ROBUST * memory.base.scale + FLOOR)
         return LagMemory(
@@ -161,7 +166,7 @@ class Bank:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LagMemory:
-    """State of the lag estimate: filtered accelerations of body axes and joints, and residual statistics."""
+    """State of the lag estimate: filtered accelerations of roll, pitch and joints, and residual statistics."""
 
     count: Annotated[Scalar, Unit("", "periods seen")]
     rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "measured one period ago")]
