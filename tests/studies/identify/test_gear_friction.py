@@ -12,6 +12,7 @@ from planted_servos import ONE
 from planted_vehicles import NOMINAL, fly_designed, weighed
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.studies.identify.dry_friction import BLUR
+from skyarm.studies.identify.identified_numbers import IdentifiedNumber, unresolved_friction
 from skyarm.studies.identify.identify_vehicle import identify_vehicle
 from skyarm.studies.identify.motion_model import Memo, Stretch, Surroundings, _joint_efforts
 from skyarm.studies.identify.stretches import stretches_of
@@ -121,31 +122,50 @@ def test_friction_that_is_not_on_record_is_looked_for():
     assert six[f"links.{record.name}.joint.coulomb_rate"].start == pytest.approx(0.5)
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("bend", [0.1, pytest.param(0.01, marks=pytest.mark.xfail(reason="bends within a tick"))])
-def test_planted_friction_is_found_behind_encoders(bend):
-    """Without any on record, rounded by 12 bits: four of five intervals hold the truth, no number is 3 % off.
+def planted_friction(seed, bend):
+    """Numbers of friction of a planted vehicle behind 12 bits a turn, and what a designed flight shows of them."""
+    draw = np.random.default_rng([seed, 3])
+    more = {f"links.{link.name}.joint.coulomb": 0.005 * draw.uniform(0.5, 1.5) for link in NOMINAL.links}
+    more |= {f"links.{link.name}.joint.coulomb_rate": bend for link in NOMINAL.links}
+    numbers, vehicle, flight = fly_designed(seed, more=more)
+    start = weighed(vehicle)
+    joints = (dataclasses.replace(link.joint, coulomb_rate=bend) for link in start.links)
+    links = tuple(dataclasses.replace(link, joint=joint) for link, joint in zip(start.links, joints, strict=True))
+    start = dataclasses.replace(start, links=links)
+    found = identify_vehicle(stretches_of(flight, start), start)
+    names = [name for name in numbers if name.endswith(("coulomb", "damping"))]
+    return [(numbers[name], found[name]) for name in names]
 
-    Rounding is no white noise where a joint turns back: of a friction that bends within a tick, errors reach 76 %.
-    """
+
+@pytest.mark.thorough
+def test_planted_friction_is_found_behind_encoders():
+    """Without any on record: medians of 3 % of it and of the damping, none is 5 % off; 85 of 100 intervals cover."""
     pytest.importorskip("scipy", reason="needs the extra 'identify'")
-    inside, errors = [], []
-    for seed in range(2):
-        draw = np.random.default_rng([seed, 3])
-        more = {f"links.{link.name}.joint.coulomb": 0.005 * draw.uniform(0.5, 1.5) for link in NOMINAL.links}
-        more |= {f"links.{link.name}.joint.coulomb_rate": bend for link in NOMINAL.links}
-        numbers, vehicle, flight = fly_designed(seed, more=more)
-        start = weighed(vehicle)
-        joints = (dataclasses.replace(link.joint, coulomb_rate=bend) for link in start.links)
-        links = tuple(dataclasses.replace(link, joint=joint) for link, joint in zip(start.links, joints, strict=True))
-        start = dataclasses.replace(start, links=links)
-        found = identify_vehicle(stretches_of(flight, start), start)
-        for name in (f"links.{link.name}.joint.{each}" for link in NOMINAL.links for each in ("coulomb", "damping")):
-            assert found[name].is_known
-            inside.append(found[name].low <= numbers[name] <= found[name].high)
-            errors.append(abs(found[name].value / numbers[name] - 1.0))
-    assert np.max(errors) <= 0.03
-    assert np.mean(inside) >= 0.8
+    pairs = [pair for seed in range(4) for pair in planted_friction(seed, 0.1)]
+    assert all(found.is_known for _, found in pairs)
+    errors = [abs(found.value / truth - 1.0) for truth, found in pairs]
+    assert np.median(errors) <= 0.03
+    assert max(errors) <= 0.05
+    assert np.mean([found.low <= truth <= found.high for truth, found in pairs]) >= 0.85
+
+
+@pytest.mark.thorough
+def test_friction_that_bends_within_a_tick_is_not_in_the_data():
+    """Rounding is no white noise where a joint turns back: errors of 76 % had intervals of a few per cent."""
+    pytest.importorskip("scipy", reason="needs the extra 'identify'")
+    assert not any(found.is_known for seed in range(2) for _, found in planted_friction(seed, 0.01))
+
+
+@pytest.mark.parametrize(("dry", "bend", "hidden"), [(0.002, 0.01, True), (0.002, 0.1, False), (-0.0005, 0.01, False)])
+def test_friction_is_hidden_that_bends_within_the_noise_of_its_rate(dry, bend, hidden):
+    """Where no dry friction shows, its sign's errors cannot pass for damping."""
+    link = NOMINAL.links[0]
+    names = [f"links.{link.name}.joint.{name}" for name in ("coulomb", "coulomb_rate", "damping")]
+    numbers = {
+        name: IdentifiedNumber(name=name, unit="", value=value, low=low, high=1.0, start=0.0, data_share=0.9)
+        for name, value, low in zip(names, (0.003, bend, 0.001), (dry, 0.0, 0.0), strict=True)
+    }
+    assert unresolved_friction(numbers, NOMINAL.links[:1], [0.02]) == (set(names) if hidden else set())
 
 
 def test_noise_is_not_taken_for_motion():

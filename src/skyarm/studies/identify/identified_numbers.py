@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from skyarm.studies.identify.prediction_error import PredictionFit
 from skyarm.studies.identify.unknowns import ACCELEROMETER, Reported, Unknown
+from skyarm.vehicle.linkage import Link
 
 Array: TypeAlias = npt.NDArray[np.float64]
 
@@ -192,6 +193,31 @@ def bound_number(found: IdentifiedNumber, least: float) -> IdentifiedNumber:
     if found.high <= least:
         return dataclasses.replace(found, reason=NOT_SHOWN)
     return dataclasses.replace(found, low=least, value=max(found.value, least))
+
+
+RESOLVED = 3.0
+"""Standard deviations of a joint's mean rate within which the bend of its dry friction is not seen."""
+
+
+def unresolved_friction(
+    numbers: Mapping[str, IdentifiedNumber], links: Sequence[Link], noise: Sequence[float]
+) -> set[str]:
+    """Names of frictions that bend within the noise of their joint's rate, so that errors of its sign pass for them.
+
+    Args:
+        numbers: identified, by name.
+        links: of the start vehicle.
+        noise: (n,) standard deviation of each joint's mean rate, rad/s or m/s.
+    """
+    found = set[str]()
+    for link, spread in zip(links, noise, strict=True):
+        names = {name: f"links.{link.name}.joint.{name}" for name in ("coulomb", "coulomb_rate", "damping")}
+        dry, bend = (numbers.get(names[name]) for name in ("coulomb", "coulomb_rate"))
+        known = float(link.joint.coulomb_rate) if bend is None else bend.value
+        # where no dry friction shows, none passes for damping
+        if dry is not None and dry.low > 0.0 and known < RESOLVED * spread:
+            found |= set(names.values())
+    return found
 
 
 def _sampling(scale: Scale, spread: Array, period: float, sample: float) -> Array:

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from skyarm.records.files import must_be_one_of, number
 from skyarm.studies.identify.accelerometer_lag import accelerometer_lag
 from skyarm.studies.identify.identified_numbers import (
+    NOT_SHOWN,
     IdentifiedNumber,
     Scale,
     at_starts,
@@ -20,6 +21,7 @@ from skyarm.studies.identify.identified_numbers import (
     condition_on_start,
     identified_numbers,
     scale_of,
+    unresolved_friction,
     with_reasons,
 )
 from skyarm.studies.identify.identified_parts import surroundings_with, vehicle_with
@@ -145,6 +147,8 @@ def identify_vehicle(
     # of a number of the vehicle and one around it that look alike, it is the vehicle that stays as it was
     groups = [[i for i, each in enumerate(of_vehicle) if each is first] for first in (True, False)]
     # what physics excludes is not in the data either, whatever its share
+    blurred = unresolved_friction({each.name: each for each in numbers}, search.start.links, _rate_noise(stretches))
+    numbers = [replace(each, reason=NOT_SHOWN) if each.name in blurred else each for each in numbers]
     excluded = [a.is_known and not b.is_known for a, b in zip(free, numbers, strict=True)]
     shares = np.array([0.0 if out else each.data_share for out, each in zip(excluded, numbers, strict=True)])
     told = condition_on_start(found.values, found.curvature, scale.rows, scale.off, scale.before, shares, groups)
@@ -165,6 +169,12 @@ def identify_vehicle(
         searched=plain,
         period=stretches[0].period,
     )
+
+
+def _rate_noise(stretches: Sequence[Stretch]) -> list[float]:
+    """Largest noise (n,) of the joints' mean rates, rad/s or m/s; 0 where it is not known."""
+    known = [each.rate_noise.tolist() for each in stretches if each.rate_noise.size]
+    return [max(each) for each in zip(*known, strict=True)] if known else [0.0] * stretches[0].joints.shape[1]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
